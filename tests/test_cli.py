@@ -18,8 +18,8 @@ from warm import JOINTPLAY, PYTHON
 from jointplay import JointplayError, Mechanism, Result, simulate
 from jointplay.base import streams
 from jointplay.base.errors import MissingName
-from jointplay.cli import main
-from jointplay.cli.commands import MODULES
+from jointplay.cli import main, parsers
+from jointplay.cli.commands import GROUPS, KINDS
 from jointplay.model.gear import Gear
 from jointplay.model.urdf import shipped
 from jointplay.paper import CONDITIONS, output_names
@@ -36,15 +36,67 @@ def jointplay(*arguments: object, timeout: float = 900.0) -> subprocess.Complete
     return subprocess.run(command, capture_output=True, text=True, timeout=timeout, check=False)
 
 
-@pytest.mark.parametrize("command", sorted(name.replace("_", "-") for name in MODULES))
+@pytest.mark.parametrize("command", sorted(parsers()))
 def test_help_says_per_cent_as_it_is_written(command, capsys):
     """argparse formats some of its texts and not others."""
     with pytest.raises(SystemExit, match="0"):
-        main([command, "--help"])
+        main([*command.split(), "--help", "all"])
     said = capsys.readouterr()
     assert said.out.startswith(f"usage: jointplay {command}")
     assert "%%" not in said.out
     assert not said.err
+
+
+@pytest.mark.parametrize("command", [*sorted(parsers()), *KINDS])
+def test_help_fits_on_one_screen(command, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    with pytest.raises(SystemExit, match="0"):
+        main([*command.split(), "--help"])
+    said = capsys.readouterr().out
+    assert len(said.splitlines()) <= 40
+    assert f"jointplay {command} --help all" in said
+
+
+def test_help_has_what_is_needed_most_often_and_all_of_it_when_asked(capsys):
+    found = []
+    for more in ([], ["all"]):
+        with pytest.raises(SystemExit, match="0"):
+            main(["run", "--help", *more])
+        found.append(capsys.readouterr().out)
+    short, every = found
+    assert "--joint" in short
+    assert "--out DIR" in short
+    assert "--macro-step" not in short
+    assert "--macro-step" in every
+    assert re.search(r"--axial-clearance LENGTH.*integration", every, re.S)
+    with pytest.raises(SystemExit, match="2"):
+        main(["run", "--help", "everything"])
+    assert "takes nothing, or all, got 'everything'" in capsys.readouterr().err
+
+
+def test_commands_are_shown_by_what_they_are_for_and_where_to_begin(capsys):
+    names = [name for several in GROUPS.values() for name in several]
+    assert len(names) <= 16
+    assert main([]) == 0
+    alone = capsys.readouterr().out
+    assert len(alone.splitlines()) <= 25
+    assert all(re.search(rf"\b{name}\b", alone) for name in [*GROUPS, *names])
+    assert "jointplay run ur5 --joint elbow_joint" in alone
+    with pytest.raises(SystemExit, match="0"):
+        main(["--help"])
+    assert capsys.readouterr().out == alone
+    assert main(["study"]) == 0
+    kinds = capsys.readouterr().out
+    assert all(kind in kinds for kind in KINDS["study"])
+
+
+def test_an_unknown_kind_of_study_is_answered_with_the_kinds(capsys):
+    with pytest.raises(SystemExit, match="2"):
+        main(["study", "iso"])
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "iso9283" in said
+    assert "maintenance" in said
 
 
 def test_version():
@@ -108,7 +160,8 @@ def refused(capsys, command, *arguments):
     assert status == 2
     said = capsys.readouterr()
     assert said.out == ""
-    assert said.err.startswith(f"jointplay {command}: error: ")
+    kind = f" {arguments[0]}" if command in KINDS else ""
+    assert said.err.startswith(f"jointplay {command}{kind}: error: ")
     assert said.err.count("\n") == 1
     return said.err
 
@@ -262,17 +315,23 @@ file = "jointplay:scara_motion.csv"
 duration = 2e-3
 """
 NONSENSE = [
-    (["iso9283", "--cycles", "3", "--jobs", "-1"], "jobs must be a whole number >= 1, got -1"),
-    (["iso9283", "--cycles", "9" * 20], "at most 1000000 cycles"),
-    (["iso9283", "--cycles", "3", "--speed", "9" * 20], "is shorter than the step"),
-    (["shares", "--runs", "0"], "runs must be a whole number from 1 to 1000000, got 0"),
-    (["shares", "--runs", "9" * 20], "runs must be a whole number from 1 to 1000000"),
-    (["shares", "--jobs", "0"], "jobs must be a whole number >= 1, got 0"),
-    (["shares", "--sobol", "9" * 20], "samples must be a whole number from 2 to 1000000"),
-    (["shares", "--slowest", "nan"], "the slowest speed must be finite"),
-    (["shares", "--payload", "-1"], "the payload must not be negative"),
-    (["wear", "--joint", "joint_b", "--growth", "1e-6", "--runs", "9" * 20], "from 1 to 1000000"),
-    (["maintenance", "--target", "1e-3", "--blocks", "9" * 20], "from 1 to 1000000"),
+    (
+        ["study", "iso9283", "--cycles", "3", "--jobs", "-1"],
+        "jobs must be a whole number >= 1, got -1",
+    ),
+    (["study", "iso9283", "--cycles", "9" * 20], "at most 1000000 cycles"),
+    (["study", "iso9283", "--cycles", "3", "--speed", "9" * 20], "is shorter than the step"),
+    (["study", "shares", "--runs", "0"], "runs must be a whole number from 1 to 1000000, got 0"),
+    (["study", "shares", "--runs", "9" * 20], "runs must be a whole number from 1 to 1000000"),
+    (["study", "shares", "--jobs", "0"], "jobs must be a whole number >= 1, got 0"),
+    (["study", "shares", "--sobol", "9" * 20], "samples must be a whole number from 2 to 1000000"),
+    (["study", "shares", "--slowest", "nan"], "the slowest speed must be finite"),
+    (["study", "shares", "--payload", "-1"], "the payload must not be negative"),
+    (
+        ["study", "wear", "--joint", "joint_b", "--growth", "1e-6", "--runs", "9" * 20],
+        "from 1 to 1000000",
+    ),
+    (["study", "maintenance", "--target", "1e-3", "--blocks", "9" * 20], "from 1 to 1000000"),
 ]
 
 
@@ -281,7 +340,7 @@ def test_numbers_that_make_no_sense_are_refused_before_anything_is_said(
     words, said, tmp_path, capsys
 ):
     (tmp_path / "s.toml").write_text(CYCLE)
-    assert said in refused(capsys, words[0], tmp_path / "s.toml", *words[1:])
+    assert said in refused(capsys, *words[:2], tmp_path / "s.toml", *words[2:])
 
 
 GEARED = ["jointplay:scara.urdf", "--clearance", "1e-4", "--joint", "joint_b"]
@@ -291,9 +350,12 @@ GEARED = ["jointplay:scara.urdf", "--clearance", "1e-4", "--joint", "joint_b"]
     ("words", "said"),
     [
         (["budget", *GEARED, "--friction", "abc"], "--friction"),
-        (["reduce", *GEARED, "--rotor-inertia", "-1"], "no joint has one; add it with --gear"),
-        (["reduce", *GEARED, "--spread", "inf"], "--spread must be finite"),
-        (["reduce", *GEARED, "--period", "inf"], "--period"),
+        (
+            ["export", "simulator", *GEARED, "--rotor-inertia", "-1"],
+            "no joint has one; add it with --gear",
+        ),
+        (["export", "simulator", *GEARED, "--spread", "inf"], "--spread must be finite"),
+        (["export", "simulator", *GEARED, "--period", "inf"], "--period"),
     ],
 )
 def test_a_refusal_leaves_no_folder(words, said, tmp_path, capsys):
@@ -319,7 +381,7 @@ def test_a_robot_that_cannot_move_is_refused(urdf, tmp_path, capsys):
 
 def test_a_picture_of_no_kind_is_refused_before_anything_is_read(tmp_path, capsys):
     out = tmp_path / "x.foo"
-    for command in (["uncertainty", "none", "m"], ["plot-sweep", "none", "x=a", "y=b"]):
+    for command in (["study", "uncertainty", "none", "m"], ["plot", "none", "x=a", "y=b"]):
         assert "must end in .png, .pdf, .svg" in refused(capsys, *command, "--out", out)
     scenario = ("check", "jointplay:scara.toml", "--picture", out)
     assert "must end in .png, .pdf, .svg" in refused(capsys, *scenario)
@@ -418,11 +480,20 @@ def check(*_):
 iso9283.check = check
 sys.exit(cli.main(sys.argv[1:]))
 """
-    given = ["iso9283", "jointplay:scara.toml", "--case", "ideal", "--duration", "0.01", *quiet]
+    given = [
+        "study",
+        "iso9283",
+        "jointplay:scara.toml",
+        "--case",
+        "ideal",
+        "--duration",
+        "0.01",
+        *quiet,
+    ]
     command = [PYTHON, "-c", code, *given]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr == "jointplay iso9283: error: wrong\n"
+    assert done.stderr == "jointplay study iso9283: error: wrong\n"
 
 
 def test_notes_are_said_once_all_goes_well(capsys):

@@ -154,7 +154,7 @@ def shorter(command, page):
         return f"{command} --no-figures{short}"
     if command.startswith("jointplay report"):
         return f"{command} --no-pdf"
-    if command.startswith("jointplay iso9283"):
+    if command.startswith("jointplay study iso9283"):
         assert "--cycles 10" in command
         return command.replace("--cycles 10", "--cycles 3")
     if SWEEP not in command:
@@ -264,7 +264,7 @@ def test_the_first_example_of_the_readme_prints_what_it_says(folder, capsys):
 @pytest.mark.nightly
 @pytest.mark.parametrize(
     "command",
-    ["jointplay run --certify --out certified", f"jointplay sweep {SWEEP} --out scara.zarr"],
+    ["jointplay run --certify --out certified", f"jointplay study sweep {SWEEP} --out scara.zarr"],
 )
 def test_long_commands_of_the_readme_run(command, folder):
     assert command in (ROOT / "README.md").read_text()
@@ -284,7 +284,7 @@ def test_lines_of_prose_are_no_longer_than_100_columns(monkeypatch):
 
 
 def test_every_command_of_the_command_line_is_shown_somewhere():
-    from jointplay.cli.commands import MODULES
+    from jointplay.cli import parsers
 
     text = "\n".join(page.read_text() for page in PAGES)
-    assert {name for name in MODULES if f"jointplay {name.replace('_', '-')}" not in text} == set()
+    assert {name for name in parsers() if f"jointplay {name}" not in text} == set()

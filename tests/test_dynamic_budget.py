@@ -93,7 +93,7 @@ def test_what_has_no_error_to_share_is_refused(arm):
 def test_the_command_prints_and_writes(arm, tmp_path, capsys):
     motion, out = tmp_path / "motion.csv", tmp_path / "out"
     motion.write_text("time_s,a,b\n0,0,0\n0.1,0.02,0.02\n")
-    order = ["shares", str(arm), "--joint", "a", "--joint", "b", "--motion", str(motion)]
+    order = ["study", "shares", str(arm), "--joint", "a", "--joint", "b", "--motion", str(motion)]
     order += ["--runs", "1", "--jobs", "1", "--quiet", "--tool", "tool", "--out", str(out)]
     assert main(order) == 0
     assert "interaction" in capsys.readouterr().out

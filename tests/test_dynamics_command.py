@@ -1,4 +1,4 @@
-"""The command `jointplay dynamics`: tiny runs of real mechanisms."""
+"""The command `jointplay study dynamics`: tiny runs of real mechanisms."""
 
 import pytest
 
@@ -10,7 +10,7 @@ CRANK = ["jointplay:slider_crank.toml", "--case", "0.5 mm", "--set", "integratio
 
 def dynamics(kind, out, *more, scenario=CRANK, quick=QUICK):
     return cli.main(
-        ["dynamics", scenario[0], kind, *scenario[1:], *quick, "--out", str(out), *more]
+        ["study", "dynamics", scenario[0], kind, *scenario[1:], *quick, "--out", str(out), *more]
     )
 
 

@@ -242,7 +242,7 @@ def test_mujoco_loads_and_steps_it(tmp_path, name, joint):
 def test_command(arm, tmp_path, capsys):
     out = tmp_path / "new" / "played.urdf"
     out.parent.mkdir()
-    options = ["urdf", str(arm), "--joint", "shoulder", "--joint", "elbow"]
+    options = ["export", "urdf", str(arm), "--joint", "shoulder", "--joint", "elbow"]
     options += ["--clearance", "1e-4", "--axial-clearance", "3e-4", "--out", str(out)]
     assert main(options) == 0
     assert out.read_text(encoding="utf-8") == to_urdf(
@@ -257,7 +257,7 @@ def test_command(arm, tmp_path, capsys):
 
 def test_a_rolling_bearing_is_free_as_far_as_its_free_set(arm, tmp_path, capsys):
     out = tmp_path / "play.urdf"
-    options = ["urdf", str(arm), "--joint", "shoulder=6010/C3", "--joint", "elbow=50 um"]
+    options = ["export", "urdf", str(arm), "--joint", "shoulder=6010/C3", "--joint", "elbow=50 um"]
     assert main([*options, "--out", str(out)]) == 0
     assert "shoulder.x" in capsys.readouterr().out
     joints = {one.get("name"): one for one in ElementTree.parse(out).getroot().findall("joint")}

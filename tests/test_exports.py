@@ -435,7 +435,7 @@ def test_rerun_recordings_hold_the_robot_and_all_numbers(result, tmp_path):
 
 def test_the_command_writes_and_says_what(saved, tmp_path, capsys):
     out = tmp_path / "r.csv"
-    assert cli.main(["export", str(saved), "--out", str(out), "--every", "100"]) == 0
+    assert cli.main(["export", "result", str(saved), "--out", str(out), "--every", "100"]) == 0
     assert len(pd.read_csv(out)) == 11
     assert str(out) in capsys.readouterr().out
     for wrong, text in (
@@ -444,7 +444,7 @@ def test_the_command_writes_and_says_what(saved, tmp_path, capsys):
         (["--out", str(out)], "exists"),
         (["--out", str(tmp_path / "x.csv"), "--every", "0"], "every must be a whole number"),
     ):
-        assert cli.main(["export", str(saved), *wrong]) == 2
+        assert cli.main(["export", "result", str(saved), *wrong]) == 2
         said = capsys.readouterr().err
         assert text in said
         assert said.count("\n") == 1

@@ -363,7 +363,7 @@ WRITERS = re.compile(
 ELSEWHERE = {
     "in memory": "bridges/notebook bridges/table show/plots/figures show/plots/style "
     "show/reports/sections show/reports/sweep simulation/result/netcdf simulation/checkpoint",
-    "text, or standard output": "bridges/trajectory cli/commands/schema base/streams",
+    "text, or standard output": "bridges/trajectory cli/commands/check base/streams",
     "in temporary folders and the user's cache": "model/viewer model/meshes model/builder "
     "show/player/movie study/case",
     "pieces whose seals or checksums tell what is whole": "simulation/spool study/journal "
@@ -456,7 +456,7 @@ def with_times(*times):
     [
         ("play", with_times(0.0, 2e-4, 1e-4), "record 3 of 3 is at 0.0001 s behind 0.0002 s"),
         ("report", with_times(0.0, 1e-4, 1e-4), "record 3 of 3 is at 0.0001 s behind 0.0001 s"),
-        ("export", with_times(0.0, float("nan"), 1e-4), "record 2 of 3 is at nan s"),
+        ("export result", with_times(0.0, float("nan"), 1e-4), "record 2 of 3 is at nan s"),
         ("report", with_times(0.0, 1e-4, float("inf")), "record 3 of 3 is at inf s"),
         ("play", lambda d: d.assign(q=d["q"] * 1j), "is not a dataset"),
         ("report", lambda d: d.assign(own=d["time"] * 1j), "is not a dataset"),
@@ -470,7 +470,7 @@ def test_results_whose_times_or_numbers_are_none_are_refused_by_each_command(
     arguments = {
         "report": ["report", path, "-o", out],
         "play": ["play", path, "--html", out],
-        "export": ["export", path, "--out", tmp_path / "out.csv"],
+        "export result": ["export", "result", path, "--out", tmp_path / "out.csv"],
     }
     assert main([str(one) for one in arguments[command]]) == 2
     error = capsys.readouterr().err

@@ -179,7 +179,7 @@ def test_wrong_options_of_units_are_named(arguments, words, result, tmp_path, ca
     result.save(tmp_path / "r.nc")
     made = str(tmp_path / "r.fmu")
     with suppress(SystemExit):  # of the parser
-        assert main(["export", str(tmp_path / "r.nc"), "--out", made, *arguments]) == 2
+        assert main(["export", "result", str(tmp_path / "r.nc"), "--out", made, *arguments]) == 2
     assert words in capsys.readouterr().err
     assert not (tmp_path / "r.fmu").exists()
 
@@ -191,5 +191,5 @@ def test_inputs_are_for_units_only(result, tmp_path):
 
 def test_the_command_writes_a_unit(result, tmp_path):
     result.save(tmp_path / "r.nc")
-    assert main(["export", str(tmp_path / "r.nc"), "--out", str(tmp_path / "r.fmu")]) == 0
+    assert main(["export", "result", str(tmp_path / "r.nc"), "--out", str(tmp_path / "r.fmu")]) == 0
     assert fmpy.read_model_description(tmp_path / "r.fmu").modelName == "scara"

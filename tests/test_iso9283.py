@@ -392,7 +392,7 @@ def test_the_command_writes_table_figures_and_goes_on(arm, tmp_path, capsys):
     motion = tmp_path / "motion.csv"
     motion.write_text("time_s,a\n0,0\n0.05,0.02\n0.1,0.02\n")
     out = tmp_path / "out"
-    order = ["iso9283", str(arm), "--joint", "a", "--motion", str(motion), "--cycles", "3"]
+    order = ["study", "iso9283", str(arm), "--joint", "a", "--motion", str(motion), "--cycles", "3"]
     order += ["--out", str(out), "--jobs", "1", "--quiet", "--tool", "tool"]
     assert main([*order, "--speed", "100", "--speed", "50"]) == 0
     said = capsys.readouterr().out
@@ -444,6 +444,17 @@ def test_the_robot_of_a_cube_is_driven_to_the_limit_of_its_speed(urdf):
     ],
 )
 def test_the_command_refuses_conditions_that_cannot_be(arm, capsys, more, says):
-    order = ["iso9283", str(arm), "--joint", "a", "--cycles", "3", "--quiet", "--duration", "0.1"]
+    order = [
+        "study",
+        "iso9283",
+        str(arm),
+        "--joint",
+        "a",
+        "--cycles",
+        "3",
+        "--quiet",
+        "--duration",
+        "0.1",
+    ]
     assert main([*order, *more]) == 2
     assert says in capsys.readouterr().err

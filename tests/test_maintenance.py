@@ -83,7 +83,7 @@ def test_the_command_prints_and_writes(urdf, tmp_path, capsys):
     urdf(body("arm"), joint("pin", "base", "arm"))
     file, out = tmp_path / "s.toml", tmp_path / "out"
     file.write_text(SCENARIO)
-    order = ["maintenance", str(file), "--blocks", "1", "--runs", "2", "--quiet"]
+    order = ["study", "maintenance", str(file), "--blocks", "1", "--runs", "2", "--quiet"]
     assert main([*order, "--target", "0.102 mm", "--out", str(out)]) == 0
     text = capsys.readouterr().out
     assert "pin 100 %" in text

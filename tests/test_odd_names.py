@@ -70,12 +70,12 @@ def test_an_odd_name_goes_through_the_commands(odd, capsys):
          "--set", f"joints.{quoted}.restitution=0.8"],
         ["run", scenario, "--out", str(folder / "two"), "--quiet", "--no-figures"],
         ["report", result, "-o", str(folder / "p.html"), "--quiet", "--no-pdf"],
-        ["export", result, "--out", str(folder / "a.csv"), "--quiet"],
+        ["export", "result", result, "--out", str(folder / "a.csv"), "--quiet"],
         ["play", result, "--html", str(folder / "play.html"), "--quiet"],
         ["budget", robot, play, "--out", str(folder / "budget")],
         ["allocate", robot, "--clearance", "0.1mm", "--target", "1mm"],
-        ["urdf", robot, play, "--out", str(folder / "x.urdf")],
-        ["sweep", scenario, "--out", str(folder / "sweep"), "--quiet", "--jobs", "1"],
+        ["export", "urdf", robot, play, "--out", str(folder / "x.urdf")],
+        ["study", "sweep", scenario, "--out", str(folder / "sweep"), "--quiet", "--jobs", "1"],
     ]  # fmt: skip
     for step in steps:
         assert main(step) == 0, (step, capsys.readouterr().err)

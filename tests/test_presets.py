@@ -117,12 +117,12 @@ def test_every_preset_runs_with_its_drives(name, robot, tmp_path, capsys):
 
 
 def test_the_command_line_lists_and_uses_them(tmp_path, capsys):
-    assert cli.main(["presets"]) == 0
+    assert cli.main(["robots", "--presets"]) == 0
     shown = capsys.readouterr().out
     assert all(name in shown for name in presets())
     assert "seen" in shown
     assert "assumed" in shown
-    assert cli.main(["presets", "so100"]) == 2
+    assert cli.main(["robots", "--presets", "so100"]) == 2
     assert "so101" in capsys.readouterr().err
     assert cli.main(["budget", "so101", "--preset"]) == 0
     assert "shoulder_lift (gear)" in capsys.readouterr().out

@@ -112,7 +112,17 @@ def test_a_journal_that_no_load_tilts_says_so(tmp_path, path, capsys):
     text = text.replace('xyz="0.3 0 0"', 'xyz="0.3 0.003 0"')
     level = tmp_path / "level.urdf"
     level.write_text(text)
-    order = ["reduce", str(level), "--joint", "j", "--clearance", "0.1 mm", "--period", "0.4"]
+    order = [
+        "export",
+        "simulator",
+        str(level),
+        "--joint",
+        "j",
+        "--clearance",
+        "0.1 mm",
+        "--period",
+        "0.4",
+    ]
     order.append("--tilt")
     assert main([*order, "--quiet", "--out", str(tmp_path / "out")]) == 0
     assert "leave --tilt out" in capsys.readouterr().out
@@ -215,7 +225,7 @@ def test_the_command_writes_all_formats(path, tmp_path, capsys):
     options = ["--joint", "j", "--clearance", "0.1 mm", "--gear", "j=0.2 deg"]
     options += ["--gear-stiffness", "2000", "--rotor-inertia", "0.05", "--gear-damping", "2"]
     options += ["--period", "0.8", "--check", "--quiet", "--out", str(out)]
-    assert main(["reduce", str(path), *options]) == 0
+    assert main(["export", "simulator", str(path), *options]) == 0
     text = capsys.readouterr().out
     assert "stated error" in text
     assert "MuJoCo: j: link's angle off by up to" in text
@@ -227,9 +237,11 @@ def test_the_command_writes_all_formats(path, tmp_path, capsys):
 
 def test_the_command_asks_for_what_a_gear_needs(path, tmp_path, capsys):
     options = ["--joint", "j", "--gear", "j=0.2 deg", "--out", str(tmp_path / "o")]
-    assert main(["reduce", str(path), *options]) == 2
+    assert main(["export", "simulator", str(path), *options]) == 2
     assert "--gear-stiffness is missing" in capsys.readouterr().err
-    assert main(["reduce", str(path), "--joint", "j", "--out", str(tmp_path / "p")]) == 2
+    assert (
+        main(["export", "simulator", str(path), "--joint", "j", "--out", str(tmp_path / "p")]) == 2
+    )
     assert "missing" in capsys.readouterr().err
 
 

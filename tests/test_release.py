@@ -52,13 +52,22 @@ def test_the_oldest_versions_that_are_allowed_work(tmp_path):
     does(jointplay, "run", "--duration", "0.05", "--quiet", "--out", "run")
     does(jointplay, "report", "run")
     for suffix in ("parquet", "mcap", "yaml", "rrd", "fmu"):
-        does(jointplay, "export", "run/result.nc", "--out", f"result.{suffix}")
+        does(jointplay, "export", "result", "run/result.nc", "--out", f"result.{suffix}")
     does(jointplay, "budget", "ur5", "--clearance", "0.05 mm")
-    reduce = ("reduce", "ur5", "--joint", "elbow_joint", "--clearance", "0.1 mm", "--tilt")
+    reduce = (
+        "export",
+        "simulator",
+        "ur5",
+        "--joint",
+        "elbow_joint",
+        "--clearance",
+        "0.1 mm",
+        "--tilt",
+    )
     does(jointplay, *reduce, "--quiet", "--out", "reduced")
     scenario = tmp_path / "sweep.toml"
     scenario.write_text(SCENARIO.format(duration="20 ms", options="", axes=GRID))
-    does(jointplay, "sweep", str(scenario), "--quiet", "--out", "sweep.zarr")
+    does(jointplay, "study", "sweep", str(scenario), "--quiet", "--out", "sweep.zarr")
     does(jointplay, "report", "sweep.zarr", "--out", "sweep.html")
 
 

@@ -439,10 +439,11 @@ def test_that_a_base_is_held_is_said_of_what_is_no_arm(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    "words", [["wear", "--joint=a", "--growth=1um"], ["maintenance", "--target=1mm"]]
+    "words",
+    [["study", "wear", "--joint=a", "--growth=1um"], ["study", "maintenance", "--target=1mm"]],
 )
 def test_a_robot_without_play_is_told_how_to_give_it_some(words, capsys):
-    status, _, error = command([words[0], "ur5", *words[1:]], capsys)
+    status, _, error = command([*words[:2], "ur5", *words[2:]], capsys)
     assert status == 2
     assert "give one by --set joints.NAME.radial_clearance=LENGTH" in error
     assert "elbow_joint" in error
@@ -455,7 +456,7 @@ def test_wear_says_what_cannot_be_in_one_line_before_it_begins(tmp_path, capsys)
         'radial_clearance = "0.1 mm"\naxial_clearance = "0.1 mm"\n'
         "[motion]\ntimes = [0, 0.1]\n[motion.joints]\nFL_KFE = [0, 0.1]\n"
     )
-    line = ["wear", str(tmp_path / "s.toml"), "--joint", "FL_KFE", "--growth", "1 um"]
+    line = ["study", "wear", str(tmp_path / "s.toml"), "--joint", "FL_KFE", "--growth", "1 um"]
     status, _, error = command(line, capsys)
     assert status == 2
     assert "is too large for the contact stiffness at 'FL_KFE'" in error

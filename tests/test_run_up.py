@@ -57,7 +57,7 @@ def test_orders_stay_where_they_are_while_the_speed_rises():
         assert row[[2, 10]].max() < 1e-2 * expected[1]  # between whole orders is nothing
 
 
-COMMAND = ["dynamics", "jointplay:slider_crank.toml", "runup", "--case", "0.5 mm"]
+COMMAND = ["study", "dynamics", "jointplay:slider_crank.toml", "runup", "--case", "0.5 mm"]
 
 
 @pytest.mark.parametrize(

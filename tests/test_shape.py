@@ -83,7 +83,7 @@ def kinds_told_apart(tree, classes, words):
 
 
 def test_nobody_outside_joints_tells_kinds_of_joint_apart():
-    """They ask what a kind can do; `jointplay urdf` takes one, and a URDF has its own."""
+    """They ask what a kind can do; `jointplay export urdf` takes one, and a URDF has its own."""
     from jointplay.physics.joints import JOINT_KINDS
 
     classes = {kind.__name__ for kind in JOINT_KINDS.values()}
@@ -91,7 +91,7 @@ def test_nobody_outside_joints_tells_kinds_of_joint_apart():
     for path in SOURCES:
         place = path.relative_to(ROOT / "jointplay").as_posix()
         if place.startswith("physics/joints/") or place in (
-            "cli/commands/urdf.py",
+            "cli/commands/export/urdf.py",
             "model/urdf.py",
         ):
             continue

@@ -132,7 +132,7 @@ def test_the_table_has_a_row_for_every_point_and_own_measures(done):
 )
 def test_figures_of_sweeps_are_drawn(words, done, tmp_path, capsys):
     out = tmp_path / "f.png"
-    assert main(["plot-sweep", str(done[0]), *words, "--out", str(out)]) == 0
+    assert main(["plot", str(done[0]), *words, "--out", str(out)]) == 0
     assert out.read_bytes().startswith(b"\x89PNG")
 
 
@@ -148,7 +148,7 @@ def test_figures_of_sweeps_are_drawn(words, done, tmp_path, capsys):
     ],
 )
 def test_what_cannot_be_drawn_is_said_in_a_line(words, said, done, tmp_path, capsys):
-    assert main(["plot-sweep", str(done[0]), *words, "--out", str(tmp_path / "f.png")]) == 2
+    assert main(["plot", str(done[0]), *words, "--out", str(tmp_path / "f.png")]) == 2
     error = capsys.readouterr().err
     assert said in error
     assert error.count("\n") == 1
@@ -224,7 +224,7 @@ def test_a_million_cases_are_asked_about(swept, tmp_path, capsys):
         'd = { key = "joints.joint_b.friction.mu_d", from = 0, to = 0.1, number = 10 }',
         "repeats = 10000",
     )
-    assert main(["sweep", str(path), "--out", str(tmp_path / "s"), "--quiet"]) == 2
+    assert main(["study", "sweep", str(path), "--out", str(tmp_path / "s"), "--quiet"]) == 2
     said = capsys.readouterr().err
     assert "c 10 x d 10 x repeat 10000 = 1000000 cases: about" in said
     assert "use --yes to run it" in said
@@ -276,7 +276,9 @@ def test_sobol_indices_are_printed_of_a_saltelli_design(swept, tmp_path, capsys)
     store = tmp_path / "s.zarr"
     assert jp.sweep(path, store).sizes == {"sample": 32}
     out = tmp_path / "c.png"
-    assert main(["uncertainty", str(store), "tool_error_rms_total", "--out", str(out)]) == 0
+    assert (
+        main(["study", "uncertainty", str(store), "tool_error_rms_total", "--out", str(out)]) == 0
+    )
     said = capsys.readouterr().out
     assert "Sobol indices" in said
     assert "mu" in said
@@ -320,7 +322,7 @@ def test_a_sweep_that_is_refused_prints_no_plan(why, swept, tmp_path, capsys):
     if why == "store":
         out.write_text("a file")
     more = ["--jobs", "0"] if why == "jobs" else []
-    assert main(["sweep", str(swept(duration="1 ms")), "--out", str(out), *more]) == 2
+    assert main(["study", "sweep", str(swept(duration="1 ms")), "--out", str(out), *more]) == 2
     said = capsys.readouterr()
     assert said.out == ""
     assert said.err.count("\n") == 1
@@ -331,7 +333,7 @@ def test_going_on_empties_no_store_of_someone_else(swept, tmp_path, capsys):
     path = tmp_path / "mine.zarr"
     zarr.create_group(path).create_array("precious", shape=(3,), dtype="f8")[:] = 7.0
     (path / "mine.partial").write_text("precious")
-    assert main(["sweep", str(swept()), "--out", str(path), "--resume", "--quiet"]) == 2
+    assert main(["study", "sweep", str(swept()), "--out", str(path), "--resume", "--quiet"]) == 2
     assert "is damaged or not a sweep" in capsys.readouterr().err
     assert list(zarr.open_group(path, mode="r")["precious"][:]) == [7.0] * 3
     assert (path / "mine.partial").read_text() == "precious"
@@ -342,7 +344,7 @@ def test_a_damaged_store_is_one_line_to_every_command(done, tmp_path, capsys):
     shutil.copytree(done[0], path)
     (path / "zarr.json").write_text("{")
     for command in (
-        ["plot-sweep", path, "x=clearance", "y=peak_force", "--out", tmp_path / "x.png"],
+        ["plot", path, "x=clearance", "y=peak_force", "--out", tmp_path / "x.png"],
         ["report", path, "-o", tmp_path / "x.html", "--no-pdf", "--quiet"],
     ):
         assert main([str(word) for word in command]) == 2, command

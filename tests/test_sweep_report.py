@@ -71,7 +71,7 @@ def test_samples_with_a_failed_case_lose_their_sobol_indices_alone(tmp_path, cap
     failed = int((state == 2).sum())
     assert 0 < failed < state.size
     assert main(["report", str(store), "--quiet", "--no-pdf"]) == 0
-    assert main(["uncertainty", str(store), "peak_force"]) == 0
+    assert main(["study", "uncertainty", str(store), "peak_force"]) == 0
     page = (tmp_path / "s_report.html").read_text(encoding="utf-8")
     for said in (page, capsys.readouterr().out):
         assert re.search(r"\d+ samples, \d+ without a value\s+peak_force \[N\]", said)

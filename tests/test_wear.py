@@ -273,7 +273,7 @@ def test_command_estimates_and_writes(urdf, tmp_path, monkeypatch, capsys):
     urdf(body("arm"), joint("pin", "base", "arm"))
     (tmp_path / "s.toml").write_text(SCENARIO)
     monkeypatch.chdir(tmp_path)
-    command = ["wear", "s.toml", "--joint", "pin", "--quiet", "--jobs", "1", "--growth"]
+    command = ["study", "wear", "s.toml", "--joint", "pin", "--quiet", "--jobs", "1", "--growth"]
     assert main([*command, "2 um", "--blocks", "2", "--out", "life.csv"]) == 0
     assert "an estimate" in capsys.readouterr().out
     rows = (tmp_path / "life.csv").read_text().splitlines()

@@ -260,7 +260,18 @@ def test_the_command_writes_the_whole_robot_and_its_copies(path, tmp_path, capsy
     out = tmp_path / "out"
     found = tmp_path / "identified.json"
     found.write_text(json.dumps(identified(unknown="gear_play", low=4e-3, high=5e-3)))
-    order = ["reduce", str(path), "--all", *OPTIONS, "--batch", "3", "--seed", "1", "--check"]
+    order = [
+        "export",
+        "simulator",
+        str(path),
+        "--all",
+        *OPTIONS,
+        "--batch",
+        "3",
+        "--seed",
+        "1",
+        "--check",
+    ]
     order += ["--identified", str(found), "--spread", "20%", "--out", str(out)]
     assert main(order) == 0
     said = capsys.readouterr().out
@@ -320,7 +331,7 @@ def test_shapes_go_with_the_mjcf(path, tmp_path):
     shaped.write_text(text[:at] + lost + text[at:])
     out = tmp_path / "out"
     options = ["--format", "mjcf", "--out", str(out)]
-    assert main(["reduce", str(shaped), "--all", *OPTIONS, *options]) == 0
+    assert main(["export", "simulator", str(shaped), "--all", *OPTIONS, *options]) == 0
     assert [one.name for one in (out / "meshes").iterdir()] == ["ball.stl"]
     assert mujoco.MjModel.from_xml_path(str(out / "robot.xml")).ngeom == 2
 
@@ -344,7 +355,7 @@ def test_shapes_go_with_the_mjcf(path, tmp_path):
     ],
 )
 def test_the_command_refuses_what_cannot_be(path, tmp_path, capsys, options, message):
-    assert main(["reduce", str(path), *options, "--out", str(tmp_path / "o")]) == 2
+    assert main(["export", "simulator", str(path), *options, "--out", str(tmp_path / "o")]) == 2
     assert message in capsys.readouterr().err
 
 
@@ -361,7 +372,17 @@ def test_the_command_refuses_what_cannot_be(path, tmp_path, capsys, options, mes
 def test_files_that_identify_did_not_write_are_refused(path, tmp_path, capsys, content, message):
     found = tmp_path / "identified.json"
     found.write_text(content)
-    order = ["reduce", str(path), "--all", *OPTIONS, "--batch", "1", "--format", "urdf"]
+    order = [
+        "export",
+        "simulator",
+        str(path),
+        "--all",
+        *OPTIONS,
+        "--batch",
+        "1",
+        "--format",
+        "urdf",
+    ]
     assert main([*order, "--identified", str(found), "--out", str(tmp_path / "o")]) == 2
     assert message in capsys.readouterr().err
 
@@ -376,7 +397,7 @@ def test_a_missing_package_leaves_its_format_out_and_says_how_to_get_it(
     monkeypatch.setattr(
         importlib.util, "find_spec", lambda name, *a: None if name in hidden else real(name, *a)
     )
-    order = ["reduce", str(path), "--all", *OPTIONS]
+    order = ["export", "simulator", str(path), "--all", *OPTIONS]
     assert main([*order, "--out", str(tmp_path / "o")]) == 0
     said = capsys.readouterr().out
     assert said.count("pip install '.[simulators]'") == 2
@@ -393,7 +414,17 @@ def test_a_missing_package_leaves_its_format_out_and_says_how_to_get_it(
 def test_the_so101_of_the_preset_stands_in_mujoco_with_its_servos_and_play(tmp_path):
     mujoco = pytest.importorskip("mujoco")
     out = tmp_path / "out"
-    order = ["reduce", "so101", "--preset", "--all", "--format", "mjcf", "--period", "0.4"]
+    order = [
+        "export",
+        "simulator",
+        "so101",
+        "--preset",
+        "--all",
+        "--format",
+        "mjcf",
+        "--period",
+        "0.4",
+    ]
     assert main([*order, "--quiet", "--out", str(out)]) == 0
     text = (out / "robot.xml").read_text()
     found = find_play(text)

@@ -100,7 +100,7 @@ def command_times(quick: bool) -> dict[str, float]:
             "allocate", "panda", "--target", "1 mm", "--workspace", "60", "--quantile", "0.99"
         ],
         "reduce ur5 elbow": [
-            "reduce", "ur5", "--joint", "elbow_joint", *clearance, "--gear",
+            "export", "simulator", "ur5", "--joint", "elbow_joint", *clearance, "--gear",
             "elbow_joint=2 arcmin", "--gear-stiffness", "2e4", "--rotor-inertia", "0.5",
             "--gear-damping", "20", "--quiet", "--out", "{out}"
         ]

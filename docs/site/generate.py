@@ -1,6 +1,5 @@
 """Pages of the reference that are written from the source: nothing is said twice."""
 
-import argparse
 import inspect
 import runpy
 from pathlib import Path
@@ -8,7 +7,7 @@ from pathlib import Path
 import mkdocs_gen_files
 
 import jointplay
-from jointplay.cli import parser
+from jointplay.cli import parsers
 from jointplay.physics.contact import FILM_LAWS, FRICTION_LAWS, NORMAL_LAWS
 
 ROOT = Path(__file__).parents[2]
@@ -31,11 +30,10 @@ def copies():
 
 
 def command_line():
-    made = parser()
-    lines = ["# Command line", "", "Every command and option, as `--help` prints them.", ""]
-    (choices,) = [a for a in made._actions if isinstance(a, argparse._SubParsersAction)]
-    for name, command in choices.choices.items():
-        lines += [f"## jointplay {name}", "", "```text", command.format_help().rstrip(), "```", ""]
+    lines = ["# Command line", "", "Every command and option, as `--help all` prints them.", ""]
+    for name, command in parsers().items():
+        said = command.help_text(True).rstrip()
+        lines += [f"## jointplay {name}", "", "```text", said, "```", ""]
     write("reference/command_line.md", "\n".join(lines))
 
 

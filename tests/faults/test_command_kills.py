@@ -82,7 +82,7 @@ def commands(tmp_path_factory):
     )
     (place / "seen.csv").write_text(seen().csv())
     for made in (
-        ["sweep", place / "study.toml", "--out", place / "store", "--quiet", "--jobs", 1],
+        ["study", "sweep", place / "study.toml", "--out", place / "store", "--quiet", "--jobs", 1],
         ["run", "--duration", "3e-3", "--no-figures", "--quiet", "--out", place / "run"],
     ):
         out, err, status = end(start(*made))
@@ -93,7 +93,8 @@ def commands(tmp_path_factory):
             "--out", False, ["r.html", "r.pdf"],
         ),
         "wear": Command(
-            ["wear", str(place / "wear.toml"), "--joint=joint_b", "--growth=0.1 mm", "--quiet"],
+            ["study", "wear", str(place / "wear.toml"), "--joint=joint_b", "--growth=0.1 mm",
+             "--quiet"],
             "--out", False, ["w.csv"],
         ),
         "identify": Command(
@@ -102,7 +103,7 @@ def commands(tmp_path_factory):
             "--out", True, ["identified.csv", "identified.json", "identified.png"],
         ),
         "uncertainty": Command(
-            ["uncertainty", str(place / "store"), "peak_force"], "--out", False, ["c.png"]
+            ["study", "uncertainty", str(place / "store"), "peak_force"], "--out", False, ["c.png"]
         ),
     }  # fmt: skip
     for name, command in found.items():

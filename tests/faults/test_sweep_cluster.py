@@ -64,7 +64,7 @@ class Cluster:
     def sweep(self, path, store):
         """A command that sweeps here, some cases of it finished."""
         own = ("--import", path.parent / "own.py", "--scheduler", self.address)
-        process = start("sweep", path, "--out", store, "--quiet", *own)
+        process = start("study", "sweep", path, "--out", store, "--quiet", *own)
         grown(store, 3)
         return process
 

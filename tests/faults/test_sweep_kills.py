@@ -45,7 +45,9 @@ def whole(tmp_path_factory):
     path = folder / "study.toml"
     path.write_text(SCENARIO.format(axes=AXES, options="", duration="0.03 s"))
     began = time.monotonic()
-    out, err, status = end(start("sweep", path, "--out", folder / "s", "--quiet", "--jobs", 2))
+    out, err, status = end(
+        start("study", "sweep", path, "--out", folder / "s", "--quiet", "--jobs", 2)
+    )
     assert status == 0, (out, err)
     return path, jp.open_sweep(folder / "s").load(), time.monotonic() - began
 
@@ -76,7 +78,7 @@ def finished(store):
 def resume(path, store, *more):
     """Go on, and see that no finished case runs again."""
     before = finished(store) if Path(store).is_dir() else {}
-    words = ("sweep", path, "--out", store, "--resume", "--quiet", "--jobs", 2, *more)
+    words = ("study", "sweep", path, "--out", store, "--resume", "--quiet", "--jobs", 2, *more)
     out, err, status = end(start(*words))
     assert status == 0, (out, err)
     cost = jp.open_sweep(store)["cost"].values
@@ -127,7 +129,7 @@ def kill_at_random(folder, times, seed, path, reference, duration):
     before: dict = {}
     while True:
         store = folder / f"s{number}"
-        command = ("sweep", path, "--out", store, "--resume", "--quiet", "--jobs", 2)
+        command = ("study", "sweep", path, "--out", store, "--resume", "--quiet", "--jobs", 2)
         process = start(*command, env=REAL)
         if kills < times and wait_for_a_moment(process, store, rng, duration):
             kills += 1
@@ -163,7 +165,7 @@ def test_killed_at_random_moments_a_sweep_gives_what_it_would_have(kills, whole,
 @needs_proc
 def test_a_driver_that_is_killed_takes_its_workers_along_and_loses_nothing(whole, tmp_path):
     path, reference, _ = whole
-    process = begin("sweep", path, "--out", tmp_path / "s", "--quiet", "--jobs", 2)
+    process = begin("study", "sweep", path, "--out", tmp_path / "s", "--quiet", "--jobs", 2)
     grown(tmp_path / "s", 5)
     pids = descendants(process.pid)
     process.kill()
@@ -194,7 +196,7 @@ def test_a_case_that_kills_its_worker_every_time_has_failed_and_the_rest_goes_on
 )
 def test_told_to_stop_a_sweep_keeps_what_is_finished_and_says_how_to_go_on(number, whole, tmp_path):
     path, reference, _ = whole
-    process = start("sweep", path, "--out", tmp_path / "s", "--quiet", "--jobs", 2)
+    process = start("study", "sweep", path, "--out", tmp_path / "s", "--quiet", "--jobs", 2)
     grown(tmp_path / "s", 3)
     process.send_signal(number)
     _, err, status = end(process)
@@ -214,7 +216,9 @@ def test_two_writers_to_one_store_are_refused(there, whole, tmp_path):
         SweepStore(tmp_path / "s", plan_of(path)).close()
     first = SweepStore(tmp_path / "s", plan_of(path), resume=there)
     for option in ("--resume", "--extend", "--quiet"):
-        _, err, status = end(start("sweep", path, "--out", tmp_path / "s", "--quiet", option))
+        _, err, status = end(
+            start("study", "sweep", path, "--out", tmp_path / "s", "--quiet", option)
+        )
         assert status == 2
         assert option == "--quiet" or "another process is writing to" in err
     first.close()
@@ -227,7 +231,7 @@ def test_a_full_disk_loses_nothing_that_was_finished(whole, small_disk):
     path, reference, _ = whole
     filler = small_disk / "filler"
     store = small_disk / "s"
-    process = start("sweep", path, "--out", store, "--quiet", "--jobs", 2)
+    process = start("study", "sweep", path, "--out", store, "--quiet", "--jobs", 2)
     grown(store, 2)
     with filler.open("wb") as file:  # all that is left
         try:
@@ -257,7 +261,7 @@ def test_a_full_disk_loses_nothing_that_was_finished(whole, small_disk):
 def test_a_disk_without_room_or_inodes_is_said_in_a_line(small_disk, beside, whole, tmp_path):
     """Standard output and error are on that disk, or elsewhere."""
     place = small_disk if beside else tmp_path
-    command = ["sweep", whole[0], "--out", small_disk / "s", "--quiet", "--jobs", "1"]
+    command = ["study", "sweep", whole[0], "--out", small_disk / "s", "--quiet", "--jobs", "1"]
     with (place / "out").open("w") as out, (place / "err").open("w") as err:
         status = subprocess.run(
             [JOINTPLAY, *map(str, command)], stdout=out, stderr=err, check=False
@@ -265,7 +269,7 @@ def test_a_disk_without_room_or_inodes_is_said_in_a_line(small_disk, beside, who
     said = (place / "err").read_text()
     assert status == 2, said
     line = (
-        r"jointplay sweep: error: cannot write '.*': No space left on device; "
+        r"jointplay study sweep: error: cannot write '.*': No space left on device; "
         rf"\d+ of {CASES} cases are kept; --resume continues\n"
     )
     assert re.fullmatch(line, said) or (beside and not said)

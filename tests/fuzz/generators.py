@@ -250,7 +250,7 @@ def _urdf(seed: int, rng: random.Random, folder: Path) -> Case:
         text = mutated(text, rng, rng.randint(1, 3))
     (folder / "r.urdf").write_bytes(text.encode("utf-8", "surrogatepass"))
     joint = rng.choice(("joint_b", "joint_b", "joint_a", "stroke", "x"))
-    call = ["urdf", str(folder / "r.urdf"), "--joint", joint]
+    call = ["export", "urdf", str(folder / "r.urdf"), "--joint", joint]
     return Case(seed, "urdf", [*call, "--out", str(folder / "o.urdf")], bad or joint == "x")
 
 
@@ -365,7 +365,7 @@ def _nonsense(seed: int, rng: random.Random, folder: Path) -> Case:
     calls = _base_calls(folder)
     calls["scara"] = ["--out", str(folder / "out")]  # which is refused, or hangs
     asked: list[tuple[str, str, int, tuple[str, ...]]] = []
-    for name, parser in _parsers().items():
+    for name, parser in cli.parsers().items():
         for one in parser._actions:
             option, values = (one.option_strings or [""])[-1], one.nargs
             if one.dest in ("out", "output", "picture", "html", "movie") and option:
@@ -380,7 +380,7 @@ def _nonsense(seed: int, rng: random.Random, folder: Path) -> Case:
         if word in replaced:
             base = base[:at] + base[at + 2 :]
             break
-    return Case(seed, "options", [name, *base, *more], True)
+    return Case(seed, "options", [*name.split(), *base, *more], True)
 
 
 def _options(seed: int, rng: random.Random, folder: Path) -> Case:
@@ -412,8 +412,17 @@ def _shown(rng: random.Random, folder: Path) -> list[str]:
         (
             ["play", file, "--html", str(folder / "o.html"), "--quiet", "--no-ghost"],
             ["report", file, "-o", str(folder / "o.html"), "--impacts", "0", "--no-pdf", "--quiet"],
-            ["export", file, "--out", str(folder / "o.csv"), "--quiet"],
-            ["export", file, "--to", "trajectory", "--out", str(folder / "o.csv"), "--quiet"],
+            ["export", "result", file, "--out", str(folder / "o.csv"), "--quiet"],
+            [
+                "export",
+                "result",
+                file,
+                "--to",
+                "trajectory",
+                "--out",
+                str(folder / "o.csv"),
+                "--quiet",
+            ],
         )
     )
 
@@ -674,15 +683,24 @@ def _store(seed: int, rng: random.Random, folder: Path) -> Case:
     out = str(folder / "o.png")
     measure = rng.choice(("tool_error_rms_total", "peak_force", "mu", "state", "error", "none", ""))
     calls = (
-        ["uncertainty", str(store), measure],
-        ["uncertainty", str(store), measure, "--out", out],
-        ["plot-sweep", str(store), "x=cr", f"y={measure}", "--out", out],
-        ["plot-sweep", str(store), "x=mu", f"y={measure}", "hue=cr", "--out", out],
+        ["study", "uncertainty", str(store), measure],
+        ["study", "uncertainty", str(store), measure, "--out", out],
+        ["plot", str(store), "x=cr", f"y={measure}", "--out", out],
+        ["plot", str(store), "x=mu", f"y={measure}", "hue=cr", "--out", out],
         ["report", str(store), "-o", str(folder / "o.html"), "--no-pdf", "--quiet"],
     )
     call = rng.choice(calls)
     if rng.random() < 0.1:
-        call = ["sweep", str(folder / "sweep.toml"), "--out", str(store), "--quiet", "--jobs", "1"]
+        call = [
+            "study",
+            "sweep",
+            str(folder / "sweep.toml"),
+            "--out",
+            str(store),
+            "--quiet",
+            "--jobs",
+            "1",
+        ]
         return Case(
             seed, "store", [*call, rng.choice(("--resume", "--extend"))], changes=("store",)
         )
@@ -1037,7 +1055,7 @@ def _meshes(seed: int, rng: random.Random, folder: Path) -> Case:
     out = folder / "o.png"
     calls = (
         ["check", str(folder / "s.toml"), "--picture", str(out)],
-        ["urdf", str(folder / "r.urdf"), "--joint", "joint0", "--out", f"{out}.urdf"],
+        ["export", "urdf", str(folder / "r.urdf"), "--joint", "joint0", "--out", f"{out}.urdf"],
         ["robots", str(folder / "r.urdf")],
     )
     return Case(seed, "meshes", rng.choice(calls))
@@ -1078,7 +1096,7 @@ def _depth(seed: int, rng: random.Random, folder: Path) -> Case:
     (folder / "r.urdf").write_text(f'<robot name="r">{text}</robot>', encoding="utf-8")
     if rng.random() < 0.5:  # which says what prevents simulating it
         return Case(seed, "depth", ["robots", str(folder / "r.urdf")])
-    call = ["urdf", str(folder / "r.urdf"), "--joint", "j1"]
+    call = ["export", "urdf", str(folder / "r.urdf"), "--joint", "j1"]
     return Case(
         seed, "depth", [*call, "--out", str(folder / "o.urdf")], bad or n == 1 or moving == 0
     )
@@ -1105,7 +1123,7 @@ def _names(seed: int, rng: random.Random, folder: Path) -> Case:
         ["run", robot, "--joint", f"{joint}=0.1 mm", *run],
         ["run", robot, "--set", f'joints.{json.dumps(joint)}.radial_clearance="0.1 mm"', *run],
         ["run", robot, "--set", f"joints.{joint}.radial_clearance=1e-4", *run],
-        ["urdf", robot, "--joint", joint, "--out", str(folder / "o.urdf")],
+        ["export", "urdf", robot, "--joint", joint, "--out", str(folder / "o.urdf")],
         ["budget", robot, "--joint", f"{joint}=0.1 mm", "--out", str(out)],
         ["robots", robot],
         ["budget", robot, "--joint", f"{joint}=0.1 mm", "--pose", f"{joint}=0.1", "--tool", odd[1]],
@@ -1129,37 +1147,43 @@ def _base_calls(folder: Path) -> dict[str, list[str]]:
         "run": [scenario, "--no-figures", "--quiet", "--out", out],
         "init": [str(folder / "new")],
         "check": [scenario, "--no-picture"],
-        "schema": [],
         "live": [scenario, "--no-browser", "--port=0"],
         "compare": [result, str(folder / "other.nc"), "--quiet"],
         "play": [result, "--html", str(folder / "o.html"), "--quiet", "--no-ghost"],
         "report": [result, "-o", str(folder / "o.html"), "--impacts=0", "--no-pdf", "--quiet"],
-        "export": [result, "--out", str(folder / "o.csv"), "--quiet"],
+        "export result": [result, "--out", str(folder / "o.csv"), "--quiet"],
         "robots": [str(shipped("scara.urdf"))],
-        "presets": [],
-        "urdf": [str(shipped("scara.urdf")), "--joint", "joint_b", "--out", out],
-        "wear": [scenario, "--joint", "joint_b", "--growth", "1 um", "--blocks=1", "--quiet"],
-        "dynamics": [str(shipped("slider_crank.toml")), "turns", "--out", out, "--of", "none"],
+        "export urdf": [str(shipped("scara.urdf")), "--joint", "joint_b", "--out", out],
+        "study wear": [scenario, "--joint", "joint_b", "--growth", "1 um", "--blocks=1", "--quiet"],
+        "study dynamics": [
+            str(shipped("slider_crank.toml")),
+            "turns",
+            "--out",
+            out,
+            "--of",
+            "none",
+        ],
         "budget": [*robot, "--out", out],
         "allocate": [*robot, "--target", "0.2 mm", "--quiet"],
-        "reduce": [*robot, "--joint", "joint_b", "--out", out, "--quiet", "--format", "json"],
-        "iso9283": [scenario, "--cycles=3", "--jobs=1"],
-        "maintenance": [scenario, "--target", "1 mm", "--blocks=1", "--runs=1", "--quiet"],
+        "export simulator": [
+            *robot,
+            "--joint",
+            "joint_b",
+            "--out",
+            out,
+            "--quiet",
+            "--format",
+            "json",
+        ],
+        "study iso9283": [scenario, "--cycles=3", "--jobs=1"],
+        "study maintenance": [scenario, "--target", "1 mm", "--blocks=1", "--runs=1", "--quiet"],
         "identify": [robot[0], str(folder / "measured.csv"), *robot[1:], "--quiet", "--out", out],
         "calibrate": [robot[0], str(folder / "poses.csv"), "--term=offset", "--quiet"],
-        "shares": [scenario, "--runs=1", "--jobs=1"],
-        "sweep": [scenario, "--out", out, "--quiet", "--jobs=1"],
-        "plot-sweep": [store, "x=cr", "y=peak_force", "--out", str(folder / "o.png")],
-        "uncertainty": [store, "peak_force"],
+        "study shares": [scenario, "--runs=1", "--jobs=1"],
+        "study sweep": [scenario, "--out", out, "--quiet", "--jobs=1"],
+        "plot": [store, "x=cr", "y=peak_force", "--out", str(folder / "o.png")],
+        "study uncertainty": [store, "peak_force"],
     }
-
-
-@cache
-def _parsers() -> dict[str, argparse.ArgumentParser]:
-    """The parser of each command."""
-    made = cli.parser()
-    found = next(one for one in made._actions if isinstance(one, argparse._SubParsersAction))
-    return dict(found.choices)
 
 
 LONG_WORK = tuple(
@@ -1175,10 +1199,10 @@ def _commands(seed: int, rng: random.Random, folder: Path) -> Case:
     """Any command with any of its options, and values that they should not have."""
     calls = _base_calls(folder)
     name = rng.choice(list(calls))
-    call = [name, *calls[name]]
+    call = [*name.split(), *calls[name]]
     actions = [
         one
-        for one in _parsers()[name]._actions
+        for one in cli.parsers()[name]._actions
         if one.option_strings and not set(one.option_strings) & {*LONG_WORK, *SERVES}
     ]
     values = (

@@ -36,7 +36,7 @@ def test_no_input_brings_a_traceback_or_is_taken_in_silence(options, cases, tmp_
 
 
 def test_every_command_is_called(tmp_path):
-    assert set(generators._base_calls(tmp_path)) == set(generators._parsers())
+    assert set(generators._base_calls(tmp_path)) == set(cli.parsers())
 
 
 def test_a_command_that_serves_is_called_and_told_to_stop(tmp_path, monkeypatch):

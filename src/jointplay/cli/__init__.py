@@ -2,31 +2,94 @@
 
 import argparse
 import ast
+import copy
 import errno
 import importlib
 import inspect
 import re
 import sys
 from collections.abc import Sequence
+from itertools import zip_longest
 from typing import Any, NoReturn
 
 from jointplay.base import signals, streams
 from jointplay.base.errors import JointplayError, one_line
 from jointplay.base.modules import import_module
 from jointplay.base.signals import INTERRUPTED
-from jointplay.cli.commands import MODULES, PLACE, TYPES, UNITS, in_unit, listed, read_help
-from jointplay.cli.commands.inputs import ABOUT, entries, explain
+from jointplay.cli.commands import (
+    FRONT,
+    GROUPS,
+    KINDS,
+    PLACE,
+    SHARED,
+    TYPES,
+    UNITS,
+    Entry,
+    in_unit,
+    listed,
+    read_help,
+)
+from jointplay.cli.commands.inputs import (
+    ABOUT,
+    FRONT_OPTIONS,
+    INPUT_OPTIONS,
+    entries,
+    explain,
+)
 
 BAD_INPUT = 2
 STOPPED = 1
+
+
+FIRST = 'jointplay run ur5 --joint elbow_joint --clearance "0.1 mm" --out ur5'
+"""What a newcomer types."""
+
+ENDING = """jointplay COMMAND --help shows what is needed most often, --help all everything.
+Values are in SI units (m, s, kg, N, rad), or carry a unit, as in "0.1 mm"."""
+
+
+ALL = "{} --help all shows every option, with more about each."
+
+
+_UNIT, _DEFAULT = r"\[[^]]+\]", r"\((?:default|required)[^)]*\)"
+_LONG_DEFAULT = 24
+"""Characters; what is longer is only in the long help."""
+
+
+def in_short(action: argparse.Action) -> argparse.Action:
+    """An option with the beginning of its help, its unit and its default."""
+    said = action.help or ""
+    ends = [found[0] for end in (_UNIT, _DEFAULT) for found in [re.search(end, said)] if found]
+    short = re.sub(r"\s*\([^()]*\)|\s*\[[^]]*\]", "", said)
+    short = re.split(r"; |: |, such as |, by default ", short, maxsplit=1)[0]
+    brief = copy.copy(action)
+    brief.help = " ".join([short, *(end for end in ends if len(end) < _LONG_DEFAULT)])
+    return brief
+
+
+class _Help(argparse.Action):
+    """``--help``: one screen; ``--help all``: everything."""
+
+    def __init__(self, option_strings: Sequence[str], dest: str) -> None:
+        about = "show this help; with all, every option"
+        super().__init__(option_strings, dest, nargs="?", metavar="all", help=about)
+
+    def __call__(self, parser: Any, _: Any, values: Any, option: str | None = None) -> None:
+        if values not in (None, "all"):
+            parser.error(f"{option} takes nothing, or all, got {values!r}")
+        print(parser.help_text(values == "all"), end="")
+        parser.exit()
 
 
 class _Parser(argparse.ArgumentParser):
     """Says what is wrong in one line, and takes -1e-4 and -1,0,0 for values, not for options."""
 
     def __init__(self, *args: Any, **options: Any) -> None:
-        super().__init__(*args, **options)
+        super().__init__(*args, **options | {"add_help": False})
         self._negative_number_matcher = re.compile(r"-\.?\d")
+        self.front = {"of_kind", "place"}
+        """What the short help shows."""
+        self.add_argument("-h", "--help", action=_Help, dest="help")
 
     def _get_values(self, action: argparse.Action, arg_strings: list[str]) -> Any:
         if action.option_strings and action.nargs is None and arg_strings == ["--"]:
@@ -36,15 +99,29 @@ class _Parser(argparse.ArgumentParser):
         return super()._get_values(action, arg_strings)  # type: ignore[misc]
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
-        if action.dest == "command" and action.choices and value not in action.choices:
+        if isinstance(action, argparse._SubParsersAction) and value not in action.choices:
             from jointplay.base.schema import one_of  # takes long to import
 
-            self.error(one_of("command", value, action.choices))
+            self.error(one_of(str(action.metavar).lower(), value, action.choices))
         super()._check_value(action, value)
 
-    def format_help(self) -> str:
+    def help_text(self, every: bool) -> str:
+        """The help, with every option, or on one screen those that are most often needed."""
+        if self.prog == "jointplay":
+            return f"{overview()}\n"
         explain(self)
-        return super().format_help()
+        if every:
+            return self.format_help()
+        formatter = argparse.HelpFormatter(self.prog, max_help_position=28)
+        formatter.add_usage(self.usage, (), ())
+        formatter.add_text(self.description)
+        formatter.start_section(None)
+        shown = [one for one in self._actions if one.dest in self.front]
+        shown.sort(key=lambda one: (bool(one.option_strings), one.dest in INPUT_OPTIONS))
+        formatter.add_arguments(map(in_short, shown))
+        formatter.end_section()
+        formatter.add_text(ALL.format(self.prog))
+        return formatter.format_help()
 
     def error(self, message: str) -> NoReturn:
         message = one_line(message)
@@ -53,47 +130,85 @@ class _Parser(argparse.ArgumentParser):
 
 def parser() -> argparse.ArgumentParser:
     """The parser of the whole command line."""
-    made = _Parser(
-        prog="jointplay",
-        description="Simulate robots whose joints have play: each journal flies, hits, slides "
-        "and tilts in its bearing, and the tool loses accuracy.",
-        epilog="Values of options are in SI units (m, s, kg, N, rad), or carry a unit, as in "
-        '"0.1 mm". Documentation: docs/.',
-    )
+    made = _Parser(prog="jointplay", usage="jointplay COMMAND ...")
     made.add_argument("--version", action="store_true", help="print the version and exit")
-    commands = made.add_subparsers(dest="command", metavar="COMMAND", title="commands")
-    for name in MODULES:
-        _add_command(commands, name)
+    commands = made.add_subparsers(dest="command", metavar="COMMAND")
+    for name in (name for names in GROUPS.values() for name in names):
+        command = _add_command(commands, (name,))
+        if name in KINDS:
+            kinds = command.add_subparsers(dest="of_kind", metavar="KIND", title="kinds")
+            for kind in KINDS[name]:
+                _add_command(kinds, (name, kind))
     return made
 
 
-def _add_command(commands: Any, name: str) -> None:
-    """Add the parser of the command of a module, made from its docstring."""
-    module = importlib.import_module(f"jointplay.cli.commands.{name}")
+def _help_of(words: Sequence[str]) -> tuple[str, list[str], list[Entry]]:
+    """Summary, further paragraphs and options of a command, from its module's docstring."""
+    module = importlib.import_module(f"jointplay.cli.commands.{'.'.join(words)}")
     text = module.__doc__ or ast.get_docstring(ast.parse(inspect.getsource(module)), clean=False)
     (title, *prose), found = read_help(text or "")
-    summary = title.partition(": ")[2].rstrip(".")
-    command = name.replace("_", "-")
-    typed = [one for one, about, _ in found if one[0] != "-" or about.endswith("(required)")]
-    parser = commands.add_parser(
-        command,
-        usage=" ".join(["jointplay", command, *typed, "[options]"]),
+    return title.partition(": ")[2].rstrip("."), prose, found
+
+
+def parsers() -> dict[str, argparse.ArgumentParser]:
+    """The parser of every command, by the words that are typed for it, such as ``study sweep``."""
+    found = _choices(parser())
+    for name in KINDS:
+        group = found.pop(name)
+        found |= {f"{name} {kind}": one for kind, one in _choices(group).items()}
+    return found
+
+
+def _choices(parser: argparse.ArgumentParser) -> dict[str, Any]:
+    (action,) = (one for one in parser._actions if isinstance(one, argparse._SubParsersAction))
+    return dict(action.choices)
+
+
+def overview() -> str:
+    """What `jointplay` alone prints: the commands by what they are for, and where to begin."""
+    lines = [
+        "jointplay simulates robots and linkages whose joints have play: each journal flies, hits,",
+        "slides and tilts in its bearing, and the tool loses accuracy.",
+        "",
+        f"begin with:  {FIRST}",
+        "",
+    ]
+    for group, names in GROUPS.items():
+        front = [name for name in names if name in FRONT] or list(names)
+        rows = [f"{name:<10}{_help_of((name,))[0]}" for name in front]
+        if others := [name for name in names if name not in front]:
+            rows.append(f"also {', '.join(others)}")
+        lines += [f"  {title:<11}{row}" for title, row in zip_longest((group,), rows, fillvalue="")]
+    return "\n".join([*lines, "", ENDING])
+
+
+def _add_command(commands: Any, words: tuple[str, ...]) -> argparse.ArgumentParser:
+    """Add the parser of the command of a module, made from its docstring."""
+    summary, prose, found = _help_of(words)
+    form = [one for one, about, _ in found if one[0] != "-" or about.endswith("(required)")]
+    form += ["KIND"] if words[0] in KINDS and len(words) == 1 else []
+    parser: argparse.ArgumentParser = commands.add_parser(
+        words[-1],
+        prog=" ".join(["jointplay", *words]),
+        usage=" ".join(["jointplay", *words, *form, "[options]"]),
         help=summary.replace("%", "%%"),
         description=(prose or [f"{summary[0].upper()}{summary[1:]}."])[0],
         epilog=" ".join(prose[1:]),
     )
+    parser.set_defaults(path=words)
     groups: dict[str, Any] = {"": parser}
-    own = {words.partition(" ")[0] for words, *_ in found}
-    for words, about, group in found:
-        if PLACE in words:
+    own = {typed.partition(" ")[0] for typed, *_ in found}
+    for typed, about, group in found:
+        if PLACE in typed:
             parser.add_argument(
-                "place", nargs="?" if words[0] == "[" else None, metavar=PLACE, help=ABOUT
+                "place", nargs="?" if typed[0] == "[" else None, metavar=PLACE, help=ABOUT
             )
             for one in entries(parser, about):
                 if one[0].partition(" ")[0] not in own:
                     _add_entry(parser, groups, *one)
         else:
-            _add_entry(parser, groups, words, about, group)
+            _add_entry(parser, groups, typed, about, group)
+    return parser
 
 
 def _add_entry(parser: Any, groups: dict[str, Any], words: str, about: str, group: str) -> None:
@@ -132,7 +247,9 @@ def _add_entry(parser: Any, groups: dict[str, Any], words: str, about: str, grou
         more["required"] = True
     if "const" in more and "type" in more:
         more["const"] = more["type"](more["const"])
-    groups[group].add_argument(*name.split(","), help=about.replace("%", "%%"), **more)
+    action = groups[group].add_argument(*name.split(","), help=about.replace("%", "%%"), **more)
+    if name in FRONT_OPTIONS or not (group or name in SHARED):
+        parser.front.add(action.dest)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -174,13 +291,16 @@ def _command(parser: argparse.ArgumentParser, options: argparse.Namespace) -> in
         print(f"jointplay {version('jointplay')}")
         return 0
     if options.command is None:
-        parser.print_help()
+        print(overview())
+        return 0
+    if options.command in KINDS and options.of_kind is None:
+        print(_choices(parser)[options.command].help_text(False), end="")
         return 0
     try:
         with streams.noting(getattr(options, "quiet", False)):
             for module in getattr(options, "import", ()):
                 import_module(module)
-            module = options.command.replace("-", "_")
+            module = ".".join(options.path)
             return int(importlib.import_module(f"jointplay.cli.commands.{module}").run(options))
     except JointplayError as error:
         return _refuse(options, str(error))
@@ -219,5 +339,5 @@ def _refuse(options: argparse.Namespace, reason: str) -> int:
     from jointplay.base import files
 
     files.remove_made_folders()
-    print(f"jointplay {options.command}: error: {reason}", file=sys.stderr)
+    print(f"jointplay {' '.join(options.path)}: error: {reason}", file=sys.stderr)
     return BAD_INPUT

@@ -1,6 +1,6 @@
 """What is publicly known of robots' joints, and classes to choose from where nothing is.
 
-    jointplay presets
+    jointplay robots --presets
     jointplay run so101 --preset
     jointplay budget ur5 --preset ur-like --whole industrial
 

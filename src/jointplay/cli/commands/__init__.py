@@ -12,7 +12,7 @@ the work and returns the exit status; what takes long to import is imported ther
 
 What stands for the value says how it is read (`UNITS`, `TYPES`), and ``(default 3)`` what it is if
 the option is not given. ``FILE | ROBOT`` stands for the inputs of `inputs`, of the groups behind
-it, or all.
+it, or all. Options under the title of a group are only in ``--help all``.
 """
 
 import argparse
@@ -26,14 +26,25 @@ from jointplay.base import files
 from jointplay.base.errors import JointplayError
 from jointplay.base.pairs import misread, name_and_number
 
-MODULES = (
-    *("scara", "run", "init", "check", "schema", "play", "live", "compare", "report", "export"),
-    *("robots", "presets", "urdf"),
-    *("wear", "dynamics", "budget", "allocate", "reduce", "iso9283", "maintenance", "identify"),
-    "calibrate",
-    *("shares", "sweep", "plot_sweep", "uncertainty"),
-)
-"""Modules with a command of their own, in the order of the help."""
+GROUPS = {
+    "simulate": ("run", "study", "check", "init"),
+    "decide": ("budget", "allocate"),
+    "measure": ("identify", "calibrate"),
+    "look": ("play", "live", "report", "compare", "plot"),
+    "hand on": ("export",),
+    "know": ("robots",),
+    "the paper": ("scara",),
+}
+"""Commands by what they are for, each a module, in the order of the help."""
+
+KINDS = {
+    "study": ("sweep", "iso9283", "shares", "uncertainty", "wear", "maintenance", "dynamics"),
+    "export": ("result", "simulator", "urdf"),
+}
+"""Commands of several kinds: packages with a module for each."""
+
+FRONT = ("run", "study", "budget", "identify", "play", "live", "report", "export")
+"""What a newcomer is shown first."""
 
 UNITS = {"LENGTH": "m", "MASS": "kg", "TIME": "s", "ANGLE": "rad", "FORCE": "N", "MU": ""}
 """SI units of options' values, by what stands for them in the help; text has a unit of its own."""

@@ -16,13 +16,14 @@ Example: jointplay allocate ur5 --target "0.2 mm" --workspace 200
     --price NAME=X ...  price of a class of rolling bearings (C2, CN, C3, C4, CC0, C0, C1,
         preloaded), relative: joints given as NAME=BEARING are allocated by class; with --whole, of
         halving a cause
-    --least LENGTH  smallest possible clearance (default: 2 um)
-    --most LENGTH  largest possible clearance (default: 1 mm)
     --verify [RUNS=3]  simulate the motion with the clearances found, in this many perturbed runs (3
         if no number is given)
     --out DIR  folder for allocation.csv and the figure
     --jobs
     --quiet
+  bounds:
+    --least LENGTH  smallest possible clearance (default: 2 um)
+    --most LENGTH  largest possible clearance (default: 1 mm)
   whole error:
     --statistical  with --whole, the target is of the RMS, not of the worst case
     --by-class LIST  with --whole, joints whose rolling bearings are chosen, too, among all classes

@@ -1,4 +1,4 @@
-"""`jointplay budget`: how much error play allows at the tool, and by which joint; no simulation.
+"""`jointplay budget`: how far off play lets the tool be, and by which joint.
 
 Static error budget of the tool from the play of all joints: worst case in every direction, the
 position at rest under gravity and how far friction may change it, RMS for a load in a random

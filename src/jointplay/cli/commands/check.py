@@ -4,13 +4,18 @@ Check a scenario without running it: its keys, values and units, the robot, and 
 can start. Prints how the file was understood, and draws the mechanism at the start of the first
 case with clearance. All input options of jointplay run are accepted too.
 
-    FILE | ROBOT
+    [FILE | ROBOT]
     --case NAME ...  run only this case of FILE
+    --schema  print the JSON schema of scenario files instead: saved as scenario.schema.json beside
+        a scenario whose first line is `#:schema scenario.schema.json`, it gives editors with Taplo
+        (Even Better TOML) completion, explanations and checks
     --picture PNG  picture of the mechanism (default: beside FILE, as .png)
     --no-picture  do not draw a picture
 """
 
 import argparse
+import json
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -24,6 +29,14 @@ MARK = "jointplay check"
 
 
 def run(options: argparse.Namespace) -> int:
+    if options.schema:
+        from jointplay.scenario.schema import schema
+
+        json.dump(schema(), sys.stdout, indent=1, ensure_ascii=False)
+        print()
+        return 0
+    if options.place is None:
+        raise JointplayError("the argument FILE | ROBOT is missing: what is to be checked")
     if options.picture and options.no_picture:
         raise JointplayError("give one of --picture and --no-picture")
     scenario = scenario_of(options)

@@ -1,4 +1,4 @@
-"""`jointplay identify`: clearance, friction, restitution from measurements; or a plan of these.
+"""`jointplay identify`: clearance and friction from measurements, or what to measure.
 
 Identify clearances, friction, gear play and restitution from measured signals, with 95 % confidence
 intervals, or state that this measurement cannot determine a value and which further measurement

@@ -90,8 +90,8 @@ class Flag:
 
 
 ABOUT = (
-    "scenario (TOML; see jointplay init, jointplay check), URDF, or name of a robot of "
-    "example-robot-data such as ur5 (jointplay robots)"
+    "scenario (.toml; jointplay init writes one), URDF, or name of a robot such as ur5; jointplay "
+    "robots lists them"
 )
 """What is said of the file or robot."""
 
@@ -116,8 +116,8 @@ HELP = """
     --clearance VALUE  radial clearance of these joints; of sliders, that on each side [m]
     --ideal  the robot without clearance
     --preset [NAME]  joints, gears and drives as they are publicly known, or assumed for a class of
-        robots (jointplay presets lists them; without NAME that of ROBOT); what else is given
-        counts more
+        robots (jointplay robots --presets lists them; without NAME that of ROBOT); what else is
+        given counts more
     --axial-clearance  = joints.JOINT.axial_clearance
     --bearing-radius  = joints.JOINT.bearing_radius
     --bearing-length  = joints.JOINT.bearing_length
@@ -183,6 +183,12 @@ FLAGS = tuple(
     for name, about, group in ENTRIES
     if about.startswith("= ")
 )
+FRONT_OPTIONS = (
+    *("--set", "--case", "--joint", "--clearance", "--preset", "--gear", "--friction", "--motion"),
+    *("--duration", "--pose", "--workspace", "--payload", "--tool"),
+)
+"""What the short help shows of them."""
+INPUT_OPTIONS = {one.partition(" ")[0].strip("-").replace("-", "_") for one, *_ in ENTRIES}
 STATIC = ("poses", "load", "whole error")
 """Groups that only commands have that ask for them."""
 
@@ -215,6 +221,7 @@ def explanation(flag: Flag) -> tuple[str, str]:
     found = list(fields_at(Model, flag.keys[0]))
     text = next((text for _, text in found if text), "")
     text = " ".join(text.split()).replace("`", "").rstrip(".")
+    text = text if re.match(r"[A-Z](\w*'s|[A-Z])", text) else text[:1].lower() + text[1:]
     field = found[0][0]
     words = [word for one, _ in found if one.choices for word in one.choices[1]]
     choices = list(dict.fromkeys(words))

@@ -1,4 +1,4 @@
-"""`jointplay live`: sliders for clearance, friction, payload, speed: see at once what they do.
+"""`jointplay live`: sliders for clearance, friction, payload, speed in the browser.
 
 Serve a page on this machine that has a slider for the clearances, friction and restitution of each
 joint with play, for payload, speed of the motion, gravity and the temperature of rolling bearings.

@@ -1,4 +1,4 @@
-"""`jointplay report`: a report on results or a sweep: one HTML page, and a PDF of the figures.
+"""`jointplay report`: one page on results or a sweep, with charts, to send.
 
 Write a report on one or several results: parameters, assumptions, audit, zoomable Figures 9-15,
 contact modes, impacts, spectra, accuracy of the tool. The page needs no network. For a sweep: a

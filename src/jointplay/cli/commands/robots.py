@@ -1,4 +1,4 @@
-"""`jointplay robots`: list the available robots and their joints.
+"""`jointplay robots`: the available robots, their joints, and what is known of their play.
 
 List the robots of the package example-robot-data, their joints, and what prevents simulating them;
 each is loaded to find out. For one robot, or any URDF: joints with their limits and mimic
@@ -6,7 +6,12 @@ relations, frames, the tool.
 
 Use one wherever a URDF is expected: jointplay run NAME --joint JOINT.
 
-    [NAME]  robot, or path of a URDF, to describe in detail
+With --presets: what is publicly known of the bearings, gears and servos of robots, and classes for
+robots of which nothing is. Each number says whether it was seen in a public source, estimated from
+one, or assumed. Use one with --preset: jointplay run so101 --preset
+
+    [NAME]  robot, or path of a URDF, to describe in detail; with --presets, one preset
+    --presets  list presets of joints, gears and drives instead
 """
 
 from __future__ import annotations
@@ -23,6 +28,12 @@ if TYPE_CHECKING:
 
 
 def run(options: argparse.Namespace) -> int:
+    if options.presets:
+        from jointplay.scenario.presets import preset, presets
+
+        names = presets() if options.name is None else [options.name]
+        print("\n".join(str(preset(name)) for name in names))
+        return 0
     from jointplay.model import robots
     from jointplay.model.survey import survey
 

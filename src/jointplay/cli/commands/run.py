@@ -1,4 +1,4 @@
-"""`jointplay run`: simulate the cases of a scenario file, or one robot.
+"""`jointplay run`: simulate one robot, or the cases of a scenario file.
 
 Simulate all cases of a scenario file, or one robot with clearance in the joints named, and draw
 figures that compare the cases. Without FILE or ROBOT: the SCARA arm under gravity, 0.2 mm in joint

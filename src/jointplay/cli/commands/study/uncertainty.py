@@ -1,10 +1,10 @@
-"""`jointplay uncertainty`: quantiles, Sobol indices and convergence of a sweep's samples.
+"""`jointplay study uncertainty`: quantiles, Sobol indices and convergence of a sweep's samples.
 
 Evaluate a measure over the samples of a sweep: mean, standard deviation and quantiles with 95 %
 confidence intervals, how many runs were enough, and, for a saltelli design, what causes the
 variance (Sobol indices).
 
-    STORE  store of jointplay sweep
+    STORE  store of jointplay study sweep
     MEASURE  measure, such as tool_error_rms_total
     --precision X  relative half width of the confidence interval that is precise enough (default
         0.05)

@@ -1,4 +1,4 @@
-"""`jointplay maintenance`: cycles that it takes until wear puts the tool out of tolerance.
+"""`jointplay study maintenance`: cycles that it takes until wear puts the tool out of tolerance.
 
 Estimate after how many cycles of a scenario wear of its bores lets the tool's error exceed a target
 (static worst case along the motion), and which joint's wear causes it. Joints need a wear_rate in
@@ -20,7 +20,7 @@ import argparse
 from jointplay.base.signals import INTERRUPTED
 from jointplay.cli.commands import Outputs
 from jointplay.cli.commands.inputs import simulation_of
-from jointplay.cli.commands.wear import cycles
+from jointplay.cli.commands.study.wear import cycles
 
 
 def run(options: argparse.Namespace) -> int:

@@ -1,4 +1,4 @@
-"""`jointplay iso9283`: accuracy and repeatability as ISO 9283 names them, from perturbed cycles.
+"""`jointplay study iso9283`: accuracy and repeatability by ISO 9283, from perturbed cycles.
 
 Simulate the cycle of a scenario or robot many times, with journals displaced at random at the
 start, and print pose accuracy AP and repeatability RP at each stop, distance accuracy AD and
@@ -7,7 +7,7 @@ accuracy AT and repeatability RT, cornering deviations CR and CO, and drift by w
 intervals. All input options of jointplay run are accepted too. docs/decisions.md explains the
 figures.
 
-Example: jointplay iso9283 ur5 --joint "elbow_joint=0.05 mm" --duration 2.2 --out ur5
+Example: jointplay study iso9283 ur5 --joint "elbow_joint=0.05 mm" --duration 2.2 --out ur5
 
     [FILE | ROBOT]
   cycles:

@@ -1,4 +1,4 @@
-"""`jointplay urdf`: write a URDF whose joints have play, for other simulators.
+"""`jointplay export urdf`: a URDF whose joints have play, for other simulators.
 
 Write a URDF in which each named revolute joint is replaced by the virtual link: three translations
 x, y, z of the journal in its bearing, then yaw, pitch and roll. Yaw keeps the joint's name, limits,

@@ -1,4 +1,4 @@
-"""`jointplay wear`: estimate how many cycles it takes a clearance to grow.
+"""`jointplay study wear`: how many cycles it takes a clearance to grow.
 
 Estimate how many cycles of a scenario wear the bore of a joint by a given depth: Archard's law,
 extrapolated over blocks of equal cycles; the bore's shape is updated between blocks. The joint

@@ -1,4 +1,4 @@
-"""`jointplay reduce`: model play as dead band and friction, for MuJoCo, Gazebo, ROS, Newton.
+"""`jointplay export simulator`: play as dead band and friction, for MuJoCo, Gazebo, ROS.
 
 Fit a hinge with dead band, stiffness, damping and friction to the full model of one joint's play,
 by reversals about a pose, and write it as MJCF (MuJoCo), SDF (Gazebo), URDF and YAML (ROS), USD
@@ -7,8 +7,8 @@ gear; the bearing contributes friction and tilt, which --tilt writes. --joint na
 --all: the play of all joints in one file of each format. --batch adds random copies. See
 docs/decisions.md.
 
-Example: jointplay reduce ur5 --joint elbow_joint --clearance "0.05 mm" --gear elbow_joint="2
-arcmin" --gear-stiffness 2e4 --rotor-inertia 0.5 --out elbow
+Example: jointplay export simulator ur5 --joint elbow_joint --clearance "0.05 mm" --gear
+elbow_joint="2 arcmin" --gear-stiffness 2e4 --rotor-inertia 0.5 --out elbow
 
     FILE | ROBOT  robot, joints with clearance, gears
     --pose JOINT=X,...  pose about which the joint reverses

@@ -1,4 +1,4 @@
-"""`jointplay sweep`: run many cases of a scenario: grids, samples, repeats.
+"""`jointplay study sweep`: run many cases of a scenario: grids, samples, repeats.
 
 Run all cases of the table [sweep] of a scenario (docs/sweeps.md) on all cores, or on the workers of
 a Dask cluster. Whenever a process is killed, --resume continues, and no finished case runs again.

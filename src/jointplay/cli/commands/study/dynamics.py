@@ -1,4 +1,4 @@
-"""`jointplay dynamics`: bifurcations, Poincare maps, Lyapunov exponents, basins of attraction.
+"""`jointplay study dynamics`: bifurcations, Poincare maps, Lyapunov exponents, basins.
 
 Let a periodically driven mechanism settle over many turns, then analyse it: turns: quantities over
 the crank's angle, compared with the ideal mechanism; bifurcation: a quantity sampled once per turn,
@@ -10,7 +10,7 @@ while the crank's speed rises evenly over the values of --vary; basin: the orbit
 settles, over the journal's starting position. Values run in parallel; finished ones are kept in the
 folder, and the same command continues from it. docs/nonlinear.md explains the figures.
 
-Example: jointplay dynamics jointplay:slider_crank.toml bifurcation --case "0.5 mm" --vary
+Example: jointplay study dynamics jointplay:slider_crank.toml bifurcation --case "0.5 mm" --vary
 "motion.speeds.crank_pin=500:5000:400 rpm" --out speeds
 
     FILE | ROBOT  robot
@@ -54,7 +54,7 @@ def run(options: argparse.Namespace) -> int:
         options.of,
         **{name: getattr(options, name) for name in names},
     )
-    out, mark = files.claim(options.out, []), f"jointplay dynamics {options.kind}"
+    out, mark = files.claim(options.out, []), f"jointplay study dynamics {options.kind}"
     path = out / f"{options.kind}.png"
     if path.exists() and not files.holds(path, mark):
         raise JointplayError(f"{str(path)!r} is no figure of this command; choose another folder")

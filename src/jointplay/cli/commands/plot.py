@@ -1,12 +1,12 @@
-"""`jointplay plot-sweep`: draw the results of a sweep.
+"""`jointplay plot`: draw the results of a sweep.
 
 Draw a measure over a dimension of a sweep, as lines with 95 % confidence bands of the mean over
 repeats and samples; or over two, as a heat map.
 
-Examples: jointplay plot-sweep S x=clearance y=peak_force hue=friction; jointplay plot-sweep S
+Examples: jointplay plot S x=clearance y=peak_force hue=friction; jointplay plot S
 x=clearance y=friction z=tool_error_rms_total
 
-    STORE  store of jointplay sweep
+    STORE  store of jointplay study sweep
     WORDS ...  x=NAME and y=NAME, and hue=NAME for lines, or z=NAME (the measure) for a heat map;
         DIMENSION=VALUE selects the cases nearest to a value
     --out FILE  picture (default: beside STORE, as .png)

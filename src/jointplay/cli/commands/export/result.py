@@ -1,4 +1,4 @@
-"""`jointplay export`: write a result as table, joint trajectory, ROS 2 bag or rerun recording.
+"""`jointplay export result`: a result as table, trajectory, ROS 2 bag, FMU or rerun recording.
 
 Write a result for other programs: histories as a table, joint positions as a trajectory, a ROS 2
 bag and layouts of its charts for PlotJuggler and Foxglove, the simulation as an FMI 3 unit, a

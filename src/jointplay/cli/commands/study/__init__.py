@@ -1,0 +1,5 @@
+"""`jointplay study`: many runs: sweeps, ISO 9283, shares of the error, wear, dynamics.
+
+Run many variations of a scenario or robot and evaluate them together. Each kind has its own
+options: jointplay study KIND --help.
+"""
