@@ -56,9 +56,11 @@ def law_tables():
     write("reference/law_tables.md", "\n".join(lines))
 
 
-def references():
-    script = runpy.run_path(str(Path(__file__).with_name("references.py")))
-    write("reference/references.md", script["page"]())
+def pages():
+    """Pages that scripts beside this one make."""
+    for name in ("references", "keys", "variables"):
+        script = runpy.run_path(str(Path(__file__).with_name(f"{name}.py")))
+        write(f"reference/{name}.md", script["page"]())
 
 
 def first_line(thing):
@@ -105,5 +107,5 @@ def api():
 copies()
 command_line()
 law_tables()
-references()
+pages()
 api()

@@ -1,9 +1,10 @@
-"""Write the tables of keys into docs/scenarios.md, from the classes that read scenario files."""
+"""The reference of all keys of scenario files, made from the classes that read them."""
 
 import dataclasses
-import re
 from pathlib import Path
 from typing import get_args
+
+import jinja2
 
 from jointplay.accuracy.robot_errors import JointErrors, RobotErrors
 from jointplay.base.schema import (
@@ -31,21 +32,13 @@ from jointplay.scenario.declarations import (
 from jointplay.simulation.loads import Load
 from jointplay.simulation.loads.drive import Drive, JointFriction
 
-PAGE = Path(__file__).parents[1] / "scenarios.md"
-SECTION = re.compile(
-    r"(<!-- keys of (\w+): written by docs/site/keys.py -->\n).*?(<!-- end -->)", re.S
+KINDS = (
+    *(Robot, LoopEnds, Clearance, NormalForceLaw, FrictionLaw, FilmLaw, MotionTable, Drive),
+    *(JointFriction, Gearing, Heat, JointHeat, LinkHeat, FlexibleLink, Load, HeldPayload),
+    *(RobotErrors, JointErrors, IntegrationTable, Output),
 )
-KINDS = {
-    **{"Robot": Robot, "LoopEnds": LoopEnds, "Clearance": Clearance, "MotionTable": MotionTable},
-    **{"NormalForceLaw": NormalForceLaw, "FrictionLaw": FrictionLaw, "FilmLaw": FilmLaw},
-    **{"Drive": Drive, "JointFriction": JointFriction, "Gearing": Gearing, "Load": Load},
-    **{"Heat": Heat, "JointHeat": JointHeat, "LinkHeat": LinkHeat},
-    **{"FlexibleLink": FlexibleLink},
-    **{"RobotErrors": RobotErrors, "JointErrors": JointErrors},
-    **{"HeldPayload": HeldPayload, "IntegrationTable": IntegrationTable, "Output": Output},
-}
 """Classes whose keys have a table on the page."""
-IN_A_LINE = ("NormalForceLaw", "FrictionLaw", "FilmLaw", "Drive", "Load")
+IN_A_LINE = (NormalForceLaw, FrictionLaw, FilmLaw, Drive, Load)
 """Families of which each member has a line with all its keys."""
 
 
@@ -157,16 +150,11 @@ def in_a_line(kind):
     return lines + [f"| {', '.join(words)} | {keys} |" for keys, words in same.items()]
 
 
-def section(match):
-    begin, name, end = match.groups()
-    lines = in_a_line(KINDS[name]) if name in IN_A_LINE else table(KINDS[name])
-    return "\n".join([f"{begin}", *lines, f"\n{end}"])
-
-
-def renewed(text):
-    """The page with its tables as they should be."""
-    return SECTION.sub(section, text)
-
-
-if __name__ == "__main__":
-    PAGE.write_text(renewed(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+def page():
+    """The page, as Markdown."""
+    tables = {
+        kind.__name__: "\n".join((in_a_line if kind in IN_A_LINE else table)(kind))
+        for kind in KINDS
+    }
+    text = Path(__file__).with_name("keys.md.jinja").read_text(encoding="utf-8")
+    return jinja2.Template(text, keep_trailing_newline=True).render(keys=tables)

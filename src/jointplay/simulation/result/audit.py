@@ -92,7 +92,7 @@ class Audit(Described):
     normal_impulse: float = _figure("N*s")
     """Of all contacts together [N s]."""
     largest_penetration: float = _figure("m")
-    """[m]."""
+    """Deepest overlap of surfaces [m]."""
     penetration_over_clearance: float = _figure("")
     """The same relative to the clearance of its direction."""
     step: float = _figure("s")
