@@ -244,7 +244,7 @@ def _put_interfaces(system: Element, joint: str, commands: Sequence[str]) -> Non
 def to_yaml(reductions: Iterable[Reduction], encoder: str = "motor") -> str:
     """What a URDF cannot say, for a node to read: YAML by joint, SI units; see `to_json`."""
     check_encoder(encoder)
-    lines = ["# Reduced models of joints with play; SI units. See docs/decisions.md of jointplay."]
+    lines = ["# Reduced models of joints with play; SI units. See docs/simulator.md of jointplay."]
     for one in reductions:
         lines.append(f"{json.dumps(one.joint)}:")
         for key, value in (one.describe() | {"encoder": encoder}).items():

@@ -251,7 +251,7 @@ def calibrate(
 
     Args:
         mechanism: open chain, or a URDF or robot's name; the tool is the mechanism's.
-        poses: or the path of a CSV file (docs/real_robots.md).
+        poses: or the path of a CSV file (docs/calibrate.md).
         terms: candidates, as `Term` or text such as ``"compliance elbow,wrist"``.
         always: terms that are in every model.
         folds: every k-th row is held back in turn; ``"rows"``: each; ``"groups"``, ``"points"``:

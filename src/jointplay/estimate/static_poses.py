@@ -185,7 +185,7 @@ class StaticPoses:
 
     @classmethod
     def from_csv(cls, path: str | Path, joints: Mapping[str, bool]) -> StaticPoses:
-        """Read a CSV file, with columns as listed in docs/real_robots.md.
+        """Read a CSV file, with columns as listed in docs/calibrate.md.
 
         Args:
             path: the file.

@@ -2,7 +2,7 @@
 
 Manipulating industrial robots: performance criteria and related test methods. Of the standard only
 its pages of contents were seen (numbers and titles of the clauses, public previews); formulas,
-conditions and numbers of cycles are from memory and from works about it. docs/decisions.md defines
+conditions and numbers of cycles are from memory and from works about it. docs/iso9283.md defines
 each figure; `TITLES` has the clauses. Exchangeability (7.7), path accuracy on reorientation (8.4),
 path velocity (8.6) and what follows are not calculated.
 

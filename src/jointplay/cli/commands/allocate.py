@@ -3,7 +3,7 @@
 Find the cheapest clearances of all joints that keep the tool's static error below a target, at a
 pose, along a motion or over the workspace, and the marginal cost of each. The bearings' dimensions
 come from the options or the scenario; the ratio of axial to radial clearance is kept. With --whole,
-which cause of the whole error to improve at which joint. See docs/decisions.md.
+which cause of the whole error to improve at which joint. See docs/allocate.md.
 
 Example: jointplay allocate ur5 --target "0.2 mm" --workspace 200
 

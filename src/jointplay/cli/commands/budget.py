@@ -3,7 +3,7 @@
 Static error budget of the tool from the play of all joints: worst case in every direction, the
 position at rest under gravity and how far friction may change it, RMS for a load in a random
 direction, and each joint's share. At a pose, along a motion, or over the workspace.
-docs/decisions.md explains the numbers.
+docs/budget.md explains the numbers.
 
 Example: jointplay budget panda --clearance "0.05 mm" --workspace 500 --out panda
 

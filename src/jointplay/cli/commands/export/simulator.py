@@ -5,7 +5,7 @@ by reversals about a pose, and write it as MJCF (MuJoCo), SDF (Gazebo), URDF and
 (Newton), JSON with ranges for domain randomisation. The dead band about the axis comes from the
 gear; the bearing contributes friction and tilt, which --tilt writes. --joint names the joint. With
 --all: the play of all joints in one file of each format. --batch adds random copies. See
-docs/decisions.md.
+docs/simulator.md.
 
 Example: jointplay export simulator ur5 --joint elbow_joint --clearance "0.05 mm" --gear
 elbow_joint="2 arcmin" --gear-stiffness 2e4 --rotor-inertia 0.5 --out elbow

@@ -4,7 +4,7 @@ Simulate the cycle of a scenario or robot many times, with journals displaced at
 start, and print pose accuracy AP and repeatability RP at each stop, distance accuracy AD and
 repeatability RD between stops, multi-directional variation vAP, stabilization time, overshoot, path
 accuracy AT and repeatability RT, cornering deviations CR and CO, and drift by wear, with confidence
-intervals. All input options of jointplay run are accepted too. docs/decisions.md explains the
+intervals. All input options of jointplay run are accepted too. docs/iso9283.md explains the
 figures.
 
 Example: jointplay study iso9283 ur5 --joint "elbow_joint=0.05 mm" --duration 2.2 --out ur5

@@ -2,7 +2,7 @@
 
 Estimate after how many cycles of a scenario wear of its bores lets the tool's error exceed a target
 (static worst case along the motion), and which joint's wear causes it. Joints need a wear_rate in
-the scenario. docs/decisions.md explains the numbers. One run is one cycle.
+the scenario. docs/wear.md explains the numbers. One run is one cycle.
 
     FILE | ROBOT  robot
     --blocks N  blocks of cycles (default 5)

@@ -3,7 +3,7 @@
 Dynamic error budget: simulate the play of each joint alone and of all together, and print each
 joint's share of the tool's error and the interaction; with --sobol also how much of its variance
 comes from clearances, friction, speed and payload. All input options of jointplay run are accepted
-too. See docs/decisions.md.
+too. See docs/shares.md.
 
 Example: jointplay study shares ur5 --joint elbow_joint --joint wrist_1_joint --jobs 2
 
