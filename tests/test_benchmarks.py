@@ -30,7 +30,7 @@ def test_benchmark_ends_well_in_its_quick_form(name, tmp_path):
 @pytest.mark.thorough
 def test_clearances_with_gravity_agree_with_the_claims_of_the_paper(tmp_path):
     """Both are judged from when the journals have fallen: with gravity the peaks are equal then."""
-    page = (ROOT / "docs" / "claims.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "paper.md").read_text(encoding="utf-8")
     row = next(x for x in page.splitlines() if x.startswith("| 5 ") and "loaded, consistent" in x)
     claimed = re.search(r"Fz\\\| ([\d.]+) ± \S+ → ([\d.]+) ±", row).groups()
     command = [sys.executable, FOLDER, "clearance", "--quick", "--loaded"]

@@ -9,6 +9,7 @@ import mkdocs_gen_files
 import jointplay
 from jointplay.cli import parsers
 from jointplay.physics.contact import FILM_LAWS, FRICTION_LAWS, NORMAL_LAWS
+from jointplay.show.reports.sections import page_section
 
 ROOT = Path(__file__).parents[2]
 COPIED = {
@@ -54,6 +55,11 @@ def law_tables():
                 lines += [f"$$\n{law.formula}\n$$", ""]
             lines += [f"`{law.__name__}`. Holds for {law.validity}.", "", f"{law.reference}.", ""]
     write("reference/law_tables.md", "\n".join(lines))
+
+
+def assumptions():
+    head = "# What reports assume\n\nAs reports state it for each run to which it applies.\n\n"
+    write("reference/assumptions.md", head + page_section())
 
 
 def pages():
@@ -107,5 +113,6 @@ def api():
 copies()
 command_line()
 law_tables()
+assumptions()
 pages()
 api()

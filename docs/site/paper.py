@@ -1,7 +1,6 @@
 """Take the page of a study, `jointplay scara --out DIR`, into these pages: `paper.py DIR`."""
 
 import re
-import shutil
 import sys
 from pathlib import Path
 
@@ -14,7 +13,7 @@ WIDTH, COLOURS = 800, 64
 
 
 def main(study: Path) -> None:
-    """Copy the page, its pictures and the claims."""
+    """Copy the page and its pictures."""
     text = (study / "paper.md").read_text(encoding="utf-8")
     folder = DOCS / PICTURES
     folder.mkdir(parents=True, exist_ok=True)
@@ -24,8 +23,13 @@ def main(study: Path) -> None:
         small = picture.resize(size, Image.Resampling.LANCZOS)
         small = small.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, dither=0)
         small.save(folder / name, optimize=True)
-    (DOCS / "paper.md").write_text(text.replace("](fig", f"]({PICTURES}/fig"), encoding="utf-8")
-    shutil.copyfile(study / "claims.md", DOCS / "claims.md")
+    (DOCS / "paper.md").write_text(linked(text), encoding="utf-8")
+
+
+def linked(text: str) -> str:
+    """The text with links to the pictures and to the pages that it names."""
+    text = re.sub(r"docs/(\w+\.md)", r"[\1](\1)", text)
+    return text.replace("](fig", f"]({PICTURES}/fig")
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Prose of the documentation in lines of at most 100 columns: `python docs/site/wrap.py` wraps it.
 
-Code, formulas, tables, HTML and links that are longer stay as they are; so do law cards and claims,
-which programs write.
+Code, formulas, tables, HTML and links that are longer stay as they are; so do law cards and the
+paper's study, which programs write.
 """
 
 import re
@@ -11,7 +11,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 WIDTH = 99
-WRITTEN = ("claims.md", "paper.md")
+WRITTEN = ("paper.md",)
 """Pages that programs write."""
 _WHOLE = re.compile(r"`[^`\n]+`|\$[^$\n]+\$|!?\[[^\]\n]*\]\([^)\n]*\)")
 _ITEM = re.compile(r"^(\s*)([-*+]|\d+[.)])\s+")

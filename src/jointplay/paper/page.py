@@ -18,6 +18,8 @@ from jointplay.paper.ensembles import claim_rows, filled
 from jointplay.paper.outputs import DRAWINGS, PAGE
 from jointplay.physics.geometry import Form, Mode
 from jointplay.simulation import analysis
+from jointplay.simulation.analysis.claims import ISOLATED
+from jointplay.simulation.initial import PERTURBATION
 from jointplay.simulation.result.result import AXES, Result
 from jointplay.simulation.result.settings import START_UP
 
@@ -129,16 +131,21 @@ def page(study: Findings, setting: str) -> str:
         setting: gravity, inertia and method of the cases, in words.
     """
 
-    def found(claims: Sequence[int], force: str) -> str:
-        """What the ensembles say of some claims, a line each; of forces, that in the figure."""
-        lines = []
-        for verdict in study.verdicts:
-            if verdict.claim in claims:
-                parts = verdict.numbers.split("; ")
-                numbers = "; ".join(part for part in parts if "|F" not in part or force in part)
-                what = f"claim {verdict.claim}, {verdict.condition}"
-                lines.append(f"- {what}: **{verdict.holds}**; {numbers}")
-        return "\n".join(lines)
+    def found(claims: Sequence[int]) -> str:
+        """Where some claims hold, by the ensembles."""
+        said = []
+        for claim in claims:
+            where: dict[str, list[str]] = {}
+            for verdict in study.verdicts:
+                if verdict.claim == claim:
+                    where.setdefault(verdict.holds, []).append(verdict.condition)
+            words = ", ".join(
+                f"**{holds}** ({'; '.join(conditions) if len(where) > 1 else 'each condition'})"
+                for holds, conditions in where.items()
+            )
+            if words:
+                said.append(f"claim {claim}: {words}")
+        return "; ".join(said)
 
     return filled(
         PAGE,
@@ -152,7 +159,15 @@ def page(study: Findings, setting: str) -> str:
         forms=forms_table(study.cases),
         orbits=_orbit_table(study.cases),
         peaks=peaks_table(study.cases),
-        claims=claim_rows(study.verdicts),
+        statements={verdict.claim: verdict.statement for verdict in study.verdicts},
+        claims=[(claim, *rest) for claim, _, *rest in claim_rows(study.verdicts)],
+        methods=[
+            tuple("" if cell == "not computed" else cell for cell in row)
+            for row in study.rows
+            if row[0] != "ideal"
+        ],
+        displaced=f"{100 * PERTURBATION:.0f}",
+        isolated=f"{100 * ISOLATED:.0f}",
     )
 
 

@@ -30,10 +30,7 @@ class Ambrosio(FrictionLaw):
     mu_d: float = quantity("", default=0.1, least=0.0, label="friction coefficient")
     """Dynamic friction coefficient."""
     v0: float = quantity("m/s", default=1e-4, least=0.0)
-    """Sliding speed at which the ramp begins [m/s].
-
-    The paper gives none; 1e-4 and 1e-3 m/s are this project's choice.
-    """
+    """Sliding speed at which the ramp begins [m/s]."""  # v0, v1: docs/assumptions.md
     v1: float = quantity("m/s", default=1e-3, least=0.0)
     """Sliding speed at which it ends, > v0 [m/s]."""
 

@@ -169,7 +169,7 @@ class HuntCrossley(PointContactLaw):
     stiffness: float | None = quantity("", default=None, above=0.0, label="stiffness k")
     """Stiffness k [N/m^n], a number without its unit; None: from the joint's Hertz stiffness."""
     damping: float | None = quantity("", default=None, least=0.0, label="damping b")
-    """Damping b [N s^q/m^(p+q)], a number without its unit; None: from c_e (eq. 14)."""
+    """Damping b [N s^q/m^(p+q)], a number without its unit; None: from c_e."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -691,7 +691,7 @@ class RoundClearance(SlidingClearance):
     clearance_fields: ClassVar[Mapping[str, str | None]] = {"radial_clearance": "journal_radius"}
 
     bearing_radius: float = quantity("m", default=10e-3, above=0.0, label="bearing radius")
-    """R_i [m]; the standard of the clearance literature, the paper gives none."""
+    """R_i [m]; 10 mm is usual in the literature on clearance."""
     radial_clearance: float | None = quantity("m", default=None, label="radial clearance")
     """C_r, radial, not diametral [m]; 0: an ideal joint."""
     journal_radius: float | None = quantity("m", default=None, label="journal radius")

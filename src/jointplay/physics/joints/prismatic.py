@@ -52,7 +52,7 @@ class PrismaticClearance(SlidingClearance):
     )
     """On each side, across y [m]; None takes that across x, 0 is `planar`."""
     corner_radius: float = quantity("m", default=1e-3, above=0.0, label="slider corner radius")
-    """Rounding of the corners, which makes eq. 11 a sphere on a plane [m]."""
+    """Rounding of the corners [m]: each touches as a sphere on a plane."""
     lock_tilt: bool = False
     """The slider stays parallel to the guide: whole faces touch."""
     planar: bool = False

@@ -51,20 +51,15 @@ class RevoluteClearance(RoundClearance):
     }
 
     bearing_length: float = quantity("m", default=40e-3, above=0.0, label="bearing length")
-    """L_i, between the end walls [m]; this project's choice, the paper gives none."""
+    """L_i, between the end walls [m]."""
     axial_clearance: float | None = quantity("m", default=None, label="axial clearance")
-    """C_a, on each side [m]; None takes C_r, as in all cases of the paper, unless `journal_length`
-    is given; 0 is `lock_axial`.
-    """
+    """C_a, on each side [m]; None takes C_r unless `journal_length` is given; 0 is `lock_axial`."""
     journal_length: float | None = quantity("m", default=None, label="journal length")
     """L_j [m]."""
     axial_stiffness: float | None = quantity(
         "N/m^1.5", default=None, above=0.0, label="axial stiffness"
     )
-    """Hertz stiffness of the axial contacts [N/m^1.5]; None takes the radial one.
-
-    Eq. 13 has no meaning for a rim on a flat wall, and the paper uses one k for both.
-    """
+    """Hertz stiffness of the axial contacts [N/m^1.5]; None takes the radial one."""
     lock_tilt: bool = False
     """The axes stay parallel: one radial contact along the whole journal, axial ones on faces."""
     lock_axial: bool = False

@@ -541,7 +541,7 @@ def _what_errors_mean(cases: Sequence[Case], start: float) -> list[Html | str]:
 
 # What every reader of a report must know, from `assumptions.toml`, and which of it holds when.
 #
-# The same texts stand in docs/assumptions.md, written there by `python docs/site/assumptions.py`.
+# The site has the same texts as a page.
 
 
 @cache
@@ -617,5 +617,5 @@ def assumed(cases: Sequence[Case], start: float) -> Html:
 
 
 def page_section() -> str:
-    """The table that docs/assumptions.md has of them."""
+    """The table that the documentation's site has of them."""
     return Table.of_texts([("runs with", "assumed"), *all_assumptions()]).markdown() + "\n"
