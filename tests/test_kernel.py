@@ -202,15 +202,25 @@ except IndexError:
 """
 
 
+WITH_BOUNDS = ("conservation", "bristles", "oil")
+"""Physics that is tested once more with the bounds of arrays checked."""
+
+
 @pytest.mark.thorough  # compiles all, which takes a minute
 def test_no_array_of_the_kernels_is_left_where_bounds_are_checked(tmp_path):
     """Each is opened with the shape that `layout` declares; a wrong one is not left unnoticed."""
+    env = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}
+    env |= {"NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_BOUNDSCHECK": "1"}
     done = subprocess.run(
-        [sys.executable, "-c", BOUNDED],
-        env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_BOUNDSCHECK": "1"},
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
+        [sys.executable, "-c", BOUNDED], env=env, capture_output=True, text=True, check=False
+    )
     assert (done.returncode, done.stdout) == (0, "checked\n"), done.stderr
+    physics = [Path(__file__).parent / "physics" / f"test_{name}.py" for name in WITH_BOUNDS]
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-n", "0", *map(str, physics)],
+        env=env, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout
 
 
 @internal
