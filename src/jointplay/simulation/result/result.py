@@ -40,7 +40,7 @@ class Result:
         dataset: of a run.
 
     Attributes:
-        dataset: `xarray.Dataset` with named dimensions and units; docs/results.md lists them.
+        dataset: `xarray.Dataset` with named dimensions and units; docs/results.md explains them.
         audit: what the run says about its own quality.
         status: how it ended.
         message: the same in one line.
