@@ -158,7 +158,7 @@ def run_plan(
     if "://" in str(path):
         raise JointplayError(
             f"a sweep is written to a folder, got {str(path)!r}; copy the finished store to an "
-            "object store (docs/scale.md)"
+            "object store (docs/sweeps.md)"
         )
     number = number_of(jobs)
     first = probe(made, progress)
