@@ -1,6 +1,6 @@
 """The gallery of the documentation: runs every mechanism, draws it, and writes its numbers.
 
-Pictures and `numbers.csv` go to docs/gallery; the tables of its page are written from the numbers.
+Pictures and `numbers.csv` go to docs/gallery; the table of its page is written from the numbers.
 """
 
 from __future__ import annotations
@@ -94,18 +94,13 @@ def draw(name: str) -> None:
 
 
 def table(rows: list[dict[str, str]]) -> str:
-    lines = [("case", "tool error, largest / RMS [mm]", "largest joint force [N]", "contacts")]
+    head = ("case", "tool error, largest / RMS [mm]", "largest force [N]", "contacts")
+    lines = [("mechanism", *head)]
     for row in rows:
         force = row["force_peak_N"].replace("nan", "-")
         error = f"{row['tool_peak_mm']} / {row['tool_rms_mm']}"
-        lines.append((row["case"], error, force, row["contacts"]))
+        lines.append((row["mechanism"], row["case"], error, force, row["contacts"]))
     return Table.of_texts(lines).markdown()
-
-
-def fill(rows: list[dict[str, str]]) -> None:
-    """Write the tables into the page, each after its mark."""
-    for name in dict.fromkeys(row["mechanism"] for row in rows):
-        put(f"numbers: {name}", table([row for row in rows if row["mechanism"] == name]))
 
 
 def put(mark: str, table: str) -> None:
@@ -144,4 +139,4 @@ def main() -> None:
         writer = csv.DictWriter(file, FIELDS)
         writer.writeheader()
         writer.writerows(every)
-    fill(every)
+    put("numbers", table(every))
