@@ -373,7 +373,7 @@ def write_card(card, found, folder, quick):
     small.save(folder / f"{card.stem}.png", optimize=True)
     law = card.law
     at_work = work_section(card, found, quick)
-    more = "lubrication.md" if card.family == "film" else "theory.md"
+    more = "bearings.md" if card.family == "film" else "theory.md"
     page = f"""# {TITLES[card.family]}: `{card.name}`
 
 `jointplay.physics.contact.{law.__name__}`; [all laws](README.md), [laws.md](../laws.md),

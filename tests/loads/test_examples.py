@@ -1,4 +1,4 @@
-"""The examples of docs/loads.md do what they say."""
+"""The examples of docs/drives.md do what they say."""
 
 import re
 from pathlib import Path
@@ -7,11 +7,11 @@ import pytest
 
 import jointplay as jp
 
-TEXT = (Path(__file__).parents[2] / "docs" / "loads.md").read_text(encoding="utf-8")
+TEXT = (Path(__file__).parents[2] / "docs" / "drives.md").read_text(encoding="utf-8")
 
 
 def test_the_scenario_can_be_run():
-    (block,) = re.findall(r"```toml\n(.*?)```", TEXT, re.S)
+    (block,) = (one for one in re.findall(r"```toml\n(.*?)```", TEXT, re.S) if "[loads." in one)
     scenario = jp.Scenario(block, jp.shipped("scara.urdf").parent / "docs.toml")
     (case,) = scenario.cases
     simulation = scenario.simulation(case)

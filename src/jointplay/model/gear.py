@@ -1,6 +1,6 @@
 """Play, elasticity and losses in a drive: a motor, and the gear between it and its joint.
 
-docs/gears.md has the equations, what catalogues measure, and where numbers come from.
+docs/drives.md has the equations, what catalogues measure, and where numbers come from.
 """
 
 from __future__ import annotations

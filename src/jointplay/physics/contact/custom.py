@@ -35,7 +35,7 @@ _DEPTHS, _SPEEDS = (1e-7, 1e-5), (1e-3, 1.0, 3.0)
 
 @dataclass(frozen=True, kw_only=True)
 class FilmDescription(FunctionDescription):
-    """How files describe a user's film law; see docs/lubrication.md."""
+    """How files describe a user's film law; see docs/bearings.md."""
 
     viscosity: float = quantity("Pa*s", default=1.0)
     """Dynamic viscosity."""
