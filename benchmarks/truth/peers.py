@@ -1,8 +1,9 @@
 """Other engines side by side: MuJoCo, Exudyn, Siconos and Drake on the same mechanisms, in one run.
 
-Writes the numbers of docs/peers.md and its figures. Engines that are not installed are left out,
-and the page says so: pip install '.[peers]' for MuJoCo and Exudyn, pip install drake for Drake,
-apt-get install python3-siconos for Siconos.
+Writes docs/data/peers.json, from which the documentation's build makes the tables of docs/peers.md,
+and its figures. Engines that are not installed are left out, and the page says so: pip install
+'.[peers]' for MuJoCo and Exudyn, pip install drake for Drake, apt-get install python3-siconos for
+Siconos.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import importlib
+import json
 import os
 import platform
 import re
@@ -70,8 +72,6 @@ ACCURACIES = (1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
 
 WANTED = (1e-1, 1e-2, 1e-3)
 """Errors whose cost is compared [C_r]."""
-
-PAGE = DOCS / "peers.md"
 
 
 class Engines:
@@ -331,7 +331,7 @@ def machine() -> str:
 
 
 def compare(engines: Engines, quick: bool, images: Path) -> dict[str, object]:
-    """Run everything; numbers and tables for `page`."""
+    """Run everything; numbers and tables for `texts`."""
     images.mkdir(parents=True, exist_ok=True)
     out: dict[str, object] = {}
     mj, ex, si, dr = engines.mujoco, engines.exudyn, engines.siconos, engines.drake
@@ -558,8 +558,8 @@ def better(out: dict) -> list[str]:
     return lines
 
 
-def page(engines: Engines, out: dict) -> str:
-    """docs/peers.md: its prose, with the numbers of this run."""
+def texts(engines: Engines, out: dict) -> dict[str, str]:
+    """The numbers of this run in Markdown, by what they are."""
     here = ", ".join(f"{name} {text}" for name, text in versions().items())
     duration, stiffness, damping = out["limit"]
     written = {
@@ -604,13 +604,7 @@ def page(engines: Engines, out: dict) -> str:
             f"MuJoCo's limit has solref = (-{stiffness:.4g}, -{damping:.4g}): an impact of "
             f"{1e6 * duration:.1f} µs, the duration of jointplay's first, with that restitution."
         )
-    text = PAGE.read_text(encoding="utf-8")
-    for name, lines in written.items():
-        mark = f"<!-- {name}: written by python benchmarks peers -->\n\n"
-        before, after = text.split(mark)
-        rest = after[after.index("<!-- end -->") :]
-        text = before + mark + "\n".join(lines) + "\n\n" + rest
-    return text
+    return {name: "\n".join(lines) for name, lines in written.items()}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -624,7 +618,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(f"{name}: skipped ({reason})", file=sys.stderr)
     folder = folder_of(options, "peers", DOCS)
     out = compare(engines, options.quick, folder / "images" / "peers")
-    text = page(engines, out)
-    (folder / "peers.md").write_text(text, encoding="utf-8")
-    print(text)
+    written = texts(engines, out)
+    path = folder / "data" / "peers.json"
+    path.parent.mkdir(exist_ok=True)
+    data = json.dumps(written, indent=1, ensure_ascii=False)
+    path.write_text(data + "\n", encoding="utf-8")
+    print("\n\n".join(written.values()))
+    print(f"\nwritten: {path}")
     return 0

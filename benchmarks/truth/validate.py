@@ -1,105 +1,55 @@
 """Validation: compare runs with theory, with independent integrations and with the literature.
 
-Writes docs/validation.md, a figure and an error number per case. The short form of every case runs
-in the test suite, once as it is and once with a deliberate mistake, which must fail.
+Writes docs/data/validation.json, from which the documentation's build makes the tables of
+docs/validation.md, and a figure per case. The short form of every case runs in the test suite, once
+as it is and once with a deliberate mistake, which must fail.
 """
 
 from __future__ import annotations
 
+import json
+import re
 import sys
 import time
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from common import DOCS, command, folder_of
-from truth.validation import CASES, Case, Outcome, load
+from truth.validation import Case, Outcome, load
 
 from jointplay.base.progress import ProgressBar
 from jointplay.simulation.result.stored import versions
 
-HEADS = {
-    "theory": "Theory",
-    "impacts": "Impacts",
-    "oil": "Oil and wear",
-    "numerics": "Numerics",
-    "literature": "Literature",
-    "outside": "Other codes",
-    "reproducibility": "Reproducibility",
-}
+
+def record(case: Case, outcome: Outcome, seconds: float) -> dict[str, Any]:
+    """A case and what it found, for the file."""
+    texts = ("section", "name", "title", "origin", "compared", "measures", "wrong")
+    return {name: getattr(case, name) for name in texts} | {
+        "error": float(outcome.error),
+        "limit": float(outcome.limit),
+        "passed": bool(outcome.passed),
+        "seconds": round(seconds),
+        "table": [list(row) for row in outcome.table],
+        "notes": list(outcome.notes),
+        "figure": outcome.figure is not None,
+    }
 
 
-def page(found: dict[str, tuple[Case, Outcome, float]], images: str) -> str:
-    """The page in Markdown."""
-    failed = [name for name, (_, outcome, _) in found.items() if not outcome.passed]
-    seconds = sum(spent for _, _, spent in found.values())
-    machine = ", ".join(f"{name} {text}" for name, text in versions().items())
-    lines = [
-        "# Validation",
-        "",
-        "Written by `python benchmarks validate`; do not edit. "
-        f"{len(found) - len(failed)} of {len(found)} cases pass, in {seconds:.0f} s ({machine}).",
-        "",
-        "Each case states what is compared. Its error is one number; the case fails above the "
-        "limit. *Origin* is the source of the reference: theory, an independent integration in "
-        "the case itself, a publication, another engine, a commercial code, an experiment, or "
-        "the package itself with other settings. A short form of each case runs in the test "
-        "suite, and again with the deliberate mistake named under *fails with*, to show that the "
-        "check can fail.",
-        "",
-        "| case | origin | error | limit | |",
-        "| --- | --- | --- | --- | --- |",
-    ]
-    lines += [
-        f"| [{case.title}](#{_anchor(case.title)}) | {case.origin} "
-        f"| {outcome.error:.2g} | {outcome.limit:.2g} "
-        f"| {'passes' if outcome.passed else '**fails**'} |"
-        for case, outcome, _ in found.values()
-    ]
-    section = ""
-    for name, (case, outcome, spent) in found.items():
-        if case.section != section:
-            section = case.section
-            lines += ["", f"## {HEADS[section]}"]
-        verdict = "passes" if outcome.passed else "**fails**"
-        lines += [
-            "",
-            f"### {case.title}",
-            "",
-            case.compared,
-            "",
-            f"- **Error {outcome.error:.3g}**: {case.measures}. "
-            f"Limit {outcome.limit:.3g}: {verdict} ({spent:.0f} s).",
-            f"- Fails with: {case.wrong}.",
-        ]
-        if outcome.table:
-            header, *rows = outcome.table
-            rows = [header, ["---"] * len(header), *rows]
-            lines += ["", *(f"| {' | '.join(row)} |" for row in rows)]
-        lines += [text for note in outcome.notes for text in ("", note)]
-        if outcome.figure is not None:
-            lines += ["", f"![{case.title}]({images}/{name}.png)"]
-    if len(found) == len(CASES):
-        lines += [
-            "",
-            "## What could not be compared",
-            "",
-            "The following were considered, but could not be compared:",
-            "",
-            *(f"- {paper['name']}: {paper['found']}." for paper in absent()),
-        ]
-    return "\n".join(lines) + "\n"
+def write(path: Path, records: Sequence[dict[str, Any]]) -> None:
+    data = {"machine": versions(), "cases": records, "not_compared": absent()}
+    text = json.dumps(data, indent=1, ensure_ascii=False)
+    # A row of a table is a line.
+    row = re.compile(r'\[\s+("(?:[^"\\]|\\.)*"(?:,\s+"(?:[^"\\]|\\.)*")*)\s+\]')
+    text = row.sub(lambda m: "[" + re.sub(r"\n\s+", " ", m[1]) + "]", text)
+    path.write_text(text + "\n", encoding="utf-8")
 
 
 def absent() -> list[dict[str, str]]:
     """Publications that were not accessible."""
     path = Path(__file__).parent / "validation" / "data" / "not_accessible.toml"
     return tomllib.loads(path.read_text(encoding="utf-8"))["paper"]
-
-
-def _anchor(title: str) -> str:
-    kept = "".join(c for c in title.lower() if c.isalnum() or c in " -_")
-    return kept.replace(" ", "-")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -111,23 +61,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     args = parser.parse_args(arguments)
     if args.only and not args.quick and args.out in (None, DOCS):
-        parser.error("--only needs --out: docs/validation.md is whole or not at all")
+        parser.error("--only needs --out: docs/data/validation.json has all cases")
     out = folder_of(args, "validate", DOCS)
     images = out / "images" / "validation"
     images.mkdir(parents=True, exist_ok=True)
-    found = {}
+    records = []
     chosen = [c for name, c in cases.items() if not args.only or name in args.only]
     bar = ProgressBar(chosen, unit="cases")
     for case in bar:
         bar.postfix = case.name
         started = time.perf_counter()
         outcome = case.run(args.quick, False)
-        found[case.name] = case, outcome, time.perf_counter() - started
+        records.append(record(case, outcome, time.perf_counter() - started))
         if outcome.figure is not None:
             outcome.figure.savefig(images / f"{case.name}.png", dpi=110)
-    (out / "validation.md").write_text(page(found, "images/validation"), encoding="utf-8")
-    print(f"written: {out / 'validation.md'}")
-    failed = [name for name, (_, outcome, _) in found.items() if not outcome.passed]
+    path = out / "data" / "validation.json"
+    path.parent.mkdir(exist_ok=True)
+    write(path, records)
+    print(f"written: {path}")
+    failed = [one["name"] for one in records if not one["passed"]]
     if failed:
         print(f"failed: {', '.join(failed)}", file=sys.stderr)
     return 1 if failed else 0

@@ -62,11 +62,28 @@ def assumptions():
     write("reference/assumptions.md", head + page_section())
 
 
+def script(name):
+    return runpy.run_path(str(Path(__file__).with_name(f"{name}.py")))
+
+
 def pages():
     """Pages that scripts beside this one make."""
     for name in ("references", "keys", "variables"):
-        script = runpy.run_path(str(Path(__file__).with_name(f"{name}.py")))
-        write(f"reference/{name}.md", script["page"]())
+        write(f"reference/{name}.md", script(name)["page"]())
+
+
+def law_cards():
+    for name, content in script("law_cards")["Cards"]().files():
+        with mkdocs_gen_files.open(f"law_cards/{name}", "wb") as file:
+            file.write(content if isinstance(content, bytes) else content.encode())
+
+
+def measured():
+    """Pages whose tables come from what a benchmark wrote."""
+    tables = script("tables")
+    write("validation.md", tables["filled"]("validation.md", tables["validation"]()))
+    write("peers.md", tables["filled"]("peers.md", tables["peers"]()))
+    write("reference/peers.md", tables["peers_numbers"]())
 
 
 def first_line(thing):
@@ -115,4 +132,6 @@ command_line()
 law_tables()
 assumptions()
 pages()
+law_cards()
+measured()
 api()

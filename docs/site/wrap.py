@@ -1,7 +1,7 @@
 """Prose of the documentation in lines of at most 100 columns: `python docs/site/wrap.py` wraps it.
 
-Code, formulas, tables, HTML and links that are longer stay as they are; so do law cards and the
-paper's study, which programs write.
+Code, formulas, tables, HTML and links that are longer stay as they are; so does the paper's study,
+which a program writes.
 """
 
 import re
@@ -22,7 +22,7 @@ _KEPT = re.compile(r"^\s*(\||#|<|!\[|\[[^\]]+\]:|>|\$\$)|^ {4,}\S|^---$")
 def pages():
     """All pages whose prose is wrapped."""
     every = (ROOT / "docs").rglob("*.md")
-    found = [one for one in every if one.parent.name != "law_cards" and one.name not in WRITTEN]
+    found = [one for one in every if one.name not in WRITTEN]
     return [
         *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md")),
         *sorted(found),
