@@ -381,6 +381,28 @@ def test_the_page_fits(browser, address, width, scheme):
         assert (back < ink) == (scheme == "dark")
 
 
+NEVER_ANSWERED = """() => {
+    const root = document.createElement("div"), text = id => document.getElementById(id).textContent;
+    document.body.prepend(root);
+    const nobody = {linked: false, ask: () => () => {}, scenario: () => new Promise(() => {})};
+    jointplayLive(MeshCat).mount(root, JSON.parse(text("contents")), text("block"), nobody);
+    const cards = [...root.querySelectorAll(".results > .card")].filter(one => one.clientHeight);
+    const seen = cards.map(one => [one.querySelector(".will").innerText,
+        one.querySelector("progress").getBoundingClientRect().width]);
+    root.remove();
+    return seen;
+}"""
+
+
+def test_what_is_not_computed_yet_says_what_it_will_be(tab):
+    seen = tab.evaluate(NEVER_ANSWERED)
+    assert len(seen) == 7
+    for words, progress in seen:
+        assert len(words) > 20
+        assert progress > 50
+    assert tab.locator(".coming").count() == 0  # once all is answered
+
+
 def test_the_picture_moves(tab):
     tab.evaluate("() => window.jointplay.seek(0)")
     places = "() => window.jointplay.view.shown.bodies.map(body => [...body.node.matrix.elements])"

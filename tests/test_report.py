@@ -111,7 +111,7 @@ def test_a_glance_shows_errors_and_marks_uncertain_figures(folder, tmp_path, err
     result.certificate = Certificate((figure,), ("a further run",))
     reports.report({"0.2 mm": result}, tmp_path / "a.html", impacts=0, pdf=False)
     text = (tmp_path / "a.html").read_text(encoding="utf-8")
-    seen = text[text.index('id="glance"') : text.index("<h2>Parameters")]
+    seen = text[text.index('id="glance"') : text.index("<h2>Further figures")]
     assert f"± {error:.0f}" in seen
     assert (">uncertain</strong>" in seen) == marked
     assert ("compare designs" in seen) == marked
@@ -129,7 +129,7 @@ def test_title_and_cases_are_those_of_the_scenario(tmp_path):
     assert done.returncode == 0, done.stderr
     text = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert "<h1>Mine: " in text
-    glance = text[text.index('id="glance"') : text.index("<h2>Parameters")]
+    glance = text[text.index('id="glance"') : text.index("<h2>Further figures")]
     names = ["ideal", "0.05 mm", "0.1 mm", "0.2 mm", "0.5 mm"]
     places = [glance.index(f">{name}</span>") for name in names]
     assert places == sorted(places)
@@ -154,16 +154,66 @@ ZOOMED = """() => {
 }"""
 
 
+UNFOLD = "() => document.querySelectorAll('details').forEach(one => { one.open = true; })"
+WHOLE = "() => Boolean(window.jointplayReport?.whole)"
+
+
 @pytest.fixture
 def open_report(open_page):
-    """Opens a report in a browser once all its charts are drawn."""
+    """Opens a report in a browser, unfolds all of it, and waits until its charts are drawn."""
 
-    def opened(page, width, scheme="light"):
+    def opened(page, width, scheme="light", folded=False):
         tab = open_page(page.as_uri(), (width, 900), color_scheme=scheme)
-        until(tab, "() => Boolean(window.jointplayReport?.whole)")
+        if not folded:
+            until(tab, WHOLE)
+            tab.evaluate(UNFOLD)
+            tab.evaluate(DRAWN)
+        until(tab, WHOLE)
         return tab
 
     return opened
+
+
+TURNING = [f"{name}_joint" for name in (
+    "shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3"
+)]  # fmt: skip
+FIRST = """() => ({
+    high: document.documentElement.scrollHeight, wide: document.documentElement.scrollWidth,
+    shown: [...document.querySelectorAll(".chart")].filter(one => one.clientWidth).map(one => one.id),
+    drawn: [...document.querySelectorAll(".chart")].filter(one => one.querySelector("path")).length,
+    folded: [...document.querySelectorAll("details.part > summary")].map(one => one.innerText),
+})"""  # noqa: E501
+
+
+@pytest.mark.parametrize("number", [1, 6])
+def test_answer_picture_and_three_charts_come_first_the_rest_is_folded(
+    number, tmp_path, open_report
+):
+    bearing = jp.RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4)
+    arm = jp.Mechanism("ur5", dict.fromkeys(TURNING[:number], bearing))
+    result = jp.simulate(arm, duration=0.02, drive=jp.loads.Free())
+    reports.report({"result": result}, tmp_path / "a.html", impacts=0, pdf=False)
+    charts = ["chart-first_error", "chart-first_orbit", "chart-first_force"]
+    for width, most in ((1280, 5000), (400, 5000)):
+        tab = open_report(tmp_path / "a.html", width, folded=True)
+        seen = tab.evaluate(FIRST)
+        assert seen["high"] <= most
+        assert seen["wide"] <= width
+        assert seen["shown"] == charts
+        assert seen["drawn"] == 3
+        text = tab.inner_text("#at-a-glance")
+        assert f"in {', '.join(TURNING[:number])} puts the tool" in text
+        assert tab.locator("#at-a-glance img").count() == 1
+        names = ["Further figures", "Parameters", "Assumptions", "Audit", "Motion of the tool"]
+        names += ["Accuracy", "Journal", "Forces", "Impacts", "Spectrum"]
+        for name, title in zip(names, seen["folded"], strict=True):
+            assert title.startswith(name)
+            assert len(title) > len(name) + 15  # and says what is inside
+        # A link to a section opens it, and its charts are drawn.
+        tab.locator("nav a", has_text="Forces").click()
+        until(tab, "() => document.querySelector('#chart-force_z path')")
+        if number > 3:
+            assert "The other 3 joints" in tab.inner_text("#forces")
 
 
 def test_page_works_in_a_browser_without_a_network(page, open_report):
@@ -367,7 +417,9 @@ IN_PRINT = """() => {
 def test_a_print_has_whole_words_whole_tables_and_all_charts(page, open_page, tmp_path):
     tab = open_page(page.as_uri(), (1100, 900))
     until(tab, "() => Boolean(window.jointplayReport?.ready)")
-    tab.pdf(path=tmp_path / "at_once.pdf")  # draws what was not yet on the screen
+    tab.pdf(path=tmp_path / "at_once.pdf")  # unfolds all, and draws what was not yet on the screen
+    folded = "() => [...document.querySelectorAll('details')].every(one => !one.open)"
+    until(tab, folded)
     tab.emulate_media(media="print")
     tab.set_viewport_size({"width": 703, "height": 1000})  # A4 between its margins
     seen = tab.evaluate(IN_PRINT)

@@ -9,6 +9,7 @@ from sweep_scenario import SCENARIO
 
 import jointplay as jp
 from jointplay.cli import main
+from jointplay.show.reports.sweep import write as sweep_report
 
 AXES = """
 clearance = { key = "joints.joint_b.radial_clearance", values = [0, "0.2 mm", "1 nm"] }
@@ -46,6 +47,25 @@ def test_the_page_has_table_lines_maps_and_failed_cases(grid, tmp_path):
     assert f"{found:.4g}\u00a0±\u00a00" in source  # the ideal joint's: all runs the same
     assert source.count("data:image/svg+xml") >= 5
     assert (tmp_path / "p.pdf").read_bytes()[:5] == b"%PDF-"
+
+
+def test_a_sweep_is_answered_on_the_first_screens(tmp_path, open_page):
+    axes = """
+    clearance = { key = "joints.joint_b.radial_clearance", from = "0.1 mm", to = "0.2 mm", number = 12 }
+    friction = { key = "joints.joint_b.friction.mu_d", values = [0.0, 0.1] }
+    """  # noqa: E501
+    page = tmp_path / "p.html"
+    sweep_report(swept(tmp_path, axes, ""), page, pdf=False)
+    tab = open_page(page.as_uri(), (1280, 900))
+    assert tab.evaluate("document.documentElement.scrollHeight") <= 5000
+    assert re.search(r"peak force: \S+ N \(at clearance \S+ mm.*\) to ", tab.inner_text("main"))
+    rows = tab.locator("#cases tbody tr")
+    assert [rows.nth(k).is_visible() for k in range(24)] == [True] * 20 + [False] * 4
+    seen = [one.is_visible() for one in tab.locator("main img").all()]
+    assert sum(seen) == 2
+    assert len(seen) > 6
+    tab.emulate_media(media="print")
+    assert all(one.is_visible() for one in tab.locator("main img").all())
 
 
 def test_the_page_of_samples_has_their_distributions(tmp_path):

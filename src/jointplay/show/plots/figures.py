@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -169,11 +169,16 @@ def force_joints(result: Result, cases: Cases) -> list[str]:
     return [name for name in joints_of(cases) if name in moving] or moving[:1]
 
 
-def orbit_panels(cases: Cases) -> list[tuple[Panel, Panel | None]]:
-    """The path of each journal's middle, joint by joint; and that of the nearer rim, if any."""
+def orbit_panels(
+    cases: Cases, joints: Sequence[str] | None = None
+) -> list[tuple[Panel, Panel | None]]:
+    """The path of each journal's middle, joint by joint; and that of the nearer rim, if any.
+
+    `joints`: of these alone.
+    """
     dot: dict[str, Any] = {"line": "", "marker": "o", "size": 5.0, "frame": True, "order": 4.0}
     red, found = Curve([0.0], [0.0], colour=COLOURS[0], **dot), []
-    for joint in joints_of(cases):
+    for joint in joints_of(cases) if joints is None else joints:
         for label, result, colour in coloured(cases):
             if joint not in result.joints:
                 continue

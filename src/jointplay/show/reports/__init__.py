@@ -18,7 +18,7 @@ from jointplay.show.plots.names import load as load
 from jointplay.show.plots.names import robot_of, title_of
 from jointplay.show.reports import html, sections
 from jointplay.show.reports.cases import Case, Say, build, dark, follow_impacts, settled
-from jointplay.show.reports.charts import MAX_RECORDS, Chart, Pack, all_charts
+from jointplay.show.reports.charts import FIRST, MAX_RECORDS, Chart, Pack, all_charts
 from jointplay.show.reports.html import Html, joined, markup, note, targets
 from jointplay.show.reports.inputs import parameters
 from jointplay.simulation.result.result import Result
@@ -111,15 +111,19 @@ def page(cases: Sequence[Case], title: str, claims: Path | None) -> str:
     met = sections.impacts(cases, start) + chart("impacts") + sections.singles(cases)
     motion = [f"tool_{what}" for what in ("displacement", "velocity")]
     motion = [*(name + less for name in motion for less in ("", "_error")), "tool_path"]
+    first = chart(*FIRST) or chart("tool_displacement")
+    drawn_first = {name for name in FIRST if name in by_name} or {"tool_displacement"}
+    motion = [name for name in motion if name not in drawn_first]
     parts = {
-        "At a glance": sections.glance(cases, start),
+        "At a glance": sections.glance(cases, start) + first,
+        "Further figures": sections.further(cases, start),
         "Parameters": parameters(cases),
         "Assumptions": sections.assumed(cases, start),
         "Audit": sections.audits(cases) + sections.certificates(cases),
         "Motion of the tool": markup('<p class="screen">{}</p>', hint) + chart(*motion),
         "Accuracy": sections.accuracies(cases, start),
         sections.ring_or_journal(cases): journals + sections.bearings(cases, start),
-        "Forces": chart("force_x", "force_y", "force_z"),
+        "Forces": sections.loads(cases, start) + chart("force_x", "force_y", "force_z"),
         "Impacts": met + chart("contacts", "gaps"),
         "Spectrum": chart("spectrum") + sections.spectra(cases, start),
     }
@@ -136,7 +140,8 @@ def page(cases: Sequence[Case], title: str, claims: Path | None) -> str:
         "scripts": [as_script("\n".join((static("page.js"), static("chart.js"), script)))],
         "judged": f"{start:g}" if start else "",
     }
-    return html.page(title, joined(names, Html(" &ensp; ")), versions(), parts, **charts)
+    inside = {name: html.inside(name) for name in [*parts][1:]}
+    return html.page(title, joined(names, Html(" &ensp; ")), versions(), parts, inside, **charts)
 
 
 def _place(chart: Chart) -> Html:

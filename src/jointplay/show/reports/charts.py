@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import gzip
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -37,6 +37,7 @@ class Pack:
     def __init__(self) -> None:
         self.chunks: list[bytes] = []
         self.layout: list[tuple[str, int]] = []
+        self._known: dict[bytes, int] = {}
 
     def add(self, values: np.ndarray, bits: int = EXACT) -> int:
         """Store a one-dimensional array, unsigned integers as uint32, others as float32.
@@ -51,9 +52,13 @@ class Pack:
             rounded = (pattern + np.uint32(1 << (spare - 1))) & ~np.uint32((1 << spare) - 1)
             pattern = np.where(np.isfinite(packed), rounded, pattern).astype("<u4")
         steps = np.diff(pattern, prepend=np.zeros(1, "<u4"))
-        self.chunks.append(steps.view(np.uint8).reshape(-1, 4).T.tobytes())
-        self.layout.append(("u" if whole else "f", len(values)))
-        return len(self.layout) - 1
+        content = steps.view(np.uint8).reshape(-1, 4).T.tobytes()
+        kind = "u" if whole else "f"
+        number = self._known.setdefault(kind.encode() + content, len(self.layout))
+        if number == len(self.layout):  # the same series may be in several charts
+            self.chunks.append(content)
+            self.layout.append((kind, len(values)))
+        return number
 
     def block(self) -> str:
         return base64.b64encode(gzip.compress(b"".join(self.chunks), 6, mtime=0)).decode()
@@ -109,7 +114,6 @@ class Drawing:
 
     def __init__(self, pack: Pack, times: Sequence[Times]) -> None:
         self._pack, self._times = pack, times
-        self._packed: dict[bytes, int] = {}
 
     def chart(self, name: str, title: str, panels: Sequence[Panel], *, same: bool = False) -> Chart:
         """A chart: panels over time or frequency below each other, others side by side.
@@ -152,11 +156,7 @@ class Drawing:
         return {**found, **({"x": self._pack.add(x[kept], bits)} if curve else {}), **look}
 
     def _time(self, owner: Times, kept: np.ndarray) -> int:
-        steps = owner.steps(owner.time[kept])
-        key = steps.tobytes()
-        if key not in self._packed:
-            self._packed[key] = self._pack.add(steps)
-        return self._packed[key]
+        return self._pack.add(owner.steps(owner.time[kept]))
 
 
 def _is_drawn(mark: Any) -> bool:
@@ -169,7 +169,7 @@ def _axis(axis: Axis) -> dict[str, Any]:
 
 
 def all_charts(cases: Sequence[Case], pack: Pack, start: float) -> list[Chart]:
-    """All charts of a report; their series go into `pack`."""
+    """All charts of a report, the `FIRST` ones first; their series go into `pack`."""
     results = {case.label: case.detailed() for case in cases}
     recorded = {case.label: case.result for case in cases}
     ideals = {
@@ -185,7 +185,7 @@ def all_charts(cases: Sequence[Case], pack: Pack, start: float) -> list[Chart]:
     draw = Drawing(pack, times).chart
     paper = figures.is_paper(recorded)
     rolls = {analysis.rolls(case.result, joint) for case in cases for joint in case.joints}
-    charts = []
+    charts = _first(cases, results, start, draw)
     axes = figures.moving_axes(results)
     along = f" (along {' and '.join(axes)}, the others are at rest)" if len(axes) < 3 else ""
     for of, name, word in (
@@ -241,6 +241,68 @@ def all_charts(cases: Sequence[Case], pack: Pack, start: float) -> list[Chart]:
             title = chart["title"]
             chart["title"] = f"Figure {int(number[3:])}: {title[0].lower()}{title[1:]}"
     return [chart for chart in charts if chart["panels"]]
+
+
+FIRST = ("first_error", "first_orbit", "first_force")
+"""Charts that stand beside the answer, however many joints and cases there are."""
+
+_MOST_ORBITS = 3
+
+
+def _first(
+    cases: Sequence[Case], results: Mapping[str, Result], start: float, draw: Callable[..., Chart]
+) -> list[Chart]:
+    """The tool's error, and orbit and force of the joint that carries most."""
+    charts, colours = [], {case.label: case.colour for case in cases}
+    errors = [
+        results[case.label]
+        .plot.panel("deviation", "total", case.ideal)
+        .styled(colour=case.colour, name=case.label)
+        for case in cases
+        if case.error is not None
+    ]
+    if errors:
+        over = figures.overlaid(errors).renamed("tool error")
+        charts.append(draw("first_error", "Tool error: distance from the ideal mechanism", [over]))
+    loaded = [one for case in cases if (one := strongest(case, start)) is not None]
+    if not loaded:
+        return charts
+    worst, _ = max(loaded, key=lambda one: one[1])
+    ring = any(analysis.rolls(case.result, worst) for case in cases if worst in case.joints)
+    forces = {
+        case.label: joint_forces(case, start)[worst] for case in cases if worst in case.joints
+    }
+    having = list(forces)
+    orbits = [panel for panel, _ in figures.orbit_panels(results, [worst])]
+    most = sorted(having, key=forces.__getitem__)[-_MOST_ORBITS:]
+    shown = [panel for label, panel in zip(having, orbits, strict=True) if label in most]
+    several = len({joint for case in cases for joint in case.joints}) > 1
+    carries = ", which carries most" if several else ""
+    what = "Inner ring's centre in" if ring else "Journal's centre in"
+    charts.append(draw("first_orbit", f"{what} {worst}{carries}, with its clearance", shown))
+    panels = [
+        results[one]
+        .plot.panel("forces", "total", worst)
+        .styled(colour=colours[one], width=0.8, name=one)
+        for one in having
+    ]
+    over = figures.overlaid(panels).renamed("contact force")
+    charts.append(draw("first_force", f"Contact force in {worst}{carries}", [over]))
+    return charts
+
+
+def strongest(case: Case, start: float) -> tuple[str, float] | None:
+    """The joint with clearance that carries most from `start` on, and its largest force [N]."""
+    return max(joint_forces(case, start).items(), key=lambda one: one[1], default=None)
+
+
+def joint_forces(case: Case, start: float) -> dict[str, float]:
+    """The largest force in each joint with clearance from `start` on [N]."""
+    if not case.joints:
+        return {}
+    forces = case.result["joint_force_peak"].values[case.result.time >= start]
+    largest = np.linalg.norm(forces, axis=2).max(axis=0, initial=0.0)
+    return dict(zip(case.joints, map(float, largest), strict=True))
 
 
 def _curves(panel: Panel) -> list[Curve]:

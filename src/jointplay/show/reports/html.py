@@ -20,10 +20,12 @@ from markupsafe import escape
 
 from jointplay.base.errors import JointplayError
 from jointplay.base.files import check_new
-from jointplay.base.tables import Column, Table
+from jointplay.base.tables import Column, Head, Table
 from jointplay.show.player.pages import as_script, policy, static
 
 _MINUS = "\N{MINUS SIGN}"
+
+WORST = 3  # rows of long tables, and points of long lists, that are not folded
 
 Cell = str | float | int | None
 
@@ -50,8 +52,24 @@ def render(template: str, **values: object) -> Html:
     return Html(_templates().get_template(template).render(**values))
 
 
-def page(title: str, cases: object, made: Mapping[str, str], sections: object, **more: Any) -> Html:
-    """A report; `more` is what interactive charts need: their series, layout and scripts."""
+def page(
+    title: str,
+    cases: object,
+    made: Mapping[str, str],
+    sections: object,
+    inside: Mapping[str, str],
+    **more: Any,
+) -> Html:
+    """A report.
+
+    Args:
+        title: of the page.
+        cases: the line below it.
+        made: versions by program.
+        sections: their contents by name.
+        inside: what is in those that are folded.
+        more: what interactive charts need: their series, layout and scripts.
+    """
     look = (files("jointplay.show.reports") / "page" / "report.css").read_text(encoding="utf-8")
     scripts = more.get("scripts", [])
     return render(
@@ -62,6 +80,7 @@ def page(title: str, cases: object, made: Mapping[str, str], sections: object, *
         cases=cases,
         made=", ".join(f"{name} {version}" for name, version in made.items()),
         sections=sections,
+        inside=inside,
         **{"block": "", "data": "", "judged": "", "scripts": scripts} | more,
     )
 
@@ -80,7 +99,7 @@ def markup(pattern: str, *values: object) -> Html:
 
 
 @cache
-def _notes() -> dict[str, str]:
+def _notes() -> dict[str, Any]:
     return tomllib.loads(
         (files("jointplay.show.reports") / "page" / "notes.toml").read_text("utf-8")
     )
@@ -89,6 +108,12 @@ def _notes() -> dict[str, str]:
 def note(name: str, *values: object) -> Html:
     """What the page says of something, from ``notes.toml``, with these values."""
     return markup(_notes()[name], *values)
+
+
+def inside(section: str) -> str:
+    """What is in a section, for its title while it is folded; from ``notes.toml``."""
+    words: Any = _notes()["inside"]
+    return str(words[section])
 
 
 def joined(parts: Iterable[Html], between: str = "") -> Html:
@@ -186,3 +211,27 @@ def bullets(items: Sequence[str]) -> Html:
 def details(summary: str, content: str) -> Html:
     """Something to unfold."""
     return markup("<details><summary>{}</summary>{}</details>", summary, content)
+
+
+def worst_first(
+    heads: Sequence[Head], rows: Sequence[Sequence[Cell]], key: int, what: str, name: str = ""
+) -> Html:
+    """A table of the `WORST` rows with the largest number in column `key`, the others folded."""
+
+    def size(row: Sequence[Cell]) -> float:
+        value = row[key]
+        return float(value) if isinstance(value, int | float) else -math.inf
+
+    ranked = sorted(rows, key=size, reverse=True)
+    if len(rows) <= WORST + 1:
+        return table(Table.of(heads, rows), name=name, left=1)
+    others = table(Table.of(heads, ranked[WORST:]), left=1)
+    first = table(Table.of(heads, ranked[:WORST]), name=name, left=1)
+    return first + details(f"The other {len(rows) - WORST} {what}", others)
+
+
+def folded(items: Sequence[str], what: str) -> Html:
+    """A list of points, of which those after the first `WORST` are folded."""
+    left = items[WORST:]
+    more = details(f"The other {len(left)} {what}", bullets(left)) if left else Html("")
+    return bullets(items[:WORST]) + more

@@ -26,20 +26,24 @@ from jointplay.physics.joints import JOINT_KINDS
 from jointplay.show.plots.figures import is_paper
 from jointplay.show.plots.names import MODE_MEANINGS, MODE_TERMS, MODES, robot_of
 from jointplay.show.reports.cases import Case, dark, place_of, since
+from jointplay.show.reports.charts import joint_forces, strongest
 from jointplay.show.reports.html import (
     Cell,
     Html,
     Quantity,
     bullets,
     by_case,
+    folded,
     joined,
     markup,
     note,
     paragraph,
     table,
+    worst_first,
 )
 from jointplay.simulation import analysis
 from jointplay.simulation.analysis.claims import measure
+from jointplay.simulation.analysis.headline import headline
 from jointplay.simulation.result.certificate import MARKED, CertifiedFigure
 from jointplay.simulation.result.result import AXES
 from jointplay.simulation.result.settings import START_UP
@@ -183,7 +187,20 @@ def impacts(cases: Sequence[Case], start: float) -> Html:
     ]
     intervals = {1e3 * float(np.median(np.diff(case.result.time))) for case in cases if case.joints}
     spacing = ", ".join(f"{value:g}" for value in sorted(intervals))
-    return table(Table.of(heads, rows)) + paragraph(note("impacts", spacing))
+    made = worst_first(heads, rows, len(heads) - 1, "places")
+    return made + paragraph(note("impacts", spacing))
+
+
+def loads(cases: Sequence[Case], start: float) -> Html:
+    """The largest force in each joint with clearance; nothing for one joint: a glance has it."""
+    rows: list[list[Cell]] = [
+        [dark(case), joint, force]
+        for case in cases
+        if len(case.joints) > 1
+        for joint, force in joint_forces(case, start).items()
+    ]
+    heads = (("case", ""), ("joint", ""), ("largest force", "N"))
+    return worst_first(heads, rows, 2, "joints") if rows else Html("")
 
 
 def bearings(cases: Sequence[Case], start: float) -> Html:
@@ -218,7 +235,8 @@ def bearings(cases: Sequence[Case], start: float) -> Html:
         *(("turned", "rev"), ("life L10", "")),
         *(("friction torque, mean", "N*m"), ("friction power, mean", "W", True)),
     )
-    return joined([heading, table(Table.of(heads, rows), name="bearings"), paragraph(words)])
+    made = worst_first(heads, rows, 2, "bearings", name="bearings")
+    return joined([heading, made, paragraph(words)])
 
 
 def _percentile(values: np.ndarray, percent: float) -> float | None:
@@ -256,13 +274,16 @@ def singles(cases: Sequence[Case]) -> Html:
 def audits(cases: Sequence[Case]) -> Html:
     """Audits of the runs."""
     given = [_judged(case) for case in cases]
-    warnings = [
+    made = by_case("of the run", [*map(dark, cases)], given, name="audit-table")
+    return made + (bullets(_warnings(cases)) or paragraph("No run has warnings."))
+
+
+def _warnings(cases: Sequence[Case]) -> list[Html]:
+    return [
         markup('{} <strong class="warn">Warning:</strong> {}.', dark(case), warning)
         for case in cases
         for warning in case.result.audit.warnings
     ]
-    made = by_case("of the run", [*map(dark, cases)], given, name="audit-table")
-    return made + (bullets(warnings) or paragraph("No run has warnings."))
 
 
 def _judged(case: Case) -> dict[str, Quantity]:
@@ -414,10 +435,44 @@ def spectra(cases: Sequence[Case], start: float) -> Html:
 def glance(cases: Sequence[Case], start: float) -> Html:
     """The figures that matter most, a column for each case, with their numerical errors."""
     found = [_glanced(case, start) for case in cases]
+    caption = f"Figures from {start:g} s on" if start else ""
+    few = [{name: one[name] for name in _GLANCE if name in one} for one in found]
+    made = by_case("", [*map(dark, cases)], few, caption=caption, name="glance")
+    return joined(
+        [
+            folded(_answers(cases), "cases"),
+            markup('<div class="first">{}{}</div>', made, _robot(cases)),
+            folded(_warnings(cases), "warnings"),
+            bullets(_what_errors_mean(cases, start)),
+        ]
+    )
+
+
+_GLANCE = (
+    *("ended", "tool error, peak", "tool error, RMS", "turn of the tool, peak"),
+    *("tool error at stops, largest", "force at the joint, peak", "impacts", "warnings"),
+)
+"""What is told at a glance; the other figures are one fold away."""
+
+
+def further(cases: Sequence[Case], start: float) -> Html:
+    """What `glance` leaves out."""
+    found = [_glanced(case, start) for case in cases]
+    more = [{name: one[name] for name in one if name not in _GLANCE} for one in found]
     caption = f"Figures from {start:g} s on, the penetration's of the whole run" if start else ""
-    made = by_case("", [*map(dark, cases)], found, caption=caption, name="glance")
-    beside = markup('<div class="first">{}{}</div>', made, _robot(cases))
-    return beside + bullets(_what_errors_mean(cases, start))
+    return by_case("", [*map(dark, cases)], more, caption=caption)
+
+
+def _answers(cases: Sequence[Case]) -> list[Html]:
+    """What `jointplay run` says first of each case, the largest tool errors first."""
+    said: list[tuple[float, Html]] = []
+    for case in cases:
+        if case.error is not None and analysis.has_play(case.result):
+            largest = float(np.linalg.norm(case.error.values, axis=1).max())
+            words = headline(case.result, case.ideal)[0]
+            name = markup("{}: ", dark(case)) if len(cases) > 1 else ""
+            said.append((largest, markup("{}{}.", name, words)))
+    return [words for _, words in sorted(said, key=lambda one: -one[0])]
 
 
 def _robot(cases: Sequence[Case]) -> Html:
@@ -458,7 +513,7 @@ def _glanced(case: Case, start: float) -> dict[str, Quantity]:
     """The figures of a case by name; None where one does not apply."""
     audit = case.result.audit
     rms = peak = turn = turned = at_stops = number = force = penetration = None
-    strongest = ""
+    where = ""
     if case.error is not None and float(case.error["time"][-1]) >= start:
         accuracy = analysis.error_statistics(case.error, start)
         rms, peak = accuracy.rms[3], accuracy.peak[3]
@@ -468,10 +523,8 @@ def _glanced(case: Case, start: float) -> dict[str, Quantity]:
     if case.turn is not None and float(case.turn["time"][-1]) >= start:
         rotation = analysis.error_statistics(case.turn, start)
         turned, turn = rotation.rms[3], rotation.peak[3]
-    if case.joints:
-        late = case.result.time >= start
-        peaks = np.linalg.norm(case.result["joint_force_peak"].values[late], axis=2).max(axis=0)
-        force, strongest = float(peaks.max()), case.joints[int(peaks.argmax())]
+    if (most := strongest(case, start)) is not None:
+        where, force = most
         penetration = audit.largest_penetration
         number = audit.impacts if audit.judged_impacts is None else audit.judged_impacts
     noise: dict[str, Quantity] = {}
@@ -481,7 +534,7 @@ def _glanced(case: Case, start: float) -> dict[str, Quantity]:
             noise["energy lost per impact"] = found.energy, "J", True
             for band in found.bands:
                 noise[f"tool acceleration, {band.range}, RMS"] = band.rms, "m/s^2"
-    at = f", {strongest}" if len(case.joints) > 1 else ""
+    at = f", {where}" if len(case.joints) > 1 else ""
 
     def known(value: float | None, name: str) -> Cell:
         return _glance_cell(case, start, value, name)

@@ -6,7 +6,8 @@ import base64
 import io
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,7 @@ from jointplay.study.sweep_table import (
     uncertainty,
 )
 
+ROWS, MOST_FIRST = 20, 2  # points of the grid, and figures, that are not folded
 MOST_ROWS = 400  # points of the grid, and failed cases, that the tables show
 
 PRECISION = 0.05  # relative half width of a confidence interval that the page calls enough
@@ -74,19 +76,52 @@ def page(
     dataset: xr.Dataset, title: str, lines: list[Drawn], maps: list[Drawn], samples: list[Drawn]
 ) -> str:
     """The page's source."""
-    sections = {"At a glance": _glance(dataset), "Cases": _cases(dataset)}
     note = "Means; the bands are 95 % confidence intervals of the mean over the runs of a point."
-    if lines:
-        sections["Lines"] = paragraph(note) + joined(map(_picture, lines))
+    drawn = [*lines, *samples][:MOST_FIRST]
+    first = joined(map(_picture, drawn)) + (paragraph(note) if lines else Html(""))
+    sections = {
+        "At a glance": _answers(dataset) + _glance(dataset) + first,
+        "Cases": _cases(dataset),
+    }
+    if left := lines[len(drawn) :]:
+        sections["Lines"] = joined(map(_picture, left)) + paragraph(note)
     if maps:
         sections["Heat maps"] = joined(map(_picture, maps))
     if samples:
-        sections["Distributions"] = joined(map(_picture, samples)) + _words(dataset)
+        left = samples[len(drawn) :]
+        sections["Distributions"] = joined(map(_picture, left)) + _words(dataset)
     sections["Failed cases"] = _failed(dataset)
     sections["What was run"] = _inputs(dataset)
+    inside = {name: html.inside(name) for name in [*sections][2:]}
     sizes = " x ".join(f"{name} {size}" for name, size in dataset.attrs["sizes"].items())
     cases = f"{sizes} = {dataset['state'].size} cases"
-    return html.page(title, cases, dataset.attrs["versions"], sections)
+    return html.page(title, cases, dataset.attrs["versions"], sections, inside)
+
+
+def _answers(dataset: xr.Dataset) -> Html:
+    """From where to where the first measures go, and at which points."""
+    dims, over = grid(dataset)
+    said: list[Html | str] = []
+    for name, unit, factor in columns_of(dataset):
+        means = (factor * dataset[name]).mean([*over], skipna=True).transpose(*dims)
+        if np.isfinite(means.values).any():
+            ends = [_told(dataset, means, find, unit) for find in (np.nanargmin, np.nanargmax)]
+            said.append(f"{name.replace('_', ' ')}: {' to '.join(dict.fromkeys(ends))}")
+    return html.folded(said, "figures")
+
+
+def _told(
+    dataset: xr.Dataset, means: xr.DataArray, find: Callable[[np.ndarray], Any], unit: str
+) -> str:
+    """The mean that `find` finds, and at which point of the grid."""
+    place = np.unravel_index(int(find(means.values)), means.shape)
+    where = [
+        f"{d.replace('_', ' ')} {coordinate_text(dataset, d, int(k))} {scale(dataset, d)[1]}"
+        for d, k in zip(map(str, means.dims), place, strict=True)
+        if means.sizes[d] > 1
+    ]
+    at = f" (at {', '.join(one.rstrip() for one in where)})" if where else ""
+    return f"{float(means.values[place]):.4g} {unit.removesuffix('1')}".rstrip() + at
 
 
 def _glance(dataset: xr.Dataset) -> Html:
@@ -105,7 +140,10 @@ def _glance(dataset: xr.Dataset) -> Html:
 
 
 def _cases(dataset: xr.Dataset) -> Html:
-    """Means with half the width of their confidence intervals, at each point of the grid."""
+    """Means with half the width of their confidence intervals, at each point of the grid.
+
+    More than `ROWS` points are folded, but for the first ones.
+    """
     dims, over = grid(dataset)
     made = points(dataset, MOST_ROWS, _with_error if over else lambda one: one.value)
     caption = ""
@@ -113,7 +151,15 @@ def _cases(dataset: xr.Dataset) -> Html:
         runs = math.prod(dataset.sizes[d] for d in over)
         caption = f"Means over {runs} runs of each point, ± half the 95 % confidence interval."
     left = math.prod(dataset.sizes[d] for d in dims) - MOST_ROWS
-    return table(made, caption, left=len(dims)) + _more(left, "points ")
+    first, others = (
+        Table([replace(one, values=one.values[rows]) for one in made.columns])
+        for rows in (slice(ROWS), slice(ROWS, None))
+    )
+    shown = table(first, caption, left=len(dims))
+    if further := len(others.columns[0].values):
+        folded = table(others, left=len(dims)) + _more(left, "points ")
+        shown += html.details(f"The other {further} points", folded)
+    return shown
 
 
 def _table(

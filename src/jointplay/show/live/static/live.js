@@ -248,7 +248,9 @@ class Live {
     }
 
     buildResults() {
-        const card = (label, ...parts) => element("section", {class: "card", "aria-label": label}, ...parts);
+        // What a card will show stands in it until that is there.
+        const card = (label, will, ...parts) => element("section", {class: "card coming", "aria-label": label}, ...parts,
+            element("p", {class: "will soft"}, will, element("progress", {"aria-label": "computing"})));
         this.pane = element("div", {});
         const pane = element("div", {class: "pane", role: "img", "aria-label": "the machine in motion, with its ideal twin in green"}, this.pane);
         this.playButton = element("button", {type: "button", onclick: () => this.play(!this.playing), "aria-label": "play"}, "\u25b6");
@@ -260,14 +262,14 @@ class Live {
         this.factor.onchange = () => this.magnify();
         this.factorIs = element("span", {class: "soft"});
         this.duration = 1;
-        const robot = card("machine", element("h2", {}, "Machine"), pane,
+        const robot = card("machine", "the machine in motion, with its ideal twin: follows with the run", element("h2", {}, "Machine"), pane,
             element("div", {class: "row"}, this.playButton, this.timeSlider, this.timeIs),
             element("div", {class: "row"}, element("label", {}, "deviations \u00d7 ", this.factor), this.factorIs));
         this.budgetWords = element("p", {});
         this.budgetTable = element("div", {class: "scroll", tabindex: 0, role: "region", "aria-label": "shares of the static error budget"});
         this.budgetWhere = element("p", {class: "soft"});
         this.budgetBody = element("div", {}, this.budgetWords, this.budgetTable, this.budgetWhere);
-        const budget = card("static error budget", element("h2", {}, "Static error budget"), this.budgetBody);
+        const budget = card("static error budget", "how far the tool can go by play alone, and each joint's share", element("h2", {}, "Static error budget"), this.budgetBody);
         this.charts = {
             orbit: new AnswerChart("Orbit of the journal"), error: new AnswerChart("Tool error"),
             force: new AnswerChart("Contact force"), energy: new AnswerChart("Energy"),
@@ -279,12 +281,16 @@ class Live {
         choice.hidden = this.contents.joints.length < 2;
         this.runIs = element("p", {class: "soft"});
         this.table = element("div", {class: "scroll", tabindex: 0, role: "region", "aria-label": "figures of all cases"});
-        this.results = element("div", {class: "results"}, robot, budget,
-            card("figures", element("h2", {}, "Figures"), this.runIs, this.table),
-            element("section", {class: "card orbit", "aria-label": "orbit"}, choice, this.charts.orbit.figure),
-            card("tool error", this.charts.error.figure), card("contact force", this.charts.force.figure),
-            card("energy", this.charts.energy.figure));
-        this.results.children[2].classList.add("wide");
+        const figures = card("figures", "tool error, forces and impacts", element("h2", {}, "Figures"), this.runIs, this.table);
+        const orbit = card("orbit", "where the journal goes in its bearing: follows with the run", choice, this.charts.orbit.figure);
+        robot.classList.add("machine");
+        orbit.classList.add("orbit");
+        this.cards = {robot, budget, figures, orbit,
+            error: card("tool error", "the tool's error over time: follows with the run", this.charts.error.figure),
+            force: card("contact force", "the contact force over time: follows with the run", this.charts.force.figure),
+            energy: card("energy", "energy and what is lost of it: follows with the run", this.charts.energy.figure)};
+        orbit.hidden = this.cards.force.hidden = !this.contents.joints.length;
+        this.results = element("div", {class: "results"}, ...Object.values(this.cards));
         return this.results;
     }
 
@@ -357,7 +363,8 @@ class Live {
         } else if (head.kind === "end") {
             painted(() => { timing.ended = true; });
             if (head.superseded) this.say("another page has asked since; change a value to ask again", true);
-            else if (!this.failed) this.say(answer.cycle && !answer.cycle.quick ? "exact answer" : "no answer");
+            else if (!this.failed && !answer.cycle) { this.results.classList.add("refused"); this.say("no answer"); }
+            else if (!this.failed) this.say(answer.cycle.quick ? "no answer" : "exact answer");
             this.failed = false;
         }
         this.showButtons();
@@ -385,6 +392,7 @@ class Live {
             this.wrong.textContent = text;
         }
         this.results.classList.remove("waiting");
+        this.results.classList.add("refused");
         this.answer.refused = true;
         for (const part of this.results.children) part.classList.add("stale");
         this.say("not computed: see the message at the value; what is shown is from before", true);
@@ -393,6 +401,7 @@ class Live {
     clearWrong() {
         this.failed = false;
         this.wrong.textContent = "";
+        this.results.classList.remove("refused");
         for (const part of this.results.children) part.classList.remove("stale");
         for (const {wrong, field} of Object.values(this.inputs)) {
             wrong.textContent = "";
@@ -418,6 +427,7 @@ class Live {
     showBudget() {
         const {budget} = this.answer;
         if (!budget) return;
+        this.cards.budget.classList.remove("coming");
         if (budget.error) {
             this.budgetWords.textContent = "";
             this.budgetTable.replaceChildren();
@@ -455,7 +465,9 @@ class Live {
         this.runIs.textContent = parts.join("; ").replace(".;", ".");
         this.showTable();
         this.drawCharts();
+        if (!cycle.picture || !this.view) this.cards.robot.classList.remove("coming");
         if (tracks) {
+            this.cards.robot.classList.remove("coming");
             const factor = this.view.show(tracks, cycle.picture, this.colour(0), Number(this.factor.value));
             this.factorIs.textContent = `drawn \u00d7 ${factor}`;
             this.duration = cycle.picture.end;
@@ -469,6 +481,11 @@ class Live {
         const ofCase = (mark, one) => ({...mark, name: one.label, ...look(one.k), ...(mark.frame ? {dash: "1 3"} : {})});
         const show = (name, pick, title, toSeries = (marks, one) => marks.map(mark => ofCase(mark, one))) => {
             const found = this.cases().filter(one => one.cycle && pick(one.cycle.charts));
+            if (this.answer.cycle) {
+                // With several joints the choice among them stays.
+                this.cards[name].hidden = !found.length && (name === "error" || name === "energy" || this.contents.joints.length < 2);
+                this.cards[name].classList.remove("coming");
+            }
             this.charts[name].show(found.length ? pick(found[0].cycle.charts) : {},
                 found.flatMap(one => toSeries(pick(one.cycle.charts).marks, one)), title);
         };
@@ -483,6 +500,8 @@ class Live {
 
     showTable() {
         const cases = this.cases();
+        if (cases.length) this.cards.figures.classList.remove("coming");
+        this.cards.figures.classList.toggle("wide", cases.length > 2);
         const names = new Map();
         for (const one of cases) for (const {name, unit} of one.cycle?.figures || []) names.set(name, unit);
         const head = element("tr", {}, element("th", {scope: "col"}, "figure"), ...cases.map(one => {

@@ -230,12 +230,13 @@
     });
   }
 
-  // Off the screen, charts are drawn one by one while nothing else is to do: they must be there to be
-  // printed and searched.
+  // Off the screen, charts are drawn one by one while nothing else is to do; in what is folded, once
+  // it is unfolded or printed.
   const PAPER = 686;  // CSS px between the margins of the printed page
   function drawRest() {
-    const next = [...hosts].find(([, entry]) => entry.stale);
-    if (!next) { state.whole = true; return; }
+    const next = [...hosts].find(([host, entry]) => entry.stale && host.clientWidth);
+    state.whole = !next;
+    if (!next) return;
     draw(next[0]);
     later(drawRest);
   }
@@ -249,8 +250,10 @@
 
   function beforePrint() {
     // Tables, but not the text of the robot.
-    for (const details of document.querySelectorAll("details:not(:has(pre))")) details.open = true;
+    const folded = [...document.querySelectorAll("details:not([open], :has(> pre))")];
+    for (const details of folded) details.open = true;
     for (const [host, entry] of hosts) if (entry.stale) draw(host);
+    window.addEventListener("afterprint", () => { for (const details of folded) details.open = false; }, { once: true });
   }
 
   const system = matchMedia("(prefers-color-scheme: dark)");
@@ -330,10 +333,17 @@
     fit();
     window.addEventListener("resize", () => {
       fit();
-      for (const [host, entry] of hosts) if (host.clientWidth !== entry.wide) entry.stale = true;
+      for (const [host, entry] of hosts) if (host.clientWidth && host.clientWidth !== entry.wide) entry.stale = true;
       refresh();
     });
     window.addEventListener("beforeprint", beforePrint);
+    for (const link of document.querySelectorAll("nav a")) {
+      link.addEventListener("click", () => { // not every browser unfolds what a link leads to
+        const part = document.querySelector(link.getAttribute("href")).closest("details");
+        if (part) part.open = true;
+      });
+    }
+    document.addEventListener("toggle", () => { state.whole = false; later(drawRest); }, true);
     later(drawRest);
     state.ready = true;
   }
