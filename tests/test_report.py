@@ -179,7 +179,7 @@ TURNING = [f"{name}_joint" for name in (
 )]  # fmt: skip
 FIRST = """() => ({
     high: document.documentElement.scrollHeight, wide: document.documentElement.scrollWidth,
-    shown: [...document.querySelectorAll(".chart")].filter(one => one.clientWidth).map(one => one.id),
+    shown: [...document.querySelectorAll(".chart")].filter(one => one.checkVisibility()).map(one => one.id),
     drawn: [...document.querySelectorAll(".chart")].filter(one => one.querySelector("path")).length,
     folded: [...document.querySelectorAll("details.part > summary")].map(one => one.innerText),
 })"""  # noqa: E501

@@ -234,7 +234,7 @@
   // it is unfolded or printed.
   const PAPER = 686;  // CSS px between the margins of the printed page
   function drawRest() {
-    const next = [...hosts].find(([host, entry]) => entry.stale && host.clientWidth);
+    const next = [...hosts].find(([host, entry]) => entry.stale && host.checkVisibility());
     state.whole = !next;
     if (!next) return;
     draw(next[0]);
@@ -333,7 +333,7 @@
     fit();
     window.addEventListener("resize", () => {
       fit();
-      for (const [host, entry] of hosts) if (host.clientWidth && host.clientWidth !== entry.wide) entry.stale = true;
+      for (const [host, entry] of hosts) if (host.clientWidth !== entry.wide) entry.stale = true;
       refresh();
     });
     window.addEventListener("beforeprint", beforePrint);
