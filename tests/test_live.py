@@ -382,7 +382,8 @@ def test_the_page_fits(browser, address, width, scheme):
 
 
 NEVER_ANSWERED = """() => {
-    const root = document.createElement("div"), text = id => document.getElementById(id).textContent;
+    const root = document.createElement("div");
+    const text = id => document.getElementById(id).textContent;
     document.body.prepend(root);
     const nobody = {linked: false, ask: () => () => {}, scenario: () => new Promise(() => {})};
     jointplayLive(MeshCat).mount(root, JSON.parse(text("contents")), text("block"), nobody);
