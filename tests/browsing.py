@@ -12,6 +12,7 @@ GL = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-uns
 PATIENCE_S = 900.0
 """A deadline for what never comes, not a measure of speed."""
 DRAWN = "() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
+UNFOLD = "() => document.querySelectorAll('details').forEach(one => { one.open = true; })"
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from browsing import DRAWN, until
+from browsing import DRAWN, UNFOLD, until
 from conftest import body, joint
 from warm import call
 
@@ -154,7 +154,6 @@ ZOOMED = """() => {
 }"""
 
 
-UNFOLD = "() => document.querySelectorAll('details').forEach(one => { one.open = true; })"
 WHOLE = "() => Boolean(window.jointplayReport?.whole)"
 
 

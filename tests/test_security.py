@@ -17,7 +17,7 @@ from xml.sax.saxutils import escape
 import h5py
 import numpy as np
 import pytest
-from browsing import until
+from browsing import UNFOLD, until
 from conftest import body, joint
 from warm import JOINTPLAY, PYTHON
 
@@ -137,6 +137,7 @@ def test_no_script_of_a_result_runs_in_a_browser(pages, open_page):
     ):
         tab = open_page(page.as_uri())
         until(tab, ready)
+        tab.evaluate(UNFOLD)
         for chart in tab.query_selector_all(".chart"):
             chart.scroll_into_view_if_needed()
         assert tab.evaluate("window.owned") is None

@@ -469,7 +469,10 @@ def _answers(cases: Sequence[Case]) -> list[Html]:
     for case in cases:
         if case.error is not None and analysis.has_play(case.result):
             largest = float(np.linalg.norm(case.error.values, axis=1).max())
-            words = headline(case.result, case.ideal)[0]
+            try:
+                words = headline(case.result, case.ideal)[0]
+            except JointplayError:  # such as a law of the user's own that may not be imported
+                continue
             name = markup("{}: ", dark(case)) if len(cases) > 1 else ""
             said.append((largest, markup("{}{}.", name, words)))
     return [words for _, words in sorted(said, key=lambda one: -one[0])]
