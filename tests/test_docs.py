@@ -28,22 +28,8 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 NIGHTLY = ("jointplay scara", "jointplay run --certify")
 """Commands that take long: the study has a test of its own, certificates many."""
 
-ROBOT = """<robot name="mine">
-  <link name="base"/>
-  <link name="upper"><inertial><origin xyz="0.1 0 0"/><mass value="1.0"/>
-    <inertia ixx="0.002" iyy="0.006" izz="0.006" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <link name="lower"><inertial><origin xyz="0.1 0 0"/><mass value="0.6"/>
-    <inertia ixx="0.002" iyy="0.004" izz="0.004" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <link name="gripper"/>
-  <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/>
-    <axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="50" velocity="5"/></joint>
-  <joint name="elbow" type="revolute"><parent link="upper"/><child link="lower"/>
-    <origin xyz="0.2 0 0"/><axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="50" velocity="5"/>
-  </joint>
-  <joint name="wrist" type="fixed"><parent link="lower"/><child link="gripper"/>
-    <origin xyz="0.2 0 0"/></joint>
-</robot>
-"""
+TUTORIAL = (ROOT / "docs" / "tutorials" / "own_robot.md").read_text("utf-8")
+ROBOT = re.search(r"^```xml\n(.*?)^```$", TUTORIAL, re.MULTILINE | re.DOTALL)[1]
 
 POSES = "shoulder motor [rad],elbow motor [rad],tool x [m],tool y [m],tool z [m]\n" + "".join(
     f"{a},{b},{cos(a) / 5 + cos(a + b) / 5:.5f},{sin(a) / 5 + sin(a + b) / 5:.5f},0\n"
@@ -70,6 +56,13 @@ def blocks(page, *languages):
         for m in FENCE.finditer(text)
         if m[2] in languages
     ]
+
+
+def named(block, text):
+    """The file that the line before a block of Python says to save it as, if it does."""
+    before = text[: block.start].rstrip().splitlines()[-1] if block.start else ""
+    found = re.search(r"`(\w+\.py)`", before)
+    return found[1] if found and block.language == "python" else None
 
 
 def commands(text):
@@ -184,10 +177,8 @@ def test_snippets_run_as_they_are_written(page, folder):
     text = page.read_text()
     for block in blocks(page, "python"):
         source = block.text
-        before = text[: block.start].rstrip().splitlines()[-1] if block.start else ""
-        file = re.search(r"`(\w+\.py)`", before)
-        if file:
-            (folder / file[1]).write_text(source)
+        if file := named(block, text):
+            (folder / file).write_text(source)
         exec(compile(source, f"{page.name}, line {block.line}", "exec"), names)
     matplotlib.close("all")
 
@@ -203,7 +194,10 @@ def test_commands_run_as_they_are_written(page, folder):
     }
     here = [line for block in blocks(page, "sh") for line in commands(block.text)]
     used = {word for line in here if line not in before for word in line.split()[2:]} - {"--out"}
-    for block in blocks(page, "sh", "text"):
+    text = page.read_text()
+    for block in blocks(page, "sh", "text", "python"):
+        if file := named(block, text):
+            (folder / file).write_text(block.text)
         if block.language == "text" and block.text.startswith("time_s,"):
             (folder / "move.csv").write_text(block.text)
         if block.language != "sh":
@@ -254,9 +248,9 @@ def test_answers_that_differ_are_found():
     assert not same("peak 71.41 N", "least 71.41 N")
 
 
-def test_the_first_example_of_the_readme_prints_what_it_says(folder, capsys):
-    source = blocks(ROOT / "README.md", "python")[0].text
-    exec(compile(source, "README.md", "exec"), {"__name__": "__main__"})
+def test_the_first_example_of_python_prints_what_it_says(folder, capsys):
+    source = blocks(ROOT / "docs" / "python.md", "python")[0].text
+    exec(compile(source, "python.md", "exec"), {"__name__": "__main__"})
     said = float(re.search(r"# ([\d.]+) mm", source)[1])
     assert float(re.search(r"([\d.]+) mm", capsys.readouterr().out)[1]) == pytest.approx(said, 1e-2)
 
@@ -266,9 +260,14 @@ def test_the_first_example_of_the_readme_prints_what_it_says(folder, capsys):
     "command",
     ["jointplay run --certify --out certified", f"jointplay study sweep {SWEEP} --out scara.zarr"],
 )
-def test_long_commands_of_the_readme_run(command, folder):
-    assert command in (ROOT / "README.md").read_text()
+def test_long_commands_run(command, folder):
+    assert command in "\n".join(page.read_text() for page in PAGES)
     run(command)
+
+
+def test_the_front_pages_are_short():
+    assert len(PAGES[0].read_text().split()) <= 700
+    assert len((ROOT / "docs" / "README.md").read_text().split()) <= 350
 
 
 def test_lines_of_prose_are_no_longer_than_100_columns(monkeypatch):

@@ -112,7 +112,7 @@ def test_csv_reads_back_bit_for_bit_with_units_in_its_header(result, tmp_path):
 
 
 def test_parquet_reads_back_with_units_and_types(result, tmp_path):
-    import pyarrow.parquet as pq
+    pq = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed")
 
     path = result.export(tmp_path / "r.parquet")
     read = pd.read_parquet(path)

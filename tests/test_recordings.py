@@ -4,15 +4,16 @@ import json
 import math
 
 import numpy as np
-import pyarrow as pa
 import pytest
-from pyarrow import parquet
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 from test_identify import CLEARANCE, FRICTION, about, arm, planar, seen
 
 from jointplay import JointplayError, Mechanism, Recording, identify
 from jointplay.cli import main
+
+pa = pytest.importorskip("pyarrow", reason="pyarrow is not installed")
+parquet = pytest.importorskip("pyarrow.parquet")
 
 assert arm  # a fixture
 

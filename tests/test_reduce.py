@@ -221,6 +221,7 @@ def test_reductions_refuse_what_cannot_be(path, options, message):
 
 def test_the_command_writes_all_formats(path, tmp_path, capsys):
     pytest.importorskip("mujoco")
+    pytest.importorskip("newton_usd_schemas", reason="newton-usd-schemas is not installed")
     out = tmp_path / "out"
     options = ["--joint", "j", "--clearance", "0.1 mm", "--gear", "j=0.2 deg"]
     options += ["--gear-stiffness", "2000", "--rotor-inertia", "0.05", "--gear-damping", "2"]

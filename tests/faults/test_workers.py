@@ -61,7 +61,7 @@ PARENT = """
 import os, sys, time
 from jointplay.base import processes, signals
 if sys.argv[1] == "watch":
-    processes.end_with_parent = lambda number: None
+    processes.end_with_parent = lambda: None
 if __name__ == "__main__":
     pool = processes.Pool(time.sleep, 1)
     print(*(process.pid for process in pool.processes.values()), flush=True)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import csv
 import errno
-import fcntl
 import io
 import os
 import secrets
@@ -22,6 +21,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
+from jointplay.base import locks
 from jointplay.base.errors import JointplayError
 
 if TYPE_CHECKING:
@@ -230,7 +230,7 @@ def temporary(what: str = "files") -> tempfile.TemporaryDirectory[str]:
     owner = os.open(mark, os.O_RDONLY)
     weakref.finalize(made, os.close, owner)
     try:
-        fcntl.flock(owner, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        locks.lock(owner)
     except OSError:  # a file system without locks: nothing there would say that this one lives
         mark.unlink()
     return made
@@ -241,12 +241,13 @@ def _sweep(place: Path) -> None:
     for folder in place.glob("jointplay-*"):
         with suppress(OSError, ValueError), ExitStack() as stack:
             mark = (folder / MARK).lstat()
-            ours = mark.st_uid == folder.lstat().st_uid == os.getuid()
+            user = os.getuid() if hasattr(os, "getuid") else mark.st_uid  # Windows keeps none
+            ours = mark.st_uid == folder.lstat().st_uid == user
             plain = stat.S_ISREG(mark.st_mode) and not folder.is_symlink()
             if not (ours and plain and time.time() - mark.st_mtime > LEFT_S):
                 continue
             file = stack.enter_context((folder / MARK).open(encoding="utf-8"))
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # fails while the owner lives
+            locks.lock(file.fileno())  # fails while the owner lives
             if file.read() == socket.gethostname():
                 shutil.rmtree(folder, ignore_errors=True)
 
@@ -409,10 +410,10 @@ def _lock(folder: Path) -> None:
     if place in _claimed:
         return
     with ExitStack() as stack:
-        descriptor = os.open(folder, os.O_RDONLY)
+        descriptor = locks.opened(folder)
         stack.callback(os.close, descriptor)
         try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            locks.lock(descriptor)
         except BlockingIOError:
             other = f"another process is writing to {str(folder)!r}; choose another folder"
             raise JointplayError(other) from None

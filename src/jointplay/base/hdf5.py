@@ -20,6 +20,11 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+try:
+    import resource
+except ImportError:  # Windows: the parent's time limit holds alone
+    resource = None  # type: ignore[assignment]
+
 TIME_S = 60.0
 """Longest processor time that reading a file may take, and 1 s for each megabyte [s]."""
 
@@ -77,7 +82,7 @@ def examined(path: Path) -> Iterator[None]:
     finally:
         process.kill()
         process.communicate()
-    if process.returncode == -getattr(signal, "SIGXCPU", 0):
+    if hasattr(signal, "SIGXCPU") and process.returncode == -signal.SIGXCPU:
         raise damaged(path, "result", too_long)
     if process.returncode:
         crashed = f"a process that read it crashed ({process.returncode})"
@@ -99,10 +104,9 @@ class _Refused(Exception):
 
 def _main(path: str, allowed: str, room: str) -> None:
     """Look at a file: ends with 0, or with `_REFUSED` and the reason on standard output."""
-    import resource
-
-    resource.setrlimit(resource.RLIMIT_CPU, (int(allowed), int(allowed) + 5))
-    signal.alarm(int(WAITS * int(allowed)) + 5)  # should the parent be no more
+    if resource:
+        resource.setrlimit(resource.RLIMIT_CPU, (int(allowed), int(allowed) + 5))
+        signal.alarm(int(WAITS * int(allowed)) + 5)  # should the parent be no more
     import h5netcdf
     import h5py
 
@@ -121,8 +125,9 @@ def _main(path: str, allowed: str, room: str) -> None:
 @contextmanager
 def _confined(room: float) -> Iterator[None]:
     """Have this process take no more memory than there is; in the block it can open nothing."""
-    import resource
-
+    if not resource:
+        yield
+        return
     if math.isfinite(room):
         with suppress(ValueError, OSError):  # a system that keeps no such limit
             resource.setrlimit(resource.RLIMIT_AS, (int(room), int(room)))

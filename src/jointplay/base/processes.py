@@ -84,24 +84,24 @@ def begin(early: bool = False) -> None:
     does ends early and is saved.
     """
     signals.forget()
-    for number in (signal.SIGINT, signal.SIGHUP):
+    for number in set(SIGNALS) - {signal.SIGTERM}:
         signal.signal(number, signal.SIG_IGN)
     if early:
         signal.signal(signal.SIGTERM, signals.stop)
     else:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
-        end_with_parent(signal.SIGKILL)
+        end_with_parent()
     threading.Thread(target=_watch, args=(early, os.getppid()), daemon=True).start()
 
 
-def end_with_parent(number: int) -> None:
-    """Have Linux send this process a signal when its parent ends."""
+def end_with_parent() -> None:
+    """Have Linux kill this process when its parent ends."""
     if sys.platform != "linux":
         return
     import ctypes
 
     with suppress(OSError, AttributeError):
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, number, 0, 0, 0)
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
 
 
 def _watch(early: bool, parent: int) -> None:
@@ -114,6 +114,19 @@ def _watch(early: bool, parent: int) -> None:
         os.kill(os.getpid(), signal.SIGTERM)
         threading.main_thread().join()
     os._exit(1)
+
+
+@contextmanager
+def _signals_wait() -> Iterator[None]:
+    """Keep requests to stop until after the block, where the system can (Windows cannot)."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager
@@ -176,11 +189,8 @@ class Pool(Generic[Item, Value]):
         with warnings.catch_warnings():  # Python 3.12: libraries have threads, none at work here
             warnings.simplefilter("ignore", DeprecationWarning)
             # Until it is set up the process has this one's handlers, which raise.
-            before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
-            try:
+            with _signals_wait():
                 process.start()
-            finally:
-                signal.pthread_sigmask(signal.SIG_SETMASK, before)
         theirs.close()
         self.processes[mine], self._queues[mine] = process, deque()
         if self._closed:  # by another thread
@@ -339,7 +349,8 @@ def _serve(
         begin()
         for module in modules:
             import_module(module)
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
+        if hasattr(signal, "pthread_sigmask"):
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
         bar = progress.tell_elsewhere(connection.send if told else None)
         with one_thread():
             while not signals.stop_requested():

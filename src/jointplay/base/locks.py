@@ -1,0 +1,39 @@
+"""Advisory locks of files and folders, held until the descriptor closes or its process ends."""
+
+import errno
+import os
+import tempfile
+from pathlib import Path
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
+
+
+def lock(descriptor: int) -> None:
+    """Lock an open file, or fail at once.
+
+    Raises:
+        BlockingIOError: another process holds the lock.
+        OSError: a file system without locks.
+    """
+    if fcntl:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        return
+    import msvcrt
+
+    try:
+        msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
+    except PermissionError as error:
+        raise BlockingIOError(errno.EAGAIN, "another process holds the lock") from error
+
+
+def opened(folder: Path) -> int:
+    """A descriptor to lock a folder by: its own, or on Windows that of a file named after it."""
+    if fcntl:
+        return os.open(folder, os.O_RDONLY)
+    from hashlib import sha256
+
+    name = sha256(str(folder.resolve()).encode()).hexdigest()[:32]
+    return os.open(Path(tempfile.gettempdir()) / f"jointplay-{name}.lock", os.O_RDWR | os.O_CREAT)
