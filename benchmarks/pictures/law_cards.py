@@ -74,7 +74,8 @@ def curve(look, label, x, y, near=np.inf):
         parts = [each for each in (x, y, np.clip(x, -near, near)) if np.ptp(each)]
         way = sum(np.abs(np.diff(each)) / np.ptp(each) for each in parts)
         way = np.append(0.0, np.cumsum(way))
-        at = np.unique(np.searchsorted(way, np.linspace(0.0, way[-1], POINTS)))
+        at = np.searchsorted(way, np.linspace(0.0, way[-1], POINTS // 2))
+        at = np.unique(np.append(np.maximum(at - 1, 0), at))  # both ends of a jump
         x, y = x[at], y[at]
     return {"look": look, "label": label, "x": rounded(x), "y": rounded(y)}
 
