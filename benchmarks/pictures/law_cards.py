@@ -38,7 +38,7 @@ ROUGH = (0.3, 0.5, 0.9)
 """Nominal restitutions: of the hysteresis loops, of the dots, of the dots with --quick."""
 ECCENTRICITIES = np.append(np.linspace(0.01, 0.95, 95), (0.96, 0.97))
 NEAR_REST = 3.0  # speed to which friction's second panel looks [mm/s]
-POINTS = 160  # that are kept of a curve
+POINTS = 320  # that are kept of a curve
 
 
 class Card(NamedTuple):
