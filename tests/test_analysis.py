@@ -47,7 +47,7 @@ def test_what_came_out_of_a_run_is_judged_from_when_the_run_is(pair):
     ideal, _ = pair
     made = scara(0.2e-3)
     late = jp.simulate(made.mechanism, made.motion, duration=0.3, judge_from=0.2)
-    lines = headline.headline(late, ideal)
+    lines = headline.headline(late, ideal, detail=True)
     assert lines[0].startswith("Play of 0.2 mm in joint_b puts the tool 'suction_cup' up to ")
     assert " off from 0.2 s on (at t = 0.2" in lines[0]
     kept = late.time >= 0.2
@@ -302,3 +302,31 @@ def test_a_run_that_stopped_at_a_state_that_is_no_number_is_summed_up_to_there()
     found = headline.headline(result, ideal)
     assert "nan" not in " ".join(found)
     assert len(found) == len(before)
+
+
+def test_what_people_look_for_first_is_on_the_result(pair):
+    ideal, loose = pair
+    error = loose.tool_error
+    off = analysis.deviation(loose, ideal)
+    assert error.peak == pytest.approx(analysis.error_statistics(off).peak[-1])
+    assert error.rms == pytest.approx(analysis.error_statistics(off).rms[-1])
+    assert error.distance.sel(time=error.time_of_peak) == pytest.approx(error.peak)
+    assert error.turn.attrs["units"] == "rad"
+    assert str(error) == headline.headline(loose, ideal)[0]
+    assert loose.summary().splitlines() == headline.headline(loose, ideal)
+    assert float(loose.forces.max()) == pytest.approx(loose.audit.peak_force)
+    assert loose.forces.dims == ("time", "joint")
+    assert str(loose.rattle) in "\n".join(headline.headline(loose, ideal, detail=True))
+    assert {"tool_error", "forces", "rattle", "summary"} <= set(dir(loose))
+    with pytest.raises(jp.JointplayError, match="no joint has play"):
+        ideal.tool_error  # noqa: B018
+
+
+def test_numerical_errors_of_the_tools_error_are_those_of_the_certificate(pair):
+    loose = jp.Result(pair[1].dataset.copy())
+    loose.dataset.attrs.pop("certificate", None)
+    assert loose.tool_error.numerical_errors == {}
+    loose.certificate = jp.certify(loose, strict=False)
+    known = loose.tool_error.numerical_errors
+    assert set(known) == {"peak", "rms", "peak_turn", "rms_turn"}
+    assert known["peak"] == loose.certificate["peak tool error"].error

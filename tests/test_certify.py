@@ -415,7 +415,7 @@ def test_scenarios_ask_for_certificates(tmp_path, capsys):
     path = tmp_path / "s.toml"
     path.write_text(SCENARIO.format(more='macro_step = "0.2 ms"\ntolerance = 1e-3'))
     out = tmp_path / "out"
-    assert cli.main(["run", str(path), "--out", str(out), "--quiet", "--jobs", "2"]) == 0
+    assert cli.main(["run", str(path), "--out", str(out), "--detail", "--jobs", "2"]) == 0
     shown = capsys.readouterr().out
     assert "numerical errors, certified by 3 further runs" in shown
     assert "numerical errors, estimated from 2 further runs" in shown

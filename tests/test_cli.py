@@ -211,7 +211,7 @@ def test_any_robot_by_name_moves_and_says_what_came_out(tmp_path):
     assert done.returncode == 0, done.stderr
     assert "no motion given" in done.stderr
     play = "Play in elbow_joint (0.1 mm), wrist_1_joint (0.1 mm and 0.3 mm)"
-    for words in (play, "peak force in elbow_joint", "rattle: ", "cost "):
+    for words in (play, "peak force in elbow_joint", "rattle: ", "next: "):
         assert words in done.stdout
     result = Result.load(tmp_path / "result.nc")
     joints = result.simulation.mechanism.clearance
@@ -222,7 +222,7 @@ def test_any_robot_by_name_moves_and_says_what_came_out(tmp_path):
         "elbow_joint: bearing radius 10 mm (assumed), radial clearance 0.1 mm, bearing length "
         "40 mm (assumed), axial clearance 0.1 mm (assumed), restitution 0.9 (assumed), friction "
         "ambrosio mu_d 0.1 (assumed)"
-    ) in done.stderr.splitlines()
+    ) in done.stderr
     assert "axial clearance 0.3 mm, restitution" in done.stderr
     assert "tool: tool0 (chosen: named like a tool, at the end of the chain" in done.stderr
     assert result.time[-1] == pytest.approx(0.01)

@@ -110,7 +110,7 @@ def test_errors_of_a_run_on_disk_are_those_of_one_in_memory(tmp_path, monkeypatc
             # What lies between the ideal mechanism's records is interpolated.
             monkeypatch.setattr("jointplay.study.certification.SUMMARY_RECORDS", 1000)
         command = ["run", str(tmp_path / "long.toml"), "--out", str(tmp_path / where)]
-        assert cli.main([*command, "--quiet", "--jobs", "1"]) == 0
+        assert cli.main([*command, "--quiet", "--detail", "--jobs", "1"]) == 0
         found[where] = jp.Result.load(next((tmp_path / where).glob("*.nc")))
         assert "numerical errors, estimated from" in capsys.readouterr().out
     same(found["disk"], found["memory"])
@@ -164,7 +164,7 @@ def test_errors_whose_search_was_interrupted_are_found_by_resuming(
     assert names(tmp_path / "o") == ["result.nc"]
     kept = jp.Result.load(tmp_path / "o" / "result.nc")
     assert (kept.status, kept.certificate) == (Status.COMPLETED, None)
-    assert cli.main([*command, "--resume"]) == 0
+    assert cli.main([*command, "--resume", "--detail"]) == 0
     assert "numerical errors, estimated from 2 further runs" in capsys.readouterr().out
     found = jp.Result.load(tmp_path / "o" / "result.nc")
     same(found, kept)

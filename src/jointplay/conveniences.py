@@ -7,6 +7,9 @@ places |= {
     "dataframe": ("jointplay.bridges.table", "dataframe"),
     "export": ("jointplay.bridges", "export"),
     "notebook_page": ("jointplay.bridges.notebook", "page"),
+    "summary": ("jointplay.simulation.analysis.headline", "summary"),
+    "tool_error": ("jointplay.simulation.analysis.headline", "tool_error"),
+    "rattle": ("jointplay.simulation.analysis.headline", "rattle_of"),
     "simulation": ("jointplay.simulation", "Simulation"),
     "errors_of_run": ("jointplay.study.certification", "errors_if_possible"),
 }

@@ -213,6 +213,17 @@ class Allocation:
         ]
         return Table([one for one in columns if not all(map(_is_none, one.values))])
 
+    @property
+    def sentence(self) -> str:
+        """The answer in plain words."""
+        what = "clearances" if np.isnan(self.was) else "improvements"
+        if any(one.offer for one in self.choices):
+            what = "classes of bearings" if np.isnan(self.was) else "improvements and bearings"
+        return (
+            f"These are the cheapest {what} that keep the tool {self.mechanism.tool!r} within "
+            f"{readable(self.target, 'm', 3)}"
+        )
+
     def _headline(self) -> str:
         sizes = self.error, *self.spread, self.target, self.was
         error, low, high, target, was = (f"{1e3 * one:#.5g}" for one in sizes)

@@ -26,6 +26,7 @@ from jointplay.accuracy.rest import AGREES_M, RestPositions
 from jointplay.accuracy.robot_errors import RobotErrors
 from jointplay.base.errors import JointplayError, require_a, require_finite
 from jointplay.base.tables import Column, Table
+from jointplay.base.units import readable
 from jointplay.model.closed_loops import ClosedLoops
 from jointplay.model.mechanism import Mechanism, frame_index
 from jointplay.simulation.loads.drive import ComputedTorque, Drive
@@ -154,6 +155,21 @@ class PlayBudget(Budget):
         In its own worst direction; `worst_parts` is along the one that is worst for all together.
         """
         return self.model.alone.T
+
+    @property
+    def sentence(self) -> str:
+        """The answer in plain words."""
+        at = self.worst_pose
+        poses = len(self.worst)
+        where = f" at the worst of {poses} poses" if poses > 1 else ""
+        ends = self.rest_positions.interval(at)[3]
+        rests = " to ".join(dict.fromkeys(f"{1e3 * one:.3g}" for one in ends))
+        return (
+            f"Play lets the tool {self.tool!r} be up to {readable(self.worst[at], 'm', 3)} off"
+            f"{where} (RMS {readable(self.rms[at], 'm', 3)}), and turn by up to "
+            f"{readable(self.worst_turn[at], 'rad', 3)}; at rest it is {rests} mm off, contacts "
+            "and gears giving way under the load"
+        )
 
     @property
     def ranking(self) -> str:
@@ -446,6 +462,18 @@ class ErrorBudget(Budget):
         totals.append(("all", None, worst, 1.0, self.rms[at], None, None))
         return replace(Table.of(heads, rows), totals=totals, notes=self._notes())
 
+    @property
+    def sentence(self) -> str:
+        """The answer in plain words."""
+        at = self.worst_pose
+        where = f" at the worst of {len(self.worst)} poses" if len(self.worst) > 1 else ""
+        causes = sorted(self.by("cause").items(), key=lambda one: -one[1][0])
+        parts = [f"{cause} {100 * worst / self.worst[at]:.0f} %" for cause, (worst, _) in causes]
+        return (
+            f"The tool {self.tool!r} is up to {readable(self.worst[at], 'm', 3)} off{where} (RMS "
+            f"{readable(self.rms[at], 'm', 3)}), by {', '.join(parts)}"
+        )
+
     def _notes(self) -> list[str]:
         at = self.worst_pose
         shares = ", ".join(
@@ -458,8 +486,8 @@ class ErrorBudget(Budget):
         return [
             f"by cause: {shares}",
             f"loads and heat displace the tool by {mean} mm along x, y, z in any case",
-            f"by the exact kinematics the worst case is {1e3 * self.reached:.4f} mm "
-            f"({100 * off:+.2f} %{fits})",
+            f"{'warning: ' if fits else ''}by the exact kinematics the worst case is "
+            f"{1e3 * self.reached:.4f} mm ({100 * off:+.2f} %{fits})",
             *(f"given: {line}" for line in self.given),
             *(f"assumed: {line}" for line in self.assumed),
         ]

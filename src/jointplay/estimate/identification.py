@@ -11,7 +11,7 @@ import numpy as np
 
 from jointplay.accuracy.poses import moving
 from jointplay.base.errors import JointplayError, MissingName, require_a
-from jointplay.base.tables import Table
+from jointplay.base.tables import Table, few
 from jointplay.base.units import told
 from jointplay.estimate import measurement, planning, restitution
 from jointplay.estimate.least_squares import NULL, Fit, LeastSquares, basis, information, search
@@ -217,6 +217,13 @@ class Identification:
 
     def __getitem__(self, label: str) -> Estimate:
         return by_label((*self.estimates, *self.restitutions), label)
+
+    @property
+    def sentence(self) -> str:
+        """The answer in plain words."""
+        known = [f"{one.label} {one.words()[0]}" for one in self.sought if one.identified]
+        told = f": {few(known)}" if known else ""
+        return f"The measurement determines {len(known)} of {len(self.sought)} unknowns{told}"
 
     def __str__(self) -> str:
         soft = [one for one in self.elasticity if one.identified]

@@ -21,6 +21,7 @@ from scipy.stats import t as student
 from jointplay.base import tables
 from jointplay.base.errors import JointplayError, MissingName
 from jointplay.base.tables import Table
+from jointplay.base.units import readable
 from jointplay.estimate.kinematic_model import Column, Poses, Term
 from jointplay.estimate.least_squares import Fit, LeastSquares, basis, minimum
 from jointplay.estimate.static_poses import StaticPoses
@@ -40,7 +41,7 @@ SMOOTHINGS = (0.25, 1.0, 4.0)
 """Times a transition that is given, for which a bound must hold."""
 _EQUAL = 1e-9
 """Part by which gains of choices differ that are the same but for rounding."""
-_VAGUE = "other causes do the same, or nothing shows it"
+_UNKNOWN = "not determined (other causes do the same, or nothing shows it)"
 
 
 @dataclass(frozen=True)
@@ -255,6 +256,23 @@ class Calibration:
         columns.append(tables.Column("kept", ["yes" if one.kept else "no" for one in self.steps]))
         return Table(columns)
 
+    @property
+    def sentence(self) -> str:
+        """The answer in plain words."""
+        step, kinds = self.step(), self.kinds
+        sizes = zip(kinds.values(), step.held_back, strict=True)
+        errors = " and ".join(readable(float(size), unit, 3) for (unit, _), size in sizes)
+        causes = ", ".join(map(str, step.terms)) or "no cause"
+        return (
+            f"These poses show {causes}: with it, poses that the fit has not seen are predicted "
+            f"to {errors} (RMS)"
+        )
+
+    def brief(self) -> str:
+        """What was found, without how."""
+        parts = [listed(self.coefficients, "coefficient", _UNKNOWN)] if self.coefficients else []
+        return "\n\n".join([*parts, listed(self.play, "play by the side of the load")])
+
     def __str__(self) -> str:
         poses = self.poses
         units = "points" if poses.point is not None else "groups" if poses.group else "rows"
@@ -267,7 +285,7 @@ class Calibration:
             f"{units} shrink by more than chance (one-sided 90 %) and their RMS by 1 %",
         ]
         if self.coefficients:
-            lines += ["", listed(self.coefficients, "coefficient", f"not determined ({_VAGUE})")]
+            lines += ["", listed(self.coefficients, "coefficient", _UNKNOWN)]
         if self.effects:
             head = "moves the tool by (RMS), base and tool placed best without it"
             lines += ["", listed(self.effects, head)]

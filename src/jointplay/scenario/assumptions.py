@@ -20,7 +20,7 @@ ASSUMED = "(assumed)"
 
 
 def decisive(scenario: Scenario, simulations: Mapping[str, Simulation]) -> list[str]:
-    """Tool and why, sizes and clearances of bearings, restitution and friction, a line each.
+    """Tool and why; sizes, restitution and friction of joints; what else was chosen: a line each.
 
     What nobody gave is marked. Lines that hold for all cases come first, then each case's own.
 
@@ -120,11 +120,12 @@ def _robot(mechanism: Mechanism) -> list[str]:
 def _joints(mechanism: Mechanism, given: Mapping[str, Any]) -> list[str]:
     tables = given.get("joints", {})
     hinges = {name for its in mechanism.hinges.values() for name in its}
-    return [
-        f"{name}: {', '.join(_parts(joint, tables.get(name, {})))}"
-        for name, joint in mechanism.clearance.items()
-        if name not in hinges
-    ]
+    alike: dict[str, list[str]] = {}
+    for name, joint in mechanism.clearance.items():
+        if name not in hinges:
+            alike.setdefault(", ".join(_parts(joint, tables.get(name, {}))), []).append(name)
+    words = [f"{', '.join(names)}: {parts}" for parts, names in alike.items()]
+    return ["; ".join(words)] if words else []
 
 
 def _parts(joint: Clearance, given: Mapping[str, Any]) -> list[str]:

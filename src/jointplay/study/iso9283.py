@@ -29,6 +29,7 @@ from scipy import stats
 
 from jointplay.base.errors import JointplayError, require_a, require_positive
 from jointplay.base.tables import Table, aligned
+from jointplay.base.units import readable
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.analysis.tool_error import Stop, rotations, stops
 from jointplay.simulation.analysis.twins import ideal_simulation
@@ -219,6 +220,14 @@ class Group:
         ]  # fmt: skip
 
 
+_ANSWERS = {
+    "AP_p": "stops off its place by at most",
+    "RP_l": "repeats a stop to",
+    "AT_p": "leaves its path by at most",
+}
+"""What figures say in a sentence."""
+
+
 def _unit(symbol: str) -> str:
     kind, _, suffix = symbol.partition("_")
     return "s" if kind == "t" else "rad" if suffix in ("a", "b", "c") else "m"
@@ -360,6 +369,29 @@ class Iso9283:
             f"{1e3 * self.interval:.3g} ms; against the ideal mechanism under the same drives; "
             "numerical error not included (jointplay run --certify)"
         )
+
+    @property
+    def sentence(self) -> str:
+        """The answer in plain words."""
+        parts = []
+        for symbol, words in _ANSWERS.items():
+            if having := self.having(symbol):
+                worst = max(having, key=lambda one: abs(one.figures[symbol].value))
+                size = readable(abs(worst.figures[symbol].value), "m", 3)
+                kind = symbol.partition("_")[0]
+                parts.append(f"{words} {size} ({kind}, {worst.head.partition(',')[0]})")
+        return f"The tool {', '.join(parts)}" if parts else "The tool neither stops nor moves"
+
+    @property
+    def brief(self) -> Table:
+        """A row for each pose, distance and the path: how accurate and how repeatable."""
+        rows = []
+        for accuracy, repeatability in (("AP_p", "RP_l"), ("AD_p", "RD_p"), ("AT_p", "RT_p")):
+            for one in self.having(accuracy):
+                sizes = (one.figures[name].value for name in (accuracy, repeatability))
+                rows.append((one.head, f"{accuracy[:2]}, {repeatability[:2]}", *sizes))
+        heads = (("of", ""), ("figures", ""), ("accuracy", "m"), ("repeatability", "m"))
+        return Table.of(heads, rows)
 
     def __str__(self) -> str:
         """All figures as text [mm, mrad]."""

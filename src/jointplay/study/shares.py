@@ -30,7 +30,8 @@ from jointplay.base.errors import (
     require_positive,
     require_whole,
 )
-from jointplay.base.tables import Column, Table
+from jointplay.base.tables import Column, Table, few
+from jointplay.base.units import readable
 from jointplay.physics.joints import Clearance, RollingBearing
 from jointplay.simulation.analysis.twins import ideal_simulation, state_without_play
 from jointplay.simulation.analysis.uncertainty import (
@@ -78,6 +79,18 @@ class DynamicBudget:
     def interaction(self) -> np.ndarray:
         """What no source brings about alone, share of the mean square, shape (n,)."""
         return np.asarray(1.0 - self.parts.sum(axis=1))
+
+    @property
+    def sentence(self) -> str:
+        """The answer in plain words."""
+        mean = dict(zip(self.joints, self.parts.mean(axis=0), strict=True))
+        order = sorted(mean, key=lambda name: -mean[name])
+        told = few([f"{name} {100 * mean[name]:.0f} %" for name in order])
+        return (
+            f"Of the tool's mean square error in the simulated motion (RMS "
+            f"{readable(float(self.rms.mean()), 'm', 3)}) play causes, by joint: {told}; "
+            f"interaction {100 * self.interaction.mean():.0f} %"
+        )
 
     @property
     def validity(self) -> str:

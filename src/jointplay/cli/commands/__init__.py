@@ -75,6 +75,7 @@ SHARED = {
     "--case": "--case NAME  case of the scenario (not needed if there is only one)",
     "--jobs": "--jobs N  processes (default: one per core)",
     "--quiet": "--quiet  do not show progress",
+    "--detail": "--detail  print everything that is known, not only the answer",
     "--import": "--import MODULE ...  import this module of your own, by name or file: a file that "
     "is read may name functions in it (none is imported otherwise)",
 }
@@ -102,6 +103,34 @@ def read_help(text: str) -> tuple[list[str], list[Entry]]:
         elif prose[-1]:
             prose.append("")
     return [" ".join(one.split()) for one in prose if one], [(a, b, c) for a, b, c in entries]
+
+
+MOST_NOTES = 3
+"""Lines about what was chosen and assumed that are printed without ``--detail``."""
+MORE = "(more with --detail)"
+
+
+def first_notes(lines: Iterable[str], detail: bool) -> list[str]:
+    """The first lines of those that say what was chosen and assumed, and every "note:" and warning.
+
+    `detail`: all of them.
+    """
+    kept: list[str] = []
+    left = MOST_NOTES
+    for line in lines:
+        heard = line.startswith(("note:", "warning:"))
+        if detail or heard or left:
+            kept.append(line)
+            left -= not (detail or heard)
+    return kept
+
+
+def print_answer(sentence: str, body: object, notes: Iterable[str], detail: bool) -> None:
+    """Print an answer in a sentence, its tables, and of the notes the `first_notes`."""
+    notes = list(dict.fromkeys(notes))
+    kept = first_notes(notes, detail)
+    lines = [sentence, str(body), *kept, *([MORE] if len(kept) < len(notes) else [])]
+    print("\n".join(filter(None, lines)))
 
 
 def in_unit(unit: str) -> Callable[[str], float]:

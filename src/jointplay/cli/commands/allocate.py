@@ -20,6 +20,7 @@ Example: jointplay allocate ur5 --target "0.2 mm" --workspace 200
         if no number is given)
     --out DIR  folder for allocation.csv and the figure
     --jobs
+    --detail
     --quiet
   bounds:
     --least LENGTH  smallest possible clearance (default: 2 um)
@@ -33,10 +34,11 @@ Example: jointplay allocate ur5 --target "0.2 mm" --workspace 200
 """
 
 import argparse
+from dataclasses import replace
 from typing import Any
 
 from jointplay.base.errors import JointplayError
-from jointplay.cli.commands import Outputs, given, numbers_by_name
+from jointplay.cli.commands import Outputs, given, numbers_by_name, print_answer
 from jointplay.cli.commands.inputs import (
     PosedMachine,
     chosen_preset,
@@ -95,9 +97,13 @@ def run(options: argparse.Namespace) -> int:
         **given(options, "cost", "least", "most"),
     )
     notes = [note for note in posed.notes if whole or rolling or not note.startswith("play:")]
-    print("\n".join([*notes, f"at: {posed.poses.words}", str(allotment)]))
+    table = allotment.table()
+    first, *further = table.notes
     if any(one.offer for one in allotment.choices) and not options.price:
-        print("prices of the classes are assumed; give your own with --price CLASS=X")
+        further.insert(0, "prices of the classes are assumed; give your own with --price CLASS=X")
+    notes = [f"at: {posed.poses.words}", *notes, *further]
+    body = replace(table, notes=(first,))
+    print_answer(allotment.sentence, body, notes, options.detail)
     if options.verify is not None:
         _verify(options, posed, allotment)
     if options.out:

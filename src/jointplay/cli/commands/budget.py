@@ -13,15 +13,17 @@ Example: jointplay budget panda --clearance "0.05 mm" --workspace 500 --out pand
     --rest-everywhere  for budget.csv, find the position at rest at every pose, not only the worst
         one (0.4 s per pose with one joint, up to 3.5 s with six)
     --out DIR  folder for budget.csv (errors.csv) and the figures
+    --detail
   robot:
     --relative-to BODY  link or frame from which the error is seen, in its axes, such as the palm of
         a hand or the trunk of what walks: what moves both does not count (default: the world)
 """
 
 import argparse
+from dataclasses import replace
 
 from jointplay.base.errors import JointplayError
-from jointplay.cli.commands import Outputs
+from jointplay.cli.commands import Outputs, print_answer
 from jointplay.cli.commands.inputs import load_on_tool, posed_machine, whole_errors
 
 
@@ -37,7 +39,7 @@ def run(options: argparse.Namespace) -> int:
     force = load_on_tool(options, mechanism.gravity)
     body = options.relative_to
     seen = [] if body is None else [f"seen from {body!r}, in its axes"]
-    at = "\n".join([*posed.notes, f"at: {poses.words}", *seen])
+    at = [f"at: {poses.words}", *seen, *posed.notes]
     if options.whole is not None:
         out.names.append("errors.png")
         out.claim()
@@ -49,7 +51,9 @@ def run(options: argparse.Namespace) -> int:
             relative_to=body,
             **whole_errors(options, posed.scenario),
         )
-        print(f"{at}\n{whole.table()}")
+        table, of_class = whole.table(), f"what nobody gave is that of class {options.whole!r}"
+        notes = [*[of_class] * bool(whole.assumed), *at, *table.notes]
+        print_answer(whole.sentence, replace(table, notes=()), notes, options.detail)
         if options.out:
             from jointplay.show.plots.design import cause_bars
 
@@ -69,21 +73,20 @@ def run(options: argparse.Namespace) -> int:
         drive=poses.drive,
         relative_to=body,
     )
-    print(at)
-    if poses.names:
-        print(errors.by_pose(poses.names))
+    body = [str(errors.by_pose(poses.names))] if poses.names else []
     if len(errors.worst) > 1:
         k = errors.worst_pose
         name = poses.names[k] if poses.names else k
         place = ", ".join(f"{x:.3f}" for x in errors.positions[k])
-        print(
+        body.append(
             f"worst-case error of {errors.tool!r} [mm]: least {1e3 * errors.worst.min():.4f}, mean "
             f"{1e3 * errors.worst.mean():.4f}, largest {1e3 * errors.worst.max():.4f} (pose "
             f"{name}, tool at {place} m), which is made up like this:"
         )
-    print(errors.table())
-    print(errors.ranking)
-    print(errors.validity)
+    table = errors.table()
+    body += [str(replace(table, notes=())), errors.ranking]
+    notes = [*at, *table.notes, errors.validity]
+    print_answer(errors.sentence, "\n".join(body), notes, options.detail)
     if not options.out:
         return 0
     from jointplay.show.plots import design as plots

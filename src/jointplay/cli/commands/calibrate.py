@@ -30,6 +30,7 @@ Example: jointplay calibrate my_robot.urdf poses.csv --tool flange --out found
     --plan  propose in which poses to measure
     --count N  number of poses to choose (default 20)
     --out DIR  folder for the tables (CSV, JSON) and the figure
+    --detail
     --quiet
 """
 
@@ -38,7 +39,7 @@ import json
 from typing import Any
 
 from jointplay.base.errors import JointplayError
-from jointplay.cli.commands import Outputs, quantity, vector
+from jointplay.cli.commands import MORE, Outputs, print_answer, quantity, vector
 from jointplay.cli.commands.inputs import scenario_of
 
 TABLES = ("calibration.csv", "calibration.json", "residuals.csv", "calibration.png")
@@ -100,7 +101,9 @@ def run(options: argparse.Namespace) -> int:
             f"{options.csv}: nothing measured: columns such as 'tool x [m]', "
             "'marker NAME x [m]', 'point' or 'JOINT link [rad]' are needed"
         )
-    print("\n".join(notes))
+    if notes and (options.detail or not measured or poses.link is not None):
+        print("\n".join(notes))
+        notes = []
     if measured:
         fit = calibrate(
             mechanism,
@@ -113,7 +116,10 @@ def run(options: argparse.Namespace) -> int:
             point=point,
             progress=not options.quiet,
         )
-        print(fit)
+        if options.detail:
+            print(f"{fit.sentence}\n{fit}")
+        else:
+            print_answer(fit.sentence, fit.brief(), [*fit.notes, *notes, MORE], False)
         if options.out:
             from jointplay.show.plots.design import calibration
 

@@ -49,6 +49,7 @@ Example: jointplay identify my_robot.toml measured.csv --out worn
     --count N  number of experiments to choose (default 6)
     --push FORCE  force with which the tool can be pushed; 0: none (default: 20)
     --out DIR  folder for the tables (CSV, JSON) and the figure
+    --detail
     --quiet
 """
 
@@ -60,7 +61,7 @@ from typing import Any
 
 from jointplay.base.errors import JointplayError
 from jointplay.base.pairs import misread, pair
-from jointplay.cli.commands import Outputs, given, numbers_by_name, quantity
+from jointplay.cli.commands import Outputs, given, numbers_by_name, print_answer, quantity
 from jointplay.cli.commands.inputs import posed_machine
 
 
@@ -119,7 +120,8 @@ def run(options: argparse.Namespace) -> int:
             "note: gears of --gear have no stiffness of their own; unless --stiffness gives "
             "it, it is sought from 1e+04 N m/rad on"
         )
-    print("\n".join([*notes, str(fit)]))
+    body = replace(fit, notes=())
+    print_answer(fit.sentence, body, [*fit.notes, *notes], options.detail)
     found = fit.describe()
     if options.verify and posed.simulation is not None:
         from jointplay.estimate.verification import verify

@@ -19,7 +19,15 @@ from typing import TYPE_CHECKING, Any
 from jointplay.base import files, streams
 from jointplay.base.errors import JointplayError, require_non_negative
 from jointplay.base.pairs import misread, name_and_number
-from jointplay.cli.commands import UNITS, Entry, numbers_by_name, quantity, read_help, vector
+from jointplay.cli.commands import (
+    UNITS,
+    Entry,
+    first_notes,
+    numbers_by_name,
+    quantity,
+    read_help,
+    vector,
+)
 
 if TYPE_CHECKING:
     from jointplay.accuracy.poses import Poses
@@ -185,7 +193,7 @@ FLAGS = tuple(
 )
 FRONT_OPTIONS = (
     *("--set", "--case", "--joint", "--clearance", "--preset", "--gear", "--friction", "--motion"),
-    *("--duration", "--pose", "--workspace", "--payload", "--tool"),
+    *("--duration", "--pose", "--workspace", "--payload", "--tool", "--detail"),
 )
 """What the short help shows of them."""
 INPUT_OPTIONS = {one.partition(" ")[0].strip("-").replace("-", "_") for one, *_ in ENTRIES}
@@ -322,8 +330,10 @@ def scenario_of(options: argparse.Namespace, still: bool = False) -> Scenario:
     else:
         scenario = Scenario.load(options.place, settings)
     if preset is not None:
-        words = (preset.words, *preset.origins)
-        scenario.assumptions.extend(f"preset {preset.name}: {one}" for one in words)
+        words, *origins = (
+            f"preset {preset.name}: {one}" for one in (preset.words, *preset.origins)
+        )
+        scenario.assumptions[:] = [words, *scenario.assumptions, *origins]
     return scenario
 
 
@@ -493,7 +503,8 @@ def simulation_of(options: argparse.Namespace) -> Simulation:
     scenario = scenario_of(options)
     simulation = scenario.simulation(options.case)
     scenario.ready_run(options.case)  # says what cannot be, with its line
-    for line in decisive(scenario, {options.case or scenario.cases[0]: simulation}):
+    lines = decisive(scenario, {options.case or scenario.cases[0]: simulation})
+    for line in first_notes(lines, getattr(options, "detail", True)):
         streams.note(line)
     time = simulation.duration or (simulation.motion and simulation.motion.duration)
     moves = simulation.motion is not None

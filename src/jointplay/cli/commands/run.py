@@ -18,6 +18,7 @@ reader), and the figures as .png and .pdf.
     --resume  continue the interrupted runs in DIR, bit for bit; finished ones are kept
     --no-figures  do not draw figures
     --jobs
+    --detail
     --quiet
 """
 

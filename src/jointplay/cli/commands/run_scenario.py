@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import shlex
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing
@@ -18,7 +19,7 @@ from jointplay.base.errors import JointplayError, MissingName
 from jointplay.base.files import claim, holds, refuse_present
 from jointplay.base.progress import current, printing, whole
 from jointplay.base.signals import INTERRUPTED
-from jointplay.base.tables import few
+from jointplay.base.tables import Table, few
 from jointplay.simulation.working_files import check_own, working_paths
 
 if TYPE_CHECKING:
@@ -73,6 +74,7 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
         drawn = names_of_figures(all(map(is_paper_robot, robots)))
     if not options.resume:
         check_output_folder(out, names, drawn)
+    from jointplay.cli.commands import first_notes
     from jointplay.physics.kernel import Status
     from jointplay.scenario.assumptions import decisive
     from jointplay.show import plots  # what comes now takes long to import
@@ -96,7 +98,7 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
             remarks.setdefault(line, []).append(case)
         ready = [run] if len(cases) == 1 else []
         del run  # and its arrays
-    for line in [*decisive(scenario, simulations), *scenario.notes]:
+    for line in [*first_notes(decisive(scenario, simulations), options.detail), *scenario.notes]:
         streams.note(line)
     for line, of in remarks.items():
         streams.note(line if of == cases else f"case {few(of)}: {line}")
@@ -120,7 +122,8 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     streams.release()
     left = [item for case, item in items.items() if case not in done]
     # A long run's histories fill memory; where nothing is drawn, few of them are looked at.
-    summaries = _Summaries(scenario, items, simulations, None if drawn else HISTORIES, progress)
+    only = None if drawn else HISTORIES
+    summaries = _Summaries(scenario, items, simulations, only, progress, options.detail)
     total = sum(lengths[item.case][0] for item in left)
     if all(map(_gives, simulations.values())):
         total += sum(more for _, more in lengths.values())
@@ -133,7 +136,7 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     drawable = {case: result for case, result in results.items() if len(result.time) > 1}
     if drawn and drawable:
         plots.save(drawable, out)
-    print(f"\nresults in {out}")
+    print(summaries.ending(out))
     missing = [case for case in cases if case not in results]
     unjudged = [
         case
@@ -172,12 +175,15 @@ class _Summaries:
         simulations: Mapping[str, Simulation],
         only: Sequence[str] | None,
         progress: bool,
+        detail: bool,
     ) -> None:
         self.scenario, self.items, self.simulations = scenario, items, simulations
-        self.only, self.progress = only, progress
+        self.only, self.progress, self.detail = only, progress, detail
         self.results: dict[str, Result] = {}
         """Of the cases that are there, in the order of the scenario once all are."""
         self._printed: set[str] = set()
+        self._rows: dict[str, dict[str, str]] = {}
+        """Figures of each case, by what they are called."""
         self._ideal = {case for case, one in simulations.items() if not _gives(one)}
 
         kept_in = next(iter(items.values())).path.parent
@@ -221,20 +227,55 @@ class _Summaries:
         for case, result in self.results.items():
             if case not in self._printed:
                 self._printed.add(case)
-                lines = [*self._headline(result), result.message]
-                if case in self._ideal:  # there is no error to begin with
-                    lines = [lines[-1], *lines[:-1]]
-                answers = "\n  ".join(lines)
+                text = self._answer(case, result)
                 with printing():
-                    print(f"\n{case}: {answers}\n{result.judgement}", flush=True)
+                    print(text, flush=True)
 
-    def _headline(self, result: Result) -> list[str]:
-        """The headline of a case; its ideal mechanism is another case, or simulated for it."""
+    def _answer(self, case: str, result: Result) -> str:
+        """What came out of a case: of several the first line of each, and warnings."""
+        from jointplay.physics.kernel import Status
         from jointplay.simulation.analysis import is_twin
-        from jointplay.simulation.analysis.headline import headline, reference
+        from jointplay.simulation.analysis.headline import headline, headline_texts, reference
 
         ideal = next((other for other in self.results.values() if is_twin(result, other)), None)
-        return headline(result, ideal or reference(result, self.progress))
+        ideal = ideal or reference(result, self.progress)
+        lines = headline(result, ideal, self.detail)
+        if case in self._ideal or not lines:  # there is no error to begin with
+            lines = [result.message, *lines]
+        elif self.detail or result.status != Status.COMPLETED:
+            lines.append(result.message)
+        if self.detail:
+            judged = result.judgement
+        else:
+            judged = "\n".join(f"  warning: {text}" for text in result.audit.warnings)
+            if len(self.items) > 1:
+                lines = lines[:1] if result.status == Status.COMPLETED else lines
+                self._rows[case] = headline_texts(result, ideal)
+        answers = "\n  ".join(lines)
+        return f"\n{case}: {answers}\n{judged}".rstrip("\n")
+
+    def ending(self, out: Path) -> str:
+        """A table of several cases, where the results are, and what to do with them."""
+        from jointplay.cli.commands import MORE
+
+        lines = [""]
+        if any(self._rows.values()):
+            lines += [str(Table.of_texts(_case_rows(self._rows))), ""]
+        lines.append(f"results in {out}")
+        if self.results:
+            shown = next((case for case in self.results if case not in self._ideal), None)
+            path = self.items[shown or next(iter(self.results))].path
+            more = "" if self.detail else f" {MORE}"
+            opened = shlex.join(["jointplay", "play", str(path)])
+            lines.append(f"next: {opened}; {shlex.join(['jointplay', 'report', str(out)])}{more}")
+        return "\n".join(lines)
+
+
+def _case_rows(figures: Mapping[str, Mapping[str, str]]) -> list[list[str]]:
+    """Rows of a table of cases, the first of heads."""
+    heads = list(dict.fromkeys(name for own in figures.values() for name in own))
+    rows = [[case, *(own.get(name, "") for name in heads)] for case, own in figures.items() if own]
+    return [["case", *heads], *rows]
 
 
 def _length_and_size(run: Run) -> list[str]:

@@ -1,4 +1,4 @@
-"""What a run comes to, in a few lines: tool error, at stops too, forces, rattle, cost."""
+"""What a run comes to, in a few lines: tool error, at stops too, forces, rattle."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from jointplay.base.units import readable
 from jointplay.simulation.analysis import twins
 from jointplay.simulation.analysis.bearings import bearing_life, rolling_bearings
 from jointplay.simulation.analysis.tool_error import deviation, error_at, error_statistics, stops
-from jointplay.simulation.analysis.vibration import rattle
+from jointplay.simulation.analysis.vibration import Rattle, rattle
 from jointplay.simulation.motion.reference import GOES_ON
 from jointplay.simulation.result.certificate import alone, shown
 from jointplay.simulation.result.result import Result
@@ -49,68 +49,209 @@ def reference(result: Result, progress: bool = False) -> Result | None:
         return None
 
 
-def headline(result: Result, ideal: Result | None) -> list[str]:
+def headline(result: Result, ideal: Result | None, detail: bool = False) -> list[str]:
     """Lines that say what came out of a run from `Result.judge_from` on.
 
-    `ideal`: see `reference`; without it nothing is said of the tool.
+    Args:
+        result: the run.
+        ideal: see `reference`; without it nothing is said of the tool.
+        detail: whether its acceleration in bands of frequency, and what the run cost, are said too.
     """
     finite = np.isfinite(result["tool_position"].values).all(axis=1)
     if not finite.all():  # where the run stopped
         result = Result(result.dataset.isel(time=finite))
     start = result.judge_from
-    since = f" from {start:g} s on" if start > 0.0 else ""
+    since = _since(result)
     lines = []
     if ideal is not None and twins.has_play(result):
-        lines += _tool(result, ideal, deviation(result, ideal), start, since)
+        lines += _tool(result, ideal)
     if result.joints:
         hinged = twins.hinges(result)  # they hold bodies by more than the force of their springs
-        lines += [
-            _force(result, joint, start, since) for joint in result.joints if joint not in hinged
-        ]
+        if bearings := [joint for joint in result.joints if joint not in hinged]:
+            lines.append(_forces(result, bearings, start, since))
         lines += _bearings(result, since)
         with suppress(JointplayError):  # too few records
-            lines.append(f"{rattle(result, ideal)}{since}")
+            found = rattle(result, ideal)
+            lines.append(f"{found if detail else found.impacts_words}{since}")
     simulated = float(result.time[-1]) if len(result.time) else 0.0
     wall = float(result.dataset.attrs.get("wall_time_s", 0.0))
-    if wall > 0.0:
+    if detail and wall > 0.0:
         lines.append(f"cost {wall:.2f} s for {simulated:.4g} s simulated")
     return lines
 
 
-def _tool(
-    result: Result, ideal: Result, error: xr.DataArray, start: float, since: str
-) -> list[str]:
-    judged = error.sel(time=error["time"] >= start)
-    last = float(error["time"][-1])
-    # Records of another step may end a little earlier.
-    early = last < 0.999 * result.time[-1]
-    ended = f", whose run ends at {last:.4g} s" if early else ""
-    if not len(judged):
-        return [f"the tool error{since} against the ideal mechanism is unknown{ended}"]
-    sizes = np.linalg.norm(judged.values, axis=1)
-    at = float(judged["time"][int(sizes.argmax())])
-    rms = error_statistics(error, start).rms[-1]
-    tool = result.simulation.mechanism.tool
-    turns = error_statistics(deviation(result, ideal, "tool_orientation"), start)
-    told = {
-        name: shown(result.certificate, name, float(value), unit)
-        for name, value, unit in (
-            ("peak tool error", sizes.max(), "m"),
-            ("RMS tool error", rms, "m"),
-            ("peak tool turn", turns.peak[-1], "rad"),
-            ("RMS tool turn", turns.rms[-1], "rad"),
+def headline_texts(result: Result, ideal: Result | None) -> dict[str, str]:
+    """The figures of `headline` by name, as a table of several runs shows them."""
+    found: dict[str, str] = {}
+    if ideal is not None and twins.has_play(result):
+        with suppress(JointplayError):  # no records
+            error = ToolError(result, ideal)
+            found = {
+                "peak tool error": error.peak_text,
+                "RMS tool error": error.rms_text,
+                "peak tool turn": error.peak_turn_text,
+            }
+    if loose := [joint for joint in result.joints if joint not in twins.hinges(result)]:
+        forces = result.forces.sel(joint=loose)
+        sizes = forces.sel(time=forces["time"] >= result.judge_from).max("time").values
+        worst = int(sizes.argmax())
+        found["peak force"] = peak_force(result, loose[worst], float(sizes[worst]))
+        with suppress(JointplayError):
+            found["impacts a second"] = alone(rattle(result, ideal).rate)
+    return found
+
+
+class ToolError:
+    """How far the tool is from that of the ideal mechanism, from `Result.judge_from` on.
+
+    `print` shows it in a sentence.
+
+    Attributes:
+        vector: error along x, y, z over time (time, axis) [m].
+        distance: its size over time (time,) [m].
+        turn: angle between the two tools over time (time,) [rad].
+        ideal: the ideal mechanism's run.
+    """
+
+    def __init__(self, result: Result, ideal: Result) -> None:
+        self._result, self.ideal = result, ideal
+        self.vector = deviation(result, ideal)
+        self.distance = self._size(self.vector, "distance of the tool from the ideal one")
+        turn = deviation(result, ideal, "tool_orientation")
+        self.turn = self._size(turn, "angle between the tool and the ideal one")
+        self._off = error_statistics(self.vector)
+        self._turned = error_statistics(turn)
+
+    @staticmethod
+    def _size(vectors: xr.DataArray, name: str) -> xr.DataArray:
+        size = vectors.reduce(np.linalg.norm, "axis").rename("tool_error")
+        size.attrs = {"units": vectors.attrs["units"], "long_name": name}
+        return size
+
+    def __dir__(self) -> list[str]:
+        return [name for name in super().__dir__() if not name.endswith("_text")]
+
+    @property
+    def peak(self) -> float:
+        """Largest distance [m]."""
+        return float(self._off.peak[-1])
+
+    @property
+    def rms(self) -> float:
+        """RMS distance [m]."""
+        return float(self._off.rms[-1])
+
+    @property
+    def peak_turn(self) -> float:
+        """Largest angle [rad]."""
+        return float(self._turned.peak[-1])
+
+    @property
+    def rms_turn(self) -> float:
+        """RMS angle [rad]."""
+        return float(self._turned.rms[-1])
+
+    @property
+    def time_of_peak(self) -> float:
+        """When the distance is largest [s]."""
+        judged = self.distance.sel(time=self.distance["time"] >= self._result.judge_from)
+        return float(judged["time"][int(judged.values.argmax())])
+
+    @property
+    def numerical_errors(self) -> dict[str, float]:
+        """Of ``peak`` and ``rms`` [m], ``peak_turn`` and ``rms_turn`` [rad], as far as known."""
+        certificate = self._result.certificate
+        known = {one.name: one.error for one in (certificate.headline if certificate else ())}
+        return {name: known[of] for name, of in _OF_TOOL.items() if of in known}
+
+    def _text(self, name: str, unit: str) -> str:
+        return shown(self._result.certificate, _OF_TOOL[name], getattr(self, name), unit)
+
+    @property
+    def peak_text(self) -> str:
+        return self._text("peak", "m")
+
+    @property
+    def rms_text(self) -> str:
+        return self._text("rms", "m")
+
+    @property
+    def peak_turn_text(self) -> str:
+        return self._text("peak_turn", "rad")
+
+    @property
+    def rms_turn_text(self) -> str:
+        return self._text("rms_turn", "rad")
+
+    def __str__(self) -> str:
+        tool = self._result.simulation.mechanism.tool
+        return (
+            f"{_cause(self._result)} puts the tool {tool!r} up to {self.peak_text} "
+            f"off{_since(self._result)} (at t = {self.time_of_peak:.4g} s), RMS {self.rms_text}, "
+            f"and turns it by up to {self.peak_turn_text}, RMS {self.rms_turn_text}, against the "
+            f"ideal mechanism{_ended(self._result, self.distance)}"
         )
-    }
-    answer = (
-        f"{_cause(result)} puts the tool {tool!r} up to {told['peak tool error']} off{since} "
-        f"(at t = {at:.4g} s), RMS {told['RMS tool error']}, and turns it by up to "
-        f"{told['peak tool turn']}, RMS {told['RMS tool turn']}, against the ideal "
-        f"mechanism{ended}"
-    )
-    return [answer, *_from_base(result, ideal, since), *_at_stops(result, error, start)]
+
+    __repr__ = __str__
 
 
-def _from_base(result: Result, ideal: Result, since: str) -> list[str]:
+_OF_TOOL = {
+    "peak": "peak tool error",
+    "rms": "RMS tool error",
+    "peak_turn": "peak tool turn",
+    "rms_turn": "RMS tool turn",
+}
+"""Figures of `ToolError`, and what certificates call them."""
+
+
+def tool_error(result: Result) -> ToolError:
+    """The tool's error against the ideal mechanism, which is simulated for it.
+
+    Raises:
+        JointplayError: the result has no play, or its ideal mechanism cannot be simulated.
+    """
+    if not twins.has_play(result):
+        raise JointplayError("no joint has play: the tool has no error")
+    return ToolError(result, twins.tool_motion(twins.ideal_simulation(result)))
+
+
+def summary(result: Result) -> str:
+    """What `jointplay run` prints of a result: tool error, forces, rattle, warnings."""
+    lines, ideal = [], None
+    if twins.has_play(result):
+        try:
+            ideal = result.tool_error.ideal
+        except JointplayError as error:
+            lines.append(f"the tool error is unknown: {error}")
+    lines = [*headline(result, ideal), *lines] or [result.message]
+    return "\n".join([*lines, *(f"warning: {text}" for text in result.audit.warnings)])
+
+
+def rattle_of(result: Result) -> Rattle:
+    """Its impacts, and the tool's vibration against the ideal mechanism's where there is play."""
+    return rattle(result, result.tool_error.ideal if twins.has_play(result) else None)
+
+
+def _since(result: Result) -> str:
+    return f" from {result.judge_from:g} s on" if result.judge_from > 0.0 else ""
+
+
+def _ended(result: Result, error: xr.DataArray) -> str:
+    """Where the ideal mechanism's run is shorter; records of another step may end earlier."""
+    last = float(error["time"][-1])
+    return f", whose run ends at {last:.4g} s" if last < 0.999 * result.time[-1] else ""
+
+
+def _tool(result: Result, ideal: Result) -> list[str]:
+    until = deviation(result, ideal)
+    if not len(until) or float(until["time"][-1]) < result.judge_from:
+        since, ended = _since(result), _ended(result, until)
+        return [f"the tool error{since} against the ideal mechanism is unknown{ended}"]
+    error = ToolError(result, ideal)
+    return [str(error), *_from_base(result, ideal), *_at_stops(result, error.vector)]
+
+
+def _from_base(result: Result, ideal: Result) -> list[str]:
     mechanism = result.simulation.mechanism
     if mechanism.free_base is None:
         return []
@@ -118,7 +259,7 @@ def _from_base(result: Result, ideal: Result, since: str) -> list[str]:
     found = error_statistics(deviation(result, ideal, relative_to=base))
     return [
         f"seen from the free base {base!r}, whose own motion differs as well: up to "
-        f"{_mm(found.peak[-1])} off{since}, RMS {_mm(found.rms[-1])}"
+        f"{_mm(found.peak[-1])} off{_since(result)}, RMS {_mm(found.rms[-1])}"
     ]
 
 
@@ -149,12 +290,16 @@ def _cause(result: Result) -> str:
     return f"Play in {few([f'{name} ({size})' for name, size in sizes.items()])}{more}"
 
 
-def _at_stops(result: Result, error: xr.DataArray, start: float) -> list[str]:
+def _at_stops(result: Result, error: xr.DataArray) -> list[str]:
     motion = result.simulation.motion
     if motion is None or motion.interpolation in GOES_ON:
         return []
     every = stops(motion, float(error["time"][-1]))
-    times = [stop.end for stop in every if stop.at_rest and stop.end >= start and stop.end > 0.0]
+    times = [
+        stop.end
+        for stop in every
+        if stop.at_rest and stop.end >= result.judge_from and stop.end > 0.0
+    ]
     if not times:
         return []
     sizes = [float(error_at(error, time)[-1]) for time in times]
@@ -171,13 +316,16 @@ def _at_stops(result: Result, error: xr.DataArray, start: float) -> list[str]:
     return [f"at its stops: {each}"]
 
 
-def _force(result: Result, joint: str, start: float, since: str) -> str:
-    judged = result.time >= start
-    forces = result["joint_force_peak"].sel(joint=joint).values[judged]
-    sizes = np.linalg.norm(forces, axis=1)
-    at = float(result.time[judged][int(sizes.argmax())])
-    told = peak_force(result, joint, float(sizes.max()))
-    return f"peak force in {joint}{since} {told} at t = {at:.4g} s"
+def _forces(result: Result, joints: list[str], start: float, since: str) -> str:
+    forces = result.forces
+    forces = forces.sel(time=forces["time"] >= start)
+    words: list[str] = []
+    for joint in joints:
+        sizes = forces.sel(joint=joint).values
+        at = float(forces["time"][int(sizes.argmax())])
+        told = peak_force(result, joint, float(sizes.max()))
+        words.append(f"in {joint}{'' if words else since} {told} at t = {at:.4g} s")
+    return f"peak force {few(words)}"
 
 
 def peak_force(result: Result, joint: str, largest: float) -> str:

@@ -147,10 +147,16 @@ class Rattle:
         """Mean power lost in impacts [W]."""
         return self.lost / self.duration
 
-    def __str__(self) -> str:
+    @property
+    def impacts_words(self) -> str:
+        """How often and how hard contacts begin, without the tool's vibration."""
         words = f"rattle: {_three(self.rate)} impacts a second"
         if self.impacts:
             words += f" of {_three(self.energy, 'J')} each, {_three(self.power, 'W')}"
+        return words
+
+    def __str__(self) -> str:
+        words = self.impacts_words
         if self.bands:
             parts = (f"{one.range} {_three(one.rms)}" for one in self.bands)
             what = (

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from jointplay.show.plots import Plots
+    from jointplay.simulation.analysis.headline import ToolError
+    from jointplay.simulation.analysis.vibration import Rattle
     from jointplay.simulation.result.certificate import Certificate
     from jointplay.simulation.simulation import Simulation
 
@@ -116,6 +118,28 @@ class Result:
         return (
             [str(name) for name in self.dataset["joint"].values] if "joint" in self.dataset else []
         )
+
+    def summary(self) -> str:
+        """What came out, in the lines that `jointplay run` prints: tool error, forces, rattle."""
+        return provided("summary")(self)  # type: ignore[no-any-return]
+
+    @cached_property
+    def tool_error(self) -> ToolError:
+        """How far the tool is from the ideal robot's, which is simulated for it [m, rad]."""
+        return provided("tool_error")(self)  # type: ignore[no-any-return]
+
+    @property
+    def forces(self) -> xr.DataArray:
+        """Force in each joint with clearance, (time, joint), the largest in each interval [N]."""
+        vectors = self["joint_force_peak"]
+        sizes = vectors.reduce(np.linalg.norm, "axis").rename("forces")
+        sizes.attrs = {"units": "N", "long_name": "largest joint force"}
+        return sizes
+
+    @property
+    def rattle(self) -> Rattle:
+        """Impacts a second, their energy, and the tool's vibration in bands of frequency."""
+        return provided("rattle")(self)  # type: ignore[no-any-return]
 
     @property
     def plot(self) -> Plots:

@@ -25,6 +25,7 @@ Example: jointplay study iso9283 ur5 --joint "elbow_joint=0.05 mm" --duration 2.
     --out DIR  folder for the table, the figures and, during the run, finished cycles: with the same
         folder, an interrupted command continues
     --jobs
+    --detail
     --quiet
 """
 
@@ -34,7 +35,7 @@ from typing import Any
 
 from jointplay.base import streams
 from jointplay.base.errors import JointplayError, require_non_negative, require_positive
-from jointplay.cli.commands import Outputs, given, vector
+from jointplay.cli.commands import MORE, Outputs, given, print_answer, vector
 from jointplay.cli.commands.inputs import simulation_of
 
 FILES = ("iso9283.csv", "poses.png", "path.png")
@@ -66,7 +67,6 @@ def run(options: argparse.Namespace) -> int:
         check(simulation, percent / 100.0, options.payload)
     folder = out.claim()
     streams.release()
-    print(f"tool: {simulation.mechanism.tool!r}")
     for percent, (table, drawn, along) in names.items():
         performance = iso9283(
             simulation,
@@ -80,7 +80,11 @@ def run(options: argparse.Namespace) -> int:
             keep=None if folder is None else folder / "cycles",
             progress=not options.quiet,
         )
-        print(performance)
+        if options.detail:
+            print_answer(performance.sentence, performance, (), True)
+        else:
+            notes = (f"conditions: {performance.conditions}", performance.validity, MORE)
+            print_answer(performance.sentence, performance.brief, notes, False)
         if options.out:
             from jointplay.show.plots import design as plots
 

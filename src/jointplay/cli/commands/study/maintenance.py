@@ -9,6 +9,7 @@ the scenario. docs/wear.md explains the numbers. One run is one cycle.
     --runs N  runs per block, perturbed at the start if there are several (default 2)
     --cycles-per-run X  cycles in one run (default 1)
     --jobs
+    --detail
     --quiet
     --target LENGTH  tolerance of the tool (required)
     --wear-factor X  factor within which wear rates are known (default 3)
@@ -16,9 +17,10 @@ the scenario. docs/wear.md explains the numbers. One run is one cycle.
 """
 
 import argparse
+from dataclasses import replace
 
 from jointplay.base.signals import INTERRUPTED
-from jointplay.cli.commands import Outputs
+from jointplay.cli.commands import Outputs, print_answer
 from jointplay.cli.commands.inputs import simulation_of
 from jointplay.cli.commands.study.wear import cycles
 
@@ -32,7 +34,9 @@ def run(options: argparse.Namespace) -> int:
     estimate = maintenance(
         simulation, options.target, factor=options.wear_factor, **cycles(options)
     )
-    print(f"tool: {simulation.mechanism.tool!r}\n{estimate}")
+    table = estimate.table
+    shares, life, known = table.notes
+    print_answer(life, replace(table, notes=()), (shares, known), options.detail)
     if options.out:
         from jointplay.show.plots.design import wear_course
 

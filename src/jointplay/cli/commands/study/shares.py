@@ -17,14 +17,16 @@ Example: jointplay study shares ur5 --joint elbow_joint --joint wrist_1_joint --
     --out DIR  folder for the table, the figure and the runs, from which an interrupted command
         continues
     --jobs
+    --detail
     --quiet
 """
 
 import argparse
+from dataclasses import replace
 from typing import Any
 
 from jointplay.base import streams
-from jointplay.cli.commands import Outputs
+from jointplay.cli.commands import Outputs, print_answer
 from jointplay.cli.commands.inputs import simulation_of
 
 
@@ -44,7 +46,8 @@ def run(options: argparse.Namespace) -> int:
     }
     streams.release()
     budget = shares(simulation, options.runs, **ensemble)
-    print(f"tool: {simulation.mechanism.tool!r}\n{budget}")
+    table = budget.table
+    print_answer(budget.sentence, replace(table, notes=()), table.notes, options.detail)
     if options.out:
         from jointplay.show.plots.design import share_bars
 

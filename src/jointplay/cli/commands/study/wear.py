@@ -9,6 +9,7 @@ needs a wear_rate in the scenario. One run is one cycle.
     --runs N  runs per block, perturbed at the start if there are several (default 1)
     --cycles-per-run X  cycles in one run (default 1)
     --jobs
+    --detail
     --quiet
     --joint NAME  the joint whose wear is estimated (required)
     --growth LENGTH  growth of its clearance (required)
@@ -21,6 +22,7 @@ from typing import Any
 from jointplay.base import files
 from jointplay.base.signals import INTERRUPTED
 from jointplay.base.tables import Column, Table
+from jointplay.cli.commands import print_answer
 from jointplay.cli.commands.inputs import simulation_of
 
 
@@ -39,8 +41,7 @@ def run(options: argparse.Namespace) -> int:
     life = wear(simulation, options.joint, options.growth, **cycles(options))
     columns = [Column("cycles", life.cycles)]
     columns += [Column(name, getattr(life, name), "m", fine=True) for name in ("deepest", "mean")]
-    print(Table(columns))
-    print(life)
+    print_answer(str(life), Table(columns), (), options.detail)
     if options.out:
         files.write(options.out, life.table.csv())
         print(f"profiles in {options.out}")
