@@ -370,7 +370,7 @@ def test_the_command_prints_and_writes_what_the_function_finds(arm, tmp_path, ca
     path = table(truth.measured(), tmp_path / "poses.csv")
     order = ["calibrate", str(arm.description.path), str(path), "--out", str(tmp_path / "out")]
     order += ["--term", "offset", "--term", "play elbow", "--quiet"]
-    assert main(order) == 0
+    assert main([*order, "--detail"]) == 0
     said = capsys.readouterr().out
     assert "+ play elbow" in said
     assert "tool: 'tool' (chosen: named like a tool, at the end of the chain of moving" in said
@@ -466,7 +466,7 @@ def test_markers_groups_and_points_are_read_from_tables(arm, tmp_path, capsys):
     assert not poses.approach().any()  # each row is of another day than the one before
     order = ["calibrate", str(arm.description.path), str(path), "--term", "offset"]
     order += ["--folds", "groups", "--payload", "0.5", "--point", "0,0,10 mm"]
-    assert main([*order, "--scatter", "0.1 mm, 1 mrad"]) == 0
+    assert main([*order, "--detail", "--scatter", "0.1 mm, 1 mrad"]) == 0
     said = capsys.readouterr().out
     assert "labels of markers are exchanged in 1 of 12 rows (5)" in said
     assert "held back: each of 3 groups" in said
@@ -476,7 +476,7 @@ def test_markers_groups_and_points_are_read_from_tables(arm, tmp_path, capsys):
     path = written(
         path, [*head[:4], "point"], [[*row[:4], f"p{i % 2}"] for i, row in enumerate(rows)]
     )
-    assert main(["calibrate", str(arm.description.path), str(path), "--term", "offset"]) == 0
+    assert main([*order[:5], "--detail"]) == 0
     assert "held back: each of 2 points" in capsys.readouterr().out
 
 

@@ -396,7 +396,8 @@ def test_the_command_writes_table_figures_and_goes_on(arm, tmp_path, capsys):
     order += ["--out", str(out), "--jobs", "1", "--quiet", "--tool", "tool"]
     assert main([*order, "--speed", "100", "--speed", "50"]) == 0
     said = capsys.readouterr().out
-    assert "RP_l" in said
+    assert "repeats a stop to" in said
+    assert "AP, RP" in said
     assert "speed: 50 %" in said
     parts = ["iso9283_50.csv", "path_50.png", "poses_50.png"]
     assert set(os.listdir(out)) == {"cycles", "iso9283.csv", "path.png", "poses.png", *parts}

@@ -425,7 +425,7 @@ def test_the_command_reads_bags_and_datasets(arm, recorded, tmp_path, capsys):
     path = dataset(tmp_path / "d", "v3.0")
     features = [f"--source={name}={feature}" for name, feature in FEATURES.items()]
     order = ["identify", str(arm), str(path), *features, "--episode", "1", *play]
-    assert main([*order, "--lag", "0"]) == 0
+    assert main([*order, "--detail", "--lag", "0"]) == 0
     said = capsys.readouterr().out
     assert "j radial clearance" in said
     assert "assumed (--lag 0): readings of tool and links are simultaneous" in said

@@ -165,12 +165,12 @@ def test_a_slider_on_springs_gives_way_across_and_in_torsion(scara):
 def test_budgets_read_the_table_of_a_scenario(tmp_path, capsys):
     path = tmp_path / "arm.toml"
     path.write_text(ARM + TABLE)
-    assert cli.main(["budget", str(path), "--whole"]) == 0
+    assert cli.main(["budget", str(path), "--detail", "--whole"]) == 0
     shown = capsys.readouterr().out
     assert "given: encoder: resolution 1.745e-05 rad (joint_b)" in shown
     assert "assumed: encoder: " in shown
     assert "(class 'industrial')" in shown
-    assert cli.main(["budget", str(path), "--whole", "printed"]) == 0
+    assert cli.main(["budget", str(path), "--detail", "--whole", "printed"]) == 0
     shown = capsys.readouterr().out
     assert "assumed: encoder: " in shown
     assert "(class 'printed')" in shown

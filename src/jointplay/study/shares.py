@@ -89,7 +89,7 @@ class DynamicBudget:
         return (
             f"Of the tool's mean square error in the simulated motion (RMS "
             f"{readable(float(self.rms.mean()), 'm', 3)}) play causes, by joint: {told}; "
-            f"interaction {100 * self.interaction.mean():.0f} %"
+            f"interaction {round(100 * float(self.interaction.mean()))} %"
         )
 
     @property

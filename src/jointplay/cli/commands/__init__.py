@@ -125,11 +125,17 @@ def first_notes(lines: Iterable[str], detail: bool) -> list[str]:
     return kept
 
 
-def print_answer(sentence: str, body: object, notes: Iterable[str], detail: bool) -> None:
-    """Print an answer in a sentence, its tables, and of the notes the `first_notes`."""
+def print_answer(
+    sentence: str, body: object, notes: Iterable[str], detail: bool, more: bool = False
+) -> None:
+    """Print an answer in a sentence, its tables, and of the notes the `first_notes`.
+
+    `more`: whether the tables have more in detail.
+    """
     notes = list(dict.fromkeys(notes))
     kept = first_notes(notes, detail)
-    lines = [sentence, str(body), *kept, *([MORE] if len(kept) < len(notes) else [])]
+    more = len(kept) < len(notes) or (more and not detail)
+    lines = [sentence, str(body), *kept, *([MORE] if more else [])]
     print("\n".join(filter(None, lines)))
 
 

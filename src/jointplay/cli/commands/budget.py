@@ -43,15 +43,16 @@ def run(options: argparse.Namespace) -> int:
     if options.whole is not None:
         out.names.append("errors.png")
         out.claim()
+        about = whole_errors(options, posed.scenario)
         whole = budget(
             mechanism,
             poses.q,
             force=force,
             driven=poses.driven,
             relative_to=body,
-            **whole_errors(options, posed.scenario),
+            **about,
         )
-        table, of_class = whole.table(), f"what nobody gave is that of class {options.whole!r}"
+        table, of_class = whole.table(), f"what nobody gave is that of class {about['kind']!r}"
         notes = [*[of_class] * bool(whole.assumed), *at, *table.notes]
         print_answer(whole.sentence, replace(table, notes=()), notes, options.detail)
         if options.out:

@@ -39,7 +39,7 @@ import json
 from typing import Any
 
 from jointplay.base.errors import JointplayError
-from jointplay.cli.commands import MORE, Outputs, print_answer, quantity, vector
+from jointplay.cli.commands import Outputs, print_answer, quantity, vector
 from jointplay.cli.commands.inputs import scenario_of
 
 TABLES = ("calibration.csv", "calibration.json", "residuals.csv", "calibration.png")
@@ -119,7 +119,7 @@ def run(options: argparse.Namespace) -> int:
         if options.detail:
             print(f"{fit.sentence}\n{fit}")
         else:
-            print_answer(fit.sentence, fit.brief(), [*fit.notes, *notes, MORE], False)
+            print_answer(fit.sentence, fit.brief(), [*fit.notes, *notes], False, more=True)
         if options.out:
             from jointplay.show.plots.design import calibration
 

@@ -35,7 +35,7 @@ from typing import Any
 
 from jointplay.base import streams
 from jointplay.base.errors import JointplayError, require_non_negative, require_positive
-from jointplay.cli.commands import MORE, Outputs, given, print_answer, vector
+from jointplay.cli.commands import Outputs, given, print_answer, vector
 from jointplay.cli.commands.inputs import simulation_of
 
 FILES = ("iso9283.csv", "poses.png", "path.png")
@@ -83,8 +83,8 @@ def run(options: argparse.Namespace) -> int:
         if options.detail:
             print_answer(performance.sentence, performance, (), True)
         else:
-            notes = (f"conditions: {performance.conditions}", performance.validity, MORE)
-            print_answer(performance.sentence, performance.brief, notes, False)
+            notes = (f"conditions: {performance.conditions}", performance.validity)
+            print_answer(performance.sentence, performance.brief, notes, False, more=True)
         if options.out:
             from jointplay.show.plots import design as plots
 
