@@ -490,7 +490,8 @@ def test_the_command_line_spends_on_causes(tmp_path, capsys):
     out = tmp_path / "out"
     options = ["allocate", "ur5", "--whole", "industrial", "--target", "2 mm", "--payload", "3 kg"]
     more = ["--keep", "heat", "--price", "encoder=2", "--limit", "geometry=0.2"]
-    assert main([*options, *more, "--weight", "elbow_joint=3", "--out", str(out)]) == 0
+    more += ["--weight", "elbow_joint=3", "--detail"]
+    assert main([*options, *more, "--out", str(out)]) == 0
     shown = capsys.readouterr().out
     assert "worst case: 2.0000 mm of 2.0000 mm" in shown
     assert "assumed: prices: halving costs 1 at each joint, of elasticity, gear error" in shown
