@@ -110,7 +110,7 @@ def test_every_preset_runs_with_its_drives(name, robot, tmp_path, capsys):
     run = ["run", robot, "--preset", name, "--duration", "0.4", "--no-figures",
            "--no-error-estimate", "--out", str(tmp_path)]  # fmt: skip
     assert cli.main(run) == 0, capsys.readouterr().err
-    result = jp.Result.load(tmp_path / "result.nc")
+    result = jp.jp.Result.load(tmp_path / "result.nc")
     assert result.time[-1] == pytest.approx(0.4)
     if result.joints:
         assert np.abs(result["joint_force"]).max() < 1000.0
@@ -133,5 +133,17 @@ def test_the_command_line_lists_and_uses_them(tmp_path, capsys):
     assert cli.main(run) == 0
     said = capsys.readouterr()
     assert "preset so101" in said.out + said.err
-    result = jp.Result.load(tmp_path / "result.nc")
+    result = jp.jp.Result.load(tmp_path / "result.nc")
     assert set(result.simulation.mechanism.gears) == set(preset("so101").every["joints"])
+
+
+def test_a_servo_arm_rests_in_its_budget_as_far_off_as_its_run_begins(capsys, tmp_path):
+    """Encoders on the motors' side do not see how far the gears give way."""
+    assert cli.main(["budget", "so101", "--preset"]) == 0
+    (row,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("all ")]
+    at_rest = float(row.split()[4])
+    call = ["run", "so101", "--preset", "--duration", "1 ms", "--no-error-estimate", "--no-figures"]
+    assert cli.main([*call, "--quiet", "--out", str(tmp_path / "o")]) == 0
+    begins = 1e3 * float(jp.Result.load(tmp_path / "o" / "result.nc").tool_error.distance[0])
+    assert begins > 15.0
+    assert at_rest == pytest.approx(begins, rel=0.03)

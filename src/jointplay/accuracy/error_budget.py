@@ -257,9 +257,8 @@ class PlayBudget(Budget):
             lines.append("at rest without friction: no equilibrium was found")
         else:
             place = ", ".join(f"{1e3 * value:.4f}" for value in whole[:3])
-            begins = (
-                "" if self.rest_positions.force.any() else " (the start of a run with start=rest)"
-            )
+            begins = " (the start of a run with start=rest)"
+            begins = begins if self.rest_positions.begins_a_run else ""
             lines.append(f"at rest without friction, along x, y, z: {place} mm{begins}")
         if not np.isnan(loads).any():
             words = []
@@ -319,6 +318,8 @@ class PlayBudget(Budget):
         if self.mechanism.loops:
             second = f"loops closed exactly put the tool {more} elsewhere"
         at_rest = f"at rest within {1e6 * AGREES_M:g} µm of where a run begins"
+        if not self.rest_positions.begins_a_run:
+            at_rest = "at rest, with servos that do not sag, as an ideal robot's do as much"
         if self.rest_positions.force.any():
             at_rest = "at rest, with drives assumed rigid under the force on the tool"
         return (
@@ -503,7 +504,7 @@ def budget(
     second_order: bool = ...,
     driven: Sequence[str] | None = ...,
     friction: float | None = ...,
-    drive: Drive = ...,
+    drive: Drive | Mapping[str, Drive] = ...,
     relative_to: str | None = ...,
 ) -> PlayBudget: ...
 
@@ -535,7 +536,7 @@ def budget(
     second_order: bool = True,
     driven: Sequence[str] | None = None,
     friction: float | None = None,
-    drive: Drive = FOLLOW,
+    drive: Drive | Mapping[str, Drive] = FOLLOW,
     relative_to: str | None = None,
 ) -> Budget:
     """How far off the tool can be, without dynamics: by play alone, or by several causes.
@@ -562,8 +563,10 @@ def budget(
         driven: joints of loops that stand; None: the first that determine the others.
         friction: coefficient of all contacts, with which a machine may rest elsewhere than without;
             None: the largest that the law of each joint has.
-        drive: of all joints that stand, as in a run: where they rest, drives of finite stiffness
-            deflect a little, unless a force acts on the tool. `Prescribed` does not.
+        drive: of all joints that stand, as in a run, or of joints by name, others hold by computed
+            torque: where they rest, drives of finite stiffness deflect a little, unless a force
+            acts on the tool. `Prescribed` does not; servos sag as much without play, which does
+            not count.
         relative_to: link or frame whose own motion does not count, such as a palm or a trunk:
             errors, directions and positions are those seen from it, in its axes. The base stays
             held, for loads. None: the world.
@@ -594,9 +597,11 @@ def budget(
         return ErrorBudget(mechanism, q, model, push, *seen, model.farthest(), *own)
     if friction is not None and require_finite("friction coefficient", friction, "") < 0.0:
         raise JointplayError(f"the friction coefficient must be >= 0, got {friction:g}")
-    if not drive.follows:
+    for one in drive.values() if isinstance(drive, Mapping) else [drive]:
+        if one.follows:
+            continue
         raise JointplayError(
-            f"a {drive.kind} drive holds no position: the budget's drives must follow a motion, "
+            f"a {one.kind} drive holds no position: the budget's drives must follow a motion, "
             "such as ComputedTorque() or Prescribed()"
         )
     if any(gear.error_terms for gear in mechanism.gears.values()):  # which is no play

@@ -47,7 +47,7 @@ class Poses:
     """Of those along a motion, (n,) [s]."""
     driven: tuple[str, ...] | None = None
     """Joints of closed loops that stand; None without loops."""
-    drive: Drive = FOLLOW
+    drive: Drive | Mapping[str, Drive] = FOLLOW
     """What holds them."""
 
     @property
@@ -85,12 +85,15 @@ def poses_of(
         JointplayError: see `at_pose`, `along_motion`, `over_workspace`.
         MissingName: no such joint.
     """
-    drive, near, driven = FOLLOW, dict[str, float](), None
+    drive: Drive | Mapping[str, Drive] = FOLLOW
+    near, driven = dict[str, float](), None
     if isinstance(machine, Mechanism):
         mechanism = machine.bolted()
     else:
         mechanism, motion = machine.mechanism.bolted(), motion or machine.motion
-        if isinstance(machine.drive, Drive) and machine.drive.follows:
+        if isinstance(machine.drive, Mapping):
+            drive = {name: one for name, one in machine.drive.items() if one.follows}
+        elif machine.drive.follows:
             drive = machine.drive
         near = start_of(machine) if mechanism.loops else {}
     if mechanism.loops:

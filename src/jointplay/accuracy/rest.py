@@ -17,7 +17,7 @@ side. Sets of several joints add up, so the tool's interval along a direction is
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
 from typing import NamedTuple
@@ -33,7 +33,7 @@ from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import RELATIVE, Clearance
 from jointplay.physics.joints.play import Play, Pressed
 from jointplay.simulation.acting import load_site
-from jointplay.simulation.loads.drive import Drive, Prescribed, assign
+from jointplay.simulation.loads.drive import ComputedTorque, Drive, Prescribed, Servo, assign
 from jointplay.simulation.loads.drive_tables import tabulate
 from jointplay.simulation.loads.wrench import Wrench
 from jointplay.simulation.motion.reference import Motion
@@ -90,7 +90,8 @@ class RestPositions:
     driven: Sequence[str] | None
     friction: float | None
     """Coefficient of all contacts; None: the largest of each joint's own law."""
-    drive: Drive
+    drive: Drive | Mapping[str, Drive]
+    """Of all joints, or of joints by name: computed torque holds the others."""
     second_order: np.ndarray
     """By how much the tool may be elsewhere than the Jacobians say, shape (n,) [m]."""
     relative_to: str | None = None
@@ -162,8 +163,8 @@ class RestPositions:
         at = [mechanism.coordinate(name) for name in names]
         motion = Motion(names, [0.0, _INSTANT_S], np.array([q[at], q[at]])) if names else None
         # A run's drives know nothing of a force on the tool and would sag, which is no play.
-        drive = Prescribed() if self.force.any() else self.drive
-        drives = assign(mechanism, motion, drive if names else {})
+        rigid = dict.fromkeys(names, Prescribed()) if self.force.any() else {}
+        drives = assign(mechanism, motion, rigid or self._holding(names))
         tables, _, reference = tabulate(mechanism, motion, drives, _INSTANT_S, {}, q)
         x, y, z = map(float, self.force)
         loads = {"tool": Wrench(mechanism.tool, force=(x, y, z))} if self.force.any() else {}
@@ -190,6 +191,21 @@ class RestPositions:
         own_loads = zip(self.model.names, self.model.load[:, pose, 5].tolist(), strict=True)
         bearing = [teeth * own if name in self._gears else borne[name] for name, own in own_loads]
         return RestPlace(parts, whole, np.array(bearing))
+
+    def _holding(self, names: Sequence[str]) -> dict[str, Drive]:
+        """What holds joints; a servo as if it did not sag, which the ideal robot's does as much."""
+        own = self.drive if isinstance(self.drive, Mapping) else dict.fromkeys(names, self.drive)
+        found = {name: own.get(name, ComputedTorque()) for name in names}
+        return {
+            name: ComputedTorque(encoder=one.encoder) if isinstance(one, Servo) else one
+            for name, one in found.items()
+        }
+
+    @property
+    def begins_a_run(self) -> bool:
+        """Whether a run with start="rest" begins there: its drives know no force on the tool."""
+        own = self.drive.values() if isinstance(self.drive, Mapping) else [self.drive]
+        return not (self.force.any() or any(isinstance(one, Servo) for one in own))
 
     def interval(self, pose: int) -> np.ndarray:
         """Between which errors friction can hold the tool at a pose, to about 3 % of the width.

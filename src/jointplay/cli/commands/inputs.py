@@ -12,7 +12,7 @@ import json
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -404,6 +404,8 @@ def posed_machine(options: argparse.Namespace) -> PosedMachine:
     motion = scenario.motion(case) if simulation is None else simulation.motion
     given = _given_poses(options, mechanism)
     poses = poses_of(simulation or mechanism, given, ways["workspace"], motion)
+    if simulation is None and (preset := chosen_preset(options)) is not None:
+        poses = replace(poses, drive=preset.drives(mechanism.description))
     notes = assumptions.notes_at_poses(
         scenario,
         case,

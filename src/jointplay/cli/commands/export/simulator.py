@@ -41,7 +41,7 @@ from jointplay.base import files
 from jointplay.base.errors import JointplayError, require_non_negative
 from jointplay.bridges.reduced_formats import FORMATS, PARAMETERS, choose
 from jointplay.cli.commands import Outputs, given
-from jointplay.cli.commands.inputs import PosedMachine, chosen_preset, named_joints, posed_machine
+from jointplay.cli.commands.inputs import PosedMachine, named_joints, posed_machine
 
 
 def run(options: argparse.Namespace) -> int:
@@ -84,7 +84,7 @@ def run(options: argparse.Namespace) -> int:
     else:
         reductions = [reduce(mechanism, joint, pose, **how)]
     more: dict[str, Any] = {} if spread is None else {"spread": spread}
-    more |= {"servos": _servos(options, posed) if "mjcf" in formats else {}}
+    more |= {"servos": _servos(posed) if "mjcf" in formats else {}}
     if more["servos"]:
         notes.append(f"servos (MJCF): {', '.join(more['servos'])}")
     more |= given(options, "encoder", "plugin")
@@ -147,16 +147,12 @@ def _joint(options: argparse.Namespace) -> str:
     return joint
 
 
-def _servos(options: argparse.Namespace, posed: PosedMachine) -> dict[str, Any]:
+def _servos(posed: PosedMachine) -> dict[str, Any]:
     from jointplay.simulation.loads.drive import Drive, Servo
 
-    drives: dict[str, Drive] = {}
-    if (chosen := chosen_preset(options)) is not None:
-        drives = chosen.drives(posed.mechanism.description)
-    if posed.simulation is not None:
-        own = posed.simulation.drive
-        joints = posed.mechanism.joints
-        drives |= dict.fromkeys(joints, own) if isinstance(own, Drive) else own
+    drives = posed.poses.drive
+    if isinstance(drives, Drive):
+        drives = dict.fromkeys(posed.mechanism.joints, drives)
     return {name: one for name, one in drives.items() if isinstance(one, Servo)}
 
 
