@@ -39,7 +39,6 @@ _BEYOND = 0.01
 """Part of a joint's largest error by which an error at rest exceeds its bound to be mentioned."""
 _DECIDES = 0.5
 """Part of the error at rest by which friction decides it, if it can shift the tool so far."""
-_PLACES = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth")
 _TRUE = 0.25
 """Part of the error by which loops closed exactly may put the tool elsewhere than linear ones."""
 FOLLOW: Drive = ComputedTorque()
@@ -176,11 +175,10 @@ class PlayBudget(Budget):
         shares = 100.0 * self._shares
         mean, low, high = shares.mean(axis=0), shares.min(axis=0), shares.max(axis=0)
         words = []
-        for k, i in enumerate(np.argsort(-mean, kind="stable")):
-            name = _PLACES[k] if k < len(_PLACES) else f"{k + 1}th"
+        for i in np.argsort(-mean, kind="stable"):
             spread = f" ({low[i]:.0f} to {high[i]:.0f})" if len(shares) > 1 else ""
-            words.append(f"{self.joints[i]}: {name}, {mean[i]:.0f} %{spread}")
-        return f"shares of the worst case: {'; '.join(words)}"
+            words.append(f"{self.joints[i]} {mean[i]:.0f} %{spread}")
+        return f"shares of the worst case: {', '.join(words)}"
 
     def by_pose(self, names: Sequence[str]) -> Table:
         """A row for each pose, of these names: its worst case, and each joint's share in it."""
