@@ -32,7 +32,7 @@ def value(law, *state):
 
 def test_the_laws_that_texts_count_are_those_that_there_are():
     root = Path(__file__).parents[1]
-    for name in ("README.md", "paper/paper.md"):
+    for name in ("docs/what_it_computes.md", "paper/paper.md"):
         text = " ".join((root / name).read_text(encoding="utf-8").split())
         normal = r"(\d+) (?:normal-force laws|laws of normal force)"
         counts = normal + r".*? and (\d+) (?:friction|of friction)"

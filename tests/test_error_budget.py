@@ -143,7 +143,7 @@ def test_bars_show_parts_that_sum_to_the_worst_case_and_the_variance(robot):
 def test_the_command_line_prints_and_writes_it(tmp_path, capsys):
     out = tmp_path / "out"
     options = ["budget", "ur5", "--joint", "elbow_joint=6010/C3", "--whole", "industrial"]
-    assert cli.main([*options, "--payload", "5 kg", "--out", str(out)]) == 0
+    assert cli.main([*options, "--payload", "5 kg", "--detail", "--out", str(out)]) == 0
     shown = capsys.readouterr().out
     assert "elasticity" in shown
     assert "assumed: geometry: offset 0.0003 m, tilt 0.0003 rad (class 'industrial')" in shown

@@ -327,7 +327,7 @@ def test_where_nothing_can_be_locked_folders_are_not_marked(monkeypatch):
     def no_locks(*_):
         raise OSError(errno.ENOLCK, "No locks available")
 
-    monkeypatch.setattr(files.fcntl, "flock", no_locks)
+    monkeypatch.setattr(files.locks.fcntl, "flock", no_locks)
     with files.temporary() as folder:
         assert not list(Path(folder).iterdir())
 
@@ -362,10 +362,11 @@ WRITERS = re.compile(
 
 ELSEWHERE = {
     "in memory": "bridges/notebook bridges/table show/plots/figures show/plots/style "
-    "show/reports/sections show/reports/sweep simulation/result/netcdf simulation/checkpoint",
+    "show/reports/sections show/reports/sweep simulation/result/netcdf simulation/checkpoint "
+    "simulation/analysis/headline simulation/result/result",
     "text, or standard output": "bridges/trajectory cli/commands/check base/streams",
     "in temporary folders and the user's cache": "model/viewer model/meshes model/builder "
-    "show/player/movie study/case",
+    "show/player/movie study/case base/locks",
     "pieces whose seals or checksums tell what is whole": "simulation/spool study/journal "
     "study/sealed study/store",
 }

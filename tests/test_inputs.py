@@ -131,7 +131,7 @@ def test_a_run_builds_its_mechanism_once_and_its_ideal_twin_once(tmp_path, monke
     monkeypatch.setattr(initial, "find_rest", lambda *given: calls.append("rest") or rest(*given))
     options = ["--duration", "0.002", "--no-figures", "--quiet", "--out", str(tmp_path / "out")]
     assert main(["run", "jointplay:scara.urdf", "--joint", "joint_b=0.2mm", *options]) == 0
-    assert "tool error" in capsys.readouterr().out
+    assert "puts the tool" in capsys.readouterr().out
     assert calls.count("build") == 2
     # Of the run, of the two by which its errors are estimated, and of the ideal mechanism, which
     # stands where its drives let it, for the errors and for the figures.
