@@ -251,8 +251,7 @@ SERVO = {"voltage": 9.0, "p_gain": 40.0, "torque_constant": 1.2, "resistance": 2
 
 def servo_runs(path, servo, gear, goal, end):
     """Angles of the link after the same steps, in MuJoCo by the file's servo and here [rad]."""
-    import mujoco
-
+    mujoco = pytest.importorskip("mujoco")
     times = np.linspace(0.0, end, 41)
     goals = goal(times)
     motion = Motion(["j", "k"], times, np.column_stack([goals, np.zeros(41)]))
