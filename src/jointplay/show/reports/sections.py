@@ -493,7 +493,8 @@ def _robot(cases: Sequence[Case]) -> Html:
     figure.set_size_inches(6.0, 4.1)  # letters that can be read in half a page
     figure.savefig(drawn, format="png", dpi=150, bbox_inches="tight", pad_inches=0.05)
     words = f"{robot_of(shown.result)} at the start of the run"
-    words += f"; play in {', '.join(shown.joints)}" if shown.joints else "; no joint has play"
+    places = [*shown.joints, *(f"the gear of {name}" for name in mechanism.gears)]
+    words += f"; play in {', '.join(places)}" if places else "; no joint has play"
     return markup(
         '<figure><img alt="{}" src="data:image/png;base64,{}"><figcaption>{}</figcaption></figure>',
         words,
