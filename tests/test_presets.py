@@ -110,7 +110,7 @@ def test_every_preset_runs_with_its_drives(name, robot, tmp_path, capsys):
     run = ["run", robot, "--preset", name, "--duration", "0.4", "--no-figures",
            "--no-error-estimate", "--out", str(tmp_path)]  # fmt: skip
     assert cli.main(run) == 0, capsys.readouterr().err
-    result = jp.jp.Result.load(tmp_path / "result.nc")
+    result = jp.Result.load(tmp_path / "result.nc")
     assert result.time[-1] == pytest.approx(0.4)
     if result.joints:
         assert np.abs(result["joint_force"]).max() < 1000.0
@@ -133,7 +133,7 @@ def test_the_command_line_lists_and_uses_them(tmp_path, capsys):
     assert cli.main(run) == 0
     said = capsys.readouterr()
     assert "preset so101" in said.out + said.err
-    result = jp.jp.Result.load(tmp_path / "result.nc")
+    result = jp.Result.load(tmp_path / "result.nc")
     assert set(result.simulation.mechanism.gears) == set(preset("so101").every["joints"])
 
 
