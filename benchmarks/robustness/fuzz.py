@@ -21,6 +21,7 @@ import signal
 import sys
 import tempfile
 import time
+import traceback
 from collections import Counter
 from functools import partial
 from pathlib import Path
@@ -93,7 +94,12 @@ def judge(seed: int, kept: str, place: Path | None = None) -> dict[str, Any]:
     pid = os.fork()
     if pid == 0:
         os.close(answer)
-        _judge_here(seed, folder, said, errors.fileno())
+        try:
+            _judge_here(seed, folder, said, errors.fileno())
+        except BaseException:  # a copy that goes on would do its parent's work once more
+            os.write(errors.fileno(), traceback.format_exc().encode())
+        finally:
+            os._exit(1)
     os.close(said)
     found: dict[str, Any] = {"kind": "unmade", "arguments": [], "outcome": ""}
     with os.fdopen(answer, "rb") as pipe:
@@ -138,7 +144,7 @@ def judge(seed: int, kept: str, place: Path | None = None) -> dict[str, Any]:
 def _judge_here(seed: int, folder: Path, said: int, errors: int) -> None:
     """In the copy: judge, say it, end."""
     os.setsid()
-    end_with_parent(signal.SIGKILL)
+    end_with_parent()
     multiprocessing.current_process().daemon = False  # the case may have processes of its own
     signal.signal(signal.SIGINT, signal.default_int_handler)
     for number in (signal.SIGTERM, signal.SIGHUP):
@@ -169,8 +175,6 @@ def _judge_here(seed: int, folder: Path, said: int, errors: int) -> None:
         say(outcome=outcome, refused=case.refused)
         status = 0
     except BaseException as error:  # of the generators themselves
-        import traceback
-
         traceback.print_exc()
         say(outcome=f"crash: the generator: {type(error).__name__}: {error}", refused=False)
         status = 0

@@ -20,7 +20,7 @@ from jointplay import cli
 FUZZ = [Path(__file__).parents[2] / "benchmarks", "fuzz"]
 
 
-@pytest.mark.nightly  # a process of it stays behind and holds its output open: to be mended
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("options", "cases"),
     [(["--quick"], fuzz.QUICK), (["--first", fuzz.QUICK, "--cases", 60], 60)],
@@ -142,6 +142,13 @@ def test_what_ends_or_holds_up_its_process_is_noticed(does, word, tmp_path, monk
     assert found["outcome"].startswith(word)
     assert found["kind"] == "a"
     assert (tmp_path / "7" / "CASE.json").is_file()
+
+
+def test_a_copy_that_cannot_judge_ends_and_does_not_go_on_as_its_parent(monkeypatch):
+    monkeypatch.setattr(fuzz, "end_with_parent", lambda: 1 / 0)
+    found = fuzz.judge(7, "")
+    assert found["outcome"].startswith("crash: exit 1")
+    assert "ZeroDivisionError" in found["outcome"]
 
 
 @pytest.mark.parametrize("way", twins.WAYS)
