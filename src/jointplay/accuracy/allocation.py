@@ -567,11 +567,11 @@ class _Search:
     def refusal(self, unreachable: cheapest.Unreachable) -> JointplayError:
         """What prevents a target."""
         count, sizes = len(self.keys), self.sizes
-        text = f"a target of {1e6 * unreachable.target:.4g} µm cannot be reached"
-        error = f"the error is {1e6 * unreachable.bound:.4g} µm at least"
+        text = f"a target of {readable(unreachable.target, 'm', 4)} cannot be reached"
+        error = f"the error is {readable(unreachable.bound, 'm', 4)} at least"
         if self.causes is None:
             least = sizes.least[0] * sizes.unit[0] / _MM if count else 0.0
-            means = [f"{1e6 * least:.4g} µm in every joint"] if count else []
+            means = [f"{readable(least, 'm', 4)} in every joint"] if count else []
             means += ["the tightest bearings offered"] if self.offers else []
             return JointplayError(f"{text}: with {' and '.join(means)} {error}")
         x = unreachable.z[:count]
@@ -587,7 +587,7 @@ class _Search:
         for cause, part in sorted(sums.items(), key=lambda one: -one[1])[:3]:
             why = [f"at least {limit[cause]:g} of it remains"] if cause in limit else []
             why += ["kept"] if cause in kept else []
-            words.append(f"{cause} {1e6 * part:.4g} µm ({' and '.join(why)})")
+            words.append(f"{cause} {readable(part, 'm', 4)} ({' and '.join(why)})")
         error += f", most of it by {'; then '.join(words)}"
         return JointplayError(f"{text}: with all causes at their limits {error}")
 

@@ -82,7 +82,7 @@ def run(options: argparse.Namespace) -> int:
         if scatter is not None:
             about["error"] = scatter
         plan = plan_calibration(mechanism, [*always, *terms], count=options.count, **about)
-        print("\n".join([*notes, str(plan)]))
+        print_answer("", plan, notes, options.detail)
         if options.out:
             out.write({"plan.txt": f"{plan}\n"})
         return 0

@@ -104,7 +104,7 @@ def run(options: argparse.Namespace) -> int:
             **given(options, "push"),
             **shared,
         )
-        print("\n".join([*posed.notes, str(plan)]))
+        print_answer("", plan, posed.notes, options.detail)
         if options.out:
             out.write({"plan.txt": f"{plan}\n"})
         return 0

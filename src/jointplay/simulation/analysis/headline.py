@@ -116,16 +116,17 @@ class ToolError:
     def __init__(self, result: Result, ideal: Result) -> None:
         self._result, self.ideal = result, ideal
         self.vector = deviation(result, ideal)
-        self.distance = self._size(self.vector, "distance of the tool from the ideal one")
+        about = "distance of the tool from the ideal one"
+        self.distance = self._size(self.vector, "tool_error", about)
         turn = deviation(result, ideal, "tool_orientation")
-        self.turn = self._size(turn, "angle between the tool and the ideal one")
+        self.turn = self._size(turn, "tool_turn", "angle between the tool and the ideal one")
         self._off = error_statistics(self.vector)
         self._turned = error_statistics(turn)
 
     @staticmethod
-    def _size(vectors: xr.DataArray, name: str) -> xr.DataArray:
-        size = vectors.reduce(np.linalg.norm, "axis").rename("tool_error")
-        size.attrs = {"units": vectors.attrs["units"], "long_name": name}
+    def _size(vectors: xr.DataArray, name: str, about: str) -> xr.DataArray:
+        size = vectors.reduce(np.linalg.norm, "axis").rename(name)
+        size.attrs = {"units": vectors.attrs["units"], "long_name": about}
         return size
 
     def __dir__(self) -> list[str]:

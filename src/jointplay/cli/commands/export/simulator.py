@@ -30,6 +30,7 @@ elbow_joint="2 arcmin" --gear-stiffness 2e4 --rotor-inertia 0.5 --out elbow
     --identified FILE  draw from the 95 % intervals that jointplay identify found (its
         identified.json), and within --spread where it found none
     --plugin NAME  URDF: hardware of ros2_control's tags (default: gz_ros2_control/GazeboSimSystem)
+    --detail
     --quiet
 """
 
@@ -40,7 +41,7 @@ from typing import Any
 from jointplay.base import files
 from jointplay.base.errors import JointplayError, require_non_negative
 from jointplay.bridges.reduced_formats import FORMATS, PARAMETERS, choose
-from jointplay.cli.commands import Outputs, given
+from jointplay.cli.commands import Outputs, given, print_answer
 from jointplay.cli.commands.inputs import PosedMachine, named_joints, posed_machine
 
 
@@ -90,18 +91,19 @@ def run(options: argparse.Namespace) -> int:
     more |= given(options, "encoder", "plugin")
     robot = ReducedRobot(mechanism, reductions, pose, formats, options.tilt, **more)
     shown = robot.table() if joint is None else reductions[0]
-    print("\n".join([*posed.notes, str(shown)]))
     contents: dict[str, Any] = {**robot.files(stem)}
-    notes += robot.coverage
+    sentence, *coverage = robot.coverage
+    notes += coverage
     if count:
         texts, table, words = robot.copies(copies, options.seed or 0, found)
         contents |= {**texts, "batch.csv": table.csv(None)}
-        print(f"{count} random copies, uniform {words}")
+        notes.append(f"{count} random copies, uniform {words}")
     if joint is not None:
         from jointplay.show.plots.design import reversals
 
         contents["reversals.png"] = reversals(reductions[0])
-    print("\n".join([*notes, *robot.notes]))
+    body = "\n".join([str(shown), *notes, *robot.notes])
+    print_answer(f"{sentence[0].upper()}{sentence[1:]}", body, posed.notes, options.detail)
     if robot.meshes:
         (Path(options.out) / FOLDER).mkdir()
     for name, data in robot.meshes.items():
