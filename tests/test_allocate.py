@@ -113,7 +113,7 @@ def test_a_quantile_allows_more_than_the_worst_case_and_is_kept(three):
 
 def test_an_unreachable_target_says_what_can_be_reached(three):
     with pytest.raises(
-        JointplayError, match=r"with 5 µm in every joint the error is 15(\.\d*)? µm at least"
+        JointplayError, match=r"with 5 µm in every joint the error is 0.015\d* mm at least"
     ):
         allocate(robot(three), {}, 1e-5, least=5e-6)
     with pytest.raises(JointplayError, match="cannot be reached"):
