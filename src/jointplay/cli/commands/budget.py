@@ -74,20 +74,20 @@ def run(options: argparse.Namespace) -> int:
         drive=poses.drive,
         relative_to=body,
     )
-    body = [str(errors.by_pose(poses.names))] if poses.names else []
+    shown = [str(errors.by_pose(poses.names))] if poses.names else []
     if len(errors.worst) > 1:
         k = errors.worst_pose
         name = poses.names[k] if poses.names else k
         place = ", ".join(f"{x:.3f}" for x in errors.positions[k])
-        body.append(
+        shown.append(
             f"worst-case error of {errors.tool!r} [mm]: least {1e3 * errors.worst.min():.4f}, mean "
             f"{1e3 * errors.worst.mean():.4f}, largest {1e3 * errors.worst.max():.4f} (pose "
             f"{name}, tool at {place} m), which is made up like this:"
         )
     table = errors.table()
-    body += [str(replace(table, notes=())), errors.ranking]
+    shown += [str(replace(table, notes=())), errors.ranking]
     notes = [*at, *table.notes, errors.validity]
-    print_answer(errors.sentence, "\n".join(body), notes, options.detail)
+    print_answer(errors.sentence, "\n".join(shown), notes, options.detail)
     if not options.out:
         return 0
     from jointplay.show.plots import design as plots
