@@ -379,6 +379,13 @@ def test_a_robot_that_cannot_move_is_refused(urdf, tmp_path, capsys):
     assert "2 links, fixed to each other, and no joint that moves" in error
 
 
+def test_a_robot_of_a_package_is_drawn_here_under_its_own_name(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["check", "ur5", "--joint", "elbow_joint"]) == 0
+    assert main(["check", "jointplay:four_bar.toml"]) == 0
+    assert {path.name for path in tmp_path.iterdir()} == {"ur5.png", "four_bar.png"}
+
+
 def test_a_picture_of_no_kind_is_refused_before_anything_is_read(tmp_path, capsys):
     out = tmp_path / "x.foo"
     for command in (["study", "uncertainty", "none", "m"], ["plot", "none", "x=a", "y=b"]):

@@ -170,3 +170,16 @@ def test_packages_have_all_that_their_stubs_name(front):
     assert all(hasattr(module, name) for name in names)
     with pytest.raises(AttributeError, match="nothing"):
         module.nothing  # noqa: B018
+
+
+def test_a_budget_at_a_pose_does_not_import_statistics(tmp_path):
+    program = (
+        "import sys; from jointplay.cli import main\n"
+        "main(['budget', 'jointplay:scara.toml'])\n"
+        "sys.exit('scipy.stats' in sys.modules or 'matplotlib' in sys.modules)"
+    )
+    assert (
+        subprocess.run([sys.executable, "-c", program], cwd=tmp_path, check=False).returncode == 0
+    )
+    begun = [sys.executable, "-m", "jointplay", "robots", "--presets"]
+    assert "so101" in subprocess.run(begun, capture_output=True, text=True, check=True).stdout

@@ -11,7 +11,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import qmc
 
 from jointplay.accuracy.error_budget import FOLLOW
 from jointplay.base.errors import JointplayError, require_finite, require_known, require_whole
@@ -223,6 +222,8 @@ def over_workspace(
         elif turns and high[i] - low[i] > 2.0 * np.pi:
             low[i], high[i] = -np.pi, np.pi
     power = max(int(np.ceil(np.log2(count))), 0)
+    from scipy.stats import qmc  # which takes most of a second that a single pose need not spend
+
     spread = qmc.Sobol(len(names), seed=seed).random_base2(power)[:count]
     values = low + spread * (high - low)
     if not mechanism.loops:
