@@ -38,6 +38,23 @@ def test_what_is_left_is_told_without_the_start_that_compiles(monkeypatch):
     assert last.endswith("0:01:30 left")
 
 
+def test_a_run_is_as_fast_as_it_is_once_it_moves(monkeypatch):
+    """The start, which compiles and finds the rest, does not count."""
+    monkeypatch.setenv("JOINTPLAY_PROGRESS_S", "0")
+    now, file = [0.0], io.StringIO()
+    monkeypatch.setattr(ProgressBar, "_clock", staticmethod(lambda: now[0]))
+    monkeypatch.setattr("sys.stderr", file)
+    bar = progress.Simulated(2.0)
+    now[0] = 60.0
+    for reached in (0.5, 1.0, 1.5):
+        now[0] += 1.0
+        bar.reach(reached)
+    first, *others = file.getvalue().splitlines()
+    assert "real time" not in first
+    assert len(others) == 2
+    assert all("0.50 x real time" in line for line in others)
+
+
 def test_into_a_file_go_whole_lines_and_seldom(monkeypatch):
     monkeypatch.delenv("JOINTPLAY_PROGRESS_S", raising=False)
     file = io.StringIO()

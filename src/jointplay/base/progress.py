@@ -155,7 +155,7 @@ class Simulated(ProgressBar):
         super().__init__(
             desc=desc, total=total, initial=begin, disable=not shown, layout=_SIMULATED
         )
-        self._words, self._begin, self._reached = "", begin, begin
+        self._words, self._reached = "", begin
         if self._whole is not None:
             self._whole.say(desc.strip())
 
@@ -171,8 +171,11 @@ class Simulated(ProgressBar):
             self._whole.update(more)
             return
         self.total = max(self.total, self.n + more)
-        speed = (self.n + more - self._begin) / max(self._clock() - self._start, 1e-9)
-        self.postfix = f"{self._words}{speed:.2f} x real time"
+        self.postfix = self._words.removesuffix(", ")
+        if self._first is not None:
+            since, done = self._first
+            speed = (self.n + more - done) / max(self._clock() - since, 1e-9)
+            self.postfix = f"{self._words}{speed:.2f} x real time"
         super().update(max(more, 0.0))
 
     def say(self, words: str) -> None:
