@@ -10,6 +10,7 @@ import pytest
 from conftest import body, joint, tip
 
 from jointplay import (
+    BallBearing,
     Gear,
     JointplayError,
     Mechanism,
@@ -464,3 +465,13 @@ def test_a_file_of_poses_that_cannot_be_is_refused(two, tmp_path, capsys, text, 
     file.write_text(text)
     assert main(["budget", str(two), "--clearance", "0.1 mm", "--poses", str(file)]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_a_joint_that_gives_way_beyond_its_play_is_named_in_the_answer():
+    """The elastic tilt of a single ball bearing is a third of what its play lets it tilt."""
+    found = budget(Mechanism("ur5", {"elbow_joint": BallBearing(designation="6204")}), {})
+    turned = np.linalg.norm(found.rest_positions.at(0).whole[3:])
+    assert turned > 1.2 * found.worst_turn[0]
+    assert "elbow_joint giving way under the load beyond its play" in found.sentence
+    stiff = budget(Mechanism("ur5", {"elbow_joint": bearing()}), {})
+    assert "contacts and gears giving way under the load" in stiff.sentence

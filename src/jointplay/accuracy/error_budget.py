@@ -35,8 +35,9 @@ _LISTED = 2e-3
 """Part of the worst case below which a contribution has no line of its own."""
 _LINEAR = 0.02
 """Part of the worst case by which the exact kinematics may put it elsewhere."""
-_BEYOND = 0.01
-"""Part of a joint's largest error by which an error at rest exceeds its bound to be mentioned."""
+_MENTIONED, _MATTERS = 0.01, 0.1
+"""Parts of the worst case by which one joint's error at rest exceeds what its play lets it, to be
+mentioned among the details and in the answer."""
 _DECIDES = 0.5
 """Part of the error at rest by which friction decides it, if it can shift the tool so far."""
 _TRUE = 0.25
@@ -163,12 +164,37 @@ class PlayBudget(Budget):
         where = f" at the worst of {poses} poses" if poses > 1 else ""
         ends = self.rest_positions.interval(at)[3]
         rests = " to ".join(dict.fromkeys(f"{1e3 * one:.3g}" for one in ends))
+        gives_way = "contacts and gears giving way under the load"
+        if beyond := self._beyond_play(at, _MATTERS):
+            first, *others = beyond
+            more = f" and {len(others)} more" if others else ""
+            gives_way = (
+                f"{first}{more} giving way under the load beyond {'their' if more else 'its'} play, "
+                "and more when the arm moves"
+            )
         return (
             f"Play lets the tool {self.tool!r} be up to {readable(self.worst[at], 'm', 3)} off"
             f"{where} (RMS {readable(self.rms[at], 'm', 3)}), and turn by up to "
-            f"{readable(self.worst_turn[at], 'rad', 3)}; at rest it is {rests} mm off, contacts "
-            "and gears giving way under the load"
+            f"{readable(self.worst_turn[at], 'rad', 3)}; at rest it is {rests} mm off, {gives_way}"
         )
+
+    def _beyond_play(self, at: int, least: float) -> dict[str, str]:
+        """By how much joints displace or turn the tool at rest beyond what their play lets them.
+
+        The largest first; those that do so by more than a part `least` of what play of all joints lets it.
+        """
+        rests = self.rest_positions.at(at).parts
+        found = []
+        for name, rest, far, turn in zip(
+            self.joints, rests, self.alone[at], self.turns.parts[:, at], strict=True
+        ):
+            more = {
+                "mm": (float(np.linalg.norm(rest[:3])) - far, self.worst[at]),
+                "mrad": (float(np.linalg.norm(rest[3:])) - turn, self.worst_turn[at]),
+            }
+            if said := [f"{1e3 * x:.4f} {u}" for u, (x, of) in more.items() if x > least * of]:
+                found.append((max(x / of for x, of in more.values()), name, ", ".join(said)))
+        return {name: said for _, name, said in sorted(found, reverse=True)}
 
     @property
     def ranking(self) -> str:
@@ -245,7 +271,7 @@ class PlayBudget(Budget):
         )
 
     def _notes(self, at: int) -> list[str]:
-        rests, whole, loads = self.rest_positions.at(at)
+        _, whole, loads = self.rest_positions.at(at)
         axes = [f"{1e3 * value:.4f}" for value in self.axis_worst[at].sum(axis=0)]
         lines = [
             f"worst case along x, y, z: {', '.join(axes[:3])} mm; "
@@ -264,13 +290,11 @@ class PlayBudget(Budget):
                 size = float(np.linalg.norm(load[3:] if one.gear else load[:3]))
                 words.append(f"{one.name} {size:.4g} {'N m' if one.gear else 'N'}")
             lines.append(f"the joints bear there: {', '.join(words)}")
-        beyond = 1e3 * (np.linalg.norm(rests[:, :3], axis=1) - self.alone[at])
-        least = _BEYOND * 1e3 * self.alone[at].max()
-        each = zip(self.joints, beyond, strict=True)
-        if given := [f"{name} {more:.4f} mm" for name, more in each if more > least]:
+        if beyond := self._beyond_play(at, _MENTIONED):
+            each = "; ".join(f"{name} {more}" for name, more in beyond.items())
             lines.append(
                 "the worst case takes contacts as rigid; at rest they give way under the load, "
-                f"beyond the joint's worst case alone: {', '.join(given)}"
+                f"beyond the joint's worst case alone: {each}"
             )
         return [*lines, *self._held(at)]
 
