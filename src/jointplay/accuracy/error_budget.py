@@ -167,10 +167,9 @@ class PlayBudget(Budget):
         gives_way = "contacts and gears giving way under the load"
         if beyond := self._beyond_play(at, _MATTERS):
             first, *others = beyond
-            more = f" and {len(others)} more" if others else ""
+            names, its = (f"{first} and {len(others)} more", "their") if others else (first, "its")
             gives_way = (
-                f"{first}{more} giving way under the load beyond {'their' if more else 'its'} play, "
-                "and more when the arm moves"
+                f"{names} giving way under the load beyond {its} play, and more when the arm moves"
             )
         return (
             f"Play lets the tool {self.tool!r} be up to {readable(self.worst[at], 'm', 3)} off"
@@ -181,7 +180,8 @@ class PlayBudget(Budget):
     def _beyond_play(self, at: int, least: float) -> dict[str, str]:
         """By how much joints displace or turn the tool at rest beyond what their play lets them.
 
-        The largest first; those that do so by more than a part `least` of what play of all joints lets it.
+        The largest first; those that do so by more than a part `least` of what the play of all
+        joints lets it.
         """
         rests = self.rest_positions.at(at).parts
         found = []
