@@ -1,4 +1,4 @@
-"""Hooks of the documentation site: links that leave docs/, and formulas as MathML."""
+"""Hooks of the documentation site: links that leave docs/, formulas as MathML, lines that wrap."""
 
 import html
 import re
@@ -17,6 +17,14 @@ _STRANGE = re.compile(
     r"<script[^>]*>(?:(?!</script>).)*?https?://cdnjs(?:(?!</script>).)*?</script>", re.S
 )
 _FORMULA = re.compile(r'<(span|div) class="arithmatex">(.*?)</\1>', re.S)
+_PRINTED = re.compile(
+    r'(<div class="language-(?:text|console) highlight"><pre><span></span><code>)(.*?)(</code>)',
+    re.S,
+)
+_COLUMNS = re.compile(r"[^\s>] {2,}\S")
+"""Two spaces within a line: it is aligned with others and must not wrap."""
+_INLINE = re.compile(r"<code>([^<]*)</code>")
+_OPTION = re.compile(r"--\w[\w-]*")
 
 
 def on_page_markdown(markdown, page, **_):
@@ -33,14 +41,27 @@ def on_page_markdown(markdown, page, **_):
 
 
 def on_page_content(content, **_):
-    """Formulas become MathML, which browsers draw without any script."""
+    """Formulas become MathML, which browsers draw without any script; options stay in one line."""
 
     def drawn(formula):
         block = formula[1] == "div"
         text = html.unescape(formula[2].strip())[2:-2]
         return latex2mathml.converter.convert(text, display="block" if block else "inline")
 
-    return _FORMULA.sub(drawn, content)
+    def sentences(block):
+        lines = block[2].split("\n")
+        wrapped = (
+            line if _COLUMNS.search(line) else f'<span class="prints">{line}</span>'
+            for line in lines
+        )
+        return block[1] + "\n".join(wrapped) + block[3]
+
+    def options(code):
+        whole = _OPTION.sub(lambda one: f'<span class="option">{one[0]}</span>', code[1])
+        return f"<code>{whole}</code>"
+
+    content = _PRINTED.sub(sentences, _FORMULA.sub(drawn, content))
+    return _INLINE.sub(options, content)
 
 
 def on_post_page(output, **_):
