@@ -2,6 +2,7 @@
 
 import html
 import re
+from pathlib import Path
 
 import latex2mathml.converter
 
@@ -13,6 +14,7 @@ PAGES = {
 """Files outside docs/ that have a page of the site."""
 
 _LINK = re.compile(r"\]\((?:\.\./)+((?:SECURITY|CHANGELOG|benchmarks/)[^)#]*)(#[^)]*)?\)")
+_FILE = re.compile(r"\[\w+\.md\]\(([^)#]+\.md)")
 _STRANGE = re.compile(
     r"<script[^>]*>(?:(?!</script>).)*?https?://cdnjs(?:(?!</script>).)*?</script>", re.S
 )
@@ -23,12 +25,22 @@ _PRINTED = re.compile(
 )
 _COLUMNS = re.compile(r"[^\s>] {2,}\S")
 """Two spaces within a line: it is aligned with others and must not wrap."""
-_INLINE = re.compile(r"<code>([^<]*)</code>")
-_OPTION = re.compile(r"--\w[\w-]*")
+_INLINE = re.compile(r"<code>[^<]*</code>")
+_TYPED = re.compile(r'<div class="language-sh highlight">.*?</div>', re.S)
+_OPTION = re.compile(r"(?<=[ >])--\w[\w-]*")
 
 
 def on_page_markdown(markdown, page, **_):
-    """Links out of docs/ go to the page that shows the file, or stay as its name."""
+    """Links out of docs/ go to the page that shows the file; names of pages become their titles."""
+    folder = Path(page.file.abs_src_path or "").parent
+
+    def titled(link):
+        file = folder / link[1]
+        if not file.exists():
+            return link[0]
+        heading = file.read_text("utf-8").partition("\n")[0].lstrip("# ")
+        return f"[{heading.partition(':')[0]}]({link[1]}"
+
     up = "../" * page.file.src_uri.count("/")
 
     def inside(link):
@@ -37,7 +49,7 @@ def on_page_markdown(markdown, page, **_):
             return f"]({up}{PAGES[target]}{anchor})"
         return f"]({up}{PAGES['benchmarks/README.md']})"
 
-    return _LINK.sub(inside, markdown)
+    return _LINK.sub(inside, _FILE.sub(titled, markdown))
 
 
 def on_page_content(content, **_):
@@ -56,12 +68,11 @@ def on_page_content(content, **_):
         )
         return block[1] + "\n".join(wrapped) + block[3]
 
-    def options(code):
-        whole = _OPTION.sub(lambda one: f'<span class="option">{one[0]}</span>', code[1])
-        return f"<code>{whole}</code>"
+    def whole(code):
+        return _OPTION.sub(lambda one: f'<span class="option">{one[0]}</span>', code[0])
 
     content = _PRINTED.sub(sentences, _FORMULA.sub(drawn, content))
-    return _INLINE.sub(options, content)
+    return _TYPED.sub(whole, _INLINE.sub(whole, content))
 
 
 def on_post_page(output, **_):
