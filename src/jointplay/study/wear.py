@@ -27,6 +27,7 @@ from jointplay.base.errors import (
 )
 from jointplay.base.progress import ProgressBar
 from jointplay.base.tables import Table
+from jointplay.base.units import readable
 from jointplay.physics.joints import RollingBearing
 from jointplay.physics.joints.base import BoreWear
 from jointplay.physics.kernel import AZIMUTHS
@@ -214,8 +215,9 @@ class WearLife:
         what = "until" if self.reached else "interrupted, not until"
         return (
             f"about {last:.3g}{spread} cycles {what} the clearance of {self.joint!r} has grown by "
-            f"{self.growth:.3g} m where wear is deepest ( {self.mean[-1]:.2g} m in the mean): an "
-            f"estimate, extrapolated over {blocks} blocks of equal cycles"
+            f"{readable(self.growth, 'm', 3)} where wear is deepest "
+            f"({readable(self.mean[-1], 'm', 2)} in the mean): an estimate, extrapolated over "
+            f"{blocks} blocks of equal cycles"
         )
 
 
