@@ -19,8 +19,9 @@ UNFOLD = "() => document.querySelectorAll('details').forEach(one => { one.open =
 def browser():
     if CHROMIUM is None:
         pytest.skip("no chromium is installed")
-    sync = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    with sync.sync_playwright() as tools:
+    from playwright import sync_api
+
+    with sync_api.sync_playwright() as tools:
         chromium = tools.chromium.launch(executable_path=CHROMIUM, args=list(GL))
         yield chromium
         chromium.close()

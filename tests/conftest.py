@@ -4,6 +4,7 @@ import io
 import json
 import os
 import signal
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -46,12 +47,38 @@ settings.register_profile(
 settings.load_profile("jointplay")
 
 
+# Fixtures whose tests need libraries of extras.
+FIXTURES = {
+    "browser": ("playwright",),
+    "filmable": ("playwright", "imageio", "imageio_ffmpeg"),
+    "shown": ("anywidget",),
+}
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """What opens a browser takes long."""
+    """What opens a browser takes long; what needs a library of an extra is skipped without it."""
     for item in items:
         if "browser" in item.fixturenames:
             item.add_marker("thorough")
+        for fixture in FIXTURES.keys() & set(item.fixturenames):
+            item.add_marker(pytest.mark.needs(*FIXTURES[fixture]))
+        needs = [name for mark in item.iter_markers("needs") for name in mark.args]
+        if reason := missing(needs):
+            item.add_marker(pytest.mark.skip(reason=reason))
+
+
+def missing(modules):
+    """Which of them are not installed, and how to get them; nothing if all are."""
+    absent = sorted({name for name in modules if find_spec(name) is None})
+    return f"needs {', '.join(absent)}: pip install '.[test-all]'" if absent else ""
+
+
+def needed(*modules):
+    """The mark of a file of tests that imports these; without them all of it is skipped."""
+    if reason := missing(modules):
+        pytest.skip(reason, allow_module_level=True)
+    return pytest.mark.needs(*modules)
 
 
 @pytest.fixture(autouse=True)

@@ -215,9 +215,11 @@ def test_yourdfpy_loads_it(tmp_path, name, joint):
     assert np.abs(robot.get_transform(child) - own.homogeneous).max() < 1e-12
 
 
+@pytest.mark.needs("mujoco")
 @pytest.mark.parametrize(("name", "joint"), EXPORTS)
 def test_mujoco_loads_and_steps_it(tmp_path, name, joint):
-    mujoco = pytest.importorskip("mujoco")
+    import mujoco
+
     mechanism, path = _exported(name, joint, tmp_path)
     # MuJoCo knows neither .dae nor package://; a robot without shapes has the same dynamics.
     shapes = re.compile(r"<(visual|collision)\b.*?</\1>", re.DOTALL)

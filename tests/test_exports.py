@@ -111,8 +111,9 @@ def test_csv_reads_back_bit_for_bit_with_units_in_its_header(result, tmp_path):
     assert np.array_equal(read, result.to_dataframe().to_numpy())
 
 
+@pytest.mark.needs("pyarrow")
 def test_parquet_reads_back_with_units_and_types(result, tmp_path):
-    pq = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed")
+    import pyarrow.parquet as pq
 
     path = result.export(tmp_path / "r.parquet")
     read = pd.read_parquet(path)
@@ -192,6 +193,7 @@ def test_bags_hold_joint_states_trajectory_tool_and_forces(result, tmp_path):
     assert [force.x, force.y, force.z] == row["joint_force"].values[0].tolist()
 
 
+@pytest.mark.needs("rosbags")
 def test_messages_are_those_of_ros(result, bagged):
     """Against the definitions, and the reader, of another implementation."""
     from rosbags.highlevel import AnyReader
@@ -398,8 +400,10 @@ def test_a_scenario_takes_a_bag_for_its_motion(result, tmp_path):
     assert jp.Scenario.load(scenario).simulation().motion.interpolation == "rest-to-rest"
 
 
+@pytest.mark.needs("rerun")
 def test_rerun_recordings_hold_the_robot_and_all_numbers(result, tmp_path):
-    chunk = pytest.importorskip("rerun.chunk")
+    from rerun import chunk
+
     path = result.export(tmp_path / "r.rrd", every=100)
     found = {}
     for one in chunk.RrdReader(path).store().stream().to_chunks():

@@ -5,14 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from conftest import needed
 
 import jointplay as jp
 from jointplay import bridges
 from jointplay.bridges.fmu import Inputs, with_torques
 from jointplay.cli import main
 
-fmpy = pytest.importorskip("fmpy", reason="fmpy is not installed")
-pytest.importorskip("pythonfmu3", reason="pythonfmu3 is not installed")
+pytestmark = needed("fmpy", "pythonfmu3")
+import fmpy  # noqa: E402 - skipped without it
+
 MS = 1e-3
 
 

@@ -628,7 +628,6 @@ def test_a_saved_scenario_finds_its_files_from_any_folder(tmp_path):
 
 @pytest.fixture
 def shown():
-    pytest.importorskip("anywidget", reason="anywidget is not installed")
     from jointplay.show.live.widget import widget
 
     made = widget(scenario())

@@ -28,8 +28,6 @@ def run():
 @pytest.fixture(scope="module")
 def filmable():
     """Whether a film can be made here."""
-    pytest.importorskip("playwright", reason="playwright is not installed")
-    pytest.importorskip("imageio_ffmpeg", reason="imageio-ffmpeg is not installed")
     from playwright.sync_api import Error, sync_playwright
 
     with sync_playwright() as tools:

@@ -10,6 +10,7 @@ FOLDER = Path(__file__).parents[1] / "docs" / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 MEASURED = sorted((FOLDER / "measured").glob("*.ipynb"))
 """Those that read public data, which are no part of this repository."""
+pytestmark = pytest.mark.needs("nbformat", "nbclient", "ipykernel")
 MOST_BYTES = 400_000
 
 
@@ -25,8 +26,8 @@ def kinds(notebook):
 @pytest.mark.thorough
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_notebook_runs_and_gives_what_is_kept_in_it(path, tmp_path, monkeypatch):
-    nbformat = pytest.importorskip("nbformat", reason="nbformat is not installed")
-    pytest.importorskip("nbclient", reason="nbclient is not installed")
+    import nbformat
+
     monkeypatch.setattr(sys, "path", [str(FOLDER), *sys.path])
     import execute
 
@@ -43,7 +44,8 @@ def test_notebook_runs_and_gives_what_is_kept_in_it(path, tmp_path, monkeypatch)
 def test_notebook_of_public_data_runs_where_the_data_are(path, monkeypatch):
     if "JOINTPLAY_MEASURED" not in os.environ:
         pytest.skip("JOINTPLAY_MEASURED names no folder with clones of the data")
-    nbformat = pytest.importorskip("nbformat", reason="nbformat is not installed")
+    import nbformat
+
     monkeypatch.setattr(sys, "path", [str(FOLDER), *sys.path])
     import execute
 
@@ -53,7 +55,8 @@ def test_notebook_of_public_data_runs_where_the_data_are(path, monkeypatch):
 
 @pytest.mark.parametrize("path", MEASURED, ids=lambda path: path.stem)
 def test_notebook_of_public_data_has_its_outputs(path):
-    nbformat = pytest.importorskip("nbformat", reason="nbformat is not installed")
+    import nbformat
+
     kept = nbformat.read(path, as_version=4)
     outputs = [out for cell in kept.cells for out in cell.get("outputs", [])]
     assert sum("image/png" in out.get("data", {}) for out in outputs) >= 2

@@ -11,8 +11,9 @@ AXES = 'c = { key = "joints.joint_b.radial_clearance", values = ["0.1 mm", "0.2 
 @pytest.fixture
 def bucket(monkeypatch):
     """An empty bucket of a server on this machine, and how to reach it."""
-    server = pytest.importorskip("moto.server", reason="moto is not installed")
-    s3fs = pytest.importorskip("s3fs", reason="s3fs is not installed")
+    import s3fs
+    from moto import server
+
     monkeypatch.setenv("AWS_ACCESS_KEY_ID", "test")
     monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "test")
     monkeypatch.setenv("AWS_DEFAULT_REGION", "us-east-1")
@@ -26,6 +27,7 @@ def bucket(monkeypatch):
     running.stop()
 
 
+@pytest.mark.needs("moto", "s3fs")
 def test_a_store_copied_to_an_object_store_reads_the_same(bucket, swept, tmp_path):
     files, options = bucket
     jp.sweep(swept(AXES, 'histories = ["tool_position"]', "5 ms"), tmp_path / "study.zarr", jobs=1)

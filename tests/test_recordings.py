@@ -5,15 +5,17 @@ import math
 
 import numpy as np
 import pytest
-from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
+from conftest import needed
 from test_identify import CLEARANCE, FRICTION, about, arm, planar, seen
 
 from jointplay import JointplayError, Mechanism, Recording, identify
 from jointplay.cli import main
 
-pa = pytest.importorskip("pyarrow", reason="pyarrow is not installed")
-parquet = pytest.importorskip("pyarrow.parquet")
+pytestmark = needed("pyarrow", "rosbags")
+import pyarrow as pa  # noqa: E402 - skipped without them
+from pyarrow import parquet  # noqa: E402
+from rosbags.rosbag2 import StoragePlugin, Writer  # noqa: E402
+from rosbags.typesys import Stores, get_typestore  # noqa: E402
 
 assert arm  # a fixture
 

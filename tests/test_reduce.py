@@ -128,8 +128,8 @@ def test_a_journal_that_no_load_tilts_says_so(tmp_path, path, capsys):
     assert "leave --tilt out" in capsys.readouterr().out
 
 
+@pytest.mark.needs("mujoco")
 def test_mujocos_axis_tilts_as_the_full_model_within_the_stated_error(plain, geared):
-    pytest.importorskip("mujoco")
     for mechanism, found in (plain, geared):
         seen = follow(to_mjcf(mechanism, found, tilt=True), found)
         assert 0.0 < seen.tilt_error <= found.tilt_error
@@ -137,8 +137,8 @@ def test_mujocos_axis_tilts_as_the_full_model_within_the_stated_error(plain, gea
         assert follow(to_mjcf(mechanism, found), found).tilt_error is None
 
 
+@pytest.mark.needs("mujoco")
 def test_mujoco_follows_the_link_through_reversals_within_the_stated_error(geared):
-    pytest.importorskip("mujoco")
     mechanism, found = geared
     seen = follow(to_mjcf(mechanism, found), found)
     # The link changes flanks: the error is small against the play that it crosses.
@@ -148,8 +148,10 @@ def test_mujoco_follows_the_link_through_reversals_within_the_stated_error(geare
     assert seen.rms < 0.25 * GEAR.play
 
 
+@pytest.mark.needs("mujoco")
 def test_mjcf_has_no_further_freedom_without_play_about_the_axis(plain, geared):
-    mujoco = pytest.importorskip("mujoco")
+    import mujoco
+
     cases = (plain, False, 2), (geared, False, 3), (plain, True, 4), (geared, True, 5)
     for (mechanism, found), tilt, freedoms in cases:
         model = mujoco.MjModel.from_xml_string(to_mjcf(mechanism, found, tilt=tilt))
@@ -219,9 +221,8 @@ def test_reductions_refuse_what_cannot_be(path, options, message):
         reduce(mechanism, **options)
 
 
+@pytest.mark.needs("mujoco", "pxr", "newton_usd_schemas")
 def test_the_command_writes_all_formats(path, tmp_path, capsys):
-    pytest.importorskip("mujoco")
-    pytest.importorskip("newton_usd_schemas", reason="newton-usd-schemas is not installed")
     out = tmp_path / "out"
     options = ["--joint", "j", "--clearance", "0.1 mm", "--gear", "j=0.2 deg"]
     options += ["--gear-stiffness", "2000", "--rotor-inertia", "0.05", "--gear-damping", "2"]
@@ -251,7 +252,8 @@ SERVO = {"voltage": 9.0, "p_gain": 40.0, "torque_constant": 1.2, "resistance": 2
 
 def servo_runs(path, servo, gear, goal, end):
     """Angles of the link after the same steps, in MuJoCo by the file's servo and here [rad]."""
-    mujoco = pytest.importorskip("mujoco")
+    import mujoco
+
     times = np.linspace(0.0, end, 41)
     goals = goal(times)
     motion = Motion(["j", "k"], times, np.column_stack([goals, np.zeros(41)]))
@@ -283,6 +285,7 @@ def servo_runs(path, servo, gear, goal, end):
     return np.interp(result.time, at, angle), result["q"].values[:, mechanism.coordinate("j")]
 
 
+@pytest.mark.needs("mujoco")
 @pytest.mark.parametrize(
     ("changes", "goal"),
     [
@@ -314,8 +317,8 @@ def test_the_file_says_what_of_a_servo_it_leaves_out(geared):
             to_mjcf(mechanism, found, servos=wrong)
 
 
+@pytest.mark.needs("mujoco")
 def test_what_mujoco_warns_of_leaves_no_file_behind(tmp_path, monkeypatch, capsys):
-    pytest.importorskip("mujoco")
     mujoco = load_mujoco()
     monkeypatch.chdir(tmp_path)
     model = mujoco.MjModel.from_xml_string(

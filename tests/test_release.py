@@ -20,7 +20,7 @@ CONDA_NAMES = {"pin": "pinocchio", "matplotlib": "matplotlib-base", "meshcat": "
 
 
 EXTRAS = PROJECT["optional-dependencies"]
-NOT_FOR_USERS = {"peers", "test", "docs", "dev"}
+NOT_FOR_USERS = {"peers", "test", "test-all", "docs", "dev"}
 """Extras that develop and compare; the others are told to users."""
 
 

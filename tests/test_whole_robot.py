@@ -23,6 +23,7 @@ from jointplay.physics.joints import RevoluteClearance
 from jointplay.simulation.loads.drive import Servo
 
 PLAYS = {"a": 6e-3, "b": 4e-3}
+EVERY_FORMAT = pytest.mark.needs("mujoco", "pxr", "newton_usd_schemas")
 
 
 @pytest.fixture(scope="module")
@@ -56,8 +57,10 @@ def reductions(mechanism):
     return found
 
 
+@pytest.mark.needs("mujoco")
 def test_a_held_torque_moves_the_link_across_the_dead_band_and_no_further(mechanism, reductions):
-    mujoco = pytest.importorskip("mujoco")
+    import mujoco
+
     model = mujoco.MjModel.from_xml_string(compile_robot(mechanism, reductions).mjcf(reductions))
     model.opt.gravity[:] = 0.0
     model.dof_armature[model.joint("a").dofadr] = 1e6
@@ -72,8 +75,10 @@ def test_a_held_torque_moves_the_link_across_the_dead_band_and_no_further(mechan
     assert ends[0] - ends[1] == pytest.approx(one.dead_band + 2.0 / one.stiffness, rel=1e-2)
 
 
+@pytest.mark.needs("mujoco")
 def test_mujocos_robot_has_the_masses_and_the_tool_of_the_urdf(mechanism, reductions):
-    mujoco = pytest.importorskip("mujoco")
+    import mujoco
+
     model = mujoco.MjModel.from_xml_string(compile_robot(mechanism, reductions).mjcf(reductions))
     data = mujoco.MjData(model)
     pose = {"a": 0.4, "b": -0.7, "c": 0.05}
@@ -93,8 +98,10 @@ def test_mujocos_robot_has_the_masses_and_the_tool_of_the_urdf(mechanism, reduct
     assert mass[np.ix_(rows, rows)] - rotors == pytest.approx(ideal.mass_matrix(q), abs=1e-5)
 
 
+@pytest.mark.needs("mujoco")
 def test_the_encoder_of_the_link_reads_motor_and_play(mechanism, reductions):
-    mujoco = pytest.importorskip("mujoco")
+    import mujoco
+
     robot = compile_robot(mechanism, reductions)
     for encoder, wanted in (("motor", 0.3), ("link", 0.302)):
         model = mujoco.MjModel.from_xml_string(robot.mjcf(reductions, encoder=encoder))
@@ -105,8 +112,10 @@ def test_the_encoder_of_the_link_reads_motor_and_play(mechanism, reductions):
         assert data.sensor("a.encoder").data[0] == pytest.approx(wanted)
 
 
+@pytest.mark.needs("mujoco")
 def test_mimicking_joints_follow_in_mujoco(tmp_path):
-    mujoco = pytest.importorskip("mujoco")
+    import mujoco
+
     found = tmp_path / "gripper.urdf"
     follower = joint("g", "base", "right", axis="0 0 1")
     follower = follower.replace("</joint>", '<mimic joint="f" multiplier="-2"/></joint>')
@@ -185,8 +194,8 @@ def test_the_sdf_stands_where_the_robot_stands_and_has_all_play(mechanism, reduc
     assert {one.find("parent").text for one in joints.values()} <= {*links, "world"}
 
 
+@pytest.mark.needs("pxr", "newton_usd_schemas")
 def test_usd_has_the_play_in_newtons_attributes(mechanism, reductions):
-    pytest.importorskip("newton_usd_schemas")
     from jointplay.bridges.usd import load_usd, to_usd
 
     _, _, _, usd, geom, physics = load_usd()
@@ -255,8 +264,10 @@ OPTIONS = ["--gear", "a=6 mrad", "--gear", "b=4 mrad", "--gear-stiffness", "2000
 OPTIONS += ["--rotor-inertia", "0.05", "--gear-damping", "2", "--period", "0.4", "--quiet"]
 
 
+@pytest.mark.needs("mujoco")
 def test_the_command_writes_the_whole_robot_and_its_copies(path, tmp_path, capsys):
-    mujoco = pytest.importorskip("mujoco")
+    import mujoco
+
     out = tmp_path / "out"
     found = tmp_path / "identified.json"
     found.write_text(json.dumps(identified(unknown="gear_play", low=4e-3, high=5e-3)))
@@ -292,8 +303,10 @@ def test_the_command_writes_the_whole_robot_and_its_copies(path, tmp_path, capsy
     assert "robot.xml" in capsys.readouterr().err
 
 
+@pytest.mark.needs("mujoco")
 def test_the_tilt_of_the_axes_moves_mujocos_tool_as_far_as_the_budget_says(path):
-    mujoco = pytest.importorskip("mujoco")
+    import mujoco
+
     bearing = RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4)
     mechanism = Mechanism(path, {"a": bearing, "b": bearing}, tool="slider")
     pose, tilting = {"a": 0.3, "b": -0.4, "c": 0.05}, ("a", "b")
@@ -317,8 +330,9 @@ def test_the_tilt_of_the_axes_moves_mujocos_tool_as_far_as_the_budget_says(path)
         assert model.tendon_range[model.tendon(f"{name}.rim").id, 1] == pytest.approx(arm * value)
 
 
+@pytest.mark.needs("mujoco")
 def test_shapes_go_with_the_mjcf(path, tmp_path):
-    mujoco = pytest.importorskip("mujoco")
+    import mujoco
     import trimesh
 
     trimesh.creation.icosphere(radius=0.05).export(tmp_path / "ball.stl")
@@ -347,9 +361,17 @@ def test_shapes_go_with_the_mjcf(path, tmp_path):
         (["--all", *OPTIONS, "--batch", "2", "--identified", "none.json"], "none.json"),
         (["--all", *OPTIONS, "--gear", "zz=1 mrad"], "zz"),
         (["--all", *OPTIONS, "--tilt", "--format", "sdf"], "--format sdf with --tilt"),
-        (["--all", "--joint", "a=0.1 mm"], "mjcf, sdf, urdf, usd would have no play"),
+        pytest.param(
+            ["--all", "--joint", "a=0.1 mm"],
+            "mjcf, sdf, urdf, usd would have no play",
+            marks=EVERY_FORMAT,
+        ),
         (["--all", "--joint", "a=0.1 mm", "--format", "mjcf", "--batch", "2"], "--tilt"),
-        (["--joint", "a=0.1 mm"], "mjcf, sdf, urdf, usd would have no play: the clearance of a"),
+        pytest.param(
+            ["--joint", "a=0.1 mm"],
+            "mjcf, sdf, urdf, usd would have no play: the clearance of a",
+            marks=EVERY_FORMAT,
+        ),
         (["--clearance", "0.1 mm"], "got none; --all reduces every one"),
         (["--all", "--joint", "c=0.1 mm"], "cannot be represented by a hinge"),
     ],
@@ -410,9 +432,11 @@ def test_a_missing_package_leaves_its_format_out_and_says_how_to_get_it(
         find_play("<mujoco/>")
 
 
+@pytest.mark.needs("mujoco")
 @pytest.mark.thorough
 def test_the_so101_of_the_preset_stands_in_mujoco_with_its_servos_and_play(tmp_path):
-    mujoco = pytest.importorskip("mujoco")
+    import mujoco
+
     out = tmp_path / "out"
     order = [
         "export",

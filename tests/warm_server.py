@@ -38,7 +38,8 @@ def warm() -> None:
     for module in pkgutil.walk_packages(jp.__path__, "jointplay."):
         importlib.import_module(module.name)
     for name in ALSO:
-        importlib.import_module(name)
+        with suppress(ImportError):  # of an extra that is not installed
+            importlib.import_module(name)
     from jointplay.base import units
 
     units.convert("1 mm*s/s", "m")

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 import xarray as xr
+from conftest import needed
 from sweep_scenario import SCENARIO
 from test_kills import gone, needs_proc
 from test_sweep_kills import AXES, CASES, descendants, grown, resume, same
@@ -19,7 +20,7 @@ from jointplay.study.cluster import TRIES, ClusterWorkers
 from jointplay.study.journal import DONE, Outcome
 from jointplay.study.store import SweepStore
 
-pytest.importorskip("distributed")
+pytestmark = needed("distributed")
 
 LISTENS = re.compile(r"Scheduler at: +(tcp://[\d.:]+)")
 
