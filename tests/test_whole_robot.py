@@ -366,7 +366,11 @@ def test_shapes_go_with_the_mjcf(path, tmp_path):
             "mjcf, sdf, urdf, usd would have no play",
             marks=EVERY_FORMAT,
         ),
-        (["--all", "--joint", "a=0.1 mm", "--format", "mjcf", "--batch", "2"], "--tilt"),
+        pytest.param(
+            ["--all", "--joint", "a=0.1 mm", "--format", "mjcf", "--batch", "2"],
+            "--tilt",
+            marks=pytest.mark.needs("mujoco"),
+        ),
         pytest.param(
             ["--joint", "a=0.1 mm"],
             "mjcf, sdf, urdf, usd would have no play: the clearance of a",

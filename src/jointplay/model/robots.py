@@ -49,7 +49,7 @@ def share() -> Path:
             return folder
     raise JointplayError(
         f"the robots of {PACKAGE} are not installed; install them (131 MB to download) with: "
-        f"{how_to_install('robots')}"
+        f"{how_to_install('robots')} (uvx: --from '.[robots]')"
     )
 
 
