@@ -302,6 +302,7 @@ def test_mujocos_motor_turns_the_link_as_the_servo_does_also_short_of_voltage(pa
     assert np.abs(there - here).max() < 2e-3 * np.ptp(here)
 
 
+@pytest.mark.needs("mujoco")
 def test_the_file_says_what_of_a_servo_it_leaves_out(geared):
     mechanism, found = geared
     servo = Servo(**SERVO, resolution=1.5e-3, dead_band_counts=2.0, period=1e-3)
