@@ -36,6 +36,7 @@ from jointplay.physics.joints.elasticity import ABOUT_AXIS, Elasticity
 from jointplay.physics.joints.element_play import ElementPlay
 from jointplay.physics.joints.materials import material
 from jointplay.physics.joints.play import Play
+from jointplay.physics.joints.rolling_rest import Elements, rest
 
 ARRANGEMENTS = ("single", "DB", "DF", "DT")
 """One row, or a pair: back to back (O), face to face (X), both the same way (tandem)."""
@@ -176,6 +177,31 @@ class BearingState(NamedTuple):
     def largest(self) -> float:
         """Largest load of an element [N]."""
         return float(self.loads.max())
+
+
+class BearingRest(NamedTuple):
+    """Where the inner ring of a loaded bearing rests, without friction; outer ring's axes."""
+
+    displacement: np.ndarray
+    """Of the centre, and rotation vector, shape (6,) [m, rad]."""
+    compliance: np.ndarray
+    """Its change by force and moment, shape (6, 6) [m/N, rad/N, rad/(N m)]; none by a moment about
+    the axis, and none in directions in which nothing holds the ring."""
+
+    @classmethod
+    def of(cls, xi: np.ndarray, compliance: np.ndarray) -> Self:
+        """From the centre and the axis' part across the outer ring's (5,), and theirs (5, 5)."""
+        x, y = lean = xi[3:]
+        sine = math.hypot(x, y)
+        angle = math.asin(sine)
+        place, soft, across = np.zeros(6), np.zeros((6, 6)), np.array([[0.0, -1.0], [1.0, 0.0]])
+        longer = angle / sine if sine > 0.0 else 1.0
+        # The angle over its sine grows by a third of the sine.
+        growing = (1.0 / math.cos(angle) - longer) / sine**2 if sine > 1e-4 else 1.0 / 3.0
+        place[:3], place[3:5] = xi[:3], longer * across @ lean
+        soft[:3, :5] = compliance[:3]
+        soft[3:5, :5] = across @ (longer * np.eye(2) + growing * np.outer(lean, lean)) @ compliance[3:]
+        return cls(place, soft)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -546,6 +572,19 @@ class RollingBearing(WholeLawJoint):
         Raises:
             JointplayError: a moment about the axis; no equilibrium.
         """
+        return self.rest(force, moment, cage).displacement
+
+    def rest(
+        self,
+        force: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
+        moment: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
+        cage: float | None = None,
+    ) -> BearingRest:
+        """As `deflection`, and how it changes with the load.
+
+        Raises:
+            JointplayError: a moment about the axis; no equilibrium.
+        """
         given = np.concatenate([np.asarray(force, float), np.asarray(moment, float)])
         if given.shape != (6,) or not np.isfinite(given).all():
             raise JointplayError("force and moment have three finite components each")
@@ -553,44 +592,23 @@ class RollingBearing(WholeLawJoint):
             raise JointplayError(
                 f"a bearing bears no moment about its axis, got {given[5]:g} N m", where=("moment",)
             )
-        import pinocchio as pin  # not needed to check a scenario
-
-        turn = self.cage_angle if cage is None else cage
-        lever = 0.5 * self.d_pitch
-        weight = np.array([1.0, 1.0, 1.0, 1.0 / lever, 1.0 / lever])
-        size = float(np.linalg.norm(given[:5] * weight))
-        point = self.play().support(given[None]).point[0] if size > 0.0 else np.zeros(6)
-        centre, axes = point[:3].copy(), _rotation(point[3:])
-        state, held = self._state(centre, axes, turn), 1e-3
-        left = (state.wrench + given)[:5] * weight
-        scale, most = np.diag(weight), max(size, state.largest)
-        depth = max((most / self.stiffness_of_element) ** (1.0 / self.exponent), 1e-15)
-        for _ in range(_MOST_TRIALS):
-            error = float(np.linalg.norm(left))
-            if error <= _BALANCED * size + _ROUNDING * float(state.loads.sum()):
-                return np.concatenate([centre, pin.log3(axes)])
-            matrix = scale @ self._tangent(centre, axes, turn, depth)[:5, :5] @ scale
-            stiff = float(np.abs(np.diag(matrix)).max())
-            stiff = max(stiff, size / depth)
-            while held < 1e9:
-                step = scale @ np.linalg.solve(matrix + held * stiff * np.eye(5), left)
-                there = centre + step[:3], _rotation(np.array([*step[3:], 0.0])) @ axes
-                trial = self._state(*there, turn)
-                now = (trial.wrench + given)[:5] * weight
-                # Downhill in the energy of bearing and load, or nearer to balance at its bottom.
-                rise = trial.energy - state.energy - float(given[:5] @ step)
-                if rise < -_ROUNDING * (state.energy + trial.energy) or (
-                    np.linalg.norm(now) < error
-                ):
-                    break
-                held *= 8.0
-            else:
+        load, seat, lean = given[:5], self.seat, np.zeros(2)
+        elements, shift = self._elements(self.cage_angle if cage is None else cage), np.zeros(5)
+        for _ in range(_MOST_ROUNDS):
+            found = rest(elements, load, lean)
+            if found is None:
+                raise JointplayError(
+                    f"no place of rest was found under the force {given[:3].tolist()} N and the "
+                    f"moment {given[3:].tolist()} N m"
+                )
+            if seat is None:
+                return BearingRest.of(found.xi, found.compliance)
+            shift, soft = seat.under(found.given, ABOUT_AXIS)
+            if np.abs(shift[3:] - lean).max() <= _SAME_LEAN:
                 break
-            (centre, axes), state, left, held = there, trial, now, 0.1 * held
-        raise JointplayError(
-            f"no place of rest was found under the force {given[:3].tolist()} N and the moment "
-            f"{given[3:].tolist()} N m"
-        )
+            lean = shift[3:]
+        by_load = np.eye(5)[:, [0, 1, 2, 4, 3]] * [1.0, 1.0, 1.0, -1.0, 1.0]
+        return BearingRest.of(found.xi + shift, found.compliance + soft @ by_load)
 
     def _state(self, centre: np.ndarray, axes: np.ndarray, cage: float) -> BearingState:
         from jointplay.physics.contact.elastic import answers
@@ -613,27 +631,20 @@ class RollingBearing(WholeLawJoint):
             shift = self._seat_shift(centre, axis, cage)
             centre, lean = centre - shift[..., :3], shift[..., 3:]
             axis = axis - np.concatenate([lean, np.zeros((*lean.shape[:-1], 1))], axis=-1)
-        # In numpy: the law of `contact.rolling` said a second time.
-        d = self._numbers
+        found = (elements := self._elements(cage)).deflections(centre, axis)
+        return elements.loads(found.depth), np.arctan2(found.up, found.across)
+
+    def _elements(self, cage: float | np.ndarray) -> Elements:
+        """With the azimuth of the first (...) [rad]."""
         phi = np.asarray(cage)[..., None] + 2.0 * np.pi * np.arange(self.count) / self.count
-        c, s = np.cos(phi), np.sin(phi)
-        lie = c * axis[..., 0, None] + s * axis[..., 1, None]
-        across = c * centre[..., 0, None] + s * centre[..., 1, None]
-        rise, steep = centre[..., 2, None], axis[..., 2, None] - 1.0
-        loads, angles = [], []
-        for h, y in self.row_places:
-            if self.roller_elements:
-                way = np.where(np.arange(self.count) % 2 == 0, 1.0, -1.0)
-                delta = across - d["reach"] + way * (y + rise - d["radius"] * lie)
-                delta, exponent = np.sqrt(0.5) * delta, resultant.ROLLER_EXPONENT
-                angles.append(np.broadcast_to(way * np.pi / 4.0, delta.shape))
-            else:
-                x = d["reach"] + across + (h - 0.5 * d["radius"] * lie) * lie
-                up = y + rise + h * steep - d["radius"] * lie
-                delta, exponent = np.hypot(x, up) - d["distance"], resultant.BALL_EXPONENT
-                angles.append(np.arctan2(up, x))
-            loads.append(self.stiffness_of_element * np.maximum(delta, 0.0) ** exponent)
-        return np.concatenate(loads, axis=-1), np.concatenate(angles, axis=-1)
+        rows, d = self.row_places, self._numbers
+        phi = np.concatenate([phi] * len(rows), axis=-1)
+        h, y = np.repeat(rows, self.count, axis=0).T
+        return Elements(
+            self.roller_elements, self.stiffness_of_element, d["radius"], d["reach"], d["distance"],
+            d["ratio"], np.cos(phi), np.sin(phi), h, y,
+            np.where(np.arange(len(h)) % 2 == 0, 1.0, -1.0),
+        )  # fmt: skip
 
     def _seat_shift(
         self, centre: np.ndarray, axis: np.ndarray, cage: float | np.ndarray
@@ -646,26 +657,6 @@ class RollingBearing(WholeLawJoint):
         turns = np.broadcast_to(cage, centre.shape[:-1]).reshape(-1)
         found = answers(self.law, self.resultant, poses.reshape(-1, 12), turns)
         return found[:, resultant.SEAT :].reshape(*centre.shape[:-1], resultant.WAYS)
-
-    def _tangent(
-        self, centre: np.ndarray, axes: np.ndarray, cage: float, depth: float
-    ) -> np.ndarray:
-        """How the wrench falls with displacements and rotations, by differences, (6, 6).
-
-        Unlike `BearingState.stiffness` it has what loads do by turning with their contacts.
-        """
-        from jointplay.physics.contact.elastic import answers
-
-        steps = 1e-3 * depth * np.array([1.0] * 3 + [2.0 / self.d_pitch] * 3)
-        poses = []
-        for k in range(6):
-            for way in (steps[k], -steps[k]):
-                move = way * np.eye(6)[k]
-                turned = _rotation(move[3:]) @ axes
-                poses.append(np.concatenate([centre + move[:3], turned.ravel()]))
-        ends = answers(self.law, self.resultant, np.array(poses), cage)[:, :6]
-        fall: np.ndarray = ((ends[1::2] - ends[::2]) / (2.0 * steps[:, None])).T
-        return fall
 
     # Life.
 
@@ -870,7 +861,8 @@ class RollingBearing(WholeLawJoint):
         )
 
 
-_MOST_TRIALS, _BALANCED, _ROUNDING = 600, 1e-8, 1e-14
+_MOST_ROUNDS, _SAME_LEAN = 10, 1e-15
+"""In which a bearing and its seat agree of the outer ring's lean."""
 
 
 def _rotation(vector: np.ndarray) -> np.ndarray:

@@ -12,6 +12,9 @@ from jointplay.base.errors import JointplayError, require_numbers
 from jointplay.base.schema import Described, check_fields, quantity
 from jointplay.physics.contact import resultant
 
+_MOST_BENDS = 60
+"""Steps in which displacements on curves are found."""
+
 ABOUT_AXIS, ALONG_AXIS = 5, 2
 """Directions in which joints that turn, and that slide, are free: places in `DIRECTIONS`."""
 
@@ -125,6 +128,31 @@ class Elasticity(Described):
         given[:, held] = np.linalg.solve(self.stiffness[np.ix_(held, held)], loads[:, held].T).T
         return given
 
+    def under(self, push: np.ndarray, free: int | None) -> tuple[np.ndarray, np.ndarray]:
+        """Displacements (n,) under forces and moments (n,), and their compliance (n, n).
+
+        In the coordinates of compiled code (see `contact.elastic`), and with the curves; `free`:
+        see `require_free`.
+        """
+        turn = _XI[free]
+        linear, at = turn.T @ self._linear @ turn, np.abs(turn).argmax(axis=0)
+        curves = [np.array([(0.0, 0.0), *self._curves[int(k)]]) for k in at]
+        x, slopes = np.zeros(len(at)), np.zeros(len(at))
+        for _ in range(_MOST_BENDS):
+            given = linear @ x
+            for i, curve in enumerate(curves):
+                if len(curve) > 1:
+                    k = min(int(np.searchsorted(curve[:, 0], abs(x[i]), "right")), len(curve) - 1)
+                    (last, force), (here, there) = curve[k - 1], curve[k]
+                    slopes[i] = (there - force) / (here - last)
+                    given[i] += np.copysign(force + slopes[i] * (abs(x[i]) - last), x[i])
+            soft = np.linalg.inv(linear + np.diag(slopes))
+            step = soft @ (push - given)
+            x = x + step
+            if (np.abs(step) <= 1e-14 * np.abs(x)).all():
+                break
+        return x, soft
+
     @property
     def _curves(self) -> list[list[tuple[float, float]]]:
         """By direction."""
@@ -143,12 +171,18 @@ class Elasticity(Described):
                 whole[k, k] += curve[0][1] / curve[0][0]
         return whole
 
-    def numbers(self, free: int | None) -> tuple[float, ...]:
-        """By which compiled code knows the springs; `free`: see `require_free`."""
-        linear, curves, turn = self.stiffness.copy(), self._curves, _XI[free]
-        for k, curve in enumerate(curves):
+    @property
+    def _linear(self) -> np.ndarray:
+        """The stiffness less the curves'."""
+        linear = self.stiffness.copy()
+        for k, curve in enumerate(self._curves):
             if curve:
                 linear[k, k] -= curve[0][1] / curve[0][0]
+        return linear
+
+    def numbers(self, free: int | None) -> tuple[float, ...]:
+        """By which compiled code knows the springs; `free`: see `require_free`."""
+        linear, curves, turn = self._linear, self._curves, _XI[free]
         at = np.abs(turn).argmax(axis=0)
         return resultant.spring_numbers(turn.T @ linear @ turn, [curves[int(k)] for k in at])
 
