@@ -36,7 +36,6 @@ from jointplay.physics.joints.elasticity import ABOUT_AXIS, Elasticity
 from jointplay.physics.joints.element_play import ElementPlay
 from jointplay.physics.joints.materials import material
 from jointplay.physics.joints.play import Play
-from jointplay.physics.joints.rolling_rest import Elements, rest
 
 ARRANGEMENTS = ("single", "DB", "DF", "DT")
 """One row, or a pair: back to back (O), face to face (X), both the same way (tandem)."""
@@ -184,12 +183,12 @@ class BearingRest(NamedTuple):
 
     displacement: np.ndarray
     """Of the centre, and rotation vector, shape (6,) [m, rad]."""
-    compliance: np.ndarray
+    compliance: np.ndarray | None
     """Its change by force and moment, shape (6, 6) [m/N, rad/N, rad/(N m)]; none by a moment about
-    the axis, and none in directions in which nothing holds the ring."""
+    the axis. None: with this load something of it is free to move, or next to it."""
 
     @classmethod
-    def of(cls, xi: np.ndarray, compliance: np.ndarray) -> Self:
+    def of(cls, xi: np.ndarray, compliance: np.ndarray, told: bool) -> Self:
         """From the centre and the axis' part across the outer ring's (5,), and theirs (5, 5)."""
         x, y = lean = xi[3:]
         sine = math.hypot(x, y)
@@ -201,7 +200,7 @@ class BearingRest(NamedTuple):
         place[:3], place[3:5] = xi[:3], longer * across @ lean
         soft[:3, :5] = compliance[:3]
         soft[3:5, :5] = across @ (longer * np.eye(2) + growing * np.outer(lean, lean)) @ compliance[3:]
-        return cls(place, soft)
+        return cls(place, soft if told else None)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -592,23 +591,26 @@ class RollingBearing(WholeLawJoint):
             raise JointplayError(
                 f"a bearing bears no moment about its axis, got {given[5]:g} N m", where=("moment",)
             )
-        load, seat, lean = given[:5], self.seat, np.zeros(2)
-        elements, shift = self._elements(self.cage_angle if cage is None else cage), np.zeros(5)
+        from jointplay.physics.contact import rolling_rest
+
+        turn = self.cage_angle if cage is None else cage
+        lean, seat = np.zeros((1, 2)), self.seat
         for _ in range(_MOST_ROUNDS):
-            found = rest(elements, load, lean)
-            if found is None:
+            (found,) = rolling_rest.rests(self.resultant, given[None, :5], turn, lean)
+            if found[rolling_rest.FOUND] == 0.0:
                 raise JointplayError(
                     f"no place of rest was found under the force {given[:3].tolist()} N and the "
                     f"moment {given[3:].tolist()} N m"
                 )
+            xi, soft = found[:5], found[rolling_rest.SOFT :].reshape(5, 5)
             if seat is None:
-                return BearingRest.of(found.xi, found.compliance)
-            shift, soft = seat.under(found.given, ABOUT_AXIS)
-            if np.abs(shift[3:] - lean).max() <= _SAME_LEAN:
                 break
-            lean = shift[3:]
-        by_load = np.eye(5)[:, [0, 1, 2, 4, 3]] * [1.0, 1.0, 1.0, -1.0, 1.0]
-        return BearingRest.of(found.xi + shift, found.compliance + soft @ by_load)
+            shift, softer = seat.under(found[rolling_rest.PUSH : rolling_rest.SOFT], ABOUT_AXIS)
+            if np.abs(shift[3:] - lean).max() <= _SAME_LEAN:
+                xi, soft = xi + shift, soft + softer @ _BY_LOAD
+                break
+            lean = shift[None, 3:]
+        return BearingRest.of(xi, soft, found[rolling_rest.FOUND] > 0.0)
 
     def _state(self, centre: np.ndarray, axes: np.ndarray, cage: float) -> BearingState:
         from jointplay.physics.contact.elastic import answers
@@ -631,20 +633,27 @@ class RollingBearing(WholeLawJoint):
             shift = self._seat_shift(centre, axis, cage)
             centre, lean = centre - shift[..., :3], shift[..., 3:]
             axis = axis - np.concatenate([lean, np.zeros((*lean.shape[:-1], 1))], axis=-1)
-        found = (elements := self._elements(cage)).deflections(centre, axis)
-        return elements.loads(found.depth), np.arctan2(found.up, found.across)
-
-    def _elements(self, cage: float | np.ndarray) -> Elements:
-        """With the azimuth of the first (...) [rad]."""
+        # In numpy: the law of `contact.rolling` said a second time.
+        d = self._numbers
         phi = np.asarray(cage)[..., None] + 2.0 * np.pi * np.arange(self.count) / self.count
-        rows, d = self.row_places, self._numbers
-        phi = np.concatenate([phi] * len(rows), axis=-1)
-        h, y = np.repeat(rows, self.count, axis=0).T
-        return Elements(
-            self.roller_elements, self.stiffness_of_element, d["radius"], d["reach"], d["distance"],
-            d["ratio"], np.cos(phi), np.sin(phi), h, y,
-            np.where(np.arange(len(h)) % 2 == 0, 1.0, -1.0),
-        )  # fmt: skip
+        c, s = np.cos(phi), np.sin(phi)
+        lie = c * axis[..., 0, None] + s * axis[..., 1, None]
+        across = c * centre[..., 0, None] + s * centre[..., 1, None]
+        rise, steep = centre[..., 2, None], axis[..., 2, None] - 1.0
+        loads, angles = [], []
+        for h, y in self.row_places:
+            if self.roller_elements:
+                way = np.where(np.arange(self.count) % 2 == 0, 1.0, -1.0)
+                delta = across - d["reach"] + way * (y + rise - d["radius"] * lie)
+                delta, exponent = np.sqrt(0.5) * delta, resultant.ROLLER_EXPONENT
+                angles.append(np.broadcast_to(way * np.pi / 4.0, delta.shape))
+            else:
+                x = d["reach"] + across + (h - 0.5 * d["radius"] * lie) * lie
+                up = y + rise + h * steep - d["radius"] * lie
+                delta, exponent = np.hypot(x, up) - d["distance"], resultant.BALL_EXPONENT
+                angles.append(np.arctan2(up, x))
+            loads.append(self.stiffness_of_element * np.maximum(delta, 0.0) ** exponent)
+        return np.concatenate(loads, axis=-1), np.concatenate(angles, axis=-1)
 
     def _seat_shift(
         self, centre: np.ndarray, axis: np.ndarray, cage: float | np.ndarray
@@ -861,6 +870,8 @@ class RollingBearing(WholeLawJoint):
         )
 
 
+_BY_LOAD = np.array([1.0, 1.0, 1.0, -1.0, 1.0])[:, None] * np.eye(5)[[0, 1, 2, 4, 3]]
+"""Force and moment in terms of `contact.rolling_rest`'s xi."""
 _MOST_ROUNDS, _SAME_LEAN = 10, 1e-15
 """In which a bearing and its seat agree of the outer ring's lean."""
 
