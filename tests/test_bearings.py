@@ -3,6 +3,7 @@
 import importlib.util
 import math
 import subprocess
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -209,6 +210,38 @@ def test_the_stiffness_is_the_fall_of_the_wrench(bearing):
         size = np.abs(whole[part]).max()
         assert found[part] == pytest.approx(whole[part], abs=0.1 * size)
     assert np.linalg.eigvalsh(found[:5, :5]).min() > 0.0
+
+
+@every
+@pytest.mark.parametrize("seat", [None, jp.Elasticity(radial=2e8, axial=1e8, tilt=4e4)])
+def test_the_compliance_is_the_change_of_the_place_of_rest_with_the_load(bearing, seat):
+    bearing = replace(bearing, seat=seat)
+    load, arm = np.array([300.0, 100.0, 200.0, 1.0, -2.0, 0.0]), 0.5 * bearing.d_pitch
+    steps = 1e-3 * np.array([1.0, 1.0, 1.0, arm, arm])
+    ends = [
+        [bearing.deflection(*np.split(load + way * step * np.eye(6)[k], 2)) for way in (1, -1)]
+        for k, step in enumerate(steps)
+    ]
+    expected = np.array([(a - b) / (2.0 * s) for (a, b), s in zip(ends, steps, strict=True)]).T
+    found = bearing.rest(load[:3], load[3:]).compliance[:, :5]
+    scale = np.outer([1.0, 1.0, 1.0, arm, arm, arm], [1.0, 1.0, 1.0, 1.0 / arm, 1.0 / arm])
+    # A seat's lean moves the ring's axis in its second order only.
+    near = 1e-5 if seat is None else 1e-3
+    assert found * scale == pytest.approx(
+        expected * scale, rel=near, abs=1e-6 * np.abs(found).max()
+    )
+
+
+@pytest.mark.parametrize("seed", [11, pytest.param(12, marks=pytest.mark.thorough)])
+def test_bearings_of_the_catalogue_come_to_rest_under_any_load(seed):
+    drawn = importlib.import_module("cost.bearing_rest")
+    for k in range(60 if seed == 11 else 600):
+        random = np.random.default_rng([seed, k])
+        bearing = drawn.bearing(random)
+        load, cage = drawn.load(bearing, random), random.uniform(0.0, 2.0 * math.pi)
+        place = bearing.deflection(load[:3], load[3:], cage)
+        left = np.linalg.norm(drawn.left(bearing, place, load, cage))
+        assert left <= drawn.UNBALANCED * np.linalg.norm(load * drawn.weights(bearing))
 
 
 def _moved(place, k, way):

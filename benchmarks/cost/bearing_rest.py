@@ -19,7 +19,7 @@ import jointplay as jp
 from jointplay.base.errors import JointplayError
 from jointplay.physics.joints.bearings import SECTIONS, catalogue
 
-UNBALANCED = 1e-7
+UNBALANCED = 1e-6
 """Largest force left over, by the load."""
 APART = 1e-6
 """Largest distance from scipy's root, by the deflection."""
@@ -42,7 +42,7 @@ def bearing(random):
         given["radial_clearance"] = random.uniform(-0.2, 1.0) * most
     if random.random() < 0.25:
         stiff = 10 ** random.uniform(7, 9)
-        given["seat"] = jp.Elasticity(radial=stiff, axial=stiff, tilt=stiff * 1e-3)
+        given["seat"] = jp.Elasticity(radial=stiff, axial=stiff, tilt=stiff * one.d_pitch**2)
     return kind(designation=name, **given)
 
 
@@ -70,9 +70,7 @@ def left(one, place, given, cage):
 
 
 def apart(one, place, given, cage):
-    """How far scipy's root is from a place of rest, by its size; nan where it is not the only one.
-
-    """
+    """How far scipy's root is from a place of rest, by its size; nan where it finds none."""
     size, reach = np.linalg.norm(given * weights(one)), np.abs(place[:3]).max()
     unit = reach * weights(one)[:5]
     scaled = np.diag(weights(one)) @ one.load(place, cage).stiffness @ np.diag(weights(one))

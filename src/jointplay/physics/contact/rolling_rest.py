@@ -159,6 +159,7 @@ def _factor(bend, shift, lower):
 
 @part
 def _half_solved(lower, right, found):
+    """L^-1 times the right hand side."""
     for i in range(WAYS):
         found[i] = right[i]
         for k in range(i):
@@ -168,6 +169,7 @@ def _half_solved(lower, right, found):
 
 @part
 def _solved(lower, right, found):
+    """(L L^T)^-1 times the right hand side."""
     _half_solved(lower, right, found)
     for i in range(WAYS - 1, -1, -1):
         for k in range(i + 1, WAYS):
@@ -177,6 +179,7 @@ def _solved(lower, right, found):
 
 @part
 def _length(vector):
+    """Of five numbers."""
     total = 0.0
     for x in vector:
         total += x * x

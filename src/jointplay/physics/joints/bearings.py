@@ -199,7 +199,8 @@ class BearingRest(NamedTuple):
         growing = (1.0 / math.cos(angle) - longer) / sine**2 if sine > 1e-4 else 1.0 / 3.0
         place[:3], place[3:5] = xi[:3], longer * across @ lean
         soft[:3, :5] = compliance[:3]
-        soft[3:5, :5] = across @ (longer * np.eye(2) + growing * np.outer(lean, lean)) @ compliance[3:]
+        turned = across @ (longer * np.eye(2) + growing * np.outer(lean, lean))
+        soft[3:5, :5] = turned @ compliance[3:]
         return cls(place, soft if told else None)
 
 
@@ -579,7 +580,8 @@ class RollingBearing(WholeLawJoint):
         moment: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
         cage: float | None = None,
     ) -> BearingRest:
-        """As `deflection`, and how it changes with the load.
+        """As `deflection`, and how it changes with the load: in a seat but for a part as small as
+        the lean.
 
         Raises:
             JointplayError: a moment about the axis; no equilibrium.
@@ -610,6 +612,8 @@ class RollingBearing(WholeLawJoint):
                 xi, soft = xi + shift, soft + softer @ _BY_LOAD
                 break
             lean = shift[None, 3:]
+        else:
+            raise JointplayError(f"its seat leans by {np.abs(shift[3:]).max():.3g} and more")
         return BearingRest.of(xi, soft, found[rolling_rest.FOUND] > 0.0)
 
     def _state(self, centre: np.ndarray, axes: np.ndarray, cage: float) -> BearingState:
@@ -870,9 +874,9 @@ class RollingBearing(WholeLawJoint):
         )
 
 
-_BY_LOAD = np.array([1.0, 1.0, 1.0, -1.0, 1.0])[:, None] * np.eye(5)[[0, 1, 2, 4, 3]]
+_BY_LOAD = np.array([1.0, 1.0, 1.0, 1.0, -1.0])[:, None] * np.eye(5)[[0, 1, 2, 4, 3]]
 """Force and moment in terms of `contact.rolling_rest`'s xi."""
-_MOST_ROUNDS, _SAME_LEAN = 10, 1e-15
+_MOST_ROUNDS, _SAME_LEAN = 60, 1e-14
 """In which a bearing and its seat agree of the outer ring's lean."""
 
 
