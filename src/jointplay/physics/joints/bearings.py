@@ -860,7 +860,10 @@ class RollingBearing(WholeLawJoint):
 
     @property
     def play_words(self) -> str:
-        return "none (preloaded)" if self.preloaded else f"{1e6 * self.radial_travel:.3g} µm"
+        if self.preloaded:
+            return "none (preloaded)"
+        across, _, tilt = map(float, self._reach)
+        return f"{1e6 * across:.3g} µm and {1e3 * tilt:.3g} mrad of tilt"
 
     @property
     def summary(self) -> str:
@@ -869,8 +872,8 @@ class RollingBearing(WholeLawJoint):
         if self.preloaded:
             return f"{self.kind} {name}, preloaded"
         return (
-            f"{self.kind} {name}, free {1e6 * across:.3g} µm across, {1e6 * along:.3g} µm along, "
-            f"{1e3 * tilt:.3g} mrad tilt"
+            f"{self.kind} {name}, free ±{1e6 * across:.3g} µm across, ±{1e6 * along:.3g} µm along, "
+            f"±{1e3 * tilt:.3g} mrad tilt"
         )
 
 
