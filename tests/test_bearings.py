@@ -242,6 +242,16 @@ def test_bearings_of_the_catalogue_come_to_rest_under_any_load(seed):
         assert left <= drawn.UNBALANCED * np.linalg.norm(load * drawn.weights(bearing))
 
 
+def test_bearings_in_tandem_come_to_rest_under_a_faint_moment_alone():
+    tandem = jp.BallBearing(designation="7206 B DT")
+    moment = np.array([0.0, -5.935794486578955e-05, 0.0])
+    place = tandem.deflection(moment=moment, cage=1.5999089580849375)
+    wrench = tandem.load(place, cage=1.5999089580849375).wrench
+    arm = 0.5 * tandem.d_pitch
+    assert wrench[:3] * arm == pytest.approx(np.zeros(3), abs=1e-7 * np.abs(moment).max())
+    assert wrench[3:5] == pytest.approx(-moment[:2], abs=1e-7 * np.abs(moment).max())
+
+
 def _moved(place, k, way):
     """A displacement with a little more along or about an axis of the outer ring."""
     move = way * np.eye(6)[k]
