@@ -25,7 +25,7 @@ from jointplay.accuracy.error_budget import budget
 from jointplay.cli import main
 from jointplay.model.robots import robot_urdf
 from jointplay.physics.contact import Coulomb
-from jointplay.simulation.loads import Prescribed
+from jointplay.simulation.loads import ComputedTorque, Prescribed
 from jointplay.simulation.run import Run
 
 REACH = 0.5
@@ -475,3 +475,21 @@ def test_a_joint_that_gives_way_beyond_its_play_is_named_in_the_answer():
     assert "elbow_joint giving way under the load beyond its play" in found.sentence
     stiff = budget(Mechanism("ur5", {"elbow_joint": bearing()}), {})
     assert "contacts and gears giving way under the load" in stiff.sentence
+
+
+@pytest.mark.parametrize(("encoder", "at_rest"), [("link", 0.0), ("motor", 5e-4 * REACH)])
+def test_where_a_gears_play_shows_at_rest_depends_on_the_encoder(arm, encoder, at_rest):
+    """An encoder on the link has the drive put the link right; the table and the sentence agree."""
+    mechanism = Mechanism(arm, gears={"j": Gear(1e-3, 0.1, 1e7)}, gravity=(0.0, -9.81, 0.0))
+    found = budget(mechanism, {}, drive=ComputedTorque(encoder=encoder))
+    (row,) = np.linalg.norm(found.rest[0, :, :3], axis=1)
+    assert row == pytest.approx(found.rest_error[0], rel=1e-2, abs=1e-9)
+    assert row == pytest.approx(at_rest, rel=1e-2, abs=1e-9)
+    assert found.rest_interval[0, 3] == pytest.approx([at_rest] * 2, rel=2e-2, abs=1e-6)
+    assert ("encoders behind the gears of j hold" in found.sentence) == (encoder == "link")
+
+
+def test_a_budget_says_what_its_columns_mean(arm):
+    text = str(budget(Mechanism(arm, gears={"j": Gear(1e-3, 0.1, 1e4)}), {}).table())
+    assert "alone: with play in this joint only" in text
+    assert "at rest: under gravity" in text

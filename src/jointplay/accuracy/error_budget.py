@@ -25,7 +25,7 @@ from jointplay.accuracy.jacobians import (
 from jointplay.accuracy.rest import AGREES_M, RestPositions
 from jointplay.accuracy.robot_errors import RobotErrors
 from jointplay.base.errors import JointplayError, require_a, require_finite
-from jointplay.base.tables import Column, Table
+from jointplay.base.tables import Column, Table, few
 from jointplay.base.units import readable
 from jointplay.model.closed_loops import ClosedLoops
 from jointplay.model.mechanism import Mechanism, frame_index
@@ -175,6 +175,7 @@ class PlayBudget(Budget):
             f"Play lets the tool {self.tool!r} be up to {readable(self.worst[at], 'm', 3)} off"
             f"{where} (RMS {readable(self.rms[at], 'm', 3)}), and turn by up to "
             f"{readable(self.worst_turn[at], 'rad', 3)}; at rest it is {rests} mm off, {gives_way}"
+            f"{self._regulated}"
         )
 
     def _beyond_play(self, at: int, least: float) -> dict[str, str]:
@@ -195,6 +196,12 @@ class PlayBudget(Budget):
             if said := [f"{1e3 * x:.4f} {u}" for u, (x, of) in more.items() if x > least * of]:
                 found.append((max(x / of for x, of in more.values()), name, ", ".join(said)))
         return {name: said for _, name, said in sorted(found, reverse=True)}
+
+    @property
+    def _regulated(self) -> str:
+        """Which gears' play the drives make up for at rest, to add to a sentence."""
+        names = sorted(self.rest_positions.regulated)
+        return f"; encoders behind the gears of {few(names)} hold these joints" if names else ""
 
     @property
     def ranking(self) -> str:
@@ -274,8 +281,10 @@ class PlayBudget(Budget):
         _, whole, loads = self.rest_positions.at(at)
         axes = [f"{1e3 * value:.4f}" for value in self.axis_worst[at].sum(axis=0)]
         lines = [
+            "alone: with play in this joint only; part: along the worst direction of all; at rest: "
+            "under gravity and the force on the tool, without friction",
             f"worst case along x, y, z: {', '.join(axes[:3])} mm; "
-            f"about x, y, z: {', '.join(axes[3:])} mrad"
+            f"about x, y, z: {', '.join(axes[3:])} mrad",
         ]
         if np.isnan(whole).any():
             lines.append("at rest without friction: no equilibrium was found")

@@ -207,6 +207,14 @@ class RestPositions:
         own = self.drive.values() if isinstance(self.drive, Mapping) else [self.drive]
         return not (self.force.any() or any(isinstance(one, Servo) for one in own))
 
+    @property
+    def regulated(self) -> frozenset[str]:
+        """Joints with gears whose drives hold the link, which their encoders see, where it is."""
+        if self.force.any():  # the motors stand
+            return frozenset()
+        holding = self._holding(list(self.mechanism.gears))
+        return frozenset(n for n, one in holding.items() if getattr(one, "encoder", "") == "link")
+
     def interval(self, pose: int) -> np.ndarray:
         """Between which errors friction can hold the tool at a pose, to about 3 % of the width.
 
@@ -251,6 +259,8 @@ class RestPositions:
         xi = np.zeros(6)
         if name in self._gears:
             own = name.removesuffix(GEAR)
+            if own in self.regulated:  # the motor moves within the play, not the link
+                return xi
             motor, link = there[mechanism.motor(own)], there[mechanism.coordinate(own)]
             xi[5] = -mechanism.gears[own].twist(motor, link)
             return xi
@@ -297,6 +307,9 @@ class RestPositions:
         for j, name in enumerate(plays.names):
             if name in self._gears:
                 joint_name = name.removesuffix(GEAR)
+                if joint_name in self.regulated:
+                    errors[name] = np.zeros((1, 3))
+                    continue
                 half, load = plays.plays[j].reach[1], plays.load[j, 0, 5]
                 resists = grip.get(joint_name, 0.0)
                 ends = np.array([load - resists, load + resists])
