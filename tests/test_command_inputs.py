@@ -105,3 +105,24 @@ def test_a_file_counts_more_than_a_preset_and_options_more_than_both():
     assert "joint_a" in {*found.clearance, *found.gears}
     changed = read(*preset, "--joint", "joint_b=0.4 mm").mechanism("0.2 mm")
     assert changed.clearance["joint_b"].radial_clearance == 4e-4
+
+
+@pytest.mark.parametrize(
+    ("command", "says"),
+    [
+        (["study", "wear"], 'joints.NAME.wear_rate="1e-5 mm^3/(N*m)"'),
+        (["study", "maintenance"], 'joints.NAME.wear_rate="1e-5 mm^3/(N*m)"'),
+        (["export", "simulator"], "--tilt let the axes tilt"),
+        (["budget"], "radial clearance of these joints [m]"),
+    ],
+)
+def test_the_short_help_says_what_is_needed(command, says, capsys):
+    with pytest.raises(SystemExit):
+        main([*command, "--help"])
+    assert says in " ".join(capsys.readouterr().out.split())
+
+
+def test_what_a_measurement_may_hold_is_not_its_unit(capsys):
+    with pytest.raises(SystemExit):
+        main(["identify", "--help"])
+    assert "measurement [s]" not in capsys.readouterr().out

@@ -46,6 +46,8 @@ def test_life_goes_by_the_wear_rate_and_by_the_cycles_of_a_run(urdf):
     assert np.isnan(one.standard_error)
     assert "unknown" in str(one)
     assert "an estimate" in str(one)
+    assert "1 block of equal cycles" in str(one)
+    assert "the tool may be more than its 0.102 mm off" in str(one)
     assert found(rate=1e-12).life == pytest.approx(0.1 * one.life, rel=1e-3)
     assert found(count=2.0).life == pytest.approx(2.0 * one.life, rel=1e-3)
 

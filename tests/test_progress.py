@@ -121,7 +121,7 @@ def test_a_run_of_several_cases_has_one_bar_and_answers_as_they_come(jobs, tmp_p
     assert process.returncode == 0
     screen = shown.decode()
     bars = [line for line in re.split(r"[\r\n]", screen) if "%|" in line]
-    totals = {re.search(r"/([\d.]+) s simulated", line)[1] for line in bars}
+    totals = {re.search(r"/([\d.]+) s simulated in all runs", line)[1] for line in bars}
     assert len(totals) == 1  # one bar for all three cases and their further runs
     assert "x real time" in screen
     assert "3 of 3 cases done" in screen

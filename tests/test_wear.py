@@ -211,7 +211,8 @@ def test_interrupted_life_keeps_what_is_known(urdf, monkeypatch):
     life = wear(simulation, "pin", 1e-6, blocks=5)
     assert not life.reached
     assert len(life.cycles) == 3
-    assert "interrupted" in str(life)
+    assert "Interrupted: after about" in str(life)
+    assert "by 2 blocks of equal cycles" in str(life)
 
 
 def test_wear_survives_a_result_file(urdf, tmp_path):

@@ -14,6 +14,7 @@ import numpy as np
 
 from jointplay.accuracy.error_budget import FOLLOW
 from jointplay.base.errors import JointplayError, require_finite, require_known, require_whole
+from jointplay.base.words import counted
 from jointplay.model.closed_loops import ClosedLoops
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.initial import position_and_speed
@@ -99,13 +100,13 @@ def poses_of(
         driven = standing(mechanism, motion, near)
     if workspace is not None:
         q = over_workspace(mechanism, workspace, driven=driven, near=near)
-        words = f"{len(q)} poses over the workspace"
+        words = f"{counted(len(q), 'pose')} over the workspace"
         if out := workspace - len(q):
             words += f" ({out} others were left out because the loops do not close there)"
         return Poses(mechanism, q, "workspace", words, driven=driven, drive=drive)
     if given is None and motion is not None:
         q, times = along_motion(mechanism, motion, near=near), times_along(motion)
-        words = f"{len(q)} poses along the motion"
+        words = f"{counted(len(q), 'pose')} along the motion"
         return Poses(mechanism, q, "motion", words, (), times, driven, drive)
     asked, rows = given or {"": {}}, []
     for name, positions in asked.items():
@@ -113,7 +114,7 @@ def poses_of(
             rows.append(at_pose(mechanism, positions, driven, near))
     q = np.concatenate(rows)
     if len(asked) > 1:
-        words = f"{len(asked)} poses"
+        words = counted(len(asked), "pose")
         return Poses(mechanism, q, "pose", words, tuple(asked), None, driven, drive)
     at, shown = {**middle(mechanism), **next(iter(asked.values()))}, driven or mechanism.movers()
     words = "pose " + ", ".join(f"{name} {x:.4g}" for name, x in at.items() if name in shown)

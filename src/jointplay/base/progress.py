@@ -22,6 +22,7 @@ _EARLY_S, _EARLY = 60.0, 0.02
 _OF_TOTAL = "{desc} {part:4.0%}|{bar}| {n:.10g}/{total:.10g} {unit}{postfix}, {left} left"
 _COUNT = "{desc} {n:.10g} {unit}{postfix}, {gone} gone"
 _SIMULATED = "{desc} {part:4.0%}|{bar}| {n:.3f}/{total:.3f} s simulated{postfix}, {left} left"
+_IN_ALL = _SIMULATED.replace("s simulated", "s simulated in all runs")
 
 
 class ProgressBar:
@@ -149,12 +150,17 @@ class Simulated(ProgressBar):
     Within `whole`, one bar is for all runs, and those that begin there add to it.
     """
 
-    def __init__(self, total: float, show: bool = True, desc: str = "", begin: float = 0.0) -> None:
+    def __init__(
+        self,
+        total: float,
+        show: bool = True,
+        desc: str = "",
+        begin: float = 0.0,
+        layout: str = _SIMULATED,
+    ) -> None:
         self._whole = _whole if show else None
         shown = show and self._whole is None
-        super().__init__(
-            desc=desc, total=total, initial=begin, disable=not shown, layout=_SIMULATED
-        )
+        super().__init__(desc=desc, total=total, initial=begin, disable=not shown, layout=layout)
         self._words, self._reached = "", begin
         if self._whole is not None:
             self._whole.say(desc.strip())
@@ -240,7 +246,7 @@ def whole(total: float, show: bool) -> Iterator[None]:
     if not show or _whole is not None:
         yield
         return
-    _whole = Simulated(total)
+    _whole = Simulated(total, layout=_IN_ALL)
     try:
         yield
     finally:

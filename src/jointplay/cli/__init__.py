@@ -51,7 +51,7 @@ Values are in SI units (m, s, kg, N, rad), or carry a unit, as in "0.1 mm"."""
 ALL = "{} --help all shows every option, with more about each."
 
 
-_UNIT, _DEFAULT = r"\[[^]]+\]", r"\((?:default|required)[^)]*\)"
+_UNIT, _DEFAULT = r"(?<= )\[[^]]+\](?= \(|$)", r"\((?:default|required)[^)]*\)"
 _LONG_DEFAULT = 24
 """Characters; what is longer is only in the long help."""
 

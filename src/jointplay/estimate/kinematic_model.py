@@ -17,6 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.base.errors import JointplayError, MissingName
+from jointplay.base.words import counted
 from jointplay.estimate.static_poses import StaticPoses, rotations_of
 from jointplay.estimate.unknowns import Unknown
 from jointplay.model.mechanism import Mechanism
@@ -100,7 +101,9 @@ class Term:
         """For tables: of more than two joints only how many."""
         if len(self.joints) < 3:
             return str(self)
-        return f"{self.kind} ({len(self.joints)} joints)" + (f" by {self.by}" if self.by else "")
+        return f"{self.kind} ({counted(len(self.joints), 'joint')})" + (
+            f" by {self.by}" if self.by else ""
+        )
 
 
 @dataclass(frozen=True)

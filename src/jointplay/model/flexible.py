@@ -19,6 +19,7 @@ import pinocchio as pin
 from jointplay.base.errors import JointplayError, MissingName, within
 from jointplay.base.tables import few
 from jointplay.base.units import readable
+from jointplay.base.words import counted
 from jointplay.model.beams import FlexibleLink, section
 from jointplay.model.elements import (
     Element,
@@ -291,7 +292,7 @@ def _words(flexible: FlexibleLink, length: float, kept: tuple[float, float]) -> 
     ways += ["shear"] if flexible.shear else []
     first = ", ".join(f"{one:.4g}" for one in beam.frequencies(length))
     parts = [
-        f"flexible, {what}, {readable(length, 'm')} long, {flexible.segments} segments",
+        f"flexible, {what}, {readable(length, 'm')} long, {counted(flexible.segments, 'segment')}",
         mass,
         f"{few(ways)}, rigid otherwise",
         f"alone, clamped and free, {first} Hz in theory",

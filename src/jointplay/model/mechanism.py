@@ -30,6 +30,7 @@ from jointplay.base.errors import (
 from jointplay.base.schema import Described, choice, plain, quantity
 from jointplay.base.tables import Overview, few
 from jointplay.base.units import readable, typeset
+from jointplay.base.words import counted
 from jointplay.model import urdf
 from jointplay.model.beams import FlexibleLink
 from jointplay.model.builder import build, parse
@@ -535,7 +536,7 @@ class Mechanism(Overview, Described):
         hinges = self.hinges
         for name, its in hinges.items():
             one = self.clearance[its[0]]
-            facts[f"link {name}"] = f"flexible, {len(its)} hinges, each {one.summary}"
+            facts[f"link {name}"] = f"flexible, {counted(len(its), 'hinge')}, each {one.summary}"
         in_links = {name for its in hinges.values() for name in its}
         for name, joint in self.clearance.items():
             if name in in_links:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from jointplay.base.schema import fields_of
 from jointplay.base.units import readable
+from jointplay.physics.contact import LankaraniNikravesh
 from jointplay.physics.contact.law import FrictionLaw
 from jointplay.physics.joints import Clearance, SlidingClearance
 
@@ -141,9 +142,19 @@ def _parts(joint: Clearance, given: Mapping[str, Any]) -> list[str]:
             continue
         known = name in said or instead in said
         parts.append(f"{name.replace('_', ' ')} {readable(value, 'm')}{_mark(known)}")
-    parts.append(f"restitution {joint.restitution:g}{_mark('restitution' in said)}")
+    if joint.normal != LankaraniNikravesh():
+        parts.append(f"normal force {joint.normal.name}")
+    if _takes_restitution(joint):
+        parts.append(f"restitution {joint.restitution:g}{_mark('restitution' in said)}")
     parts.append(f"{_friction(joint.friction)}{_mark('friction' in said)}")
     return parts
+
+
+def _takes_restitution(joint: SlidingClearance) -> bool:
+    """Whether the law of the normal force is another with another coefficient of restitution."""
+    contact = joint.contact_properties(0)
+    other = contact._replace(restitution=0.5 * contact.restitution)
+    return joint.normal.parameters(contact) != joint.normal.parameters(other)
 
 
 def _mark(known: bool) -> str:

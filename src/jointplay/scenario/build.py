@@ -11,10 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from jointplay.accuracy.robot_errors import RobotErrors, refuse_misfit
 from jointplay.base.errors import JointplayError, MissingName, require_positive, within
 from jointplay.base.schema import Draft, Preset, fields_of, unknown_key
+from jointplay.base.tables import few
 from jointplay.base.units import Measured, ask_degrees, expected, named, readable, toml_text
 from jointplay.model.beams import FlexibleLink
 from jointplay.model.fixing import with_fixed
@@ -382,6 +384,7 @@ def build(model: Model, folder: Path, built: Built) -> tuple[Simulation, list[st
     notes += [*mechanism.description.astray, *mechanism.warm]
     notes += [mechanism.base_words] if mechanism.base_words else []
     notes += [*_of_zero(model, mechanism), *_of_wide_clearances(mechanism)]
+    notes += _of_falling(model, mechanism, motion)
     drive = drive_of(model, mechanism, motion)
     errors_of(model, mechanism)  # which no run needs, but what cannot be is said
     tables = (
@@ -429,6 +432,33 @@ def _of_wide_clearances(mechanism: Mechanism) -> list[str]:
         for name, joint in mechanism.clearance.items()
         if isinstance(joint, RoundClearance) and joint.cr >= _WIDE * joint.ri
     ]
+
+
+_TURNED = 0.3
+"""Where joints are when it is seen whether gravity moves them [rad or m]: not straight up."""
+
+
+def _of_falling(model: Model, mechanism: Mechanism, motion: Motion | None) -> list[str]:
+    """Joints of a robot with motors that nothing holds; who says that drives are free means it."""
+    given = model.drive is not None or model.drives or model.loads
+    if motion is not None or given or mechanism.loops or not any(mechanism.gravity):
+        return []
+    entries = mechanism.description.joints
+    motors = [name for name in mechanism.joints if name in entries and entries[name].effort]
+    q = mechanism.configuration(dict.fromkeys(motors, _TURNED))
+    weight = pin.computeGeneralizedGravity(mechanism.model, mechanism.model.createData(), q)
+    moved = {name: abs(weight[mechanism.coordinate(name)]) for name in motors}
+    falling = [name for name, effort in moved.items() if effort > _WEIGHTLESS]
+    if not falling:
+        return []
+    return [
+        f"warning: no motion and no drive: the arm falls ({few(falling)}); give [motion], or "
+        '[drives] NAME = "free" if that is meant'
+    ]
+
+
+_WEIGHTLESS = 1e-6
+"""Effort below which gravity does not move a joint [N m or N]."""
 
 
 Built = OrderedDict[tuple[str, ...], Mechanism]

@@ -10,6 +10,7 @@ from jointplay.accuracy.robot_errors import RobotErrors
 from jointplay.base.schema import fields_of
 from jointplay.base.tables import fact_lines
 from jointplay.base.units import readable
+from jointplay.base.words import counted
 from jointplay.model.gear import Gear
 from jointplay.model.impact import contact_duration
 from jointplay.model.mechanism import Mechanism
@@ -79,7 +80,7 @@ def _facts(run: Run) -> dict[str, str]:
                 f"{field.replace('_', ' ')} {text}" for field, text in joint.estimates.items()
             )
             words += f"; estimated: {guessed}" if guessed else ""
-        hits = f"; {steps:.0f} steps in an impact" if joint.springs is None else ""
+        hits = f"; {counted(f'{steps:.0f}', 'step')} in an impact" if joint.springs is None else ""
         facts[f"joint {name}"] = words + hits
     if not mechanism.clearance:
         facts["joints"] = "all ideal"
@@ -111,7 +112,7 @@ def _facts(run: Run) -> dict[str, str]:
     )
     facts["integration"] = (
         f"{simulation.integrator}, {readable(run.total_steps * step, 's')} in "
-        f"{run.total_steps} steps of {readable(step, 's')}, "
+        f"{counted(run.total_steps, 'step')} of {readable(step, 's')}, "
         f"a record every {simulation.record_every}"
         + _or_none(", macro step ", simulation.macro_step, "s")
         + _or_none(", tolerance ", simulation.tolerance, "")
@@ -121,8 +122,8 @@ def _facts(run: Run) -> dict[str, str]:
 
 
 def _place(coordinate: float) -> float:
-    """A coordinate less what is rounding: below 1e-12 rad or m it is 0."""
-    return round(float(coordinate), 12) + 0.0
+    """A coordinate less what is rounding: below 1e-9 rad or m it is 0."""
+    return round(float(coordinate), 9) + 0.0
 
 
 def _load_fields(load: Load, mechanism: Mechanism) -> str:

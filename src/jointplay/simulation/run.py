@@ -26,6 +26,7 @@ from jointplay.base.errors import (
     require_whole,
 )
 from jointplay.base.progress import Simulated
+from jointplay.base.words import counted
 from jointplay.model.impact import tooth_duration
 from jointplay.model.massless import require_inertia
 from jointplay.model.mechanism import Mechanism
@@ -658,7 +659,7 @@ class Run:
         if status == Status.COMPLETED:
             return f"completed {workspace.time:g} s in {workspace.steps} steps"
         if status == Status.INTERRUPTED:
-            return f"interrupted {at}; {workspace.rows} records kept"
+            return f"interrupted {at}; {counted(workspace.rows, 'record')} kept"
         state = [
             f"{name} = {q:.6g} ({v:.4g}/s)"
             for name, q, v in zip(mechanism.coordinates, workspace.q, workspace.v, strict=True)

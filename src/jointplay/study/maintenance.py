@@ -19,6 +19,7 @@ from jointplay.accuracy.error_budget import budget
 from jointplay.accuracy.poses import along_motion, start_of
 from jointplay.base.errors import JointplayError, require_a, require_finite, require_positive
 from jointplay.base.tables import Column, Table
+from jointplay.base.words import counted
 from jointplay.physics.joints import RollingBearing
 from jointplay.simulation.analysis.uncertainty import standard_error
 from jointplay.simulation.simulation import Simulation
@@ -78,14 +79,25 @@ class Maintenance:
         return max(self.life - aside, 0.0) / self.factor, (self.life + aside) * self.factor
 
     @property
+    def _answer(self) -> str:
+        if not self.reached and len(self.cycles) == 1:
+            return "Interrupted before anything was known of the wear"
+        runs = " (scatter of the runs unknown: --runs 2 or more)"
+        if np.isfinite(self.standard_error):
+            runs = f" (+- {self.standard_error:.2g}, the standard error of the runs)"
+        cycles, target = f"about {self.life:.3g} cycles{runs}", f"{1e3 * self.target:.4g} mm"
+        if self.reached:
+            return f"After {cycles} the tool may be more than its {target} off"
+        return (
+            f"Interrupted after the estimate of {cycles}, at which the tool may be "
+            f"{1e3 * self.error[-1]:.4g} mm off, not yet its {target}"
+        )
+
+    @property
     def table(self) -> Table:
         shares = ", ".join(
             f"{name} {100 * part:.0f} %" for name, part in zip(self.joints, self.blame, strict=True)
         )
-        what = "until" if self.reached else "interrupted, not until"
-        runs = " (scatter of the runs unknown: --runs 2 or more)"
-        if np.isfinite(self.standard_error):
-            runs = f" +- {self.standard_error:.2g} (standard error of the runs)"
         low, high = self.spread
         known = f"{low:.2g} to {high:.2g} cycles if wear rates are known to a factor of "
         growth = zip(self.joints, self.growth.T, strict=True)
@@ -101,11 +113,11 @@ class Maintenance:
             ),
             notes=(
                 f"growth of the error by joint: {shares}",
-                f"about {self.life:.3g}{runs} cycles {what} the tool may exceed its "
-                f"{1e3 * self.target:.4g} mm",
+                self._answer,
                 f"an estimate: {known}{self.factor:g}; tool error is the static worst case along "
-                "the motion with each bore as wide as its deepest place; cycles are simulated, and "
-                f"extrapolated over {len(self.cycles) - 1} blocks",
+                "the motion with each bore as wide as its deepest place; "
+                f"{counted(len(self.cycles) - 1, 'block')} of equal cycles, each wearing as the "
+                "runs at its beginning do",
             ),
         )
 

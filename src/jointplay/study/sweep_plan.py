@@ -18,6 +18,7 @@ from jointplay.base.files import read_text
 from jointplay.base.modules import file_of, imported
 from jointplay.base.schema import check, unknown_key
 from jointplay.base.units import toml_text
+from jointplay.base.words import counted
 from jointplay.model.robots import resolve
 from jointplay.scenario import Scenario
 from jointplay.scenario.places import Key, dotted
@@ -97,7 +98,7 @@ class SweepPlan:
     def summary(self) -> str:
         """The dimensions in words: ``clearance 5 x repeat 4 = 20 cases``."""
         parts = " x ".join(f"{name} {size}" for name, size in self.sizes.items())
-        return f"{parts} = {self.count} cases"
+        return f"{parts} = {counted(self.count, 'case')}"
 
     @cached_property
     def base(self) -> dict[str, Any]:

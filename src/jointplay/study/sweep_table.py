@@ -14,6 +14,7 @@ import xarray as xr
 from jointplay.base.errors import JointplayError, MissingName, require_a, require_share
 from jointplay.base.tables import Column, Table
 from jointplay.base.units import convert, handy
+from jointplay.base.words import counted
 from jointplay.simulation.analysis.uncertainty import (
     IntervalEstimate,
     SobolIndices,
@@ -66,7 +67,8 @@ def table(dataset: xr.Dataset, rows: int = 20) -> str:
     count = math.prod(dataset.sizes[d] for d in dims)
     text = str(points(dataset, rows, lambda one: _text(one.value)))
     if over and count:
-        text += f"\nmeans over {math.prod(dataset.sizes[d] for d in over)} runs of each point"
+        runs = counted(math.prod(dataset.sizes[d] for d in over), "run")
+        text += f"\nmeans over {runs} of each point"
     if count > rows:
         text += f"\n{count - rows} more points in the store"
     failed = np.argwhere(state == FAILED)
@@ -237,7 +239,11 @@ def uncertainty(dataset: xr.Dataset, measure: str, precision: float) -> str:
     notes = []
     for what, name, probability in (("mean", "mean", 0.5), ("95 % quantile", "quantile", 0.95)):
         runs = enough(convergence(values, name, probability), precision)
-        verdict = f"{runs} runs were enough" if runs else f"{known} runs are not enough"
+        verdict = (
+            f"{counted(runs, 'run was', 'runs were')} enough"
+            if runs
+            else f"{counted(known, 'run is', 'runs are')} not enough"
+        )
         notes.append(f"{what} within {100 * precision:g} %: {verdict}")
     missing = f", {len(values) - known} without a value" if known < len(values) else ""
     unit, several = str(dataset[measure].attrs.get("units", "")), found.values()

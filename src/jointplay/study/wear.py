@@ -28,6 +28,7 @@ from jointplay.base.errors import (
 from jointplay.base.progress import ProgressBar
 from jointplay.base.tables import Table
 from jointplay.base.units import readable
+from jointplay.base.words import counted
 from jointplay.physics.joints import RollingBearing
 from jointplay.physics.joints.base import BoreWear
 from jointplay.physics.kernel import AZIMUTHS
@@ -209,15 +210,21 @@ class WearLife:
         return Table.of(heads, rows)
 
     def __str__(self) -> str:
+        if len(self.cycles) == 1:
+            return f"Interrupted before anything was known of the wear of {self.joint!r}"
         last, blocks = self.cycles[-1], len(self.cycles) - 1
         total = float(np.sqrt(np.nansum(self.scatter**2)))
         spread = f" +- {total:.2g}" if np.isfinite(self.scatter[1:]).any() else ""
-        what = "until" if self.reached else "interrupted, not until"
+        deepest, mean, growth = (
+            readable(depth, "m", 3) for depth in (self.deepest[-1], self.mean[-1], self.growth)
+        )
+        begins = "After" if self.reached else "Interrupted: after"
+        ends = "" if self.reached else f", not yet by {growth}"
         return (
-            f"about {last:.3g}{spread} cycles {what} the clearance of {self.joint!r} has grown by "
-            f"{readable(self.growth, 'm', 3)} where wear is deepest "
-            f"({readable(self.mean[-1], 'm', 2)} in the mean): an estimate, extrapolated over "
-            f"{blocks} blocks of equal cycles"
+            f"{begins} about {last:.3g}{spread} cycles the clearance of {self.joint!r} has grown "
+            f"by {deepest} where wear is deepest ({mean} in the mean){ends}: an estimate, by "
+            f"{counted(blocks, 'block')} of equal cycles, each wearing as the runs at its "
+            "beginning do"
         )
 
 

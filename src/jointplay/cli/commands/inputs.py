@@ -193,7 +193,7 @@ FLAGS = tuple(
 )
 FRONT_OPTIONS = (
     *("--set", "--case", "--joint", "--clearance", "--preset", "--gear", "--friction", "--motion"),
-    *("--duration", "--pose", "--workspace", "--payload", "--tool", "--detail"),
+    *("--duration", "--pose", "--workspace", "--payload", "--tool", "--detail", "--tilt"),
 )
 """What the short help shows of them."""
 INPUT_OPTIONS = {one.partition(" ")[0].strip("-").replace("-", "_") for one, *_ in ENTRIES}

@@ -20,6 +20,7 @@ from jointplay.base.files import claim, holds, refuse_present
 from jointplay.base.progress import current, printing, whole
 from jointplay.base.signals import INTERRUPTED
 from jointplay.base.tables import Table, few
+from jointplay.base.words import counted
 from jointplay.simulation.working_files import check_own, working_paths
 
 if TYPE_CHECKING:
@@ -290,7 +291,7 @@ def _length_and_size(run: Run) -> list[str]:
         )
     if run.overflow is not None and run.overflow.needed:
         lines.append(
-            f"{run.total_steps // simulation.record_every + 1} records, one every "
+            f"{counted(run.total_steps // simulation.record_every + 1, 'record')}, one every "
             f"{1e6 * simulation.record_every * simulation.step:g} µs, take "
             f"{run.overflow.bytes / 1e9:.2g} GB on disk while it runs, and the result about as "
             "much (--record-every makes them fewer)"

@@ -23,6 +23,7 @@ from jointplay.accuracy.ellipsoids import ellipsoids
 from jointplay.accuracy.error_model import play_model
 from jointplay.base.errors import JointplayError, MissingName, require_finite, require_whole
 from jointplay.base.units import round_below
+from jointplay.base.words import counted
 from jointplay.model.mechanism import Mechanism
 from jointplay.model.meshes import Colour, Surface
 from jointplay.model.scene import Scene, quaternions, tool_places
@@ -319,7 +320,7 @@ def bodies(mechanism: Mechanism, meshes: Sequence[str | Path] = ()) -> Packed:
     surfaces, visuals = _Surfaces(packer), Scene(mechanism, meshes).look
     objects = surfaces.objects(visuals)
     contents = {"surfaces": surfaces.entries, "objects": objects, "reach": visuals.reach}
-    notes = [f"{len(visuals.missing)} meshes not found: simple shapes instead"]
+    notes = [f"{counted(len(visuals.missing), 'mesh', 'meshes')} not found: simple shapes instead"]
     return Packed(contents, packer.deflated(), notes if visuals.missing else [])
 
 

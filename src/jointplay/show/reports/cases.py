@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 from jointplay.base.errors import JointplayError
+from jointplay.base.words import counted
 from jointplay.show.plots.figures import coloured
 from jointplay.show.reports.html import Html, markup, note
 from jointplay.simulation import analysis
@@ -133,7 +134,7 @@ def _follow(case: Case, number: int, say: Say) -> None:
         case.notes.append(note("no-contact"))
         return
     step = case.result.audit.step
-    say(f"repeating {case.label!r}, for its {len(chosen)} largest impacts step by step")
+    say(f"repeating {case.label!r}, for its {counted(len(chosen), 'largest impact')} step by step")
     try:
         mechanism = case.result.simulation.mechanism
         if contact_names(mechanism) != [str(name) for name in case.result["contact"].values]:

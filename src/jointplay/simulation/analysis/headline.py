@@ -12,6 +12,7 @@ import numpy as np
 from jointplay.base.errors import JointplayError
 from jointplay.base.tables import few
 from jointplay.base.units import readable
+from jointplay.base.words import counted
 from jointplay.simulation.analysis import twins
 from jointplay.simulation.analysis.bearings import bearing_life, rolling_bearings
 from jointplay.simulation.analysis.tool_error import deviation, error_at, error_statistics, stops
@@ -310,7 +311,7 @@ def _at_stops(result: Result, error: xr.DataArray) -> list[str]:
     if len(times) > MOST_STOPS:
         worst = int(np.argmax(sizes))
         return [
-            f"at its {len(times)} stops: worst {_mm(sizes[worst], off)} at "
+            f"at its {counted(len(times), 'stop')}: worst {_mm(sizes[worst], off)} at "
             f"t = {times[worst]:.4g} s, mean {_mm(float(np.mean(sizes)), off)}"
         ]
     each = ", ".join(f"{_mm(s, off)} (t = {t:.4g} s)" for t, s in zip(times, sizes, strict=True))

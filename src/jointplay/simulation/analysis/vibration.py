@@ -10,6 +10,7 @@ import xarray as xr
 
 from jointplay.base.errors import JointplayError, MissingName, require_finite, require_whole
 from jointplay.base.units import readable, typeset
+from jointplay.base.words import counted
 from jointplay.simulation.analysis.tool_error import COMPONENTS, deviation
 from jointplay.simulation.result.result import Result
 
@@ -150,7 +151,7 @@ class Rattle:
     @property
     def impacts_words(self) -> str:
         """How often and how hard contacts begin, without the tool's vibration."""
-        words = f"rattle: {_three(self.rate)} impacts a second"
+        words = f"rattle: {counted(_three(self.rate), 'impact')} a second"
         if self.impacts:
             words += f" of {_three(self.energy, 'J')} each, {_three(self.power, 'W')}"
         return words

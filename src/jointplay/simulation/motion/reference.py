@@ -22,6 +22,7 @@ from jointplay.base.errors import (
 from jointplay.base.schema import Described, quantity
 from jointplay.base.tables import few
 from jointplay.base.units import plain_number
+from jointplay.base.words import counted
 
 INTERPOLATIONS = ("rest-to-rest", "spline", "constant-speed", "speed-ramps")
 
@@ -171,7 +172,7 @@ class Motion(Described):
     def summary(self) -> str:
         number = len(self.waypoints[0])
         through = f" through {len(self.times)} points" if number < len(self.times) else ""
-        return f"{number} waypoints, {self.interpolation}{through}"
+        return f"{counted(number, 'waypoint')}, {self.interpolation}{through}"
 
     @property
     def duration(self) -> float:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from jointplay.base.errors import JointplayError, MissingName, require_whole
+from jointplay.base.words import counted
 from jointplay.scenario import Scenario
 from jointplay.scenario.overrides import setting_texts
 from jointplay.simulation.simulation import Simulation
@@ -288,7 +289,11 @@ def _section(job: Analysis, rows: Rows, say: Say) -> Findings:
     spread = np.ptp(points, axis=0)
     scaled = points / np.maximum(np.abs(points).max(axis=0), 1e-300)
     period = poincare.repeats_after(scaled, SAME)
-    word = "does not repeat itself" if period is None else f"repeats itself after {period} turn(s)"
+    word = (
+        "does not repeat itself"
+        if period is None
+        else f"repeats itself after {counted(period, 'turn')}"
+    )
     sizes = [f"{size:.3g} in {label}" for size, label in zip(spread, job.labels, strict=True)]
     say(f"the section {word} within {100 * SAME:g} %; it spans {' and '.join(sizes)}")
     return Findings("poincare", {"points": points, "labels": job.labels, "title": job.title})
