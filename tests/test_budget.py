@@ -486,7 +486,7 @@ def test_where_a_gears_play_shows_at_rest_depends_on_the_encoder(arm, encoder, a
     assert row == pytest.approx(found.rest_error[0], rel=1e-2, abs=1e-9)
     assert row == pytest.approx(at_rest, rel=1e-2, abs=1e-9)
     assert found.rest_interval[0, 3] == pytest.approx([at_rest] * 2, rel=2e-2, abs=1e-6)
-    assert ("encoders behind the gears of j hold" in found.sentence) == (encoder == "link")
+    assert ("encoders behind their gears hold j" in found.sentence) == (encoder == "link")
 
 
 def test_a_budget_says_what_its_columns_mean(arm):

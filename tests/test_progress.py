@@ -88,7 +88,7 @@ def test_runs_within_a_whole_add_to_its_one_bar(monkeypatch):
         progress.current().update(2.0)  # more than was expected
         assert progress.current().total == pytest.approx(4.0)
     assert progress.current() is None
-    assert "simulated, second" in file.getvalue()
+    assert "simulated in all runs, second" in file.getvalue()
     assert file.getvalue().count("\n") == 1  # one bar, which stays
 
 

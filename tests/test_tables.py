@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jointplay.base.tables import Column, Table
+from jointplay.base.tables import Column, Table, counted
 from jointplay.base.units import displayed
 
 
@@ -89,3 +89,14 @@ def test_every_display_unit_is_a_size_of_its_own():
         assert word
         assert small
     assert displayed("furlong") == (1.0, "furlong")
+
+
+@pytest.mark.parametrize(
+    ("number", "words"), [(0, "0 blocks"), (1, "1 block"), ("1", "1 block"), ("1.2", "1.2 blocks")]
+)
+def test_one_thing_is_singular(number, words):
+    assert counted(number, "block") == words
+
+
+def test_a_plural_can_be_given():
+    assert counted(2, "mesh", "meshes") == "2 meshes"

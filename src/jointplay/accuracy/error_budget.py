@@ -201,7 +201,7 @@ class PlayBudget(Budget):
     def _regulated(self) -> str:
         """Which gears' play the drives make up for at rest, to add to a sentence."""
         names = sorted(self.rest_positions.regulated)
-        return f"; encoders behind the gears of {few(names)} hold these joints" if names else ""
+        return f"; encoders behind their gears hold {few(names)} there" if names else ""
 
     @property
     def ranking(self) -> str:

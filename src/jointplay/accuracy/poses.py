@@ -14,7 +14,7 @@ import numpy as np
 
 from jointplay.accuracy.error_budget import FOLLOW
 from jointplay.base.errors import JointplayError, require_finite, require_known, require_whole
-from jointplay.base.words import counted
+from jointplay.base.tables import counted
 from jointplay.model.closed_loops import ClosedLoops
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.initial import position_and_speed

@@ -63,6 +63,11 @@ def html_table(facts: Iterable[tuple[str, str]]) -> str:
     return f"<table>{rows}</table>"
 
 
+def counted(number: float | str, noun: str, plural: str = "") -> str:
+    """A number and what it counts: ``1 block``, ``3 blocks``; the plural of most nouns has an s."""
+    return f"{number} {noun if str(number) == '1' else plural or f'{noun}s'}"
+
+
 def few(names: list[str], most: int = _MOST_NAMES) -> str:
     """The first names of a list, and how many more there are."""
     text = ", ".join(names[:most])

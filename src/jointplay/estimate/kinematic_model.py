@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.base.errors import JointplayError, MissingName
-from jointplay.base.words import counted
+from jointplay.base.tables import counted
 from jointplay.estimate.static_poses import StaticPoses, rotations_of
 from jointplay.estimate.unknowns import Unknown
 from jointplay.model.mechanism import Mechanism

@@ -17,9 +17,8 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.base.errors import JointplayError, MissingName, within
-from jointplay.base.tables import few
+from jointplay.base.tables import counted, few
 from jointplay.base.units import readable
-from jointplay.base.words import counted
 from jointplay.model.beams import FlexibleLink, section
 from jointplay.model.elements import (
     Element,

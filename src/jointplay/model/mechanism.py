@@ -28,9 +28,8 @@ from jointplay.base.errors import (
     within,
 )
 from jointplay.base.schema import Described, choice, plain, quantity
-from jointplay.base.tables import Overview, few
+from jointplay.base.tables import Overview, counted, few
 from jointplay.base.units import readable, typeset
-from jointplay.base.words import counted
 from jointplay.model import urdf
 from jointplay.model.beams import FlexibleLink
 from jointplay.model.builder import build, parse

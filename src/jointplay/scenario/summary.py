@@ -8,9 +8,8 @@ from typing import Any
 
 from jointplay.accuracy.robot_errors import RobotErrors
 from jointplay.base.schema import fields_of
-from jointplay.base.tables import fact_lines
+from jointplay.base.tables import counted, fact_lines
 from jointplay.base.units import readable
-from jointplay.base.words import counted
 from jointplay.model.gear import Gear
 from jointplay.model.impact import contact_duration
 from jointplay.model.mechanism import Mechanism

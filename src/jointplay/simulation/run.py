@@ -26,7 +26,7 @@ from jointplay.base.errors import (
     require_whole,
 )
 from jointplay.base.progress import Simulated
-from jointplay.base.words import counted
+from jointplay.base.tables import counted
 from jointplay.model.impact import tooth_duration
 from jointplay.model.massless import require_inertia
 from jointplay.model.mechanism import Mechanism

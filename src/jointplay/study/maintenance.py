@@ -18,8 +18,7 @@ from scipy import optimize
 from jointplay.accuracy.error_budget import budget
 from jointplay.accuracy.poses import along_motion, start_of
 from jointplay.base.errors import JointplayError, require_a, require_finite, require_positive
-from jointplay.base.tables import Column, Table
-from jointplay.base.words import counted
+from jointplay.base.tables import Column, Table, counted
 from jointplay.physics.joints import RollingBearing
 from jointplay.simulation.analysis.uncertainty import standard_error
 from jointplay.simulation.simulation import Simulation

@@ -17,8 +17,8 @@ from jointplay.base.errors import JointplayError, MissingName, require_non_negat
 from jointplay.base.files import read_text
 from jointplay.base.modules import file_of, imported
 from jointplay.base.schema import check, unknown_key
+from jointplay.base.tables import counted
 from jointplay.base.units import toml_text
-from jointplay.base.words import counted
 from jointplay.model.robots import resolve
 from jointplay.scenario import Scenario
 from jointplay.scenario.places import Key, dotted

@@ -12,9 +12,8 @@ import numpy as np
 import xarray as xr
 
 from jointplay.base.errors import JointplayError, MissingName, require_a, require_share
-from jointplay.base.tables import Column, Table
+from jointplay.base.tables import Column, Table, counted
 from jointplay.base.units import convert, handy
-from jointplay.base.words import counted
 from jointplay.simulation.analysis.uncertainty import (
     IntervalEstimate,
     SobolIndices,

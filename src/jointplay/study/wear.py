@@ -26,9 +26,8 @@ from jointplay.base.errors import (
     require_whole,
 )
 from jointplay.base.progress import ProgressBar
-from jointplay.base.tables import Table
+from jointplay.base.tables import Table, counted
 from jointplay.base.units import readable
-from jointplay.base.words import counted
 from jointplay.physics.joints import RollingBearing
 from jointplay.physics.joints.base import BoreWear
 from jointplay.physics.kernel import AZIMUTHS

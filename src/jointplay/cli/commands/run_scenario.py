@@ -19,8 +19,7 @@ from jointplay.base.errors import JointplayError, MissingName
 from jointplay.base.files import claim, holds, refuse_present
 from jointplay.base.progress import current, printing, whole
 from jointplay.base.signals import INTERRUPTED
-from jointplay.base.tables import Table, few
-from jointplay.base.words import counted
+from jointplay.base.tables import Table, counted, few
 from jointplay.simulation.working_files import check_own, working_paths
 
 if TYPE_CHECKING:

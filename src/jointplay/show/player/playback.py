@@ -22,8 +22,8 @@ import pinocchio as pin
 from jointplay.accuracy.ellipsoids import ellipsoids
 from jointplay.accuracy.error_model import play_model
 from jointplay.base.errors import JointplayError, MissingName, require_finite, require_whole
+from jointplay.base.tables import counted
 from jointplay.base.units import round_below
-from jointplay.base.words import counted
 from jointplay.model.mechanism import Mechanism
 from jointplay.model.meshes import Colour, Surface
 from jointplay.model.scene import Scene, quaternions, tool_places

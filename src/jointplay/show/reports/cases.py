@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from jointplay.base.errors import JointplayError
-from jointplay.base.words import counted
+from jointplay.base.tables import counted
 from jointplay.show.plots.figures import coloured
 from jointplay.show.reports.html import Html, markup, note
 from jointplay.simulation import analysis

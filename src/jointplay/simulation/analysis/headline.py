@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jointplay.base.errors import JointplayError
-from jointplay.base.tables import few
+from jointplay.base.tables import counted, few
 from jointplay.base.units import readable
-from jointplay.base.words import counted
 from jointplay.simulation.analysis import twins
 from jointplay.simulation.analysis.bearings import bearing_life, rolling_bearings
 from jointplay.simulation.analysis.tool_error import deviation, error_at, error_statistics, stops

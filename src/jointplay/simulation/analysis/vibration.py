@@ -9,8 +9,8 @@ import numpy as np
 import xarray as xr
 
 from jointplay.base.errors import JointplayError, MissingName, require_finite, require_whole
+from jointplay.base.tables import counted
 from jointplay.base.units import readable, typeset
-from jointplay.base.words import counted
 from jointplay.simulation.analysis.tool_error import COMPONENTS, deviation
 from jointplay.simulation.result.result import Result
 

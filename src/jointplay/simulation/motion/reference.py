@@ -20,9 +20,8 @@ from jointplay.base.errors import (
     require_positive,
 )
 from jointplay.base.schema import Described, quantity
-from jointplay.base.tables import few
+from jointplay.base.tables import counted, few
 from jointplay.base.units import plain_number
-from jointplay.base.words import counted
 
 INTERPOLATIONS = ("rest-to-rest", "spline", "constant-speed", "speed-ramps")
 

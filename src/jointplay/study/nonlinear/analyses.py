@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from jointplay.base.errors import JointplayError, MissingName, require_whole
-from jointplay.base.words import counted
+from jointplay.base.tables import counted
 from jointplay.scenario import Scenario
 from jointplay.scenario.overrides import setting_texts
 from jointplay.simulation.simulation import Simulation
