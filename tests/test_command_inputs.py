@@ -111,7 +111,9 @@ def test_a_file_counts_more_than_a_preset_and_options_more_than_both():
     ("command", "says"),
     [
         (["study", "wear"], 'joints.NAME.wear_rate="1e-5 mm^3/(N*m)"'),
+        (["study", "wear"], '--set joints.NAME.radial_clearance="0.05 mm"'),
         (["study", "maintenance"], 'joints.NAME.wear_rate="1e-5 mm^3/(N*m)"'),
+        (["study", "maintenance"], '--set joints.NAME.radial_clearance="0.05 mm"'),
         (["export", "simulator"], "--tilt let the axes tilt"),
         (["budget"], "radial clearance of these joints [m]"),
     ],
@@ -120,6 +122,14 @@ def test_the_short_help_says_what_is_needed(command, says, capsys):
     with pytest.raises(SystemExit):
         main([*command, "--help"])
     assert says in " ".join(capsys.readouterr().out.split())
+
+
+def test_wear_of_a_robot_needs_no_more_than_its_help_says(capsys):
+    given = ["radial_clearance=0.05 mm", "wear_rate=1e-5 mm^3/(N*m)"]
+    keys = [word for one in given for word in ("--set", f"joints.elbow_joint.{one}")]
+    wear = ["study", "wear", "ur5", "--joint", "elbow_joint", "--growth", "2 um", "--blocks", "1"]
+    assert main([*wear, *keys]) == 0
+    assert "the clearance of 'elbow_joint' has grown" in capsys.readouterr().out
 
 
 def test_what_a_measurement_may_hold_is_not_its_unit(capsys):

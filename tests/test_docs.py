@@ -268,6 +268,8 @@ def test_long_commands_run(command, folder):
 def test_the_front_pages_are_short():
     assert len(PAGES[0].read_text().split()) <= 700
     assert len((ROOT / "docs" / "README.md").read_text().split()) <= 350
+    pages = "\n".join(page.read_text("utf-8") for page in (ROOT / "docs").rglob("*.md"))
+    assert len(re.sub(r"</?(?:details|summary)[^>]*>", "", pages).split()) <= 45_000
 
 
 def test_lines_of_prose_are_no_longer_than_100_columns(monkeypatch):

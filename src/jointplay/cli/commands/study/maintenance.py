@@ -2,9 +2,9 @@
 
 Estimate after how many cycles of a scenario wear of its bores lets the tool's error exceed a target
 (static worst case along the motion), and which joint's wear causes it. Joints need a
-clearance and a wear_rate, here or in the scenario: --joint NAME --clearance "0.05 mm" --set
-joints.NAME.wear_rate="1e-5 mm^3/(N*m)". One run is one cycle of the motion; BLOCKS x RUNS of them,
-one block after the other, take minutes to hours for a robot. Begin with --blocks 1 --runs 1.
+clearance and a wear_rate, here or in the scenario: --set joints.NAME.radial_clearance="0.05 mm"
+--set joints.NAME.wear_rate="1e-5 mm^3/(N*m)". One run is one cycle of the motion; BLOCKS x RUNS of
+them are simulated, one block after the other. Begin with --blocks 1 --runs 1.
 docs/wear.md explains the numbers.
 
     FILE | ROBOT  robot

@@ -4,8 +4,8 @@ Estimate how many cycles of a scenario wear the bore of a joint by a given depth
 extrapolated over blocks of equal cycles; the bore's shape is updated between blocks. The joint
 needs a clearance and a wear_rate, here or in the scenario: --set
 joints.NAME.radial_clearance="0.05 mm" --set joints.NAME.wear_rate="1e-5 mm^3/(N*m)". One run is one
-cycle of the motion; BLOCKS x RUNS of them, one block after the other, take minutes to hours for a
-robot. Begin with --blocks 1. docs/wear.md explains the numbers.
+cycle of the motion; BLOCKS x RUNS of them are simulated, one block after the other.
+Begin with --blocks 1. docs/wear.md explains the numbers.
 
     FILE | ROBOT  robot
     --blocks N  blocks of cycles (default 10)
