@@ -1,31 +1,29 @@
-"""How functions are compiled: what compiled modules take from numba, beside its types.
+"""Functions that are compiled: `compiled` has those that Python or compiled code calls.
 
-`njit` is for functions that Python calls, `internal` for those that only compiled code calls;
-`calling` and `pointer_to` make calls and pointers of addresses. What of this reaches inside numba
-is in `numba_inside`; where numba has other internals, the same code is compiled without it.
+What is called for the first time is taken from kept object code (`objects`), or compiled with all
+that it calls into one object (`numba_inside`) and kept; numba is imported for that alone. Where
+numba has other internals, or checks bounds, the same functions are compiled by its plain `njit`.
+
+`calling` and `pointer_to` make calls and pointers of addresses.
 """
 
-import atexit
+from __future__ import annotations
+
+import ctypes
 import hashlib
+import os
+import sys
+import threading
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache, cached_property
+from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-import numba
-from llvmlite import ir
-from numba import types
-from numba.core.typing.templates import AttributeTemplate
-from numba.extending import infer_getattr, intrinsic, lower_getattr
+import numpy as np
 
-from jointplay.base.files import temporary
-
-NO_PLACE = (
-    "compiled code cannot be kept, so every start compiles anew (half a minute): neither the "
-    "package's folder nor the user's cache can be written to; name a folder in NUMBA_CACHE_DIR"
-)
-"""What a user without a place for the cache is told."""
+from jointplay.base import objects
 
 MOVED = (
     "numba {} has internals that this package does not know ({}): results are the same, but "
@@ -34,25 +32,20 @@ MOVED = (
 )
 """What a user with another numba is told."""
 
-
-def ensure() -> None:
-    """Have a place for compiled functions: numba refuses to compile for a cache without one.
-
-    Where nothing can be written to it is a folder of this process alone.
-    """
-    if numba.config.CACHE_DIR:
-        return
-    try:
-        numba.njit(cache=True)(ensure)
-    except RuntimeError:  # "no locator available"
-        folder = temporary("numba")
-        atexit.register(folder.cleanup)
-        numba.config.CACHE_DIR = folder.name
-        warnings.warn(NO_PLACE, RuntimeWarning, stacklevel=2)
+_PACKAGE = Path(__file__).parents[1]
 
 
-def _insides() -> Any:
+class Unresolved(Exception):
+    """Code that needs numba's own libraries, which a process without numba does not have."""
+
+
+@cache
+def insides() -> Any:
     """The module that uses numba's internals; None, with a warning, where those are others."""
+    import numba
+
+    if numba.config.BOUNDSCHECK:  # errors are raised by numba's own calls only
+        return None
     try:
         from jointplay.base import numba_inside
     except (ImportError, AttributeError) as error:
@@ -61,206 +54,337 @@ def _insides() -> Any:
     return numba_inside
 
 
-ensure()
-_inside = _insides()
-
-NumbaError: type[Exception] = _inside.NumbaError if _inside else Exception
-"""What is raised of functions that cannot be compiled."""
-
-
-def njit(**options: Any) -> Callable[..., Any]:
-    """numba's decorator for functions that Python calls."""
-    if _inside is None:  # what is kept could not be stamped, and would outlive its sources
-        return numba.njit(**options | {"cache": False})  # type: ignore[no-any-return]
-    if numba.config.DISABLE_JIT:
-        return numba.njit(**options)  # type: ignore[no-any-return]
-    return lambda function: _inside.sealed(numba.njit(**options)(function))
+def _on(name: str) -> bool:
+    """Whether one of numba's settings is on, which is not imported for that."""
+    if (numba := sys.modules.get("numba")) is not None:
+        return bool(getattr(numba.config, name))
+    return os.environ.get(f"NUMBA_{name}", "0") not in ("", "0")
 
 
-def cfunc(signature: Any, **options: Any) -> Callable[..., Any]:
-    """numba's decorator for functions that are called by their address; compiled code is kept.
+class Native(NamedTuple):
+    """A function of the machine."""
 
-    Raises:
-        RuntimeError: of the function: there is no place to keep it.
+    address: int
+    ctypes: Any
+    """It, to be called from Python."""
+
+
+_TYPES = {
+    "v": None,
+    "i": ctypes.c_int64,
+    "d": ctypes.c_double,
+    "p": ctypes.POINTER(ctypes.c_double),
+}
+"""What letters of a signature stand for; p is an array of numbers."""
+
+_turn = threading.RLock()
+"""Of the threads, one compiles at a time."""
+
+
+class Compiled:
+    """A function that is compiled when it is first called for.
+
+    Called from Python it takes numbers, arrays, and named tuples of these, and returns nothing, a
+    number, or a tuple of numbers.
+
+    Attributes:
+        py_func: the function itself.
+        targetoptions: numba's.
     """
-    if _inside is None:
-        return numba.cfunc(signature, **options)  # type: ignore[no-any-return]
-    return _inside.sealed_cfunc(signature, **options)  # type: ignore[no-any-return]
+
+    def __init__(self, function: Callable[..., Any], **options: Any) -> None:
+        self.py_func = function
+        self.targetoptions = {"error_model": "numpy", **options}
+        self.__doc__, self.__name__ = function.__doc__, function.__name__
+        self.__module__, self.__wrapped__ = function.__module__, function
+        self._calls: dict[str, tuple[Any, str]] = {}
+        self._natives: dict[str, Native] = {}
+
+    @cached_property
+    def dispatcher(self) -> Any:
+        """numba's."""
+        import numba
+
+        make_lazy()
+        if (inside := insides()) is not None:
+            return inside.part(**self.targetoptions)(self.py_func)
+        return numba.njit(**self.targetoptions)(self.py_func)
+
+    @property
+    def _numba_type_(self) -> Any:
+        return self.dispatcher._numba_type_
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call it from Python."""
+        values: list[Any] = []
+        signature = f"({','.join([_take(one, values) for one in arguments])})"
+        call = self._calls.get(signature)
+        if call is None:
+            call = self._calls[signature] = self._callable(signature, len(values))
+        function, returns = call
+        if function is None:
+            return self.dispatcher(*arguments)
+        room = (ctypes.c_double * len(returns))()
+        if function(ctypes.addressof(room), *values):
+            raise MemoryError(self.__name__)
+        if "i" in returns:
+            whole = (ctypes.c_int64 * len(returns)).from_buffer(room)
+            found = tuple(whole[k] if kind == "i" else room[k] for k, kind in enumerate(returns))
+        else:
+            found = tuple(room)
+        return found if len(returns) > 1 else found[0] if found else None
+
+    def _callable(self, signature: str, count: int) -> tuple[Any, str]:
+        made = self._object(signature)
+        if made is None:
+            return None, ""
+        address, returns = made
+        kinds = _flat(signature)
+        assert len(kinds) == count
+        types = [ctypes.c_double if kind == "d" else ctypes.c_int64 for kind in kinds]
+        return ctypes.PYFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, *types)(address), returns
+
+    def native(self, signature: str) -> Native:
+        """The function as machine code calls it, such as "d(d,i,p)": see `_TYPES`.
+
+        Raises:
+            Exception: of numba, which cannot compile it.
+        """
+        with _turn:
+            if signature not in self._natives:
+                try:
+                    made = self._object(signature)
+                except Unresolved:
+                    made = None
+                if made is None:
+                    import numba
+
+                    plain = numba.cfunc(numba_signature(signature), error_model="numpy")
+                    own = plain(self.py_func)
+                    self._natives[signature] = Native(own.address, own.ctypes)
+                    self._kept = own
+                else:
+                    kinds = [_TYPES[kind] for kind in _flat(signature)]
+                    call = ctypes.PYFUNCTYPE(_TYPES[signature[0]], *kinds)(made[0])
+                    self._natives[signature] = Native(made[0], call)
+            return self._natives[signature]
+
+    def caller(self, signature: str) -> Callable[..., Any]:
+        """What Python calls fastest; the plain compiler's raises errors."""
+        if _on("BOUNDSCHECK"):
+            return self.dispatcher  # type: ignore[no-any-return]
+        return self.native(signature).ctypes  # type: ignore[no-any-return]
+
+    @property
+    def made(self) -> bool:
+        """Whether it has been compiled or loaded in this process."""
+        return bool(self._calls or self._natives)
+
+    def _object(self, signature: str) -> tuple[int, str] | None:
+        """Address and returns (a letter each) of the object's function; None: compile plainly."""
+        if _on("BOUNDSCHECK"):
+            return None
+        with _turn:
+            name = f"{self.__module__}.{self.py_func.__qualname__}"
+            fingerprint = self._fingerprint()
+            found = objects.find(name, signature, fingerprint) if fingerprint else None
+            if found is None:
+                if insides() is None:
+                    return None
+                with objects.alone():
+                    found = objects.find(name, signature, fingerprint) if fingerprint else None
+                    if found is None:
+                        triple, features = objects.processor()
+                        code, returns = insides().build(self.dispatcher, signature)
+                        head = objects.Head(
+                            name, signature, fingerprint, triple, tuple(sorted(features)), returns
+                        )
+                        found = head, code
+                        if fingerprint:
+                            objects.keep(head, code)
+            head, code = found
+            return objects.load(code, head.symbol), head.returns
+
+    def _fingerprint(self) -> str:
+        """Hash of all that goes into its code; none of what is not known by its file."""
+        import marshal
+
+        code = self.py_func.__code__
+        own = Path(code.co_filename)
+        if not own.is_file():
+            return ""
+        digest = hashlib.sha256(sources().encode())
+        if own.parent not in _parts():
+            digest.update(own.read_bytes())
+        if not self.__module__.startswith("jointplay."):
+            digest.update(marshal.dumps(code))
+            for cell in self.py_func.__closure__ or ():
+                kept = cell.cell_contents
+                if not isinstance(kept, int | float | str | tuple):
+                    return ""
+                digest.update(repr(kept).encode())
+        return digest.hexdigest()
 
 
-_part = _inside.part if _inside else partial(njit, error_model="numpy")
-
-internal = _part()
-"""Decorator of functions that only compiled code calls."""
-
-contracted = _part(fastmath={"contract"})
-"""The same of those whose products and sums may be rounded once instead of twice."""
+def _parts() -> list[Path]:
+    physics = _PACKAGE / "physics"
+    return [physics, *(physics / name for name in ("kernel", "geometry", "contact", "joints"))]
 
 
-def fingerprint(sources: Iterable[Path]) -> str:
-    """Hash of what these files say."""
-    digest = hashlib.sha256()
-    for source in sources:
-        digest.update(source.read_bytes())
+@cache
+def sources() -> str:
+    """Hash of the compilers' versions, and of the files in which code may be that is compiled.
+
+    That are all of `physics`, and those of this package that make code.
+    """
+    digest = hashlib.sha256(repr([version(name) for name in ("numba", "llvmlite")]).encode())
+    here = Path(__file__)
+    own = [here, here.with_name("numba_inside.py"), here.with_name("intrinsics.py")]
+    for path in (*own, *(path for part in _parts() for path in sorted(part.glob("*.py")))):
+        digest.update(path.read_bytes())
     return digest.hexdigest()
 
 
-def stamp(dispatcher: Any, sources: Iterable[Path]) -> None:
-    """Let the cache of a compiled function be valid for exactly these sources.
+def _take(value: Any, values: list[Any]) -> str:
+    """Kind of an argument, whose numbers are added to those that the machine gets."""
+    if isinstance(value, np.ndarray):
+        values.append(value.__array_interface__["data"][0])
+        values.extend(value.shape)
+        values.extend(value.strides)
+        layout = "C" if value.flags.c_contiguous else "A"
+        return f"{value.dtype.str[1:]}.{value.ndim}{layout}"
+    if isinstance(value, float | np.floating):
+        values.append(float(value))
+        return "d"
+    if isinstance(value, tuple):
+        kind = type(value)
+        kinds = ",".join([_take(one, values) for one in value])
+        return f"{kind.__module__}:{kind.__qualname__}({kinds})"
+    values.append(int(value))
+    return "i"
 
-    numba compiles again when the file of the function changed - that file only, not those of the
-    functions that it calls. With NUMBA_DISABLE_JIT nothing is compiled and nothing kept.
+
+def _flat(signature: str) -> list[str]:
+    """Letters of the numbers that the machine gets, in order."""
+    found: list[str] = []
+    for kind in signature[signature.index("(") + 1 : -1].replace(")", "").split(","):
+        kind = kind.rpartition("(")[2]
+        if "." in kind:
+            found += "i" * (1 + 2 * int(kind.partition(".")[2][:-1]))
+        elif kind:
+            found.append(kind)
+    return found
+
+
+def numba_type(letter: str) -> Any:
+    """numba's type for a letter of `_TYPES`."""
+    from numba import types
+
+    return {
+        "v": types.void,
+        "i": types.int64,
+        "d": types.float64,
+        "p": types.CPointer(types.float64),
+    }[letter]
+
+
+def numba_signature(signature: str) -> Any:
+    """numba's signature for one of letters."""
+    return numba_type(signature[0])(*map(numba_type, _flat(signature)))
+
+
+def compiled(function: Callable[..., Any] | None = None, **options: Any) -> Any:
+    """Decorator of functions that are compiled; with NUMBA_DISABLE_JIT they are what they are.
+
+    Options are numba's.
     """
-    if _inside is not None and not numba.config.DISABLE_JIT:
-        _inside.stamp(dispatcher, fingerprint(sources))
+    if _on("DISABLE_JIT"):
+        return function if function is not None else lambda own: own
+    if function is None:
+        return lambda own: Compiled(own, **options)
+    return Compiled(function, **options)
+
+
+contracted = compiled(fastmath={"contract"})
+"""The same of those whose products and sums may be rounded once instead of twice."""
+
+inlined = compiled(inline="always")
+"""The same of those that are written into where they are called."""
+
+
+class Lazy:
+    """What compiled code takes from `intrinsics`, made when something is compiled."""
+
+    def __init__(self, name: str, *arguments: Any) -> None:
+        self._name, self._arguments = name, arguments
+        _lazy.append(self)
+
+    @cached_property
+    def made(self) -> Any:
+        """It."""
+        from jointplay.base import intrinsics
+
+        return getattr(intrinsics, self._name)(*self._arguments)
+
+    @property
+    def _numba_type_(self) -> Any:
+        from numba.core.registry import cpu_target
+
+        return cpu_target.typing_context.resolve_value_type(self.made)
+
+
+_lazy: list[Lazy] = []
+
+
+def make_lazy() -> None:
+    """Make what compiled code takes from numba: before a function is typed that uses it."""
+    while _lazy:
+        _ = _lazy.pop().made
 
 
 # Addresses: compiled code only can do what follows.
 
-NUMBERS = types.CPointer(types.float64)
-"""Type of a pointer to numbers."""
+
+def pointer_to(element: Any) -> Lazy:
+    """Function that takes an address for a pointer to an `element`, a type of numpy."""
+    return Lazy("pointer_to", element)
 
 
-def pointer_to(element: Any) -> Any:
-    """Function that takes an address for a pointer to an `element`."""
-
-    @intrinsic
-    def reinterpret(typingctx: Any, at: Any) -> Any:
-        def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-            return builder.inttoptr(args[0], context.get_value_type(signature.return_type))
-
-        return types.CPointer(element)(types.int64), codegen
-
-    return reinterpret
-
-
-pointer = pointer_to(types.float64)
+pointer = pointer_to(np.float64)
 """An address taken for a pointer to numbers."""
 
+address_of = Lazy("address_of")
+"""Pointer to the first element of an array of floats within a record."""
 
-@intrinsic
-def address_of(typingctx: Any, array: Any) -> Any:
-    """Pointer to the first element of an array of floats within a record."""
-
-    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        value = context.make_array(signature.args[0])(context, builder, args[0])
-        return builder.bitcast(value.data, context.get_value_type(NUMBERS))
-
-    return NUMBERS(array), codegen
+carray = Lazy("carray")
+"""numba's array at a pointer, of a shape."""
 
 
 def open_arrays(
-    record: Any, arrays: Mapping[str, tuple[Any, Sequence[tuple[int, str | None]]]]
+    record: np.dtype, arrays: Mapping[str, tuple[np.dtype, Sequence[tuple[int, str | None]]]]
 ) -> None:
     """Let compiled code find arrays where fields of a record hold the arrays' addresses.
 
     Args:
-        record: numba's type of the record.
+        record: type of the record.
         arrays: by field, the type of the elements and the shape: of each dimension a factor, and
             the field that it multiplies, or None.
     """
-    opened = {
-        name: types.Array(element, len(shape), "C") for name, (element, shape) in arrays.items()
-    }
-
-    @infer_getattr
-    class _(AttributeTemplate):  # type: ignore[misc]
-        key = record
-
-        def generic_resolve(self, record: Any, name: str) -> Any:
-            return opened[name] if name in opened else record.typeof(name)
-
-    for name, (_element, shape) in arrays.items():
-        lower_getattr(record, name)(_opening(opened[name], record, name, shape))
+    Lazy("open_arrays", record, arrays)
 
 
-def _opening(
-    array: Any, record: Any, name: str, shape: Sequence[tuple[int, str | None]]
-) -> Callable[..., Any]:
-    """What numba calls to make code that opens an array."""
+def calling(signature: str) -> Lazy:
+    """Function of an address and a tuple of arguments: it calls what is compiled there.
 
-    def whole(builder: Any, value: Any, field: str) -> Any:
-        kind = ir.IntType(64)
-        there = builder.bitcast(value, ir.IntType(8).as_pointer())
-        there = builder.gep(there, [ir.Constant(kind, record.offset(field))])
-        return builder.load(builder.bitcast(there, kind.as_pointer()))
-
-    def lowered(context: Any, builder: Any, kind: Any, value: Any) -> Any:
-        word = context.get_value_type(types.intp)
-        sizes = []
-        for factor, field in shape:
-            size = ir.Constant(word, factor)
-            sizes.append(size if field is None else builder.mul(size, whole(builder, value, field)))
-        stride = ir.Constant(word, context.get_abi_sizeof(context.get_data_type(array.dtype)))
-        made = context.make_array(array)(context, builder)
-        made.itemsize = stride
-        strides: list[Any] = []
-        for size in reversed(sizes):
-            strides.insert(0, stride)
-            stride = builder.mul(stride, size)
-        count = sizes[0]
-        for size in sizes[1:]:
-            count = builder.mul(count, size)
-        made.nitems = count
-        made.shape = context.make_tuple(builder, types.UniTuple(types.intp, len(sizes)), sizes)
-        made.strides = context.make_tuple(builder, types.UniTuple(types.intp, len(sizes)), strides)
-        pointer = context.get_value_type(types.CPointer(array.dtype))
-        made.data = builder.inttoptr(whole(builder, value, name), pointer)
-        made.meminfo = context.get_constant_null(types.MemInfoPointer(types.voidptr))
-        made.parent = context.get_constant_null(types.pyobject)
-        return made._getvalue()
-
-    return lowered
+    The signature is one of `Compiled.native`.
+    """
+    return Lazy("calling", signature)
 
 
-def calling(signature: Any) -> Any:
-    """Function of an address and a tuple of arguments: it calls what is compiled there."""
-
-    @intrinsic
-    def call(typingctx: Any, at: Any, arguments: Any) -> Any:
-        def codegen(context: Any, builder: Any, _: Any, args: Any) -> Any:
-            nothing = signature.return_type == types.void
-            answer = ir.VoidType() if nothing else context.get_value_type(signature.return_type)
-            kind = ir.FunctionType(answer, [context.get_value_type(one) for one in signature.args])
-            values = [builder.extract_value(args[1], i) for i in range(len(signature.args))]
-            made = builder.call(builder.inttoptr(args[0], kind.as_pointer()), values)
-            return context.get_dummy_value() if nothing else made
-
-        return signature.return_type(types.int64, types.Tuple(signature.args)), codegen
-
-    return call
-
-
-def calling_with_arrays(given: int, answers: int) -> Any:
+def calling_with_arrays(given: int, answers: int) -> Lazy:
     """Function `call(at, k, numbers, d, first)`, which calls what is compiled at an address.
 
     That gets k, the numbers of a tuple as an array, the array or pointer d from index `first` on,
     and an array for what it answers, which is returned as a tuple.
     """
-
-    @intrinsic
-    def call(typingctx: Any, at: Any, k: Any, numbers: Any, d: Any, first: Any) -> Any:
-        def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-            double, whole = ir.DoubleType(), ir.IntType(64)
-            array = double.as_pointer()
-            with builder.goto_entry_block():
-                there, out = (builder.alloca(double, whole(size)) for size in (given, answers))
-            beyond = args[3]
-            if isinstance(signature.args[3], types.Array):
-                beyond = context.make_array(signature.args[3])(context, builder, beyond).data
-            beyond = builder.gep(builder.bitcast(beyond, array), [args[4]])
-            for i in range(given):
-                number = builder.extract_value(args[2], i)
-                builder.store(number, builder.gep(there, [whole(i)], inbounds=True))
-            kind = ir.FunctionType(ir.VoidType(), [whole, array, array, array])
-            function = builder.inttoptr(args[0], kind.as_pointer())
-            builder.call(function, [args[1], there, beyond, out])
-            found = [
-                builder.load(builder.gep(out, [whole(i)], inbounds=True)) for i in range(answers)
-            ]
-            return context.make_tuple(builder, signature.return_type, found)
-
-        answer, numbers = (types.UniTuple(types.float64, size) for size in (answers, given))
-        return answer(types.int64, types.int64, numbers, d, types.int64), codegen
-
-    return call
+    return Lazy("calling_with_arrays", given, answers)

@@ -1,135 +1,54 @@
 """What this package takes from inside numba, all of it: it moves from release to release.
 
-Parts of kernels: by itself numba optimises and translates every function it meets, with all that it
-calls, on its own, and once more in every caller: most of what a first start takes. Parts are typed
-and lowered only; code is made of them where an entry has linked them all.
-
-The cache: numba runs what it holds, also after a bit has flipped there, so here each file ends with
-a hash; and it does not know of which files its code was made, which a stamp says here.
+By itself numba optimises and translates every function it meets, with all that it calls, on its
+own, and once more in every caller: most of what a first start takes. Here parts are typed and
+lowered only; `build` links what a function needs once, optimises that as a whole and translates it.
 
 `compiler` imports this module; where numba lacks a name that is used here, importing fails.
 """
 
-import hashlib
-import io
-from collections.abc import Callable, Iterator
+from __future__ import annotations
+
+import ctypes
+import gc
+import importlib
+import re
+from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
-from numba import config, njit
-from numba.core.caching import IndexDataCacheFile
-from numba.core.ccallback import CFunc
-from numba.core.codegen import JITCodeLibrary
+from llvmlite import binding, ir
+from numba import from_dtype, njit, types
+from numba.core.codegen import CPUCodeLibrary, JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.compiler_machinery import AnalysisPass, register_pass
-from numba.core.errors import NumbaError
-from numba.core.sigutils import normalize_signature
+from numba.core.registry import cpu_target
 from numba.core.typed_passes import AnnotateTypes
 
-__all__ = ["NumbaError", "part", "sealed", "sealed_cfunc", "stamp"]
+from jointplay.base.compiler import Unresolved, numba_type
+
+__all__ = ["build", "part"]
 
 USED = {
+    CPUCodeLibrary: ("_optimize_final_module", "_get_module_for_linking"),
     JITCodeLibrary: (
         "codegen",
         "get_pointer_to_function",
+        "add_ir_module",
+        "create_ir_module",
+        "finalize",
         "_ensure_finalized",
-        "_finalized",
         "_optimize_functions",
-        "_optimize_final_module",
-        "_finalize_final_module",
-        "_finalize_dynamic_globals",
     ),
     CompilerBase: ("define_pipelines",),
     DefaultPassBuilder: ("define_nopython_pipeline",),
-    IndexDataCacheFile: ("_load_index", "_load_data", "_data_path", "_open_for_write"),
-    CFunc: ("enable_caching", "compile"),
 }
 """Attributes of numba's classes that are called or replaced here."""
 
 for _kind, _names in USED.items():
     for _name in _names:
         getattr(_kind, _name)
-
-
-def stamp(dispatcher: Any, mark: str) -> None:
-    """Let the cache of a compiled function be valid for exactly this mark of its sources."""
-    file = dispatcher._cache._cache_file
-    file._source_stamp  # noqa: B018  # to be replaced, it must be there
-    file._source_stamp = mark
-
-
-class SealedCacheFile(IndexDataCacheFile):  # type: ignore[misc]
-    """Compiled code in files that end with a hash; what does not match is compiled again.
-
-    The hash is also of the file's name and of the stamp: code of another function, or of older
-    sources, is none.
-    """
-
-    def _load_index(self) -> Any:
-        return super()._load_index() if self._whole(self._index_path) else {}
-
-    def _load_data(self, name: str) -> Any:
-        return super()._load_data(name) if self._whole(self._data_path(name)) else None
-
-    @contextmanager
-    def _open_for_write(self, filepath: str) -> Iterator[io.BytesIO]:
-        content = io.BytesIO()
-        yield content
-        with super()._open_for_write(filepath) as file:
-            file.write(content.getvalue() + self._hash(filepath, content.getvalue()))
-
-    def _whole(self, path: str) -> bool:
-        try:
-            content = memoryview(Path(path).read_bytes())
-        except OSError:
-            return False
-        return self._hash(path, content[:-_HASH_BYTES]) == content[-_HASH_BYTES:]
-
-    def _hash(self, path: str, content: bytes | memoryview) -> bytes:
-        digest = hashlib.sha256(repr((Path(path).name, self._source_stamp)).encode())
-        digest.update(content)
-        return digest.digest()
-
-
-_HASH_BYTES = hashlib.sha256().digest_size
-
-
-def sealed(compiled: Any) -> Any:
-    """A compiled function whose cache, where it has one, is a `SealedCacheFile`."""
-    cache = compiled._cache
-    if (plain := getattr(cache, "_cache_file", None)) is not None:
-        base = plain._index_name.removesuffix(".nbi")
-        cache._cache_file = SealedCacheFile(plain._cache_path, base, plain._source_stamp)
-    return compiled
-
-
-class _SealedCFunc(CFunc):  # type: ignore[misc]
-    """A function for C with such a cache, which it reads as soon as it is made."""
-
-    def enable_caching(self) -> None:
-        super().enable_caching()
-        sealed(self)
-
-
-def sealed_cfunc(signature: Any, **options: Any) -> Callable[..., Any]:
-    """numba's `cfunc` with such a cache.
-
-    Raises:
-        RuntimeError: of the function: there is no place for a cache.
-    """
-
-    def made(function: Callable[..., Any]) -> Any:
-        compiled = _SealedCFunc(function, normalize_signature(signature), {}, options)
-        compiled.enable_caching()
-        compiled.compile()
-        return compiled
-
-    return made
-
-
-if not config.DISABLE_JIT:
-    stamp(sealed(njit(cache=True)(stamp)), "")
 
 
 class _NoCode:
@@ -146,7 +65,7 @@ class _NoCode:
 
 
 class PartLibrary(JITCodeLibrary):  # type: ignore[misc]
-    """Intermediate code of one function and what it calls, neither optimised nor translated."""
+    """Intermediate code of one function, neither linked, optimised nor translated."""
 
     @property
     def codegen(self) -> Any:
@@ -160,12 +79,19 @@ class PartLibrary(JITCodeLibrary):  # type: ignore[misc]
     def _optimize_functions(self, ll_module: Any) -> None:
         ll_module.data_layout = self._codegen._data_layout
 
-    def _optimize_final_module(self) -> None:
-        pass
-
-    def _finalize_final_module(self) -> None:
-        self._finalize_dynamic_globals()
+    def finalize(self) -> None:
+        """Nothing is linked yet."""
         self._finalized = True
+
+    def _get_module_for_linking(self) -> Any:
+        """For libraries of numba's own that call this one: with all that it calls."""
+        if self._shared_module is None:
+            whole = _linked(self, self._final_module.name)
+            for function in whole.functions:
+                if not function.is_declaration and function.linkage == binding.Linkage.external:
+                    function.linkage = "linkonce_odr"
+            self._shared_module = whole
+        return self._shared_module
 
 
 @register_pass(mutates_CFG=False, analysis_only=True)
@@ -194,11 +120,216 @@ class PartCompiler(CompilerBase):  # type: ignore[misc]
 
 
 def part(**options: Any) -> Any:
-    """Decorator of functions that only compiled code calls."""
+    """Decorator of functions that are parts of objects."""
     return njit(
-        error_model="numpy",
-        no_cpython_wrapper=True,
-        no_cfunc_wrapper=True,
-        pipeline_class=PartCompiler,
-        **options,
+        no_cpython_wrapper=True, no_cfunc_wrapper=True, pipeline_class=PartCompiler, **options
     )
+
+
+_ENTRY = "jointplay_entry"
+"""Name of the function that an object is made for."""
+
+
+@contextmanager
+def _without_collection() -> Iterator[None]:
+    """Garbage collection goes through all that typing leaves, and finds nothing."""
+    was = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was:
+            gc.enable()
+
+
+def build(dispatcher: Any, signature: str) -> tuple[bytes, str]:
+    """Object code of a function, and a letter for each number that it returns.
+
+    Args:
+        dispatcher: of a `part`.
+        signature: types of arguments, as `compiler.Compiled` writes them.
+
+    Raises:
+        Unresolved: it needs numba's own libraries.
+    """
+    with _without_collection(), global_compiler_lock:
+        kinds = _types(signature)
+        dispatcher.compile(tuple(kinds))
+        made = dispatcher.overloads[tuple(kinds)]
+        context = cpu_target.target_context
+        library = PartLibrary(context.codegen(), _ENTRY)
+        module = library.create_ir_module(_ENTRY)
+        returns = _enter(context, module, made, kinds, signature[0])
+        library.add_ir_module(module)
+        library.add_linking_library(made.library)
+        whole = _linked(library, _ENTRY)
+        for value in (*whole.functions, *whole.global_variables):
+            if not value.is_declaration and value.name != _ENTRY:
+                value.linkage = "internal"
+        library._final_module = whole
+        CPUCodeLibrary._optimize_final_module(library)
+        _check(library._final_module)
+        return _machine().emit_object(library._final_module), returns
+
+
+def _linked(library: Any, name: str) -> Any:
+    """One module of a library and all that it calls."""
+    empty = library._codegen._create_empty_module(name)
+    whole = binding.parse_assembly(str(empty))
+    seen, waiting = set(), [library]
+    while waiting:
+        one = waiting.pop(0)
+        if one in seen:
+            continue
+        seen.add(one)
+        if isinstance(one, PartLibrary):
+            whole.link_in(one._final_module, preserve=True)
+            waiting += one._linking_libraries
+        else:
+            whole.link_in(one._get_module_for_linking(), preserve=True)
+    return whole
+
+
+def _machine() -> Any:
+    """What translates for this processor, into code that may lie anywhere."""
+    target = binding.Target.from_triple(binding.get_process_triple())
+    return target.create_target_machine(
+        cpu=binding.get_host_cpu_name(),
+        features=binding.get_host_cpu_features().flatten(),
+        opt=3,
+        reloc="pic",
+        codemodel="default",
+    )
+
+
+def _check(module: Any) -> None:
+    """One symbol that is not found would leave all without addresses, without a word.
+
+    Raises:
+        Unresolved: one is not the system's.
+    """
+    system = ctypes.CDLL(None)
+    used = [value for value in (*module.functions, *module.global_variables)
+            if value.is_declaration and not value.name.startswith("llvm.")]  # fmt: skip
+    missing = [value.name for value in used if not hasattr(system, value.name)]
+    if missing:
+        raise Unresolved(", ".join(missing))
+
+
+def _types(signature: str) -> list[Any]:
+    """numba's types of the arguments of a signature."""
+    text = signature[signature.index("(") + 1 : -1]
+    found, rest = _several(text)
+    assert not rest, signature
+    return found
+
+
+def _several(text: str) -> tuple[list[Any], str]:
+    """Types until a closing bracket, and what comes after them."""
+    found: list[Any] = []
+    while text and not text.startswith(")"):
+        kind, text = re.match(r"([^,()]*)(.*)", text).groups()  # type: ignore[union-attr]
+        if text.startswith("("):
+            inner, text = _several(text[1:])
+            module, _, name = kind.partition(":")
+            made: Any = importlib.import_module(module)
+            for part_of_name in name.split("."):
+                made = getattr(made, part_of_name)
+            found.append(types.BaseTuple.from_types(inner, made if made is not tuple else None))
+            text = text[1:]
+        elif "." in kind:
+            dtype, _, shape = kind.partition(".")
+            found.append(types.Array(from_dtype(_dtype(dtype)), int(shape[:-1]), shape[-1]))
+        else:
+            found.append(numba_type(kind))
+        text = text.removeprefix(",")
+    return found, text
+
+
+def _dtype(name: str) -> Any:
+    import numpy as np
+
+    return np.dtype(name)
+
+
+def _enter(context: Any, module: Any, made: Any, kinds: list[Any], answer: str) -> str:
+    """Write the function that enters the code: it makes arrays of what the machine gives.
+
+    It returns what the function does, or where `answer` is no letter, numba's status: what the
+    function returns is written to the address that comes first.
+    """
+    word, double = ir.IntType(64), ir.DoubleType()
+    letters = {types.float64: (double, "d"), types.none: (ir.VoidType(), "v")}
+    given: list[Any] = []
+
+    def take(kind: Any) -> None:
+        if isinstance(kind, types.Array):
+            given.extend([word] * (1 + 2 * kind.ndim))
+        elif isinstance(kind, types.BaseTuple):
+            for one in kind.types:
+                take(one)
+        else:
+            given.append(context.get_value_type(kind))
+
+    for kind in kinds:
+        take(kind)
+    returned = made.signature.return_type
+    several = returned.types if isinstance(returned, types.BaseTuple) else (returned,)
+    returns = "".join("d" if one == types.float64 else "i" for one in several)
+    if returned == types.none:
+        returns = ""
+    if answer == "(":
+        kind = ir.FunctionType(ir.IntType(32), [word, *given])
+    else:
+        native = letters.get(returned, (word, "i"))[0] if answer != "v" else ir.VoidType()
+        kind = ir.FunctionType(native, given)
+    function = ir.Function(module, kind, _ENTRY)
+    builder = ir.IRBuilder(function.append_basic_block("entry"))
+    rest = list(function.args)
+    room = rest.pop(0) if answer == "(" else None
+
+    def value(kind: Any) -> Any:
+        if isinstance(kind, types.Array):
+            array = context.make_array(kind)(context, builder)
+            pointer = context.get_value_type(types.CPointer(kind.dtype))
+            data = builder.inttoptr(rest.pop(0), pointer)
+            shape = [rest.pop(0) for _ in range(kind.ndim)]
+            strides = [rest.pop(0) for _ in range(kind.ndim)]
+            count = word(1)
+            for size in shape:
+                count = builder.mul(count, size)
+            array.data, array.nitems = data, count
+            array.itemsize = word(context.get_abi_sizeof(context.get_data_type(kind.dtype)))
+            pair = types.UniTuple(types.intp, kind.ndim)
+            array.shape = context.make_tuple(builder, pair, shape)
+            array.strides = context.make_tuple(builder, pair, strides)
+            array.meminfo = context.get_constant_null(types.MemInfoPointer(types.voidptr))
+            array.parent = context.get_constant_null(types.pyobject)
+            return array._getvalue()
+        if isinstance(kind, types.BaseTuple):
+            return context.make_tuple(builder, kind, [value(one) for one in kind.types])
+        return rest.pop(0)
+
+    values = [value(kind) for kind in kinds]
+    called = context.declare_function(module, made.fndesc)
+    status, result = context.call_conv.call_function(
+        builder, called, returned, made.signature.args, values
+    )
+    if answer == "v":
+        builder.ret_void()
+        return returns
+    if answer != "(":
+        native = kind.return_type
+        if native == word:
+            result = context.cast(builder, result, returned, types.int64)
+        builder.ret(builder.select(status.is_ok, result, ir.Constant(native, 0)))
+        return returns
+    with builder.if_then(status.is_ok):
+        for index, one in enumerate(several if returns else ()):
+            own = builder.extract_value(result, index) if len(several) > 1 else result
+            wanted = types.float64 if one == types.float64 else types.int64
+            own = context.cast(builder, own, one, wanted)
+            place = builder.add(room, word(8 * index))
+            builder.store(own, builder.inttoptr(place, own.type.as_pointer()))
+    builder.ret(builder.zext(status.is_error, ir.IntType(32)))
+    return returns

@@ -27,7 +27,7 @@ import pinocchio as pin
 from jointplay.accuracy.error_model import play_model
 from jointplay.accuracy.jacobians import place, tool_place
 from jointplay.accuracy.poses import moving
-from jointplay.base.compiler import njit
+from jointplay.base.compiler import compiled
 from jointplay.estimate.machine import (
     TOOL,
     WOUND,
@@ -382,7 +382,8 @@ class StaticModel:
             motor + _twist(hold + held, half, give, side) for held, side in ends
         )
         halts = np.diff(visits.stopped[near].astype(int), prepend=0) > 0
-        angles, sure = _followed(low, high, first, last, halts)
+        angles, sure = np.empty(len(low)), np.empty(len(low), np.bool_)
+        _follow(low, high, first, last, halts, angles, sure)
         twist = angles - motor
         beyond = np.maximum(np.abs(twist) - half, 0.0)
         torque = -np.sign(twist) * beyond / give
@@ -428,11 +429,9 @@ def visits_mean(visits: Visits, values: np.ndarray) -> np.ndarray:
     return np.asarray(total / np.maximum(count, 1))
 
 
-@njit(cache=True, error_model="numpy")
-def _followed(
-    low: np.ndarray, high: np.ndarray, first: np.ndarray, last: np.ndarray, halts: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Angles of a link that friction holds, and whether they are known, each (n,).
+@compiled
+def _follow(low, high, first, last, halts, angles, sure):
+    """Write angles of a link that friction holds, and whether they are known, each (n,).
 
     Args:
         low, high: between which it lies while it slides up or down, (n,) [rad].
@@ -440,7 +439,6 @@ def _followed(
         halts: where the machine comes to a stop, (n,): how it calms down decides what friction then
             holds, until a push makes the link slide.
     """
-    angles, sure = np.empty(len(low)), np.empty(len(low), np.bool_)
     link, known, way = 0.5 * (low[0] + high[0]), False, 0
     for i in range(len(low)):
         known &= not halts[i]
@@ -451,7 +449,6 @@ def _followed(
         elif low[i] < link < high[i]:
             way = 0
         angles[i], sure[i] = link, known
-    return angles, sure
 
 
 def _twist(torque: np.ndarray, half: float, give: float, middle: float) -> np.ndarray:

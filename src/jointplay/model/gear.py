@@ -224,7 +224,7 @@ class Gearing(Described, ABC):
     def _torsion(
         self, curve: Curve, bristles: tuple[float, float], torques: Sequence[float] | np.ndarray
     ) -> np.ndarray:
-        from jointplay.physics.kernel.gear import turn_slowly  # the compiler takes long to import
+        from jointplay.physics.kernel.gear import turn_slowly
         from jointplay.physics.kernel.sites import gear_row
 
         torques = np.asarray(torques, float)
@@ -232,7 +232,7 @@ class Gearing(Described, ABC):
             raise JointplayError(f"torques must be a list of finite numbers, got {torques!r}")
         twists = np.empty_like(torques)
         row = gear_row(half_play=self.play / 2.0, **_torsion_fields(curve, bristles))
-        turn_slowly(row, torques, twists)
+        turn_slowly(row.ctypes.data, torques, twists)
         return twists
 
     @property

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from jointplay.base.compiler import njit, pointer
+from jointplay.base.compiler import compiled, pointer
 from jointplay.base.errors import JointplayError, require_non_negative, require_positive
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.contact.bristle import BristleLaw
@@ -26,17 +26,15 @@ REFERENCE_DEPTH = 1e-5
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 
 
-@njit(cache=True)
-def _elastic_energy(law, parameters, depth, nodes, weights):
-    energy = np.zeros(depth.size)
+@compiled
+def _elastic_energy(law, parameters, depth, nodes, weights, energy):
     for i in range(depth.size):
-        half = 0.5 * depth.flat[i]
+        half = 0.5 * depth[i]
         if half > 0.0:
             for k in range(nodes.size):
                 at = half * (1.0 + nodes[k])
                 force = call_normal(law, (at, 0.0, 1.0, pointer(parameters.ctypes.data)))
                 energy[i] += half * weights[k] * force
-    return energy
 
 
 def elastic_energy(law: NormalForceLaw, parameters: tuple[float, ...], depth: Any) -> np.ndarray:
@@ -44,7 +42,9 @@ def elastic_energy(law: NormalForceLaw, parameters: tuple[float, ...], depth: An
     depth = np.asarray(depth, float)
     flat = np.ascontiguousarray(depth).reshape(-1)
     row = np.array(parameters or (0.0,), float)
-    return _elastic_energy(address(law), row, flat, _NODES, _WEIGHTS).reshape(depth.shape)
+    energy = np.zeros_like(flat)
+    _elastic_energy(address(law), row, flat, _NODES, _WEIGHTS, energy)
+    return energy.reshape(depth.shape)
 
 
 def impact_depth(

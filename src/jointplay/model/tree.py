@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from jointplay.base.compiler import internal, njit, stamp
+from jointplay.base.compiler import compiled
 from jointplay.model.builder import z_to
 from jointplay.model.frames import WORLD_FRAME, Frame, motions
-from jointplay.physics.kernel import frames
 from jointplay.physics.kernel.frames import add, add_scaled, cross, dot, get_vector, scale
 
 # Where the bodies of a tree are and how fast they move, at many states at once: compiled.
@@ -21,31 +19,31 @@ from jointplay.physics.kernel.frames import add, add_scaled, cross, dot, get_vec
 # `bodies` is a `Bodies`. Bodies are numbered from 1, their parents first; 0 is the ground.
 
 
-@internal
+@compiled
 def row(a, i):
     """Vector a[i, :3]."""
     return a[i, 0], a[i, 1], a[i, 2]
 
 
-@internal
+@compiled
 def put(a, i, vector):
     """Write a vector into a[i, :3]."""
     a[i, 0], a[i, 1], a[i, 2] = vector
 
 
-@internal
+@compiled
 def axis_of(turn, b):
     """Third column of a rotation turn[b]: the axis of body b."""
     return turn[b, 2], turn[b, 5], turn[b, 8]
 
 
-@internal
+@compiled
 def subtract(a, b):
     """a - b."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-@internal
+@compiled
 def times(a, i, b, j, c, k):
     """Product of rotations c[k] = a[i] b[j], row by row."""
     for r in (0, 3, 6):
@@ -54,7 +52,7 @@ def times(a, i, b, j, c, k):
             c[k, r + s] = x * b[j, s] + y * b[j, 3 + s] + z * b[j, 6 + s]
 
 
-@internal
+@compiled
 def rotated(a, i, vector):
     """Vector a[i] (x, y, z) of a rotation a[i]."""
     x, y, z = vector
@@ -65,7 +63,7 @@ def rotated(a, i, vector):
     )
 
 
-@internal
+@compiled
 def turned_back(a, i, vector):
     """Vector a[i]^T (x, y, z) of a rotation a[i]."""
     x, y, z = vector
@@ -76,7 +74,7 @@ def turned_back(a, i, vector):
     )
 
 
-@internal
+@compiled
 def spin(inertias, b, vector):
     """Inertia of body b about its mass's centre times a vector, in its own axes."""
     x, y, z = vector
@@ -85,14 +83,14 @@ def spin(inertias, b, vector):
     return xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z
 
 
-@internal
+@compiled
 def mass_centre(bodies, turn, b):
     """Centre of the mass of body b from its origin, in world axes."""
     inertias = bodies.inertias
     return rotated(turn, b, (inertias[b, 1], inertias[b, 2], inertias[b, 3]))
 
 
-@internal
+@compiled
 def place(bodies, q, v, i, turn, origin, omega, speed):
     """Orientation, origin, angular velocity and the origin's velocity of all bodies in state i."""
     for b in range(1, bodies.parents.size):
@@ -115,7 +113,7 @@ def place(bodies, q, v, i, turn, origin, omega, speed):
         put(omega, b, add_scaled(row(omega, p), rate, axis))
 
 
-@internal
+@compiled
 def ground(count):
     """Room for the poses and velocities of bodies; the ground, and with it number 0, at rest."""
     turn = np.zeros((count, 9))
@@ -123,7 +121,7 @@ def ground(count):
     return turn, np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, 3))
 
 
-@internal
+@compiled
 def _orient(turn, b, orientation, i):
     """Write rotation turn[b] as the unit quaternion orientation[i], of the sign of the one before.
 
@@ -155,7 +153,7 @@ def _orient(turn, b, orientation, i):
     orientation[i, 2], orientation[i, 3] = y / size, z / size
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def move(
     bodies, q, v, first, end, carriers, places, tool, orientation, turning, energy, bearings, poses
 ):
@@ -217,7 +215,7 @@ _ACCURACY, _ITERATIONS = 1e-15, 10
 """Acceleration that is left, relative to what is to be held, and the most iterations."""
 
 
-@internal
+@compiled
 def _accelerate(bodies, v, i, a, turn, origin, omega, alpha, lift):
     """Angular acceleration of all bodies and their origins' acceleration, with a = q''."""
     for b in range(1, bodies.parents.size):
@@ -233,20 +231,20 @@ def _accelerate(bodies, v, i, a, turn, origin, omega, alpha, lift):
         put(lift, b, add(row(lift, p), rise))
 
 
-@internal
+@compiled
 def _lifted(alpha, omega, arm):
     """Acceleration of a point from an origin at rest: alpha x r + w x (w x r)."""
     return add(cross(alpha, arm), cross(omega, cross(omega, arm)))
 
 
-@internal
+@compiled
 def _pushed(bodies, b, omega, alpha, lift, arm):
     """Force that moves body b against gravity; `arm` is its mass's centre from its origin."""
     rise = add(_lifted(row(alpha, b), row(omega, b), arm), row(lift, b))
     return scale(bodies.inertias[b, 0], subtract(rise, get_vector(bodies.gravity, 0)))
 
 
-@internal
+@compiled
 def _needed(bodies, turn, origin, omega, alpha, lift, arm, force, moment):
     """Force, and moment about the world's origin, that each body's motion takes against gravity.
 
@@ -263,7 +261,7 @@ def _needed(bodies, turn, origin, omega, alpha, lift, arm, force, moment):
         put(moment, b, add(own, cross(add(row(arm, b), row(origin, b)), row(force, b))))
 
 
-@internal
+@compiled
 def _factor(matrix, size):
     """Replace the lower triangle of a symmetric matrix by L and D of L D L^T."""
     for r in range(size):
@@ -280,7 +278,7 @@ def _factor(matrix, size):
         matrix[r, r] = pivot
 
 
-@internal
+@compiled
 def _solve(matrix, size, x):
     """Solve L D L^T x = x in place, L and D by `_factor`."""
     for r in range(size):
@@ -293,7 +291,7 @@ def _solve(matrix, size, x):
             x[r] -= matrix[k, r] * x[k]
 
 
-@internal
+@compiled
 def _mass_matrix(bodies, turn, origin, arm, weight, first_moment, second, mass):
     """Lower triangle of the mass matrix, from what each body and those beyond it weigh.
 
@@ -336,7 +334,7 @@ def _mass_matrix(bodies, turn, origin, arm, weight, first_moment, second, mass):
                 second[p, k] += second[b, k]
 
 
-@internal
+@compiled
 def _effort(slides, turn, origin, b, force, moment):
     """What a force and a moment about the world's origin do at the coordinate of body b."""
     axis = axis_of(turn, b)
@@ -345,7 +343,7 @@ def _effort(slides, turn, origin, b, force, moment):
     return dot(axis, subtract(moment, cross(row(origin, b), force)))
 
 
-@internal
+@compiled
 def _hold(bodies, carriers, places, turn, origin, omega, alpha, lift, rows, drift):
     """Motion of held points against each other: Jacobian, and acceleration at constant speeds."""
     rows[:] = 0.0
@@ -366,7 +364,7 @@ def _hold(bodies, carriers, places, turn, origin, omega, alpha, lift, rows, drif
             b = bodies.parents[b]
 
 
-@internal
+@compiled
 def _close(mass, rows, drift, solved, square, acceleration, push):
     """Forces `push` that hold all points, and the acceleration with them, which is changed.
 
@@ -407,7 +405,7 @@ def _close(mass, rows, drift, solved, square, acceleration, push):
             acceleration[k] += solved[r, k] * push[r]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def react(bodies, q, v, effort, first, end, wanted, carriers, places, acted, given, forces, holds):
     """Fill `forces` and `holds`; see `Tree.reactions`.
 
@@ -457,10 +455,6 @@ def react(bodies, q, v, effort, first, end, wanted, carriers, places, acted, giv
             put(force, parents[b], add(row(force, parents[b]), row(force, b)))
         for j in range(wanted.size):
             put(forces[i - first], j, row(force, wanted[j]))
-
-
-for _compiled in (move, react):
-    stamp(_compiled, (Path(__file__), Path(frames.__file__)))
 
 
 # Pinocchio does one state per call, and what it leaves must be fetched array by array:

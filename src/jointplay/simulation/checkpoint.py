@@ -16,10 +16,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jointplay.base import files
+from jointplay.base import compiler, files
 from jointplay.base.errors import JointplayError, damaged
 from jointplay.base.schema import differences, short
-from jointplay.physics.kernel.sources import fingerprint
 from jointplay.simulation.result.stored import versions
 from jointplay.simulation.working_files import CHECKPOINT
 
@@ -163,4 +162,4 @@ def read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
 
 
 def _versions() -> dict[str, str]:
-    return {**versions(), "kernels": fingerprint()}
+    return {**versions(), "kernels": compiler.sources()}

@@ -7,13 +7,12 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
 
 import eigenpy
 import numpy as np
 import pinocchio as pin
 
-from jointplay.base.compiler import njit, pointer
+from jointplay.base.compiler import compiled, pointer
 from jointplay.model.frames import motion_between, pose_between
 from jointplay.model.impact import elastic_energy
 from jointplay.model.loop import closing_rows, newton_step
@@ -25,7 +24,6 @@ from jointplay.physics.contact.resultant import DEEPEST, ENERGY
 from jointplay.physics.geometry import touch
 from jointplay.physics.joints import VIRTUAL_LINK, Clearance, Coordinate
 from jointplay.physics.kernel.sites import Carriers, LoadSite
-from jointplay.physics.kernel.sources import stamp
 from jointplay.simulation.loads.base import Load, compiled_law
 from jointplay.simulation.loads.drive import Drive, JointFriction
 
@@ -88,7 +86,7 @@ _SHIFT_M = 1e-9
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _press(shape, dimensions, count, law, parameters, poses, nodes, weights, out):
     """Answers of elastic contacts at many poses, in the places that a law of a whole joint has.
 
@@ -117,9 +115,6 @@ def _press(shape, dimensions, count, law, parameters, poses, nodes, weights, out
                 at = 0.5 * -gap * (1.0 + nodes[n])
                 force = call_normal(law, (at, 0.0, 1.0, own))
                 found[ENERGY] += 0.5 * -gap * weights[n] * force
-
-
-stamp(_press, Path(__file__))
 
 
 @lru_cache(maxsize=256)
@@ -299,9 +294,7 @@ class _StaticLoad:
 
     def __init__(self, load: Load, site: LoadSite, nv: int) -> None:
         self.load, self.site = load, site
-        self._law = ctypes.CFUNCTYPE(None, ctypes.c_double, *(_NUMBERS,) * 4)(
-            compiled_law(load).address
-        )
+        self._law = compiled_law(load).ctypes
         self._every = np.eye(nv)
 
     def place(self, data: pin.Data, q: np.ndarray) -> np.ndarray:

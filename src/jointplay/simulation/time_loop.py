@@ -75,7 +75,7 @@ class TimeLoop(ABC):
 
     @property
     def compiled(self) -> bool:
-        return all(entry_of(command).signatures for command in self.commands)
+        return all(entry_of(command).made for command in self.commands)
 
     def compile(self) -> None:
         for command in self.commands:
@@ -240,18 +240,18 @@ class MultiRate(TimeLoop):
         self._planned_on = bool(memory["planned_on"])
 
     def stretch(self, steps: int, pause: int | None = None) -> bool:
-        run, (q, v) = self.workspace.run, self._middle
+        address, (q, v) = self.workspace.address, self._middle
         enter, advance = compiled(self.advancing), int(self.advancing)
         model, data, zero, none = self.model, self.data, self._zero, self._none
         if not self._planned_on:
             self._until[0] = self.workspace.steps + steps
-            compiled()(run, _PLAN)
+            compiled()(self.workspace.address, _PLAN)
         self._planned_on = False
         state = 0
         while state == 0:
             _aba(model, data, q, v, zero, none, _WORLD)
             _inverse(model, data)
-            state = enter(run, advance)
+            state = enter(address, advance)
             if state == 0 and pause is not None and self.workspace.steps >= pause:
                 self._planned_on = True
                 return True
@@ -323,17 +323,17 @@ class SingleRate(TimeLoop):
     def stretch(self, steps: int, pause: int | None = None) -> bool:
         if pause is not None:
             steps = min(steps, max(pause - self.workspace.steps, 1))
-        enter, run = compiled(self.method.command), self.workspace.run
+        enter, address = compiled(self.method.command), self.workspace.address
         command, load = int(self.method.command), int(Command.EVALUATE_FORCES)
         dynamics, state = self._call
         jacobians, place = pin.computeJointJacobians, (self.model, self.data, self.workspace.q)
         through_frames = self.workspace.needs_jacobians
         for _ in range(steps * self.method.stages):
-            if enter(run, command):
+            if enter(address, command):
                 return False
             if through_frames:
                 jacobians(*place)
-                if enter(run, load):
+                if enter(address, load):
                     return False
             dynamics(*state)
         return True

@@ -6,9 +6,7 @@ and where it has several answers a pointer to them.
 
 from __future__ import annotations
 
-from numba import types
-
-from jointplay.base.compiler import NUMBERS, calling
+from jointplay.base.compiler import calling
 from jointplay.physics.contact.bristle import BristleLaw
 from jointplay.physics.contact.compiled import law_signature
 from jointplay.physics.contact.film import FilmLaw
@@ -18,5 +16,5 @@ call_normal = calling(law_signature(NormalForceLaw.state, NormalForceLaw.answers
 call_friction = calling(law_signature(FrictionLaw.state, FrictionLaw.answers))
 call_bristle = calling(law_signature(BristleLaw.state, BristleLaw.answers))
 call_film = calling(law_signature(FilmLaw.state, FilmLaw.answers))
-call_elements = calling(types.void(NUMBERS, NUMBERS, NUMBERS, types.int64))
+call_elements = calling("v(p,p,p,i)")
 """Of `rolling.find_element_forces`."""

@@ -3,7 +3,7 @@
 The time loop gives every law the same arguments: its state, and a pointer to the numbers of this
 contact. A law that names its parameters gets them from there by a wrapper made here, into which it
 is inlined: it costs what one costs that reads ``p[0]``, ``p[1]`` itself. `calls` has the calls by
-address; numba is imported with the first law that is compiled.
+address.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from collections.abc import Callable
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
+from jointplay.base.compiler import Compiled, Native
 from jointplay.base.errors import JointplayError
 from jointplay.physics.contact.functions import Absent
 
@@ -77,10 +78,10 @@ def address(law: Law) -> int:
         JointplayError: numba cannot compile it (the message carries numba's reason), or its
             function is not at hand.
     """
-    return int(compiled_law(law).address)
+    return compiled_law(law).address
 
 
-def compiled_law(law: Law) -> Any:
+def compiled_law(law: Law) -> Native:
     """Compiled function of the law: its `address`, whose errors it has, and `ctypes` for Python."""
     if isinstance(law.function, Absent):
         raise JointplayError(law.function.reason)
@@ -88,17 +89,17 @@ def compiled_law(law: Law) -> Any:
 
 
 @cache
-def _compiled(function: Callable[..., Any], state: tuple[str, ...], answers: int) -> Any:
+def _compiled(function: Callable[..., Any], state: tuple[str, ...], answers: int) -> Native:
     return compiled_function(_packed(function, state, answers), law_signature(state, answers))
 
 
-def law_signature(state: tuple[str, ...], answers: int) -> Any:
-    """What a compiled law takes and returns; one with several `answers` writes them."""
-    from numba import types
+def law_signature(state: tuple[str, ...], answers: int) -> str:
+    """What a compiled law takes and returns; one with several `answers` writes them.
 
-    array = types.CPointer(types.float64)
-    numbers = (types.float64,) * len(state)
-    return types.void(*numbers, array, array) if answers else types.float64(*numbers, array)
+    In the letters of `base.compiler`.
+    """
+    letters = ",".join("d" * len(state))
+    return f"v({letters},p,p)" if answers else f"d({letters},p)"
 
 
 @cache
@@ -113,31 +114,21 @@ def compiled_touch(function: Callable[..., Any]) -> int:
     Raises:
         JointplayError: numba cannot compile it; the message carries numba's reason.
     """
-    from numba import types
-
     from jointplay.physics.geometry.contacts import ANSWER
 
-    array = types.CPointer(types.float64)
-    signature = types.void(types.int64, array, array, array)
-    return int(compiled_function(_packed(function, ("k", "pose"), ANSWER), signature).address)
+    packed = _packed(function, ("k", "pose"), ANSWER)
+    return compiled_function(packed, "v(i,p,p,p)").address
 
 
 @cache
-def compiled_function(function: Callable[..., Any], signature: Any) -> Any:
+def compiled_function(function: Callable[..., Any], signature: str) -> Native:
     """Compiled `function`: its `address`, and `ctypes` to call it from Python.
 
     Raises:
         JointplayError: numba cannot compile it; the message carries numba's reason.
     """
-    import numba
-
-    from jointplay.base.compiler import cfunc
-
     try:
-        try:
-            return cfunc(signature, error_model="numpy")(function)
-        except RuntimeError:  # typed at a prompt: numba finds no file to keep its cache beside
-            return numba.cfunc(signature, error_model="numpy")(function)
+        return Compiled(function).native(signature)
     except Exception as error:  # numba raises whatever its own parts do
         name = getattr(function, "__name__", str(function))
         raise JointplayError(f"law {name!r} does not compile: {_reason(error)}") from error
@@ -162,11 +153,9 @@ def _reason(error: Exception) -> str:
 def _packed(function: Callable[..., Any], state: tuple[str, ...], answers: int) -> Any:
     """The law as the time loop calls it, with its parameters in an array.
 
-    The wrapper claims the law's own place in its file, so that numba keeps what it compiles beside
-    that file and compiles again when the file has changed.
+    The wrapper claims the law's own place in its file, so that what is compiled is kept, and
+    compiled again when that file has changed.
     """
-    import numba
-
     names = parameter_names(function, state)
     if names is None:
         return function
@@ -176,7 +165,7 @@ def _packed(function: Callable[..., Any], state: tuple[str, ...], answers: int) 
     if answers:
         lines = [f"    answer = {call}", *(f"    out[{i}] = answer[{i}]" for i in range(answers))]
     head = f"def packed({', '.join([*state, ARRAY, *(['out'] if answers else [])])}):"
-    space = {"law": numba.njit(error_model="numpy")(function), "__name__": function.__module__}
+    space = {"law": Compiled(function), "__name__": function.__module__}
     exec(compile("\n".join([head, *lines]), function.__code__.co_filename, "exec"), space)
     packed: Any = space["packed"]
     packed.__qualname__ = f"{function.__qualname__}.packed"

@@ -23,13 +23,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 
-from jointplay.base import compiler
-from jointplay.base.compiler import njit, stamp
-from jointplay.physics.contact import resultant, rolling
+from jointplay.base.compiler import compiled
 from jointplay.physics.contact.resultant import (
     ANSWERS,
     CAGE,
@@ -53,16 +50,16 @@ from jointplay.physics.contact.resultant import (
     TANGENT,
     WAYS,
 )
-from jointplay.physics.contact.rolling import find_element_forces, part
+from jointplay.physics.contact.rolling import find_element_forces
 
 _MOST, _ENOUGH, _LEAST_PART = 60, 1e-12, 1e-6
 _ALL = 6
 """Directions of a body."""
 
-_elements = part(find_element_forces)
+_elements = compiled(find_element_forces)
 
 
-@part
+@compiled
 def _on_curve(d, at, x):
     """Force, its slope and the energy of a curve at a displacement."""
     count = int(d[at])
@@ -82,7 +79,7 @@ def _on_curve(d, at, x):
     return 0.0, 0.0, 0.0
 
 
-@part
+@compiled
 def _springs(d, at, ways, xi, push, bend):
     """Gradient (n) and curvature (n n) of the energy of springs in n `ways`; returns the energy."""
     energy = 0.0
@@ -100,7 +97,7 @@ def _springs(d, at, ways, xi, push, bend):
     return energy
 
 
-@part
+@compiled
 def _answer(push, bend, lengths, rates, out, slopes):
     """Write wrench and stiffness in terms of a twist, from those in terms of xi.
 
@@ -131,14 +128,14 @@ def _answer(push, bend, lengths, rates, out, slopes):
             out[TANGENT + 6 * (3 + i) + 3 + j] = turned
 
 
-@part
+@compiled
 def _lean_rates(pose, rates):
     """Rates of the axis' parts a_x, a_y across the bearing's: the first two rows."""
     ax, ay, az = pose[5], pose[8], pose[11]
     rates[0, 1], rates[0, 2], rates[1, 0], rates[1, 2] = az, -ay, -az, ax
 
 
-@part
+@compiled
 def _spring(d, xi, lengths, rates, out, mode):
     """Answer of springs alone, displaced by xi; `lengths` and `rates` as of `_answer`."""
     n = xi.size
@@ -189,7 +186,7 @@ def find_mount_forces(d, pose, out, mode):
     _spring(d, xi, 3, rates, out, mode)
 
 
-@part
+@compiled
 def _solve(matrix, right, columns):
     """Solve a positive definite system (25) in place for some columns (5, columns)."""
     for k in range(WAYS):
@@ -275,7 +272,7 @@ def find_seated_forces(d, pose, out, mode):
     _answer(seat, series, 3, rates, out, True)
 
 
-@part
+@compiled
 def _gradient(out, pose, push, bend):
     """Gradient and curvature in terms of xi of the elements' energy, from what they answer.
 
@@ -291,8 +288,8 @@ def _gradient(out, pose, push, bend):
             bend[WAYS * i + j] = one * other * out[TANGENT + 6 * a + b]
 
 
-_springs_alone, _seated = part(find_spring_forces), part(find_seated_forces)
-_guide, _mount = part(find_guide_forces), part(find_mount_forces)
+_springs_alone, _seated = compiled(find_spring_forces), compiled(find_seated_forces)
+_guide, _mount = compiled(find_guide_forces), compiled(find_mount_forces)
 
 FUNCTIONS = (
     *(find_element_forces, find_seated_forces, find_spring_forces, find_guide_forces),
@@ -301,7 +298,7 @@ FUNCTIONS = (
 """By law."""
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def forces_at(law, numbers, poses, cage, out):
     """Answers of a law at many poses."""
     own = numbers.copy()
@@ -317,10 +314,6 @@ def forces_at(law, numbers, poses, cage, out):
             _seated(own, poses[i], out[i], EXACT)
         else:
             _elements(own, poses[i], out[i], EXACT)
-
-
-_SOURCES = (__file__, resultant.__file__, rolling.__file__, compiler.__file__)
-stamp(forces_at, map(Path, _SOURCES))
 
 
 def answers(
@@ -341,10 +334,6 @@ def answers(
 @cache
 def address(law: int) -> int:
     """Machine address of a law, for the time loop."""
-    from numba import types
-
     from jointplay.physics.contact.compiled import compiled_function  # the time loop's alone
 
-    array = types.CPointer(types.float64)
-    signature = types.void(array, array, array, types.int64)
-    return int(compiled_function(FUNCTIONS[law], signature).address)
+    return compiled_function(FUNCTIONS[law], "v(p,p,p,i)").address

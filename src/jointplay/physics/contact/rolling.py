@@ -30,7 +30,7 @@ import math
 
 import numpy as np
 
-from jointplay.base.compiler import njit
+from jointplay.base.compiler import compiled
 from jointplay.physics.contact.resultant import (
     ACROSS,
     ALONG,
@@ -65,16 +65,14 @@ from jointplay.physics.contact.resultant import (
 
 _HALF = math.sqrt(0.5)
 
-part = njit(error_model="numpy")
 
-
-@part
+@compiled
 def _ninth_root(x):
     """x^(1/9) for x > 0, to rounding: the cube root of a cube root."""
     return np.cbrt(np.cbrt(x))
 
 
-@part
+@compiled
 def _gap_at_least(d, radial, axial, lean):
     """How far displacements and lean of the ring are from where any element bears load, at least.
 

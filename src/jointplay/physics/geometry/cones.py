@@ -6,12 +6,10 @@ Each is found by a barrier method (Boyd, Vandenberghe, Convex Optimization, 2004
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import numpy as np
 
-from jointplay.base import compiler
-from jointplay.base.compiler import njit, stamp
+from jointplay.base.compiler import compiled
 
 WAYS = 5
 """Coordinates."""
@@ -22,7 +20,7 @@ _STAGE, _STEPS, _SHORTER = 30.0, 40, 40
 """Factor of the objective from stage to stage; most Newton steps in one, halvings of a step."""
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _height(walls, centres, rooms, aim, weight, y):
     """Barrier less the weighted aim; infinite outside."""
     total = 0.0
@@ -45,7 +43,7 @@ def _height(walls, centres, rooms, aim, weight, y):
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _solve(matrix, right):
     """Solve a positive definite system in place, by elimination."""
     for k in range(WAYS):
@@ -60,7 +58,7 @@ def _solve(matrix, right):
         right[k] /= matrix[k, k]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def farthest(walls, centres, rooms, start, aims, points, forces):
     """Points of the set farthest along some directions, and the forces of its walls there.
 
@@ -150,7 +148,3 @@ def farthest(walls, centres, rooms, start, aims, points, forces):
                     w += walls[n, 1, i] * y[i]
                 left = rooms[n] * rooms[n] - u * u - w * w
                 forces[load, n] = 2.0 * math.sqrt(u * u + w * w) / (weight * left)
-
-
-for _compiled in (_height, _solve, farthest):
-    stamp(_compiled, (Path(__file__), Path(compiler.__file__)))

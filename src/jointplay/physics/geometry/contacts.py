@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import numpy as np
 
-from jointplay.base import compiler
-from jointplay.base.compiler import calling_with_arrays, njit
+from jointplay.base.compiler import calling_with_arrays, compiled
 from jointplay.physics.geometry.cylinder import (
     axial_gap,
     deepest_rim_direction,
@@ -56,7 +54,7 @@ POSE, ANSWER = 12, 7
 call_touch = calling_with_arrays(POSE, ANSWER)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def touch(shape, d, at, k, cx, cy, cz, r, first):
     """Gap, place and normal of contact k of a joint.
 
@@ -123,7 +121,7 @@ def touch(shape, d, at, k, cx, cy, cz, r, first):
 # Modes and forms of contact (Table 1, Figure 2).
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def classify_mode(gap) -> int:
     """Mode of the joint from all its gaps [m] (Table 1), as the value of a `Mode`."""
     smallest = gap[0]
@@ -136,7 +134,7 @@ def classify_mode(gap) -> int:
     return 0
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def classify_form(gap, normal, face_drop) -> int:
     """Contact form (Figure 2), as the value of a `Form`.
 
@@ -175,41 +173,33 @@ def classify_form(gap, normal, face_drop) -> int:
     return 12 if line and surface else 7
 
 
-@njit(cache=True, error_model="numpy")
-def classify_many(shape, dimensions, count, poses):
+def classify_many(
+    shape: int, dimensions: np.ndarray, count: int, poses: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Gaps (n, count) [m], modes (n,) and forms (n,), as int8, of many poses.
 
     `shape`: value of a `Shape`, or the address of a kind's own touch; `dimensions` of the joint,
     and `count` of its contacts; `poses` (n, 12), journal centre [m], then its orientation row by
     row, in the bearing frame. The form is -1 for joints that Figure 2 does not show.
     """
-    # Element by element: slices would triple the compilation time of the whole package.
-    n = poses.shape[0]
-    all_gaps = np.empty((n, count))
-    modes = np.empty(n, np.int8)
-    forms = np.full(n, -1, np.int8)
-    turn, gap, normal = np.empty(9), np.empty(count), np.empty((count, 3))
-    for i in range(n):
-        for k in range(9):
-            turn[k] = poses[i, 3 + k]
+    n = len(poses)
+    gaps, modes, forms = np.empty((n, count)), np.empty(n, np.int8), np.full(n, -1, np.int8)
+    _classify(shape, dimensions, poses, np.empty((count, 3)), gaps, modes, forms)
+    return gaps, modes, forms
+
+
+@compiled
+def _classify(shape, dimensions, poses, normal, gaps, modes, forms):
+    """Do what `classify_many` does; `normal` is room."""
+    count = gaps.shape[1]
+    for i in range(poses.shape[0]):
+        pose, gap = poses[i], gaps[i]
         for k in range(count):
-            g, _, _, _, nx, ny, nz = touch(
-                shape, dimensions, 0, k, poses[i, 0], poses[i, 1], poses[i, 2], turn, 0
+            gap[k], _, _, _, nx, ny, nz = touch(
+                shape, dimensions, 0, k, pose[0], pose[1], pose[2], pose, 3
             )
-            gap[k] = g
-            all_gaps[i, k] = g
             normal[k, 0], normal[k, 1], normal[k, 2] = nx, ny, nz
         modes[i] = classify_mode(gap)
         if shape in (_CYLINDER, _WORN) and count == 4:
-            drop = 2.0 * dimensions[1] * math.sqrt(turn[2] * turn[2] + turn[5] * turn[5])
+            drop = 2.0 * dimensions[1] * math.sqrt(pose[5] * pose[5] + pose[8] * pose[8])
             forms[i] = classify_form(gap, normal, drop)
-    return all_gaps, modes, forms
-
-
-# These functions call each other across files: their compiled code is valid for all of them only.
-_SOURCES = (*sorted(Path(__file__).parent.glob("*.py")), Path(compiler.__file__))
-for _compiled in (
-    *(axial_gap, radial_gap, deepest_rim_direction, touch_cylinder, worn_gap, touch),
-    *(classify_form, classify_mode, classify_many),
-):
-    compiler.stamp(_compiled, _SOURCES)

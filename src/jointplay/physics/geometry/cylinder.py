@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
-from jointplay.base.compiler import njit
+from jointplay.base.compiler import compiled, inlined
 from jointplay.physics.geometry.shapes import _WORN_NODE, EDGE_ROUNDING_M
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def deepest_rim_direction(pt: float, pn: float, sin_tilt: float, cos_tilt: float, radius: float):
     """Direction on the rim of the point farthest from the bearing's axis.
 
@@ -60,7 +60,7 @@ def deepest_rim_direction(pt: float, pn: float, sin_tilt: float, cos_tilt: float
     return math.copysign(c, pt), math.copysign(s, pn)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def radial_gap(px, py, pz, ax, ay, az, bore_radius, journal_radius):
     """Gap between one rim of the journal and the bore.
 
@@ -90,7 +90,7 @@ def radial_gap(px, py, pz, ax, ay, az, bore_radius, journal_radius):
     return bore_radius - distance, ox, oy, oz, rx * inverse, ry * inverse
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def axial_gap(pz, ax, ay, az, side, half_bore_length, journal_radius):
     """Gap between one rim of the journal and the end wall on the same `side` (+1 or -1).
 
@@ -116,7 +116,7 @@ def axial_gap(pz, ax, ay, az, side, half_bore_length, journal_radius):
     return half_bore_length - side * pz - (height - EDGE_ROUNDING_M), ox, oy, oz
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@inlined
 def touch_cylinder(k, cx, cy, cz, ax, ay, az, ri, rj, half_li, half_lj):
     """Gap, place and normal of contact k of a cylinder; see `touch`.
 
@@ -148,7 +148,7 @@ def worn_bore(depths: np.ndarray) -> tuple[float, ...]:
     return float(n), *nodes.ravel().tolist()
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _least_near(node, px, py, ax, ay, d, at, journal_radius):
     """Least of g(u) - R_i between the neighbours of a node, and its u (2); see `worn_gap`.
 
@@ -208,7 +208,7 @@ def _least_near(node, px, py, ax, ay, d, at, journal_radius):
     return wear - px * c - py * s - journal_radius * root, c, s
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def worn_gap(px, py, ax, ay, d, at, bore_radius, journal_radius):
     """Gap between a rim of the journal and a worn bore.
 

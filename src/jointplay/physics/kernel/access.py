@@ -5,43 +5,43 @@ It has the shape that `layout` declares, by the sizes that the record has at tha
 
 from __future__ import annotations
 
-from numba import carray, from_dtype, types
+import numpy as np
 
-from jointplay.base.compiler import address_of, internal, open_arrays, pointer_to
+from jointplay.base.compiler import address_of, carray, compiled, open_arrays, pointer_to
 from jointplay.physics.kernel.layout import ARRAYS, RUN, term
 
 for _record, _arrays in ARRAYS.items():
     open_arrays(
-        from_dtype(_record),
+        _record,
         {
-            name: (from_dtype(array.kind), [term(size) for size in array.shape])
+            name: (array.kind, [term(size) for size in array.shape])
             for name, array in _arrays.items()
         },
     )
 
 
-@internal
+@compiled
 def flat(array):
     """All numbers of an array in a row."""
     return carray(address_of(array), (array.size,))
 
 
-@internal
+@compiled
 def square(array, n):
     """Matrix (n, n) of floats, the first that an array has: n may be known to the compiler."""
     return carray(address_of(array), (n, n))
 
 
-_whole = pointer_to(types.int64)
+_whole = pointer_to(np.int64)
 
 
-@internal
+@compiled
 def words(at, size):
     """Array of `size` whole numbers, or what else has 8 bytes, at an address."""
     return carray(_whole(at), (size,))
 
 
-@internal
+@compiled
 def record_failure(run, status, contact):
     """Keep the first failure: later ones follow from it."""
     if run.status == 0:
@@ -49,5 +49,10 @@ def record_failure(run, status, contact):
         run.bad_contact = contact
 
 
-TABLE = (from_dtype(RUN)[::1], types.int64)
-"""Signature of the kernels' entries."""
+_run = pointer_to(RUN)
+
+
+@compiled
+def run_at(address):
+    """The record of a run at an address."""
+    return carray(_run(address), (1,))[0]

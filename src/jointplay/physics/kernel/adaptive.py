@@ -27,7 +27,7 @@ import math
 
 import numpy as np
 
-from jointplay.base.compiler import address_of, internal
+from jointplay.base.compiler import address_of, compiled
 from jointplay.physics.contact.calls import call_normal
 from jointplay.physics.kernel.access import words
 from jointplay.physics.kernel.bodies import place_bodies
@@ -92,7 +92,7 @@ ONSET_DEPTH = 1e-3
 """A contact has begun where its depth is less than this part of the step's way into it."""
 
 
-@internal
+@compiled
 def _save(run):
     """Keep a copy of all that a macro step changes."""
     for k in range(run.ncopies):
@@ -102,7 +102,7 @@ def _save(run):
             target[i] = source[i]
 
 
-@internal
+@compiled
 def _restore(run):
     """Come back to the copy, but for the counts of the work done and what was refused."""
     solves, iterations, unsolved = run.solves, run.iterations, run.unsolved
@@ -118,7 +118,7 @@ def _restore(run):
     run.retried_at = retried
 
 
-@internal
+@compiled
 def _gap_ahead(run, elapsed):
     """Least gap of the contacts that do not touch now, `elapsed` after the present state."""
     nv = run.nv
@@ -137,7 +137,7 @@ def _gap_ahead(run, elapsed):
     return least
 
 
-@internal
+@compiled
 def _least_gap(run):
     """Least gap of the contacts that do not touch at the present state."""
     least = np.inf
@@ -149,7 +149,7 @@ def _least_gap(run):
     return least
 
 
-@internal
+@compiled
 def _time_to_onset(run, h):
     """Time to the onset of the next contact, `h` if none begins within it.
 
@@ -178,7 +178,7 @@ def _time_to_onset(run, h):
     return high
 
 
-@internal
+@compiled
 def _quadratic_form(run, forces):
     """Generalised forces f as f M^-1 f."""
     nv = run.nv
@@ -191,7 +191,7 @@ def _quadratic_form(run, forces):
     return total
 
 
-@internal
+@compiled
 def _compliance_at(run, joint, contact):
     """Inverse of the mass that a contact meets along its normal [1/kg]."""
     nv = run.nv
@@ -208,7 +208,7 @@ def _compliance_at(run, joint, contact):
     return _quadratic_form(run, pull)
 
 
-@internal
+@compiled
 def _judge_onset(run, joint, contact):
     """Expect of a contact that has just begun how long it is and how hard it brakes.
 
@@ -234,7 +234,7 @@ def _judge_onset(run, joint, contact):
     run.micro_step = min(run.micro_step, max(first, run.shortest_micro))
 
 
-@internal
+@compiled
 def _stiffness(joint, contact):
     """Rise of a contact's elastic force with its depth [N/m]."""
     depth = -contact.gap
@@ -244,7 +244,7 @@ def _stiffness(joint, contact):
     return max(rise, 0.0) / (STIFFNESS_DIFFERENCE * depth)
 
 
-@internal
+@compiled
 def _judge_contacts(run, moved):
     """Judge the contacts that touch: what impacts under way bring, and which step follows all.
 
@@ -279,7 +279,7 @@ def _judge_contacts(run, moved):
         run.stable_micro = min(run.longest_micro, STABLE_TURN / math.sqrt(squares))
 
 
-@internal
+@compiled
 def _size(run, values):
     """Generalised velocities or accelerations as the root of twice a kinetic energy."""
     nv = run.nv
@@ -290,7 +290,7 @@ def _size(run, values):
     return math.sqrt(total)
 
 
-@internal
+@compiled
 def _step_error(run, h):
     """Error of the step of length h to the state just evaluated, over what is tolerated."""
     nv = run.nv
@@ -311,7 +311,7 @@ def _step_error(run, h):
     return wrong / (run.micro_tolerance * (whole + SMALL_SPEED / h))
 
 
-@internal
+@compiled
 def _first_due(run, time):
     """First step to be recorded at or after a time, as long as it is in this macro step."""
     step = math.ceil(time / run.dt - 1e-6)
@@ -321,7 +321,7 @@ def _first_due(run, time):
     return int(step)
 
 
-@internal
+@compiled
 def _remember_acceleration(run, h):
     """Move the accelerations of the last states on by one."""
     nv = run.nv
@@ -332,7 +332,7 @@ def _remember_acceleration(run, h):
     run.known_a = min(run.known_a + 1, 2)
 
 
-@internal
+@compiled
 def _next_length(run, remaining):
     """Length of the next micro step: what remains is divided evenly among few."""
     h = max(min(run.micro_step, run.stable_micro), run.shortest_micro)
@@ -341,7 +341,7 @@ def _next_length(run, remaining):
     return remaining / math.ceil(remaining / h) if remaining < 3.0 * h else h
 
 
-@internal
+@compiled
 def _keep_row(run):
     """Keep the state just evaluated, for records to be interpolated from it."""
     fill_row(run, run.row_before)
@@ -351,7 +351,7 @@ def _keep_row(run):
         load.before = load.power
 
 
-@internal
+@compiled
 def _write_due_records(run, start, h, due):
     """Write the records from step `due` on in the micro step from `start`; which is due next."""
     end = start + h
@@ -362,7 +362,7 @@ def _write_due_records(run, start, h, due):
     return due
 
 
-@internal
+@compiled
 def _try_steps(run):
     """Do the micro steps of a macro step; returns whether the error of none was refused."""
     end = (run.step + run.macro) * run.dt
@@ -432,7 +432,7 @@ def _try_steps(run):
     return True
 
 
-@internal
+@compiled
 def advance_adaptively(run):
     """Do the planned macro step with Pinocchio's result, and plan the next."""
     check_prediction(run)

@@ -9,18 +9,18 @@ from __future__ import annotations
 
 import math
 
-from jointplay.base.compiler import internal
+from jointplay.base.compiler import compiled
 from jointplay.physics.kernel.frames import add, add_scaled, cross, get_vector, scale, set_vector
 
 
-@internal
+@compiled
 def matrix_times_vector(columns, x, y, z):
     """Matrix, given by its nine numbers column by column, times a vector."""
     first = add_scaled(scale(x, get_vector(columns, 0)), y, get_vector(columns, 3))
     return add_scaled(first, z, get_vector(columns, 6))
 
 
-@internal
+@compiled
 def place_bodies(run, q):
     """Orientation and origin of all bodies at the coordinates q, and the Jacobian's columns.
 
@@ -51,7 +51,7 @@ def place_bodies(run, q):
         set_vector(body.origin, 0, origin)
 
 
-@internal
+@compiled
 def point_acceleration(body, arm):
     """Acceleration of a point at `arm` from a body's origin, at constant generalised velocities."""
     omega = get_vector(body.omega, 0)
@@ -59,7 +59,7 @@ def point_acceleration(body, arm):
     return add(get_vector(body.lift, 0), add(turning, cross(omega, cross(omega, arm))))
 
 
-@internal
+@compiled
 def find_body_rates(run, v):
     """Angular velocities of the bodies just placed, and accelerations at constant speeds v."""
     every = run.bodies

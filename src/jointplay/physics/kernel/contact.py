@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from jointplay.base.compiler import address_of, internal, pointer
+from jointplay.base.compiler import address_of, compiled, pointer
 from jointplay.physics.contact.calls import call_bristle, call_friction, call_normal
 from jointplay.physics.geometry import Shape, touch_cylinder
 from jointplay.physics.geometry import touch as touch_shape
@@ -48,7 +48,7 @@ _SLID_BEFORE_S = 1e-2
 began straight at full speed would push by many times the friction until they have bent."""
 
 
-@internal
+@compiled
 def _contact_place(joint, k):
     """Gap of contact k at the joint's pose, its arm (3) and direction (3)."""
     pose, dimensions = joint.pose, pointer(joint.dimensions)
@@ -60,7 +60,7 @@ def _contact_place(joint, k):
     return touch_shape(joint.shape, dimensions, 0, k, pose[0], pose[1], pose[2], pose, 3)
 
 
-@internal
+@compiled
 def contact_gap(joint, k):
     """Gap of contact k at the joint's pose."""
     if joint.resultant != 0:
@@ -68,7 +68,7 @@ def contact_gap(joint, k):
     return _contact_place(joint, k)[0]
 
 
-@internal
+@compiled
 def find_gaps(run, j, joint):
     """Find gap, place and normal of each contact of joint j; returns whether any touches.
 
@@ -99,7 +99,7 @@ def find_gaps(run, j, joint):
     return touching
 
 
-@internal
+@compiled
 def _find_contact_velocity(joint, contact):
     """Rate of penetration, sliding velocity and its magnitude at a contact, from the twist."""
     arm, normal = get_vector(contact.arm, 0), get_vector(contact.direction, 0)
@@ -109,7 +109,7 @@ def _find_contact_velocity(joint, contact):
     return rate, slip, norm(slip)
 
 
-@internal
+@compiled
 def _normal_force(joint, contact, rate):
     """Normal force, the approach speed, and the speed that damping is referred to.
 
@@ -133,14 +133,14 @@ def _normal_force(joint, contact, rate):
     return max(force, 0.0), approach, reference  # a dry contact never pulls
 
 
-@internal
+@compiled
 def _evaluate_bristle_law(run, joint, contact, speed, normal, dwell):
     """Evaluate the bristle law (see `BristleLaw`) into `law_numbers`."""
     law, out = address_of(joint.friction_parameters), address_of(run.law_numbers)
     call_bristle(joint.friction_law, (speed, normal, dwell, law, out))
 
 
-@internal
+@compiled
 def advance_bristles(run, j, joint, elapsed):
     """Integrate the bristle deflections of joint j over `elapsed` [s] at the present twist.
 
@@ -165,7 +165,7 @@ def advance_bristles(run, j, joint, elapsed):
         set_vector(contact.bristle_now, 0, add(scale(left, z), scale(gain, slip)))
 
 
-@internal
+@compiled
 def _bristle_force(run, joint, contact, normal, slip, speed):
     """Force of the bristles: -(k z + d (A v - r z)), no longer than the cap, and - c v.
 
@@ -183,7 +183,7 @@ def _bristle_force(run, joint, contact, normal, slip, speed):
     return add_scaled(force, -out[4], slip), damper + out[4]
 
 
-@internal
+@compiled
 def _bristle_slope(run, joint, contact, slip):
     """Direction of sliding, the bristles' force per velocity along it, and its fall across."""
     speed, normal = contact.speed, contact.normal_now
@@ -198,7 +198,7 @@ def _bristle_slope(run, joint, contact, slip):
     return t, scale(1.0 / more, add_scaled(further, -1.0, force)), across
 
 
-@internal
+@compiled
 def _friction_slope(joint, contact, slip):
     """Direction of sliding, friction (eqs 20, 21) per velocity along it, and its fall across."""
     speed, normal, mu = contact.speed, contact.normal_now, contact.mu
@@ -211,7 +211,7 @@ def _friction_slope(joint, contact, slip):
     return t, scale(-rise * normal, t), mu / speed * normal
 
 
-@internal
+@compiled
 def _add_slope(joint, contact, b):
     """Add the slope of a force at a contact, matrix `b` (3 columns), to the joint's: X^T b X."""
     arm, wrench_slope = get_vector(contact.arm, 0), joint.wrench_slope
@@ -234,7 +234,7 @@ def _add_slope(joint, contact, b):
             wrench_slope[3 + r, 3 + c] += turned[r]
 
 
-@internal
+@compiled
 def add_contact_slope(run, j, joint):
     """Add the derivative of the wrench by the twist; after `add_contact_forces`."""
     if joint.resultant != 0:
@@ -266,7 +266,7 @@ def add_contact_slope(run, j, joint):
         _add_slope(joint, contact, columns)
 
 
-@internal
+@compiled
 def add_contact_forces(run, j, joint):
     """Add the contact forces at the joint's twist to its wrench."""
     if joint.resultant != 0:
@@ -298,7 +298,7 @@ def add_contact_forces(run, j, joint):
             wrench[3 + r] += moment[r]
 
 
-@internal
+@compiled
 def add_dissipation(run, j, joint):
     """Add the power dissipated in the contacts of joint j; stop the run where a law has failed."""
     if joint.resultant != 0:
@@ -315,7 +315,7 @@ def add_dissipation(run, j, joint):
             record_failure(run, _BAD_FORCE, run.width * j + k)
 
 
-@internal
+@compiled
 def average_stage_forces(joint, contact_rows, stage, part):
     """Add the forces at a stage to the means over a step, of which it stands for a `part`."""
     mean, film = joint.mean_force, joint.mean_film_force
@@ -339,7 +339,7 @@ def average_stage_forces(joint, contact_rows, stage, part):
             )
 
 
-@internal
+@compiled
 def commit_contacts(run, j, joint, duration):
     """Accept the contacts' state as one of the trajectory; its forces act for `duration` [s].
 
@@ -387,7 +387,7 @@ def commit_contacts(run, j, joint, duration):
         set_vector(joint.peak, 0, force)
 
 
-@internal
+@compiled
 def _end_contact(contact):
     """Count a contact that has ended, and how well it was resolved."""
     contact.ended += 1.0
@@ -401,7 +401,7 @@ def _end_contact(contact):
     set_vector(contact.bristle, 0, (0.0, 0.0, 0.0))
 
 
-@internal
+@compiled
 def _count_sliding(joint, k, direction, work):
     """Add normal force times sliding distance to the two azimuths beside the contact's place."""
     counted = joint.sliding_work

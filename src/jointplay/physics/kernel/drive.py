@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 
-from jointplay.base.compiler import internal
+from jointplay.base.compiler import compiled
 from jointplay.physics.kernel.constants import JOINT_FRICTION_SPEED
 from jointplay.physics.kernel.layout import DRIVE, JOINT_FRICTION
 
 
-@internal
+@compiled
 def reference_rows(run, time):
     """Rows of the reference (3, nu) before and after a time; how far between them (0 to 1)."""
     place = time / run.reference_interval
@@ -17,13 +17,13 @@ def reference_rows(run, time):
     return run.reference[node], run.reference[node + 1], min(place - node, 1.0)
 
 
-@internal
+@compiled
 def between_rows(before, after, part, kind, column):
     """Position (kind 0), speed (1) or effort (2) of a column of the reference between two rows."""
     return before[kind, column] + part * (after[kind, column] - before[kind, column])
 
 
-@internal
+@compiled
 def prescribe_motion(run, q, v, time):
     """Set prescribed coordinates to the reference, and keep armature x acceleration in drive.
 
@@ -44,7 +44,7 @@ def prescribe_motion(run, q, v, time):
         effort[i] = row.armature * (2.0 * b + 6.0 * s * c) / (h * h)
 
 
-@internal
+@compiled
 def apply_drives(run, q, v, time, tau):
     """Write the drives' efforts at state (q, v) into `apply_drives` and add them to tau."""
     before, after, part = reference_rows(run, time)
@@ -63,7 +63,7 @@ def apply_drives(run, q, v, time, tau):
         tau[i] += effort[i]
 
 
-@internal
+@compiled
 def apply_drive_damping(run, v, tau):
     """Add what implicit drives' damping changes at the speeds v, against those taken before.
 
@@ -76,7 +76,7 @@ def apply_drive_damping(run, v, tau):
             tau[one.coordinate] -= one.kd * (v[one.encoder] - one.taken_at)
 
 
-@internal
+@compiled
 def complete_drives(run, v):
     """Move what implicit damping changed into the drives' efforts, the velocity v found."""
     effort, forces = run.drive, run.velocity_forces
@@ -89,7 +89,7 @@ def complete_drives(run, v):
             one.taken_at = v[one.encoder]
 
 
-@internal
+@compiled
 def add_drive_power(run, v):
     """Add the power of the drives whose effort is known to the powers."""
     effort = run.drive
@@ -98,7 +98,7 @@ def add_drive_power(run, v):
             run.power[DRIVE] += effort[one.coordinate] * v[one.coordinate]
 
 
-@internal
+@compiled
 def add_prescribed_power(run, v, a):
     """Complete the effort of prescribed motion, the acceleration known, and add its power."""
     effort = run.drive
@@ -109,7 +109,7 @@ def add_prescribed_power(run, v, a):
             run.power[DRIVE] += effort[i] * v[i]
 
 
-@internal
+@compiled
 def _joint_friction(row, speed):
     """Friction at a speed, and its slope."""
     ratio = speed / row.stribeck
@@ -121,7 +121,7 @@ def _joint_friction(row, speed):
     return dry * turn + row.viscous * speed, slope
 
 
-@internal
+@compiled
 def apply_joint_friction(run, v, tau):
     """Subtract the joints' own friction from tau."""
     for row in run.frictions:
@@ -130,7 +130,7 @@ def apply_joint_friction(run, v, tau):
         tau[i] -= friction
 
 
-@internal
+@compiled
 def add_joint_slopes(run, v):
     """Add the derivatives of joint friction and implicit drives by velocity to the slope."""
     slope, place = run.slope, run.place
@@ -144,7 +144,7 @@ def add_joint_slopes(run, v):
         slope[i, i] -= rise
 
 
-@internal
+@compiled
 def add_joint_losses(run, v):
     """Add the power dissipated in joint friction at velocities v."""
     for row in run.frictions:

@@ -7,15 +7,14 @@ Three, because a run needs one or two of them and each is compiled when it is fi
 
 from __future__ import annotations
 
-from functools import cache
+from collections.abc import Callable
 from typing import Any
 
-from jointplay.base.compiler import njit
+from jointplay.base import compiler
 from jointplay.physics.kernel import adaptive, multirate, singlerate
 from jointplay.physics.kernel import record as records
-from jointplay.physics.kernel.access import TABLE
+from jointplay.physics.kernel.access import run_at
 from jointplay.physics.kernel.constants import REACHED, Command
-from jointplay.physics.kernel.sources import stamp
 
 (
     _ADVANCE, _PLAN, _RESTART, _START_HALF_STEP, _SYNCHRONIZE, _RECORD_LAST_STATE, _BEGIN,
@@ -24,14 +23,14 @@ from jointplay.physics.kernel.sources import stamp
 ) = (int(command) for command in Command)  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy")
-def enter(table, command) -> int:
-    """Carry out a `Command` of the multi-rate method on a run (`layout.RUN`, an array of one).
+@compiler.compiled
+def enter(address, command) -> int:
+    """Carry out a `Command` of the multi-rate method on a run (`layout.RUN`) at an address.
 
     Returns the run's status, or `REACHED`, where `ADVANCE` has come to the step that it should not
     go beyond.
     """
-    run = table[0]
+    run = run_at(address)
     if command == _ADVANCE:
         multirate.advance(run)
         if run.status == 0 and run.step >= run.until:
@@ -51,10 +50,10 @@ def enter(table, command) -> int:
     return run.status
 
 
-@njit(cache=True, error_model="numpy")
-def enter_adaptive(table, command) -> int:
+@compiler.compiled
+def enter_adaptive(address, command) -> int:
     """Do the multi-rate method's `ADVANCE_ADAPTIVELY` on a run; returns what `enter` does."""
-    run = table[0]
+    run = run_at(address)
     if command == _ADVANCE_ADAPTIVELY:
         adaptive.advance_adaptively(run)
         if run.status == 0 and run.step >= run.until:
@@ -62,10 +61,10 @@ def enter_adaptive(table, command) -> int:
     return run.status
 
 
-@njit(cache=True, error_model="numpy")
-def enter_single(table, command) -> int:
+@compiler.compiled
+def enter_single(address, command) -> int:
     """Carry out a `Command` of the single-rate methods on a run; returns its status."""
-    run = table[0]
+    run = run_at(address)
     if command == _EULER:
         singlerate.semi_implicit_euler(run)
     elif command == _RUNGE_KUTTA:
@@ -86,9 +85,6 @@ ENTRIES = (enter, enter_adaptive, enter_single)
 
 _SINGLE = (_BEGIN, _REFRESH, _EVALUATE_FORCES, _COMPLETE_STEP, _RECORD, _EULER, _RUNGE_KUTTA)
 
-for _entry in ENTRIES:
-    stamp(_entry)
-
 
 def entry_of(command: Command) -> Any:
     """The one of `ENTRIES` that carries out a command."""
@@ -97,15 +93,9 @@ def entry_of(command: Command) -> Any:
     return enter_single if command in _SINGLE else enter
 
 
-def compiled(command: Command = Command.ADVANCE) -> Any:
-    """Compile the entry for a command or load it, and return the function behind the dispatcher.
+def compiled(command: Command = Command.ADVANCE) -> Callable[[int, int], int]:
+    """Compile the entry for a command or load it, and return what calls it fastest.
 
-    To call it directly saves the dispatcher's look at the arguments, half of what a call costs.
+    That takes the address of the run's record, and a command.
     """
-    return _compiled(entry_of(command))
-
-
-@cache
-def _compiled(entry: Any) -> Any:
-    entry.compile(TABLE)
-    return entry.overloads[TABLE].entry_point
+    return entry_of(command).caller("i(i,i)")  # type: ignore[no-any-return]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from jointplay.base.compiler import address_of, internal
+from jointplay.base.compiler import address_of, compiled
 from jointplay.physics.contact.calls import call_film
 from jointplay.physics.kernel.access import record_failure
 from jointplay.physics.kernel.constants import Status
@@ -16,7 +16,7 @@ _DIFFERENCE = 1e-4
 """Relative difference of a section's speed by which the film is differentiated."""
 
 
-@internal
+@compiled
 def _evaluate_law(run, joint, e, part, direction, velocity):
     """Force (2) of a section along x and y, its moment, and its damping, at a velocity (x, y)."""
     clearance = joint.clearance
@@ -36,7 +36,7 @@ def _evaluate_law(run, joint, e, part, direction, velocity):
     )
 
 
-@internal
+@compiled
 def _section_state(joint, section):
     """Where a section stands: its arm, eccentricity, direction of it, and share of the film."""
     pose = joint.pose
@@ -51,7 +51,7 @@ def _section_state(joint, section):
     return arm, e, direction, part
 
 
-@internal
+@compiled
 def _lagged_force(run, joint, section, place, velocity):
     """Force and moment of a section for an explicit step, which cannot follow a stiff film.
 
@@ -76,7 +76,7 @@ def _lagged_force(run, joint, section, place, velocity):
     return fx, fy, turn
 
 
-@internal
+@compiled
 def _add_slope(run, joint, place, velocity, arm, force):
     """Add the slope of a section's force with its velocity to the joint's."""
     e, part, direction = place
@@ -99,7 +99,7 @@ def _add_slope(run, joint, place, velocity, arm, force):
                 wrench_slope[3 + r, 3 + k] += turned[r] * lever[k]
 
 
-@internal
+@compiled
 def add_film_forces(run, joint, lag):
     """Add the film's forces at the joint's twist to its wrench, of an explicit step with `lag`."""
     wrench, film = joint.wrench, joint.film_wrench
@@ -124,7 +124,7 @@ def add_film_forces(run, joint, lag):
         wrench[r] += film[r]
 
 
-@internal
+@compiled
 def add_film_slope(run, joint):
     """Add the derivative of the film's wrench by the joint's twist."""
     for section in range(joint.sections):
@@ -137,7 +137,7 @@ def add_film_slope(run, joint):
         _add_slope(run, joint, (e, part, direction), velocity, arm, (fx, fy))
 
 
-@internal
+@compiled
 def add_film_losses(run, j, joint):
     """Add the power dissipated in the film; stop the run where its law has failed."""
     wrench, twist = joint.film_wrench, joint.twist
@@ -147,7 +147,7 @@ def add_film_losses(run, j, joint):
         record_failure(run, _BAD_FORCE, run.width * j)
 
 
-@internal
+@compiled
 def commit_film(run, joint):
     """Keep the sections' force and velocity for the lag of the next explicit step."""
     memory = joint.film_memory

@@ -14,12 +14,9 @@ from __future__ import annotations
 
 import math
 
-from jointplay.base.compiler import internal, njit
+from jointplay.base.compiler import compiled, inlined
 
 # Vectors of three numbers as tuples: what compiled code reckons with. All are inlined.
-
-
-inlined = njit(inline="always", error_model="numpy")
 
 
 @inlined
@@ -70,7 +67,7 @@ def norm(a):
     return math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
 
 
-@internal
+@compiled
 def pose_of_virtual_link(q, joint):
     """Pose of the journal from the six coordinates of the virtual link: Rz(yaw) Ry(p) Rx(roll)."""
     first = joint.first
@@ -85,7 +82,7 @@ def pose_of_virtual_link(q, joint):
     sines[0], sines[1], sines[2], sines[3] = sy, cy, sp, cp
 
 
-@internal
+@compiled
 def _world_pose(rotation, translation, placement):
     """World orientation (9, row by row) and place (3) of a placement; Pinocchio has columns."""
     r0 = (rotation[0], rotation[3], rotation[6])
@@ -106,13 +103,13 @@ def _world_pose(rotation, translation, placement):
     return rows, at
 
 
-@internal
+@compiled
 def _rotate_back(rows, a):
     """R^T a for a matrix R given by its rows."""
     return add(add(scale(a[0], rows[0]), scale(a[1], rows[1])), scale(a[2], rows[2]))
 
 
-@internal
+@compiled
 def pose_of_frames(run, joint, pose, jacobian):
     """Pose of the journal (12) and `reach` (6, n) from the frames that carry it and its bearing.
 
@@ -144,7 +141,7 @@ def pose_of_frames(run, joint, pose, jacobian):
             jacobian[3 + r, k] = turning[r]
 
 
-@internal
+@compiled
 def frame_twist(joint, jacobian, v, out):
     """Motion (6) of what `reach` moves at velocities v."""
     n = joint.nsupport
@@ -156,7 +153,7 @@ def frame_twist(joint, jacobian, v, out):
         out[r] = total
 
 
-@internal
+@compiled
 def find_twist(joint, v):
     """Put velocity of the journal's centre and angular velocity, in bearing axes, into `twist`."""
     out = joint.twist
@@ -172,7 +169,7 @@ def find_twist(joint, v):
     out[5] = v[first + 3] - sp * v[first + 5]
 
 
-@internal
+@compiled
 def project_wrench(joint, tau):
     """Project the joint's wrench on the coordinates: tau += J^T w."""
     wrench = joint.wrench
@@ -195,7 +192,7 @@ def project_wrench(joint, tau):
     tau[first + 5] += cy * cp * wrench[3] + sy * cp * wrench[4] - sp * wrench[5]
 
 
-@internal
+@compiled
 def project_frame_slope(one, place, slope):
     """Project the slope of a wrench between frames on the coordinates: slope += J^T K J."""
     n, wrench_slope = one.nsupport, one.wrench_slope
@@ -210,7 +207,7 @@ def project_frame_slope(one, place, slope):
                     slope[place[support[m]], place[support[k]]] += jacobian[r, m] * total
 
 
-@internal
+@compiled
 def project_slope(run, joint):
     """Project the slope of the joint's wrench on the coordinates: slope += J^T K J."""
     slope, wrench_slope = run.slope, joint.wrench_slope

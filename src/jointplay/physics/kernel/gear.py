@@ -19,9 +19,9 @@ from __future__ import annotations
 
 import math
 
-from jointplay.base.compiler import internal, njit
+from jointplay.base.compiler import carray, compiled, pointer_to
 from jointplay.physics.kernel.constants import GEAR_BENDS, JOINT_FRICTION_SPEED
-from jointplay.physics.kernel.layout import GEAR, GEAR_TORQUE
+from jointplay.physics.kernel.layout import GEAR, GEAR_ROW, GEAR_TORQUE
 
 LEAST_TURN = 1e-12
 """First twist that is tried beyond the last one in a search for a torque [rad]."""
@@ -30,7 +30,7 @@ HALVINGS = 64
 """By which the interval of that search becomes no more than rounding."""
 
 
-@internal
+@compiled
 def _elastic_torque(gear, depth):
     """Elastic torque at a twist `depth` beyond the play, which is not negative."""
     torque = start = 0.0
@@ -42,7 +42,7 @@ def _elastic_torque(gear, depth):
     return torque + gear.slopes[GEAR_BENDS] * (depth - start)
 
 
-@internal
+@compiled
 def _take_twist(gear, twist):
     """Find elastic torque and hysteresis at a twist, from the hysteresis at the last one."""
     gear.twist = twist
@@ -56,12 +56,12 @@ def _take_twist(gear, twist):
         gear.hysteresis = limit + (gear.last_hysteresis - limit) * left
 
 
-@internal
+@compiled
 def _commit_gear(gear):
     gear.last_twist, gear.last_hysteresis = gear.twist, gear.hysteresis
 
 
-@internal
+@compiled
 def place_gears(run, q):
     """Find all that depends on the coordinates alone."""
     for gear in run.gears:
@@ -75,14 +75,14 @@ def place_gears(run, q):
         _take_twist(gear, motor + error - q[gear.link])
 
 
-@internal
+@compiled
 def commit_gears(run):
     """Accept the state of the gears as one of the trajectory."""
     for gear in run.gears:
         _commit_gear(gear)
 
 
-@internal
+@compiled
 def mark_gears(run, marks):
     """Mark the coordinates on which gears act."""
     for gear in run.gears:
@@ -90,13 +90,13 @@ def mark_gears(run, marks):
             marks[gear.motor] = marks[gear.link] = 1.0
 
 
-@internal
+@compiled
 def _held_torque(gear):
     """Torque that teeth and bristles hold at rest."""
     return math.copysign(gear.elastic, gear.twist) + gear.hysteresis
 
 
-@internal
+@compiled
 def _tooth_torque(gear, v):
     """Torque that teeth transmit, the side in contact, and the teeth's rate."""
     if gear.elastic <= 0.0:
@@ -106,7 +106,7 @@ def _tooth_torque(gear, v):
     return max(gear.elastic + gear.damping * rate, 0.0), side, rate  # teeth never pull
 
 
-@internal
+@compiled
 def _gear_friction(gear, speed):
     """Friction on the motor at its speed, and its slope.
 
@@ -123,7 +123,7 @@ def _gear_friction(gear, speed):
     return dry * turn + gear.viscous * speed, slope
 
 
-@internal
+@compiled
 def apply_gears(run, v, tau):
     """Add the torques at the velocities v, after `place_gears`."""
     for gear in run.gears:
@@ -134,7 +134,7 @@ def apply_gears(run, v, tau):
         tau[gear.link] += gear.torque
 
 
-@internal
+@compiled
 def add_gear_slopes(run, v):
     """Add the derivatives of the torques by velocity to the slope."""
     slope, place = run.slope, run.place
@@ -150,7 +150,7 @@ def add_gear_slopes(run, v):
             slope[k, m] += gear.lever * gear.damping
 
 
-@internal
+@compiled
 def add_gear_losses(run, v):
     """Add the power dissipated at the velocities v."""
     for gear in run.gears:
@@ -162,7 +162,7 @@ def add_gear_losses(run, v):
             run.power[GEAR] += gear.hysteresis * gear.hysteresis / gear.grip * slip
 
 
-@internal
+@compiled
 def record_gears(run, row):
     """Write torque and hysteresis of each gear into a record's row."""
     at = run.columns[GEAR_TORQUE]
@@ -172,18 +172,21 @@ def record_gears(run, row):
         at += 2
 
 
-@njit(cache=True, error_model="numpy")
-def turn_slowly(row, torques, twists):
+_gear = pointer_to(GEAR_ROW)
+
+
+@compiled
+def turn_slowly(address, torques, twists):
     """Load a gear with one torque after another, at no speed, from where `row` has it.
 
     Where several twists bear a torque the gear goes no farther than to the first.
 
     Args:
-        row: of `layout.GEAR_ROW`, shape (1,); it keeps where the gear ends.
+        address: of a record `layout.GEAR_ROW`, which keeps where the gear ends.
         torques: (n,) [N m].
         twists: result, (n,) [rad].
     """
-    gear = row[0]
+    gear = carray(_gear(address), (1,))[0]
     for i in range(len(torques)):
         begin = gear.last_twist
         _take_twist(gear, begin)

@@ -19,9 +19,7 @@ from __future__ import annotations
 
 import math
 
-from numba import types
-
-from jointplay.base.compiler import NUMBERS, address_of, calling, internal, pointer
+from jointplay.base.compiler import address_of, calling, compiled, pointer
 from jointplay.physics.kernel.access import record_failure
 from jointplay.physics.kernel.constants import ALWAYS, IF_PRESSED, Status
 from jointplay.physics.kernel.frames import frame_twist, pose_of_frames, project_frame_slope
@@ -29,8 +27,8 @@ from jointplay.physics.kernel.layout import LOAD_FORCE, LOAD_WORK
 
 _BAD_LOAD = int(Status.BAD_LOAD)
 
-LOAD_LAW = types.void(types.float64, NUMBERS, NUMBERS, NUMBERS, NUMBERS)
-"""Signature of a load's law."""
+LOAD_LAW = "v(d,p,p,p,p)"
+"""Signature of a load's law, see `compiler.Compiled.native`."""
 
 _DIFFERENCE = 1e-6
 """Difference of velocities by which laws are differentiated, relative; and at rest [m/s]."""
@@ -39,7 +37,7 @@ _DIFFERENCE = 1e-6
 _call = calling(LOAD_LAW)
 
 
-@internal
+@compiled
 def _evaluate_law(load, time):
     """Evaluate the law at the load's present inputs, into `out`."""
     inputs = address_of(load.place), address_of(load.rate)
@@ -50,7 +48,7 @@ def _evaluate_law(load, time):
             out[i] = math.copysign(bounds[i], out[i])
 
 
-@internal
+@compiled
 def _read_positions(load, q):
     """Copy the coordinates on which the load depends into its x."""
     inputs, place = load.inputs, load.place
@@ -58,7 +56,7 @@ def _read_positions(load, q):
         place[k] = q[inputs[k]]
 
 
-@internal
+@compiled
 def _read_velocities(load, v):
     """Copy the velocities on which the load depends into its dx."""
     if load.frames != 0:
@@ -69,7 +67,7 @@ def _read_velocities(load, v):
         rate[k] = v[inputs[k]]
 
 
-@internal
+@compiled
 def _evaluate_law_at_rest(load, time):
     """Evaluate the law at zero velocity, into `out` and `elastic`."""
     rate = load.rate
@@ -81,7 +79,7 @@ def _evaluate_law_at_rest(load, time):
         elastic[i] = out[i]
 
 
-@internal
+@compiled
 def _project_forces(load, sign, forces, tau):
     """Add the generalised forces of `forces`, times `sign`, to tau."""
     if load.frames != 0:
@@ -97,7 +95,7 @@ def _project_forces(load, sign, forces, tau):
         tau[outputs[k]] += sign * forces[k]
 
 
-@internal
+@compiled
 def evaluate_loads(run, q, v, marks):
     """Answer of all loads at q, but for what depends on velocity: into `load_forces`.
 
@@ -132,7 +130,7 @@ def evaluate_loads(run, q, v, marks):
             marks[moved[k]] = 1.0
 
 
-@internal
+@compiled
 def apply_loads(run, base, h):
     """Add the forces from `evaluate_loads` to tau, and their impulse over h to the velocities."""
     nv = run.nv
@@ -146,7 +144,7 @@ def apply_loads(run, base, h):
             base[i] += h * minv[i, k] * forces[k]
 
 
-@internal
+@compiled
 def apply_velocity_loads(run, v, tau):
     """Add the velocity-dependent part of the loads to tau."""
     for load in run.loads:
@@ -158,7 +156,7 @@ def apply_velocity_loads(run, v, tau):
         _project_forces(load, -1.0, load.elastic[0], tau)
 
 
-@internal
+@compiled
 def add_load_slopes(run):
     """Add the loads' derivative by velocity to the slope, after `apply_velocity_loads`."""
     slope, place = run.slope, run.place
@@ -187,7 +185,7 @@ def add_load_slopes(run):
             project_frame_slope(load, place, slope)
 
 
-@internal
+@compiled
 def find_load_powers(run, v):
     """Powers of the loads at velocities v; stops the run where a law has failed."""
     for index in range(run.nl):
@@ -207,7 +205,7 @@ def find_load_powers(run, v):
             record_failure(run, _BAD_LOAD, index)
 
 
-@internal
+@compiled
 def apply_current_loads(run, q, v, time, tau):
     """Add the forces of all loads at state (q, v) to tau, and find their powers."""
     for load in run.loads:
@@ -224,14 +222,14 @@ def apply_current_loads(run, q, v, time, tau):
     find_load_powers(run, v)
 
 
-@internal
+@compiled
 def add_load_work(run, duration):
     """Add the loads' work at their present powers over `duration`."""
     for load in run.loads:
         load.work += duration * load.power
 
 
-@internal
+@compiled
 def complete_load_work(run):
     """Complete the works of a single-rate step by the trapezoidal rule, if they are pending."""
     for load in run.loads:
@@ -240,7 +238,7 @@ def complete_load_work(run):
         load.before = load.power
 
 
-@internal
+@compiled
 def add_stage_work(run, stage, weight):
     """Add a stage's part to the works of a Runge-Kutta step; with the fourth they are done."""
     for load in run.loads:
@@ -249,7 +247,7 @@ def add_stage_work(run, stage, weight):
             load.work += load.gathered
 
 
-@internal
+@compiled
 def record_loads(run, row):
     """Write answers and works into a record's row."""
     at = run.columns[LOAD_FORCE]

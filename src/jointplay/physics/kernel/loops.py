@@ -11,7 +11,7 @@ j M^-1 j = 0 and are skipped. The same steps correct the drift of loops.
 
 from __future__ import annotations
 
-from jointplay.base.compiler import internal
+from jointplay.base.compiler import compiled
 from jointplay.physics.kernel.access import flat
 from jointplay.physics.kernel.bodies import (
     find_body_rates,
@@ -25,7 +25,7 @@ REDUNDANT = 1e-10
 """Rows of less inverse mass than this, relative to the first one's, are redundant."""
 
 
-@internal
+@compiled
 def _add_point_rows(run, k, sign, at, place, residual, moving):
     """Add one point of held pair k to its rows, and its position or acceleration to `residual`."""
     rows = run.loop_rows
@@ -44,7 +44,7 @@ def _add_point_rows(run, k, sign, at, place, residual, moving):
         b = every[b].parent
 
 
-@internal
+@compiled
 def _find_rows(run, residual, moving):
     """Find the constraint rows of all pairs and their residuals, once the bodies are placed."""
     rows = flat(run.loop_rows)
@@ -58,7 +58,7 @@ def _find_rows(run, residual, moving):
         _add_point_rows(run, k, -1.0, hold.other, hold.other_place, residual, moving)
 
 
-@internal
+@compiled
 def _inverse_mass_of(rows, minv, r):
     """j M^-1 j of row r."""
     total = 0.0
@@ -69,7 +69,7 @@ def _inverse_mass_of(rows, minv, r):
     return total
 
 
-@internal
+@compiled
 def _constrain(run, minv, residual, x):
     """Project `minv` onto the motions that the rows allow; correct x (2, nv) by the residuals."""
     nv, size = run.nv, 3 * run.nh
@@ -101,7 +101,7 @@ def _constrain(run, minv, residual, x):
                 minv[i, k] -= u[i] * u[k] / most
 
 
-@internal
+@compiled
 def project_dynamics(run, q, v):
     """Find the closed mechanism's `found_minv` and `found_free` at the state (q, v)."""
     nv = run.nv
@@ -120,7 +120,7 @@ def project_dynamics(run, q, v):
         acceleration[i] = x[0, i]
 
 
-@internal
+@compiled
 def correct_drift(run):
     """Correct the drift of the loops since the last macro step, in positions and velocities."""
     nv = run.nv

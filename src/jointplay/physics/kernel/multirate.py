@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 
-from jointplay.base.compiler import internal
+from jointplay.base.compiler import compiled
 from jointplay.physics.kernel.access import flat, record_failure
 from jointplay.physics.kernel.constants import Status
 from jointplay.physics.kernel.contact import add_dissipation, commit_contacts
@@ -90,7 +90,7 @@ CHORD_PART = 0.25
 """Longest chord, relative to the macro step."""
 
 
-@internal
+@compiled
 def _predict(run):
     """Predict the path of the next macro step, `run.macro` micro steps long."""
     nv = run.nv
@@ -121,7 +121,7 @@ def _predict(run):
     run.path_start, run.path_span = run.time, span
 
 
-@internal
+@compiled
 def _bounded(run):
     """Length of the next macro step in steps: as wished, unless joints turn too far."""
     longest = run.until - run.step
@@ -132,7 +132,7 @@ def _bounded(run):
     return min(macro, longest)
 
 
-@internal
+@compiled
 def plan_macro_step(run):
     """Choose the length of the next macro step and predict its path."""
     if run.nh > 0:
@@ -141,7 +141,7 @@ def plan_macro_step(run):
     _predict(run)
 
 
-@internal
+@compiled
 def _find_path_error(run):
     """Compare Pinocchio's answer at the predicted middle with the parabola through the last three.
 
@@ -178,7 +178,7 @@ def _find_path_error(run):
         run.path_error = math.sqrt(wrong / whole)
 
 
-@internal
+@compiled
 def _fit_parabola(found, middle, slope, curve, value, known, lengths):
     """Draw the parabola through a new middle and the last two `known`; begin at the step's start.
 
@@ -197,7 +197,7 @@ def _fit_parabola(found, middle, slope, curve, value, known, lengths):
         value[i] = found[i] + s * (slope[i] + bend * (s + apart))
 
 
-@internal
+@compiled
 def _accept_middle(run):
     """Take Pinocchio's answer at the predicted middle, and draw the parabola through the last ones.
 
@@ -231,7 +231,7 @@ def _accept_middle(run):
     run.known_free = min(run.known_free + 1, 3)
 
 
-@internal
+@compiled
 def check_prediction(run):
     """Accept Pinocchio's result; too far from the prediction, plan a shorter step (`refused`)."""
     if run.nh > 0:
@@ -259,7 +259,7 @@ def check_prediction(run):
     _accept_middle(run)
 
 
-@internal
+@compiled
 def end_macro_step(run):
     """Measure at the end of a macro step how fast angles change and how far it left its path."""
     nv = run.nv
@@ -273,7 +273,7 @@ def end_macro_step(run):
         run.departure = max(run.departure, angular[i] * abs(half[i] - expected) * done)
 
 
-@internal
+@compiled
 def begin(run):
     """Start inverse mass matrix, free acceleration and path at the state just evaluated."""
     nv = run.nv
@@ -299,7 +299,7 @@ LEAST_DONE = 2
 """A macro step is not ended before this many micro steps."""
 
 
-@internal
+@compiled
 def _base_velocity(run, q, half, v, base, h):
     """Velocity without what depends on it: drives at an extrapolated v, inertia, gravity."""
     nv = run.nv
@@ -332,7 +332,7 @@ def _base_velocity(run, q, half, v, base, h):
                 base[one.coordinate] = v[one.coordinate]
 
 
-@internal
+@compiled
 def _complete_velocities(run, half, v, base, h):
     """Velocities that the solve left out, and all accelerations; returns their size."""
     nv, n = run.nv, run.active
@@ -360,7 +360,7 @@ def _complete_velocities(run, half, v, base, h):
     return size
 
 
-@internal
+@compiled
 def _powers(run, q, v):
     """Powers of all forces at the state, and the effort of prescribed motion."""
     nv = run.nv
@@ -391,7 +391,7 @@ def _powers(run, q, v):
             run.power[DRIVE] += effort[i] * v[i]
 
 
-@internal
+@compiled
 def evaluate(run):
     """State and forces at the present instant: the velocity solve and all that follows from it."""
     nv = run.nv
@@ -427,7 +427,7 @@ def evaluate(run):
         record_failure(run, _RUN_AWAY, 0)
 
 
-@internal
+@compiled
 def _aim_at_parabola(value, rate, middle, slope, curve, s, apart, span):
     """Rates that lead values within `span` to where their parabolas are `s` after the middle."""
     square, part = s * (s + apart), 1.0 / span  # a division takes as long as all the rest
@@ -435,7 +435,7 @@ def _aim_at_parabola(value, rate, middle, slope, curve, s, apart, span):
         rate[i] = part * (middle[i] + s * slope[i] + square * curve[i] - value[i])
 
 
-@internal
+@compiled
 def _aim_at_parabolas(run, span):
     """Begin chords of the parabolas of inverse mass matrix and free acceleration."""
     run.chord_end = run.time + span
@@ -451,14 +451,14 @@ def _aim_at_parabolas(run, span):
     )  # fmt: skip
 
 
-@internal
+@compiled
 def _advance(value, rate, dt):
     """Advance values at their rates by `dt`."""
     for i in range(value.size):
         value[i] += dt * rate[i]
 
 
-@internal
+@compiled
 def step_positions(run, dt):
     """Go from the state just evaluated to the one `dt` later."""
     nv = run.nv
@@ -476,7 +476,7 @@ def step_positions(run, dt):
     run.dt_before = dt
 
 
-@internal
+@compiled
 def add_work(run, duration):
     """Add the works of all forces at their present powers over `duration` [s]."""
     for i in range(_NP):
@@ -485,7 +485,7 @@ def add_work(run, duration):
         add_load_work(run, duration)
 
 
-@internal
+@compiled
 def commit_memories(run, duration):
     """Accept all contacts and gears as evaluated; their forces act for `duration` [s]."""
     commit_gears(run)
@@ -493,7 +493,7 @@ def commit_memories(run, duration):
         commit_contacts(run, j, run.joints[j], duration)
 
 
-@internal
+@compiled
 def _commit_state(run, dt, recorded):
     """Accept and record the state just evaluated, `dt` before the next."""
     before = 0.5 * run.dt_before if run.fresh == 0 else 0.0
@@ -505,7 +505,7 @@ def _commit_state(run, dt, recorded):
     run.fresh = 0
 
 
-@internal
+@compiled
 def macro_step(run):
     """Micro steps of a macro step, each `run.dt` long, until the state leaves its predicted path.
 
@@ -525,7 +525,7 @@ def macro_step(run):
             return
 
 
-@internal
+@compiled
 def synchronize(run):
     """Evaluate velocity and forces at the present instant, and complete the work up to it."""
     evaluate(run)
@@ -535,14 +535,14 @@ def synchronize(run):
         add_load_work(run, 0.5 * run.dt_before)
 
 
-@internal
+@compiled
 def record_last_state(run):
     """Record the state at the end of the last macro step."""
     evaluate(run)
     _commit_state(run, 0.0, True)
 
 
-@internal
+@compiled
 def restart(run):
     """Discard the history, after q and v were set from outside."""
     nv = run.nv
@@ -555,7 +555,7 @@ def restart(run):
         half[i], a[i] = v[i], 0.0
 
 
-@internal
+@compiled
 def start_half_step(run):
     """Put `half` half a step before the state (q, v), with the forces at it."""
     if run.nh > 0:
@@ -588,7 +588,7 @@ def start_half_step(run):
     run.fresh = 1
 
 
-@internal
+@compiled
 def advance(run):
     """Do the planned macro step with Pinocchio's result, and plan the next."""
     check_prediction(run)

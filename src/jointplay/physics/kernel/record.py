@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from jointplay.base.compiler import internal
+from jointplay.base.compiler import compiled
 from jointplay.physics.kernel.constants import POWERS
 from jointplay.physics.kernel.drive import add_prescribed_power
 from jointplay.physics.kernel.frames import dot, get_vector, set_vector
@@ -30,7 +30,7 @@ from jointplay.physics.kernel.load import complete_load_work, record_loads
 _NP = len(POWERS)
 
 
-@internal
+@compiled
 def is_due(run, step):
     """Whether a step is to be recorded."""
     if step % run.every == 0:
@@ -42,7 +42,7 @@ def is_due(run, step):
     return False
 
 
-@internal
+@compiled
 def complete_step(run):
     """Complete what a single-rate method could not know before the acceleration was.
 
@@ -59,7 +59,7 @@ def complete_step(run):
     run.pending = 0
 
 
-@internal
+@compiled
 def fill_row(run, row):
     """Write the present state into a row of the records; peaks are those of the state."""
     q, v, drive, at = run.q, run.v, run.drive, run.columns
@@ -96,7 +96,7 @@ def fill_row(run, row):
     record_loads(run, row)
 
 
-@internal
+@compiled
 def _end_peaks(run, row):
     """Let a row hold the peaks since the last record, its own included, and begin new ones."""
     at = run.columns
@@ -117,7 +117,7 @@ def _end_peaks(run, row):
             contact.gap_min = np.inf
 
 
-@internal
+@compiled
 def write_record(run):
     """Write the current state and the peaks since the last record, and begin new peaks."""
     if run.row >= run.rows:
@@ -128,7 +128,7 @@ def write_record(run):
     run.row += 1
 
 
-@internal
+@compiled
 def _cubic(x0, x1, v0, v1, part, h):
     """Cubic through two values with these rates, `h` apart."""
     rise = x1 - x0
@@ -136,7 +136,7 @@ def _cubic(x0, x1, v0, v1, part, h):
     return x0 + part * (h * v0 + part * (b + part * c))
 
 
-@internal
+@compiled
 def write_interpolated(run, time, elapsed, h):
     """Write a record `elapsed` after the state of `row_before`, `h` before that of `row_after`.
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from jointplay.base.compiler import address_of, internal, pointer
+from jointplay.base.compiler import address_of, compiled, pointer
 from jointplay.physics.contact.calls import call_elements
 from jointplay.physics.contact.resultant import (
     ACROSS,
@@ -39,7 +39,7 @@ from jointplay.physics.kernel.layout import NORMAL
 _BROKE_OUT, _BAD_FORCE = int(Status.BROKE_OUT), int(Status.BAD_FORCE)
 
 
-@internal
+@compiled
 def _evaluate(joint, mode):
     """Evaluate the elements at the joint's pose; returns the numbers that they answer."""
     numbers, out = pointer(joint.dimensions), pointer(joint.elements)
@@ -48,13 +48,13 @@ def _evaluate(joint, mode):
     return out
 
 
-@internal
+@compiled
 def element_gap(joint):
     """Least gap of the elements at the joint's pose."""
     return -_evaluate(joint, FORCES)[DEEPEST]
 
 
-@internal
+@compiled
 def find_elements(run, j, joint):
     """Find what the elements of joint j do at its pose; returns whether any bears load."""
     out = _evaluate(joint, BOUNDED)
@@ -78,7 +78,7 @@ def find_elements(run, j, joint):
     return True
 
 
-@internal
+@compiled
 def _spin(joint):
     """Speed about the ring's own axis [rad/s], and that axis."""
     axis = (joint.pose[5], joint.pose[8], joint.pose[11])
@@ -86,7 +86,7 @@ def _spin(joint):
     return axis[0] * twist[3] + axis[1] * twist[4] + axis[2] * twist[5], axis
 
 
-@internal
+@compiled
 def _friction_torque(joint, spin):
     """Torque against the ring's turn, and its slope."""
     numbers, out = pointer(joint.dimensions), pointer(joint.elements)
@@ -95,7 +95,7 @@ def _friction_torque(joint, spin):
     return most * turn, most * (1.0 - turn * turn) / JOINT_FRICTION_SPEED
 
 
-@internal
+@compiled
 def add_element_forces(run, j, joint):
     """Add elastic wrench, damping and friction at the joint's twist to its wrench."""
     wrench, twist, out = joint.wrench, joint.twist, pointer(joint.elements)
@@ -119,7 +119,7 @@ def add_element_forces(run, j, joint):
         wrench[3 + k] -= torque * axis[k]
 
 
-@internal
+@compiled
 def add_element_slope(joint):
     """Add the derivative of the wrench by the twist."""
     slope, out = joint.wrench_slope, pointer(joint.elements)
@@ -134,7 +134,7 @@ def add_element_slope(joint):
             slope[3 + r, 3 + c] -= rise * axis[r] * axis[c]
 
 
-@internal
+@compiled
 def add_element_losses(run, joint):
     """Add the power dissipated by damping and friction."""
     twist, out = joint.twist, pointer(joint.elements)
@@ -149,7 +149,7 @@ def add_element_losses(run, joint):
     run.power[FRICTION_POWER] += torque * spin
 
 
-@internal
+@compiled
 def element_frequency(run, joint):
     """Sum of the squares of the frequencies at which coordinates swing on the elements.
 
@@ -185,7 +185,7 @@ def element_frequency(run, joint):
     return total
 
 
-@internal
+@compiled
 def cage_rate(joint, v):
     """Speed of the cage at velocities v [rad/s]."""
     find_twist(joint, v)
@@ -193,7 +193,7 @@ def cage_rate(joint, v):
     return pointer(joint.dimensions)[RATIO] * spin
 
 
-@internal
+@compiled
 def advance_cages(run, v, elapsed):
     """Turn all cages by what they go in `elapsed` [s] at velocities v."""
     for j in range(run.nj):
@@ -202,7 +202,7 @@ def advance_cages(run, v, elapsed):
             joint.cage += elapsed * cage_rate(joint, v)
 
 
-@internal
+@compiled
 def advance_cages_by_stage(run, v, stage, weight, ahead):
     """Do the same in a stage of Runge-Kutta's, from the step's start on."""
     for j in range(run.nj):

@@ -14,14 +14,14 @@ from __future__ import annotations
 
 import math
 
-from jointplay.base.compiler import internal
+from jointplay.base.compiler import compiled
 from jointplay.physics.kernel.drive import between_rows, reference_rows
 
 ROUNDING = 1e-9
 """Part of a period by which a sample may come early."""
 
 
-@internal
+@compiled
 def _voltage(servo, position, speed, q, v):
     """What the controller asks for at a state."""
     read = q[servo.encoder]
@@ -34,7 +34,7 @@ def _voltage(servo, position, speed, q, v):
     return min(max(asked, -servo.voltage), servo.voltage)
 
 
-@internal
+@compiled
 def apply_servos(run, q, v, time, tau):
     """Add what the voltages push to the drives' efforts and to tau; after `apply_drives`."""
     before, after, part = reference_rows(run, time)

@@ -11,7 +11,7 @@ Where joints are reached through frames, Pinocchio's Jacobians come between, and
 
 from __future__ import annotations
 
-from jointplay.base.compiler import internal
+from jointplay.base.compiler import compiled
 from jointplay.physics.kernel.access import record_failure
 from jointplay.physics.kernel.constants import Status
 from jointplay.physics.kernel.contact import (
@@ -47,7 +47,7 @@ _NP = len(POWERS)
 _RUN_AWAY = int(Status.RUN_AWAY)
 
 
-@internal
+@compiled
 def _evaluate_joint(run, j, q, v, tau, elapsed):
     """Add joint j's forces to tau, its losses to powers; bristles last bent `elapsed` [s] ago."""
     joint = run.joints[j]
@@ -71,7 +71,7 @@ def _evaluate_joint(run, j, q, v, tau, elapsed):
     project_wrench(joint, tau)
 
 
-@internal
+@compiled
 def _evaluate_state(run, q, v, time):
     """Generalised forces tau and powers at state (q, v).
 
@@ -110,13 +110,13 @@ def _evaluate_state(run, q, v, time):
                 commit_film(run, run.joints[j])
 
 
-@internal
+@compiled
 def evaluate_forces(run):
     """Forces at the state that a method prepared, Jacobians given."""
     _evaluate_state(run, run.q, run.v, run.load_time)
 
 
-@internal
+@compiled
 def _prepare_evaluation(run, q, v, time, commit):
     """Prepare the acceleration at state (q, v), or leave that to `evaluate_forces`."""
     run.commit = 1 if commit else 0
@@ -128,13 +128,13 @@ def _prepare_evaluation(run, q, v, time, commit):
         _evaluate_state(run, q, v, time)
 
 
-@internal
+@compiled
 def begin(run, commit):
     """Forces at the current state."""
     _prepare_evaluation(run, run.q, run.v, run.time, commit)
 
 
-@internal
+@compiled
 def semi_implicit_euler(run):
     """Step by v += a dt, q += v dt (first order)."""
     nv = run.nv
@@ -153,7 +153,7 @@ def semi_implicit_euler(run):
     _prepare_evaluation(run, q, v, run.time, True)
 
 
-@internal
+@compiled
 def runge_kutta_4(run):
     """One stage of the classical Runge-Kutta method.
 

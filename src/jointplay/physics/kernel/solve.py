@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 
-from jointplay.base.compiler import contracted, internal
+from jointplay.base.compiler import compiled, contracted, inlined
 from jointplay.physics.kernel.access import flat, square
 from jointplay.physics.kernel.bodies import place_bodies
 from jointplay.physics.kernel.contact import (
@@ -36,7 +36,6 @@ from jointplay.physics.kernel.drive import (
 from jointplay.physics.kernel.film import add_film_forces, add_film_slope
 from jointplay.physics.kernel.frames import (
     find_twist,
-    inlined,
     pose_of_frames,
     pose_of_virtual_link,
     project_slope,
@@ -72,7 +71,7 @@ LEAST_PART = 1.0 / 64.0
 """Smallest part of a Newton step that is tried."""
 
 
-@internal
+@compiled
 def find_pose(run, joint, q):
     """Pose of the journal of a joint at the coordinates q, at which `place_bodies` was called."""
     if joint.first >= 0:
@@ -81,7 +80,7 @@ def find_pose(run, joint, q):
         pose_of_frames(run, joint, joint.pose, joint.jacobian)
 
 
-@internal
+@compiled
 def find_velocity_forces(run, q, half):
     """Find what depends on the velocity at q, and list the coordinates that it moves."""
     nv = run.nv
@@ -129,7 +128,7 @@ def find_velocity_forces(run, q, half):
     run.active = n
 
 
-@internal
+@compiled
 def evaluate_velocity_forces(run, q, v):
     """Evaluate tau_c at state (q, v) into `velocity_forces`."""
     tau = run.velocity_forces
@@ -152,7 +151,7 @@ def evaluate_velocity_forces(run, q, v):
     apply_velocity_loads(run, v, tau)
 
 
-@internal
+@compiled
 def _evaluate_slopes(run, q, v):
     """Evaluate the Jacobian of tau_c at the last evaluated state into `slope`."""
     slope = flat(run.slope)
@@ -216,7 +215,7 @@ def _residual(run, h, n):
     return size
 
 
-@internal
+@compiled
 def _evaluate_trial(run, q, v, h):
     """Evaluate tau_c at the velocities in `trial`; returns the error squared."""
     n, touched = run.active, run.touched
@@ -229,7 +228,7 @@ def _evaluate_trial(run, q, v, h):
     return _residual(run, h, SINGLE) if n == SINGLE else _residual(run, h, n)
 
 
-@internal
+@compiled
 def _factor(run, h):
     """Put the inverse of I - h M^-1 slope, transposed, into `inverse`.
 
@@ -289,7 +288,7 @@ def _newton_step(run, n):
         trial[LAST, a] = trial[SPEED, a]
 
 
-@internal
+@compiled
 def _list_compliance(run, n):
     """Gather M^-1 of the coordinates that take part, if these are not all."""
     touched, minv, compliance = run.touched, run.minv, run.compliance
@@ -317,7 +316,7 @@ def _initial_guess(run, base, v, n):
     return n * TOLERANCE * TOLERANCE + RELATIVE_TOLERANCE * RELATIVE_TOLERANCE * size
 
 
-@internal
+@compiled
 def _take_step(run, q, v, h, part):
     """Take a part of the Newton step; returns the squared residual there."""
     trial = run.trial
@@ -326,7 +325,7 @@ def _take_step(run, q, v, h, part):
     return _evaluate_trial(run, q, v, h)
 
 
-@internal
+@compiled
 def solve_velocity(run, q, base, v, h):
     """Find v on the coordinates that `find_velocity_forces` listed, by Newton's method from `v`.
 

@@ -61,7 +61,7 @@ class Workspace:
         own_acceleration: the kernels reckon the acceleration; else it is Pinocchio's.
 
     Attributes:
-        run: of `layout.RUN`, shape (1,).
+        run, address: of `layout.RUN`, shape (1,), and where it lies.
         q, v: state, shape (nv,).
         drives, servos, frictions, gears: records of what acts on single coordinates.
         contacts: records of the contacts, shape (nj, width).
@@ -84,6 +84,7 @@ class Workspace:
         loads: Sequence[LoadSite] = (),
     ) -> None:
         self.run = np.zeros(1, layout.RUN)
+        self.address = self.run.ctypes.data
         self._kept: list[np.ndarray] = []  # what records point to must live as long
         self._arrays: dict[str, np.ndarray] = {}  # the same by name, but for Pinocchio's frames
         self._own_acceleration = own_acceleration
@@ -470,7 +471,7 @@ class Workspace:
 
     def execute(self, command: Command) -> Status:
         """Execute a command in the kernels; returns the run's status."""
-        return Status(compiled(command)(self.run, int(command)))
+        return Status(compiled(command)(self.address, int(command)))
 
     @property
     def needs_jacobians(self) -> bool:

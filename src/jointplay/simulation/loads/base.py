@@ -17,10 +17,11 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
+from jointplay.base.compiler import Native
 from jointplay.base.errors import JointplayError
 from jointplay.base.schema import Described, check_fields, quantity
 from jointplay.physics.contact.compiled import compiled_function
@@ -138,7 +139,7 @@ class OnFrame(Load):
     """Point in the axes of `frame` at which it acts [m]."""
 
 
-def compiled_law(load: Load) -> Any:
+def compiled_law(load: Load) -> Native:
     """The load's compiled law: its `address`, and `ctypes` to call it from Python.
 
     Raises:

@@ -1,0 +1,162 @@
+"""What compiled code does with addresses, and Python cannot: `compiler` has these functions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import carray as array_at
+from numba import from_dtype, types
+from numba.core.typing.templates import AttributeTemplate
+from numba.extending import infer_getattr, intrinsic, lower_getattr
+
+from jointplay.base.compiler import numba_signature
+
+
+def carray() -> Any:
+    """See `compiler.carray`."""
+    return array_at
+
+
+def pointer_to(dtype: Any) -> Any:
+    """See `compiler.pointer_to`."""
+    element = from_dtype(np.dtype(dtype))
+
+    @intrinsic
+    def reinterpret(typingctx: Any, at: Any) -> Any:
+        def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+            return builder.inttoptr(args[0], context.get_value_type(signature.return_type))
+
+        return types.CPointer(element)(types.int64), codegen
+
+    return reinterpret
+
+
+NUMBERS = types.CPointer(types.float64)
+
+
+def address_of() -> Any:
+    """See `compiler.address_of`."""
+    return _address_of
+
+
+@intrinsic
+def _address_of(typingctx: Any, array: Any) -> Any:
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        value = context.make_array(signature.args[0])(context, builder, args[0])
+        return builder.bitcast(value.data, context.get_value_type(NUMBERS))
+
+    return NUMBERS(array), codegen
+
+
+def open_arrays(
+    of: np.dtype, arrays: Mapping[str, tuple[np.dtype, Sequence[tuple[int, str | None]]]]
+) -> None:
+    """See `compiler.open_arrays`."""
+    record = from_dtype(of)
+    opened = {
+        name: types.Array(from_dtype(element), len(shape), "C")
+        for name, (element, shape) in arrays.items()
+    }
+
+    @infer_getattr
+    class _(AttributeTemplate):  # type: ignore[misc]
+        key = record
+
+        def generic_resolve(self, record: Any, name: str) -> Any:
+            return opened[name] if name in opened else record.typeof(name)
+
+    for name, (_element, shape) in arrays.items():
+        lower_getattr(record, name)(_opening(opened[name], record, name, shape))
+
+
+def _opening(
+    array: Any, record: Any, name: str, shape: Sequence[tuple[int, str | None]]
+) -> Callable[..., Any]:
+    """What numba calls to make code that opens an array."""
+
+    def whole(builder: Any, value: Any, field: str) -> Any:
+        kind = ir.IntType(64)
+        there = builder.bitcast(value, ir.IntType(8).as_pointer())
+        there = builder.gep(there, [ir.Constant(kind, record.offset(field))])
+        return builder.load(builder.bitcast(there, kind.as_pointer()))
+
+    def lowered(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+        word = context.get_value_type(types.intp)
+        sizes = []
+        for factor, field in shape:
+            size = ir.Constant(word, factor)
+            sizes.append(size if field is None else builder.mul(size, whole(builder, value, field)))
+        stride = ir.Constant(word, context.get_abi_sizeof(context.get_data_type(array.dtype)))
+        made = context.make_array(array)(context, builder)
+        made.itemsize = stride
+        strides: list[Any] = []
+        for size in reversed(sizes):
+            strides.insert(0, stride)
+            stride = builder.mul(stride, size)
+        count = sizes[0]
+        for size in sizes[1:]:
+            count = builder.mul(count, size)
+        made.nitems = count
+        made.shape = context.make_tuple(builder, types.UniTuple(types.intp, len(sizes)), sizes)
+        made.strides = context.make_tuple(builder, types.UniTuple(types.intp, len(sizes)), strides)
+        pointer = context.get_value_type(types.CPointer(array.dtype))
+        made.data = builder.inttoptr(whole(builder, value, name), pointer)
+        made.meminfo = context.get_constant_null(types.MemInfoPointer(types.voidptr))
+        made.parent = context.get_constant_null(types.pyobject)
+        return made._getvalue()
+
+    return lowered
+
+
+def calling(letters: str) -> Any:
+    """See `compiler.calling`."""
+    signature = numba_signature(letters)
+
+    @intrinsic
+    def call(typingctx: Any, at: Any, arguments: Any) -> Any:
+        def codegen(context: Any, builder: Any, _: Any, args: Any) -> Any:
+            nothing = signature.return_type == types.void
+            answer = ir.VoidType() if nothing else context.get_value_type(signature.return_type)
+            kind = ir.FunctionType(answer, [context.get_value_type(one) for one in signature.args])
+            values = [builder.extract_value(args[1], i) for i in range(len(signature.args))]
+            made = builder.call(builder.inttoptr(args[0], kind.as_pointer()), values)
+            return context.get_dummy_value() if nothing else made
+
+        return signature.return_type(types.int64, types.Tuple(signature.args)), codegen
+
+    return call
+
+
+def calling_with_arrays(given: int, answers: int) -> Any:
+    """See `compiler.calling_with_arrays`."""
+
+    @intrinsic
+    def call(typingctx: Any, at: Any, k: Any, numbers: Any, d: Any, first: Any) -> Any:
+        def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+            double, whole = ir.DoubleType(), ir.IntType(64)
+            array = double.as_pointer()
+            with builder.goto_entry_block():
+                there, out = (builder.alloca(double, whole(size)) for size in (given, answers))
+            beyond = args[3]
+            if isinstance(signature.args[3], types.Array):
+                beyond = context.make_array(signature.args[3])(context, builder, beyond).data
+            beyond = builder.gep(builder.bitcast(beyond, array), [args[4]])
+            for i in range(given):
+                number = builder.extract_value(args[2], i)
+                builder.store(number, builder.gep(there, [whole(i)], inbounds=True))
+            kind = ir.FunctionType(ir.VoidType(), [whole, array, array, array])
+            function = builder.inttoptr(args[0], kind.as_pointer())
+            builder.call(function, [args[1], there, beyond, out])
+            found = [
+                builder.load(builder.gep(out, [whole(i)], inbounds=True)) for i in range(answers)
+            ]
+            return context.make_tuple(builder, signature.return_type, found)
+
+        answer, numbers = (types.UniTuple(types.float64, size) for size in (answers, given))
+        return answer(types.int64, types.int64, numbers, d, types.int64), codegen
+
+    return call

@@ -1,0 +1,181 @@
+"""Compiled functions as object code: kept in files, checked, and loaded without the compiler.
+
+A file has a line of JSON (`Head`), the object as the compiler wrote it, and a hash of both: what is
+damaged, of other sources, of other types or for another processor is none. Those that come with the
+package lie beside this module in `FOLDER`; those made here in the first of these that can be
+written to: NUMBA_CACHE_DIR, the package's own folder, the user's cache.
+"""
+
+from __future__ import annotations
+
+import atexit
+import fcntl
+import hashlib
+import json
+import os
+import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from jointplay.base.files import temporary
+
+FOLDER = "objects"
+"""Of the package, which has objects that came with it, or were made where it lies."""
+
+NO_PLACE = (
+    "compiled code cannot be kept, so every start compiles anew (a quarter of a minute): neither "
+    "the package's folder nor the user's cache can be written to; name a folder in NUMBA_CACHE_DIR"
+)
+"""What a user without a place for compiled code is told."""
+
+_PACKAGE = Path(__file__).parents[1]
+_HASH_BYTES = hashlib.sha256().digest_size
+
+
+@dataclass(frozen=True)
+class Head:
+    """What is known of an object."""
+
+    function: str
+    kinds: str
+    """Types of its arguments."""
+    fingerprint: str
+    """Of the sources and the compiler."""
+    triple: str
+    features: tuple[str, ...]
+    """What the processor must be able to do."""
+    returns: str
+    symbol: str = "jointplay_entry"
+
+
+@cache
+def processor() -> tuple[str, frozenset[str]]:
+    """Triple of this process, and what its processor can do."""
+    from llvmlite import binding
+
+    features = binding.get_host_cpu_features()
+    return binding.get_process_triple(), frozenset(name for name, has in features.items() if has)
+
+
+@cache
+def folder() -> Path:
+    """Where objects are kept that are made here; where nothing can be, for this process alone."""
+    # Not one folder for several installations: each would throw away what the others made.
+    own = hashlib.sha256(str(_PACKAGE).encode()).hexdigest()[:12]
+    named, home = os.environ.get("NUMBA_CACHE_DIR"), os.environ.get("XDG_CACHE_HOME")
+    with suppress(RuntimeError):  # no home
+        home = home or str(
+            Path.home() / ("Library/Caches" if sys.platform == "darwin" else ".cache")
+        )
+    places = [Path(named) / f"jointplay_{own}"] if named else [_PACKAGE / FOLDER]
+    if home and not named:
+        places.append(Path(home) / "jointplay" / own)
+    for place in places:
+        with suppress(OSError):
+            place.mkdir(parents=True, exist_ok=True)
+            if os.access(place, os.W_OK):
+                return place
+    warnings.warn(NO_PLACE, RuntimeWarning, stacklevel=2)
+    made = temporary("objects")
+    atexit.register(made.cleanup)
+    return Path(made.name)
+
+
+@cache
+def _label() -> str:
+    triple, features = processor()
+    return hashlib.sha256(repr((triple, sorted(features))).encode()).hexdigest()[:8]
+
+
+def _stem(function: str, kinds: str) -> str:
+    plain = "".join(letter if letter.isalnum() or letter in "._" else "-" for letter in function)
+    return f"{plain}-{hashlib.sha256(kinds.encode()).hexdigest()[:8]}"
+
+
+def find(function: str, kinds: str, fingerprint: str) -> tuple[Head, bytes] | None:
+    """The object of a function for these types, if there is one that is whole and runs here."""
+    stem = _stem(function, kinds)
+    paths = [folder() / f"{stem}.{_label()}.o"]
+    if folder() != _PACKAGE / FOLDER or not paths[0].exists():
+        paths += sorted((_PACKAGE / FOLDER).glob(f"{stem}.*.o"))
+    for path in paths:
+        found = _read(path)
+        if found is not None:
+            head = found[0]
+            if (head.function, head.kinds, head.fingerprint) != (function, kinds, fingerprint):
+                continue
+            triple, features = processor()
+            if head.triple == triple and features.issuperset(head.features):
+                return found
+    return None
+
+
+def _read(path: Path) -> tuple[Head, bytes] | None:
+    try:
+        content = path.read_bytes()
+    except OSError:
+        return None
+    body, seal = content[:-_HASH_BYTES], content[-_HASH_BYTES:]
+    if hashlib.sha256(body).digest() != seal:
+        return None
+    first, _, code = body.partition(b"\n")
+    fields = json.loads(first)
+    return Head(**fields | {"features": tuple(fields["features"])}), code
+
+
+def keep(head: Head, code: bytes, place: Path | None = None, label: str = "") -> Path:
+    """Write an object; a reader sees it whole or not at all."""
+    body = json.dumps(asdict(head), sort_keys=True).encode() + b"\n" + code
+    path = (place or folder()) / f"{_stem(head.function, head.kinds)}.{label or _label()}.o"
+    part = path.with_suffix(f".{os.getpid()}.part")
+    try:
+        part.write_bytes(body + hashlib.sha256(body).digest())
+        part.replace(path)
+    except OSError:  # a full disk: it is compiled again next time
+        part.unlink(missing_ok=True)
+    return path
+
+
+@contextmanager
+def alone() -> Iterator[None]:
+    """Have one process compile at a time: the others find what it made."""
+    try:
+        handle = os.open(folder(), os.O_RDONLY)
+    except OSError:
+        yield
+        return
+    try:
+        with suppress(OSError):  # a file system without locks
+            fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(handle)
+
+
+_loaded: list[Any] = []
+"""They own the code that they have loaded."""
+
+
+@cache
+def _linker() -> Any:
+    from llvmlite import binding
+
+    binding.initialize_native_target()
+    binding.initialize_native_asmprinter()
+    # JITLink lays code and numbers within reach of each other, and says what it does not find.
+    return binding.create_lljit_compiler(use_jit_link=True)
+
+
+def load(code: bytes, symbol: str) -> int:
+    """Address of a function of an object, which is loaded into this process."""
+    from llvmlite import binding
+
+    library = binding.JITLibraryBuilder().add_object_img(code).add_current_process()
+    found = library.export_symbol(symbol).link(_linker(), f"jointplay_{len(_loaded)}")
+    _loaded.append(found)
+    return int(found[symbol])
