@@ -24,6 +24,7 @@ from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.compiler_machinery import AnalysisPass, register_pass
 from numba.core.registry import cpu_target
+from numba.core.runtime import rtsys
 from numba.core.typed_passes import AnnotateTypes
 
 from jointplay.base.compiler import Unresolved, numba_type
@@ -163,6 +164,7 @@ def build(dispatcher: Any, signature: str) -> tuple[bytes, str]:
         library.add_ir_module(module)
         library.add_linking_library(made.library)
         whole = _linked(library, _ENTRY)
+        _add_runtime(whole, library)
         for value in (*whole.functions, *whole.global_variables):
             if not value.is_declaration and value.name != _ENTRY:
                 value.linkage = "internal"
@@ -173,10 +175,10 @@ def build(dispatcher: Any, signature: str) -> tuple[bytes, str]:
 
 
 def _linked(library: Any, name: str) -> Any:
-    """One module of a library and all that it calls."""
+    """One module of a library and all that it calls, but for numba's own runtime."""
     empty = library._codegen._create_empty_module(name)
     whole = binding.parse_assembly(str(empty))
-    seen, waiting = set(), [library]
+    seen, waiting = {rtsys.library}, [library]
     while waiting:
         one = waiting.pop(0)
         if one in seen:
@@ -188,6 +190,51 @@ def _linked(library: Any, name: str) -> Any:
         else:
             whole.link_in(one._get_module_for_linking(), preserve=True)
     return whole
+
+
+_ALLOCATE = ("NRT_MemInfo_alloc_aligned", "NRT_MemInfo_alloc_safe_aligned")
+_BEFORE, _DATA = 64, 24
+"""Bytes of a block before its numbers, and where among them lies the address of the numbers."""
+
+
+def _add_runtime(whole: Any, library: Any) -> None:
+    """Add what counts references to arrays and frees them: numba's own needs numba.
+
+    Where nothing is allocated there is nothing to count.
+    """
+    byte, word, size = ir.IntType(8).as_pointer(), ir.IntType(64), ir.IntType(32)
+    module = ir.Module("runtime")
+    module.triple, module.data_layout = whole.triple, library._codegen._data_layout
+    used = [one.name for one in whole.functions if one.name in _ALLOCATE]
+
+    def define(name: str, answer: Any, *given: Any) -> tuple[Any, Any]:
+        function = ir.Function(module, ir.FunctionType(answer, given), name)
+        return ir.IRBuilder(function.append_basic_block("entry")), function
+
+    if not used:
+        for name in ("NRT_incref", "NRT_decref"):
+            builder, _ = define(name, ir.VoidType(), byte)
+            builder.ret_void()
+    else:
+        whole.link_in(rtsys.library._get_module_for_linking(), preserve=True)
+        malloc = ir.Function(module, ir.FunctionType(byte, [word]), "malloc")
+        free = ir.Function(module, ir.FunctionType(ir.VoidType(), [byte]), "free")
+        builder, function = define("NRT_MemInfo_call_dtor", ir.VoidType(), byte)
+        builder.call(free, function.args)
+        builder.ret_void()
+        for name in used:
+            builder, function = define(name, byte, word, size)
+            align = builder.zext(function.args[1], word)
+            most = builder.add(align, word(_BEFORE))
+            block = builder.call(malloc, [builder.add(function.args[0], most)])
+            with builder.if_then(builder.icmp_unsigned("!=", block, byte(None))):
+                start = builder.add(builder.ptrtoint(block, word), most)
+                start = builder.sub(start, builder.urem(start, align))
+                builder.store(word(1), builder.bitcast(block, word.as_pointer()))
+                place = builder.bitcast(builder.gep(block, [word(_DATA)]), word.as_pointer())
+                builder.store(start, place)
+            builder.ret(block)
+    whole.link_in(binding.parse_assembly(str(module)))
 
 
 def _machine() -> Any:
