@@ -107,7 +107,8 @@ class Compiled:
 
         make_lazy()
         if (inside := insides()) is not None:
-            return inside.part(**self.targetoptions)(self.py_func)
+            own = self.__module__.startswith("jointplay.")
+            return inside.part(own, **self.targetoptions)(self.py_func)
         return numba.njit(**self.targetoptions)(self.py_func)
 
     @property
@@ -307,9 +308,6 @@ def compiled(function: Callable[..., Any] | None = None, **options: Any) -> Any:
 
 contracted = compiled(fastmath={"contract"})
 """The same of those whose products and sums may be rounded once instead of twice."""
-
-inlined = compiled(inline="always")
-"""The same of those that are written into where they are called."""
 
 
 class Lazy:

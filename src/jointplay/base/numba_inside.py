@@ -13,7 +13,7 @@ import ctypes
 import gc
 import importlib
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -116,15 +116,37 @@ class PartCompiler(CompilerBase):  # type: ignore[misc]
         """numba's own passes, and one before the code is lowered."""
         passes = DefaultPassBuilder.define_nopython_pipeline(self.state)
         passes.add_pass_after(_IntoPart, AnnotateTypes)
+        passes.passes = [one for one in passes.passes if one[0].__name__ not in self.needless()]
         passes.finalize()
         return [passes]
 
+    def needless(self) -> Collection[str]:
+        """Names of passes that are left out."""
+        return ()
 
-def part(**options: Any) -> Any:
-    """Decorator of functions that are parts of objects."""
-    return njit(
-        no_cpython_wrapper=True, no_cfunc_wrapper=True, pipeline_class=PartCompiler, **options
-    )
+
+class PlainCompiler(PartCompiler):
+    """The same for this package's own functions: no closures, no comprehensions, no literals.
+
+    What a pass does for speed the optimiser does once more.
+    """
+
+    def needless(self) -> Collection[str]:
+        """Names of passes that find nothing."""
+        return _NEEDLESS
+
+
+_NEEDLESS = (
+    *("WithLifting", "InlineClosureLikes", "RewriteDynamicRaises", "MakeFunctionToJitFunction"),
+    *("InlineInlinables", "DeadBranchPrune", "FindLiterallyCalls", "LiteralUnroll"),
+    *("LiteralPropagationSubPipelinePass", "InlineOverloads", "NopythonRewrites"),
+)
+
+
+def part(own: bool, **options: Any) -> Any:
+    """Decorator of functions that are parts of objects; `own`: of this package."""
+    pipeline = PlainCompiler if own else PartCompiler
+    return njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, pipeline_class=pipeline, **options)
 
 
 _ENTRY = "jointplay_entry"

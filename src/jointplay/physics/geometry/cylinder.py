@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from jointplay.base.compiler import compiled, inlined
+from jointplay.base.compiler import compiled
 from jointplay.physics.geometry.shapes import _WORN_NODE, EDGE_ROUNDING_M
 
 
@@ -116,7 +116,7 @@ def axial_gap(pz, ax, ay, az, side, half_bore_length, journal_radius):
     return half_bore_length - side * pz - (height - EDGE_ROUNDING_M), ox, oy, oz
 
 
-@inlined
+@compiled
 def touch_cylinder(k, cx, cy, cz, ax, ay, az, ri, rj, half_li, half_lj):
     """Gap, place and normal of contact k of a cylinder; see `touch`.
 

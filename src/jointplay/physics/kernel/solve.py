@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 
-from jointplay.base.compiler import compiled, contracted, inlined
+from jointplay.base.compiler import compiled, contracted
 from jointplay.physics.kernel.access import flat, square
 from jointplay.physics.kernel.bodies import place_bodies
 from jointplay.physics.kernel.contact import (
@@ -195,13 +195,13 @@ def add_rows(rows, factors, total, n, size):
             total[a] += factor * rows[b, a]
 
 
-@inlined
+@compiled
 def _listed_compliance(run, n):
     """M^-1 of the coordinates that take part."""
     return square(run.minv if n == run.nv else run.compliance, n)
 
 
-@inlined
+@compiled
 def _residual(run, h, n):
     """Write the residual of the velocity equation; returns its squared norm."""
     trial = run.trial
@@ -278,7 +278,7 @@ def _factor(run, h):
     run.factored = n
 
 
-@inlined
+@compiled
 def _newton_step(run, n):
     """Write the Newton step of the last factored matrix into `trial`."""
     trial, inverse = run.trial, square(run.inverse, n)
@@ -298,7 +298,7 @@ def _list_compliance(run, n):
             compliance[a, b] = row[touched[b]]
 
 
-@inlined
+@compiled
 def _initial_guess(run, base, v, n):
     """Start from the velocities `v`; returns the squared tolerance of the residual."""
     touched, minv, trial = run.touched, run.minv, run.trial
