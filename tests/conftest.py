@@ -13,7 +13,7 @@ from browsing import browser, open_page  # noqa: F401
 from hypothesis import HealthCheck, Phase, settings
 from scipy.spatial.transform import Rotation
 from sweep_scenario import GRID, SCENARIO
-from warm import System, close, compile_in_turn
+from warm import System, close
 
 from jointplay import JointplayError, Mechanism, Motion, RevoluteClearance, Simulation, simulate
 from jointplay.physics.geometry import touch_cylinder
@@ -95,7 +95,6 @@ def no_module_stays_imported():
 @pytest.fixture(autouse=True, scope="session")
 def warm():
     """Processes that read results begin at once; all kernels are compiled once."""
-    compile_in_turn()
     with pytest.MonkeyPatch.context() as patch:
         # Further runs after each of thousands: those that are about them ask for them.
         patch.setattr(Simulation.run, "__defaults__", (False, False, False, False))

@@ -18,7 +18,7 @@ from conftest import body, joint
 
 import jointplay as jp
 from jointplay import JointplayError
-from jointplay.base import compiler, schema
+from jointplay.base import objects, schema
 from jointplay.base.files import MOST_TEXT, csv_rows
 from jointplay.base.units import convert
 from jointplay.cli.commands import listed
@@ -370,23 +370,25 @@ def test_a_damaged_cache_is_thrown_away(tmp_path):
     call = [sys.executable, "-c", code + "print(Run(scara(2e-4)).total_steps)\n"]
     cache = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
     subprocess.run(call, capture_output=True, env=cache, check=True)
-    found = [*tmp_path.rglob("*.nbi"), *tmp_path.rglob("*.nbc")]
+    found = [*tmp_path.rglob("*.o")]
     assert found
     for number, file in enumerate(found):
-        file.write_bytes((b"", b"\x80\x05no pickle", os.urandom(300))[number % 3])
+        file.write_bytes((b"", b"{}\nno object", os.urandom(300))[number % 3])
     done = subprocess.run(call, capture_output=True, text=True, env=cache, check=False)
     assert done.stdout == "300000\n", done.stderr
 
 
-def test_a_package_that_cannot_be_written_to_runs_with_a_hint(monkeypatch):
-    def nowhere(*_):
-        raise RuntimeError("cannot cache function: no locator available")
-
-    monkeypatch.setattr(compiler.numba, "njit", lambda **_: nowhere)
-    monkeypatch.setattr(compiler.numba.config, "CACHE_DIR", "")
+def test_a_package_that_cannot_be_written_to_runs_with_a_hint(monkeypatch, tmp_path):
+    nowhere = tmp_path / "a file"
+    nowhere.write_text("")
+    monkeypatch.setattr(objects, "_PACKAGE", nowhere)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(nowhere))
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     with pytest.warns(RuntimeWarning, match="name a folder in NUMBA_CACHE_DIR"):
-        compiler.ensure()
-    assert Path(compiler.numba.config.CACHE_DIR).is_dir()
+        made = objects.folder.__wrapped__()
+    assert made.is_dir()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    assert objects.folder.__wrapped__().is_relative_to(tmp_path / "cache")
 
 
 def test_a_thousand_seconds_are_tabulated_no_further_than_the_motion_goes():

@@ -4,17 +4,18 @@ import ctypes
 
 import numpy as np
 import pytest
-from numba import njit
 
 import jointplay as jp
+from jointplay.base.compiler import compiled
 from jointplay.physics.kernel import Command, layout
+from jointplay.physics.kernel.access import run_at
 from jointplay.physics.kernel.solve import find_velocity_forces, solve_velocity
 
 
-@njit(error_model="numpy")
-def solve(table, h):
+@compiled
+def solve(address, h):
     """Find and solve as a micro step does; the base velocity is that in `scratch`."""
-    run = table[0]
+    run = run_at(address)
     find_velocity_forces(run, run.q, run.half)
     solve_velocity(run, run.q, run.scratch, run.v, h)
 
@@ -58,7 +59,7 @@ def test_the_solve_agrees_with_a_dense_one(nv, count, active):
     expected = np.linalg.solve(np.eye(nv) + h * case.minv * damping, case.scratch)
     for _ in range(2):  # with a new matrix, then with the one that is kept
         case.velocity_forces[:] = 0.0
-        solve(case.run, h)
+        solve(case.run.ctypes.data, h)
         assert case.run["active"][0] == active
         assert case.run["unsolved"][0] == 0
         np.testing.assert_allclose(case.v[listed], expected[listed], rtol=1e-6, atol=1e-8)

@@ -6,21 +6,16 @@ that does the work, and end as that ends. What is about a start, limits of the s
 that are killed takes the real ones.
 """
 
-import fcntl
 import functools
-import importlib.util
 import os
 import re
 import socket
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 from contextlib import suppress
 from pathlib import Path
-
-from numba.core.dispatcher import Dispatcher
 
 PATIENCE_S = 900.0
 """A deadline for broken code, not a measure of its speed."""
@@ -89,26 +84,6 @@ def close() -> None:
         server.wait()
         made.cleanup()
         begin.cache_clear()
-
-
-def compile_in_turn() -> None:
-    """Have one process of these tests compile at a time: the others find what it made."""
-    alone, work = threading.RLock(), Dispatcher.compile
-    place = Path(importlib.util.find_spec("jointplay").origin)
-    depth = 0
-
-    def compiled(dispatcher: Dispatcher, signature: object) -> object:
-        nonlocal depth
-        with alone, place.open("rb") as file:
-            if depth == 0:
-                fcntl.flock(file, fcntl.LOCK_EX)
-            depth += 1
-            try:
-                return work(dispatcher, signature)
-            finally:
-                depth -= 1
-
-    Dispatcher.compile = compiled
 
 
 class Process(subprocess.Popen):

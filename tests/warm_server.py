@@ -20,8 +20,6 @@ import types
 from contextlib import suppress
 from pathlib import Path
 
-from warm import compile_in_turn
-
 ALSO = (
     *("h5netcdf", "h5py", "zarr", "dask.array", "distributed", "matplotlib.pyplot", "logging"),
     *("matplotlib.backends.backend_agg", "matplotlib.backends.backend_pdf", "fontTools.subset"),
@@ -34,7 +32,6 @@ def warm() -> None:
     """Import all that commands need, and load the kernels."""
     import jointplay as jp
 
-    compile_in_turn()
     for module in pkgutil.walk_packages(jp.__path__, "jointplay."):
         importlib.import_module(module.name)
     for name in ALSO:

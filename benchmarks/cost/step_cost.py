@@ -16,8 +16,8 @@ import time
 import numpy as np
 import pinocchio as pin
 from common import COLOURS, Benchmark, Case, new_figure
-from numba import njit
 
+from jointplay.base.compiler import compiled
 from jointplay.base.progress import ProgressBar
 from jointplay.simulation.run import Run
 
@@ -42,8 +42,8 @@ FAMILY |= dict.fromkeys(ABA, 1) | {CALL: 2}
 """The parts in the order of table and figure, and their colours; then come steps by contacts."""
 
 
-@njit(cache=True)
-def nothing(table) -> int:
+@compiled
+def nothing(address) -> int:
     """Stand in for compiled code that does nothing."""
     return 0
 
@@ -125,8 +125,7 @@ def cycle(duration, samples, bar):
     def note(name, seconds):
         samples.setdefault(name, []).append(seconds)
 
-    empty = np.zeros(1)
-    nothing(empty)
+    empty = nothing.caller("i(i)")
     for _ in range(main.run.total_steps // CHUNK):
         before = touching(main.workspace)
         step = main.advance(CHUNK)
@@ -141,7 +140,7 @@ def cycle(duration, samples, bar):
         note(IDEAL, ideal.advance(CHUNK))
         note(EULER, euler.advance(CHUNK))
         note(RK4, rk4.advance(CHUNK // 4))
-        note(CALL, seconds_per_call(nothing, empty))
+        note(CALL, seconds_per_call(empty, 0))
         bar.update()
     for _ in range(WHOLE):
         simulation = Case().simulation(record_every=10, duration=duration, tolerance=TOLERANCE)

@@ -125,7 +125,10 @@ def _read(path: Path) -> tuple[Head, bytes] | None:
         return None
     first, _, code = body.partition(b"\n")
     fields = json.loads(first)
-    return Head(**fields | {"features": tuple(fields["features"])}), code
+    try:
+        return Head(**fields | {"features": tuple(fields["features"])}), code
+    except (KeyError, TypeError):  # of another release
+        return None
 
 
 def keep(head: Head, code: bytes, place: Path | None = None, label: str = "") -> Path:
