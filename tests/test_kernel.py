@@ -2,6 +2,7 @@
 
 import ast
 import dataclasses
+import importlib
 import os
 import re
 import subprocess
@@ -46,9 +47,12 @@ def test_an_object_is_of_the_files_in_which_its_code_is():
         for node in ast.walk(ast.parse(source.read_text())):
             if not isinstance(node, ast.ImportFrom) or not node.module.startswith("jointplay"):
                 continue
-            place = SOURCE.joinpath(*node.module.split(".")[1:])
-            file = place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
-            assert file in within or file not in found, f"{source.name} imports {node.module}"
+            module = importlib.import_module(node.module)
+            for name in node.names:
+                used = getattr(module, name.name)
+                if isinstance(used, compiler.Compiled):
+                    place = Path(used.py_func.__code__.co_filename)
+                    assert place in within, f"{source.name} imports {name.name}"
 
 
 def test_a_change_of_a_source_changes_the_fingerprint(tmp_path, monkeypatch):
