@@ -165,7 +165,7 @@ class Compiled:
                     self._natives[signature] = Native(own.address, own.ctypes)
                     self._kept = own
                 else:
-                    kinds = [_TYPES[kind] for kind in _flat(signature)]
+                    kinds: list[Any] = [_TYPES[kind] for kind in _flat(signature)]
                     call = ctypes.PYFUNCTYPE(_TYPES[signature[0]], *kinds)(made[0])
                     self._natives[signature] = Native(made[0], call)
             return self._natives[signature]
@@ -323,6 +323,10 @@ class Lazy:
         from jointplay.base import intrinsics
 
         return getattr(intrinsics, self._name)(*self._arguments)
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call it, which compiled code alone can do."""
+        return self.made(*arguments)
 
     @property
     def _numba_type_(self) -> Any:

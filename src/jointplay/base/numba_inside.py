@@ -87,11 +87,11 @@ class PartLibrary(JITCodeLibrary):  # type: ignore[misc]
     def _get_module_for_linking(self) -> Any:
         """For libraries of numba's own that call this one: with all that it calls."""
         if self._shared_module is None:
-            whole = _linked(self, self._final_module.name)
+            whole: Any = _linked(self, self._final_module.name)
             for function in whole.functions:
                 if not function.is_declaration and function.linkage == binding.Linkage.external:
                     function.linkage = "linkonce_odr"
-            self._shared_module = whole
+            self._shared_module: Any = whole
         return self._shared_module
 
 

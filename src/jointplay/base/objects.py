@@ -9,11 +9,11 @@ written to: NUMBA_CACHE_DIR, the package's own folder, the user's cache.
 from __future__ import annotations
 
 import atexit
-import fcntl
 import hashlib
 import json
 import os
 import sys
+import time
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -22,6 +22,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from jointplay.base import locks
 from jointplay.base.files import temporary
 
 FOLDER = "objects"
@@ -35,6 +36,8 @@ NO_PLACE = (
 
 _PACKAGE = Path(__file__).parents[1]
 _HASH_BYTES = hashlib.sha256().digest_size
+_LOOK_S = 0.05
+"""Between looks whether another process has compiled."""
 
 
 @dataclass(frozen=True)
@@ -148,16 +151,23 @@ def keep(head: Head, code: bytes, place: Path | None = None, label: str = "") ->
 def alone() -> Iterator[None]:
     """Have one process compile at a time: the others find what it made."""
     try:
-        handle = os.open(folder(), os.O_RDONLY)
+        descriptor = locks.opened(folder())
     except OSError:
         yield
         return
     try:
-        with suppress(OSError):  # a file system without locks
-            fcntl.flock(handle, fcntl.LOCK_EX)
+        while True:
+            try:
+                locks.lock(descriptor)
+            except BlockingIOError:
+                time.sleep(_LOOK_S)
+                continue
+            except OSError:  # a file system without locks
+                pass
+            break
         yield
     finally:
-        os.close(handle)
+        os.close(descriptor)
 
 
 _loaded: list[Any] = []

@@ -430,7 +430,15 @@ def visits_mean(visits: Visits, values: np.ndarray) -> np.ndarray:
 
 
 @compiled
-def _follow(low, high, first, last, halts, angles, sure):
+def _follow(
+    low: np.ndarray,
+    high: np.ndarray,
+    first: np.ndarray,
+    last: np.ndarray,
+    halts: np.ndarray,
+    angles: np.ndarray,
+    sure: np.ndarray,
+) -> None:
     """Write angles of a link that friction holds, and whether they are known, each (n,).
 
     Args:
