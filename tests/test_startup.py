@@ -146,6 +146,13 @@ def test_a_check_without_a_picture_needs_no_library_of_results_and_figures(folde
     assert not {"xarray", "pandas", "matplotlib", "zarr"} & set(slow)
 
 
+def test_a_run_with_compiled_code_at_hand_imports_no_compiler(folder):
+    run = ["run", "good.toml", "--duration", "1 ms"]
+    first, then = outcomes([[*run, "--out", name] for name in ("first", "then")], folder)
+    assert (first[0], then[0]) == (0, 0), then[1]
+    assert "numba" not in then[2]
+
+
 def test_an_occupied_folder_is_not_claimed_and_a_free_one_not_made(folder):
     assert outcomes([["run", "bad.toml", "--out", "new"]], folder)[0][0] == 2
     assert not (folder / "new").exists()
