@@ -12,13 +12,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
-from jointplay.base import compiler
-from jointplay.base.compiler import njit, stamp
-from jointplay.physics.contact import resultant, rolling
+from jointplay.base.compiler import compiled
 from jointplay.physics.contact.resultant import (
     ANSWERS,
     BALL_EXPONENT,
@@ -40,7 +37,7 @@ from jointplay.physics.contact.resultant import (
     TABLE,
     WAYS,
 )
-from jointplay.physics.contact.rolling import find_element_forces, part
+from jointplay.physics.contact.rolling import find_element_forces
 
 _MOST, _MOST_CUTS, _MOST_SHIFTS = 600, 40, 60
 """Steps, trials of each, and shifts of curvature."""
@@ -56,7 +53,7 @@ _SINGULAR = 1e-12
 
 _HALF = math.sqrt(0.5)
 
-_elements = part(find_element_forces)
+_elements = compiled(find_element_forces)
 _SQUARE = WAYS * WAYS
 FOUND, PUSH, SOFT = WAYS, WAYS + 1, 2 * WAYS + 1
 """Places of what `rests` finds behind xi: whether it is a place of rest, the load in terms of xi
@@ -65,7 +62,7 @@ REST = SOFT + _SQUARE
 """How many numbers it finds."""
 
 
-@part
+@compiled
 def _bend(d, pose, bend):
     """Second derivatives by xi of the energy of all elements, into (25); see `rolling`."""
     px, py, pz = pose[0], pose[1], pose[2]
@@ -127,7 +124,7 @@ def _bend(d, pose, bend):
             bend[WAYS * j + i] = bend[WAYS * i + j]
 
 
-@part
+@compiled
 def _answer(d, load, lean, xi, pose, out, left):
     """Ask the elements at a place: what of the load is not balanced, in terms of xi."""
     x, y = xi[3] + lean[0], xi[4] + lean[1]
@@ -140,7 +137,7 @@ def _answer(d, load, lean, xi, pose, out, left):
     left[3], left[4] = (load[4] + out[4]) / up, -(load[3] + out[3]) / up
 
 
-@part
+@compiled
 def _factor(bend, shift, lower):
     """Cholesky's factor (25) of a matrix with a shift of its diagonal; whether it has one."""
     for i in range(WAYS):
@@ -157,7 +154,7 @@ def _factor(bend, shift, lower):
     return True
 
 
-@part
+@compiled
 def _half_solved(lower, right, found):
     """L^-1 times the right hand side."""
     for i in range(WAYS):
@@ -167,7 +164,7 @@ def _half_solved(lower, right, found):
         found[i] /= lower[WAYS * i + i]
 
 
-@part
+@compiled
 def _solved(lower, right, found):
     """(L L^T)^-1 times the right hand side."""
     _half_solved(lower, right, found)
@@ -177,7 +174,7 @@ def _solved(lower, right, found):
         found[i] /= lower[WAYS * i + i]
 
 
-@part
+@compiled
 def _length(vector):
     """Of five numbers."""
     total = 0.0
@@ -186,7 +183,7 @@ def _length(vector):
     return math.sqrt(total)
 
 
-@part
+@compiled
 def _step(bend, left, trust, lower, way, half):
     """Down the energy as far as its curvature says, about `trust` at most; its length."""
     largest = 0.0
@@ -208,7 +205,7 @@ def _step(bend, left, trust, lower, way, half):
     return size
 
 
-@part
+@compiled
 def _soften(d, load, xi, pose, out, bend, unit, soft):
     """How xi changes with force and moment, from the balance of `_answer`; whether it is told."""
     ax, ay, up = pose[5], pose[8], pose[11]
@@ -261,7 +258,7 @@ def _soften(d, load, xi, pose, out, bend, unit, soft):
     return True
 
 
-@part
+@compiled
 def _size(d, force, unit):
     """Of xi at which a force changes much, (5,) [m, 1]."""
     exponent = ROLLER_EXPONENT if d[ROLLERS] != 0.0 else BALL_EXPONENT
@@ -280,7 +277,7 @@ def _size(d, force, unit):
     unit[3] = unit[4] = along / lever
 
 
-@part
+@compiled
 def _rest(d, load, lean, found):
     """Where the ring rests under a load, into the numbers `found`; see `rests`."""
     xi, there, best = np.zeros(WAYS), np.zeros(WAYS), np.zeros(WAYS)
@@ -351,23 +348,19 @@ def _rest(d, load, lean, found):
     found[PUSH + 3], found[PUSH + 4] = -out[4] / pose[11], out[3] / pose[11]
 
 
-@part
+@compiled
 def _norm(load, lever):
     """Of a force and two moments [N]."""
     turning = (load[3] * load[3] + load[4] * load[4]) / (lever * lever)
     return math.sqrt(load[0] ** 2 + load[1] ** 2 + load[2] ** 2 + turning)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _rests(numbers, loads, cage, lean, found):
     own = numbers.copy()
     for i in range(loads.shape[0]):
         own[CAGE] = cage[i]
         _rest(own, loads[i], lean[i], found[i])
-
-
-_SOURCES = (__file__, resultant.__file__, rolling.__file__, compiler.__file__)
-stamp(_rests, map(Path, _SOURCES))
 
 
 def rests(
