@@ -1,8 +1,7 @@
 """The compiled functions through which all kernels are entered.
 
-Three, because a run needs one or two of them and each is compiled when it is first called for:
-`enter` has what the multi-rate method does, `enter_adaptive` its steps of their own choice,
-`enter_single` the single-rate methods.
+Two, because most runs need the first alone and each is compiled when it is first called for:
+`enter` has what the multi-rate method does, `enter_single` the single-rate methods.
 """
 
 from __future__ import annotations
@@ -27,12 +26,15 @@ from jointplay.physics.kernel.constants import REACHED, Command
 def enter(address, command) -> int:
     """Carry out a `Command` of the multi-rate method on a run (`layout.RUN`) at an address.
 
-    Returns the run's status, or `REACHED`, where `ADVANCE` has come to the step that it should not
-    go beyond.
+    Returns the run's status, or `REACHED`, where it has advanced to the step that it should not go
+    beyond.
     """
     run = run_at(address)
-    if command == _ADVANCE:
-        multirate.advance(run)
+    if command in (_ADVANCE, _ADVANCE_ADAPTIVELY):
+        if command == _ADVANCE:
+            multirate.advance(run)
+        else:
+            adaptive.advance_adaptively(run)
         if run.status == 0 and run.step >= run.until:
             return REACHED
     elif command == _CHECK_PREDICTION:
@@ -47,17 +49,6 @@ def enter(address, command) -> int:
         multirate.start_half_step(run)
     elif command == _RECORD_LAST_STATE:
         multirate.record_last_state(run)
-    return run.status
-
-
-@compiler.compiled
-def enter_adaptive(address, command) -> int:
-    """Do the multi-rate method's `ADVANCE_ADAPTIVELY` on a run; returns what `enter` does."""
-    run = run_at(address)
-    if command == _ADVANCE_ADAPTIVELY:
-        adaptive.advance_adaptively(run)
-        if run.status == 0 and run.step >= run.until:
-            return REACHED
     return run.status
 
 
@@ -81,15 +72,11 @@ def enter_single(address, command) -> int:
     return run.status
 
 
-ENTRIES = (enter, enter_adaptive, enter_single)
-
 _SINGLE = (_BEGIN, _REFRESH, _EVALUATE_FORCES, _COMPLETE_STEP, _RECORD, _EULER, _RUNGE_KUTTA)
 
 
 def entry_of(command: Command) -> Any:
-    """The one of `ENTRIES` that carries out a command."""
-    if command == Command.ADVANCE_ADAPTIVELY:
-        return enter_adaptive
+    """What carries out a command."""
     return enter_single if command in _SINGLE else enter
 
 
