@@ -17,7 +17,6 @@ import threading
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, cached_property
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -76,6 +75,9 @@ _TYPES = {
     "p": ctypes.POINTER(ctypes.c_double),
 }
 """What letters of a signature stand for; p is an array of numbers."""
+
+targets: list[objects.Target] = []
+"""What is compiled is compiled for these, of which the first is run; none: for this processor."""
 
 _turn = threading.RLock()
 """Of the threads, one compiles at a time."""
@@ -188,22 +190,23 @@ class Compiled:
         with _turn:
             name = f"{self.__module__}.{self.py_func.__qualname__}"
             fingerprint = self._fingerprint()
-            found = objects.find(name, signature, fingerprint) if fingerprint else None
-            if found is None:
-                if insides() is None:
-                    return None
-                with objects.alone():
-                    found = objects.find(name, signature, fingerprint) if fingerprint else None
-                    if found is None:
-                        triple, features = objects.processor()
-                        code, returns = insides().build(self.dispatcher, signature)
-                        head = objects.Head(
-                            name, signature, fingerprint, triple, tuple(sorted(features)), returns
-                        )
-                        found = head, code
-                        if fingerprint:
-                            objects.keep(head, code)
-            head, code = found
+            if fingerprint and (found := objects.loaded(name, signature, fingerprint)):
+                return found
+            if insides() is None:
+                return None
+            with objects.alone():
+                if fingerprint and (found := objects.loaded(name, signature, fingerprint)):
+                    return found
+                made = []
+                for target in targets or [objects.here()]:
+                    code, returns = insides().build(self.dispatcher, signature, target)
+                    head = objects.Head(
+                        *(name, signature, fingerprint, target.system, target.features, returns)
+                    )
+                    made.append((head, code))
+                    if fingerprint:
+                        objects.keep(head, code, target.label)
+            head, code = made[0]
             return objects.load(code, head.symbol), head.returns
 
     def _fingerprint(self) -> str:
@@ -234,11 +237,12 @@ def _parts() -> list[Path]:
 
 @cache
 def sources() -> str:
-    """Hash of the compilers' versions, and of the files in which code may be that is compiled.
+    """Hash of the files in which code may be that is compiled.
 
-    That are all of `physics`, and those of this package that make code.
+    That are all of `physics`, and those of this package that make code. Not the compiler's version:
+    what it made stays right, and a wheel's objects serve with every numba.
     """
-    digest = hashlib.sha256(repr([version(name) for name in ("numba", "llvmlite")]).encode())
+    digest = hashlib.sha256()
     here = Path(__file__)
     own = [here, here.with_name("numba_inside.py"), here.with_name("intrinsics.py")]
     for path in (*own, *(path for part in _parts() for path in sorted(part.glob("*.py")))):

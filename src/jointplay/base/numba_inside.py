@@ -28,6 +28,7 @@ from numba.core.runtime import rtsys
 from numba.core.typed_passes import AnnotateTypes
 
 from jointplay.base.compiler import Unresolved, numba_type
+from jointplay.base.objects import Target
 
 __all__ = ["build", "part"]
 
@@ -165,12 +166,13 @@ def _without_collection() -> Iterator[None]:
             gc.enable()
 
 
-def build(dispatcher: Any, signature: str) -> tuple[bytes, str]:
+def build(dispatcher: Any, signature: str, target: Target) -> tuple[bytes, str]:
     """Object code of a function, and a letter for each number that it returns.
 
     Args:
         dispatcher: of a `part`.
         signature: types of arguments, as `compiler.Compiled` writes them.
+        target: the processor and system that it is made for.
 
     Raises:
         Unresolved: it needs numba's own libraries.
@@ -190,10 +192,22 @@ def build(dispatcher: Any, signature: str) -> tuple[bytes, str]:
         for value in (*whole.functions, *whole.global_variables):
             if not value.is_declaration and value.name != _ENTRY:
                 value.linkage = "internal"
+        machine = _machine(target)
+        whole.triple, whole.data_layout = target.triple, str(machine.target_data)
         library._final_module = whole
-        CPUCodeLibrary._optimize_final_module(library)
+        with _optimising_for(library._codegen, machine):
+            CPUCodeLibrary._optimize_final_module(library)
         _check(library._final_module)
-        return _machine().emit_object(library._final_module), returns
+        return machine.emit_object(library._final_module), returns
+
+
+@contextmanager
+def _optimising_for(codegen: Any, machine: Any) -> Iterator[None]:
+    own, codegen._tm = codegen._tm, machine
+    try:
+        yield
+    finally:
+        codegen._tm = own
 
 
 def _linked(library: Any, name: str) -> Any:
@@ -259,15 +273,13 @@ def _add_runtime(whole: Any, library: Any) -> None:
     whole.link_in(binding.parse_assembly(str(module)))
 
 
-def _machine() -> Any:
-    """What translates for this processor, into code that may lie anywhere."""
-    target = binding.Target.from_triple(binding.get_process_triple())
-    return target.create_target_machine(
-        cpu=binding.get_host_cpu_name(),
-        features=binding.get_host_cpu_features().flatten(),
-        opt=3,
-        reloc="pic",
-        codemodel="default",
+def _machine(target: Target) -> Any:
+    """What translates for a target, into code that may lie anywhere."""
+    if target.triple != binding.get_process_triple():
+        binding.initialize_all_targets()
+        binding.initialize_all_asmprinters()
+    return binding.Target.from_triple(target.triple).create_target_machine(
+        cpu=target.cpu, features=target.flags, opt=3, reloc="pic", codemodel="default"
     )
 
 

@@ -12,6 +12,7 @@ import atexit
 import hashlib
 import json
 import os
+import platform
 import sys
 import time
 import warnings
@@ -19,8 +20,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from functools import cache
+from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from jointplay.base import locks
 from jointplay.base.files import temporary
@@ -48,21 +50,57 @@ class Head:
     kinds: str
     """Types of its arguments."""
     fingerprint: str
-    """Of the sources and the compiler."""
-    triple: str
+    """Of the sources."""
+    system: str
+    """Architecture and operating system."""
     features: tuple[str, ...]
     """What the processor must be able to do."""
     returns: str
     symbol: str = "jointplay_entry"
 
 
+class Target(NamedTuple):
+    """What objects are made for."""
+
+    label: str
+    """In the names of files."""
+    system: str
+    """Architecture and operating system."""
+    features: tuple[str, ...]
+    """What the processor must be able to do."""
+    triple: str
+    """The linker's name of the system, and what the compiler is told of the processor."""
+    cpu: str
+    flags: str
+
+
+_LEVEL_3 = (
+    *("avx", "avx2", "bmi", "bmi2", "cx16", "f16c", "fma", "lzcnt", "movbe", "popcnt", "sahf"),
+    *("sse3", "ssse3", "sse4.1", "sse4.2", "xsave"),
+)
+_LINUX = "x86_64-unknown-linux-gnu"
+RELEASED = (
+    Target("x86-64-v3", "x86_64-linux", _LEVEL_3, _LINUX, "x86-64-v3", ""),
+    Target("x86-64", "x86_64-linux", (), _LINUX, "x86-64", ""),
+    Target("aarch64", "aarch64-linux", (), "aarch64-unknown-linux-gnu", "generic", ""),
+    Target("macos-arm64", "arm64-darwin", (), "arm64-apple-macosx11.0.0", "apple-m1", ""),
+)
+"""What a wheel has objects for. Those of the last two are compiled elsewhere and were never run."""
+
+
 @cache
-def processor() -> tuple[str, frozenset[str]]:
-    """Triple of this process, and what its processor can do."""
+def here() -> Target:
+    """This process and its processor."""
     from llvmlite import binding
 
-    features = binding.get_host_cpu_features()
-    return binding.get_process_triple(), frozenset(name for name, has in features.items() if has)
+    try:
+        found = binding.get_host_cpu_features()
+        features, flags = tuple(sorted(name for name, has in found.items() if has)), found.flatten()
+    except RuntimeError:  # llvmlite does not know, on some systems
+        features, flags = (), ""
+    system, cpu = f"{platform.machine()}-{sys.platform}", binding.get_host_cpu_name()
+    label = hashlib.sha256(repr((system, cpu, features)).encode()).hexdigest()[:8]
+    return Target(label, system, features, binding.get_process_triple(), cpu, flags)
 
 
 @cache
@@ -89,32 +127,31 @@ def folder() -> Path:
     return Path(made.name)
 
 
-@cache
-def _label() -> str:
-    triple, features = processor()
-    return hashlib.sha256(repr((triple, sorted(features))).encode()).hexdigest()[:8]
-
-
 def _stem(function: str, kinds: str) -> str:
     plain = "".join(letter if letter.isalnum() or letter in "._" else "-" for letter in function)
     return f"{plain}-{hashlib.sha256(kinds.encode()).hexdigest()[:8]}"
 
 
-def find(function: str, kinds: str, fingerprint: str) -> tuple[Head, bytes] | None:
-    """The object of a function for these types, if there is one that is whole and runs here."""
+def find(function: str, kinds: str, fingerprint: str) -> Iterator[tuple[Head, bytes]]:
+    """Objects of a function for these types that are whole and run here, the best first."""
     stem = _stem(function, kinds)
-    paths = [folder() / f"{stem}.{_label()}.o"]
-    if folder() != _PACKAGE / FOLDER or not paths[0].exists():
-        paths += sorted((_PACKAGE / FOLDER).glob(f"{stem}.*.o"))
-    for path in paths:
-        found = _read(path)
+    places = dict.fromkeys((folder(), _PACKAGE / FOLDER))
+    labels = [here().label, *(target.label for target in RELEASED)]
+    for place, label in product(places, labels):
+        found = _read(place / f"{stem}.{label}.o")
         if found is not None:
             head = found[0]
             if (head.function, head.kinds, head.fingerprint) != (function, kinds, fingerprint):
                 continue
-            triple, features = processor()
-            if head.triple == triple and features.issuperset(head.features):
-                return found
+            if head.system == here().system and {*here().features}.issuperset(head.features):
+                yield found
+
+
+def loaded(function: str, kinds: str, fingerprint: str) -> tuple[int, str] | None:
+    """Address of the first of these that the linker takes, and the letters of what it returns."""
+    for head, code in find(function, kinds, fingerprint):
+        with suppress(RuntimeError):
+            return load(code, head.symbol), head.returns
     return None
 
 
@@ -134,10 +171,10 @@ def _read(path: Path) -> tuple[Head, bytes] | None:
         return None
 
 
-def keep(head: Head, code: bytes, place: Path | None = None, label: str = "") -> Path:
-    """Write an object; a reader sees it whole or not at all."""
+def keep(head: Head, code: bytes, label: str) -> Path:
+    """Write an object for a target of this label; a reader sees it whole or not at all."""
     body = json.dumps(asdict(head), sort_keys=True).encode() + b"\n" + code
-    path = (place or folder()) / f"{_stem(head.function, head.kinds)}.{label or _label()}.o"
+    path = folder() / f"{_stem(head.function, head.kinds)}.{label}.o"
     part = path.with_suffix(f".{os.getpid()}.part")
     try:
         part.write_bytes(body + hashlib.sha256(body).digest())
