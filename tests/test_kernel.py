@@ -20,7 +20,8 @@ from numba.core.compiler import DefaultPassBuilder, Flags
 
 import jointplay as jp
 from jointplay.base import compiler, numba_inside, objects
-from jointplay.base.compiler import Unresolved, compiled
+from jointplay.base.compiler import compiled
+from jointplay.base.objects import Unresolved
 
 SOURCE = Path(jp.__file__).parent
 HERE = Path(__file__).parent
@@ -333,6 +334,7 @@ def without_insides(what, code, folder):
 def test_where_numba_is_another_inside_the_same_is_compiled_plainly(what, tmp_path):
     code = """
 from jointplay.base.compiler import compiled
+from jointplay.base.objects import Unresolved
 @compiled
 def doubled(x):
     return 2.0 * x

@@ -34,10 +34,6 @@ MOVED = (
 _PACKAGE = Path(__file__).parents[1]
 
 
-class Unresolved(Exception):
-    """Code that needs numba's own libraries, which a process without numba does not have."""
-
-
 @cache
 def insides() -> Any:
     """The module that uses numba's internals; None, with a warning, where those are others."""
@@ -142,7 +138,7 @@ class Compiled:
         if made is None:
             return None, ""
         address, returns = made
-        kinds = _flat(signature)
+        kinds = objects.flat(signature)
         assert len(kinds) == count
         types = [ctypes.c_double if kind == "d" else ctypes.c_int64 for kind in kinds]
         return ctypes.PYFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, *types)(address), returns
@@ -157,17 +153,19 @@ class Compiled:
             if signature not in self._natives:
                 try:
                     made = self._object(signature)
-                except Unresolved:
+                except objects.Unresolved:
                     made = None
                 if made is None:
                     import numba
+
+                    from jointplay.base.intrinsics import numba_signature
 
                     plain = numba.cfunc(numba_signature(signature), error_model="numpy")
                     own = plain(self.py_func)
                     self._natives[signature] = Native(own.address, own.ctypes)
                     self._kept = own
                 else:
-                    kinds: list[Any] = [_TYPES[kind] for kind in _flat(signature)]
+                    kinds: list[Any] = [_TYPES[kind] for kind in objects.flat(signature)]
                     call = ctypes.PYFUNCTYPE(_TYPES[signature[0]], *kinds)(made[0])
                     self._natives[signature] = Native(made[0], call)
             return self._natives[signature]
@@ -267,35 +265,6 @@ def _take(value: Any, values: list[Any]) -> str:
         return f"{kind.__module__}:{kind.__qualname__}({kinds})"
     values.append(int(value))
     return "i"
-
-
-def _flat(signature: str) -> list[str]:
-    """Letters of the numbers that the machine gets, in order."""
-    found: list[str] = []
-    for kind in signature[signature.index("(") + 1 : -1].replace(")", "").split(","):
-        kind = kind.rpartition("(")[2]
-        if "." in kind:
-            found += "i" * (1 + 2 * int(kind.partition(".")[2][:-1]))
-        elif kind:
-            found.append(kind)
-    return found
-
-
-def numba_type(letter: str) -> Any:
-    """numba's type for a letter of `_TYPES`."""
-    from numba import types
-
-    return {
-        "v": types.void,
-        "i": types.int64,
-        "d": types.float64,
-        "p": types.CPointer(types.float64),
-    }[letter]
-
-
-def numba_signature(signature: str) -> Any:
-    """numba's signature for one of letters."""
-    return numba_type(signature[0])(*map(numba_type, _flat(signature)))
 
 
 def compiled(function: Callable[..., Any] | None = None, **options: Any) -> Any:

@@ -12,7 +12,22 @@ from numba import from_dtype, types
 from numba.core.typing.templates import AttributeTemplate
 from numba.extending import infer_getattr, intrinsic, lower_getattr
 
-from jointplay.base.compiler import numba_signature
+from jointplay.base import objects
+
+
+def numba_type(letter: str) -> Any:
+    """numba's type for a letter of `compiler.Compiled.native`."""
+    return {
+        "v": types.void,
+        "i": types.int64,
+        "d": types.float64,
+        "p": types.CPointer(types.float64),
+    }[letter]
+
+
+def numba_signature(signature: str) -> Any:
+    """numba's signature for one of letters."""
+    return numba_type(signature[0])(*map(numba_type, objects.flat(signature)))
 
 
 def carray() -> Any:

@@ -27,8 +27,8 @@ from numba.core.registry import cpu_target
 from numba.core.runtime import rtsys
 from numba.core.typed_passes import AnnotateTypes
 
-from jointplay.base.compiler import Unresolved, numba_type
-from jointplay.base.objects import Target
+from jointplay.base.intrinsics import numba_type
+from jointplay.base.objects import Target, Unresolved
 
 __all__ = ["build", "part"]
 
@@ -247,17 +247,20 @@ def _add_runtime(whole: Any, library: Any) -> None:
         function = ir.Function(module, ir.FunctionType(answer, given), name)
         return ir.IRBuilder(function.append_basic_block("entry")), function
 
-    if not used:
-        for name in ("NRT_incref", "NRT_decref"):
-            builder, _ = define(name, ir.VoidType(), byte)
-            builder.ret_void()
-    else:
-        whole.link_in(rtsys.library._get_module_for_linking(), preserve=True)
+    counting = [define(name, ir.VoidType(), byte) for name in ("NRT_incref", "NRT_decref")]
+    if used:
         malloc = ir.Function(module, ir.FunctionType(byte, [word]), "malloc")
         free = ir.Function(module, ir.FunctionType(ir.VoidType(), [byte]), "free")
-        builder, function = define("NRT_MemInfo_call_dtor", ir.VoidType(), byte)
-        builder.call(free, function.args)
-        builder.ret_void()
+        for (builder, function), step in zip(counting, (1, -1), strict=True):
+            (block,) = function.args
+            with builder.if_then(builder.icmp_unsigned("!=", block, byte(None))):
+                # No other thread has these arrays: they are made and freed within one call.
+                count = builder.bitcast(block, word.as_pointer())
+                left = builder.add(builder.load(count), word(step))
+                builder.store(left, count)
+                if step < 0:
+                    with builder.if_then(builder.icmp_unsigned("==", left, word(0))):
+                        builder.call(free, [block])
         for name in used:
             builder, function = define(name, byte, word, size)
             align = builder.zext(function.args[1], word)
@@ -270,6 +273,8 @@ def _add_runtime(whole: Any, library: Any) -> None:
                 place = builder.bitcast(builder.gep(block, [word(_DATA)]), word.as_pointer())
                 builder.store(start, place)
             builder.ret(block)
+    for builder, _ in counting:
+        builder.ret_void()
     whole.link_in(binding.parse_assembly(str(module)))
 
 

@@ -59,6 +59,10 @@ class Head:
     symbol: str = "jointplay_entry"
 
 
+class Unresolved(Exception):
+    """Code that needs numba's own libraries, which a process without numba does not have."""
+
+
 class Target(NamedTuple):
     """What objects are made for."""
 
@@ -182,6 +186,18 @@ def keep(head: Head, code: bytes, label: str) -> Path:
     except OSError:  # a full disk: it is compiled again next time
         part.unlink(missing_ok=True)
     return path
+
+
+def flat(signature: str) -> list[str]:
+    """Letters of the numbers that the machine gets, in order."""
+    found: list[str] = []
+    for kind in signature[signature.index("(") + 1 : -1].replace(")", "").split(","):
+        kind = kind.rpartition("(")[2]
+        if "." in kind:
+            found += "i" * (1 + 2 * int(kind.partition(".")[2][:-1]))
+        elif kind:
+            found.append(kind)
+    return found
 
 
 @contextmanager
