@@ -273,6 +273,9 @@ def _add_runtime(whole: Any, library: Any) -> None:
                 place = builder.bitcast(builder.gep(block, [word(_DATA)]), word.as_pointer())
                 builder.store(start, place)
             builder.ret(block)
+        builder, function = define("NRT_MemInfo_data_fast", byte, byte)
+        place = builder.gep(function.args[0], [word(_DATA)])
+        builder.ret(builder.load(builder.bitcast(place, byte.as_pointer())))
     for builder, _ in counting:
         builder.ret_void()
     whole.link_in(binding.parse_assembly(str(module)))
