@@ -367,8 +367,8 @@ ELSEWHERE = {
     "text, or standard output": "bridges/trajectory cli/commands/check base/streams",
     "in temporary folders and the user's cache": "model/viewer model/meshes model/builder "
     "show/player/movie study/case base/locks",
-    "pieces whose seals or checksums tell what is whole": "base/objects simulation/spool study/journal "
-    "study/sealed study/store",
+    "pieces whose seals or checksums tell what is whole": "base/objects simulation/spool "
+    "study/journal study/sealed study/store",
 }
 """Modules that write without `files`, by why that loses nothing."""
 
