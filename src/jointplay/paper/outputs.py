@@ -18,18 +18,18 @@ DRAWINGS = ("fig01_joint.png", "fig02_forms.png")
 MOST_RUNS = 1000  # for each clearance and condition: days of computing
 
 
-def output_names() -> list[str]:
+def output_names(pdf: bool) -> list[str]:
     """Every file that the study writes."""
-    drawn = file_names(paper=True, rolling=False)
+    drawn = file_names(paper=True, rolling=False, pdf=pdf)
     tables = ("errors.md", "ensemble.csv", "claims.csv", "claims.md")
     return [*FILES.values(), *drawn, *DRAWINGS, *tables, PAGE]
 
 
-def folder(out: str | Path, runs: int, jobs: int | None) -> Path:
+def folder(out: str | Path, runs: int, jobs: int | None, pdf: bool) -> Path:
     """The study's folder, claimed by this process; arguments and errors as of `run_study`."""
     if require_whole("runs", runs) == 1:
         raise JointplayError(f"the claims need at least 2 runs (0 leaves them out), got {runs}")
     if runs > MOST_RUNS:
         raise JointplayError(f"at most {MOST_RUNS} runs for each clearance, got {runs}")
     number_of(jobs)
-    return files.claim(out, output_names())
+    return files.claim(out, output_names(pdf))

@@ -125,11 +125,12 @@ def run_study(
     *,
     condition: Condition = CONDITIONS[0],
     integrator: str = DEFAULT,
+    pdf: bool = False,
 ) -> Findings:
     """Run the whole study into the folder `out`.
 
     Args:
-        out: folder for ``*.nc``, ``fig09`` ... ``fig15`` (PNG and PDF), ``errors.md``,
+        out: folder for ``*.nc``, ``fig09`` ... ``fig15`` (PNG), ``errors.md``,
             ``claims.md``, ``claims.csv``, ``ensemble.csv`` (the numbers of every perturbed run),
             and ``paper.md``, which shows all of it beside what the paper says.
         runs: perturbed runs for each clearance and condition; 0 leaves the claims out.
@@ -138,6 +139,7 @@ def run_study(
         done: is told of each case when it has been run and certified.
         condition: gravity and inertia of the three cases; claims are judged under all conditions.
         integrator: of the cases and of all runs behind the claims.
+        pdf: draw each figure as PDF, too.
 
     Raises:
         JointplayError: fewer than 2 runs (but not 0), no such integrator, or a folder that cannot
@@ -146,7 +148,7 @@ def run_study(
     """
     from jointplay.show import plots
 
-    out = folder(out, runs, jobs)
+    out = folder(out, runs, jobs, pdf)
     # The first case has the kernels compiled and cached; from then on all cores can work.
     first, *rest = CASES
     cases: dict[str, Result] = {}
@@ -179,6 +181,6 @@ def run_study(
             if runs:
                 write_claims(found.verdicts, ensembles, out)
     with signals.keeping(f"the figures in {out}"):
-        plots.save(cases, out)  # last: whatever happens to figures, the numbers are there
+        plots.save(cases, out, pdf)  # last: whatever happens to figures, the numbers are there
         write_page(found, setting, out)
     return found

@@ -8,6 +8,7 @@ Example: jointplay compare old/result.nc new/result.nc --out difference
     A  result file (.nc), or a folder with one
     B  result file (.nc), or a folder with one
     --out DIR  folder for comparison.txt and the figures that compare both
+    --pdf  draw each figure as .pdf, too
     --quiet
     --import
 """
@@ -42,5 +43,5 @@ def run(options: argparse.Namespace) -> int:
     print(comparison)
     if folder is not None:
         out.write({"comparison.txt": f"{comparison}\n"})
-        plots.save(found, folder)
+        plots.save(found, folder, options.pdf)
     return 0

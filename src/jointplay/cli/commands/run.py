@@ -5,7 +5,7 @@ figures that compare the cases. Without FILE or ROBOT: the SCARA arm under gravi
 B, 3 s. Options override FILE.
 
 DIR receives result.nc, or a .nc for each case (read it with jointplay.Result.load or any NetCDF
-reader), and the figures as .png and .pdf.
+reader), and the figures as .png.
 
     [FILE | ROBOT]
     --out DIR  folder for the results (required)
@@ -17,6 +17,7 @@ reader), and the figures as .png and .pdf.
         headline figures
     --resume  continue the interrupted runs in DIR, bit for bit; finished ones are kept
     --no-figures  do not draw figures
+    --pdf  draw each figure as .pdf, too
     --jobs
     --detail
     --quiet

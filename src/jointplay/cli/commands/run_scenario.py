@@ -71,7 +71,7 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     drawn: list[str] = []
     if scenario.figures and not options.no_figures:
         robots = (scenario.model(case).robot.urdf for case in cases)
-        drawn = names_of_figures(all(map(is_paper_robot, robots)))
+        drawn = names_of_figures(all(map(is_paper_robot, robots)), pdf=options.pdf)
     if not options.resume:
         check_output_folder(out, names, drawn)
     from jointplay.cli.commands import first_notes
@@ -135,7 +135,7 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     results = summaries.results
     drawable = {case: result for case, result in results.items() if len(result.time) > 1}
     if drawn and drawable:
-        plots.save(drawable, out)
+        plots.save(drawable, out, options.pdf, summaries.ideals)
     print(summaries.ending(out))
     missing = [case for case in cases if case not in results]
     unjudged = [
@@ -181,6 +181,8 @@ class _Summaries:
         self.only, self.progress, self.detail = only, progress, detail
         self.results: dict[str, Result] = {}
         """Of the cases that are there, in the order of the scenario once all are."""
+        self.ideals: dict[str, Result | None] = {}
+        """The ideal mechanism's run that each is measured against."""
         self._printed: set[str] = set()
         self._rows: dict[str, dict[str, str]] = {}
         """Figures of each case, by what they are called."""
@@ -238,7 +240,7 @@ class _Summaries:
         from jointplay.simulation.analysis.headline import headline, headline_texts, reference
 
         ideal = next((other for other in self.results.values() if is_twin(result, other)), None)
-        ideal = ideal or reference(result, self.progress)
+        ideal = self.ideals[case] = ideal or reference(result, self.progress)
         lines = headline(result, ideal, self.detail)
         if case in self._ideal or not lines:  # there is no error to begin with
             lines = [result.message, *lines]

@@ -5,8 +5,8 @@ and axial clearance in joint B; give the headline figures with their numerical e
 them those of explicit integration with a fixed step; draw Figures 9-15; test the paper's six claims
 on perturbed runs, with and without gravity, for both inertia variants.
 
-DIR receives ideal.nc, case1_0.2mm.nc, case2_0.5mm.nc; fig09 ... fig15 as .png and .pdf; errors.md
-with the figures and their errors; claims.md and claims.csv; ensemble.csv with the numbers of each
+DIR receives ideal.nc, case1_0.2mm.nc, case2_0.5mm.nc; fig09 ... fig15 as .png; errors.md with
+the figures and their errors; claims.md and claims.csv; ensemble.csv with the numbers of each
 perturbed run; paper.md, which shows all of it on one page.
 
     --out DIR  folder for the results (required)
@@ -16,6 +16,7 @@ perturbed run; paper.md, which shows all of it on one page.
         body can have (default consistent)
     --integrator {multi-rate,semi-implicit-euler,rk4}  of all runs; semi-implicit-euler is explicit,
         with the paper's fixed step of 10 us (default multi-rate)
+    --pdf  draw each figure as .pdf, too
     --runs N  perturbed runs for each clearance and condition; 0 skips the claims (default 8)
     --jobs
     --quiet
@@ -31,7 +32,7 @@ from jointplay.base import signals
 def run(options: argparse.Namespace) -> int:
     from jointplay.paper.outputs import PAGE, folder
 
-    folder(options.out, options.runs, options.jobs)  # before anything is loaded that takes time
+    folder(options.out, options.runs, options.jobs, options.pdf)  # before anything is loaded that takes time
     from jointplay import paper
 
     started = time.perf_counter()
@@ -44,6 +45,7 @@ def run(options: argparse.Namespace) -> int:
         lambda label, result: print(f"\n{label}: {result.message}\n{result.audit}"),
         condition=paper.Condition(options.gravity, options.inertia.replace("-", " ")),
         integrator=options.integrator,
+        pdf=options.pdf,
     )
     print("\nFigures with their numerical errors, and by other methods:\n")
     print(paper.errors_text(found.rows, found.warnings))

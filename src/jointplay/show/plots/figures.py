@@ -17,7 +17,7 @@ from jointplay.base import files
 from jointplay.model.mechanism import Mechanism
 from jointplay.show.plots.chart import Axis, Chart, Curve, Panel, Rule, overlaid
 from jointplay.show.plots.draw import draw
-from jointplay.show.plots.names import MARK, PAPER, is_paper_robot
+from jointplay.show.plots.names import MARK, PAPER, is_paper_robot, kinds
 from jointplay.show.plots.palette import COLOURS, GREY, Cases, colours, reference
 from jointplay.simulation import analysis
 from jointplay.simulation.analysis.headline import reference as ideal_run
@@ -278,13 +278,18 @@ def plane_of(cases: Cases) -> str:
     return "xz" if reach[0] >= reach[1] else "yz"
 
 
-def overview(cases: Cases) -> Chart:
-    """The robot from above, its tool's error (or the tilt), the journal's orbit, the force."""
+def overview(cases: Cases, known: Mapping[str, Result | None] | None = None) -> Chart:
+    """The robot from above, its tool's error (or the tilt), the journal's orbit, the force.
+
+    `known`: the ideal mechanism's run by case, as `headline.reference` gives it; None: it is
+    simulated, where it can be, if it is none of the cases.
+    """
     every, ideals = coloured(cases), ideals_of(cases)
     shown = [item for item in every[::-1] if item[1].joints]  # these have errors and contacts
-    if not ideals:  # the ideal mechanism is simulated, where it can be
-        alone = {label: ideal_run(result) for label, result in cases.items()}
-        ideals = {label: ideal for label, ideal in alone.items() if ideal is not None}
+    if not ideals:
+        if known is None:
+            known = {label: ideal_run(result) for label, result in cases.items()}
+        ideals = {label: ideal for label in cases if (ideal := known.get(label)) is not None}
     first = reference(cases) or next(iter(cases.values()))
     mechanism, plane = first.simulation.mechanism, plane_of(cases)
     across = [AXES.index(axis) for axis in plane]
@@ -360,17 +365,30 @@ _NEEDS: dict[str, Callable[[Cases], Any]] = {
 }
 
 
-def _charts(cases: Cases) -> Iterator[tuple[str, Chart]]:
+def _charts(
+    cases: Cases, known: Mapping[str, Result | None] | None = None
+) -> Iterator[tuple[str, Chart]]:
     for name, describe in CHARTS.items():
         if name not in _NEEDS or _NEEDS[name](cases):
-            yield name, describe(cases)
+            yield name, overview(cases, known) if name == "overview" else describe(cases)
 
 
-def save(cases: Cases, folder: str | Path) -> list[Path]:
-    """Draw all figures into `folder`, each as PNG and PDF; the paper's under their numbers.
+def save(
+    cases: Cases,
+    folder: str | Path,
+    pdf: bool = False,
+    ideals: Mapping[str, Result | None] | None = None,
+) -> list[Path]:
+    """Draw all figures into `folder` as PNG; the paper's under their numbers.
 
     Orbits and overview are left out if no case has clearance, the path if it is a straight line.
     Figures drawn earlier are replaced.
+
+    Args:
+        cases: results by label.
+        folder: where the files go.
+        pdf: draw each as PDF, too.
+        ideals: see `overview`.
 
     Returns:
         The files written.
@@ -380,10 +398,10 @@ def save(cases: Cases, folder: str | Path) -> list[Path]:
     """
     written = []
     paper = is_paper(cases)
-    for shown, chart in _charts(cases):
+    for shown, chart in _charts(cases, ideals):
         name = PAPER.get(shown, shown) if paper else shown
         figure = draw(chart)
-        for kind in ("png", "pdf"):
+        for kind in kinds(pdf):
             path = Path(folder) / f"{name}.{kind}"
             written.append(files.picture(path, figure, mark=MARK))
             figure.set_layout_engine("none")  # laid out by now; again costs a third more

@@ -47,11 +47,16 @@ def is_paper_robot(urdf: str) -> bool:
     return Path(urdf.rpartition(":")[2]).name in PAPER_ROBOTS
 
 
-def file_names(paper: bool, rolling: bool = True) -> list[str]:
+def kinds(pdf: bool) -> tuple[str, ...]:
+    """Formats of a figure: vector graphics take three times as long as an image."""
+    return ("png", "pdf") if pdf else ("png",)
+
+
+def file_names(paper: bool, rolling: bool = True, pdf: bool = False) -> list[str]:
     """Names of all files that `figures.save` may write, of `paper` those with its numbers."""
     shown = NAMES if rolling else NAMES[:-1]
     names = [PAPER.get(name, name) if paper else name for name in shown]
-    return [f"{name}.{kind}" for name in names for kind in ("png", "pdf")]
+    return [f"{name}.{kind}" for name in names for kind in kinds(pdf)]
 
 
 def load(paths: Sequence[str | Path], labels: Sequence[str] = ()) -> dict[str, Result]:
