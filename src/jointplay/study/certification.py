@@ -37,7 +37,6 @@ from jointplay.simulation.result.histories import HistoryBuilder
 from jointplay.simulation.result.result import Result
 from jointplay.simulation.result.thinning import SUMMARY_RECORDS
 from jointplay.simulation.run import Run
-from jointplay.simulation.saving import save
 from jointplay.simulation.simulation import Simulation
 from jointplay.study.study import Study
 
@@ -342,7 +341,7 @@ def add_certificate(
     claims: bool = False,
     name: str = "",
 ) -> None:
-    """Certify a saved result, or estimate its errors, and save it again; until then it stays.
+    """Certify a saved result, or estimate its errors, and add that to its file.
 
     A run that was told to stop, or while it was saved, is not certified.
 
@@ -351,7 +350,7 @@ def add_certificate(
         simulation, progress, strict, claims, name: see `certify`.
 
     Raises:
-        JointplayError: the file cannot be written again; the message says where the result is.
+        JointplayError: the file cannot be written again; it is as it was.
         KeyboardInterrupt: told to stop; the result is there without certificate.
     """
     if signals.stop_requested():
@@ -365,8 +364,6 @@ def add_certificate(
     if certificate is None:
         return
     with signals.keeping(f"the certificate of {path}"):
-        if result is None:
-            netcdf.add_attributes(path, {"certificate": json.dumps(certificate.describe())})
-        else:
+        if result is not None:
             result.certificate = certificate
-            save(result, path, overwrite=True)
+        netcdf.add_attributes(path, {"certificate": json.dumps(certificate.describe())})

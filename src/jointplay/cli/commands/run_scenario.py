@@ -123,14 +123,15 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     left = [item for case, item in items.items() if case not in done]
     # A long run's histories fill memory; where nothing is drawn, few of them are looked at.
     only = None if drawn else HISTORIES
-    summaries = _Summaries(scenario, items, simulations, only, progress, options.detail)
+    made: dict[str, Result] = {}
+    summaries = _Summaries(scenario, items, simulations, only, progress, options.detail, made)
     total = sum(lengths[item.case][0] for item in left)
     if all(map(_gives, simulations.values())):
         total += sum(more for _, more in lengths.values())
     with whole(total, progress):
         for case in done:
             summaries.keep(case)
-        stopped = _run_all(scenario, left, jobs, progress, ready, summaries)
+        stopped = _run_all(scenario, left, jobs, progress, ready, made, summaries)
         summaries.finish()
     results = summaries.results
     drawable = {case: result for case, result in results.items() if len(result.time) > 1}
@@ -176,9 +177,12 @@ class _Summaries:
         only: Sequence[str] | None,
         progress: bool,
         detail: bool,
+        made: dict[str, Result],
     ) -> None:
         self.scenario, self.items, self.simulations = scenario, items, simulations
         self.only, self.progress, self.detail = only, progress, detail
+        self.made = made
+        """Those that this process has computed; of others there is the file alone."""
         self.results: dict[str, Result] = {}
         """Of the cases that are there, in the order of the scenario once all are."""
         self.ideals: dict[str, Result | None] = {}
@@ -216,8 +220,9 @@ class _Summaries:
         path = self.items[case].path
         if case in self.results or not path.exists():
             return
+        result = self.made.pop(case, None)
         if path.stat().st_size < thinning.LARGE_FILE:
-            result = Result.load(path)
+            result = result or Result.load(path)
         else:
             result = Result.load(path, most=thinning.SUMMARY_RECORDS, only=self.only)
         # What was run, rather than built once more from the file, recorded as seldom as this is.
@@ -326,11 +331,14 @@ def file_names(cases: Sequence[str]) -> list[str]:
     return names
 
 
-def _execute(scenario: Scenario, progress: bool, ready: list[Run], item: CaseRun) -> None:
+def _execute(
+    scenario: Scenario, progress: bool, ready: list[Run], made: dict[str, Result], item: CaseRun
+) -> None:
     """Run a case, save it with its scenario, find its errors.
 
     Args:
         ready: the run, if it has been made ready.
+        made: gets the result, if it is in memory.
 
     Raises:
         KeyboardInterrupt: told to stop; it is saved as far as it came.
@@ -354,6 +362,8 @@ def _execute(scenario: Scenario, progress: bool, ready: list[Run], item: CaseRun
             check_replaceable(item.path)
             continue_run(run, kept)
         status, result = run_and_save(run, item.path, progress, notes, overwrite=resumed)
+    if result is not None:
+        made[item.case] = result
     if item.errors:
         add_certificate(result, item.path, run.simulation, progress, item.certified, name=item.case)
     if status == Status.INTERRUPTED or signals.stop_requested():
@@ -366,12 +376,13 @@ def _run_all(
     jobs: int,
     progress: bool,
     ready: list[Run],
+    made: dict[str, Result],
     summaries: _Summaries,
 ) -> bool:
     """Run the cases; returns whether it was told to stop."""
     from jointplay.study import Study
 
-    work = partial(_execute, scenario, progress, ready)
+    work = partial(_execute, scenario, progress, ready, made)
     study = Study({item.case: item for item in items}, work, summaries, early=True)
     try:
         with closing(study.outcomes(jobs)) as outcomes:

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from matplotlib.backends.backend_pdf import PdfPages
 
 from jointplay.base import files
 from jointplay.model.mechanism import Mechanism
@@ -455,6 +454,8 @@ def pdf(cases: Cases, start: float | None = None, look: str = "paper") -> bytes:
 
     Records before `start` [s] are left out of spectra; None: before each run is judged.
     """
+    from matplotlib.backends.backend_pdf import PdfPages  # takes long to import
+
     drawn = io.BytesIO()
     with PdfPages(drawn) as pages:
         pages.infodict()["Title"] = f"jointplay: {', '.join(cases)}"

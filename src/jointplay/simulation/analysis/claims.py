@@ -12,8 +12,6 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from scipy.spatial import cKDTree
-from scipy.special import stdtrit
 
 from jointplay.physics.geometry import Mode
 from jointplay.simulation.result.certificate import plus_minus
@@ -58,6 +56,8 @@ def measure(result: Result, ideal: Result) -> Measures:
         changes per second of the tool's velocity deviation. swing_mm: mean excursion of the
         tool's deviation between two of its turning points.
     """
+    from scipy.spatial import cKDTree  # takes long to import
+
     judged = slice(int(np.searchsorted(result.time, result.judge_from)), len(result.time))
     time = result.time[judged]
     position = result["tool_position"].values[judged]
@@ -133,7 +133,10 @@ def _greater(
     squares = np.array([a.var(ddof=1) / a.size, b.var(ddof=1) / b.size])
     total = squares.sum()
     margin = 0.0
-    if total > 0.0:  # Welch-Satterthwaite degrees of freedom
+    if total > 0.0:
+        from scipy.special import stdtrit  # takes long to import
+
+        # Welch-Satterthwaite degrees of freedom
         freedom = total**2 / (squares**2 / (np.array([a.size, b.size]) - 1)).sum()
         margin = float(stdtrit(freedom, 0.5 + 0.5 * CONFIDENCE) * np.sqrt(total))
     difference = float(b.mean() - a.mean())

@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import xarray as xr
+from numpy.lib.stride_tricks import sliding_window_view
 
 from jointplay.base.errors import JointplayError, MissingName, require_finite, require_whole
 from jointplay.base.tables import counted
@@ -49,8 +50,6 @@ def spectrum(
     Raises:
         JointplayError: too few even records.
     """
-    from scipy.signal import welch
-
     if of not in ("acceleration", "deviation"):
         raise MissingName("spectrum", of, ("acceleration", "deviation"))
     if of == "deviation":
@@ -74,9 +73,7 @@ def spectrum(
         raise TooShort(f"a spectrum needs at least 17 records from {start:g} s on, got {len(time)}")
     interval = float(time[-1] - time[0]) / (len(time) - 1)
     length = min(segment, len(values))
-    frequency, density = welch(
-        values, fs=1.0 / interval, window="hann", nperseg=length, detrend="constant", axis=0
-    )
+    frequency, density = _welch(values, interval, length)
     density = np.column_stack([density, density.sum(axis=1)])
     return xr.DataArray(
         density,
@@ -91,6 +88,17 @@ def spectrum(
             "windows": 1 + (len(values) - length) // max(length - length // 2, 1),
         },
     )
+
+
+def _welch(values: np.ndarray, interval: float, length: int) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies and densities of columns; `scipy.signal`, which has it, takes long to import."""
+    window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(length) / length)
+    windows = sliding_window_view(values, length, axis=0)[:: length - length // 2]
+    windows = windows - windows.mean(axis=-1, keepdims=True)
+    power = np.abs(np.fft.rfft(windows * window)) ** 2
+    density = power.mean(axis=0).T * interval / (window**2).sum()
+    density[1 : (length + 1) // 2] *= 2.0  # one-sided: but for 0 and the Nyquist frequency
+    return np.fft.rfftfreq(length, interval), density
 
 
 BANDS_HZ = (100.0, 1000.0, 10e3)
