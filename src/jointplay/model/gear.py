@@ -17,6 +17,7 @@ from typing import Any, ClassVar, NamedTuple, Self
 import numpy as np
 
 from jointplay.base.errors import JointplayError
+from jointplay.base.roots import brentq
 from jointplay.base.schema import Described, Family, check_fields, one_of, quantity, register
 from jointplay.physics.kernel.constants import GEAR_ORDERS
 
@@ -449,8 +450,6 @@ class _Catalogued(_Lossy):
         def excess(slope: float) -> float:
             return self._lost_motion(*law(slope), part) - stated
 
-        from scipy.optimize import brentq  # takes long to import
-
         stated, bottom = self.stated_lost_motion, SOFTEST * most
         least, largest = (excess(slope) + stated for slope in (most, bottom))
         if not least <= stated * (1.0 + 1e-9) or not stated <= largest:
@@ -462,7 +461,7 @@ class _Catalogued(_Lossy):
             )
         if excess(most) >= 0.0:
             return law(most)
-        return law(float(brentq(excess, bottom, most, xtol=1e-9 * most)))
+        return law(brentq(excess, bottom, most, xtol=1e-9 * most))
 
     def _bristles_of(self, curve: Curve) -> tuple[float, float]:
         grip = float(curve.torque(np.array(0.5 * self.hysteresis)))

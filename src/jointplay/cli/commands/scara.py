@@ -32,7 +32,8 @@ from jointplay.base import signals
 def run(options: argparse.Namespace) -> int:
     from jointplay.paper.outputs import PAGE, folder
 
-    folder(options.out, options.runs, options.jobs, options.pdf)  # before anything is loaded that takes time
+    # Before anything is loaded that takes time.
+    folder(options.out, options.runs, options.jobs, options.pdf)
     from jointplay import paper
 
     started = time.perf_counter()

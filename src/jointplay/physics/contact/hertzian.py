@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, TypeVar
 
 from jointplay.base.errors import JointplayError
+from jointplay.base.roots import brentq
 from jointplay.base.schema import quantity
 from jointplay.physics.contact.law import ContactProperties, NormalForceLaw
 
@@ -69,9 +70,7 @@ def exact_factor(restitution: float) -> float:
 
 
 def _root(function: Callable[[float], float], low: float, high: float) -> float:
-    from scipy.optimize import brentq
-
-    return float(brentq(function, low, high, xtol=1e-15))
+    return brentq(function, low, high, xtol=1e-15)
 
 
 def elastic_limits(

@@ -27,6 +27,7 @@ from typing import Any, ClassVar, NamedTuple, NoReturn, Self
 import numpy as np
 
 from jointplay.base.errors import JointplayError, MissingName, within
+from jointplay.base.roots import brentq
 from jointplay.base.schema import check_fields, choice, quantity
 from jointplay.base.units import readable
 from jointplay.physics.contact import resultant
@@ -908,7 +909,6 @@ def point_contact_stiffness(
     Returns:
         K [N/m^1.5], and the ratio of the ellipse's axes.
     """
-    from scipy.optimize import brentq
     from scipy.special import ellipe, ellipk
 
     def misfit(ratio: float) -> float:
@@ -1062,8 +1062,6 @@ class BallBearing(RollingBearing):
 
     def _clearance_of_preload(self, force: float) -> float:
         """C_r at which the rows of a pair press against each other with a force [N]."""
-        from scipy.optimize import brentq
-
         if force == 0.0:
             return 0.0
         reach, a = self.distance * math.cos(self.alpha), self.distance
@@ -1204,8 +1202,6 @@ class CrossedRollerBearing(RollingBearing):
         static = self.static_rating or float(self._entry.get("static", 0.0))
         if not static:
             return 0.3 * (self.d_outside - self.d_bore)
-        from scipy.optimize import brentq
-
         pitch = 1e3 * self.d_pitch
 
         def surplus(d: float) -> float:
@@ -1214,7 +1210,7 @@ class CrossedRollerBearing(RollingBearing):
             return float(ROLLER_STATIC * (1.0 - gamma) * size - static)
 
         most = 1e3 * 0.499 * (self.d_outside - self.d_bore)
-        return 1e-3 * float(brentq(surplus, 1e-3, most)) if surplus(most) > 0.0 else 1e-3 * most
+        return 1e-3 * brentq(surplus, 1e-3, most) if surplus(most) > 0.0 else 1e-3 * most
 
     @property
     def count(self) -> int:

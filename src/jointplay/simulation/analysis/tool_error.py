@@ -127,12 +127,10 @@ class Reference:
         """Of the histories of another run, or of a part of it; see `deviation`."""
         ours = dataset[of].sel(time=dataset["time"].values <= self.until)
         time, run = ours["time"].values, self._run
-        reference: Any
         if len(run.time) >= len(time) and np.allclose(
             run.time[: len(time)], time, 0.0, self._rounding
         ):
-            kept = run[of].values[: len(time)]
-            reference = rotations(kept) if of == "tool_orientation" else kept
+            reference = run[of].values[: len(time)]
         elif len(run.time) < 2:
             raise JointplayError(f"the reference has {len(run.time)} record; it needs at least 2")
         else:
@@ -141,7 +139,7 @@ class Reference:
             reference = self._between[of](time)
         found: xr.DataArray
         if of == "tool_orientation":
-            turns = (rotations(ours.values) * reference.inv()).as_rotvec()
+            turns = _turns(ours.values, reference)
             along = {"time": time, "axis": dataset["axis"].values}
             found = xr.DataArray(turns, along, ("time", "axis"), of)
         else:
@@ -157,6 +155,10 @@ def rotations(quaternions: np.ndarray) -> Rotation:
     """Orientations that are recorded with the scalar first, (n, 4); refused if they are none."""
     from scipy.spatial.transform import Rotation  # takes long to import
 
+    return Rotation.from_quat(_units(quaternions)[:, [1, 2, 3, 0]])
+
+
+def _units(quaternions: np.ndarray) -> np.ndarray:
     size = np.linalg.norm(quaternions, axis=1)
     wrong = np.flatnonzero(size < 0.5)
     if wrong.size:
@@ -164,7 +166,17 @@ def rotations(quaternions: np.ndarray) -> Rotation:
             f"record {wrong[0] + 1} has no orientation of the tool: its quaternion has the length "
             f"{size[wrong[0]]:g}; the run went wrong, or its records have changed since"
         )
-    return Rotation.from_quat(quaternions[:, [1, 2, 3, 0]])
+    return quaternions / size[:, None]
+
+
+def _turns(ours: np.ndarray, reference: np.ndarray) -> np.ndarray:
+    """Rotation vectors that turn a reference into ours, both as they are recorded, (n, 3)."""
+    (a, u), (b, v) = ((one[:, :1], one[:, 1:]) for one in map(_units, (ours, reference)))
+    cosine = a * b + (u * v).sum(axis=1, keepdims=True)
+    sine = np.copysign(1.0, cosine) * (b * u - a * v - np.cross(u, v))
+    size = np.linalg.norm(sine, axis=1, keepdims=True)
+    angle = 2.0 * np.arctan2(size, np.abs(cosine))
+    return sine * np.divide(angle, size, out=np.full_like(size, 2.0), where=size > 0.0)
 
 
 def _between(ideal: Result, of: str) -> Callable[[np.ndarray], Any]:
@@ -172,7 +184,8 @@ def _between(ideal: Result, of: str) -> Callable[[np.ndarray], Any]:
     from scipy.spatial.transform import RotationSpline
 
     if of == "tool_orientation":
-        return RotationSpline(ideal.time, rotations(ideal[of].values))  # type: ignore[no-any-return]
+        curve = RotationSpline(ideal.time, rotations(ideal[of].values))
+        return lambda time: curve(time).as_quat()[:, [3, 0, 1, 2]]
     if of == "tool_angular_velocity":
         return CubicSpline(ideal.time, ideal[of].values)  # type: ignore[no-any-return]
     path = CubicHermiteSpline(
