@@ -174,7 +174,8 @@ def test_force_figures_show_held_peaks(cases):
 def test_files_are_written_and_not_blank(cases, tmp_path):
     import matplotlib.image
 
-    written = plots.save(cases, tmp_path)
+    assert {path.suffix for path in plots.save(cases, tmp_path)} == {".png"}
+    written = plots.save(cases, tmp_path, pdf=True)
     assert {path.suffix for path in written} == {".png", ".pdf"}
     for path in written:
         if path.suffix == ".png":
@@ -185,13 +186,13 @@ def test_files_are_written_and_not_blank(cases, tmp_path):
 
 @pytest.fixture
 def coarse(monkeypatch):
-    """Figures are drawn with few points, and not written to files."""
+    """Figures are drawn with few points, and files are empty."""
 
-    def drawn(path, figure, mark):
+    def drawn(figure, kind, mark):
         figure.savefig(BytesIO(), dpi=20)
-        return path
+        return b""
 
-    monkeypatch.setattr(figures.files, "picture", drawn)
+    monkeypatch.setattr(figures.files, "drawn", drawn)
 
 
 @pytest.mark.parametrize("label", ["0.2 mm", "ideal"])

@@ -90,14 +90,25 @@ def picture(
         overwrite: whether a file of that name is replaced.
         mark: stands in the picture's metadata; a picture that holds it is replaced.
     """
-    path = Path(path)
-    kind = _picture_format(path)
+    content = drawn(figure, _picture_format(Path(path)), mark, **options)
+    return write_picture(path, content, overwrite=overwrite, mark=mark)
+
+
+def drawn(figure: Any, kind: str, mark: str = "", **options: Any) -> bytes:
+    """A matplotlib figure in one of the formats of `PICTURES`; see `picture`."""
     if mark:
-        overwrite = overwrite or holds(path, mark)
         options["metadata"] = {PICTURES[kind]: mark}
-    drawn = io.BytesIO()
-    figure.savefig(drawn, format=kind, **options)
-    return write(path, drawn.getvalue(), overwrite=overwrite)
+    content = io.BytesIO()
+    figure.savefig(content, format=kind, **options)
+    return content.getvalue()
+
+
+def write_picture(
+    path: str | Path, content: bytes, *, overwrite: bool = False, mark: str = ""
+) -> Path:
+    """Write what was `drawn`, in place of a picture that holds the mark; see `picture`."""
+    overwrite = overwrite or bool(mark and holds(Path(path), mark))
+    return write(path, content, overwrite=overwrite)
 
 
 def _picture_format(path: Path) -> str:

@@ -6,6 +6,7 @@ import io
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.base import files
+from jointplay.base.processes import in_parallel
 from jointplay.model.mechanism import Mechanism
 from jointplay.show.plots.chart import Axis, Chart, Curve, Panel, Rule, overlaid
 from jointplay.show.plots.draw import draw
@@ -395,16 +397,25 @@ def save(
     Raises:
         JointplayError: another file has the name of one, or it cannot be written.
     """
-    written = []
+    charts, written = list(_charts(cases, ideals)), []
     paper = is_paper(cases)
-    for shown, chart in _charts(cases, ideals):
-        name = PAPER.get(shown, shown) if paper else shown
+    half = (len(charts) + 1) // 2
+    with in_parallel(partial(_drawn, charts[half:], pdf)) as others:
+        for shown, kind, content in chain(_drawn(charts[:half], pdf), others()):
+            path = Path(folder) / f"{PAPER.get(shown, shown) if paper else shown}.{kind}"
+            written.append(files.write_picture(path, content, mark=MARK))
+    return written
+
+
+def _drawn(charts: Iterable[tuple[str, Chart]], pdf: bool) -> list[tuple[str, str, bytes]]:
+    """Name, format and content of each picture."""
+    found = []
+    for name, chart in charts:
         figure = draw(chart)
         for kind in kinds(pdf):
-            path = Path(folder) / f"{name}.{kind}"
-            written.append(files.picture(path, figure, mark=MARK))
+            found.append((name, kind, files.drawn(figure, kind, MARK)))
             figure.set_layout_engine("none")  # laid out by now; again costs a third more
-    return written
+    return found
 
 
 def _states(cases: Cases) -> Iterator[Chart]:
