@@ -273,9 +273,10 @@ sys.exit(cli.main(sys.argv[2:]))
 def test_scara_study_end_to_end(duration, tmp_path):
     out = tmp_path / "study"
     command = [PYTHON, "-c", STUDY, str(duration), "scara", "--out", str(out), "--runs", "2"]
+    command.append("--pdf")
     done = subprocess.run(command, capture_output=True, text=True, timeout=900.0, check=False)
     assert done.returncode == 0, done.stderr
-    assert {path.name for path in out.iterdir()} == set(output_names())
+    assert {path.name for path in out.iterdir()} == set(output_names(pdf=True))
     table = (out / "claims.md").read_text()
     for condition in map(str, CONDITIONS):
         assert table.count(f"| {condition} |") == 6

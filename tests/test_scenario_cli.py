@@ -116,7 +116,7 @@ def test_run_saves_every_case(short, tmp_path):
 @pytest.mark.thorough
 def test_run_draws_figures_of_chosen_cases(short, tmp_path):
     out = tmp_path / "out"
-    done = call("run", short, "--out", out, "--case", "0.2 mm", "--case", "ideal")
+    done = call("run", short, "--out", out, "--case", "0.2 mm", "--case", "ideal", "--pdf")
     assert done.returncode == 0, done.stderr
     names = {path.name for path in out.iterdir()}
     assert {"ideal.nc", "0.2_mm.nc", "fig12.png", "fig12.pdf"} <= names

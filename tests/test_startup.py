@@ -153,6 +153,40 @@ def test_a_run_with_compiled_code_at_hand_imports_no_compiler(folder):
     assert "numba" not in then[2]
 
 
+UNUSED = (
+    *("numba", "fontTools.subset", "trimesh", "yourdfpy", "zarr", "meshcat"),
+    *(f"scipy.{name}" for name in ("interpolate", "optimize", "signal", "spatial", "stats")),
+)
+"""What takes long to import, and a run that draws its figures does not need."""
+
+
+def test_a_run_imports_what_it_needs_alone(folder):
+    robot = ["run", "scara", "--joint", "joint_b=0.1mm", "--duration", "1 ms", "--out"]
+    program = (
+        "import json, sys; from jointplay.cli import main\n"
+        "status = main(json.loads(sys.argv[1]))\n"
+        f"sys.exit(status or ', '.join(name for name in {UNUSED!r} if name in sys.modules))"
+    )
+    for out in ("once", "again"):  # the first one may compile
+        command = [sys.executable, "-c", program, json.dumps([*robot, out])]
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "next: jointplay play" in done.stdout
+    assert {path.suffix for path in (folder / "again").iterdir()} == {".nc", ".png"}
+
+
+def test_the_ideal_mechanism_of_a_run_is_not_simulated_for_its_figures(folder, monkeypatch):
+    from jointplay.cli import main
+    from jointplay.simulation.analysis import twins
+
+    made, own = [], twins.tool_motion
+    monkeypatch.setattr(twins, "tool_motion", lambda *asked: made.append(own(*asked)) or made[-1])
+    run = ["run", str(folder / "good.toml"), "--duration", "1 ms", "--no-error-estimate"]
+    assert main([*run, "--out", str(folder / "drawn"), "--quiet"]) == 0
+    assert len(made) == 1
+    assert (folder / "drawn" / "overview.png").exists()
+
+
 def test_an_occupied_folder_is_not_claimed_and_a_free_one_not_made(folder):
     assert outcomes([["run", "bad.toml", "--out", "new"]], folder)[0][0] == 2
     assert not (folder / "new").exists()
