@@ -152,15 +152,21 @@ def early_peak(result: Result) -> float:
     return float(np.linalg.norm(result[name].sel(at).values[time], axis=1).max(initial=0.0))
 
 
+def _with(clearance: float | None, method: str, condition: Condition) -> Result:
+    return replace(scara(clearance, condition), **METHODS[method]).run(estimate=False)
+
+
+@cache
+def _ideal_with(method: str, condition: Condition) -> Result:
+    return _with(None, method, condition)
+
+
 def by_method(label: str, method: str, condition: Condition = CONDITIONS[0]) -> Found:
     """Figures of the case `label` by one of the `METHODS`, and of its ideal twin by the same."""
 
-    def run(clearance: float | None) -> Result:
-        return replace(scara(clearance, condition), **METHODS[method]).run(estimate=False)
-
-    result = run(CASES[label]).completed(f"{label}, {method}")
+    result = _with(CASES[label], method, condition).completed(f"{label}, {method}")
     found = {EARLY: early_peak(result)}
     if METHODS[method].get("duration", np.inf) > EARLY_S:
-        ideal = None if CASES[label] is None else run(None)
+        ideal = None if CASES[label] is None else _ideal_with(method, condition)
         found |= {name: value for name, (value, _) in figures(result, ideal).items()}
     return Found(found, tuple(result.audit.warnings))

@@ -86,6 +86,8 @@ class Ensembles:
 
         Yields what `wait` waits for.
         """
+        import scipy.spatial  # noqa: F401 - not by each process
+
         pool: Pool[Callable[[], Any], Any]
         pool = Pool(call, self.jobs, recovery="the tables have the runs so far")
         with ThreadPoolExecutor(1) as thread, closing(pool):

@@ -149,8 +149,6 @@ def run_study(
     from jointplay.show import plots
 
     out = folder(out, runs, jobs, pdf)
-    # The first case has the kernels compiled and cached; from then on all cores can work.
-    first, *rest = CASES
     cases: dict[str, Result] = {}
     ensembles = Ensembles(runs, jobs, condition, integrator)
     setting = f"{str(condition)[:1].upper()}{str(condition)[1:]}, {integrator}"
@@ -163,9 +161,8 @@ def run_study(
     of_cases = sum(1 + number_of_runs(scara(clearance)) for clearance in CASES.values())
     try:
         with whole(of_cases * length() + ensembles.to_simulate, progress):
-            run(first)
             with ensembles.started() as collecting:
-                for label in rest:
+                for label in CASES:
                     run(label)
                 ensembles.wait(collecting)
     finally:  # whatever happens, what was found is written
