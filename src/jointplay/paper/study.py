@@ -160,11 +160,13 @@ def run_study(
 
     of_cases = sum(1 + number_of_runs(scara(clearance)) for clearance in CASES.values())
     try:
-        with whole(of_cases * length() + ensembles.to_simulate, progress):
-            with ensembles.started() as collecting:
-                for label in CASES:
-                    run(label)
-                ensembles.wait(collecting)
+        with (
+            whole(of_cases * length() + ensembles.to_simulate, progress),
+            ensembles.started() as collecting,
+        ):
+            for label in CASES:
+                run(label)
+            ensembles.wait(collecting)
     finally:  # whatever happens, what was found is written
         with signals.keeping(f"the tables in {out}"):
             others = ensembles.others
