@@ -413,7 +413,10 @@ def reversals(reduction: Reduction) -> Figure:
         curves[0].append(Curve(past["time"], lag, f"{name} model", colour, line))
         curves[1].append(Curve(past["motor"], lag, "", colour, line))
     up = Axis("motor - link", "rad")
-    angle = Axis(f"motor of {reduction.joint}", "rad", "large")
+    low, high = float(past["motor"].min()), float(past["motor"].max())
+    low, high = 1.03 * low - 0.03 * high, 1.03 * high - 0.03 * low
+    words = f"motor of {reduction.joint}"  # whose angle is a number of many digits
+    angle = Axis(words, "rad", "large", low=low, high=high, ticks=5)
     panels = [Panel(Axis("time", "s"), up, curves[0]), Panel(angle, up, curves[1])]
     note = (
         f"simulated; stated error of the link's angle {1e6 * reduction.angle_error:.3g} µrad, "

@@ -221,7 +221,8 @@ def journal_orbit(cases: Cases) -> Chart:
             "by its rims, while its middle stays inside."
         )
     size = (4.3 * columns, 0.8 + 4.1 * len(rows))
-    return Chart(rows, size, note=note, key=_LEGEND_COLUMNS if rims else 0)
+    key = (_LEGEND_COLUMNS if columns > 1 else 1) if rims else 0
+    return Chart(rows, size, note=note, key=key)
 
 
 def force_panels(cases: Cases, axis: str) -> list[Panel]:
