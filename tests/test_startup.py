@@ -165,7 +165,7 @@ def test_a_run_imports_what_it_needs_alone(folder):
     program = (
         "import json, sys; from jointplay.cli import main\n"
         "status = main(json.loads(sys.argv[1]))\n"
-        f"sys.exit(status or ', '.join(name for name in {UNUSED!r} if name in sys.modules))"
+        f"sys.exit(status or ', '.join(name for name in {UNUSED!r} if name in sys.modules) or 0)"
     )
     for out in ("once", "again"):  # the first one may compile
         command = [sys.executable, "-c", program, json.dumps([*robot, out])]
@@ -173,6 +173,40 @@ def test_a_run_imports_what_it_needs_alone(folder):
     assert done.returncode == 0, done.stderr
     assert "next: jointplay play" in done.stdout
     assert {path.suffix for path in (folder / "again").iterdir()} == {".nc", ".png"}
+
+
+WITHOUT_NUMBA = """
+import json, sys
+sys.modules.update(dict.fromkeys(("numba", "matplotlib", "xarray", "scipy.interpolate")))
+from jointplay.cli import main
+sys.exit(main(json.loads(sys.argv[1])))
+"""
+
+DECISIONS = [
+    ["budget", "scara", "--clearance", "0.05 mm"],
+    ["budget", "scara", "--joint", "joint_b=6205"],
+    ["budget", "scara", "--clearance", "0.05 mm", "--whole", "industrial"],
+    ["budget", "so101", "--preset"],
+    ["check", "good.toml", "--no-picture"],
+    ["robots"],
+    ["export", "urdf", "scara", "--clearance", "0.1 mm", "--out", "clone.urdf"],
+]
+
+
+@pytest.mark.parametrize("line", DECISIONS, ids=" ".join)
+def test_decisions_import_neither_a_compiler_nor_figures(line, folder, monkeypatch):
+    """Statics of joints call a few compiled functions, which are at hand after the first time."""
+    monkeypatch.chdir(folder)
+    first = subprocess.run(
+        [sys.executable, "-m", "jointplay", *line], capture_output=True, check=False
+    )
+    assert first.returncode == 0, first.stderr
+    for made in folder.glob("clone*"):
+        made.unlink()
+    again = subprocess.run(
+        [sys.executable, "-c", WITHOUT_NUMBA, json.dumps(line)], capture_output=True, check=False
+    )
+    assert (again.returncode, again.stdout) == (0, first.stdout), again.stderr.decode()
 
 
 def test_the_ideal_mechanism_of_a_run_is_not_simulated_for_its_figures(folder, monkeypatch):

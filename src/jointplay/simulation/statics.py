@@ -142,6 +142,7 @@ class ElasticJoint:
         self.reach = float(np.linalg.norm(joint.outline.size))
         """Farthest point of the journal from its centre [m]."""
         self._holds = joint.law in resultant.HOLDING
+        self._last = b"", np.zeros(0)
         if joint.resultant is None:
             count = len(joint.contacts)
             parameters = np.zeros((count, MAX_PARAMETERS))
@@ -161,20 +162,27 @@ class ElasticJoint:
         _press(*self._of, poses, _NODES, _WEIGHTS, found)
         return found
 
+    def _at(self, pose: np.ndarray) -> np.ndarray:
+        """The answer at a pose (12,): the last one is known."""
+        key = pose.tobytes()
+        if key != self._last[0]:
+            self._last = key, self._look(pose[None])[0]
+        return self._last[1]
+
     def energy(self, pose: np.ndarray) -> float:
         """Energy stored at a pose (12,) of the journal in its bearing [J]."""
-        return float(self._look(pose[None])[0, ENERGY])
+        return float(self._at(pose)[ENERGY])
 
     def smallest_gap(self, pose: np.ndarray) -> float:
         """At a pose (12,) of the journal in its bearing; negative in penetration [m]."""
-        return -float(self._look(pose[None])[0, DEEPEST])
+        return -float(self._at(pose)[DEEPEST])
 
     def wrench(self, pose: np.ndarray) -> np.ndarray:
         """Force on the journal and moment about its centre, bearing axes, (6,) [N, N m].
 
         Of a rolling bearing no moment about the axis: its cage may go.
         """
-        wrench = self._look(pose[None])[0, :6]
+        wrench = self._at(pose)[:6].copy()
         if self._joint.resultant is not None and not self._holds:
             axis = pose[[5, 8, 11]]
             wrench[3:] -= (wrench[3:] @ axis) * axis
@@ -186,7 +194,7 @@ class ElasticJoint:
         The sum of all element loads, or springs' moment at hand: the load of a mount that gives way
         in rotations only.
         """
-        found = self._look(pose[None])[0]
+        found = self._at(pose)
         moment = float(np.linalg.norm(found[3:6])) / self.reach if self._holds else 0.0
         return max(float(found[resultant.SUM]), moment)
 
