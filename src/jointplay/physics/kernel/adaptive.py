@@ -381,7 +381,7 @@ def _try_steps(run):
         h = _time_to_onset(run, wanted)
         before = 0.5 * run.dt_before if run.fresh == 0 else 0.0
         add_work(run, before)
-        commit_memories(run, before + 0.5 * h)
+        commit_memories(run, before, 0.5 * h)
         records = due < last and due * run.dt < start + h - 1e-6 * run.dt
         if records:
             _keep_row(run)

@@ -141,46 +141,76 @@ def _evaluate_bristle_law(run, joint, contact, speed, normal, dwell):
 
 
 @compiled
-def advance_bristles(run, j, joint, elapsed):
-    """Integrate the bristle deflections of joint j over `elapsed` [s] at the present twist.
+def _advance_bristle(run, contact, z, slip, elapsed):
+    """Bristles `elapsed` [s] on from z, as the law last evaluated says, and the dwell."""
+    out = run.law_numbers
+    direction = get_vector(contact.direction, 0)
+    z = add_scaled(z, -dot(direction, z), direction)
+    left = math.exp(-out[1] * elapsed)
+    gain = out[0] * (elapsed if out[1] * elapsed < 1e-9 else (1.0 - left) / out[1])
+    return add(scale(left, z), scale(gain, slip)), gain
 
-    They bend from where the last step left them: dz/dt = A v - r z, exactly for constant v.
-    """
+
+@compiled
+def _advance_dwell(run, dwell, elapsed):
+    """The dwell `elapsed` [s] on, as the law last evaluated says."""
+    target, rate = run.law_numbers[6], run.law_numbers[7]
+    return target + (dwell - target) * math.exp(-rate * elapsed) if rate != 0.0 else dwell
+
+
+@compiled
+def bend_at_start(run, j, joint):
+    """Bend the bristles of contacts that touch at the start, at the present twist."""
     for k in range(joint.count):
         contact = run.contacts[j, k]
-        if contact.touching == 0:
+        if contact.touching == 0 or contact.steps > 0.0:
             continue
         rate, slip, speed = _find_contact_velocity(joint, contact)
         normal, _, _ = _normal_force(joint, contact, rate)
-        _evaluate_bristle_law(run, joint, contact, speed, normal, contact.dwell)
-        out = run.law_numbers
-        if run.time == 0.0 and contact.steps == 0.0:
-            elapsed = _SLID_BEFORE_S
-        contact.dwell_now = out[6] + (contact.dwell - out[6]) * math.exp(-out[7] * elapsed)
-        direction = get_vector(contact.direction, 0)
-        z = get_vector(contact.bristle, 0)
-        z = add_scaled(z, -dot(direction, z), direction)
-        left = math.exp(-out[1] * elapsed)
-        gain = out[0] * (elapsed if out[1] * elapsed < 1e-9 else (1.0 - left) / out[1])
-        set_vector(contact.bristle_now, 0, add(scale(left, z), scale(gain, slip)))
+        _evaluate_bristle_law(run, joint, contact, speed, normal, 0.0)
+        z, _ = _advance_bristle(run, contact, (0.0, 0.0, 0.0), slip, _SLID_BEFORE_S)
+        set_vector(contact.bristle, 0, z)
+        contact.dwell = _advance_dwell(run, 0.0, _SLID_BEFORE_S)
+
+
+@compiled
+def time_bristles(run, j, joint, elapsed, step):
+    """Tell the contacts of joint j how long ago their bristles were as they are kept.
+
+    `elapsed` [s]; of a contact that began within the last `step` [s] they were straight then.
+    """
+    for k in range(joint.count):
+        contact = run.contacts[j, k]
+        contact.elapsed = elapsed
+        if contact.touching != 0 and contact.steps == 0.0 and run.time > 0.0:
+            rate, _, _ = _find_contact_velocity(joint, contact)
+            depth = -contact.gap
+            contact.elapsed = depth / rate if rate * step > depth else step
 
 
 @compiled
 def _bristle_force(run, joint, contact, normal, slip, speed):
     """Force of the bristles: -(k z + d (A v - r z)), no longer than the cap, and - c v.
 
-    With it, how it falls with velocities across it.
+    They are bent as far as at the velocity given. With the force, how it falls with velocities
+    across it, and z and dwell.
     """
-    _evaluate_bristle_law(run, joint, contact, speed, normal, contact.dwell_now)
-    out = run.law_numbers
+    _evaluate_bristle_law(run, joint, contact, speed, normal, contact.dwell)
+    out, elapsed = run.law_numbers, contact.elapsed
+    z, gain = _advance_bristle(run, contact, get_vector(contact.bristle, 0), slip, elapsed)
+    dwell = contact.dwell
+    if out[7] != 0.0:
+        dwell = _advance_dwell(run, dwell, elapsed)
+        _evaluate_bristle_law(run, joint, contact, speed, normal, dwell)
     damper = out[3] * out[0]
     pull = out[2] - out[3] * out[1]
-    force = add(scale(-pull, get_vector(contact.bristle_now, 0)), scale(-damper, slip))
+    force = add(scale(-pull, z), scale(-damper, slip))
+    fall = damper + pull * gain
     size = norm(force)
     if size > out[5]:
         force = scale(out[5] / size, force)
-        damper *= out[5] / size
-    return add_scaled(force, -out[4], slip), damper + out[4]
+        fall *= out[5] / size
+    return add_scaled(force, -out[4], slip), fall + out[4], z, dwell
 
 
 @compiled
@@ -188,14 +218,27 @@ def _bristle_slope(run, joint, contact, slip):
     """Direction of sliding, the bristles' force per velocity along it, and its fall across."""
     speed, normal = contact.speed, contact.normal_now
     more = speed * _DIFFERENCE + _LEAST_DIFFERENCE
-    force, across = _bristle_force(run, joint, contact, normal, slip, speed)
+    force, across, _, _ = _bristle_force(run, joint, contact, normal, slip, speed)
     if speed <= 0.0:
         return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), across
     t = scale(1.0 / speed, slip)
-    further, _ = _bristle_force(
+    further, _, _, _ = _bristle_force(
         run, joint, contact, normal, add_scaled(slip, more, t), speed + more
     )
     return t, scale(1.0 / more, add_scaled(further, -1.0, force)), across
+
+
+@compiled
+def _keep_bristle(run, joint, contact, ahead):
+    """Keep bristles and dwell as they are `ahead` [s] after the state, if it goes on so."""
+    z, dwell = get_vector(contact.bristle_now, 0), contact.dwell_now
+    if ahead > 0.0:
+        _, slip, speed = _find_contact_velocity(joint, contact)
+        _evaluate_bristle_law(run, joint, contact, speed, contact.normal_now, dwell)
+        z, _ = _advance_bristle(run, contact, z, slip, ahead)
+        dwell = _advance_dwell(run, dwell, ahead)
+    set_vector(contact.bristle, 0, z)
+    contact.dwell = dwell
 
 
 @compiled
@@ -282,7 +325,9 @@ def add_contact_forces(run, j, joint):
         contact.rate, contact.speed = rate, speed
         contact.approach, contact.reference = approach, reference
         if joint.bristles != 0:
-            friction, _ = _bristle_force(run, joint, contact, normal, slip, speed)
+            friction, _, z, dwell = _bristle_force(run, joint, contact, normal, slip, speed)
+            set_vector(contact.bristle_now, 0, z)
+            contact.dwell_now = dwell
         else:
             law = address_of(joint.friction_parameters)
             contact.mu = call_friction(joint.friction_law, (speed, law))
@@ -340,8 +385,10 @@ def average_stage_forces(joint, contact_rows, stage, part):
 
 
 @compiled
-def commit_contacts(run, j, joint, duration):
+def commit_contacts(run, j, joint, duration, ahead):
     """Accept the contacts' state as one of the trajectory; its forces act for `duration` [s].
+
+    Bristles are kept as they are `ahead` [s] after it.
 
     What is kept for record and audit is a force that acted: that of the state, or, where a step
     has stages, their mean over the step that led to the state.
@@ -375,8 +422,7 @@ def commit_contacts(run, j, joint, duration):
         contact.steps += 1.0
         contact.own_impulse += impulse
         if joint.bristles != 0:
-            set_vector(contact.bristle, 0, get_vector(contact.bristle_now, 0))
-            contact.dwell = contact.dwell_now
+            _keep_bristle(run, joint, contact, ahead)
         if k < joint.wearing:
             _count_sliding(joint, k, get_vector(contact.direction, 0), impulse * contact.speed)
     force = get_vector(joint.mean_force, 0) if averaged else get_vector(joint.wrench, 0)

@@ -20,7 +20,7 @@ import math
 from jointplay.base.compiler import compiled
 from jointplay.physics.kernel.access import flat, record_failure
 from jointplay.physics.kernel.constants import Status
-from jointplay.physics.kernel.contact import add_dissipation, commit_contacts
+from jointplay.physics.kernel.contact import add_dissipation, bend_at_start, commit_contacts
 from jointplay.physics.kernel.drive import (
     add_drive_power,
     add_joint_losses,
@@ -486,11 +486,12 @@ def add_work(run, duration):
 
 
 @compiled
-def commit_memories(run, duration):
-    """Accept all contacts and gears as evaluated; their forces act for `duration` [s]."""
+def commit_memories(run, before, after):
+    """Accept all contacts and gears as evaluated; their forces act so long before and after [s]."""
     commit_gears(run)
     for j in range(run.nj):
-        commit_contacts(run, j, run.joints[j], duration)
+        commit_contacts(run, j, run.joints[j], before + after, after)
+    run.bent_at = run.time + after
 
 
 @compiled
@@ -498,7 +499,7 @@ def _commit_state(run, dt, recorded):
     """Accept and record the state just evaluated, `dt` before the next."""
     before = 0.5 * run.dt_before if run.fresh == 0 else 0.0
     add_work(run, before)
-    commit_memories(run, before + 0.5 * dt)
+    commit_memories(run, before, 0.5 * dt)
     if recorded:
         write_record(run)
     add_work(run, 0.5 * dt)
@@ -572,6 +573,11 @@ def start_half_step(run):
     if run.ns > 0:
         apply_servos(run, q, v, run.time, tau)
     find_velocity_forces(run, q, v)
+    if run.time == 0.0:
+        for j in range(run.nj):
+            joint = run.joints[j]
+            if joint.touching != 0 and joint.bristles != 0:
+                bend_at_start(run, j, joint)
     evaluate_velocity_forces(run, q, v)
     loaded = run.load_forces
     for i in range(nv):

@@ -17,10 +17,11 @@ from jointplay.physics.kernel.constants import Status
 from jointplay.physics.kernel.contact import (
     add_contact_forces,
     add_dissipation,
-    advance_bristles,
     average_stage_forces,
+    bend_at_start,
     commit_contacts,
     find_gaps,
+    time_bristles,
 )
 from jointplay.physics.kernel.drive import (
     add_drive_power,
@@ -65,7 +66,9 @@ def _evaluate_joint(run, j, q, v, tau, elapsed):
         add_film_forces(run, joint, True)
         add_film_losses(run, j, joint)
     if joint.bristles != 0:
-        advance_bristles(run, j, joint, elapsed)
+        if run.time == 0.0 and run.commit != 0:
+            bend_at_start(run, j, joint)
+        time_bristles(run, j, joint, elapsed, elapsed)
     add_contact_forces(run, j, joint)
     add_dissipation(run, j, joint)
     project_wrench(joint, tau)
@@ -105,7 +108,7 @@ def _evaluate_state(run, q, v, time):
     for j in range(run.nj):
         _evaluate_joint(run, j, q, v, tau, elapsed)
         if committed:
-            commit_contacts(run, j, run.joints[j], run.dt if run.step > 0 else 0.0)
+            commit_contacts(run, j, run.joints[j], run.dt if run.step > 0 else 0.0, 0.0)
             if run.joints[j].sections > 0:
                 commit_film(run, run.joints[j])
 

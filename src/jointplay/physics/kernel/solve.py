@@ -25,8 +25,8 @@ from jointplay.physics.kernel.bodies import place_bodies
 from jointplay.physics.kernel.contact import (
     add_contact_forces,
     add_contact_slope,
-    advance_bristles,
     find_gaps,
+    time_bristles,
 )
 from jointplay.physics.kernel.drive import (
     add_joint_slopes,
@@ -102,7 +102,7 @@ def find_velocity_forces(run, q, half):
             continue
         if joint.bristles != 0:
             find_twist(joint, half)
-            advance_bristles(run, j, joint, run.dt_before)
+            time_bristles(run, j, joint, run.time - run.bent_at, run.dt_before)
         support = joint.support
         for k in range(joint.nsupport):
             marks[support[k]] = 1.0
