@@ -142,7 +142,10 @@ def _evaluate_bristle_law(run, joint, contact, speed, normal, dwell):
 
 @compiled
 def _advance_bristle(run, contact, z, slip, elapsed):
-    """Bristles `elapsed` [s] on from z, as the law last evaluated says, and the dwell."""
+    """Bristles `elapsed` [s] on from z, as the law last evaluated says: exactly for constant slip.
+
+    With it, how it grows with the slip.
+    """
     out = run.law_numbers
     direction = get_vector(contact.direction, 0)
     z = add_scaled(z, -dot(direction, z), direction)

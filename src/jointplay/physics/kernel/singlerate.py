@@ -49,8 +49,8 @@ _RUN_AWAY = int(Status.RUN_AWAY)
 
 
 @compiled
-def _evaluate_joint(run, j, q, v, tau, elapsed):
-    """Add joint j's forces to tau, its losses to powers; bristles last bent `elapsed` [s] ago."""
+def _evaluate_joint(run, j, q, v, tau, time, elapsed):
+    """Add joint j's forces to tau, its losses to powers; the last state was `elapsed` [s] ago."""
     joint = run.joints[j]
     if joint.first >= 0:
         pose_of_virtual_link(q, joint)
@@ -68,7 +68,7 @@ def _evaluate_joint(run, j, q, v, tau, elapsed):
     if joint.bristles != 0:
         if run.time == 0.0 and run.commit != 0:
             bend_at_start(run, j, joint)
-        time_bristles(run, j, joint, elapsed, elapsed)
+        time_bristles(run, j, joint, max(time - run.bent_at, 0.0), elapsed)
     add_contact_forces(run, j, joint)
     add_dissipation(run, j, joint)
     project_wrench(joint, tau)
@@ -105,12 +105,18 @@ def _evaluate_state(run, q, v, time):
     if committed:
         commit_gears(run)
     elapsed = run.dt if committed and run.step > 0 else time - run.time
+    duration = run.dt if run.step > 0 else 0.0
+    # Euler's method, whose velocities are those of the step's end, is stable with bristles that
+    # are, too.
+    ahead = 0.5 * run.dt if run.averaged != 0 else 0.0
     for j in range(run.nj):
-        _evaluate_joint(run, j, q, v, tau, elapsed)
+        _evaluate_joint(run, j, q, v, tau, time, elapsed)
         if committed:
-            commit_contacts(run, j, run.joints[j], run.dt if run.step > 0 else 0.0, 0.0)
+            commit_contacts(run, j, run.joints[j], duration, ahead)
             if run.joints[j].sections > 0:
                 commit_film(run, run.joints[j])
+    if committed:
+        run.bent_at = time + ahead
 
 
 @compiled
