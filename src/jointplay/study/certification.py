@@ -1,8 +1,8 @@
 """Every headline figure of a run with its numerical error, found by running again otherwise.
 
-After every run two further ones are made with steps that go by their own error (equal steps, where
-contacts have bristles), for a strict certificate three. docs/certificates.md says how, and how
-often the stated errors cover the true ones.
+After every run two further ones are made with steps that go by their own error, for a strict
+certificate three. docs/certificates.md says how, and how often the stated errors cover the true
+ones.
 """
 
 from __future__ import annotations
@@ -62,13 +62,6 @@ a single further run agrees with the run by chance.
 
 RELATIVE = (4.0, 0.6, 0.25)
 """The same relative to the run's own."""
-
-FINER = (3, 5, 10)
-"""How much smaller equal steps of the further runs are where contacts have bristles.
-
-Bristles that begin to stick are followed in first order and less, whatever chooses the steps: a
-tolerance leaves a run the error that equal steps have. Steps so far apart show how it falls.
-"""
 
 ASIDE_M = ((0.0, 0.0, 0.0), (-1e-7, 1e-7, -1e-7), (1e-7, -1e-7, 1e-7))
 """How far aside journals start in these runs.
@@ -133,7 +126,6 @@ def certify(
     notes = [one for one in outcomes if isinstance(one, str)]
     measured = [one for one in outcomes if not isinstance(one, str)]
     certified, sensitive = [], []
-    slow = _approaches_slowly(simulation)
     for name, one in headline_of(result, ideal, with_claims).items():
         others = [of[name] for of in measured if name in of]
         # Where a further run failed, nobody knows.
@@ -141,7 +133,7 @@ def certify(
         if name in COUNTS and math.isfinite(error) and one.value:
             # That runs agree says nothing of a contact that barely touches, or barely not.
             error = max(math.ceil(error), 1)
-        elif name.startswith(HEADLINE) and not notes and is_sensitive(one, others, slow):
+        elif name.startswith(HEADLINE) and not notes and is_sensitive(one, others):
             sensitive.append(name)
         certified.append(CertifiedFigure(name, one.value, float(error), one.unit))
     if sensitive:
@@ -198,14 +190,8 @@ def numerical_error(one: Measured, others: Sequence[Measured]) -> float:
     return max(moved + SAFETY * uncertain, 1.1 * moved)
 
 
-def is_sensitive(one: Measured, others: Sequence[Measured], slow: bool = False) -> bool:
-    """Whether the further runs differ more than the run does from them, and noticeably.
-
-    Not where they get on slowly in one direction (`slow`), each with a smaller step.
-    """
-    changes = np.diff([one.value, *(of.value for of in reversed(others))])
-    if slow and ((changes >= 0.0).all() or (changes <= 0.0).all()):
-        return False
+def is_sensitive(one: Measured, others: Sequence[Measured]) -> bool:
+    """Whether the further runs differ more than the run does from them, and noticeably."""
     uncertain = scatter(others)
     moved = abs(one.value - others[0].value)
     return uncertain > max(CONTRACTS * moved, SENSITIVE * abs(one.value))
@@ -261,8 +247,7 @@ class FurtherRun:
 def further_runs(simulation: Simulation, result: Result, strict: bool) -> list[FurtherRun]:
     """The further runs, the finest last.
 
-    By the multi-rate method, for as long as the run lasted. With a tolerance, or with smaller
-    equal steps where that approaches the truth slowly.
+    By the multi-rate method, for as long as the run lasted.
     """
     lasted = float(result.time[-1])  # whose last digits must not shift when judging begins
     base = replace(
@@ -272,28 +257,14 @@ def further_runs(simulation: Simulation, result: Result, strict: bool) -> list[F
         settle=None,
         judge_from=result.audit.judged_from,
     )
-    if _approaches_slowly(simulation):
-        macros = [1.0, 1.0, 2.0]
-        others = [  # with records at the same times
-            replace(
-                base, tolerance=None, step=base.step / times, record_every=base.record_every * times
-            )
-            for times in FINER
-        ]
-    else:
-        own = simulation.tolerance
-        tolerances = TOLERANCES if own is None else [min(factor * own, 1.0) for factor in RELATIVE]
-        others = [replace(base, tolerance=one) for one in tolerances]
-        # As the run chose its macro steps, they would not show what they are off.
-        chosen = own is None and simulation.macro_step is None
-        macros = [1.0 if chosen else 0.5, 1.0, 1.0]
+    own = simulation.tolerance
+    tolerances = TOLERANCES if own is None else [min(factor * own, 1.0) for factor in RELATIVE]
+    others = [replace(base, tolerance=one) for one in tolerances]
+    # As the run chose its macro steps, they would not show what they are off.
+    chosen = own is None and simulation.macro_step is None
+    macros = [1.0 if chosen else 0.5, 1.0, 1.0]
     plans = [FurtherRun(*one) for one in zip(others, ASIDE_M, macros, strict=True)]
     return plans if strict else [plans[0], plans[-1]]
-
-
-def _approaches_slowly(simulation: Simulation) -> bool:
-    """Whether any contact has bristles, see `FINER`."""
-    return any(one.friction.bristles for one in simulation.mechanism.clearance.values())
 
 
 def _ideal(simulation: Simulation, result: Result, progress: bool) -> tuple[Result | None, str]:
