@@ -4,8 +4,9 @@ The bristles' deflection z is a vector in the plane of contact that lives as lon
 
     dz/dt = A v - r z,    F_t = -(k z + d dz/dt + c v), but no longer than a cap
 
-with the sliding velocity v and numbers A, r, k, d, c, cap that the law gives. z is advanced over a
-time step exactly for constant v, so that stiff bristles need no smaller step; it is turned into
+with the sliding velocity v and numbers A, r, k, d, c, cap that the law gives. z is advanced from
+the middle of one time step to that of the next exactly for constant v, that of the state between
+them (`kernel.contact`): second order, and stiff bristles need no smaller step. It is turned into
 the plane of contact as that turns, and is zero when the contact begins.
 """
 
