@@ -131,6 +131,24 @@ def talos():
     )
 
 
+def many_joints():
+    """Robots whose joints have clearance, one to all of them."""
+    return {
+        **{
+            f"UR5, {loose} with clearance": robot(
+                "ur5", [f"{joint}_joint" for joint in UR5_JOINTS[:loose]], UR5_WAYPOINTS
+            )
+            for loose in UR5_LOOSE
+        },
+        f"Panda, {PANDA_LOOSE} with clearance": robot(
+            "panda",
+            [f"panda_joint{number}" for number in range(1, PANDA_LOOSE + 1)],
+            PANDA_WAYPOINTS,
+            step=PANDA_STEP,
+        ),
+    }
+
+
 def mechanisms():
     """Every mechanism by name."""
     planar = jp.RevoluteClearance.planar(radial_clearance=0.5e-3)
@@ -145,18 +163,7 @@ def mechanisms():
             for step, text in ((1e-5, ""), (SHIPPED_STEP, ", 1 µs"))
             for name, joint in (("ideal", None), ("planar", planar), ("3D", spatial))
         },
-        **{
-            f"UR5, {loose} with clearance": robot(
-                "ur5", [f"{joint}_joint" for joint in UR5_JOINTS[:loose]], UR5_WAYPOINTS
-            )
-            for loose in UR5_LOOSE
-        },
-        f"Panda, {PANDA_LOOSE} with clearance": robot(
-            "panda",
-            [f"panda_joint{number}" for number in range(1, PANDA_LOOSE + 1)],
-            PANDA_WAYPOINTS,
-            step=PANDA_STEP,
-        ),
+        **many_joints(),
         f"Talos, {len(TALOS_JOINTS)} with clearance": talos(),
     }
 
@@ -187,20 +194,37 @@ def measure(setup, pieces, samples, bar):
         bar.update()
 
 
+def samples_of(setups, pieces):
+    """Seconds of a step, of its kernel and of the bare call, piece by piece."""
+    found = {}
+    with ProgressBar(total=len(setups) * pieces, unit="piece") as bar:
+        for name, setup in setups.items():
+            measure(setup, pieces, found.setdefault(name, {}), bar)
+    return found
+
+
+def medians(found):
+    """Microseconds by mechanism and part."""
+    return {
+        name: {part: 1e6 * float(np.median(values)) for part, values in parts.items()}
+        for name, parts in found.items()
+    }
+
+
+def print_many(ratios):
+    """Print steps over bare calls of `many_joints`."""
+    ur5 = [f"{ratios[f'UR5, {loose} with clearance']:.2f}" for loose in UR5_LOOSE]
+    print(f"joints {' '.join(map(str, UR5_LOOSE))}: {' '.join(ur5)}")
+    print(f"panda {PANDA_LOOSE}: {ratios[f'Panda, {PANDA_LOOSE} with clearance']:.2f}")
+
+
 def main():
     words = "exit with status 1 if a ratio is above"
     benchmark = Benchmark("mechanism_cost", __doc__, runs=0, check=(np.inf, words))
     args = benchmark.parse()
     pieces = 20 if args.quick else 600
-    found = {}
-    setups = mechanisms()
-    with ProgressBar(total=len(setups) * pieces, unit="piece") as bar:
-        for name, setup in setups.items():
-            measure(setup, pieces, found.setdefault(name, {}), bar)
-    middle = {
-        name: {part: 1e6 * float(np.median(values)) for part, values in parts.items()}
-        for name, parts in found.items()
-    }
+    found = samples_of(mechanisms(), pieces)
+    middle = medians(found)
     added = {
         name: (middle[name]["kernel"] - middle[before]["kernel"]) / count / middle[name]["aba"]
         for name, (before, count) in ADDED.items()
@@ -249,12 +273,9 @@ def main():
         figure,
     )
     worst = max(ratios, key=lambda name: ratios[name])
-    ur5 = [f"{ratios[f'UR5, {loose} with clearance']:.2f}" for loose in UR5_LOOSE]
-    panda = ratios[f"Panda, {PANDA_LOOSE} with clearance"]
     body = ratios[f"Talos, {len(TALOS_JOINTS)} with clearance"]
-    print(f"joints {' '.join(map(str, UR5_LOOSE))}: {' '.join(ur5)}")
-    print(f"Panda, {PANDA_LOOSE} joints: {panda:.2f}")
-    print(f"Talos, {len(TALOS_JOINTS)} joints: {body:.2f}")
+    print_many(ratios)
+    print(f"talos {len(TALOS_JOINTS)}: {body:.2f}")
     print(f"largest ratio {ratios[worst]:.2f} ({worst}); further joint {max(added.values()):.2f}")
     wrong = ratios[worst] > args.check or max(added.values()) > LIMIT_ADDED
     if np.isfinite(args.check) and wrong:

@@ -7,17 +7,25 @@ are CPU times. The table gives the median and the quartiles over all these piece
 The ratio divides the whole step by the cheapest form of the bare call: the largest ratio of all
 forms. Pinocchio's part of a multi-rate step is timed alone; compiled code is the rest. `cycle` is
 the same for whole cycles of the error-controlled loop (tolerance 1e-3), uninterrupted, over as many
-bare calls as there are steps of 10 µs in them.
+bare calls as there are steps of 10 µs in them. `joints` and `panda` are ratios of a UR5 with one to
+six loose joints and of a Panda with seven (`mechanism_cost` has more of them); `first start` is the
+CPU time of a short run of a package that has nothing compiled yet, `warm` that of the next.
 """
 
+import os
+import shutil
+import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 from common import COLOURS, Benchmark, Case, new_figure
 
+import jointplay as jp
 from jointplay.base.compiler import compiled
+from jointplay.base.files import temporary
 from jointplay.base.progress import ProgressBar
 from jointplay.simulation.run import Run
 
@@ -148,6 +156,29 @@ def cycle(duration, samples, bar):
         note(ADAPTIVE, adaptive.advance(adaptive.run.total_steps))
 
 
+def starts():
+    """CPU seconds of a run that finds nothing compiled, and of the next one."""
+    with temporary("first_start") as folder:
+        package = Path(jp.__file__).parent
+        skipped = shutil.ignore_patterns("objects", "__pycache__")
+        shutil.copytree(package, Path(folder) / "jointplay", ignore=skipped)
+        robots = Path(jp.shipped("scara.urdf")).parent
+        shutil.copytree(robots, Path(folder) / "jointplay/shipped", dirs_exist_ok=True)
+        call = [*(sys.executable, "-m", "jointplay", "run", "scara", "--joint", "joint_b=0.1mm")]
+        call += ["--duration", "0.05", "--quiet", "--out"]
+        environment = {**os.environ, "PYTHONPATH": folder, "NUMBA_CACHE_DIR": f"{folder}/cache"}
+
+        def spent(out):
+            before = os.times()
+            subprocess.run([*call, f"{folder}/{out}"], env=environment, check=True,
+                           stdout=subprocess.DEVNULL)  # fmt: skip
+            after = os.times()
+            own, system = (after[k] - before[k] for k in (2, 3))
+            return own + system
+
+        return spent("first"), spent("warm")
+
+
 def draw(costs, fastest, ratio):
     figure, axes = new_figure(1, 1, 8.0, 4.6)
     panel = axes[0, 0]
@@ -166,6 +197,8 @@ def draw(costs, fastest, ratio):
 
 
 def main():
+    from cost import mechanism_cost  # it uses this module
+
     benchmark = Benchmark(
         "step_cost",
         __doc__,
@@ -200,6 +233,11 @@ def main():
         data,
         draw(costs, fastest, ratio),
     )
+    setups = mechanism_cost.many_joints()
+    many = mechanism_cost.medians(mechanism_cost.samples_of(setups, 20 if args.quick else 200))
+    mechanism_cost.print_many({name: one["step"] / one["aba"] for name, one in many.items()})
+    first, warm = starts()
+    print(f"first start {first:.1f} CPU s, warm {warm:.1f}")
     print(f"cycle {costs[ADAPTIVE][1] / costs[fastest][1]:.2f}")
     print(f"ratio {ratio:.2f}")
     if ratio > args.check:
