@@ -25,6 +25,9 @@ RUNS = [
     *(["run", str(ROOT / "urdf" / f"{name}.toml"), *SHORT]
       for name in ("scara_ab", "four_bar", "slider_crank", "delta", "three_rrr")),
     ["budget", "scara", "--joint", "joint_b=6204"],
+    ["budget", "ur5", "--clearance", "0.05 mm"],
+    ["budget", "so101", "--preset"],
+    ["budget", "ur5", "--whole", "industrial"],
 ]  # fmt: skip
 """What they call is compiled: what first runs, studies and budgets call, but for rarer laws."""
 
