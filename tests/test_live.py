@@ -2,6 +2,7 @@
 
 import http.client
 import json
+import math
 import os
 import re
 import shutil
@@ -24,6 +25,7 @@ from jointplay.accuracy.error_budget import budget
 from jointplay.physics.joints import RollingBearing
 from jointplay.scenario import Scenario
 from jointplay.scenario.robot import robot_scenario
+from jointplay.show.live import answer
 from jointplay.show.live.answer import Machine
 from jointplay.show.live.state import State
 from jointplay.show.live.workers import Workers
@@ -568,6 +570,24 @@ def test_quick_and_exact_answers_agree(place):
             assert quick[name] == pytest.approx(value, rel=0.1 if place else 0.05, abs=1e-12), name
 
 
+def test_the_first_part_of_a_long_answer_is_shown_soon(monkeypatch):
+    """And the whole is as if none had been."""
+    chosen = scenario()
+    machine = Machine(state_of(chosen, next(one for one in chosen.cases if one != "ideal")))
+
+    def cycles(soon_s):
+        monkeypatch.setattr(answer, "SOON_S", soon_s)
+        return [(head, block) for head, block in machine.quick({}) if head["kind"] == "cycle"]
+
+    (usual,) = cycles(math.inf)
+    (first, _), whole = cycles(0.0)
+    assert whole == usual
+    assert first["part"]
+    assert not whole[0]["part"]
+    assert 0 < first["picture"]["end"] < answer.WORTH * whole[0]["picture"]["end"]
+    assert first["message"].startswith("so far ")
+
+
 def test_only_the_newest_question_is_answered():
     workers = Workers(state_of(scenario()))
     try:
@@ -581,7 +601,8 @@ def test_only_the_newest_question_is_answered():
         for k in range(5):
             newest = workers.ask({"joint_b.radial_clearance": 0.1 + 0.1 * k}, receive)
         assert done.wait(900)
-        answers = [head for head in parts if head["kind"] in ("budget", "cycle")]
+        whole = [head for head in parts if not head.get("part")]
+        answers = [head for head in whole if head["kind"] in ("budget", "cycle")]
         assert [head["kind"] for head in answers].count("cycle") == 2
         assert answers[-1]["question"] == newest
         ends = [head["question"] for head in parts if head["kind"] == "end"]

@@ -7,6 +7,8 @@ run, then the budget along the whole motion and the run as `jointplay run` makes
 from __future__ import annotations
 
 import json
+import math
+import time
 import warnings
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -43,6 +45,10 @@ QUICK = (0.1, 1e-3)  # tolerance of the steps of a quick run, and macro step [s]
 QUICK_LOOPS = (1e-2, 2e-4)
 """With closed loops, whose contacts stand against each other: with longer steps journals break out.
 """
+SOON_S = 0.1
+"""Processor time of a quick run after which its first part is shown."""
+WORTH = 0.5
+"""Part of the motion up to which that is worth the time: the whole is there soon after more."""
 QUICK_RECORDS = 2000
 """Records of a quick run, about; a macro step is no longer than the time between two."""
 SHOWN = 1500  # records that are sent, about; peaks among those that are not are kept
@@ -109,10 +115,11 @@ class Machine:
             self._worst = replace(poses, q=poses.q[at : at + 1])
         return budget_message(errors, whole, simulation.motion is not None), b""
 
-    def _to_end(self, run: Run) -> Status:
-        """How a run ended that no newer question did."""
+    def _to_end(self, run: Run, within: float = math.inf) -> Status:
+        """How a run ended that no newer question did, and no processor time `within` [s]."""
         self._continue()
-        run.stop_checks.append(self.superseded)
+        late = time.thread_time() + within
+        run.stop_checks[:] = [self.superseded, lambda: time.thread_time() > late]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # the page has the message
             status = run.run_to_end()
@@ -121,9 +128,18 @@ class Machine:
 
     def _cycle(self, simulation: Simulation, moments: int, quick: bool) -> Iterator[Message]:
         run = Run(simulation)
-        if self._to_end(run) != Status.COMPLETED and quick:
+        status = self._to_end(run, SOON_S if quick else math.inf)
+        if status == Status.INTERRUPTED:
+            done = run.workspace.steps / run.total_steps
+            if done < WORTH:
+                yield self._message(run, max(round(moments * done), 2), quick)
+            status = self._to_end(run)
+        if status != Status.COMPLETED and quick:
             return  # its steps were too long for this machine
-        result = run.result()
+        yield self._message(run, moments, quick)
+
+    def _message(self, run: Run, moments: int, quick: bool) -> Message:
+        simulation, result = run.simulation, run.result()
         self._continue()
         twin, reason = None, ""
         try:
@@ -135,7 +151,7 @@ class Machine:
         if quick:
             macro = readable(float(simulation.macro_step or 0.0), "s")
             steps = f"tolerance {simulation.tolerance:g}, macro steps of {macro}"
-        yield cycle_message(result, twin, moments, steps, reason)
+        return cycle_message(result, twin, moments, steps, reason)
 
     def _twin(self, simulation: Simulation) -> Result:
         """Where the ideal machine goes, which most changes of a clearance leave as it is."""
@@ -291,11 +307,15 @@ def cycle_message(
     if twin is not None and len(few.time) > 1:
         moving = playback.motion("", few, twin, moments)
         picture, packed = moving.contents, moving.block
+    part = bool(steps) and result.status == Status.INTERRUPTED
     head = {
         "kind": "cycle",
         "quick": bool(steps),
+        "part": part,
         "steps": steps,
-        "message": result.message,
+        "message": result.message
+        if not part
+        else f"so far {readable(float(result.time[-1]), 's')}",
         "completed": result.status == Status.COMPLETED,
         "reason": reason,
         "judged_from": result.judge_from,

@@ -350,16 +350,17 @@ class Live {
             if (head.whole) done("wholeBudget");
         } else if (head.kind === "cycle") {
             if (answer.cycle && !answer.cycle.quick && head.quick) return;
-            head.compared = !head.quick && Boolean(answer.cycle?.quick);
+            head.compared = !head.quick && Boolean(answer.cycle?.quick) && !answer.cycle.part;
             if (head.compared) this.errorOfQuick = this.difference(answer.cycle, head);
             answer.cycle = head;
             answer.quick = head.quick;
             this.results.classList.remove("waiting");
             this.showCycle(tracks);
-            done(head.quick ? "cycle" : "fine");
-            if (!("cycleCpu" in timing)) timing.cycleCpu = 1e3 * head.cpu_s;
+            done(head.part ? "motion" : head.quick ? "cycle" : "fine");
+            if (!("motionCpu" in timing)) timing.motionCpu = 1e3 * head.cpu_s;
+            if (!head.part && !("cycleCpu" in timing)) timing.cycleCpu = 1e3 * head.cpu_s;
             if (!head.quick && !("cycle" in timing)) done("cycle");
-            this.say(head.quick ? "quick answer; the exact one is being computed \u2026" : "");
+            this.say(head.part ? "the first part of a quick answer" : head.quick ? "quick answer; the exact one is being computed \u2026" : "");
         } else if (head.kind === "end") {
             painted(() => { timing.ended = true; });
             if (head.superseded) this.say("another page has asked since; change a value to ask again", true);
