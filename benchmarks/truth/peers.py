@@ -59,7 +59,9 @@ STEPS = (1.6e-5, 8e-6, 4e-6, 2e-6, 1e-6, 5e-7, 2.5e-7)
 """Of the cost at equal error [s]."""
 BY_ERROR = (
     (1e-1, None, 1.6e-5),
+    (4e-2, 1e-4, 1.6e-5),
     (3e-2, None, 1.6e-5),
+    (2e-2, 1e-4, 1.6e-5),
     (1e-2, None, 4e-6),
     (1e-3, None, 4e-6),
     (1e-4, 8e-6, 4e-6),
