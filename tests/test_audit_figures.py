@@ -136,7 +136,8 @@ def audited(mechanism, workspace, monkeypatch):
         watching = audit.Auditor(mechanism, simulation, judgement.judged_from)
         elastic = np.zeros(3) if elastic is None else elastic
         histories = (kinetic, potential), work, residual, drift, np.zeros((3, 3)), elastic
-        watching.add_records(records, *histories)
+        state = records.recorded("q"), records.recorded("v")
+        watching.add_records(records, state, *histories)
         return watching.audit(workspace, judgement), asked
 
     return make
@@ -191,7 +192,8 @@ def miss(mechanism, workspace, records, impulses):
     n = records.rows
     nothing, efforts = np.zeros(n), np.zeros((n, 3))
     work, energies = np.zeros((n, len(POWERS))), (np.zeros(n), np.zeros(n))
-    watching.add_records(records, energies, work, nothing, np.zeros(0), efforts, nothing)
+    state = records.recorded("q"), records.recorded("v")
+    watching.add_records(records, state, energies, work, nothing, np.zeros(0), efforts, nothing)
     return watching.audit(workspace, Judgement()).impulse_missed
 
 

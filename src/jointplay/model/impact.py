@@ -27,24 +27,51 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 
 
 @compiled
+def _stored(law, parameters, depth, nodes, weights) -> float:
+    """Energy at one depth."""
+    energy, half = 0.0, 0.5 * depth
+    if half > 0.0:
+        for k in range(nodes.size):
+            at = half * (1.0 + nodes[k])
+            force = call_normal(law, (at, 0.0, 1.0, pointer(parameters.ctypes.data)))
+            energy += half * weights[k] * force
+    return energy
+
+
+@compiled
 def _elastic_energy(law, parameters, depth, nodes, weights, energy):
     for i in range(depth.size):
-        half = 0.5 * depth[i]
-        if half > 0.0:
-            for k in range(nodes.size):
-                at = half * (1.0 + nodes[k])
-                force = call_normal(law, (at, 0.0, 1.0, pointer(parameters.ctypes.data)))
-                energy[i] += half * weights[k] * force
+        energy[i] = _stored(law, parameters, depth[i], nodes, weights)
+
+
+@compiled
+def _depth_of(law, parameters, energy, nodes, weights) -> float:
+    """Depth at which so much is stored; inf if none is."""
+    low, high = 0.0, 1e-9
+    while _stored(law, parameters, high, nodes, weights) < energy:
+        low, high = high, 2.0 * high
+        if high > 1.0:  # a law without elastic part never stops the mass
+            return math.inf
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        if _stored(law, parameters, middle, nodes, weights) < energy:
+            low = middle
+        else:
+            high = middle
+    return high
 
 
 def elastic_energy(law: NormalForceLaw, parameters: tuple[float, ...], depth: Any) -> np.ndarray:
     """Energy in a contact [J]: the law at zero rate over the depth [m], any shape; 0 if none."""
     depth = np.asarray(depth, float)
     flat = np.ascontiguousarray(depth).reshape(-1)
-    row = np.array(parameters or (0.0,), float)
-    energy = np.zeros_like(flat)
-    _elastic_energy(address(law), row, flat, _NODES, _WEIGHTS, energy)
+    energy = np.empty_like(flat)
+    _elastic_energy(address(law), _row(parameters), flat, _NODES, _WEIGHTS, energy)
     return energy.reshape(depth.shape)
+
+
+def _row(parameters: tuple[float, ...]) -> np.ndarray:
+    return np.array(parameters or (0.0,), float)
 
 
 def impact_depth(
@@ -61,18 +88,7 @@ def impact_depth(
     if not np.isfinite(elastic_energy(law, parameters, REFERENCE_DEPTH)):
         name = getattr(law.function, "__name__", law.name)
         raise JointplayError(f"law {name!r} returns a non-finite force for a contact at rest")
-    low, high = 0.0, 1e-9
-    while elastic_energy(law, parameters, high) < energy:
-        low, high = high, 2.0 * high
-        if high > 1.0:  # a law without elastic part never stops the mass
-            return float("inf")
-    for _ in range(50):
-        middle = 0.5 * (low + high)
-        if elastic_energy(law, parameters, middle) < energy:
-            low = middle
-        else:
-            high = middle
-    return high
+    return float(_depth_of(address(law), _row(parameters), energy, _NODES, _WEIGHTS))
 
 
 def impact_duration(

@@ -356,7 +356,12 @@ class Run:
         if isinstance(self._loop, time_loop.MultiRate):
             self._loop.shorten_macro_steps(factor)
 
-    def finish(self, progress: bool = False, check_step: bool = True) -> Result:
+    def finish(
+        self,
+        progress: bool = False,
+        check_step: bool = True,
+        only: Sequence[str] | None = None,
+    ) -> Result:
         """Simulate to the end, from the start or from where the run stands; once only.
 
         Interrupted by Ctrl-C, or stopped because the state ran away, the result holds everything up
@@ -367,6 +372,7 @@ class Run:
             check_step: where nothing else judges the step, run again with another one
                 (`step_check`), which takes about half of the run's time, in doubt two and a half
                 times as long. Not for a run that was continued.
+            only: histories that are wanted; see `histories.histories`.
 
         Raises:
             JointplayError: the run is at its end already; see `result`.
@@ -375,9 +381,12 @@ class Run:
         if self.on_disk is not None and self.on_disk.needed:
             raise JointplayError("the histories of this run go to a file: save it")
         status = self.run_to_end(progress)
-        result = self.result(status)
+        check_step = check_step and step_check.is_needed(self.simulation)
+        if only is not None and check_step:
+            only = [*dict.fromkeys([*only, *step_check.COMPARED])]
+        result = self.result(status, only=only)
         done, origin = status == Status.COMPLETED, self._origin
-        if check_step and done and origin is not None and step_check.is_needed(self.simulation):
+        if check_step and done and origin is not None:
             error = step_check.step_error(self, result, origin, progress)
             if error is not None:
                 result.amend(step_error=error[0], relative_step_error=error[1])

@@ -188,6 +188,7 @@ class Simulation(Overview, Inputs):
         certify: bool = False,
         check_step: bool = True,
         estimate: bool = True,
+        only: Sequence[str] | None = None,
     ) -> Result:
         """Simulate to the end, and state the numerical errors of the headline figures.
 
@@ -196,8 +197,10 @@ class Simulation(Overview, Inputs):
             certify: find the errors in `Result.certificate` by several further runs, more finely.
             check_step: see `Run.finish`.
             estimate: find them by one further run, which takes about half the time of the run.
+            only: names of the histories that the result shall have, for less memory and time; what
+                it is asked for afterwards must do with these. None: all.
         """
-        result = Run(self, progress).finish(progress, check_step)
+        result = Run(self, progress).finish(progress, check_step, only)
         if (certify or estimate) and result.status == Status.COMPLETED:
             find_errors = provided("errors_of_run")
             try:

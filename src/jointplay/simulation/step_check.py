@@ -44,6 +44,9 @@ StepError = tuple[float, float]
 the coordinates, relative to how far they move at most, weighted with the masses that they move,
 motors left out."""
 
+COMPARED = ("q", "tool_position")
+"""Histories that are compared."""
+
 _UNBOUNDED = math.inf, math.inf
 
 

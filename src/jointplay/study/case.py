@@ -34,6 +34,7 @@ from jointplay.study.measures import (
     NUMERICAL_ERROR,
     measure,
     measure_function,
+    needed,
     own_measures,
     rests_of,
 )
@@ -158,7 +159,10 @@ class Bench:
     def _run(self, changes: Mapping[str, Any]) -> tuple[dict[str, float], dict[str, History]]:
         simulation = self.simulation(changes)
         integration = {**self._integration, **changes.get("integration", {})}
-        result = simulation.run(certify=bool(integration.get("certify")), estimate=False)
+        certify = bool(integration.get("certify"))
+        whole = certify or self.measures  # which may read anything
+        only = None if whole else needed(simulation, self.job.histories)
+        result = simulation.run(certify=certify, estimate=False, only=only)
         if result.status != Status.COMPLETED:
             raise JointplayError(result.message)
         ideal = self._ideal(result, simulation) if self.job.tool_error else None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,8 +14,12 @@ from jointplay.simulation.analysis.bearings import bearing_life
 from jointplay.simulation.analysis.tool_error import COMPONENTS, deviation, stops
 from jointplay.simulation.analysis.twins import rolls
 from jointplay.simulation.motion.reference import Motion
+from jointplay.simulation.result.audit import lengths
 from jointplay.simulation.result.result import Result
 from jointplay.simulation.result.variables import LOSSES
+
+if TYPE_CHECKING:
+    from jointplay.simulation.simulation import Simulation
 
 COST = "cost"
 """Name of the measure that no two runs share: seconds of processor time."""
@@ -126,6 +130,21 @@ def measure(
     return measures
 
 
+def needed(simulation: Simulation, histories: Sequence[str]) -> list[str] | None:
+    """Histories that `measure` reads of a run, with `histories`; None: all.
+
+    Lives of rolling bearings, and a tool that is seen from a free base, ask for much.
+    """
+    mechanism = simulation.mechanism
+    rolling = any(joint.resultant is not None for joint in mechanism.clearance.values())
+    if rolling or mechanism.free_base is not None:
+        return None
+    forces = [*_JOINT_FORCE.values(), "mode", "gap_min"]
+    if not mechanism.clearance:
+        forces = ["reaction_force"]
+    return [*dict.fromkeys(["tool_position", *forces, *LOSSES, "load_work", *histories])]
+
+
 def _bearings(
     result: Result, joints: Sequence[str], kept: np.ndarray
 ) -> Iterator[tuple[str, float]]:
@@ -169,15 +188,16 @@ def _tool_error(
     else:
         error = deviation(result, ideal).values
         time = time[: len(error)]
-    error = np.column_stack([error, np.linalg.norm(error, axis=1)])
-    kept = error[time >= start]
+    parts = [*np.ascontiguousarray(error.T), lengths(error)]
+    kept = time >= start
     at = [int(np.abs(time - rest).argmin()) for rest in rests if start <= rest <= time[-1]]
-    for k, part in enumerate(COMPONENTS):
-        if len(kept):
-            yield f"tool_error_peak_{part}", float(np.abs(kept[:, k]).max())
-            yield f"tool_error_rms_{part}", float(np.sqrt(np.mean(kept[:, k] ** 2)))
+    for part, values in zip(COMPONENTS, parts, strict=True):
+        judged = values[kept]
+        if len(judged):
+            yield f"tool_error_peak_{part}", float(np.abs(judged).max())
+            yield f"tool_error_rms_{part}", float(np.sqrt(np.mean(judged**2)))
         if at:
-            yield f"tool_error_stops_{part}", float(np.abs(error[at, k]).max())
+            yield f"tool_error_stops_{part}", float(np.abs(values[at]).max())
 
 
 def rests_of(motion: Motion | None, end: float) -> tuple[float, ...]:

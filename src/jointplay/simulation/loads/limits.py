@@ -87,8 +87,9 @@ def worst(mechanism: Mechanism, q: np.ndarray, v: np.ndarray, effort: np.ndarray
         for what, values in sizes.items():
             limit = getattr(entry, what)
             if limit is not None:
-                over = np.abs(values) > limit * (1.0 + MARGIN)
-                rows |= {int(np.argmax(np.abs(values))), int(np.argmax(over))}
+                size = np.abs(values)
+                over = size > limit * (1.0 + MARGIN)
+                rows |= {int(np.argmax(size)), int(np.argmax(over))}
     return np.array(sorted(rows))
 
 

@@ -30,10 +30,6 @@ _PORTION = 20_000
 _BASE = slice(0, 6)
 """The coordinates of a free base."""
 
-_KEPT = 2
-_RECENT: dict[tuple[object, ...], tuple[pin.Model, np.ndarray]] = {}
-"""Efforts of the last motions along trees, with the model that was moved."""
-
 _PATIENCE_S = 1.0
 """What takes longer has a bar [s]."""
 
@@ -125,22 +121,15 @@ class IdealMotion:
         """
         if self._ideal.loops:
             return self._with_loops(times, progress)
-        # A run, its ideal twin, those that state its errors, and the same machine with other
-        # clearances all ask for the same.
-        key = (
-            *(self._motion.joints, self._motion.times.tobytes(), self._motion.positions.tobytes()),
-            *(self._motion.interpolation, tuple(self._at), tuple(self._order)),
-            *(self._base.tobytes(), times[0], times[-1], len(times)),
-            self._momentum.tobytes(),
-        )
-        if key in _RECENT and _RECENT[key][0] == self._ideal.model:
-            return _RECENT[key][1].copy()
         free = self._ideal.free_base is not None
-        effort = (self._with_free_base if free else self._of_tree)(times, progress)
-        while len(_RECENT) >= _KEPT:
-            _RECENT.pop(next(iter(_RECENT)), None)
-        _RECENT[key] = self._ideal.model, effort.copy()
-        return effort
+        return (self._with_free_base if free else self._of_tree)(times, progress)
+
+    def alike(self) -> tuple[tuple[object, ...], pin.Model] | None:
+        """What efforts depend on besides motion and times; None: on what was asked for before."""
+        if self._ideal.loops:
+            return None
+        state = self._base.tobytes(), self._momentum.tobytes()
+        return (*state, tuple(self._at), tuple(self._order)), self._ideal.model
 
     def _of_tree(self, times: np.ndarray, progress: bool) -> np.ndarray:
         model, data, at = self._ideal.model, self._ideal.data, self._at

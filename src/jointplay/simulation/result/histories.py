@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.model.loop import locked
+from jointplay.model.tree import Tree
 from jointplay.physics.geometry import Form, Mode
 from jointplay.physics.kernel import AZIMUTHS, Status
 from jointplay.physics.kernel.workspace import Workspace
@@ -51,6 +52,7 @@ class HistoryBuilder:
         self._energy: np.ndarray | None = None
         self._orientation: np.ndarray | None = None
         self._held: dict[int, list[pin.RigidConstraintModel]] = {}
+        self._trees: dict[int, Tree] = {}
         closed = [name for name in mechanism.loops if name not in mechanism.clearance]
         self._strict = [*closed, *map(locked, mechanism.locks)]
 
@@ -61,11 +63,17 @@ class HistoryBuilder:
 
         `phases`: the run's, by rows of these records, if they are others than its own.
         """
+        return _dataset(*self.variables(records, phases))
+
+    def variables(
+        self, records: variables.Records, phases: Sequence[variables.Phase] | None = None
+    ) -> tuple[variables.Variables, dict[str, Any]]:
+        """What a `portion` is made of: variables and coordinates, by name."""
         mechanism, acting, n = self._mechanism, self._acting, records.rows
         phases = self._run.phases if phases is None else phases
         q, v = (np.ascontiguousarray(records.recorded(name)) for name in ("q", "v"))
         stretches = variables.phase_stretches(phases, records.first, n)
-        body = variables.kinematics(mechanism, q, v, stretches, acting.pairs)
+        body = variables.kinematics(mechanism, q, v, stretches, acting.pairs, self._trees)
         self._continue_orientation(body["orientation"])
         work = records.recorded("work")
         values = {
@@ -115,8 +123,8 @@ class HistoryBuilder:
         found |= variables.declared({"energy_residual": residual})
         energies = (body["kinetic"], body["potential"])
         effort = records.recorded("drive") + acting.driven(records)
-        self._auditor.add_records(records, energies, work, residual, drift, effort, elastic)
-        return _dataset(found, coordinates | self._coordinates(records))
+        self._auditor.add_records(records, (q, v), energies, work, residual, drift, effort, elastic)
+        return found, coordinates | self._coordinates(records)
 
     def _continue_orientation(self, orientation: np.ndarray) -> None:
         """Let orientations go on from the last ones without a jump in sign."""
@@ -209,23 +217,42 @@ def histories(
     Args:
         run, reactions, phases: see `HistoryBuilder`.
         status: how it ended.
-        only: histories that are wanted; memory then holds the others a portion at a time.
+        only: histories that are wanted, those that there are; memory then holds the others a
+            portion at a time.
     """
     made, records = HistoryBuilder(run, reactions), records_of(run.workspace)
     if only is None:
         dataset = made.portion(records, phases)
     else:
-        import xarray as xr  # takes long to import
-
-        parts = [made.portion(part, phases)[list(only)] for part in records.parts(PORTION)]
-        dataset = parts[0]
-        if len(parts) > 1:
-            dataset = xr.concat(parts, "time", coords="minimal", compat="override", join="override")
+        parts = []
+        for part in records.parts(PORTION):
+            found, coordinates = made.variables(part, phases)
+            parts.append({name: found[name] for name in only if name in found})
+        times = "time", records.recorded("time"), {"units": "s"}
+        dataset = _dataset(*_joined(parts, coordinates | {"time": times}))
     whole = made.totals()
+    whole = {name: one for name, one in whole.items() if only is None or name in only}
     if whole:  # to assign nothing takes milliseconds
         dataset = dataset.assign(whole)
     dataset.attrs = made.attributes(status)
     return Result(dataset)
+
+
+def _joined(
+    parts: Sequence[variables.Variables], coordinates: Mapping[str, Any]
+) -> tuple[variables.Variables, dict[str, Any]]:
+    """Variables of portions one after the other, and those of the coordinates that they have."""
+    joined = {
+        name: (dims, np.concatenate([part[name][1] for part in parts]), *words)
+        for name, (dims, _, *words) in parts[0].items()
+    }
+    used = {"time"}.union(*(dims for dims, *_ in joined.values()))
+    kept = {
+        name: one
+        for name, one in coordinates.items()
+        if (one[0] if isinstance(one, tuple) else name) in used
+    }
+    return joined, kept
 
 
 def records_of(workspace: Workspace) -> variables.Records:
@@ -244,11 +271,14 @@ def _dataset(found: variables.Variables, coordinates: Mapping[str, Any]) -> xr.D
         },
         coordinates,
     )
-    dataset["tool_orientation"].attrs["comment"] = CONVENTION
-    if "mode" in found:
-        for name, kind in (("mode", Mode), ("form", Form)):
+    kept = dataset.variables
+    if "tool_orientation" in kept:
+        kept["tool_orientation"].attrs["comment"] = CONVENTION
+    for name, kind in (("mode", Mode), ("form", Form)):
+        if name in kept:
             members = [member.name.lower() for member in kind]  # type: ignore[var-annotated]
-            dataset[name].attrs["flag_meanings"] = " ".join(members)
-            dataset[name].attrs["flag_values"] = np.arange(len(members), dtype=np.int8)
-        dataset["form"].attrs["comment"] = "-1 for joints that Figure 2 does not show"
+            kept[name].attrs["flag_meanings"] = " ".join(members)
+            kept[name].attrs["flag_values"] = np.arange(len(members), dtype=np.int8)
+    if "form" in kept:
+        kept["form"].attrs["comment"] = "-1 for joints that Figure 2 does not show"
     return dataset

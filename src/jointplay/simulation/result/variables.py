@@ -319,9 +319,10 @@ def kinematics(
     v: np.ndarray,
     stretches: Sequence[tuple[int, int, Phase]],
     more: Mapping[Any, tuple[Frame, Frame]],
+    trees: dict[int, Tree],
 ) -> dict[str, Any]:
     """Tool motion and energies by record; by joint with clearance, loop and pair of `more` its
-    `bearings` (n, 3, 3) and `poses` (n, 12), by name.
+    `bearings` (n, 3, 3) and `poses` (n, 12), by name. `trees` keeps those of the phases, by row.
     """
     names: list[Any] = list(dict.fromkeys([*mechanism.clearance, *mechanism.loops]))
     pairs = [mechanism.frames(name) for name in names]
@@ -332,7 +333,9 @@ def kinematics(
     tool = carried(mechanism.model, mechanism.tool_frame)
     body, n = BodyMotion.of(len(q), len(pairs)), len(q)
     for first, end, phase in stretches:
-        Tree(phase.model).move(body, first, end, q, v, tool, pairs)
+        if phase.row not in trees:
+            trees[phase.row] = Tree(phase.model)
+        trees[phase.row].move(body, first, end, q, v, tool, pairs)
     return {
         "position": body.tool[:, :3],
         "velocity": body.tool[:, 3:],
