@@ -97,8 +97,8 @@ def warm():
     """Processes that read results begin at once; all kernels are compiled once."""
     with pytest.MonkeyPatch.context() as patch:
         # Further runs after each of thousands: those that are about them ask for them.
-        patch.setattr(Simulation.run, "__defaults__", (False, False, False, False))
-        patch.setattr(Run.finish, "__defaults__", (False, False))
+        patch.setattr(Simulation.run, "__defaults__", (False, False, False, False, None))
+        patch.setattr(Run.finish, "__defaults__", (False, False, None))
         patch.setitem(simulate.__kwdefaults__, "estimate", False)
         patch.setattr("jointplay.base.hdf5.sys", System())
         yield

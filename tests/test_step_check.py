@@ -26,8 +26,8 @@ PIN = jp.RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4)
 def checked():
     """Steps are checked where no other test asks for it."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(jp.Simulation.run, "__defaults__", (False, False, True, False))
-        patch.setattr(jp.Run.finish, "__defaults__", (False, True))
+        patch.setattr(jp.Simulation.run, "__defaults__", (False, False, True, False, None))
+        patch.setattr(jp.Run.finish, "__defaults__", (False, True, None))
         yield
 
 

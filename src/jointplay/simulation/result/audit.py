@@ -396,8 +396,8 @@ class Auditor:
                 at = slice(begin, begin + PORTION)
                 given = (values[at] for values in (work, residual, drift, effort, elastic))
                 part = records.part(begin, begin + PORTION)
-                pairs = ([values[at] for values in pair] for pair in (state, energies))
-                self.add_records(part, *pairs, *given)
+                motion, energy = ([values[at] for values in two] for two in (state, energies))
+                self.add_records(part, motion, energy, *given)
             return
         q, v = state
         if self._start is None:

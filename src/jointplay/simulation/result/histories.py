@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
     from jointplay.simulation.run import Run
 
+MOST_AT_ONCE = 16 * PORTION
+"""Records of which memory holds all histories at a time, where only some are wanted."""
 QUATERNION = ("w", "x", "y", "z")
 """Components of orientations, in their order."""
 CONVENTION = (
@@ -63,9 +65,9 @@ class HistoryBuilder:
 
         `phases`: the run's, by rows of these records, if they are others than its own.
         """
-        return _dataset(*self.variables(records, phases))
+        return _dataset(*self.contents(records, phases))
 
-    def variables(
+    def contents(
         self, records: variables.Records, phases: Sequence[variables.Phase] | None = None
     ) -> tuple[variables.Variables, dict[str, Any]]:
         """What a `portion` is made of: variables and coordinates, by name."""
@@ -225,8 +227,8 @@ def histories(
         dataset = made.portion(records, phases)
     else:
         parts = []
-        for part in records.parts(PORTION):
-            found, coordinates = made.variables(part, phases)
+        for part in records.parts(MOST_AT_ONCE):
+            found, coordinates = made.contents(part, phases)
             parts.append({name: found[name] for name in only if name in found})
         times = "time", records.recorded("time"), {"units": "s"}
         dataset = _dataset(*_joined(parts, coordinates | {"time": times}))
@@ -243,8 +245,8 @@ def _joined(
 ) -> tuple[variables.Variables, dict[str, Any]]:
     """Variables of portions one after the other, and those of the coordinates that they have."""
     joined = {
-        name: (dims, np.concatenate([part[name][1] for part in parts]), *words)
-        for name, (dims, _, *words) in parts[0].items()
+        name: (dims, first if len(parts) == 1 else _whole(name, parts), unit, text)
+        for name, (dims, first, unit, text) in parts[0].items()
     }
     used = {"time"}.union(*(dims for dims, *_ in joined.values()))
     kept = {
@@ -253,6 +255,10 @@ def _joined(
         if (one[0] if isinstance(one, tuple) else name) in used
     }
     return joined, kept
+
+
+def _whole(name: str, parts: Sequence[variables.Variables]) -> np.ndarray:
+    return np.concatenate([part[name][1] for part in parts])
 
 
 def records_of(workspace: Workspace) -> variables.Records:
