@@ -368,7 +368,9 @@ def contact_variables(
     mode, form = np.empty((n, nj), np.int8), np.empty((n, nj), np.int8)
     force = records.recorded("force").copy()
     peak = records.recorded("force_peak").copy()
-    film = records.recorded("film_force").copy()
+    films = []
+    if any(joint.film is not None for joint in mechanism.clearance.values()):
+        films.append(records.recorded("film_force").copy())
     gap = np.full((n, nj, len(names)), np.nan)
     by_contact = {
         name: (records.recorded(name), np.full_like(gap, np.nan))
@@ -401,7 +403,7 @@ def contact_variables(
             stored += found[:, resultant.ENERGY]
         for recorded, values in by_contact.values():
             values[:, j, at] = recorded[:, j, :count]
-        for values in (force, peak, film):
+        for values in (force, peak, *films):
             values[:, j] = np.einsum("nik,nk->ni", bearing, values[:, j])
         groups: dict[Any, list[int]] = {}
         for k in range(count if joint.resultant is None else 0):
@@ -420,14 +422,12 @@ def contact_variables(
         "friction_force": by_contact["tangential"][1],
         "joint_force": force,
         "joint_force_peak": peak,
-        "film_force": film,
+        **({"film_force": films[0]} if films else {}),
         "mode": mode,
         "form": form,
     }
     if rolls:
         variables |= {"joint_moment": moment, "loaded_elements": loaded, "cage_angle": cage}
-    if all(joint.film is None for joint in mechanism.clearance.values()):
-        del variables["film_force"]
     return declared(variables), stored
 
 
