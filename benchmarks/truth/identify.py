@@ -27,7 +27,7 @@ from time import perf_counter
 import numpy as np
 from common import COLOURS, Benchmark, new_figure
 from robots import serial
-from truth import elastic
+from truth import elastic, parts
 
 import jointplay as jp
 from jointplay.estimate import Measurement
@@ -306,13 +306,20 @@ def elastic_arm(random: np.random.Generator, kind: str) -> elastic.Arm:
     return elastic.Arm(tuple(joints), bool(random.random() < 0.5), tool)
 
 
-def slow_course(random: np.random.Generator, strength: float, count: int) -> tuple:
-    """Positions (n, 2), forces in the plane (n, 2), and whether it moves (n,), at `RATE`."""
+def slow_course(
+    random: np.random.Generator, strength: float, count: int, axes: np.ndarray | None = None
+) -> tuple:
+    """Positions (n, 2), forces along k axes (k, d), and whether it moves (n,), at `RATE`.
+
+    Forces (n, d) are in a plane, along axes of which the random ones are made, unless some are
+    given.
+    """
     ends = random.uniform(0.3, 0.6, 2)
     centre = np.array([random.uniform(-0.5, 0.5), random.uniform(0.5, 1.2)])
     rows: list[np.ndarray] = []
     turned = random.uniform(0.0, np.pi / 2.0)
-    axes = np.array([[np.cos(turned), np.sin(turned)], [-np.sin(turned), np.cos(turned)]])
+    if axes is None:
+        axes = np.array([[np.cos(turned), np.sin(turned)], [-np.sin(turned), np.cos(turned)]])
 
     def stay(seconds: float, force: np.ndarray) -> None:
         last = rows[-1][-1, :2] if rows else centre - ends
@@ -327,7 +334,7 @@ def slow_course(random: np.random.Generator, strength: float, count: int) -> tup
         n = len(part)
         rows.append(np.column_stack([last + part * (goal - last), np.tile([*force, 1.0], (n, 1))]))
 
-    none = np.zeros(2)
+    none = np.zeros(axes.shape[1])
     stay(0.4, none)
     for force in (none, strength * axes[0], -strength * axes[0], none):
         go(centre + ends, force)
@@ -341,7 +348,7 @@ def slow_course(random: np.random.Generator, strength: float, count: int) -> tup
                     stay(0.6, side * size * strength * axis)
                     stay(0.3, none)
     table = np.concatenate(rows)
-    return table[:, :2], table[:, 2:4], table[:, 4] > 0.0
+    return table[:, :2], table[:, 2:-1], table[:, -1] > 0.0
 
 
 def elastic_machine(seed: int) -> Machine:
@@ -419,6 +426,47 @@ def belief(random: np.random.Generator, arm: elastic.Arm) -> tuple:
             if not one.play:
                 truth[f"{name} torsional compliance"] = one.torsional
     return serial(links, (reach, 0, 0), bearings, gears=gears), friction, truth
+
+
+def part_machine(seed: int) -> Machine:
+    """One of the machines with rolling bearings, seats and gears; loads are read wrong, too."""
+    random = np.random.default_rng([11, seed])
+    kind = parts.KINDS[seed % len(parts.KINDS)]
+    joints, reach, bearings, gears, truth = parts.arm(random, kind)
+    tool = np.diag([parts.log(random, 0.05e-6, 1e-6) for _ in range(3)])
+    strength = random.uniform(1.5, 3.0) * 9.81 * sum(one.mass for one in joints)
+    axes = np.eye(3)[[0, 2]] if "ball" in kind else np.eye(3)  # one row bears no such moment
+    motor, force, _ = slow_course(random, strength, 3, axes)
+    time = np.arange(len(motor)) / RATE
+    before = random.uniform(-1.0, 1.0, 4)
+    place, twist = parts.statics(joints, reach, tool, motor, force, time, before)
+    noise = 10 ** random.uniform(-6.0, -5.0)
+    drift = random.uniform(-20e-6, 20e-6, 3) * (time / time[-1])[:, None]
+    cell = 1.0 + 0.02 * random.standard_normal()
+    signals = {}
+    for i, axis in enumerate("xyz"):
+        signals["tool", axis] = (
+            place[:, i] + drift[:, i] + noise * random.standard_normal(len(time))
+        )
+        signals["force", axis] = cell * force[:, i]
+    for k, name in enumerate(("shoulder", "elbow")):
+        signals["motor", name] = motor[:, k] + 1e-6 * random.standard_normal(len(time))
+        if name in gears and random.random() < 0.5:
+            records = motor[:, k] + twist[:, k] + 5e-6 * random.standard_normal(len(time))
+            signals["link", name] = records + random.uniform(-1e-3, 1e-3)
+    seen = off(random, Measurement(time, signals))
+    links = [
+        (name, " ".join(map(str, one.axis)), (one.at, 0, 0), one.mass, (one.centre, 0, 0))
+        for name, one in zip(("shoulder", "elbow"), joints, strict=True)
+    ]
+    believed = serial(links, (reach, 0, 0), bearings, gears=gears)
+    asked = kind.endswith("piece") or (bearings and random.random() < 0.5)
+    options: dict = {"also": ["stiffness"] if asked else []}
+    return Machine(kind, truth, believed, seen, options, 3)
+
+
+def part_case(seed: int) -> list[dict]:
+    return rows_of(part_machine(seed), seed)
 
 
 def elastic_case(seed: int) -> list[dict]:

@@ -174,8 +174,7 @@ class Compliance(Cause):
         play = own.play(second_order=False)
         point = play.support(carried).point
         if isinstance(own, RollingBearing):
-            there = [own.deflection(one[:3], one[3:]) for one in carried]
-            return np.array(there) - point, ["its bearing"]
+            return own.rests(carried)[0] - point, ["its bearing"]
         pressed = play.pressed(carried, point)
         if pressed is None:
             return np.zeros_like(carried), []

@@ -160,12 +160,18 @@ class Placed(Problem):
             for name in ("index", "target")
         )
         q = poses.q[rows].copy()
-        own = targets == COORDINATE
+        whole = {k: one.moves[rows] for k, one in enumerate(self.columns) if one.moves is not None}
+        own = (targets == COORDINATE) & ~np.isin(np.arange(len(joints)), list(whole))
         np.add.at(q.T, joints[own], moved[:, own].T)
         shift = None
         if not own.all():
+            placed = ~own
+            placed[list(whole)] = False
             shift = np.zeros((len(rows), len(poses.names), 6))
-            np.add.at(shift.transpose(1, 2, 0), (joints[~own], targets[~own]), moved[:, ~own].T)
+            at = joints[placed], targets[placed]
+            np.add.at(shift.transpose(1, 2, 0), at, moved[:, placed].T)
+            for k, moves in whole.items():
+                shift[:, joints[k]] += moved[:, k, None] * moves
         body, origin, axes, origins, frames = poses.forward(q, shift)
         tip = origin + body @ reach
         rotations, points = base @ body @ grip, every[:3] + tip @ base.T
@@ -176,6 +182,12 @@ class Placed(Problem):
         turning = np.where(own, poses.turns[joints], targets >= 3)[:, None, None]
         turn = np.where(turning, lines, 0.0)
         move = np.where(turning, np.cross(lines, tip - origins[joints]), lines)
+        for k, moves in whole.items():
+            slid, turn[k] = (
+                np.einsum("nab,nb->na", frames[joints[k]], part)
+                for part in (moves[:, :3], moves[:, 3:])
+            )
+            move[k] = slid + np.cross(turn[k], tip - origins[joints[k]])
         scale = self.features[rows].T[:, :, None]
         moves = (scale * move @ base.T).transpose(1, 2, 0)
         turns = (scale * turn @ base.T).transpose(1, 2, 0)
@@ -328,15 +340,16 @@ def plan_calibration(
         JointplayError: see `Term`, `Poses`; no pose is free of self-collision.
     """
     require_a("mechanism", mechanism, "Mechanism")
-    free, notes = planning.free_poses(mechanism, None, seed, CANDIDATES)
-    names = tuple(moving(mechanism))
-    motor = free[:, [mechanism.coordinate(name) for name in names]]
-    n, ideal = len(motor), mechanism.ideal()
+    ideal = mechanism.ideal()
+    free, notes = planning.free_poses(ideal, None, seed, CANDIDATES)
+    names = tuple(moving(ideal))
+    motor = free[:, [ideal.coordinate(name) for name in names]]
+    n = len(motor)
     still = StaticPoses(
         names, motor, position=np.zeros((n, 3)), orientation=np.tile(np.eye(3), (n, 1, 1)),
         ordered=False,
     )  # fmt: skip
-    poses = Poses(ideal, still, payloads)
+    poses = Poses(mechanism, still, payloads)
     columns = [
         # Of features that would be chosen, one from the middle.
         one if one.options is None else
@@ -350,7 +363,7 @@ def plan_calibration(
     options = [planning.Experiment(tuple(row), None, passes=False) for row in motor.tolist()]
     words = f"scatter of positions {told(error[0], 'm')}, of orientations {told(error[1], 'rad')}"
     return planning.planned(
-        mechanism, base.unknowns, found, options, count, f"statistical, linearised; {words}", notes
+        ideal, base.unknowns, found, options, count, f"statistical, linearised; {words}", notes
     )
 
 

@@ -15,23 +15,16 @@ from jointplay.base.tables import Table, few
 from jointplay.base.units import told
 from jointplay.estimate import measurement, planning, restitution
 from jointplay.estimate.least_squares import NULL, Fit, LeastSquares, basis, information, search
-from jointplay.estimate.machine import (
-    TOOL,
-    WOUND,
-    Given,
-    Machine,
-    apply,
-    compliances,
-    friction_of,
-    known_gears,
-)
+from jointplay.estimate.machine import TOOL, Given, Machine, apply, compliances
 from jointplay.estimate.measurement import Measurement, Observed, TooLittle, Visits
 from jointplay.estimate.model import StaticModel
 from jointplay.estimate.nuisances import DRIFT, REFERENCES, nuisances
+from jointplay.estimate.parts import WOUND, Teeth, friction_of
 from jointplay.estimate.recordings import Recording, is_recording
 from jointplay.estimate.restitution import by_flights, by_simulation, channels
 from jointplay.estimate.unknowns import LARGEST_SHARE, Estimate, Unknown, by_label, data, listed
 from jointplay.model.mechanism import Mechanism
+from jointplay.physics.joints import RollingBearing
 from jointplay.simulation.loads.drive import JointFriction, urdf_friction
 from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.simulation import Simulation
@@ -76,11 +69,33 @@ def reason(i: int, fit: Fit, model: StaticModel) -> str:
     """Why an unknown cannot be identified; empty if it can."""
     if fit.identified(i):
         return _held_by_friction(i, fit)
+    if never := _never_loaded(fit.least.unknowns[i], model):
+        return never
     if soft := _explained(i, fit, model.visits):
         return soft
     one = fit.least.unknowns[i]
     plain = fit.shows(i) or one.name in WOUND
     return fit.why_not(i) if plain else _without_effect(one, model)
+
+
+def _never_loaded(one: Unknown, model: StaticModel) -> str:
+    """That its load is not of a kind which would show an unknown, if so."""
+    own = model.mechanism.clearance.get(one.joint)
+    if one.name == "radial_clearance" and isinstance(own, RollingBearing):
+        if not model.reverses(one.joint):
+            return (
+                "not observable: its load never reverses at a place, so that its rings are pressed "
+                "together the same way; push the tool the other way, too"
+            )
+    elif one.name in WOUND[1:3]:
+        begins = model.mechanism.gears[one.joint].curve().torques[WOUND.index(one.name) - 1]
+        most = model.most_torque(one.joint)
+        if most < begins:
+            return (
+                f"not observable: its torque, at most {most:.3g} N m, does not reach the "
+                f"{begins:.3g} N m from which this stiffness holds"
+            )
+    return ""
 
 
 def _held_by_friction(i: int, fit: Fit) -> str:
@@ -142,6 +157,10 @@ def _without_effect(one: Unknown, model: StaticModel) -> str:
             return "not observable: the load keeps the gear's teeth on one side"
     if one.joint in model.levers and not model.levers[one.joint].any():
         return "not observable: the joint does not move the tool"
+    if one.name in ("hysteresis", "lost_motion"):
+        return "not observable: its torque never rises and falls again at a place"
+    if one.name.endswith("compliance"):
+        return "not observable: nothing loads it in this direction, or always alike"
     return "not observable: its load pushes the journal the same way at every visit of a place"
 
 
@@ -294,7 +313,9 @@ def identify(
             lies), ``ideal`` (all: the geometry is calibrated).
         noise: standard deviation of a record by kind of signal [SI]; else from the records.
         joint_friction: of joints besides their bearings'; None takes the simulation's or URDF's.
-        also: of `machine.ALSO`: dry ``friction`` behind all gears, not only those with some.
+        also: of `parts.ALSO`: dry ``friction`` behind all gears, not only those with some;
+            ``hysteresis`` likewise; ``stiffness`` of rolling elements, by that of their geometry,
+            and of each piece of a gear's curve.
         known: labels or names of unknowns that are taken from the scenario.
         stiffness: what is known of the machine's stiffness, by label: ``"elbow torsional"`` (of its
             gear, if it has one), ``"elbow tilt"`` [N m/rad], ``"elbow radial"``, ``"elbow axial"``,
@@ -383,12 +404,13 @@ def _by_means(
     kinds = [kind for kind, _ in observed.keys]
     torqued = [name for kind, name in observed.keys if kind == "torque"]
     stops = bool(made.stopped.any()) and "tool" in kinds
-    unknowns = machine.unknowns(torqued, stops, also, known)
+    unknowns = machine.unknowns(torqued, stops, also, known, links)
     model = StaticModel(machine, made, observed.keys, unknowns)
     use = np.isfinite(observed.mean) & model.certain[:, None]
     _check(measured, model, use, reference)
     smallest = [1e-12 + 1e-9 * np.nanmax(np.abs(row), initial=0.0) for row in observed.mean.T]
     records = np.where(use, np.maximum(observed.error, smallest), np.nan)
+    records = np.hypot(records, model.wander)
     nuisance, labels = nuisances(model, observed, reference, drift, measured.lag > 0.0)
     problem = _problem(model, observed.mean, records, nuisance, labels, measured.lag)
     fit = search(problem)
@@ -566,6 +588,8 @@ def _taken(machine: Machine, sought: Collection[tuple[str, str]]) -> list[str]:
     mechanism = machine.mechanism
     rows: list[tuple[str, str, str]] = []
     for joint, bearing in mechanism.clearance.items():
+        if bearing.resultant is not None:
+            continue
         value = friction_of(bearing)
         words = "no law of friction known" if value is None else f"{value:g}"
         rows.append((joint, "friction", f"bearing {words}"))
@@ -576,9 +600,9 @@ def _taken(machine: Machine, sought: Collection[tuple[str, str]]) -> list[str]:
         rows.append((joint, "dry_friction", f"dry friction {own.coulomb:g} N m"))
         if own.viscous:
             rows.append((joint, "", f"viscous friction {own.viscous:g} N m s/rad"))
-    for joint, gear in known_gears(mechanism).items():
+    for joint, gear in mechanism.gears.items():
         rows.append((joint, "gear_play", f"gear play {told(gear.play, 'rad')}"))
         if f"{joint} torsional" not in machine.compliances:
-            words = f"gear stiffness {gear.stiffness:.4g} N m/rad"
+            words = f"gear stiffness {Teeth(joint, gear).stiffness[0]:.4g} N m/rad"
             rows.append((joint, "gear_compliance", words))
     return [f"{joint} {words}" for joint, name, words in rows if (joint, name) not in sought]

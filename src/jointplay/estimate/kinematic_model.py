@@ -18,9 +18,12 @@ import pinocchio as pin
 
 from jointplay.base.errors import JointplayError, MissingName
 from jointplay.base.tables import counted
+from jointplay.estimate.parts import Elements, Springs, bearing_parts
 from jointplay.estimate.static_poses import StaticPoses, rotations_of
 from jointplay.estimate.unknowns import Unknown
+from jointplay.model.builder import z_to
 from jointplay.model.mechanism import Mechanism
+from jointplay.physics.joints import RollingBearing
 
 if TYPE_CHECKING:
     from jointplay.model.payload import Payload
@@ -30,6 +33,8 @@ COORDINATE = 6
 the axes of its frame, then rotations about them."""
 _UNALIGNED = 1e-6
 """Of an axis' components, beyond which it is not one of its frame's."""
+_LOOSE = 2e-5
+"""Internal clearance of a rolling bearing that is large [m]."""
 _STILL_N_M = 1e-6
 """Loads that count as none."""
 
@@ -121,6 +126,8 @@ class Column:
     """What the feature may depend on, k of them, if it has to be chosen."""
     options: np.ndarray | None = None
     """The features by these, shape (n, k)."""
+    moves: np.ndarray | None = None
+    """How its placement errs by a coefficient of one, instead of `target`, (n, 6) [m, rad]."""
 
     @property
     def joint(self) -> str:
@@ -174,7 +181,8 @@ class Poses:
         for column, name in enumerate(poses.joints):
             full[:, ideal.coordinate(name)] = poses.motor[:, column]
         self.q = full[:, [model.joints[i].idx_q for i in ids]]
-        self.load, self.moment = _loads(_with_payloads(model, payloads), full, ids)
+        self.load, self.wrench = _loads(_with_payloads(model, payloads), full, ids)
+        self.bearings, self.gears = dict(mechanism.clearance), dict(mechanism.gears)
         self.approach, self.link = np.zeros(self.q.shape), np.full(self.q.shape, np.nan)
         at = [poses.joints.index(name) for name in self.known]
         here = [self.names.index(name) for name in self.known]
@@ -231,31 +239,45 @@ class Poses:
             idle = kind.by_load and not self.loaded(joint) and not asked
             features = [] if idle else kind.features(self, term, j, asked)
             if not features and asked and kind.absent:
-                raise JointplayError(f"{joint} {kind.absent}")
+                raise JointplayError(f"{joint} {kind.absent}{self._having(term, every)}")
             given = term.width.get(joint) if isinstance(term.width, Mapping) else term.width
             size = kind.width if given is None else float(given)
             own = "rad" if self.turns[j] else "m"
             units = {"own": own, "soft": "rad/(N*m)" if self.turns[j] else "m/N"}
-            for feature, what, unit, target, choices in features:
+            for feature, what, unit, target, choices, expected, moves in features:
                 # Angles of a placement are as wide as its lengths over a reach.
-                width = size * (_TURN_WIDTH if term.kind == "placement" and target > 2 else 1.0)
+                wide = _TURN_WIDTH if term.kind == "placement" and target > 2 else expected
+                width = size * wide
                 name = f"{'half-play' if term.kind == 'play' else term.kind} {what}".rstrip()
                 unknown = Unknown(
                     joint, name, units.get(unit, unit), 0.0, width,
                     spread=width, least=-np.inf, fine=False, model_error=0.0,
                 )  # fmt: skip
-                one = Column(term, unknown, j, target, feature)
+                one = Column(term, unknown, j, target, feature, moves=moves)
                 if choices:
                     zero = np.zeros(len(self))
                     one = replace(one, feature=zero, choices=choices, options=feature)
                 made.append(one)
+        if not made and kind.part:
+            raise JointplayError(
+                f"no joint that moves the tool has {kind.part} in the scenario, which "
+                f"{term.kind!r} needs; joints: {', '.join(self.names)}"
+            )
         return made
+
+    def _having(self, term: Term, joints: Sequence[str]) -> str:
+        """Which joints have the part that a term needs, in words."""
+        kind = TERM_KINDS[term.kind]
+        if not kind.part:
+            return ""
+        has = [one for one in joints if kind.features(self, term, self.names.index(one), True)]
+        return f"; joints that have {kind.part}: {', '.join(has) or 'none'}"
 
     def rows(self, keep: np.ndarray) -> Poses:
         """Some of the poses, approached as they were."""
         some = copy(self)
         some.measured = self.measured.rows(keep)
-        for name in ("q", "load", "moment", "approach", "link"):
+        for name in ("q", "load", "wrench", "approach", "link"):
             setattr(some, name, getattr(self, name)[keep])
         return some
 
@@ -290,6 +312,10 @@ class Feature(NamedTuple):
     """0 to 5 of the joint's placement, or `COORDINATE`."""
     choices: Sequence[tuple[float, ...]] = ()
     """By which values differ: of play friction and transition [N m], of a jump its place."""
+    expected: float = 1.0
+    """Factor of the kind's width: what of the scenario's part it is a part of [SI]."""
+    moves: np.ndarray | None = None
+    """See `Column`."""
 
 
 @dataclass(frozen=True)
@@ -305,6 +331,8 @@ class TermKind:
     """Whether only joints that gravity loads have it, unless others are asked for."""
     absent: str = ""
     """Why a joint that was asked for has none, behind its name."""
+    part: str = ""
+    """Part of a joint in the scenario that it needs, in words."""
 
 
 def _waves(turns: float) -> Callable[[Poses, Term, int, bool], list[Feature]]:
@@ -352,8 +380,72 @@ def _rail(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
 
 
 def _suspension(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
-    moments = zip("xyz", poses.moment[:, j].T, strict=True)
+    moments = zip("xyz", poses.wrench[:, j, 3:].T, strict=True)
     return [Feature(m, f"about {a}", "rad/(N*m)", 3 + k) for k, (a, m) in enumerate(moments)]
+
+
+def _loaded(poses: Poses, j: int) -> tuple[np.ndarray, np.ndarray]:
+    """Force and moment on a joint in its bearing's axes, (n, 6), and these in its frame, (6, 6)."""
+    turn = np.kron(np.eye(2), z_to(poses.axis[j]))
+    return poses.wrench[:, j] @ turn, turn
+
+
+def _gear(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
+    """Twist of a gear whose stiffness rises with the torque, by the compliance of each piece."""
+    gear, load = poses.gears.get(poses.names[j]), poses.load[:, j]
+    if gear is None:
+        return []
+    curve = gear.curve()
+    ends = np.concatenate([[0.0], curve.torques, [np.inf]])
+    found = []
+    for k, slope in enumerate(curve.slopes):
+        part = np.clip(np.abs(load) - ends[k], 0.0, ends[k + 1] - ends[k])
+        number = f" {k + 1}" if len(curve.slopes) > 1 else ""
+        twist = np.sign(load) * part
+        found.append(Feature(twist, f"compliance{number}", "soft", expected=1.0 / float(slope)))
+    return found
+
+
+def _bearing(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
+    """Displacement of a rolling bearing: by its clearance, and as far as its elements give way."""
+    own = poses.bearings.get(poses.names[j])
+    if not isinstance(own, RollingBearing):
+        return []
+    loads, turn = _loaded(poses, j)
+    side = -1.0 if own.exchanged else 1.0
+    cage = own.cage_angle + side * own.cage_ratio * poses.q[:, j]
+    elements = Elements("", replace(own, seat=None))
+
+    def at(values: Mapping[str, float]) -> np.ndarray:
+        return np.asarray(side * elements.holding(values).rests(side * loads, cage)[0] @ turn.T)
+
+    one, found = np.ones(len(poses)), []
+    none = {} if getattr(own, "preload", None) is not None else {"radial_clearance": 0.0}
+    tight = at(none)
+    if none:
+        size = max(own.bought_clearance, _LOOSE)
+        moves = (at({"radial_clearance": size}) - tight) / size
+        found.append(Feature(one, "clearance", "m", expected=_LOOSE, moves=moves))
+    return [*found, Feature(one, "deflection", "", moves=tight)]
+
+
+def _seat(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
+    """How springs, or the seat of a bearing, give way in proportion to their load."""
+    name, loads_turn = poses.names[j], _loaded(poses, j)
+    springs = [
+        part
+        for part in (bearing_parts(name, poses.bearings[name]) if name in poses.bearings else ())
+        if isinstance(part, Springs)
+    ]
+    found = []
+    for part in springs:
+        for way, moved in part.sunk(loads_turn[0]).items():
+            size = part.compliances[way]
+            unit = "rad/(N*m)" if way in ("tilt", "torsional") else "m/N"
+            moves = moved @ loads_turn[1].T / size
+            one = np.ones(len(poses))
+            found.append(Feature(one, f"{way} compliance", unit, expected=size, moves=moves))
+    return found
 
 
 def _placement(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
@@ -409,6 +501,19 @@ TERM_KINDS: Mapping[str, TermKind] = {
     "suspension": TermKind(
         "joint's place turns with the moment of the weight beyond it", 1e-3, _suspension
     ),
+    "gear": TermKind(
+        "gear winds up by the compliance of each piece of its curve", 2.0, _gear,
+        absent="has no gear in the scenario", part="a gear",
+    ),
+    "bearing": TermKind(
+        "rolling bearing's clearance, and its deflection over the catalogue's", 2.0, _bearing,
+        absent="has no rolling bearing in the scenario", part="a rolling bearing",
+    ),
+    "seat": TermKind(
+        "springs or a bearing's seat give way in proportion to their load", 2.0, _seat,
+        absent="has neither springs nor a bearing in a seat in the scenario",
+        part="springs or a bearing in a seat",
+    ),
 }  # fmt: skip
 """Kinds of terms; a new one is a function of the poses."""
 
@@ -425,14 +530,15 @@ def _with_payloads(model: pin.Model, payloads: Sequence[Payload]) -> pin.Model:
 
 
 def _loads(model: pin.Model, q: np.ndarray, ids: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
-    """What gravity does to the chain's joints: along their axes (n, j), moments (n, j, 3) in the
-    frames of their placements [N m, N]."""
+    """What gravity does to the chain's joints: along their axes (n, j), force and moment (n, j, 6)
+    in the frames of their placements [N m, N]."""
     data, still = model.createData(), np.zeros(model.nv)
-    load, moment = np.zeros((len(q), len(ids))), np.zeros((len(q), len(ids), 3))
+    load, wrench = np.zeros((len(q), len(ids))), np.zeros((len(q), len(ids), 6))
     for i, row in enumerate(q):
         torque = pin.rnea(model, data, row, still, still)
         for j, joint in enumerate(ids):
             load[i, j] = -torque[model.joints[joint].idx_v]
             turned = model.jointPlacements[joint].rotation.T @ data.liMi[joint].rotation
-            moment[i, j] = -turned @ data.f[joint].angular
-    return load, moment
+            wrench[i, j, :3] = -turned @ data.f[joint].linear
+            wrench[i, j, 3:] = -turned @ data.f[joint].angular
+    return load, wrench

@@ -567,13 +567,18 @@ def _fitted_beside(problem: LeastSquares, theta: np.ndarray, i: int, value: floa
 
 
 def _starts(problem: LeastSquares, start: np.ndarray) -> list[np.ndarray]:
-    """Where to begin: at the start, at it with end walls near and far, at the best about it."""
+    """Where to begin: at the start, at it with end walls near and far or the cages of rolling
+    bearings turned, at the best about it."""
     walls = np.array([one.name == "axial_clearance" for one in problem.unknowns])
     starts = [start]
     if walls.any():
         starts += [np.where(walls, factor * start, start) for factor in (1.0 / _RANGE, _RANGE)]
+    cages = np.array([one.name == "cage_angle" for one in problem.unknowns])
+    if cages.any():
+        starts += [np.where(cages, start + part * problem.scale, start) for part in (1, 2, 3)]
     spread = qmc.LatinHypercube(len(start), rng=0).random(_TRIED)
     options = np.minimum(start * _RANGE ** (2.0 * spread - 1.0), problem.limits[1])
+    options = np.where(cages, start + 4.0 * spread * problem.scale, options)
     return [*starts, min(options, key=problem.cost)]
 
 

@@ -1,4 +1,4 @@
-"""What is sought of a machine: clearances, friction, the play of gears, by joint.
+"""What is sought of a machine: what is unknown of its parts (`parts`), by joint.
 
 Every machine is elastic, and elasticity looks like play to whoever pushes with one force only. So
 the compliances of each joint (about and along its axis, across it, in tilt), of each gear and of
@@ -16,15 +16,21 @@ import numpy as np
 from scipy.optimize import brentq
 
 from jointplay.base.errors import JointplayError, MissingName
+from jointplay.estimate.parts import (
+    ALSO,
+    SOFTEST,
+    WOUND,
+    Springs,
+    Teeth,
+    bearing_parts,
+    springs_of,
+    with_values,
+)
 from jointplay.estimate.unknowns import Estimate, Unknown
-from jointplay.model.gear import Gear
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import Clearance
-from jointplay.physics.joints.play import JournalPlay
 from jointplay.simulation.loads.drive import JointFriction
 
-ALSO = ("friction",)
-"""What of gears is identified only if asked for."""
 WAYS = {
     "torsional": "rad/(N*m)",
     "link": "rad/(N*m)",
@@ -39,21 +45,18 @@ about the axes across; across, along the load; of a bush that gives way across, 
 aside with the contact's normal where friction does; along."""
 TOOL, ALL = "tool", "all"
 """Names of the structure's compliance at the tool, and of everything's."""
-WOUND = ("gear_compliance", "torsional_compliance")
-"""Names of the unknown by which the torque that a joint transmits turns its link."""
 SOFT = {"rad/(N*m)": 1e-5, "m/N": 1e-7}
 """Scales of compliances, by unit."""
-_LARGEST = 1e-3
-"""Clearance beyond which no bearing is one, unless the scenario says otherwise [m]."""
-_LEAST = 1e-9
-"""Clearances below it are none [m]."""
+_SPRUNG = 0.03
+"""Part by which compliances of springs and seats may be off where they move the load."""
 _SMALLEST_PART = 0.05
 """Part of a value below which it is not drawn."""
-_SOFTEST = 100.0
-"""Largest compliance of a gear or of a joint that winds up, by the expected one."""
 LINK = 1e-4
 """Deviation of the bending of links from none where a joint winds up, unless the gear is expected
 to give way by more [rad/(N m)]: with any number one could make up for the other."""
+BENDS = 0.15
+"""The same of gears with a curve or hysteresis, by what the gear is expected to give way by: where
+their laws are exact they would tell one from the other, but no gear follows them so closely."""
 BUSH = 1e-7
 """Deviation from none of what a bush gives way by along the contact's normal [m/N]: passes under
 one load do not tell it from friction, so without a bound no friction could be told from them."""
@@ -79,22 +82,6 @@ Given = Mapping[str, float | tuple[float, float]]
 """Stiffness by label [N m/rad or N/m], with its relative standard deviation if it is not exact."""
 
 
-def known_gears(mechanism: Mechanism) -> dict[str, Gear]:
-    """The gears of a mechanism, by joint.
-
-    Raises:
-        JointplayError: one that is more than play and one stiffness.
-    """
-    known = {}
-    for joint, gear in mechanism.gears.items():
-        if not isinstance(gear, Gear):
-            where = ("gears", joint, "kind")
-            words = f"a {gear.kind} gear has more than the play and stiffness that are identified"
-            raise JointplayError(f"{words}; describe it as a {Gear.kind} gear", where)
-        known[joint] = gear
-    return known
-
-
 @dataclass(frozen=True)
 class Machine:
     """A mechanism with expected play, and what is known of it before a measurement."""
@@ -105,8 +92,10 @@ class Machine:
     compliances: Mapping[str, Unknown]
     """By label, see `compliances`."""
 
-    def __post_init__(self) -> None:
-        known_gears(self.mechanism)
+    @cached_property
+    def springs(self) -> dict[str, Springs]:
+        """Springs and seats whose compliances are sought, unless they are given, by joint."""
+        return springs_of(self.mechanism)
 
     def compliance(self, label: str) -> Unknown:
         """What is known of it."""
@@ -141,6 +130,7 @@ class Machine:
         stops: bool,
         also: Collection[str] = (),
         known: Collection[str] = (),
+        links: Collection[str] = (),
     ) -> tuple[Unknown, ...]:
         """All unknowns, but compliances that move the tool in proportion to loads.
 
@@ -151,10 +141,10 @@ class Machine:
             stops: whether there are stops, at which an unknown part of the friction stays.
             also: of `ALSO`: dry friction behind all gears.
             known: labels or names of unknowns that are taken from the scenario.
+            links: joints with an encoder behind their gear, which tells it from the link.
 
         Raises:
-            JointplayError: nothing is sought; an unknown name in `also` or `known`; the clearance
-                of a rolling bearing, unless it is known.
+            JointplayError: nothing is sought; an unknown name in `also` or `known`.
         """
         mechanism, friction = self.mechanism, self.friction
         if not mechanism.clearance and not mechanism.gears:
@@ -162,21 +152,32 @@ class Machine:
                 'nothing has play: give clearance (--clearance "0.1 mm", --joint NAME="0.1 mm") or '
                 f"gears with play; joints: {', '.join(mechanism.joints)}"
             )
-        found = []
+        found: list[Unknown] = []
+        for word in also:
+            if word not in ALSO:
+                raise MissingName("unknown to identify besides", word, ALSO)
         for joint, bearing in mechanism.clearance.items():
-            for name, value in bearing.clearances.items():
-                most = max(_LARGEST, 10.0 * value)
-                found.append(Unknown(joint, name, "m", value, value, most))
-            if coefficient := friction_of(bearing):
-                one = Unknown(joint, "friction", "", coefficient, coefficient, 2.0, model_error=0.1)
-                found.append(one)
+            for part in bearing_parts(joint, bearing):
+                if not isinstance(part, Springs):
+                    found += part.unknowns(also)
+                elif joint in self.springs:
+                    for one in part.unknowns(also):
+                        way = one.name.removesuffix("_compliance")
+                        own = self._compliance(joint, way, one.name, one.nominal)
+                        found += [replace(x, model_error=_SPRUNG) for x in own]
         rubs = any(one.name == "friction" for one in found)
-        for joint, gear in known_gears(mechanism).items():
-            found.append(Unknown(joint, "gear_play", "rad", gear.play, gear.play or 1e-3, 1.0))
-            found += self._compliance(joint, "gear_compliance", 1.0 / gear.stiffness)
+        for joint, gear in mechanism.gears.items():
+            teeth = Teeth(joint, gear)
+            others = list(teeth.unknowns(also))
+            own = self._compliance(joint, "torsional", "gear_compliance", 1.0 / teeth.stiffness[0])
+            plays = [one for one in others if one.name == "gear_play"]
+            mine = [*plays, *own, *(one for one in others if one not in plays)]
+            if teeth.curved and joint not in links:
+                mine = [replace(x, model_error=BENDS) if x.name in WOUND else x for x in mine]
+            found += mine
         wound = [joint for joint in self.wound if joint not in mechanism.gears]
         for joint in wound:
-            found += self._compliance(joint, "torsional_compliance", _TORSION)
+            found += self._compliance(joint, "torsional", "torsional_compliance", _TORSION)
         dry = [name for name, one in friction.items() if one.coulomb > 0.0]
         behind = [joint for joint in mechanism.gears if "friction" in also or joint in dry]
         for joint in dict.fromkeys([*torques, *behind, *wound]):
@@ -188,34 +189,23 @@ class Machine:
                 found.append(Unknown(joint, "stiction", "", ratio, 1.0, _STICKS, sought=False))
         if stops and rubs:
             found.append(Unknown("", "friction_kept_at_stops", "", 0.5, 0.5, 1.0, sought=False))
-        for word in also:
-            if word not in ALSO:
-                raise MissingName("unknown to identify besides", word, ALSO)
         for word in known:
             if not any(word in (one.label, one.name) for one in found):
                 labels = ", ".join(one.label for one in found)
                 raise JointplayError(f"no unknown {word!r}; there are: {labels}")
         kept = tuple(one for one in found if not {one.label, one.name} & set(known))
-        for one in kept:
-            bought = mechanism.clearance.get(one.joint)
-            if bought and bought.resultant is not None and one.name in bought.clearances:
-                raise JointplayError(
-                    f"the clearance of the rolling bearing in {one.joint!r} cannot be identified: "
-                    "its balls or rollers give way by as much as its play, which the static model "
-                    f"leaves out; take it as known: --known {one.label!r}"
-                )
         if not any(one.sought for one in kept):
             raise JointplayError("everything is given as known: nothing is left to identify")
         return kept
 
-    def _compliance(self, joint: str, name: str, expected: float) -> list[Unknown]:
-        """The unknown by which a joint winds up, unless its compliance is given exactly."""
-        one = self.compliance(f"{joint} torsional")
+    def _compliance(self, joint: str, way: str, name: str, expected: float) -> list[Unknown]:
+        """The unknown by which a joint gives way, unless its compliance is given exactly."""
+        one = self.compliance(f"{joint} {way}")
         if one.spread == 0.0:
             return []
         value = one.nominal or expected
-        most = _SOFTEST * value
-        return [Unknown(joint, name, "rad/(N*m)", value, value, most, spread=one.spread)]
+        most = SOFTEST * value
+        return [Unknown(joint, name, WAYS[way], value, value, most, spread=one.spread)]
 
 
 def labels(mechanism: Mechanism) -> list[str]:
@@ -231,7 +221,8 @@ def compliances(mechanism: Mechanism, given: Given) -> dict[str, Unknown]:
         mechanism: whose.
         given: an infinite one is rigid. That of a joint without a way is its torsional one (of the
             gear, where it has one); where it is infinite, the joint is rigid in all ways. ``all``
-            can be infinite only: everything is rigid of which nothing else is said, but gears.
+            can be infinite only: everything is rigid of which nothing else is said, but gears,
+            springs and seats.
 
     Raises:
         MissingName: no such label.
@@ -239,8 +230,11 @@ def compliances(mechanism: Mechanism, given: Given) -> dict[str, Unknown]:
     """
     known: dict[str, Unknown] = {}
     for name in mechanism.joints:
-        gear = known_gears(mechanism).get(name)
-        spread = LINK if gear is None else max(LINK, 1.0 / gear.stiffness)
+        spread = LINK
+        if name in mechanism.gears:
+            teeth = Teeth(name, mechanism.gears[name])
+            give = 1.0 / teeth.stiffness[0]
+            spread = BENDS * give if teeth.curved else max(LINK, give)
         known[f"{name} link"] = compliance(f"{name} link", spread=spread)
     bushes = [f"{name} bush" for name in mechanism.clearance]
     known |= {label: compliance(label, spread=BUSH) for label in bushes}
@@ -257,33 +251,16 @@ def compliances(mechanism: Mechanism, given: Given) -> dict[str, Unknown]:
         if label == ALL:
             if not rigid:
                 raise JointplayError(f"stiffness of 'all' can only be inf (rigid): {stiffness!r}")
-            geared = [f"{name} torsional" for name in mechanism.gears]
-            meant = [name for name in labels(mechanism) if name not in geared]
+            soft = {f"{name} torsional" for name in mechanism.gears}
+            for name, springs in springs_of(mechanism).items():
+                soft |= {f"{name} {way}" for way in springs.compliances}
+            meant = [name for name in labels(mechanism) if name not in soft]
         elif " " in label or label == TOOL:
             meant = [label]
         else:
             meant = [f"{label} {way}" for way in (WAYS if rigid else ("torsional",))]
         known |= {name: compliance(name, 1.0 / stiffness, part / stiffness) for name in meant}
     return known
-
-
-def friction_of(joint: Clearance) -> float | None:
-    """Friction coefficient of a journal's law; None where it has none that could be told."""
-    value = joint.friction.coefficients.get("mu_d")
-    known = isinstance(joint.play(False), JournalPlay)
-    return None if value is None or not known else float(value)
-
-
-def with_clearance(joint: Clearance, values: Mapping[str, float]) -> Clearance:
-    """The joint with other clearances [m] or another ``friction``; a static one keeps its ratio."""
-    sizes = {name: max(value, _LEAST) for name, value in values.items() if name != "friction"}
-    changed = joint.with_clearances(sizes)
-    if "friction" in values:
-        known, asked = joint.friction.coefficients, values["friction"]
-        law = joint.friction.scaled(asked / known["mu_d"]) if known["mu_d"] > 0.0 else None
-        rough: dict[str, float] = dict.fromkeys(known, asked)
-        changed = changed.with_friction(law or replace(joint.friction, **rough))
-    return changed
 
 
 def delivered(joint: Clearance, nominal: float) -> float:
@@ -302,20 +279,20 @@ def nominal_of(joint: Clearance, value: float) -> float:
 
 def apply(mechanism: Mechanism, found: Sequence[Estimate]) -> Mechanism:
     """The mechanism with those values that are identified, and that it can have."""
-    joints, gears = dict(mechanism.clearance), known_gears(mechanism)
+    joints, gears = dict(mechanism.clearance), dict(mechanism.gears)
+    values: dict[str, dict[str, float]] = {}
     for one in found:
-        joint, name, value = one.joint, one.unknown.name, one.value
-        if one.reason or not joint:
-            continue
-        if name == "gear_play":
-            gears[joint] = replace(gears[joint], play=value)
-        elif name == "gear_compliance":
-            gears[joint] = replace(gears[joint], stiffness=1.0 / max(value, 1e-12))
-        elif name == "restitution":  # what its law can deliver
-            if math.isfinite(nominal := nominal_of(joints[joint], value)):
-                joints[joint] = joints[joint].with_restitution(nominal)
-        elif joint in joints and name in (*joints[joint].clearances, "friction"):
-            joints[joint] = with_clearance(joints[joint], {name: value})
+        if not one.reason and one.joint:
+            values.setdefault(one.joint, {})[one.unknown.name] = one.value
+    for joint, mine in values.items():
+        if joint in joints:
+            joints[joint] = with_values(joint, joints[joint], mine)
+            if "restitution" in mine:  # what its law can deliver
+                nominal = nominal_of(joints[joint], mine["restitution"])
+                if math.isfinite(nominal):
+                    joints[joint] = joints[joint].with_restitution(nominal)
+        if joint in gears:
+            gears[joint] = Teeth(joint, gears[joint]).holding(mine)
     return mechanism.with_clearance(joints, gears)
 
 
@@ -323,11 +300,11 @@ def drawn(
     mechanism: Mechanism, found: Sequence[Estimate], random: np.random.Generator
 ) -> Mechanism:
     """The mechanism with values as they may be, by the standard deviations of what was found."""
-    values = [
-        replace(one, value=max(one.value + one.deviation * random.standard_normal(),
-                               _SMALLEST_PART * one.value))
-        for one in found
-        if one.identified
-    ]  # fmt: skip
-    most = [replace(one, value=min(one.value, one.unknown.most)) for one in values]
-    return apply(mechanism, most)
+    values = []
+    for one in found:
+        if one.identified:
+            value = one.value + one.deviation * random.standard_normal()
+            least = one.unknown.least
+            least = least if least < 0.0 else max(least, _SMALLEST_PART * one.value)
+            values.append(replace(one, value=min(max(value, least), one.unknown.most)))
+    return apply(mechanism, values)

@@ -317,6 +317,8 @@ class Visits:
     """Visit whose loads hold at a point of the path, shape (m,)."""
     path_force: np.ndarray
     """On the tool along the path, world axes, shape (m, 3) [N]."""
+    path_time: np.ndarray | None = None
+    """Of the points of the path, shape (m,) [s]; None: all of it is slow."""
     without_encoder: tuple[str, ...] = ()
     """Joints that were taken where the reference says, or at rest."""
 
@@ -587,6 +589,7 @@ def visits(
         path_visit=owner[keep],
         path_near=near,
         path_force=force[keep],
+        path_time=time[keep],
         without_encoder=without_encoder,
     )
     return found, _observe(mechanism, measured, found, q, pieces)

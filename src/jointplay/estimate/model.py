@@ -6,60 +6,61 @@ atan(mu) in the sense of rotation. Its displacement is the point at which the pl
 function is attained (`Play.support`), so that it is exact in the first order of the clearance;
 contacts give way by what their law says of the load. A gear's link is held by friction until its
 teeth push harder: the play operator of M. A. Krasnosel'skii and A. V. Pokrovskii, Systems with
-Hysteresis (1989), with the load's torque. Inertia counts as a load. All is linear algebra: no time
-loop.
+Hysteresis (1989), with the load's torque, and the bristles of gears with hysteresis remember the
+twists they came by (`kernel.gear`). The inner ring of a rolling bearing comes to rest among its
+elements (`RollingBearing.rests`). Inertia counts as a load. There is no time loop.
 
 Joints and the structure at the tool are elastic: by what they give way in proportion to their load
 the tool moves, too. Those compliances enter linearly and are columns (`elastic`) beside the
-model, unless they are given. A joint with dry friction winds up: the operator without play.
+model, unless they are given. Those of springs and seats are unknowns with an expected value. A
+joint with dry friction winds up: the operator without play.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 import pinocchio as pin
+from scipy.ndimage import uniform_filter1d
 
 from jointplay.accuracy.error_model import play_model
 from jointplay.accuracy.jacobians import place, tool_place
 from jointplay.accuracy.poses import moving
 from jointplay.base.compiler import compiled
-from jointplay.estimate.machine import (
-    TOOL,
-    WOUND,
-    Machine,
-    friction_of,
-    known_gears,
-    with_clearance,
-)
+from jointplay.estimate.machine import TOOL, Machine
 from jointplay.estimate.measurement import Key, Visits, configurations, stacked, tool_effect
+from jointplay.estimate.parts import SPRINGS, WOUND, Elements, Journal, Teeth, friction_of
 from jointplay.estimate.unknowns import Unknown
+from jointplay.model.gear import Curve, Gear
 from jointplay.model.impact import elastic_energy
 from jointplay.model.mechanism import Mechanism
-from jointplay.physics.joints import Clearance
+from jointplay.physics.joints import Clearance, RollingBearing
 from jointplay.physics.joints.play import BallPlay, JournalPlay
 from jointplay.simulation.loads.drive import JointFriction
 from jointplay.simulation.result.result import AXES
 
 _LATERAL = [0, 1, 3, 4]
-_AXES = {
-    "torsional": [5],
-    "link": [5],
-    "tilt": [3, 4],
-    "radial": [0, 1],
-    "bush": [0, 1],
-    "axial": [2],
-}
+_AXES = {"link": [5], "bush": [0, 1]} | {way: list(at) for way, at in SPRINGS.items()}
 """Components of a joint's load and displacement in bearing axes."""
 _LINE_CONTACT = 0.9
 """Exponent of the load by which contacts of lines give way, those of points by 2/3; the compliances
 here give way in proportion to it."""
 _REMEMBERED = 100
 """Displacements of bearings and lags that are kept: differences move one joint at a time."""
+_FORGOTTEN = 0.05
+"""Part of what bristles were bent by in the beginning that is left where they are known at most."""
+_CAGES = 6
+"""Places of a cage between one element and the next that are looked at."""
+_SLIPPED = 0.1
+"""Part of what these differ by that is left: cages slip."""
+_SMOOTH_S = 0.15
+"""Over which the motors' paths are smoothed to find their accelerations [s]."""
+_HALVINGS = 48
+"""In which the twist of a gear with bristles is found."""
 _FAINT_LOAD = 0.02
 """Part of the rims' forces below which a load along the axis moves nothing in time."""
 _STIFFEST = 1e-12
@@ -68,6 +69,8 @@ _LIGHT = 0.3
 """Part of the other rim's force below which a rim may lie anywhere."""
 _FAINTEST = 0.015
 """Part of the largest load of a joint that may be missing in others."""
+_TURNING = 0.04
+"""The same of moments that tilt a rolling bearing, which change while a place is passed."""
 _FRICTION = 0.1
 """Coefficient of the friction along the axis that may hold a journal's lean where it is."""
 _MOVED = 0.35
@@ -133,9 +136,8 @@ class _Bearing:
 
     def point(self, values: Mapping[str, float], held: float) -> np.ndarray:
         """Displacement of the journal at each visit, (n, 6) [m, rad]."""
-        mine = self.joint.clearances
-        sizes = {name: value for name, value in values.items() if name in mine}
-        joint = with_clearance(self.joint, sizes)
+        sizes = {name: value for name, value in values.items() if name in self.joint.clearances}
+        joint = Journal("", self.joint).holding(sizes)
         play = joint.play(second_order=False)
         point = play.support(self.load).point
         if isinstance(play, JournalPlay | BallPlay):
@@ -179,6 +181,68 @@ class _Bearing:
         return np.asarray(2.0 * self.push * radius * coefficient / np.hypot(1.0, coefficient))
 
 
+class _Rolling(_Bearing):
+    """A rolling bearing at n visits: no friction across, and a little about its axis."""
+
+    joint: RollingBearing
+
+    def __init__(
+        self,
+        name: str,
+        joint: RollingBearing,
+        move: np.ndarray,
+        load: np.ndarray,
+        inertia: np.ndarray,
+        visits: Visits,
+    ) -> None:
+        self.joint, self.move, self.load = joint, move, load
+        self.own = Elements(name, replace(joint, seat=None))
+        self.side = -1.0 if joint.exchanged else 1.0
+        """Of the outer ring, in whose axes it rests: the link's displacement is the inner one's."""
+        turned = np.zeros(len(visits))
+        if name in visits.joints:
+            turned = visits.position[:, visits.joints.index(name)]
+        self.cage = self.side * joint.cage_ratio * turned
+        self.push = self.rim = np.linalg.norm(load[:, :2], axis=1) / 2.0
+        self.slips = joint.has_play and bool(joint.hinge.axial > 0.0)
+        self.slides = self.kept = np.zeros(len(visits))
+        here, told = self._rests({}, load)
+        across = np.linalg.norm(load[:, :3], axis=1)
+        self.sure = told & (across > 0.0)
+        force = _FAINTEST * across.max(initial=0.0)
+        moment = _TURNING * np.linalg.norm(load[:, 3:5], axis=1).max(initial=0.0)
+        small = np.array([force, force, 0.0, moment, moment, 0.0])
+        free = np.array([joint.travel["x"] or np.inf, joint.travel["roll"] or np.inf])
+        for more in (*np.diag(small)[[0, 1, 3, 4]], inertia):
+            for way in (1.0, -1.0):
+                off = self._rests({}, load + way * more)[0] - here
+                by = np.linalg.norm(off[:, [[0, 1], [3, 4]]], axis=2)
+                self.sure &= (by <= _MOVED * free).all(axis=1)
+
+    def _rests(
+        self, values: Mapping[str, float], load: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Displacements under loads (n, 6), and whether they are told (n,)."""
+        begin = values.get("cage_angle", self.joint.cage_angle)
+        rested = self.own.holding(values).rests(self.side * load, begin + self.cage)
+        return self.side * rested[0], rested[1]
+
+    def point(self, values: Mapping[str, float], held: float) -> np.ndarray:
+        return self._rests(values, self.load)[0]
+
+    def wander(self) -> np.ndarray:
+        """Spread of the displacement over places of the cage, which slips, (n, 6) [m, rad]."""
+        turns = self.own.period * np.arange(_CAGES) / _CAGES
+        points = [self._rests({"cage_angle": turn}, self.load)[0] for turn in turns]
+        return np.std(points, axis=0)
+
+    def torque(self, friction: float | None) -> np.ndarray:
+        return np.full(len(self.load), self.joint.drag)
+
+    def drag(self) -> np.ndarray:
+        return np.zeros(len(self.load))
+
+
 def _turned(points: np.ndarray, angle: np.ndarray) -> np.ndarray:
     """Displacements and leans turned about z, (n, 6)."""
     c, s = np.cos(angle), np.sin(angle)
@@ -203,6 +267,7 @@ class StaticModel:
         elastic: effects of compliances; what is given of them is in `predict`.
         softening: of each bearing, see `_Bearing.softening`, by its joint's name, (n,).
         levers: how displacements of a joint move the tool, by its name, (n, 3, 6).
+        wander: by how much cages that slip move the tool, as a standard deviation, (n, keys).
 
     Raises:
         JointplayError: loops; see `error_model.play_model`.
@@ -222,14 +287,29 @@ class StaticModel:
         play_model(mechanism, q[:0], second_order=False)  # refuses what this model does not know
         slides = {name: mechanism.description.joints[name].slides for name in moving(mechanism)}
         names = dict.fromkeys([*mechanism.clearance, *mechanism.gears, *slides])
-        own, inertia, self.levers, tool = _statics(mechanism, visits, q, names)
+        rates = visits.speed, visits.acceleration
+        own, inertia, self.levers, tool = _statics(mechanism, visits.joints, q, rates, names)
         loads = {
             name: own[name] + np.einsum("nki,nk->ni", lever, visits.force)
             for name, lever in self.levers.items()
         }
         self._bearings = {
-            name: _Bearing(name, joint, self.levers[name], loads[name], inertia[name], visits)
+            name: (_Rolling if isinstance(joint, RollingBearing) else _Bearing)(
+                name,
+                joint,
+                self.levers[name],
+                loads[name],
+                inertia[name],
+                visits,  # type: ignore[arg-type]
+            )
             for name, joint in mechanism.clearance.items()
+        }
+        self._springs = {
+            name: {
+                way: np.einsum("nki,ni->nk", self.levers[name], moved) / part.compliances[way]
+                for way, moved in part.sunk(loads[name]).items()
+            }
+            for name, part in machine.springs.items()
         }
         self._gives = {name: self._give(name) for name in machine.wound}
         driven = dict.fromkeys([*machine.wound, *(name for kind, name in keys if kind == "torque")])
@@ -237,6 +317,12 @@ class StaticModel:
         self._inertia = {name: -inertia[name][:, axis] for name, axis in about.items()}
         self._hold = {name: -own[name][:, axis] for name, axis in about.items()}
         self._pushed = {name: self.levers[name][:, :, axis] for name, axis in about.items()}
+        self.wander = np.zeros((len(visits), len(keys)))
+        for bearing in self._bearings.values():
+            if isinstance(bearing, _Rolling):
+                moved = np.einsum("nij,nj->ni", bearing.move**2, bearing.wander() ** 2)
+                self.wander = np.hypot(self.wander, tool_effect(keys, _SLIPPED * np.sqrt(moved)))
+        self._way = self._on_the_way([name for name in driven if self._remembers(name)])
         self.softening = {name: one.softening() for name, one in self._bearings.items()}
         elastic = self._elastic(loads, tool)
         self._known = np.zeros((len(visits), len(keys)))
@@ -253,8 +339,47 @@ class StaticModel:
     def _give(self, name: str) -> float:
         """Compliance of a joint that winds up, unless it is unknown [rad/(N m)]."""
         one = self.machine.compliance(f"{name} torsional")
-        gear = known_gears(self.mechanism).get(name)
-        return 1.0 / gear.stiffness if gear is not None and math.isinf(one.spread) else one.nominal
+        gear = self.mechanism.gears.get(name)
+        if gear is None or not math.isinf(one.spread):
+            return one.nominal
+        return 1.0 / Teeth(name, gear).stiffness[0]
+
+    def _remembers(self, name: str) -> bool:
+        """Whether a joint's gear has hysteresis, or may have some."""
+        gear = self.mechanism.gears.get(name)
+        sought = any((one.joint, one.name) == (name, "hysteresis") for one in self.unknowns)
+        return sought or (gear is not None and gear.bristles[0] > 0.0)
+
+    def _on_the_way(self, names: Sequence[str]) -> dict[str, np.ndarray]:
+        """Torque that the load asks of gears on the whole way, (m,) [N m].
+
+        Bristles remember how far loads went between visits.
+        """
+        if not names:
+            return {}
+        visits = self.visits
+        speed = acceleration = np.zeros_like(visits.path)
+        if visits.path_time is not None:
+            time, width = visits.path_time, _SMOOTH_S / float(np.median(np.diff(visits.path_time)))
+            smooth = visits.path
+            for _ in range(2):  # twice: encoders have steps
+                smooth = uniform_filter1d(smooth, max(int(width), 1), axis=0, mode="nearest")
+            speed = np.gradient(smooth, time, axis=0)
+            acceleration = np.gradient(speed, time, axis=0)
+        q = configurations(self.mechanism, visits.joints, visits.path)
+        own, _, levers, _ = _statics(
+            self.mechanism, visits.joints, q, (speed, acceleration), dict.fromkeys(names)
+        )
+        return {
+            name: -own[name][:, 5] - np.einsum("mk,mk->m", levers[name][:, :, 5], visits.path_force)
+            for name in names
+        }
+
+    def _sprung(self, name: str, way: str, mine: Mapping[str, float]) -> float:
+        """Compliance of springs or of a seat: found, given, or the scenario's."""
+        one = self.machine.compliance(f"{name} {way}")
+        own = self.machine.springs[name].compliances[way]
+        return mine.get(f"{way}_compliance", own if math.isinf(one.spread) else one.nominal)
 
     def _elastic(self, loads: Mapping[str, np.ndarray], tool: np.ndarray) -> list[Elastic]:
         """Of each joint and of the structure at the tool (rotations (n, 3, 3))."""
@@ -263,6 +388,8 @@ class StaticModel:
             for way, axes in _AXES.items():
                 if (way == "link") != (name in self._gives) and axes == [5]:
                     continue  # of one that winds up, the torsional one is no column
+                if way in self._springs.get(name, ()):
+                    continue
                 own = load[:, axes]
                 if way == "bush":
                     if name not in self._bearings or not friction_of(self._bearings[name].joint):
@@ -292,6 +419,9 @@ class StaticModel:
         for name, bearing in self._bearings.items():
             point = self._point(name, held, *values.get(name, {}).items())
             tool += np.einsum("nij,nj->ni", bearing.move, point)
+        for name, ways in self._springs.items():
+            for way, moved in ways.items():
+                tool += self._sprung(name, way, values.get(name, {})) * moved
         lags = {name: self._lag(name, *values.get(name, {}).items()) for name in self._gives}
         for name, (twist, _, _) in lags.items():
             tool += self._pushed[name] * twist[:, None]
@@ -325,6 +455,23 @@ class StaticModel:
                 columns.append(tool_effect(self.keys, moved))
         return stacked(columns, len(self.visits), self.keys)
 
+    def reverses(self, joint: str) -> bool:
+        """Whether what a bearing bears across, or in tilt, turns round at some place."""
+        load = self._bearings[joint].load
+        for ways in (load[:, :2], load[:, 3:5]):
+            size = np.linalg.norm(ways, axis=1)
+            strong = size > _LIGHT * size.max(initial=0.0)
+            for cell in np.unique(self.visits.cell[strong]):
+                mine = ways[strong & (self.visits.cell == cell)]
+                if (mine @ mine.T < 0.0).any():
+                    return True
+        return False
+
+    def most_torque(self, joint: str) -> float:
+        """Largest torque that a joint which winds up transmits, without friction [N m]."""
+        pushed = np.einsum("nk,nk->n", self._pushed[joint], self.visits.force)
+        return float(np.abs(self._hold[joint] - pushed).max(initial=0.0))
+
     def _values(self, theta: np.ndarray) -> tuple[dict[str, dict[str, float]], float]:
         values: dict[str, dict[str, float]] = {}
         held = 0.0
@@ -356,38 +503,64 @@ class StaticModel:
         return np.asarray(torque + viscous * self.visits.speed[:, column])
 
     def _wound(
-        self, name: str, mine: Mapping[str, float], more: np.ndarray | float = 0.0
+        self,
+        name: str,
+        mine: Mapping[str, float],
+        more: np.ndarray | float = 0.0,
+        rigid: bool = False,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Link less motor (n,) [rad], torque between them (n,) [N m], and whether both are known.
 
         Along the whole way, for the side on which teeth lie, and what friction holds wound up,
         remembers the last turn. `mine` are values of the joint's unknowns; `more` is added to the
-        load (n,) [N m].
+        load (n,) [N m]; with `rigid` there is nothing but play.
         """
         visits, gear = self.visits, self.mechanism.gears.get(name)
-        half = 0.0 if gear is None else 0.5 * mine.get("gear_play", gear.play)
-        give = next((mine[one] for one in WOUND if one in mine), self._gives[name])
-        give = max(give, _STIFFEST)
         near, column, own = visits.path_near, visits.joints.index(name), self._friction(name)
         dry = self._dry(name, mine)[near]
-        external = np.einsum("mk,mk->m", self._pushed[name][near], visits.path_force)
-        hold = (self._hold[name] + more)[near] - external
+        if name in self._way:
+            hold = self._way[name] + (more + np.zeros(len(visits)))[near]
+        else:
+            external = np.einsum("mk,mk->m", self._pushed[name][near], visits.path_force)
+            hold = (self._hold[name] + more)[near] - external
         hold = hold + own.viscous * visits.speed[near, column]
         motor = visits.path[:, column]
+        error = 0.0 if gear is None else gear.kinematic_error(motor)[0]
         ratio = max(
             mine.get("stiction", 1.0 + own.excess / own.coulomb if own.coulomb else 1.0), 1.0
         )
-        ends = ((dry, -1.0), (-dry, 1.0), (ratio * dry, -1.0), (-ratio * dry, 1.0))
-        low, high, first, last = (
-            motor + _twist(hold + held, half, give, side) for held, side in ends
-        )
+        half, curve, (grip, bend) = self._law(name, mine, rigid)
         halts = np.diff(visits.stopped[near].astype(int), prepend=0) > 0
-        angles, sure = np.empty(len(low)), np.empty(len(low), np.bool_)
-        _follow(low, high, first, last, halts, angles, sure)
-        twist = angles - motor
-        beyond = np.maximum(np.abs(twist) - half, 0.0)
-        torque = -np.sign(twist) * beyond / give
+        angles, sure = np.empty(len(motor)), np.empty(len(motor), np.bool_)
+        if grip > 0.0:
+            torque = np.empty(len(motor))
+            numbers = np.array([half, grip, bend]), *curve
+            frictions = np.stack([dry, ratio * dry], axis=1)
+            _follow_bristles(*numbers, motor + error, hold, frictions, halts, angles, torque, sure)
+            twist = angles - motor
+        else:
+            ends = ((dry, -1.0), (-dry, 1.0), (ratio * dry, -1.0), (-ratio * dry, 1.0))
+            low, high, first, last = (
+                motor + error + _twist(hold + held, half, curve, side) for held, side in ends
+            )
+            _follow(low, high, first, last, halts, angles, sure)
+            twist = angles - motor
+            off = twist - error
+            torque = -np.sign(off) * curve.torque(np.maximum(np.abs(off) - half, 0.0))
         return visits_mean(visits, twist), visits_mean(visits, torque), visits_mean(visits, sure)
+
+    def _law(
+        self, name: str, mine: Mapping[str, float], rigid: bool
+    ) -> tuple[float, Curve, tuple[float, float]]:
+        """Half of the play of a joint that winds up, its torque over the twist, its bristles."""
+        gear = self.mechanism.gears.get(name)
+        give = next((mine[one] for one in WOUND if one in mine), self._gives[name])
+        if gear is None or rigid:
+            half = 0.0 if gear is None else 0.5 * mine.get("gear_play", gear.play)
+            give = _STIFFEST if rigid else max(give, _STIFFEST)
+            return half, Curve.of([(1.0 / give, math.inf)]), (0.0, 1.0)
+        own = Teeth(name, gear).holding({"gear_compliance": self._gives[name], **mine})
+        return 0.5 * own.play, own.curve(), own.bristles
 
     def _sides(self, theta: np.ndarray) -> np.ndarray:
         """Visits at which all sides are known, (n,)."""
@@ -396,7 +569,8 @@ class StaticModel:
         for name in self._gives:
             mine = values.get(name, {})
             sure &= self._wound(name, mine)[2] > 1.0 - 1e-9
-            if name in self.mechanism.gears:
+            gear = self.mechanism.gears.get(name)
+            if gear is not None and (gear.play or isinstance(gear, Gear)):
                 sure &= self._one_side(name, mine)
         return sure
 
@@ -406,7 +580,7 @@ class StaticModel:
         Whatever the friction is, within a factor, and whether or not inertia and what a load may be
         off count.
         """
-        mine = {**values, **dict.fromkeys(WOUND, 0.0)}
+        mine = dict(values)
         half = mine["gear_play"] = self.mechanism.gears[name].play or _STIFFEST
         hold, twists = self._hold[name], []
         whole = hold - np.einsum("nk,nk->n", self._pushed[name], self.visits.force)
@@ -416,7 +590,7 @@ class StaticModel:
             for factor in (1.0, _DRY, 1.0 / _DRY):
                 for ratio in (1.0, _BREAKS):
                     mine |= {"dry_friction": factor * friction, "stiction": ratio}
-                    twists.append(self._wound(name, mine, more)[0])
+                    twists.append(self._wound(name, mine, more, rigid=True)[0])
         return np.ptp(twists, axis=0) <= 0.02 * half
 
 
@@ -459,23 +633,119 @@ def _follow(
         angles[i], sure[i] = link, known
 
 
-def _twist(torque: np.ndarray, half: float, give: float, middle: float) -> np.ndarray:
+@compiled
+def _follow_bristles(
+    law: np.ndarray,
+    slopes: np.ndarray,
+    twists: np.ndarray,
+    torques: np.ndarray,
+    motor: np.ndarray,
+    hold: np.ndarray,
+    dry: np.ndarray,
+    halts: np.ndarray,
+    angles: np.ndarray,
+    torque: np.ndarray,
+    sure: np.ndarray,
+) -> None:
+    """As `_follow`, of a gear whose bristles remember; the motor's angle is with the gear's error.
+
+    Args:
+        law: half of the play, largest torque of bristles, and the angle in which they let go.
+        slopes, twists, torques: of a `Curve`.
+        motor, hold: angle [rad] and torque that the load asks of the gear [N m], (n,).
+        dry: dynamic and static friction, (n, 2) [N m].
+        halts: as of `_follow`.
+        angles, torque, sure: of the link [rad], of the gear [N m], whether they are known, (n,).
+    """
+    last = bent = 0.0
+    left, known, way = 1.0, False, 0
+    link = motor[0]
+    for i in range(len(motor)):
+        known &= not halts[i]
+        there = motor[i] - link
+        held, _ = _bristled(law, slopes, twists, torques, last, bent, there)
+        slides = 0
+        if held >= hold[i] + (dry[i, 0] if way > 0 else dry[i, 1]):
+            slides = 1
+        elif held <= hold[i] - (dry[i, 0] if way < 0 else dry[i, 1]):
+            slides = -1
+        if slides != 0:
+            goal = hold[i] + slides * dry[i, 0]
+            start, _ = _bristled(law, slopes, twists, torques, last, bent, last)
+            side = 1.0 if goal > start else -1.0
+            near, far = 0.0, 1e-9
+            while far < 10.0:
+                reached, _ = _bristled(law, slopes, twists, torques, last, bent, last + side * far)
+                if side * (reached - goal) >= 0.0:
+                    break
+                near, far = far, 2.0 * far
+            for _ in range(_HALVINGS):
+                middle = 0.5 * (near + far)
+                reached, _ = _bristled(
+                    law, slopes, twists, torques, last, bent, last + side * middle
+                )
+                if side * (reached - goal) < 0.0:
+                    near = middle
+                else:
+                    far = middle
+            there, known, way = last + side * far, True, slides
+            if dry[i, 0] == 0.0:
+                way = 0
+        elif abs(held - hold[i]) < dry[i, 0]:
+            way = 0
+        torque[i], bent = _bristled(law, slopes, twists, torques, last, bent, there)
+        left *= math.exp(-abs(there - last) / law[2])
+        last, link = there, motor[i] - there
+        angles[i], sure[i] = link, known and left <= _FORGOTTEN
+
+
+@compiled
+def _bristled(
+    law: np.ndarray,
+    slopes: np.ndarray,
+    twists: np.ndarray,
+    torques: np.ndarray,
+    last: float,
+    bent: float,
+    twist: float,
+) -> tuple[float, float]:
+    """Torque of a gear at a twist, and of its bristles, from where both were; see `kernel.gear`."""
+    depth, elastic = abs(twist) - law[0], 0.0
+    if depth > 0.0:
+        start = begin = 0.0
+        k = 0
+        while k < len(twists) and depth > twists[k]:
+            start, begin = twists[k], torques[k]
+            k += 1
+        elastic = math.copysign(begin + slopes[k] * (depth - start), twist)
+    limit = math.copysign(law[1], twist - last)
+    bent = limit + (bent - limit) * math.exp(-abs(twist - last) / law[2])
+    return elastic + bent, bent
+
+
+def _twist(torque: np.ndarray, half: float, curve: Curve, middle: float) -> np.ndarray:
     """Link less motor while the teeth carry a torque; without one, the end `middle` of the play."""
     side = np.where(torque > 0.0, -1.0, np.where(torque < 0.0, 1.0, middle))
-    return side * half - give * torque
+    return np.asarray(side * half - np.sign(torque) * curve.depth(np.abs(torque)))
 
 
 def _statics(
-    mechanism: Mechanism, visits: Visits, q: np.ndarray, names: Mapping[str, None]
+    mechanism: Mechanism,
+    moved: Sequence[str],
+    q: np.ndarray,
+    rates: tuple[np.ndarray, np.ndarray],
+    names: Mapping[str, None],
 ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], dict[str, np.ndarray], np.ndarray]:
-    """Loads and levers of joints at n visits, in bearing axes about their centres, z their axes.
+    """Loads and levers of joints in bearing axes about their centres, z their axes.
+
+    At n configurations (n, nq) with these speeds and accelerations of the moving joints (n, j).
 
     Returns:
         Gravity and inertia (n, 6) [N, N m]; the latter's part; displacements of the tool in world
         axes by those of the joint, (n, 3, 6); rotation of the tool's axes, (n, 3, 3).
     """
     model, data = mechanism.model, mechanism.data
-    at = [mechanism.coordinate(name) for name in visits.joints]
+    at = [mechanism.coordinate(name) for name in moved]
     loads = {name: np.zeros((len(q), 6)) for name in names}
     still = {name: np.zeros((len(q), 6)) for name in names}
     levers = {name: np.zeros((len(q), 3, 6)) for name in names}
@@ -493,7 +763,7 @@ def _statics(
                 back = -axes.rotation.T @ data.oMi[index].rotation
                 wrench = data.f[index]
                 table[name][i, :3], table[name][i, 3:] = back @ wrench.linear, back @ wrench.angular
-            v[at], a[at] = visits.speed[i], visits.acceleration[i]
+            v[at], a[at] = rates[0][i], rates[1][i]
         for name, (index, axes) in joints.items():
             if index in carried:
                 levers[name][i, :, :3] = axes.rotation

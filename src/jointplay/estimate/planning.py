@@ -28,10 +28,11 @@ from jointplay.accuracy.poses import moving, over_workspace
 from jointplay.base.errors import JointplayError, require_a, require_positive
 from jointplay.base.tables import Table
 from jointplay.estimate.least_squares import CONFIDENCE, LeastSquares, basis, partners
-from jointplay.estimate.machine import TOOL, WAYS, WOUND, Given, Machine, compliances
+from jointplay.estimate.machine import TOOL, WAYS, Given, Machine, compliances
 from jointplay.estimate.measurement import SHOWN, Key, Visits, tool_positions
 from jointplay.estimate.model import StaticModel
 from jointplay.estimate.nuisances import offsets
+from jointplay.estimate.parts import WOUND
 from jointplay.estimate.unknowns import LARGEST_SHARE, Unknown
 from jointplay.model.collisions import SelfCollision
 from jointplay.model.mechanism import Mechanism
@@ -197,7 +198,9 @@ def plan_measurement(
         )
     free, notes = free_poses(mechanism, poses, seed)
     torqued = [name for kind, name in keys if kind == "torque"]
-    unknowns = machine.unknowns(torqued, push > 0.0, also, known)
+    unknowns = machine.unknowns(
+        torqued, push > 0.0, also, known, [name for kind, name in keys if kind == "link"]
+    )
     options = experiments(mechanism, free, push, sizes(machine, unknowns))
     able = _bearable(mechanism, options)
     if not able:
@@ -392,7 +395,8 @@ def informations(
     torques = np.array([kind == "torque" for kind, _ in keys])
     held = visits.stopped[:, None] & torques  # the drive may hold any part of friction
     at = np.array([one.nominal for one in unknowns]) if theta is None else theta
-    at = np.maximum(at, 0.05 * np.array([one.scale for one in unknowns]))
+    least = [0.05 * one.scale if one.least >= 0.0 else one.least for one in unknowns]
+    at = np.maximum(at, least)
     problem = LeastSquares(
         unknowns, lambda x: model.predict(x).ravel(), np.zeros(n * c), np.tile(error, n)
     )

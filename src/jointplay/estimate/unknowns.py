@@ -60,7 +60,7 @@ class Unknown:
 
     def widest(self, value: float) -> float:
         """Largest half width of an interval about `value` with which it is identified [SI]."""
-        return LARGEST_SHARE * max(value, SMALL * self.scale)
+        return LARGEST_SHARE * max(abs(value), SMALL * self.scale)
 
 
 @dataclass(frozen=True)

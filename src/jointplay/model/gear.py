@@ -435,23 +435,11 @@ class _Catalogued(_Lossy):
     @cached_property
     def _law(self) -> tuple[Curve, tuple[float, float]]:
         """Curve and bristles with which hysteresis and lost motion come out as stated."""
-        pieces = self._pieces()
         if self.stated_lost_motion is None:
-            curve = Curve.of(pieces)
+            curve = Curve.of(self._pieces())
             return curve, self._bristles_of(curve)
-        part = _fraction(self.kind)
-        small, most = part * self._rated, pieces[0][0]
-        beyond = [piece for piece in pieces if piece[1] > small]
-
-        def law(slope: float) -> tuple[Curve, tuple[float, float]]:
-            curve = Curve.of([(slope, small), *beyond])
-            return curve, self._bristles_of(curve)
-
-        def excess(slope: float) -> float:
-            return self._lost_motion(*law(slope), part) - stated
-
-        stated, bottom = self.stated_lost_motion, SOFTEST * most
-        least, largest = (excess(slope) + stated for slope in (most, bottom))
+        part, stated = _fraction(self.kind), self.stated_lost_motion
+        least, largest = self.lost_motion_range()
         if not least <= stated * (1.0 + 1e-9) or not stated <= largest:
             raise JointplayError(
                 f"lost motion at {100 * part:g} % of the rated torque must be from {least:.4g} to "
@@ -459,9 +447,31 @@ class _Catalogued(_Lossy):
                 "rad",
                 ("stated_lost_motion",),
             )
-        if excess(most) >= 0.0:
-            return law(most)
-        return law(brentq(excess, bottom, most, xtol=1e-9 * most))
+        most = self._pieces()[0][0]
+        if least >= stated:
+            return self._beginning(most)
+
+        def excess(slope: float) -> float:
+            return self._lost_motion(*self._beginning(slope), part) - stated
+
+        return self._beginning(brentq(excess, SOFTEST * most, most, xtol=1e-9 * most))
+
+    def lost_motion_range(self) -> tuple[float, float]:
+        """Least and largest lost motion that can be stated of its other numbers [rad].
+
+        Raises:
+            JointplayError: the gear has no rated torque.
+        """
+        part, most = _fraction(self.kind), self._pieces()[0][0]
+        softest, stiffest = (self._beginning(slope) for slope in (SOFTEST * most, most))
+        return self._lost_motion(*stiffest, part), self._lost_motion(*softest, part)
+
+    def _beginning(self, slope: float) -> tuple[Curve, tuple[float, float]]:
+        """Curve that begins with a stiffness up to where lost motion is measured, and bristles."""
+        small = _fraction(self.kind) * self._rated
+        beyond = [piece for piece in self._pieces() if piece[1] > small]
+        curve = Curve.of([(slope, small), *beyond])
+        return curve, self._bristles_of(curve)
 
     def _bristles_of(self, curve: Curve) -> tuple[float, float]:
         grip = float(curve.torque(np.array(0.5 * self.hysteresis)))

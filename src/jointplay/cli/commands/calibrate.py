@@ -19,7 +19,8 @@ Example: jointplay calibrate my_robot.urdf poses.csv --tool flange --out found
   causes:
     --term TERM ...  cause to try, such as "compliance", "play elbow,wrist", "rail shoulder by lift"
         (default: offset, placement, compliance, eccentricity, play; others: second-harmonic,
-        sawtooth, hysteresis, link-encoder, rail, suspension)
+        sawtooth, hysteresis, link-encoder, rail, suspension, and of what the scenario has in a
+        joint, gear, bearing, seat)
     --always TERM ...  cause that is in every model
     --link JOINT ...  joint whose encoder on the link's side is read instead of the motor's
   fit:
@@ -68,15 +69,14 @@ def run(options: argparse.Namespace) -> int:
 
     terms = [Term.parse(text) for text in options.term or TERMS]
     always = [Term.parse(text) for text in options.always]
-    robot = scenario_of(options, still=True).mechanism(options.case)
-    mechanism = robot.ideal()
+    mechanism = scenario_of(options, still=True).mechanism(options.case)
     payloads = []
     if options.payload is not None:
         payloads = [Payload(mechanism.tool, options.payload, centre=point)]
     contents: dict[str, Any] = {}
     notes = []
-    if robot.tool_reason:
-        notes.append(f"tool: {robot.tool!r} (chosen: {robot.tool_reason}; see --tool)")
+    if mechanism.tool_reason:
+        notes.append(f"tool: {mechanism.tool!r} (chosen: {mechanism.tool_reason}; see --tool)")
     if options.plan:
         about: dict[str, Any] = {"payloads": payloads, "point": point}
         if scatter is not None:

@@ -19,8 +19,9 @@ Example: jointplay identify my_robot.toml measured.csv --out worn
         from the records
     --known UNKNOWN ...  unknown to take from the scenario instead, such as "friction" or "elbow
         radial clearance"
-    --also {friction} ...  identify the dry friction on the joint's side of every gear, not only
-        where the scenario has some
+    --also {friction,stiffness,hysteresis} ...  identify the dry friction on the joint's side of
+        every gear, or its hysteresis, not only where the scenario has some; stiffness: of rolling
+        bearings' elements, and of each piece of a gear's curve (K1, K2, K3)
     --stiffness PART=X[+-Y%] ...  known stiffness, such as "elbow=1e5 N*m/rad" (about its axis, of
         the gear if there is one), "elbow radial=2e8 N/m +- 20 %", "tool=1e6 N/m", "elbow=inf"
         (rigid), "all=inf" (except gears); stiffnesses that are not given are unknown

@@ -594,28 +594,57 @@ class RollingBearing(WholeLawJoint):
             raise JointplayError(
                 f"a bearing bears no moment about its axis, got {given[5]:g} N m", where=("moment",)
             )
+        (xi,), (soft,), (state,) = self._at_rest(given[None], cage)
+        return BearingRest.of(xi, soft, state > 0.0)
+
+    def rests(
+        self, loads: np.ndarray, cage: np.ndarray | float | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Where the inner ring rests under many loads, and where nothing of it is free to move.
+
+        Forces and moments (n, 6) [N, N m], of which none about the axis counts; `cage` is one
+        azimuth or (n,) [rad]. Returns displacements as of `deflection` (n, 6) [m, rad], and (n,).
+
+        Raises:
+            JointplayError: no equilibrium.
+        """
+        xi, _, state = self._at_rest(np.asarray(loads, float).reshape(-1, 6), cage)
+        lean = xi[:, 3:]
+        sine = np.hypot(*lean.T)
+        longer = np.where(sine > 0.0, np.arcsin(sine) / np.where(sine > 0.0, sine, 1.0), 1.0)
+        place = np.zeros((len(xi), 6))
+        place[:, :3] = xi[:, :3]
+        place[:, 3], place[:, 4] = -longer * lean[:, 1], longer * lean[:, 0]
+        return place, state > 0.0
+
+    def _at_rest(
+        self, loads: np.ndarray, cage: np.ndarray | float | None
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Centre and lean (n, 5), their compliance (n, 5, 5), and state (n,) of `rolling_rest`."""
         from jointplay.physics.contact import rolling_rest
 
-        turn = self.cage_angle if cage is None else cage
-        lean, seat = np.zeros((1, 2)), self.seat
+        turn, seat = self.cage_angle if cage is None else cage, self.seat
+        lean = np.zeros((len(loads), 2))
         for _ in range(_MOST_ROUNDS):
-            (found,) = rolling_rest.rests(self.resultant, given[None, :5], turn, lean)
-            if found[rolling_rest.FOUND] == 0.0:
+            found = rolling_rest.rests(self.resultant, loads[:, :5], turn, lean)
+            state = found[:, rolling_rest.FOUND]
+            if (state == 0.0).any():
+                given = loads[int(np.argmax(state == 0.0))]
                 raise JointplayError(
                     f"no place of rest was found under the force {given[:3].tolist()} N and the "
                     f"moment {given[3:].tolist()} N m"
                 )
-            xi, soft = found[:5], found[rolling_rest.SOFT :].reshape(5, 5)
+            xi, soft = found[:, :5], found[:, rolling_rest.SOFT :].reshape(-1, 5, 5)
             if seat is None:
-                break
-            shift, softer = seat.under(found[rolling_rest.PUSH : rolling_rest.SOFT], ABOUT_AXIS)
-            if np.abs(shift[3:] - lean).max() <= _SAME_LEAN:
-                xi, soft = xi + shift, soft + softer @ _BY_LOAD
-                break
-            lean = shift[None, 3:]
-        else:
-            raise JointplayError(f"its seat leans by {np.abs(shift[3:]).max():.3g} and more")
-        return BearingRest.of(xi, soft, found[rolling_rest.FOUND] > 0.0)
+                return xi, soft, state
+            pushes = found[:, rolling_rest.PUSH : rolling_rest.SOFT]
+            moved = [seat.under(push, ABOUT_AXIS) for push in pushes]
+            shift = np.array([one for one, _ in moved]).reshape(-1, 5)
+            if np.abs(shift[:, 3:] - lean).max(initial=0.0) <= _SAME_LEAN:
+                softer = np.array([one for _, one in moved]).reshape(-1, 5, 5)
+                return xi + shift, soft + softer @ _BY_LOAD, state
+            lean = shift[:, 3:]
+        raise JointplayError(f"its seat leans by {np.abs(lean).max():.3g} and more")
 
     def _state(self, centre: np.ndarray, axes: np.ndarray, cage: float) -> BearingState:
         from jointplay.physics.contact.elastic import answers
@@ -746,6 +775,11 @@ class RollingBearing(WholeLawJoint):
     @property
     def clearances(self) -> dict[str, float]:
         return {"radial_clearance": self.bought_clearance}
+
+    @property
+    def loosest(self) -> float:
+        """Radial clearance as bought with which elements still keep the rings together [m]."""
+        return _LOOSEST
 
     @property
     def preloaded(self) -> bool:
@@ -880,6 +914,8 @@ class RollingBearing(WholeLawJoint):
 
 _BY_LOAD = np.array([1.0, 1.0, 1.0, 1.0, -1.0])[:, None] * np.eye(5)[[0, 1, 2, 4, 3]]
 """Force and moment in terms of `contact.rolling_rest`'s xi."""
+_LOOSEST, _ROOM = 1e-3, 0.9
+"""Largest clearance of rollers [m]; of balls, by that which leaves no angle of contact."""
 _MOST_ROUNDS, _SAME_LEAN = 60, 1e-14
 """In which a bearing and its seat agree of the outer ring's lean."""
 
@@ -1054,6 +1090,12 @@ class BallBearing(RollingBearing):
     def distance(self) -> float:
         """A, of the grooves' centres of curvature where a ball just touches both [m]."""
         return (self.inner_groove + self.outer_groove - 1.0) * self.d_element
+
+    @property
+    def loosest(self) -> float:
+        room = 0.5 if self.alpha == 0.0 else 1.0 - math.cos(self.alpha)
+        taken = self.bought_clearance - self.cr
+        return max(_ROOM * room * self.distance + taken, self.bought_clearance)
 
     @cached_property
     def operating_clearance(self) -> float:

@@ -128,6 +128,13 @@ class Elasticity(Described):
         given[:, held] = np.linalg.solve(self.stiffness[np.ix_(held, held)], loads[:, held].T).T
         return given
 
+    def sunk(self, loads: np.ndarray, free: int | None) -> np.ndarray:
+        """As `displacements`, and with the curves; `free`: see `require_free`."""
+        if not any(self._curves):
+            return self.displacements(loads)
+        turn = _XI[free]
+        return np.array([turn @ self.under(turn.T @ load, free)[0] for load in loads])
+
     def under(self, push: np.ndarray, free: int | None) -> tuple[np.ndarray, np.ndarray]:
         """Displacements (n,) under forces and moments (n,), and their compliance (n, n).
 

@@ -1,0 +1,318 @@
+"""What of each part of a machine can be unknown, and the part with what was found.
+
+A journal in its bore, the elements of a rolling bearing, the springs of a joint or of its seat, and
+a gear: a class each. What is unknown of a part has a name by which `Part.holding` takes its value.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import Any, cast
+
+import numpy as np
+
+from jointplay.estimate.unknowns import Unknown
+from jointplay.model.gear import CycloidalGear, Gear, Gearing, GearTrain, StrainWaveGear
+from jointplay.model.mechanism import Mechanism
+from jointplay.physics.joints import Clearance, RollingBearing
+from jointplay.physics.joints.base import RELATIVE
+from jointplay.physics.joints.elasticity import ABOUT_AXIS, Elasticity
+from jointplay.physics.joints.play import JournalPlay
+
+ALSO = ("friction", "stiffness", "hysteresis")
+"""What is identified only if asked for: dry friction behind gears; of rolling elements, and of each
+piece of a gear's curve; of gears of which the scenario has none."""
+SPRINGS = {"radial": (0, 1), "axial": (2,), "tilt": (3, 4), "torsional": (5,)}
+"""Components of a load and a displacement in which springs give way."""
+WOUND = ("gear_compliance", "gear_compliance_2", "gear_compliance_3", "torsional_compliance")
+"""Names of the unknowns by which the torque that a joint transmits turns its link."""
+_LARGEST = 1e-3
+"""Clearance beyond which no bearing is one, unless the scenario says otherwise [m]."""
+_LEAST = 1e-9
+"""Clearances below it are none [m]."""
+SOFTEST = 100.0
+"""Largest compliance of a gear, of springs or of a joint that winds up, by the expected one."""
+_FEW = 5e-6
+"""Internal clearance that matters where less is expected [m]."""
+_PRESSED = 5e-3
+"""Most preload, by an element's diameter."""
+FACTOR = 0.15
+"""Deviation of the stiffness of rolling elements from that of their geometry, which is estimated:
+three per cent of a ball's diameter, one ball more or less, and the grooves' radii."""
+_HELD = 0.9
+"""Part of the rated torque that hysteresis takes at most."""
+_STIFFEST = 1e-12
+"""Smallest compliance [rad/(N m)]."""
+
+
+@dataclass(frozen=True)
+class Part(ABC):
+    """A part of a joint."""
+
+    joint: str
+    own: Any
+
+    @abstractmethod
+    def unknowns(self, also: Collection[str]) -> Iterator[Unknown]:
+        """What is unknown of it, if `also` of `ALSO` is asked for."""
+
+    @abstractmethod
+    def holding(self, values: Mapping[str, float]) -> Any:
+        """The joint or the gear with values of unknowns by their names; others do not count."""
+
+
+class Journal(Part):
+    """Surfaces that slide in each other."""
+
+    own: Clearance
+
+    def unknowns(self, also: Collection[str]) -> Iterator[Unknown]:
+        for name, value in self.own.clearances.items():
+            most = max(_LARGEST, 10.0 * value)
+            yield Unknown(self.joint, name, "m", value, value, most)
+        if coefficient := friction_of(self.own):
+            yield Unknown(
+                self.joint, "friction", "", coefficient, coefficient, 2.0, model_error=0.1
+            )
+
+    def holding(self, values: Mapping[str, float]) -> Clearance:
+        sizes = {name: max(values[name], _LEAST) for name in self.own.clearances if name in values}
+        changed = self.own.with_clearances(sizes)
+        if friction_of(self.own) is not None and "friction" in values:
+            law, asked = self.own.friction, values["friction"]
+            known = law.coefficients
+            scaled = law.scaled(asked / known["mu_d"]) if known["mu_d"] > 0.0 else None
+            rough: dict[str, float] = dict.fromkeys(known, asked)
+            changed = changed.with_friction(scaled or replace(law, **rough))
+        return changed
+
+
+class Elements(Part):
+    """Balls or rollers: their internal clearance, negative where they are preloaded, or the preload
+    of a pair; and their stiffness over that of their geometry."""
+
+    own: RollingBearing
+
+    def unknowns(self, also: Collection[str]) -> Iterator[Unknown]:
+        own, preload = self.own, getattr(self.own, "preload", None)
+        if preload is not None:
+            static = own.ratings()[1]
+            scale = preload or 1e-3 * static
+            yield Unknown(self.joint, "preload", "N", preload, scale, max(static, 2.0 * scale))
+        else:
+            value, pressed = own.bought_clearance, _PRESSED * own.d_element
+            least, most = min(-pressed, 2.0 * value), own.loosest
+            yield Unknown(
+                self.joint, "radial_clearance", "m", value, max(abs(value), _FEW), most, least=least
+            )
+        way = 2.0 * self.period
+        yield Unknown(
+            self.joint, "cage_angle", "rad", own.cage_angle, 0.25 * self.period,
+            own.cage_angle + way, False, least=own.cage_angle - way, model_error=0.0,
+        )  # fmt: skip
+        asked = "stiffness" in also
+        spread = math.inf if asked else FACTOR
+        yield Unknown(self.joint, "stiffness_factor", "", 1.0, 1.0, 20.0, asked, spread, least=0.05)
+
+    @property
+    def period(self) -> float:
+        """Turn of the cage after which all is as before: rollers alternate [rad]."""
+        return 2.0 * math.pi / self.own.count * (1.0 + self.own.roller_elements)
+
+    def holding(self, values: Mapping[str, float]) -> RollingBearing:
+        own, changes = self.own, dict[str, float]()
+        for name in ("radial_clearance", "preload"):
+            if name in values:
+                changes[name] = values[name]
+        if "stiffness_factor" in values:
+            changes["element_stiffness"] = own.stiffness_of_element * values["stiffness_factor"]
+        return _changed(own, tuple(changes.items()))
+
+
+@lru_cache(maxsize=256)
+def _changed(own: RollingBearing, changes: tuple[tuple[str, float], ...]) -> RollingBearing:
+    return replace(own, **cast(Any, dict(changes)))
+
+
+class Springs(Part):
+    """What holds a joint without play, or the seat of a bearing: how it gives way."""
+
+    own: Clearance
+
+    @property
+    def elasticity(self) -> Elasticity:
+        return cast(Elasticity, self.own.springs or cast(Any, self.own).seat)
+
+    @cached_property
+    def compliances(self) -> dict[str, float]:
+        """By way, of `SPRINGS`: of the first stiffness [m/N, rad/(N m)]."""
+        diagonal = np.diag(self.elasticity.stiffness)
+        rows = {RELATIVE.index(one) for one in self.own.freedoms} & set(self.elasticity.held)
+        ways = {way: [k for k in at if k in rows] for way, at in SPRINGS.items()}
+        return {way: float(1.0 / diagonal[at].mean()) for way, at in ways.items() if at}
+
+    def unknowns(self, also: Collection[str]) -> Iterator[Unknown]:
+        for way, value in self.compliances.items():
+            unit = "rad/(N*m)" if way in ("tilt", "torsional") else "m/N"
+            yield Unknown(self.joint, f"{way}_compliance", unit, value, value, SOFTEST * value)
+
+    def sunk(self, loads: np.ndarray) -> dict[str, np.ndarray]:
+        """Displacements under loads (n, 6), by way, with all others zero, (n, 6) [m, rad]."""
+        free = ABOUT_AXIS if self.own.springs is None else cast(Any, self.own).free
+        whole = self.elasticity.sunk(loads, free)
+        held = [RELATIVE.index(one) for one in self.own.freedoms]
+        found = {}
+        for way in self.compliances:
+            at = [k for k in SPRINGS[way] if k in held]
+            found[way] = np.zeros_like(whole)
+            found[way][:, at] = whole[:, at]
+        return found
+
+    def holding(self, values: Mapping[str, float]) -> Clearance:
+        softer = {
+            way: max(values[f"{way}_compliance"], 1e-6 * nominal) / nominal
+            for way, nominal in self.compliances.items()
+            if f"{way}_compliance" in values
+        }
+        if not softer:
+            return self.own
+        old, changes = self.elasticity, dict[str, Any]()
+        for way, factor in softer.items():
+            name = "torsion" if way == "torsional" else way
+            if getattr(old, name) is not None:
+                changes[name] = getattr(old, name) / factor
+            if curve := getattr(old, f"{name}_curve"):
+                changes[f"{name}_curve"] = [(x, force / factor) for x, force in curve]
+        if old.matrix is not None:
+            root = np.ones(6)
+            for way, factor in softer.items():
+                root[list(SPRINGS[way])] = factor**-0.5
+            changes["matrix"] = (np.array(old.matrix) * np.outer(root, root)).tolist()
+        field = "seat" if self.own.springs is None else "elasticity"
+        new: dict[str, Any] = {field: replace(old, **changes)}
+        return replace(self.own, **new)
+
+
+class Teeth(Part):
+    """A gear: its play, its stiffness, or that of each piece of its curve, and its hysteresis."""
+
+    own: Gearing
+
+    @cached_property
+    def stiffness(self) -> tuple[float, ...]:
+        """Of the pieces of its curve [N m/rad]: K1, K2 and K3 of strain-wave gears."""
+        own = self.own
+        if isinstance(own, StrainWaveGear):
+            found = [own.stiffness_1]
+            for one in (own.stiffness_2, own.stiffness_3):
+                if one is not None:
+                    found.append(one)
+            return tuple(found)
+        return (cast(Gear | CycloidalGear | GearTrain, own).stiffness,)
+
+    @property
+    def curved(self) -> bool:
+        """Whether it may have more than play and one stiffness."""
+        return isinstance(self.own, StrainWaveGear | CycloidalGear)
+
+    def unknowns(self, also: Collection[str]) -> Iterator[Unknown]:
+        """All but its compliance, of which `Machine` knows what is given."""
+        own, joint = self.own, self.joint
+        if own.play or isinstance(own, Gear):
+            yield Unknown(joint, "gear_play", "rad", own.play, own.play or 1e-3, 1.0)
+        if "stiffness" in also:
+            for k, one in enumerate(self.stiffness[1:], 2):
+                value = 1.0 / one
+                name, unit = f"gear_compliance_{k}", "rad/(N*m)"
+                yield Unknown(joint, name, unit, value, value, SOFTEST * value)
+        if isinstance(own, StrainWaveGear | CycloidalGear):
+            if own.hysteresis or "hysteresis" in also:
+                value = own.hysteresis
+                yield Unknown(
+                    joint, "hysteresis", "rad", value, value or 2e-4, 0.1, model_error=0.1
+                )
+            if own.stated_lost_motion is not None:
+                value = own.stated_lost_motion
+                yield Unknown(joint, "lost_motion", "rad", value, value, 0.1)
+
+    def holding(self, values: Mapping[str, float]) -> Gearing:
+        names = ("gear_play", "hysteresis", "lost_motion", *WOUND[:3])
+        return _geared(self, tuple((name, values[name]) for name in names if name in values))
+
+    def _made(self, values: Mapping[str, float]) -> Gearing:
+        own, changes = cast(Any, self.own), dict[str, Any]()
+        if "gear_play" in values:
+            if isinstance(own, GearTrain):
+                part = values["gear_play"] / own.play
+                stages = [replace(one, backlash=part * one.backlash) for one in own.stages]
+                changes["stages"] = tuple(stages)
+            else:
+                changes["play"] = values["gear_play"]
+        softer = (
+            self.stiffness[0] * values["gear_compliance"] if "gear_compliance" in values else 1.0
+        )
+        for k, one in enumerate(self.stiffness, 1):  # else the whole curve in proportion
+            give = values.get(f"gear_compliance_{k}", softer / one)
+            name = f"stiffness_{k}" if isinstance(own, StrainWaveGear) else "stiffness"
+            if give != 1.0 / one:
+                changes[name] = 1.0 / max(give, _STIFFEST)
+        if not isinstance(own, StrainWaveGear | CycloidalGear):
+            return replace(own, **changes)
+        stated = values.get("lost_motion", own.stated_lost_motion)
+        changes["hysteresis"] = 0.0
+        bare = replace(own, **changes, stated_lost_motion=None)
+        hysteresis = values.get("hysteresis", own.hysteresis)
+        if own.rated_torque is not None:
+            most = 2.0 * float(bare.curve().depth(np.array(_HELD * own.rated_torque)))
+            hysteresis = min(hysteresis, most)
+        full = replace(bare, hysteresis=hysteresis)
+        if stated is None:
+            return full
+        least, most = full.lost_motion_range()
+        return replace(full, stated_lost_motion=min(max(stated, least), most))
+
+
+@lru_cache(maxsize=1024)
+def _geared(part: Teeth, values: tuple[tuple[str, float], ...]) -> Gearing:
+    return part._made(dict(values))
+
+
+def bearing_parts(joint: str, own: Clearance) -> list[Part]:
+    """Parts of a joint with clearance or springs."""
+    parts: list[Part] = []
+    if isinstance(own, RollingBearing):
+        parts.append(Elements(joint, own))
+    elif own.clearances:
+        parts.append(Journal(joint, own))
+    if own.springs is not None or (isinstance(own, RollingBearing) and own.seat is not None):
+        parts.append(Springs(joint, own))
+    return parts
+
+
+def with_values(joint: str, own: Clearance, values: Mapping[str, float]) -> Clearance:
+    """A joint with other values of what can be unknown of it."""
+    for kind in map(type, bearing_parts(joint, own)):
+        own = kind(joint, own).holding(values)
+    return own
+
+
+def springs_of(mechanism: Mechanism) -> dict[str, Springs]:
+    """By joint, but of the hinges of flexible links, which are one by one no unknowns."""
+    hinges = {one for names in mechanism.hinges.values() for one in names}
+    return {
+        joint: part
+        for joint, own in mechanism.clearance.items()
+        for part in bearing_parts(joint, own)
+        if isinstance(part, Springs) and joint not in hinges
+    }
+
+
+def friction_of(joint: Clearance) -> float | None:
+    """Friction coefficient of a journal's law; None where it has none that could be told."""
+    value = joint.friction.coefficients.get("mu_d")
+    known = isinstance(joint.play(False), JournalPlay)
+    return None if value is None or not known else float(value)
