@@ -107,7 +107,7 @@ def test_the_chain_is_where_pinocchio_says(arm):
     assert place + rotation @ poses.tool.translation == pytest.approx(position)
     assert poses.load == pytest.approx(truth.load, abs=1e-12)
     # The moment of the weight beyond a joint, along its axis, is its load.
-    along = np.einsum("nja,ja->nj", poses.moment, poses.axis)
+    along = np.einsum("nja,ja->nj", poses.wrench[:, :, 3:], poses.axis)
     assert along == pytest.approx(truth.load, abs=1e-12)
     loaded = Poses(arm, truth.measured(), [Payload("tool", 2.0)])
     assert loaded.load[:, 0] == pytest.approx(poses.load[:, 0], abs=1e-9)

@@ -66,7 +66,7 @@ def statics(
     """
     n, j = motor.shape
     moved, twist, geared = np.zeros((n, j, 6)), np.zeros((n, j)), np.zeros((n, j))
-    for last in (False, False, True):
+    for last in (False, False, False, True):
         turn, at = np.tile(np.eye(3), (n, 1, 1)), np.zeros((n, 3))
         centres, frames, masses = [], [], []
         for k, one in enumerate(joints):

@@ -212,7 +212,9 @@ class _Rolling(_Bearing):
         force = _FAINTEST * across.max(initial=0.0)
         moment = _TURNING * np.linalg.norm(load[:, 3:5], axis=1).max(initial=0.0)
         small = np.array([force, force, 0.0, moment, moment, 0.0])
+        room = np.linalg.norm(here[:, [[0, 1], [3, 4]]], axis=2).max(axis=0, initial=0.0)
         free = np.array([joint.travel["x"] or np.inf, joint.travel["roll"] or np.inf])
+        free = np.maximum(free, room)
         for more in (*np.diag(small)[[0, 1, 3, 4]], inertia):
             for way in (1.0, -1.0):
                 off = self._rests({}, load + way * more)[0] - here
