@@ -296,13 +296,6 @@ def test_reduce_takes_every_kind(pendulum):
         assert reduction.angle_rms < 5e-5
 
 
-def test_identification_says_which_gears_it_knows(pendulum):
-    from jointplay.estimate.machine import compliances
-
-    with pytest.raises(jp.JointplayError, match=r"strain-wave.*backlash"):
-        compliances(pendulum(WAVE), {})
-
-
 # Descriptions
 
 

@@ -18,6 +18,7 @@ from scipy.optimize import brentq
 from jointplay.base.errors import JointplayError, MissingName
 from jointplay.estimate.parts import (
     ALSO,
+    LOAD_ERROR,
     SOFTEST,
     WOUND,
     Springs,
@@ -47,8 +48,6 @@ TOOL, ALL = "tool", "all"
 """Names of the structure's compliance at the tool, and of everything's."""
 SOFT = {"rad/(N*m)": 1e-5, "m/N": 1e-7}
 """Scales of compliances, by unit."""
-_SPRUNG = 0.03
-"""Part by which compliances of springs and seats may be off where they move the load."""
 _SMALLEST_PART = 0.05
 """Part of a value below which it is not drawn."""
 LINK = 1e-4
@@ -164,7 +163,7 @@ class Machine:
                     for one in part.unknowns(also):
                         way = one.name.removesuffix("_compliance")
                         own = self._compliance(joint, way, one.name, one.nominal)
-                        found += [replace(x, model_error=_SPRUNG) for x in own]
+                        found += [replace(x, model_error=LOAD_ERROR) for x in own]
         rubs = any(one.name == "friction" for one in found)
         for joint, gear in mechanism.gears.items():
             teeth = Teeth(joint, gear)
@@ -172,8 +171,9 @@ class Machine:
             own = self._compliance(joint, "torsional", "gear_compliance", 1.0 / teeth.stiffness[0])
             plays = [one for one in others if one.name == "gear_play"]
             mine = [*plays, *own, *(one for one in others if one not in plays)]
-            if teeth.curved and joint not in links:
-                mine = [replace(x, model_error=BENDS) if x.name in WOUND else x for x in mine]
+            if teeth.curved:
+                rough = LOAD_ERROR if joint in links else BENDS
+                mine = [replace(x, model_error=rough) if x.name in WOUND else x for x in mine]
             found += mine
         wound = [joint for joint in self.wound if joint not in mechanism.gears]
         for joint in wound:

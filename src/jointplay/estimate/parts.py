@@ -38,6 +38,8 @@ SOFTEST = 100.0
 """Largest compliance of a gear, of springs or of a joint that winds up, by the expected one."""
 _FEW = 5e-6
 """Internal clearance that matters where less is expected [m]."""
+LOAD_ERROR = 0.03
+"""Part by which compliances may be off: loads are known no better, and move with what gives way."""
 _PRESSED = 5e-3
 """Most preload, by an element's diameter."""
 FACTOR = 0.15
@@ -102,7 +104,8 @@ class Elements(Part):
         if preload is not None:
             static = own.ratings()[1]
             scale = preload or 1e-3 * static
-            yield Unknown(self.joint, "preload", "N", preload, scale, max(static, 2.0 * scale))
+            most = max(static, 2.0 * scale)
+            yield Unknown(self.joint, "preload", "N", preload, scale, most, model_error=LOAD_ERROR)
         else:
             value, pressed = own.bought_clearance, _PRESSED * own.d_element
             least, most = min(-pressed, 2.0 * value), own.loosest
