@@ -481,6 +481,7 @@ def main() -> None:
         machines=(100, "elastic machines; --quick: 5"),
         cases=(0, "in their place, machines that are run by the full dynamic model, and the real "
                "ones, minutes each; --quick: at most 4"),
+        parts=(0, "in their place, machines with rolling bearings, seats and gears; --quick: 2"),
         seed=(0, "number of the first of them"),
         jobs=(1, "processes"),
         hostile=(8, "machines that are measured badly, too"),
@@ -490,14 +491,24 @@ def main() -> None:
         benchmark.name = "identify_dynamic"
         dynamic(benchmark, args)
         real()
+    elif args.parts:
+        benchmark.name = "identify_parts"
+        elastic_machines(
+            benchmark, args, part_case, min(args.parts, 2 if args.quick else args.parts)
+        )
     else:
-        elastic_machines(benchmark, args)
+        elastic_machines(benchmark, args, elastic_case, 5 if args.quick else args.machines)
 
 
-def elastic_machines(benchmark: Benchmark, args: argparse.Namespace) -> None:
+def elastic_machines(
+    benchmark: Benchmark,
+    args: argparse.Namespace,
+    case: Callable[[int], list[dict]],
+    count: int,
+) -> None:
     """How many intervals miss, and where nothing can be told, by kind of machine and of pushes."""
-    numbers = range(args.seed, args.seed + (5 if args.quick else args.machines))
-    found = jp.Study(numbers, elastic_case).run(args.jobs, progress=True, unit="machine")
+    numbers = range(args.seed, args.seed + count)
+    found = jp.Study(numbers, case).run(args.jobs, progress=True, unit="machine")
     groups: dict[str, list[list[dict]]] = {}
     for rows in found:
         kind, sizes = rows[0]["kind"], rows[0]["sizes"]
