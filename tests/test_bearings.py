@@ -252,6 +252,20 @@ def test_bearings_in_tandem_come_to_rest_under_a_faint_moment_alone():
     assert wrench[3:5] == pytest.approx(-moment[:2], abs=1e-7 * np.abs(moment).max())
 
 
+def test_a_ring_comes_to_rest_where_one_ball_bears_all():
+    """Across it nothing is stiff until the next one is touched."""
+    bearing = jp.BallBearing(designation="6204", radial_clearance=1.722158226579152e-05)
+    force = np.array([-9.247746569215293, 42.03221606347193, 0.0])
+    loads = np.zeros((2000, 6))
+    loads[:, :3] = force
+    loads[1:, :2] = 43.0 * np.array([(math.cos(a), math.sin(a)) for a in range(1999)])
+    cages = np.append(0.21655624569700405, np.linspace(0.0, 1.0, 1999))
+    places, _ = bearing.rests(loads, cages)
+    assert (places[:, 2:] == 0.0).all()
+    state = bearing.load(places[0], cage=cages[0])
+    assert state.wrench[:3] == pytest.approx(-force, abs=1e-6)
+
+
 def _moved(place, k, way):
     """A displacement with a little more along or about an axis of the outer ring."""
     move = way * np.eye(6)[k]

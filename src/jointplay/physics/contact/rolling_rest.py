@@ -46,6 +46,9 @@ _BALANCED, _ACCEPTED, _ROUNDING = 1e-11, 1e-8, 1e-14
 the sum of the elements' loads."""
 _CAREFUL = 0.9
 """By how much of the slope that a step goes down the slope at its end may go up."""
+_IDLE, _LONGER = 0.9, 4.0
+"""Part of that slope above which a step was too short, and by how much it is made longer: where one
+element bears all, there is no stiffness across it until the next one is touched."""
 _STEEPEST = 0.25
 """Square of the largest sine of a lean."""
 _SINGULAR = 1e-12
@@ -314,7 +317,7 @@ def _rest(d, load, lean, found):
             for j in range(WAYS):
                 matrix[WAYS * i + j] = bend[WAYS * i + j] * unit[i] * unit[j]
         long = _step(matrix, scaled, trust, lower, way, half)
-        down, share = 0.0, 1.0
+        down, share, longer = 0.0, 1.0, True
         for i in range(WAYS):
             down += scaled[i] * way[i]
         for _ in range(_MOST_CUTS):
@@ -327,7 +330,12 @@ def _rest(d, load, lean, found):
                 for i in range(WAYS):
                     after += left[i] * unit[i] * way[i]
             if after >= -_CAREFUL * down:
-                break
+                longer &= after > _IDLE * down and _LONGER * share * long <= trust
+                if not longer:
+                    break
+                share *= _LONGER
+                continue
+            longer = False
             share *= max(0.1, min(0.7, down / (down - after)))
         if share < 1.0:
             trust = 2.0 * share * long
