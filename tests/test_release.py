@@ -1,5 +1,6 @@
 """What is said of the package in several places says the same."""
 
+import os
 import re
 import runpy
 import subprocess
@@ -69,6 +70,33 @@ def test_the_oldest_versions_that_are_allowed_work(tmp_path):
     scenario.write_text(SCENARIO.format(duration="20 ms", options="", axes=GRID))
     does(jointplay, "study", "sweep", str(scenario), "--quiet", "--out", "sweep.zarr")
     does(jointplay, "report", "sweep.zarr", "--out", "sweep.html")
+
+
+@pytest.mark.nightly
+def test_from_a_released_wheel_a_first_run_compiles_nothing(tmp_path):
+    """As the workflow of releases makes it: with objects for all processors."""
+
+    def does(*command, **options):
+        done = subprocess.run(command, capture_output=True, text=True, check=False, **options)
+        assert done.returncode == 0, f"{' '.join(map(str, command))}\n{done.stdout}{done.stderr}"
+
+    clone = tmp_path / "clone"
+    does("git", "clone", "-q", ROOT, clone)
+    own = {**os.environ, "PYTHONPATH": str(clone / "src")}
+    does(sys.executable, ".ci/objects.py", cwd=clone, env=own)
+    does(sys.executable, "-m", "build", "-q", "--wheel", "--outdir", tmp_path, cwd=clone)
+    (wheel,) = tmp_path.glob("*.whl")
+    does(sys.executable, "-m", "venv", tmp_path / "new")
+    does(tmp_path / "new/bin/pip", "install", "-q", f"{wheel}[robots]")
+    (tmp_path / "cache").mkdir()
+    for call in (
+        "run scara --joint joint_b=0.1mm --duration 0.05 --out run",
+        "budget ur5 --joint elbow_joint=6204",
+        "budget so101 --preset",
+    ):
+        command = [tmp_path / "new/bin/jointplay", *call.split()]
+        does(*command, cwd=tmp_path, env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")})
+    assert not [*(tmp_path / "cache").rglob("*.o")]
 
 
 def test_what_is_advised_to_install_is_there():
