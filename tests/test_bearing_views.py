@@ -261,8 +261,7 @@ def test_reduced_bearings_have_their_own_friction_and_stiffness(robot, name):
     )
 
 
-def test_bearings_neither_wear_nor_are_identified(robot):
-    from jointplay.estimate import plan_measurement
+def test_bearings_do_not_wear(robot):
     from jointplay.study.maintenance import maintenance
     from jointplay.study.wear import wear
 
@@ -272,8 +271,6 @@ def test_bearings_neither_wear_nor_are_identified(robot):
         wear(simulation, "balls", 1e-6)
     with pytest.raises(JointplayError, match=r"rolling bearings \(balls\) have a rating life"):
         maintenance(simulation, 1e-3)
-    with pytest.raises(JointplayError, match="cannot be identified"):
-        plan_measurement(mechanism)
 
 
 def test_sensitivity_varies_no_preloaded_bearing(robot):

@@ -18,8 +18,8 @@ def brentq(
 ) -> float:
     """Where a function that changes its sign between `low` and `high` is zero.
 
-    R. P. Brent, Algorithms for Minimization Without Derivatives (1973), chapter 4, step by step as
-    scipy does it: the numbers are the same.
+    Secants, inverse parabolas and halving in the order in which scipy tries them: the numbers are
+    the same.
 
     Raises:
         ValueError: the signs at both ends are the same.
