@@ -365,7 +365,8 @@ with streams.forgiving():
 
 @pytest.mark.thorough  # it compiles the kernels anew
 def test_a_damaged_cache_is_thrown_away(tmp_path):
-    code = "from jointplay.model.impact import contact_duration\n"
+    code = "from jointplay.base import objects\nobjects.FOLDER = 'not that of the package'\n"
+    code += "from jointplay.model.impact import contact_duration\n"
     code += "from jointplay.simulation import Run\nfrom jointplay.paper import scara\n"
     call = [sys.executable, "-c", code + "print(Run(scara(2e-4)).total_steps)\n"]
     cache = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}

@@ -50,12 +50,12 @@ def main():
         steps = [cost(Case().simulation(duration=one)) for one in DURATIONS]
         joints = [cost(arm(n, 1)) / 20_000 for n in JOINTS]
         loose = [cost(arm(5, n)) / 20_000 for n in LOOSE]
-        (bare, case), outcome = pairs(SHORT_S, 15 if args.quick else 200)
+        (_, bare, case), outcome = pairs(SHORT_S, 15 if args.quick else 200)
         kept, _ = bookkeeping(outcome, 2000, Path(folder))
     driver = kept + messages(100)
     ratio, seconds = 0.0, 0.0
     if not args.no_cores:
-        ratio, seconds = gain(4 if args.quick else 24, 1 if args.quick else 3)
+        ratio, _, seconds, *_ = gain(4 if args.quick else 24, 1 if args.quick else 3)
     figure, axes = new_figure(2, 3, 9.0, 5.2)
     panels = list(axes.flat)
     sweep = [n * (float(np.median(case)) + driver) for n in CASES]
