@@ -31,7 +31,7 @@ FOLDER = "objects"
 """Of the package, which has objects that came with it, or were made where it lies."""
 
 NO_PLACE = (
-    "compiled code cannot be kept, so every start compiles anew (a quarter of a minute): neither "
+    "compiled code cannot be kept, so every start compiles anew (half a minute or more): neither "
     "the package's folder nor the user's cache can be written to; name a folder in NUMBA_CACHE_DIR"
 )
 """What a user without a place for compiled code is told."""

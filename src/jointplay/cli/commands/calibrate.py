@@ -19,8 +19,8 @@ Example: jointplay calibrate my_robot.urdf poses.csv --tool flange --out found
   causes:
     --term TERM ...  cause to try, such as "compliance", "play elbow,wrist", "rail shoulder by lift"
         (default: offset, placement, compliance, eccentricity, play; others: second-harmonic,
-        sawtooth, hysteresis, link-encoder, rail, suspension, and of what the scenario has in a
-        joint, gear, bearing, seat)
+        sawtooth, hysteresis, link-encoder, rail, suspension; gear, bearing, seat where the
+        scenario has one)
     --always TERM ...  cause that is in every model
     --link JOINT ...  joint whose encoder on the link's side is read instead of the motor's
   fit:
