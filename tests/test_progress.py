@@ -92,6 +92,21 @@ def test_runs_within_a_whole_add_to_its_one_bar(monkeypatch):
     assert file.getvalue().count("\n") == 1  # one bar, which stays
 
 
+def test_the_bar_of_the_whole_is_there_again_below_what_was_printed_last(monkeypatch):
+    file = Terminal()
+    monkeypatch.setattr("sys.stderr", file)
+    with progress.whole(1.0, True):
+        bar = progress.Simulated(1.0, True, "only")
+        bar.reach(0.1)
+        bar.reach(1.0)  # too soon after the first to be drawn
+        bar.close()
+        with progress.printing():
+            file.write("answer")
+    *_, last = file.getvalue().partition("answer")
+    assert "100%|" in last
+    assert "x real time" in last
+
+
 def test_nothing_is_shown_unless_asked_for(monkeypatch):
     file = Terminal()
     monkeypatch.setattr("sys.stderr", file)

@@ -67,7 +67,7 @@ def measure(simulation, repeats, bar):
     for turn in range(repeats + 1):
         costs = {
             WHOLE: seconds(histories.histories, run, Status.COMPLETED) / rows,
-            MOTION: seconds(variables.kinematics, mechanism, q, v, stretches, {}) / rows,
+            MOTION: seconds(variables.kinematics, mechanism, q, v, stretches, {}, {}) / rows,
             "one record": seconds(histories.histories, first, Status.COMPLETED),
         }
         if not mechanism.clearance:

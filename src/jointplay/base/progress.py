@@ -66,7 +66,7 @@ class ProgressBar:
         self._start = self._clock()
         self._next = self._start + delay
         self._first: tuple[float, float] | None = None  # before, kernels are compiled or loaded
-        self._said = ""
+        self._said, self._shown = "", False
 
     _clock = staticmethod(time.perf_counter)
 
@@ -94,16 +94,16 @@ class ProgressBar:
         self._next = self._clock() + self._every
         if text != self._said:
             self._write(f"\r{text:<{len(self._said)}}" if self._drawn else f"{text}\n")
-            self._said = text
+            self._said, self._shown = text, True
 
     def close(self) -> None:
         """End it; a bar stays as it is, and of lines there is a last one if there was any."""
-        if self._said and not self._leave:
+        if self._shown and not self._leave:
             self.clear()
-        elif self._said:
+        elif self._shown:  # again if text was printed since
             self.refresh()
             self._write("\n" if self._drawn else "")
-        self.disable, self._said = True, ""
+        self.disable, self._said, self._shown = True, "", False
 
     def clear(self) -> None:
         if self._drawn and self._said:
