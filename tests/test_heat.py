@@ -10,8 +10,8 @@ from conftest import body, joint, tip
 from warm import JOINTPLAY
 
 import jointplay as jp
+from jointplay.model.formats import read
 from jointplay.model.heat import Heat, LinkHeat, warmed
-from jointplay.model.urdf import read
 from jointplay.physics.joints.materials import material, materials
 
 STEEL = 11.7e-6

@@ -309,7 +309,7 @@ def test_a_robot_in_one_variant_is_found_by_its_name_and_others_are_proposed():
 
 
 def test_a_motion_that_nobody_gave_keeps_from_the_limits():
-    from jointplay.model.urdf import read
+    from jointplay.model.formats import read
     from jointplay.scenario.robot import robot_scenario
 
     scenario = robot_scenario("panda", ["panda_joint4"])

@@ -10,8 +10,9 @@ from conftest import body, joint
 
 from jointplay import JointplayError, shipped
 from jointplay.model.builder import parse
+from jointplay.model.formats import read
 from jointplay.model.robots import robot_urdf, robots
-from jointplay.model.urdf import elements, impossible_inertias, read
+from jointplay.model.urdf import elements, impossible_inertias
 from jointplay.scenario.robot import robot_scenario
 
 
@@ -91,7 +92,7 @@ def test_both_shipped_robots_differ_in_inertia_only():
 def test_file_that_is_no_text_is_refused(tmp_path):
     path = tmp_path / "robot.urdf"
     path.write_bytes(b"\xff\xfe\x00robot")
-    with pytest.raises(JointplayError, match=r"cannot read the URDF .*robot\.urdf"):
+    with pytest.raises(JointplayError, match=r"cannot read the robot .*robot\.urdf"):
         read(path)
 
 
@@ -179,7 +180,7 @@ def test_pictures_are_not_looked_at(urdf):
 
 def test_the_slow_reader_comes_with_the_first_question_only():
     code = (
-        "import sys; from jointplay import shipped; from jointplay.model.urdf import read; "
+        "import sys; from jointplay import shipped; from jointplay.model.formats import read; "
         "d = read(shipped('scara.urdf')); early = 'yourdfpy' in sys.modules; "
         "d.declared.robot; print(early, 'yourdfpy' in sys.modules)"
     )
@@ -282,5 +283,5 @@ def test_endless_limits_reach_no_reader_that_cannot_have_them(urdf):
 def test_every_robot_is_read_with_all_its_words():
     for name in robots():
         path = robot_urdf(name)
-        description = read(path, impossible_inertias(elements(path)))
+        description = read(path, impossible_inertias(elements(path.read_text(), path)))
         assert description.links, name

@@ -30,7 +30,7 @@ from jointplay.base.errors import (
 from jointplay.base.schema import Described, choice, plain, quantity
 from jointplay.base.tables import Overview, counted, few
 from jointplay.base.units import readable, typeset
-from jointplay.model import urdf
+from jointplay.model import formats, urdf
 from jointplay.model.beams import FlexibleLink
 from jointplay.model.builder import build, parse
 from jointplay.model.fixing import with_fixed
@@ -46,7 +46,6 @@ from jointplay.model.frames import (
 from jointplay.model.free_base import BASE, BASES, HELD
 from jointplay.model.gear import Gear, Gearing
 from jointplay.model.loop import Lock, Loop, refuse_name
-from jointplay.model.robots import urdf_of
 from jointplay.model.seats import SEAT, seat_of_joint, seat_of_loop
 from jointplay.model.tool import choose_tool
 from jointplay.model.urdf import GRAVITY, STANDARD_GRAVITY
@@ -152,8 +151,8 @@ class Mechanism(Overview, Described):
             and of what is fixed to it (`mechanism.loop`).
 
     Raises:
-        JointplayError: see `urdf.read`; also a joint or link that does not exist, a joint of a kind
-            that has no clearance of the given kind or has no coordinates.
+        JointplayError: see `formats.read`; also a joint or link that does not exist, a joint of a
+            kind that has no clearance of the given kind or has no coordinates.
     """
 
     written = WrittenMechanism
@@ -181,7 +180,7 @@ class Mechanism(Overview, Described):
                 f"a mechanism needs the path of a URDF, or a robot's name, got {path!r:.60}"
             )
         if not isinstance(path, urdf.Description):
-            path = urdf.read(urdf_of(path), allow_unphysical)
+            path = formats.read(path, allow_unphysical)
         self.description = with_fixed(path, fix)
         self.fix = fix
         # Names out of NumPy arrays print as np.str_(...).

@@ -116,12 +116,12 @@ def resolve(place: str | Path, folder: Path = Path()) -> Path:
     return folder / place
 
 
-def urdf_of(place: str | Path) -> Path:
-    """Path of a URDF named as for `resolve`, whose errors it has, or as a robot: ``ur5``."""
+def file_of(place: str | Path, folder: Path = Path()) -> Path:
+    """Path of a robot named as for `resolve`, whose errors it has, or by its name: ``ur5``."""
     text = str(place)
-    if isinstance(place, str) and re.fullmatch(r"[\w-]+", text) and not is_file(Path(text)):
+    if isinstance(place, str) and re.fullmatch(r"[\w-]+", text) and not is_file(folder / text):
         return robot_urdf(text)
-    return resolve(place)
+    return resolve(place, folder)
 
 
 def is_robot(place: str) -> bool:

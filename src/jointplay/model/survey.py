@@ -11,9 +11,10 @@ import pinocchio as pin
 
 from jointplay.base.errors import JointplayError
 from jointplay.base.files import is_file
+from jointplay.model.formats import urdf_text
 from jointplay.model.massless import massless_links, massless_motions
 from jointplay.model.mechanism import Mechanism
-from jointplay.model.robots import PREFIX, urdf_of
+from jointplay.model.robots import PREFIX, file_of
 from jointplay.model.urdf import ALL, elements, impossible_inertias, mimics
 
 
@@ -73,10 +74,10 @@ def survey(place: str | Path) -> Survey:
     Raises:
         JointplayError, MissingName: no such robot, or no well-formed URDF.
     """
-    path = urdf_of(place)
+    path = file_of(place)
     given = is_file(Path(place)) or Path(place).suffix in (".urdf", ".xml")
     name = path.stem if given else str(place).removeprefix(PREFIX)
-    root = elements(path)
+    root = elements(urdf_text(path), path)
     joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
     moving = {n: joint.get("type", "") for n, joint in joints.items()}
     moving = {n: kind for n, kind in moving.items() if kind != "fixed"}

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from jointplay.base.errors import JointplayError, MissingName, closest, require_a
-from jointplay.base.files import read_text
 from jointplay.model.vocabulary import check_words, numbers
 
 if TYPE_CHECKING:
@@ -304,31 +303,16 @@ ALL = "all"
 """Stands for the names of all links whose inertia no rigid body has."""
 
 
-def read(path: str | Path, allow_unphysical: Collection[str] = ()) -> Description:
-    """Read a URDF and check every inertia, but of links in `allow_unphysical`, or ``"all"``.
-
-    Raises:
-        JointplayError: the file is missing or malformed, its links do not form one tree, or a
-            link's inertia is impossible (the message names the link and its principal moments).
-    """
-    path = Path(path)
-    return parse(read_text(path, "URDF"), path, allow_unphysical)
-
-
 _DEEPEST = 200
 """Levels of elements that a URDF may have; those in use have about six."""
 
 
-def elements(path: Path) -> ElementTree.Element:
-    """A URDF's elements, unchecked.
+def elements(text: str, path: Path) -> ElementTree.Element:
+    """The root of a URDF, unchecked.
 
     Raises:
-        JointplayError: the file cannot be read, or is no URDF.
+        JointplayError: it is no URDF; `path` names it.
     """
-    return _root(read_text(path, "URDF"), path)
-
-
-def _root(text: str, path: Path) -> ElementTree.Element:
     try:
         root = ElementTree.fromstring(text)
     except (ElementTree.ParseError, ValueError) as error:
@@ -351,16 +335,21 @@ def as_option(names: Sequence[str]) -> str:
 
 
 def parse(text: str, path: Path, allow_unphysical: Collection[str] = ()) -> Description:
-    """Check the URDF `text`, naming `path` in errors; see `read`.
+    """Check the URDF `text`, naming `path` in errors, and every inertia, but of links in
+    `allow_unphysical`, or ``"all"``.
 
     The same text is read once: what is returned is shared, and must not be changed.
+
+    Raises:
+        JointplayError: it is malformed, its links do not form one tree, or a link's inertia is
+            impossible (the message names the link and its principal moments).
     """
     return _parsed(text, path, tuple(allow_unphysical))
 
 
 @lru_cache(maxsize=32)
 def _parsed(text: str, path: Path, allow_unphysical: tuple[str, ...]) -> Description:
-    root = _root(text, path)
+    root = elements(text, path)
     tags = root.findall("link")
     if not tags:
         raise JointplayError(f"the URDF {str(path)!r} has no links")

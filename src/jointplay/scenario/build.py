@@ -21,13 +21,14 @@ from jointplay.base.units import Measured, ask_degrees, expected, named, readabl
 from jointplay.model.beams import FlexibleLink
 from jointplay.model.fixing import with_fixed
 from jointplay.model.flexible import end_of_tool
+from jointplay.model.formats import read
 from jointplay.model.heat import warmed
 from jointplay.model.loop import Loop, refuse_name
 from jointplay.model.mechanism import Mechanism
 from jointplay.model.payload import Payload
 from jointplay.model.robots import resolve
 from jointplay.model.tool import choose_tool
-from jointplay.model.urdf import Description, read
+from jointplay.model.urdf import Description
 from jointplay.physics.joints import JOINT_WORDS
 from jointplay.physics.joints.base import RoundClearance
 from jointplay.scenario.declarations import ANGLE, ANGULAR_SPEED, MOTION_SOURCES, PATHS, Model
@@ -472,13 +473,12 @@ def mechanism_of(model: Model, folder: Path, built: Built) -> Mechanism:
     """The mechanism that `model` describes; alike ones are built once."""
     robot = model.robot
     with within("robot", "urdf"):
-        path = resolve(robot.urdf, folder)
-        description = read(path, robot.allow_unphysical)
+        description = read(robot.urdf, robot.allow_unphysical, folder)
     with within("robot"):
         description = with_fixed(description, robot.fix)
     parts = model.loops, model.joints, model.gears, model.heat, model.links
     inputs = (robot, *parts, folder)
-    key = (str(path), description.text, *map(repr, inputs))
+    key = (str(description.path), description.text, *map(repr, inputs))
     made = built.pop(key, None) or _built_anew(model, description, folder)
     built[key] = made
     if len(built) > _LAST_BUILT:

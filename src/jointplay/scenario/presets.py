@@ -120,13 +120,13 @@ class Preset:
         Raises:
             JointplayError: no robot is given and the preset has none.
         """
-        from jointplay.scenario.robot import description_of, robot_path, robot_scenario
+        from jointplay.scenario.robot import description_of, robot_place, robot_scenario
 
         place = robot or self.robot
         if place is None:
             raise JointplayError(f"preset {self.name!r} is for any arm: give a robot")
         own = [Setting(("robot", key), value, key) for key, value in options.items()]
-        settings = self.settings(description_of(robot_path(str(place)), own))
+        settings = self.settings(description_of(robot_place(str(place)), own))
         return robot_scenario(str(place), settings=[*settings, *own], still=True).mechanism()
 
     def drives(self, description: Description) -> dict[str, Drive]:

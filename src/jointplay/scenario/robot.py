@@ -13,8 +13,9 @@ from jointplay.base.errors import JointplayError, require_a, require_names
 from jointplay.base.schema import Preset, one_of
 from jointplay.base.tables import few
 from jointplay.base.units import round_below
-from jointplay.model.robots import PREFIX, SHIPPED, resolve
-from jointplay.model.urdf import Description, read
+from jointplay.model.formats import read
+from jointplay.model.robots import PREFIX, SHIPPED
+from jointplay.model.urdf import Description
 from jointplay.physics.joints import (
     JOINT_WORDS,
     UNNAMED_KIND,
@@ -93,14 +94,14 @@ def robot_scenario(
     return scenario
 
 
-def description_of(path: Path, settings: Sequence[Setting]) -> Description:
-    """The URDF with what settings allow and hold; what else they say is read with the scenario."""
+def description_of(place: str, settings: Sequence[Setting], folder: Path = Path()) -> Description:
+    """A robot with what settings allow and hold; what else they say is read with the scenario."""
     robot = tree(settings).get("robot", {})
     names = {key: robot.get(key) for key in ("allow_unphysical", "fix")}
     allowed, fix = (one if isinstance(one, list) else [] for one in names.values())
     from jointplay.model.fixing import with_fixed  # imports Pinocchio
 
-    return with_fixed(read(path, allowed), fix)
+    return with_fixed(read(place, allowed, folder), fix)
 
 
 def _of_robot(
@@ -109,10 +110,10 @@ def _of_robot(
     """The scenario of `robot_scenario`, with the steps of any other."""
     joints = require_names("joints", joints, "names")
     scara = place is None
-    place = SCARA if place is None else _prefixed(place)
-    # The URDF alone: what is wrong elsewhere is said when the scenario is built.
-    path = resolve(place, Path())
-    description = description_of(path, settings)
+    place = robot_place(place)
+    # The robot alone: what is wrong elsewhere is said when the scenario is built.
+    description = description_of(place, settings)
+    path = description.path
     settings = with_names(settings, description.joints)
     given = tree(settings)
     description.require_moving()
@@ -245,12 +246,10 @@ def step_for(scenario: Scenario) -> tuple[float, str] | None:
     return round_below(most), f"an impact in {shortest} lasts {durations[shortest]:.2g} s"
 
 
-def robot_path(place: str | None) -> Path:
-    """URDF of a robot as `robot_scenario` takes it."""
-    return resolve(SCARA if place is None else _prefixed(place), Path())
-
-
-def _prefixed(place: str) -> str:
+def robot_place(place: str | None) -> str:
+    """A robot as `robot_scenario` takes it, in the words of a scenario."""
+    if place is None:
+        return SCARA
     if ":" in place or _there(place) or "/" in place or place.endswith(".urdf"):
         return place
     return f"{PREFIX}{place}"

@@ -568,14 +568,13 @@ def _tables(file: Scenario) -> dict[str, dict[str, Any]]:
 def _description(
     options: argparse.Namespace, wanted: Sequence[Setting], file: Scenario | None
 ) -> Description:
-    from jointplay.model.robots import resolve
-    from jointplay.scenario.robot import description_of, robot_path
+    from jointplay.scenario.robot import description_of, robot_place
 
     if file is None:
-        return description_of(robot_path(options.place), wanted)
+        return description_of(robot_place(options.place), wanted)
     case = options.case if isinstance(options.case, str) else None
     robot = file.model(case or file.cases[0]).robot
-    return description_of(resolve(robot.urdf, file.path.parent), wanted)
+    return description_of(robot.urdf, wanted, file.path.parent)
 
 
 def _of_joints(options: argparse.Namespace) -> tuple[list[Setting], dict[str, str]]:

@@ -1,0 +1,65 @@
+"""A robot's description from a file of any format: what is no URDF is turned into one.
+
+A format is a module with a function from the file's text to that of a URDF, and its line in
+`FORMATS`. All that comes later sees a `Description`.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable, Collection
+from importlib import import_module
+from io import StringIO
+from pathlib import Path
+
+from jointplay.base.files import read_text
+from jointplay.model import urdf
+from jointplay.model.robots import file_of
+
+FORMATS: dict[str, tuple[str, str]] = {}
+"""Module here and function that turn a format into a URDF, ``(text, path) -> text``, by the tag of
+the file's root element; it is imported when a file has that root. Any other file is a URDF."""
+
+
+def read(
+    place: str | Path, allow_unphysical: Collection[str] = (), folder: Path = Path()
+) -> urdf.Description:
+    """Read a robot and check every inertia, but of links in `allow_unphysical`, or ``"all"``.
+
+    Args:
+        place: a file, or a robot's name, as for `robots.file_of`.
+        allow_unphysical: links whose inertia is not checked.
+        folder: where a relative path begins.
+
+    Raises:
+        JointplayError: the file is missing or malformed, its links do not form one tree, or a
+            link's inertia is impossible (the message names the link and its principal moments).
+    """
+    path = file_of(place, folder)
+    return urdf.parse(urdf_text(path), path, allow_unphysical)
+
+
+def urdf_text(path: Path) -> str:
+    """A robot's file as a URDF, unchecked.
+
+    Raises:
+        JointplayError: the file cannot be read, or not be turned into a URDF.
+    """
+    text = read_text(path, "robot")
+    tag = _root_tag(text)
+    if tag not in FORMATS:
+        return text
+    module, name = FORMATS[tag]
+    converted: Callable[[str, Path], str] = getattr(
+        import_module(f"jointplay.model.{module}"), name
+    )
+    return converted(text, path)
+
+
+def _root_tag(text: str) -> str:
+    """Tag of the root element; empty if it is not well-formed, which the URDF's reader says."""
+    try:
+        _, root = next(ElementTree.iterparse(StringIO(text), ("start",)))
+    except (ElementTree.ParseError, ValueError, StopIteration):
+        return ""
+    return root.tag if isinstance(root, ElementTree.Element) else ""
