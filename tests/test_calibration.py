@@ -18,6 +18,7 @@ from jointplay.estimate.kinematic_model import Poses
 from jointplay.estimate.selection import improves
 from jointplay.estimate.static_poses import rigid_body, rotation_vectors, rotations_of, same_labels
 from jointplay.model.payload import Payload
+from jointplay.scenario.presets import preset
 
 JOINTS = ("waist", "shoulder", "elbow", "wrist")
 NOISE = 5e-5
@@ -383,6 +384,69 @@ def test_the_command_prints_and_writes_what_the_function_finds(arm, tmp_path, ca
     assert len((tmp_path / "out" / "residuals.csv").read_text().splitlines()) == 61
     assert main(order) == 2
     assert "calibration.csv" in capsys.readouterr().err
+
+
+def test_the_corrected_urdf_has_the_tool_where_the_fit_has_it(tmp_path, capsys):
+    """The paper's SCARA: joints that turn and one that slides, fixed joints between them."""
+    robot = Mechanism("scara")
+    names, model = robot.joints, robot.model
+    random = np.random.default_rng(4)
+    motor = random.uniform(-0.1, 0.1, (40, 4)) + random.uniform(-1, 1, (40, 4)) * [1, 1, 0, 1]
+    places = []
+    for q in motor + np.array([0.01, -0.02, 1e-3, 0.03]):
+        pin.framesForwardKinematics(model, robot.data, q)
+        places.append(robot.data.oMf[robot.tool_frame].translation + 1e-5 * random.normal(size=3))
+    head = [f"{n} motor [{'m' if robot.description.joints[n].slides else 'rad'}]" for n in names]
+    rows = np.column_stack([motor, places])
+    path = written(tmp_path / "p.csv", head + [f"tool {x} [m]" for x in "xyz"], rows)
+    corrected = tmp_path / "corrected.urdf"
+    terms = ["--always", "offset", "--always", "placement", "--quiet"]
+    assert main(["calibrate", "scara", str(path), *terms, "--urdf", str(corrected)]) == 0
+    assert f"written: {corrected}: 4 joints put right" in capsys.readouterr().out
+    fitted = calibrate(robot, path, always=["offset", "placement"]).step().fitted
+    problem, every = fitted.problem, np.zeros(12)
+    every[problem._free[problem._free < 12]] = fitted.theta[: len(problem.frame)]
+    points = problem._place(fitted.theta, np.arange(40))[1]
+    new, base = Mechanism(corrected), rotations_of(every[3:6]) @ problem.turned[0]
+    last = model.frames[robot.tool_frame].parentJoint
+    for q, seen in zip(motor, points, strict=True):
+        pin.forwardKinematics(new.model, new.data, q)
+        reached = every[:3] + base @ new.data.oMi[last].act(every[6:9])
+        assert reached == pytest.approx(seen, abs=1e-9)
+    # All else is the same, byte for byte.
+    joints, origin = re.compile(r"<joint.*?</joint>", re.S), re.compile(r"<origin[^>]*/>")
+    texts = robot.description.text, corrected.read_text()
+    bare = [joints.sub(lambda one: origin.sub("", one[0]), text) for text in texts]
+    assert texts[0] != texts[1]
+    assert bare[0] == bare[1]
+    order = ["calibrate", "scara", str(path), *terms, "--urdf", str(corrected)]
+    assert main(order) == 2
+    assert "already exists" in capsys.readouterr().err
+    order = ["calibrate", "scara", "--plan", "--urdf", str(tmp_path / "new.urdf")]
+    assert main(order) == 2
+    assert "--urdf needs measured poses" in capsys.readouterr().err
+
+
+def test_what_a_urdf_and_a_preset_cannot_have_is_said(arm, tmp_path, capsys):
+    truth = Truth(arm, 12).play(elbow=4e-3, transition=0.3).offset(elbow=0.01)
+    path = table(truth.measured(), tmp_path / "poses.csv")
+    robot, urdf, own = str(arm.description.path), tmp_path / "new.urdf", tmp_path / "my.toml"
+    order = ["calibrate", robot, str(path), "--quiet"]
+    both = ["--term", "offset", "--term", "play elbow", "--urdf", str(urdf)]
+    assert main([*order, *both, "--write-preset", str(own)]) == 0
+    said = capsys.readouterr().out
+    assert "not in it, as they vary with pose or load: play elbow" in said
+    assert f"--preset {own}" in said
+    (gear,) = preset(own).mechanism(urdf, tool="tool").gears.values()
+    assert gear.play == pytest.approx(8e-3, rel=0.1)
+    assert main(["budget", str(urdf), "--preset", str(own), "--tool", "tool"]) == 0
+    assert "elbow (gear)" in capsys.readouterr().out
+    none = tmp_path / "none.urdf"
+    assert main([*order, "--term", "compliance", "--urdf", str(none)]) == 2
+    assert "neither offset nor placement was kept" in capsys.readouterr().err
+    none = tmp_path / "none.toml"
+    assert main([*order, "--term", "offset", "--write-preset", str(none)]) in (0, 2)
+    assert not urdf.read_text().count("nan")
 
 
 def test_the_command_tells_of_the_encoders_alone(arm, tmp_path, capsys):

@@ -31,6 +31,7 @@ from jointplay.estimate.unknowns import Unknown
 from jointplay.estimate.verification import verify
 from jointplay.model.collisions import SelfCollision
 from jointplay.physics.contact import Ambrosio
+from jointplay.scenario.presets import preset
 from jointplay.simulation.loads import JointFriction
 
 CLEARANCE, FRICTION, REACH, MASS = 1e-4, 0.2, 0.5, 3.0
@@ -217,6 +218,28 @@ def test_play_and_friction_of_a_gear_are_recovered(geared, options, more):
     assert abs(value - wanted["play"]) < 2.0 * half < 0.2 * wanted["play"]
     value, half = about(found["j dry friction"])
     assert abs(value - wanted["dry"]) < 2.0 * half < 0.2 * wanted["dry"]
+
+
+def test_what_is_identified_is_a_preset_for_other_commands(geared, tmp_path, capsys):
+    data, own = tmp_path / "seen.csv", tmp_path / "my.toml"
+    data.write_text(lagging().csv())
+    robot, gear = str(geared.description.path), ["--gear", "j=1e-3"]
+    order = ["identify", robot, str(data), "--tool", "tool", "--stiffness", "j=1e3", *gear]
+    assert main([*order, "--write-preset", str(own)]) == 0
+    assert f"every command takes it as --preset {own}" in capsys.readouterr().out
+    one = preset(own)
+    assert one.mechanism(tool="tool").gears["j"].play == pytest.approx(2e-3, rel=0.1)
+    tables = one.tables(geared.description)
+    assert tables["joint_friction"]["j"]["coulomb"] == pytest.approx(0.5, rel=0.1)
+    assert tables["drives"]["j"]["encoder"] == "motor"
+    origin = {one.key: one for one in one.origins}["j gear play"]
+    assert origin.origin == "measured"
+    assert str(data) in origin.source
+    run = ["run", robot, "--preset", str(own), "--rotor-inertia", "0.1", "--tool", "tool"]
+    short = ["--duration", "0.01", "--no-figures", "--quiet", "--out", str(tmp_path / "out")]
+    assert main([*run, *short]) == 0, capsys.readouterr().err
+    assert main([*order, "--write-preset", str(own)]) == 2
+    assert "already exists" in capsys.readouterr().err
 
 
 def test_play_and_compliance_are_not_told_apart_without_another_load(geared):

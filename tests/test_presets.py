@@ -12,7 +12,7 @@ from jointplay.accuracy.causes import CAUSES
 from jointplay.accuracy.error_budget import budget
 from jointplay.accuracy.robot_errors import CLASSES
 from jointplay.base.errors import JointplayError, MissingName
-from jointplay.scenario.presets import ORIGINS, preset, preset_of, presets
+from jointplay.scenario.presets import ORIGINS, Preset, preset, preset_of, presets
 
 ARMS = {"so101": None, "ur-like": "ur5", "panda-like": "panda", "x-scara": None,
         "printed-servo": "z1", "opentorque": "z1"}  # fmt: skip
@@ -147,3 +147,58 @@ def test_a_servo_arm_rests_in_its_budget_as_far_off_as_its_run_begins(capsys, tm
     begins = 1e3 * float(jp.Result.load(tmp_path / "o" / "result.nc").tool_error.distance[0])
     assert begins > 15.0
     assert at_rest == pytest.approx(begins, rel=0.03)
+
+
+OWN = """[preset]
+words = "my arm"
+[joint.elbow_joint.bearing]
+radial_clearance = "30 um"
+[joint.wrist_1_joint.gear]
+play = "2 arcmin"
+"""
+
+
+def test_a_file_of_ones_own_is_a_preset(tmp_path, capsys):
+    path = tmp_path / "my_arm.toml"
+    path.write_text(OWN)
+    mechanism = preset(path).mechanism("ur5")
+    assert mechanism.clearance["elbow_joint"].radial_clearance == pytest.approx(30e-6)
+    assert mechanism.gears["wrist_1_joint"].play == pytest.approx(math.radians(2 / 60))
+    assert cli.main(["budget", "ur5", "--preset", str(path)]) == 0
+    assert "wrist_1_joint (gear)" in capsys.readouterr().out
+    run = ["run", "ur5", "--preset", str(path), "--duration", "0.01", "--out", str(tmp_path / "o")]
+    assert cli.main(run) == 2  # a gear that moves needs its rotor's inertia
+    assert "rotor_inertia is missing" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (("elbow_joint.bearing", "elbow_jnt.bearing"), r"no joint 'elbow_jnt'; did you mean"),
+        (("bearing]", "bearng]"), r'unknown key "bearng" of joint \'elbow_joint\'; did you mean'),
+        (("[preset]", "[presett]"), r'unknown key "presett" of a preset'),
+        (("30 um", "30 umm"), r'unknown unit "umm"'),
+        (("radial_clearance", "radial"), r'unknown key "radial"'),
+        (("[preset]", "[preset"), "not a TOML file"),
+        ((OWN, ""), "no preset: tables such as"),
+    ],
+)
+def test_a_file_that_is_no_preset_says_why(tmp_path, change, said):
+    path = tmp_path / "my_arm.toml"
+    path.write_text(OWN.replace(*change))
+    with pytest.raises(JointplayError, match=said):
+        preset(path).mechanism("ur5")
+
+
+def test_a_mechanism_as_a_preset_is_the_same_again(tmp_path):
+    for name, robot in (("so101", "so101"), ("ur-like", "ur5"), ("x-scara", "scara")):
+        one = preset(name)
+        mechanism = one.mechanism(robot)
+        drives = one.tables(mechanism.description).get("drives", {})
+        text = Preset.of_mechanism(mechanism, "mine", one.origins, {"drive": drives}, robot).text
+        path = tmp_path / f"{name}.toml"
+        path.write_text(text)
+        again = preset(path)
+        assert again.mechanism() == mechanism
+        assert again.drives(mechanism.description) == one.drives(mechanism.description)
+        assert again.origins == one.origins

@@ -407,6 +407,24 @@ def _fields(value: Any) -> dict[str, Any]:
     return {field.name: plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
 
 
+def shortest(kind: type[Any], value: Any) -> dict[str, Any]:
+    """The fewest keys that `read` makes an equal value of; derived ones, which come last, go first.
+
+    Args:
+        kind: as for `read`.
+        value: to describe, a `Described`.
+    """
+    table = {key: one for key, one in plain(value).items() if one is not None}
+    for key in reversed(list(table)):
+        fewer = {name: one for name, one in table.items() if name != key}
+        try:
+            if plain(read(kind, fewer)) == plain(value):
+                table = fewer
+        except JointplayError:  # it is required
+            pass
+    return table
+
+
 @dataclass(frozen=True)
 class Draft:
     """A value that has been checked, and not yet been made."""

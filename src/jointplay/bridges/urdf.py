@@ -1,4 +1,6 @@
-"""A URDF with play in it: each joint with clearance becomes the chain of its virtual link.
+"""A URDF as measured: joints where a calibration found them, and play in it.
+
+Each joint with clearance becomes the chain of its virtual link.
 
 Other simulators then have the freedoms that play adds. The bearings themselves - round, elastic,
 with friction - cannot be said in a URDF; limits take their place: a box about twice the clearance,
@@ -8,13 +10,13 @@ or of a rolling bearing, to which no contacts can be added, as far as its inner 
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from xml.parsers import expat
 
 import pinocchio as pin
 
-from jointplay.base.errors import JointplayError, require_a
-from jointplay.model.elements import Element, put, put_inertial
+from jointplay.base.errors import JointplayError, require_a, require_known
+from jointplay.model.elements import Element, origin_of, place_of, put, put_inertial
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import VIRTUAL_LINK
 
@@ -34,7 +36,7 @@ SPEED = {"prismatic": 10.0, "revolute": 100.0}
 """Velocity limits of the freedoms that play adds, for the format demands some [m/s or rad/s]."""
 
 
-def to_urdf(mechanism: Mechanism) -> str:
+def to_urdf(mechanism: Mechanism, corrections: Mapping[str, pin.SE3] | None = None) -> str:
     """Text of the mechanism's URDF in which each joint with clearance is a chain of single joints.
 
     The joint J becomes J.x, J.y, J.z, J, J.pitch, J.roll, but for what is locked: the coordinates
@@ -44,7 +46,13 @@ def to_urdf(mechanism: Mechanism) -> str:
     needs no turning: poses and inertias of all bodies stay as written. All other text stays byte
     for byte.
 
+    Args:
+        mechanism: whose URDF.
+        corrections: by joint, where it is, in the frame of its origin, such as
+            `Calibration.corrections`; its origin says so then.
+
     Raises:
+        MissingName: a correction of a joint that the URDF has not.
         JointplayError: the mechanism has loops or gears, which URDF cannot express, a joint has no
             play, such as a preloaded bearing, or one of the new names is taken.
     """
@@ -60,7 +68,19 @@ def to_urdf(mechanism: Mechanism) -> str:
     elements = {joint.get("name", ""): joint for joint in joints}
     taken = set(elements) | set(mechanism.description.links)
     pieces, end = [], 0
-    for name, start, stop in _spans(data):
+    moved = corrections or {}
+    for name in moved:
+        require_known("joint", name, elements)
+    for name, start, stop in _spans(data, "joint"):
+        if name in moved:
+            place = origin_of(place_of(elements[name]) * moved[name])
+            old = elements[name].find("origin")
+            if old is not None:
+                elements[name].remove(old)
+            elements[name].insert(0, place)
+            if name not in mechanism.clearance or name in mechanism.mounts:
+                pieces += [data[end:start], _with_origin(data[start:stop], place)]
+                end = stop
         if name in mechanism.clearance and name not in mechanism.mounts:
             chain = _chain(mechanism, name, elements[name])
             for element in chain:
@@ -71,8 +91,9 @@ def to_urdf(mechanism: Mechanism) -> str:
     return b"".join([*pieces, data[end:]]).decode("utf-8")
 
 
-def _spans(data: bytes) -> list[tuple[str, int, int]]:
-    """Name of each of the robot's joints, and where in the file it begins and ends [bytes]."""
+def _spans(data: bytes, sought: str) -> list[tuple[str, int, int]]:
+    """Name of each element just below the root with this tag, and where in the file it begins and
+    ends [bytes]."""
     spans, depth, begun = [], 0, ("", 0)
     # The text has been decoded, whatever encoding its first line declares.
     parser = expat.ParserCreate(encoding="utf-8")
@@ -80,18 +101,30 @@ def _spans(data: bytes) -> list[tuple[str, int, int]]:
     def start(tag: str, attributes: dict[str, str]) -> None:
         nonlocal depth, begun
         depth += 1
-        if depth == 2 and tag == "joint":
+        if depth == 2 and tag == sought:
             begun = (attributes.get("name", ""), parser.CurrentByteIndex)
 
     def stop(tag: str) -> None:
         nonlocal depth
-        if depth == 2 and tag == "joint":
-            spans.append((*begun, data.index(b">", parser.CurrentByteIndex) + 1))
+        if depth == 2 and tag == sought:
+            end = parser.CurrentByteIndex  # of <tag/>, its end
+            if data.startswith(f"</{tag}".encode(), end):
+                end = data.index(b">", end) + 1
+            spans.append((*begun, end))
         depth -= 1
 
     parser.StartElementHandler, parser.EndElementHandler = start, stop
     parser.Parse(data, True)
     return spans
+
+
+def _with_origin(joint: bytes, place: Element) -> bytes:
+    """The text of a joint with another origin; all else stays as written."""
+    text = ElementTree.tostring(place)
+    for _, start, stop in _spans(joint, "origin"):
+        return joint[:start] + text + joint[stop:]
+    _, start, _ = _spans(joint, "parent")[0]
+    return joint[:start] + text + joint[start:]
 
 
 def _chain(mechanism: Mechanism, name: str, original: Element) -> list[Element]:

@@ -5,17 +5,18 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from jointplay.accuracy.poses import moving
 from jointplay.base.errors import JointplayError, MissingName, require_a
+from jointplay.base.schema import shortest
 from jointplay.base.tables import Table, few
 from jointplay.base.units import told
 from jointplay.estimate import measurement, planning, restitution
 from jointplay.estimate.least_squares import NULL, Fit, LeastSquares, basis, information, search
-from jointplay.estimate.machine import TOOL, Given, Machine, apply, compliances
+from jointplay.estimate.machine import TOOL, Given, Machine, apply, compliances, preset_found
 from jointplay.estimate.measurement import Measurement, Observed, TooLittle, Visits
 from jointplay.estimate.model import StaticModel
 from jointplay.estimate.nuisances import DRIFT, REFERENCES, nuisances
@@ -25,9 +26,12 @@ from jointplay.estimate.restitution import by_flights, by_simulation, channels
 from jointplay.estimate.unknowns import LARGEST_SHARE, Estimate, Unknown, by_label, data, listed
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import RollingBearing
-from jointplay.simulation.loads.drive import JointFriction, urdf_friction
+from jointplay.simulation.loads.drive import Drive, JointFriction, urdf_friction
 from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.simulation import Simulation
+
+if TYPE_CHECKING:
+    from jointplay.scenario.presets import Preset
 
 _NAMED = 3
 _SIZE = 8.0
@@ -236,6 +240,30 @@ class Identification:
 
     def __getitem__(self, label: str) -> Estimate:
         return by_label((*self.estimates, *self.restitutions), label)
+
+    def preset(
+        self, robot: str | Path | None = None, simulation: Simulation | None = None
+    ) -> Preset:
+        """The robot's joints with what was identified, for every command's ``--preset``.
+
+        Args:
+            robot: name or path of the robot; None: the file of its URDF.
+            simulation: whose drives and friction it has, too.
+        """
+        known = urdf_friction(self.mechanism)
+        friction, tables = dict[str, JointFriction](), dict[str, Mapping[str, Any]]()
+        if simulation is not None:
+            known = friction = dict(simulation.joint_friction or {})
+            drives = simulation.drive
+            if isinstance(drives, Drive):
+                drives = dict.fromkeys(self.mechanism.gears, drives)
+            tables["drive"] = {name: shortest(Drive, one) for name, one in drives.items()}
+        for one in self.estimates:
+            if one.unknown.name == "dry_friction" and one.identified:
+                own = known.get(one.joint, JointFriction())
+                friction[one.joint] = replace(own, coulomb=one.value, static=None)
+        tables["friction"] = {name: shortest(JointFriction, one) for name, one in friction.items()}
+        return preset_found(self.mechanism, self.sought, self.measured.source, robot, tables)
 
     @property
     def sentence(self) -> str:

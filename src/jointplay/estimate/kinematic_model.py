@@ -182,7 +182,7 @@ class Poses:
             full[:, ideal.coordinate(name)] = poses.motor[:, column]
         self.q = full[:, [model.joints[i].idx_q for i in ids]]
         self.load, self.wrench = _loads(_with_payloads(model, payloads), full, ids)
-        self.bearings, self.gears = dict(mechanism.clearance), dict(mechanism.gears)
+        self.mechanism = mechanism
         self.approach, self.link = np.zeros(self.q.shape), np.full(self.q.shape, np.nan)
         at = [poses.joints.index(name) for name in self.known]
         here = [self.names.index(name) for name in self.known]
@@ -392,7 +392,7 @@ def _loaded(poses: Poses, j: int) -> tuple[np.ndarray, np.ndarray]:
 
 def _gear(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
     """Twist of a gear whose stiffness rises with the torque, by the compliance of each piece."""
-    gear, load = poses.gears.get(poses.names[j]), poses.load[:, j]
+    gear, load = poses.mechanism.gears.get(poses.names[j]), poses.load[:, j]
     if gear is None:
         return []
     curve = gear.curve()
@@ -408,7 +408,7 @@ def _gear(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
 
 def _bearing(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
     """Displacement of a rolling bearing: by its clearance, and as far as its elements give way."""
-    own = poses.bearings.get(poses.names[j])
+    own = poses.mechanism.clearance.get(poses.names[j])
     if not isinstance(own, RollingBearing):
         return []
     loads, turn = _loaded(poses, j)
@@ -432,11 +432,9 @@ def _bearing(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
 def _seat(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
     """How springs, or the seat of a bearing, give way in proportion to their load."""
     name, loads_turn = poses.names[j], _loaded(poses, j)
-    springs = [
-        part
-        for part in (bearing_parts(name, poses.bearings[name]) if name in poses.bearings else ())
-        if isinstance(part, Springs)
-    ]
+    own = poses.mechanism.clearance.get(name)
+    parts = () if own is None else bearing_parts(name, own)
+    springs = [part for part in parts if isinstance(part, Springs)]
     found = []
     for part in springs:
         for way, moved in part.sunk(loads_turn[0]).items():

@@ -11,6 +11,9 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.optimize import brentq
@@ -32,6 +35,9 @@ from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import Clearance
 from jointplay.simulation.loads.drive import JointFriction
 
+if TYPE_CHECKING:
+    from jointplay.scenario.presets import Preset
+
 WAYS = {
     "torsional": "rad/(N*m)",
     "link": "rad/(N*m)",
@@ -48,6 +54,8 @@ TOOL, ALL = "tool", "all"
 """Names of the structure's compliance at the tool, and of everything's."""
 SOFT = {"rad/(N*m)": 1e-5, "m/N": 1e-7}
 """Scales of compliances, by unit."""
+_BY_MOTOR = {"kind": "computed-torque", "encoder": "motor"}
+"""Drive of joints with gears of whose drive nothing else is known: play shows by such encoders."""
 _SMALLEST_PART = 0.05
 """Part of a value below which it is not drawn."""
 LINK = 1e-4
@@ -294,6 +302,40 @@ def apply(mechanism: Mechanism, found: Sequence[Estimate]) -> Mechanism:
         if joint in gears:
             gears[joint] = Teeth(joint, gears[joint]).holding(mine)
     return mechanism.with_clearance(joints, gears)
+
+
+def preset_found(
+    mechanism: Mechanism,
+    found: Sequence[Estimate],
+    source: str,
+    robot: str | Path | None = None,
+    tables: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
+) -> Preset:
+    """The mechanism's joints with what was found, as a preset.
+
+    Args:
+        mechanism: as the scenario has it.
+        found: of its unknowns.
+        source: which measurement told it.
+        robot: name or path; None: the file of its URDF.
+        tables: see `Preset.of_mechanism`.
+    """
+    from jointplay.scenario.presets import Origin, Preset
+
+    origins = []
+    for one in found:
+        value, interval = one.words()
+        origin, why = "measured", f"95 % interval {interval}; {source}"
+        if not one.identified:
+            value, origin = one.unknown.shown(one.unknown.nominal), "assumed"
+            why = f"of the scenario; {source} cannot tell: {one.reason}"
+        if value:
+            origins.append(Origin(one.label, value, origin, why))
+    place = str(robot or mechanism.description.path)
+    words = f"{Path(place).stem} as measured by {source}"
+    geared = dict.fromkeys([*mechanism.gears, *tables.get("gear", ())], _BY_MOTOR)
+    tables = dict(tables) | {"drive": geared | dict(tables.get("drive", {}))}
+    return Preset.of_mechanism(apply(mechanism, found), words, origins, tables, place)
 
 
 def drawn(

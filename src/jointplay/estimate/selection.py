@@ -12,9 +12,11 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, ClassVar, Self
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
+import pinocchio as pin
 from scipy.stats import f as fisher
 from scipy.stats import t as student
 
@@ -22,10 +24,16 @@ from jointplay.base import tables
 from jointplay.base.errors import JointplayError, MissingName
 from jointplay.base.tables import Table
 from jointplay.base.units import readable
-from jointplay.estimate.kinematic_model import Column, Poses, Term
+from jointplay.estimate.kinematic_model import COORDINATE, Column, Poses, Term
 from jointplay.estimate.least_squares import Fit, LeastSquares, basis, minimum
+from jointplay.estimate.machine import preset_found
+from jointplay.estimate.parts import SPRINGS, WOUND
 from jointplay.estimate.static_poses import StaticPoses
 from jointplay.estimate.unknowns import Estimate, Unknown, by_label, data, listed
+
+if TYPE_CHECKING:
+    from jointplay.model.mechanism import Mechanism
+    from jointplay.scenario.presets import Preset
 
 CHANCE = 0.1
 """Probability of chance below which a gain counts, one-sided."""
@@ -41,6 +49,19 @@ SMOOTHINGS = (0.25, 1.0, 4.0)
 """Times a transition that is given, for which a bound must hold."""
 _EQUAL = 1e-9
 """Part by which gains of choices differ that are the same but for rounding."""
+CONSTANT = ("offset", "placement")
+"""Kinds of terms that are the same in every pose."""
+_PARTS = {
+    "half-play": ("gear_play", 2.0),
+    "compliance": ("gear_compliance", 1.0),
+    "gear compliance": ("gear_compliance", 1.0),
+    **{f"gear compliance {k}": (name, 1.0) for k, name in enumerate(WOUND[:3], 1)},
+    "bearing clearance": ("radial_clearance", 1.0),
+    **{f"seat {way} compliance": (f"{way}_compliance", 1.0) for way in SPRINGS},
+}
+"""Unknowns of a joint's parts by the names of coefficients, and how many times as large."""
+_OF_GEAR = ("gear_play", "gear_compliance")
+"""For these a joint gets a gear if the scenario has none."""
 _UNKNOWN = "not determined (other causes do the same, or nothing shows it)"
 
 
@@ -220,6 +241,11 @@ class Calibration:
         return [one for one in self.steps if one.kept][-1]
 
     @property
+    def mechanism(self) -> Mechanism:
+        """As it was given."""
+        return self.step().fitted.problem.poses.mechanism
+
+    @property
     def kept(self) -> tuple[Term, ...]:
         return self.step().terms
 
@@ -242,6 +268,52 @@ class Calibration:
             if one.joint == joint:
                 return one
         raise MissingName("joint", joint, [one.joint for one in self.play])
+
+    def corrections(self) -> dict[str, pin.SE3]:
+        """By joint, where the kept model has its frame, in the nominal one and with the joint at
+        zero by its encoder: what `placement` and `offset` find. `bridges.urdf.to_urdf` writes them
+        into a URDF, whose tool is then where the model has it, but for causes that depend on the
+        pose or on loads."""
+        fitted = self.step().fitted
+        poses, moved = fitted.problem.poses, np.zeros((len(fitted.problem.poses.names), 7))
+        for one, value in zip(fitted.problem.columns, fitted.coefficients, strict=True):
+            if one.term.kind in CONSTANT:
+                moved[one.index, one.target] += value
+        found = {}
+        for name, axis, turns, own in zip(poses.names, poses.axis, poses.turns, moved, strict=True):
+            if own.any():
+                way = own[COORDINATE] * axis
+                zero = (pin.exp3(way), np.zeros(3)) if turns else (np.eye(3), way)
+                found[name] = pin.SE3(pin.exp3(own[3:6]), own[:3]) * pin.SE3(*zero)
+        return found
+
+    def preset(self, robot: str | Path | None = None) -> Preset:
+        """The robot's joints with what was found: play and compliance as gears, and bearings, seats
+        and gears of the scenario with theirs.
+
+        Args:
+            robot: name or path of the robot; None: the file of its URDF.
+
+        Raises:
+            JointplayError: nothing of it was found.
+        """
+        mechanism, found, gears = self.mechanism, [], dict[str, dict[str, float]]()
+        for one in (*self.play, *self.coefficients):
+            name, factor = _PARTS.get(one.unknown.name, ("", 1.0))
+            if not name or not one.identified or not one.found or not one.value > 0.0:
+                continue
+            found.append(one.renamed(name, factor))
+            turns = one.unknown.unit.startswith("rad")
+            if turns and one.joint not in mechanism.gears and name in _OF_GEAR:
+                value = found[-1].value
+                own = {"play": value} if name == _OF_GEAR[0] else {"stiffness": 1.0 / value}
+                gears.setdefault(one.joint, {}).update(own)
+        if not found:
+            raise JointplayError(
+                "these poses tell nothing of play or stiffness, which a preset would have"
+            )
+        tables = {"gear": {name: {"play": 0.0} | own for name, own in gears.items()}}
+        return preset_found(mechanism, found, self.poses.source, robot, tables)
 
     @property
     def models(self) -> Table:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -114,6 +114,15 @@ class Estimate:
     @property
     def identified(self) -> bool:
         return not self.reason
+
+    def renamed(self, name: str, factor: float = 1.0) -> Estimate:
+        """The same of an unknown that is so many times as large."""
+        low, high = self.interval
+        ends = factor * low, factor * high
+        one = replace(self.unknown, name=name, least=factor * self.unknown.least)
+        return replace(
+            self, unknown=one, value=factor * self.value, ends=ends, upper=factor * self.upper
+        )
 
     def words(self) -> tuple[str, str]:
         """Value and interval as tables have them."""

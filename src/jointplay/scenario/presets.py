@@ -3,26 +3,31 @@
     jointplay robots --presets
     jointplay run so101 --preset
     jointplay budget ur5 --preset ur-like --whole industrial
+    jointplay budget ur5 --preset my_arm.toml
 
     import jointplay as jp
     robot = jp.presets.preset("so101").mechanism()
 
-Each is a file in ``data/``: tables of a scenario, and for each number whether it was seen in a
-public source, estimated from one, or assumed.
+Each is a file, in ``data/`` or one's own: tables of a scenario, and for each number whether it was
+measured on this robot, seen in a public source, estimated from one, or assumed.
 """
 
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from jointplay.base.errors import JointplayError, MissingName
+from jointplay.base.errors import JointplayError, MissingName, require_known
+from jointplay.base.files import read_text
+from jointplay.base.schema import read, shortest, unknown_key
+from jointplay.model.gear import Gearing
 from jointplay.model.urdf import Description
-from jointplay.scenario.overrides import Setting
+from jointplay.physics.joints import Clearance
+from jointplay.scenario.overrides import Setting, as_toml
 
 if TYPE_CHECKING:
     from jointplay.model.mechanism import Mechanism
@@ -31,7 +36,8 @@ if TYPE_CHECKING:
 __all__ = ["ORIGINS", "Origin", "Preset", "preset", "preset_of", "presets"]
 _TABLES = {"bearing": "joints", "gear": "gears", "drive": "drives", "friction": "joint_friction"}
 """Tables of a scenario by what a preset calls a joint's."""
-ORIGINS = ("seen", "estimated", "assumed")
+_PARTS = ("preset", "every", "joint", "origin")
+ORIGINS = ("measured", "seen", "estimated", "assumed")
 """What a number can be."""
 
 
@@ -64,15 +70,52 @@ class Preset:
     """URDF that it was made for, if there is one."""
     errors: str
     """Class of errors besides play (`accuracy.robot_errors`)."""
-    every: Mapping[str, Any]
-    """Tables of each of its joints, and their names; empty if `ordered` has them."""
-    ordered: tuple[Mapping[str, Any], ...]
-    """Tables by the order of joints from the base on; the last is for all that follow."""
     origins: tuple[Origin, ...]
+    every: Mapping[str, Any] = field(default_factory=dict)
+    """Tables of each of its joints, and their names; empty if `ordered` or `named` has them."""
+    ordered: tuple[Mapping[str, Any], ...] = ()
+    """Tables by the order of joints from the base on; the last is for all that follow."""
+    named: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    """Tables by joint."""
 
     @property
     def assumed(self) -> bool:
         return all(one.origin == "assumed" for one in self.origins)
+
+    @classmethod
+    def of_mechanism(
+        cls,
+        mechanism: Mechanism,
+        words: str,
+        origins: Sequence[Origin],
+        tables: Mapping[str, Mapping[str, Any]],
+        robot: str | None = None,
+    ) -> Preset:
+        """The bearings and gears of a mechanism, as a preset of its own.
+
+        Args:
+            mechanism: whose joints.
+            words: what it is.
+            origins: where its numbers come from.
+            tables: more of them, such as of ``drive`` and ``friction``, by what a preset calls
+                them and by joint.
+            robot: name or path of its robot.
+        """
+        parts: dict[str, Mapping[str, Any]] = {
+            "bearing": {
+                name: shortest(Clearance, one)
+                for name, one in mechanism.clearance.items()
+                if name in mechanism.description.joints
+            },
+            "gear": {name: shortest(Gearing, one) for name, one in mechanism.gears.items()},
+        }
+        named: dict[str, dict[str, Any]] = {}
+        for some in (parts, tables):
+            for part, by_joint in some.items():
+                for joint, table in by_joint.items():
+                    named.setdefault(joint, {})[part] = table
+        known = "what was measured on this robot, and what stood in its scenario"
+        return cls(str(robot or words), words, known, (), robot, "", tuple(origins), named=named)
 
     def tables(self, description: Description) -> dict[str, dict[str, Any]]:
         """Tables of a scenario for a robot: ``joints``, ``gears``, ``drives``, by joint.
@@ -80,18 +123,19 @@ class Preset:
         Raises:
             JointplayError: the robot has none of its joints.
         """
-        able = ("revolute", "continuous")
-        turning = [name for name, one in description.joints.items() if one.kind in able]
-        if self.every:
-            names = [name for name in self.every["joints"] if name in description.joints]
-            if not names:
+        able, holds = ("revolute", "continuous"), description.joints
+        if self.every or self.named:
+            for name in self.named:
+                require_known("joint", name, holds, f"; preset {self.name!r} names it")
+            tables_of = self.named or dict.fromkeys(self.every["joints"], self.every)
+            own = [(name, tables) for name, tables in tables_of.items() if name in holds]
+            if not own:
                 raise JointplayError(
-                    f"preset {self.name!r} is for the joints {', '.join(self.every['joints'])}, "
-                    f"and {description.path.name} has none of them"
+                    f"preset {self.name!r} is for the joints {', '.join(tables_of)}, "
+                    f"and {description.path.name} has none of them; its joints: {', '.join(holds)}"
                 )
-            own: list[tuple[str, Mapping[str, Any]]] = [(name, self.every) for name in names]
         else:
-            holds = description.joints
+            turning = [name for name, one in holds.items() if one.kind in able]
             turning.sort(key=lambda name: len([*description.above(holds[name].parent)]))
             last = len(self.ordered) - 1
             own = [(name, self.ordered[min(k, last)]) for k, name in enumerate(turning)]
@@ -120,48 +164,79 @@ class Preset:
         Raises:
             JointplayError: no robot is given and the preset has none.
         """
-        from jointplay.scenario.robot import description_of, robot_place, robot_scenario
+        from jointplay.scenario.robot import at_rest, description_of, robot_place, robot_scenario
 
         place = robot or self.robot
         if place is None:
             raise JointplayError(f"preset {self.name!r} is for any arm: give a robot")
         own = [Setting(("robot", key), value, key) for key, value in options.items()]
-        settings = self.settings(description_of(robot_place(str(place)), own))
+        description = description_of(robot_place(str(place)), own)
+        gears = self.tables(description).get("gears", {})
+        settings = [*self.settings(description), *at_rest(gears, gears)]
         return robot_scenario(str(place), settings=[*settings, *own], still=True).mechanism()
 
     def drives(self, description: Description) -> dict[str, Drive]:
         """Drives that it knows, by joint; see `tables`."""
-        from jointplay.base.schema import read as make
         from jointplay.simulation.loads.drive import Drive
 
         tables = self.tables(description).get("drives", {})
-        return {name: make(Drive, one) for name, one in tables.items()}
+        return {name: read(Drive, one) for name, one in tables.items()}
 
     def __str__(self) -> str:
         whom = f" ({', '.join(self.robots)})" if self.robots else " (any arm)"
         lines = [f"{self.name}{whom}: {self.words}", f"    publicly known: {self.known}"]
         return "\n".join([*lines, *(f"    {one}" for one in self.origins)])
 
+    @property
+    def text(self) -> str:
+        """The file that `preset` reads, of one with tables by joint."""
+        head = {"words": self.words, "known": self.known, "robots": list(self.robots)}
+        head |= {"robot": self.robot} if self.robot else {}
+        head |= {"errors": self.errors} if self.errors else {}
+        origins = [as_toml({"origin": vars(one)}) for one in self.origins]
+        tables = as_toml({"preset": head, "joint": self.named})
+        return "\n".join([tables, *(one.replace("[origin]", "[[origin]]") for one in origins)])
+
 
 @cache
 def _presets() -> dict[str, Preset]:
-    found = {}
-    for path in sorted((Path(__file__).parent / "data").glob("*.toml")):
-        with path.open("rb") as file:
-            data = tomllib.load(file)
-        head = data["preset"]
-        found[path.stem] = Preset(
-            path.stem,
-            head["words"],
-            head["known"],
-            tuple(head["robots"]),
-            head.get("robot"),
-            head["errors"],
-            data.get("every", {}),
-            tuple(data.get("joint", ())),
-            tuple(Origin(**one) for one in data["origin"]),
+    folder = Path(__file__).parent / "data"
+    return {path.stem: _read(path, path.stem) for path in sorted(folder.glob("*.toml"))}
+
+
+def _read(path: Path, name: str) -> Preset:
+    text = read_text(path, "preset")
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise JointplayError(f"{path}: not a TOML file: {error}") from None
+    for key in data:
+        if key not in _PARTS:
+            raise JointplayError(f"{path}: {unknown_key(key, _PARTS, ' of a preset')}")
+    head, joint = data.get("preset", {}), data.get("joint", {})
+    if not isinstance(head, dict) or not (joint or data.get("every")):
+        raise JointplayError(
+            f"{path}: no preset: tables such as [joint.elbow.gear] or [joint.elbow.bearing] are "
+            "needed (docs/robots.md)"
         )
-    return found
+    named = joint if isinstance(joint, dict) else {}
+    for whose, tables in named.items():
+        for part in tables:
+            if part not in _TABLES:
+                words = unknown_key(part, _TABLES, f" of joint {whose!r}")
+                raise JointplayError(f"{path}: {words}")
+    return Preset(
+        name,
+        head.get("words", path.name),
+        head.get("known", "what the file says"),
+        tuple(head.get("robots", ())),
+        head.get("robot"),
+        head.get("errors", ""),
+        tuple(read(Origin, one) for one in data.get("origin", ())),
+        data.get("every", {}),
+        () if named else tuple(joint),
+        named,
+    )
 
 
 def presets() -> list[str]:
@@ -169,16 +244,19 @@ def presets() -> list[str]:
     return list(_presets())
 
 
-def preset(name: str) -> Preset:
-    """A preset by its name.
+def preset(name: str | Path) -> Preset:
+    """A preset by its name, or a file of one's own, a path that ends in ``.toml``.
 
     Raises:
         MissingName: none of that name; the nearest are named.
+        JointplayError: the file is missing, or is none.
     """
+    if str(name).lower().endswith(".toml"):
+        return _read(Path(name), str(name))
     known = _presets()
     if name not in known:
-        raise MissingName("preset", name, known)
-    return known[name]
+        raise MissingName("preset", str(name), known, ", or a file of your own (NAME.toml)")
+    return known[str(name)]
 
 
 def preset_of(robot: str) -> Preset:

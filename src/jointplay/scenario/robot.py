@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +52,23 @@ SHORTEST_STEP = 1e-9
 """A shorter one is not chosen: bodies that need it have next to no mass [s]."""
 MARGIN = 1.2
 """Impacts elsewhere on the way may be as many times as short."""
+
+
+AT_REST = {"rotor_inertia": 0.1, "stiffness": 1e4}
+"""Of gears of which only the play is given, where only that counts [kg m^2, N m/rad]."""
+
+
+def at_rest(names: Iterable[str], gears: Mapping[str, Mapping[str, Any]]) -> list[Setting]:
+    """What stands for numbers that nobody gave of plain gears at rest, of which only play and
+    stiffness count, by the tables of gears."""
+    missing = []
+    for name in names:
+        own = gears.get(name, {})
+        if own.get("kind", "backlash") == "backlash":
+            missing += [(name, key, value) for key, value in AT_REST.items() if key not in own]
+    return [
+        Setting(("gears", name, key), value, f"--gear {name}", True) for name, key, value in missing
+    ]
 
 
 def _there(place: str) -> bool:

@@ -33,15 +33,26 @@ Example: jointplay calibrate my_robot.urdf poses.csv --tool flange --out found
     --out DIR  folder for the tables (CSV, JSON) and the figure
     --detail
     --quiet
+  corrected robot:
+    --urdf FILE  write the robot's URDF with joints where the kept model has them
+    --write-preset FILE  write play and stiffness found, for --preset FILE of every command
 """
+
+from __future__ import annotations
 
 import argparse
 import json
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+from jointplay.base import files
 from jointplay.base.errors import JointplayError
+from jointplay.base.tables import counted
 from jointplay.cli.commands import Outputs, print_answer, quantity, vector
-from jointplay.cli.commands.inputs import scenario_of
+from jointplay.cli.commands.inputs import is_scenario, scenario_of, write_preset
+
+if TYPE_CHECKING:
+    from jointplay.estimate import Calibration
 
 TABLES = ("calibration.csv", "calibration.json", "residuals.csv", "calibration.png")
 ENCODERS = "encoders.csv"
@@ -52,6 +63,11 @@ def run(options: argparse.Namespace) -> int:
         words = "a table of poses (CSV), or --plan to ask where to measure"
         raise JointplayError(f"give {words}{'; not both' if options.plan else ''}")
     out = Outputs(options.out, ["plan.txt"] if options.plan else [*TABLES, ENCODERS])
+    for option, value in (("--urdf", options.urdf), ("--write-preset", options.write_preset)):
+        if value is not None and options.plan:
+            raise JointplayError(f"{option} needs measured poses, not --plan")
+        if value is not None:
+            files.check_new(Path(value))
     folds = options.folds
     if folds not in ("rows", "groups", "points"):
         try:
@@ -129,9 +145,33 @@ def run(options: argparse.Namespace) -> int:
                 fit.residuals.csv(6),
             )
             contents |= dict(zip(TABLES, (*texts, calibration(fit)), strict=True))
+        if options.urdf is not None:
+            print(_write_urdf(fit, Path(options.urdf)))
+        if options.write_preset is not None:
+            place = None if is_scenario(options) else str(options.place)
+            write_preset(options.write_preset, fit.preset(place))
+    elif options.urdf is not None or options.write_preset is not None:
+        raise JointplayError("--urdf and --write-preset need positions of the tool, or points")
     if options.out:
         out.write(contents)
     return 0
+
+
+def _write_urdf(fit: Calibration, path: Path) -> str:
+    """Write the corrected robot, and say what it has."""
+    from jointplay.bridges.urdf import to_urdf
+    from jointplay.estimate.selection import CONSTANT
+
+    corrections = fit.corrections()
+    if not corrections:
+        raise JointplayError(
+            "nothing to write into a URDF: neither offset nor placement was kept (--always offset "
+            "has it in every model)"
+        )
+    files.write(path, to_urdf(fit.mechanism.ideal(), corrections))
+    left = [str(term) for term in fit.kept if term.kind not in CONSTANT]
+    words = f"; not in it, as they vary with pose or load: {', '.join(left)}" if left else ""
+    return f"written: {path}: {counted(len(corrections), 'joint')} put right{words}"
 
 
 def _scatter(text: str | None) -> tuple[float, float] | None:

@@ -50,6 +50,8 @@ Example: jointplay identify my_robot.toml measured.csv --out worn
     --count N  number of experiments to choose (default 6)
     --push FORCE  force with which the tool can be pushed; 0: none (default: 20)
     --out DIR  folder for the tables (CSV, JSON) and the figure
+    --write-preset FILE  write the robot's joints with what was identified, for --preset FILE of
+        every command
     --detail
     --quiet
 """
@@ -58,12 +60,14 @@ import argparse
 import json
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
+from jointplay.base import files
 from jointplay.base.errors import JointplayError
 from jointplay.base.pairs import misread, pair
 from jointplay.cli.commands import Outputs, given, numbers_by_name, print_answer, quantity
-from jointplay.cli.commands.inputs import posed_machine
+from jointplay.cli.commands.inputs import is_scenario, posed_machine, write_preset
 
 
 def run(options: argparse.Namespace) -> int:
@@ -78,6 +82,10 @@ def run(options: argparse.Namespace) -> int:
     data = options.data if options.plan else _recording(options)
     names = ["identified.csv", "identified.json", "identified.png"]
     out = Outputs(options.out, ["plan.txt"] if options.plan else names)
+    if options.write_preset is not None:
+        if options.plan:
+            raise JointplayError("--write-preset needs a measurement, not --plan")
+        files.check_new(Path(options.write_preset))
     posed = posed_machine(options)
     for option in ("verify", "runs"):
         if getattr(options, option) and posed.simulation is None:
@@ -130,6 +138,9 @@ def run(options: argparse.Namespace) -> int:
         checked = verify(posed.simulation, fit, runs=options.verify, **shown)
         print(checked)
         found["verification"] = checked.describe()
+    if options.write_preset is not None:
+        place = None if is_scenario(options) else str(options.place)
+        write_preset(options.write_preset, fit.preset(place, posed.simulation))
     if options.out:
         from jointplay.show.plots.design import identification
 

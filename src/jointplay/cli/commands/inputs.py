@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 import json
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -40,9 +40,6 @@ if TYPE_CHECKING:
     from jointplay.scenario.presets import Preset
     from jointplay.simulation.motion.reference import Motion
     from jointplay.simulation.simulation import Simulation
-
-_STATIC_GEAR = {"rotor_inertia": 0.1, "stiffness": 1e4}
-"""Of gears of which only the play is given, where only that counts."""
 
 MOST_CHOICES = 9
 """Words that an option's help lists."""
@@ -322,7 +319,8 @@ def scenario_of(options: argparse.Namespace, still: bool = False) -> Scenario:
         settings += _joint_settings(options, names, lengths, tables, file, wanted)
         if still and file is not None:  # who names a joint of one case wants its play
             settings += [Setting(("joints", name, "ideal"), False, "--joint") for name in names]
-    settings += [*_gear_settings(options, tables, still), *_other_settings(options), *wanted]
+    ours = {one.key[1]: one for one in settings if one.key[0] == "gears"}
+    settings += [*_gear_settings(options, tables, still, ours), *_other_settings(options), *wanted]
     if file is None:
         scenario = robot_scenario(options.place, names, settings, ideal, still)
     elif not settings:
@@ -547,6 +545,12 @@ def chosen_preset(options: argparse.Namespace) -> Preset | None:
     return preset(name) if name else preset_of(str(options.place or "scara"))
 
 
+def write_preset(path: str, preset: Preset) -> None:
+    """Write a preset of one's own, and say how to use it."""
+    files.write(Path(path), preset.text)
+    print(f"written: {path}; every command takes it as --preset {path}")
+
+
 def _value(options: argparse.Namespace, attribute: str) -> Any:
     """Value of an option; None also if the command does not have it."""
     return getattr(options, attribute, None)
@@ -658,17 +662,17 @@ def _path(
 
 
 def _gear_settings(
-    options: argparse.Namespace, said: Mapping[str, Any], still: bool
+    options: argparse.Namespace, said: Mapping[str, Any], still: bool, ours: Collection[str]
 ) -> list[Setting]:
-    """What options say of gears: those of --gear, or else all."""
+    """What options say of gears: those of --gear, or else all; `ours` are the preset's."""
     from jointplay.scenario.overrides import Setting
+    from jointplay.scenario.robot import at_rest
 
     plays = numbers_by_name(_value(options, "gear") or (), "--gear JOINT=ANGLE", "rad")
     known, settings = said.get("gears", {}), []
+    if still:
+        settings += at_rest([*plays, *ours], known)
     for name, angle in plays.items():
-        if still and name not in known:
-            for key, value in _STATIC_GEAR.items():
-                settings.append(Setting(("gears", name, key), value, f"--gear {name}", True))
         settings.append(Setting(("gears", name, "play"), angle, f"--gear {name}"))
     for flag in (one for one in _given(options) if one.keys[0][0] == "gears"):
         if not (plays or known):
