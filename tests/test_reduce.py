@@ -11,9 +11,10 @@ from conftest import body, joint
 
 from jointplay import Gear, JointplayError, Mechanism, Motion, RevoluteClearance, Simulation
 from jointplay.bridges.reduced_files import to_json, to_urdf, to_yaml
-from jointplay.bridges.reduced_mjcf import compile_robot, follow, load_mujoco
+from jointplay.bridges.reduced_mjcf import compile_robot, follow
 from jointplay.bridges.reduction import reduce
 from jointplay.cli import main
+from jointplay.model.mjcf import load_mujoco
 from jointplay.simulation.loads.drive import Prescribed, Servo
 
 GEAR = Gear(play=4e-3, rotor_inertia=0.05, stiffness=2e3, damping=2.0)

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import copy
 import math
-import sys
 import time as clock
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Mapping, Sequence
@@ -24,12 +23,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jointplay.base.errors import JointplayError, require_known
-from jointplay.base.imports import extra
 from jointplay.bridges.reduced_files import bodies, check_encoder, refuse_taken
 from jointplay.bridges.reduction import LONGEST_STEP_S, SETTLED, Reduction
 from jointplay.model.elements import Element, put
 from jointplay.model.mechanism import Mechanism
 from jointplay.model.meshes import FOLDER, readable
+from jointplay.model.mjcf import load_mujoco
 from jointplay.model.visuals import find_mesh, mesh_folders
 from jointplay.simulation.loads.drive import Servo
 
@@ -499,15 +498,6 @@ class Followed(NamedTuple):
     tilt_error: float | None = None
     """Largest difference of the axis' tilt, a vector, after a tenth of the time [rad]; None if the
     file's joint cannot tilt."""
-
-
-def load_mujoco() -> Any:
-    """The package mujoco; its warnings go to stderr, not to a file in the working folder."""
-    with extra("simulators", "mujoco"):
-        import mujoco
-    if mujoco.get_mju_user_warning() is None:
-        mujoco.set_mju_user_warning(lambda text: print(f"MuJoCo: {text}", file=sys.stderr))
-    return mujoco
 
 
 def follow(

@@ -16,7 +16,7 @@ from jointplay.base.files import read_text
 from jointplay.model import urdf
 from jointplay.model.robots import file_of
 
-FORMATS: dict[str, tuple[str, str]] = {}
+FORMATS: dict[str, tuple[str, str]] = {"mujoco": ("mjcf", "urdf_text")}
 """Module here and function that turn a format into a URDF, ``(text, path) -> text``, by the tag of
 the file's root element; it is imported when a file has that root. Any other file is a URDF."""
 

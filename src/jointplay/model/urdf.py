@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import shlex
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -11,7 +12,7 @@ from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -199,6 +200,20 @@ def shipped(name: str) -> Path:
     return path
 
 
+BEYOND = "beyond_urdf"
+"""Element of a robot that holds, as JSON, what no URDF says."""
+
+
+@dataclass(frozen=True)
+class Beyond:
+    """What a file of another format says and a URDF does not."""
+
+    tables: dict[str, dict[str, Any]] = field(default_factory=dict)
+    """Of a scenario: ``robot``, ``gears``, ``drives``, ``loads``, ..."""
+    notes: tuple[str, ...] = ()
+    """What was read and what was left out, a line each."""
+
+
 @dataclass(frozen=True)
 class Description:
     """A URDF's text, with its joints by name in the order of the file."""
@@ -211,6 +226,11 @@ class Description:
     """The rest of what it says."""
     stored: bool = False
     """Whether it comes from a result: it then has no folder from which it may take meshes."""
+
+    @cached_property
+    def beyond(self) -> Beyond:
+        """What the file said for which a URDF has no words."""
+        return Beyond(**json.loads(self.declared.root.findtext(BEYOND) or "{}"))
 
     @property
     def revolute(self) -> list[str]:

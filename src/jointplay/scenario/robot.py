@@ -121,6 +121,27 @@ def description_of(place: str, settings: Sequence[Setting], folder: Path = Path(
     return with_fixed(read(place, allowed, folder), fix)
 
 
+def settings_beyond(description: Description, ideal: bool, still: bool) -> list[Setting]:
+    """What a robot's file says beyond a URDF, of joints that move; play unless it is `ideal`.
+
+    Where nothing moves (`still`) rotors without play are left out: their elasticity is assumed.
+    """
+    settings = []
+    for table, rows in description.beyond.tables.items():
+        for name, row in rows.items():
+            if table == "robot":
+                settings.append(Setting((table, name), row, "the MJCF", assumed=True))
+                continue
+            if row.get("joint", name) not in description.moving:
+                continue
+            if table == "gears" and ideal:
+                row = row | {"play": 0.0}
+            if table == "gears" and still and not row["play"]:
+                continue
+            settings.append(Setting((table, name), row, "the MJCF", assumed=True))
+    return settings
+
+
 def _of_robot(
     place: str | None, joints: Sequence[str], settings: Sequence[Setting], ideal: bool, still: bool
 ) -> Scenario:
@@ -131,10 +152,12 @@ def _of_robot(
     # The robot alone: what is wrong elsewhere is said when the scenario is built.
     description = description_of(place, settings)
     path = description.path
-    settings = with_names(settings, description.joints)
+    beyond = settings_beyond(description, ideal, still)
+    settings = with_names([*beyond, *settings], description.joints)
     given = tree(settings)
     description.require_moving()
-    if not (joints or ideal or still or {"joints", "gears"} & set(given)):
+    geared = any(one.get("play", True) for one in given.get("gears", {}).values())
+    if not (joints or ideal or still or geared or "joints" in given):
         if not scara:
             choices = f"revolute joints of {path}: {', '.join(description.revolute) or 'none'}"
             raise JointplayError(
@@ -166,7 +189,7 @@ def _of_robot(
     ]
     written = "\n".join(f"{key} = {inline(value)}" for key, value in text.items())
     scenario = Scenario(written, place, (*named, *settings), LABEL)
-    scenario.assumptions = assumptions
+    scenario.assumptions = [*description.beyond.notes, *assumptions]
     return scenario
 
 

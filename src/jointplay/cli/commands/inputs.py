@@ -289,7 +289,7 @@ def scenario_of(options: argparse.Namespace, still: bool = False) -> Scenario:
     from jointplay.scenario import Scenario
     from jointplay.scenario.overrides import Setting, parse, tree
     from jointplay.scenario.reading import merge
-    from jointplay.scenario.robot import robot_scenario
+    from jointplay.scenario.robot import robot_scenario, settings_beyond
 
     ideal, file = bool(_value(options, "ideal")), None
     named = [] if ideal or not still else _name_all_loose(options)
@@ -314,7 +314,10 @@ def scenario_of(options: argparse.Namespace, still: bool = False) -> Scenario:
         names = [SCARA_JOINT]
     bearings, lengths = _of_joints(options)
     settings += bearings
-    tables = merge(of_file, tree([*settings, *wanted]))
+    beyond = []
+    if file is None and options.place is not None:
+        beyond = settings_beyond(_description(options, wanted, None), ideal, still)
+    tables = merge(of_file, tree([*beyond, *settings, *wanted]))
     if names or for_joints(options):
         settings += _joint_settings(options, names, lengths, tables, file, wanted)
         if still and file is not None:  # who names a joint of one case wants its play

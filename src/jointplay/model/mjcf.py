@@ -1,0 +1,618 @@
+"""Reading an MJCF: MuJoCo compiles it, and of what it compiled a URDF is made.
+
+Joints, frames and masses are MuJoCo's own, with its classes, angles and inertias of shapes; joints
+of one body become links one behind the other. What a URDF has no words for, play above all, is told
+in a scenario's words (`Description.tables`), what is left out in a line (`Description.notes`).
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay.base.errors import JointplayError
+from jointplay.base.files import is_file
+from jointplay.base.imports import extra
+from jointplay.base.tables import few
+from jointplay.model import urdf
+from jointplay.model.elements import Element, document, origin_of, put, put_fixed, put_inertial
+
+WIDEST_PLAY = 0.1
+"""A second hinge about the same axis that turns no farther is the play of the first [rad]."""
+STIFF_HZ = 200.0
+"""Frequency of a rotor that is an armature in MuJoCo, rigid there, against its joint [Hz]."""
+STIFF_DAMPING = 0.05
+"""Its damping ratio."""
+_PARALLEL = 1e-6
+"""Distance of two axes that are one, and sine of the angle between them [m, 1]."""
+_UNBOUNDED = 1e3
+"""Error at which the supply of an actuator without limit of force would end [rad or m]."""
+_LFS = b"version https://git-lfs"
+"""What stands in a file whose content was left elsewhere."""
+_COLLISION_GROUP = 3
+"""Group of geoms from which on MuJoCo's viewer shows none."""
+
+
+def load_mujoco() -> Any:
+    """The package mujoco; its warnings go to stderr, not to a file in the working folder."""
+    with extra("simulators", "mujoco"):
+        import mujoco
+    if mujoco.get_mju_user_warning() is None:
+        mujoco.set_mju_user_warning(lambda text: print(f"MuJoCo: {text}", file=sys.stderr))
+    return mujoco
+
+
+def load_spec(path: Path) -> Any:
+    """An MJCF as MuJoCo's `MjSpec`, all its bodies and joints with names.
+
+    Raises:
+        JointplayError: MuJoCo is not installed, or cannot read the file.
+    """
+    mujoco = load_mujoco()
+    try:
+        spec = mujoco.MjSpec.from_file(str(path))
+    except (ValueError, mujoco.FatalError) as error:
+        raise _refused(path, error) from None
+    taken = {one.name for one in (*spec.bodies, *spec.joints)}
+    for number, body in enumerate(spec.bodies):
+        body.name = body.name or _unused(f"body{number}", taken)
+        for count, joint in enumerate(body.joints):
+            end = f"_joint{count + 1}" if len(body.joints) > 1 else "_joint"
+            joint.name = joint.name or _unused(f"{body.name}{end}", taken)
+    return spec
+
+
+def _refused(path: Path, error: Exception) -> JointplayError:
+    reason = " ".join(str(error).split())
+    return JointplayError(f"MuJoCo cannot read the MJCF {str(path)!r}: {reason}")
+
+
+def _unused(name: str, taken: set[str]) -> str:
+    """The name, or with a number behind it, that is not taken; it is then."""
+    number, wanted = 2, name
+    while name in taken:
+        name, number = f"{wanted}_{number}", number + 1
+    taken.add(name)
+    return name
+
+
+def urdf_text(text: str, path: Path) -> str:
+    """The robot of an MJCF, `path`, as a URDF; MuJoCo reads the file and those that it includes.
+
+    Trees of bodies that float freely beside a robot that is held are left out; if all float, the
+    largest is the robot, its base free.
+
+    Raises:
+        JointplayError: MuJoCo is not installed or cannot compile the file, or a mesh is missing
+            from which a body takes its inertia.
+    """
+    spec = load_spec(path)
+    meshes = _lighten(spec, path)
+    try:
+        model = spec.compile()
+    except (ValueError, load_mujoco().FatalError) as error:
+        raise _refused(path, error) from None
+    return _Reading(load_mujoco(), model, path, {int(geom.id): one for geom, one in meshes}).text()
+
+
+@dataclass(frozen=True)
+class _Mesh:
+    """The file of a picture."""
+
+    file: str
+    scale: np.ndarray
+    place: pin.SE3
+    """In the frame of the geom that MuJoCo compiled."""
+
+
+def asset_path(spec: Any, path: Path, folder: str, file: str) -> Path:
+    """Where a file lies that an MJCF names."""
+    name = Path(file).name if spec.strippath else file
+    return Path(spec.modelfiledir or path.parent) / folder / name
+
+
+def _there(path: Path) -> bool:
+    """Whether a file is there with its content."""
+    if not is_file(path):
+        return False
+    with path.open("rb") as file:
+        return not file.read(len(_LFS)).startswith(_LFS)
+
+
+def _lighten(spec: Any, path: Path) -> list[tuple[Any, _Mesh]]:
+    """Take out of a spec what gives no body its inertia: meshes, textures and the like.
+
+    Returns:
+        Each geom with a mesh that is a file, and what it shows.
+    """
+    kinds, shapes = load_mujoco().mjtGeom, load_mujoco().mjtGeomInertia
+    spec.compiler.discardvisual = spec.compiler.fusestatic = False
+    meshes = {mesh.name or Path(mesh.file).stem: mesh for mesh in spec.meshes}
+    needed, shown = set(), []
+    for geom in list(spec.geoms):
+        if geom.hfieldname:
+            spec.delete(geom)
+        if geom.hfieldname or not geom.meshname:
+            continue
+        name, mesh = geom.meshname, meshes.get(geom.meshname)
+        if mesh is None:
+            raise JointplayError(f"a geom of body {geom.parent.name!r} has no mesh {name!r}")
+        file = asset_path(spec, path, spec.meshdir, mesh.file) if mesh.file else None
+        place = pin.SE3(_rotation(mesh.refquat), np.array(mesh.refpos)).inverse()
+        if file is not None:
+            shown.append((geom, name, _Mesh(str(file), np.array(mesh.scale), place)))
+        if _gives_inertia(spec, geom):
+            if file is not None and not _there(file):
+                raise JointplayError(
+                    f"body {geom.parent.name!r} takes its inertia from the mesh {str(file)!r}, "
+                    "which is missing: put it there, or give the body an <inertial>"
+                )
+            needed.add(name)
+            continue
+        geom.type, geom.meshname, geom.mass = kinds.mjGEOM_SPHERE, "", 0.0
+        geom.size, geom.typeinertia = [1e-3, 0.0, 0.0], shapes.mjINERTIA_VOLUME
+    for material in spec.materials:
+        for k in range(len(material.textures)):
+            material.textures[k] = ""
+    unread = [*spec.textures, *spec.skins, *spec.hfields]
+    for one in [*unread, *(mesh for name, mesh in meshes.items() if name not in needed)]:
+        spec.delete(one)
+    return [(geom, mesh) for geom, _, mesh in shown]
+
+
+def _gives_inertia(spec: Any, geom: Any) -> bool:
+    """Whether a body that moves, or the sum of all masses, takes its inertia from a geom."""
+    how, body = load_mujoco().mjtInertiaFromGeom, geom.parent
+    wanted = spec.compiler.inertiafromgeom
+    if wanted == how.mjINERTIAFROMGEOM_FALSE:
+        return False
+    if wanted == how.mjINERTIAFROMGEOM_AUTO and body.explicitinertial:
+        return False
+    low, high = spec.compiler.inertiagrouprange
+    massless = geom.density == 0.0 if math.isnan(geom.mass) else geom.mass == 0.0
+    if massless or not low <= geom.group <= high:
+        return False
+    moves = spec.compiler.settotalmass > 0.0
+    while not moves and body.name != "world":
+        moves, body = len(body.joints) > 0, body.parent
+    return moves
+
+
+def _rotation(quaternion: Any) -> np.ndarray:
+    """Of MuJoCo's quaternion, w first."""
+    w, x, y, z = np.asarray(quaternion) / np.linalg.norm(quaternion)
+    return pin.Quaternion(w, x, y, z).toRotationMatrix()
+
+
+def _place(position: Any, quaternion: Any) -> pin.SE3:
+    return pin.SE3(_rotation(quaternion), np.array(position))
+
+
+@dataclass(frozen=True)
+class _Play:
+    """A hinge that is the play of another."""
+
+    hinge: int
+    width: float
+    """[rad]."""
+    stiffness: float
+    """Of what stops it [N m/rad]."""
+    damping: float
+    """[N m s/rad]."""
+
+
+@dataclass
+class _Reading:
+    """A compiled MJCF on its way to a URDF."""
+
+    mujoco: Any
+    model: Any
+    path: Path
+    pictures: dict[int, _Mesh]
+    """By geom."""
+    tables: dict[str, Any] = field(default_factory=dict)
+    said: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        model, kinds = self.model, self.mujoco.mjtJoint
+        self.body_names = [model.body(i).name for i in range(model.nbody)]
+        self.joint_names = [model.joint(i).name for i in range(model.njnt)]
+        self.taken = {*self.body_names, *self.joint_names, urdf.GROUND}
+        self.types = [kinds(kind) for kind in model.jnt_type]
+        tops = [i for i in range(1, model.nbody) if model.body_parentid[i] == 0]
+        tops = [i for i in tops if model.body_mocapid[i] < 0]
+        free = [i for i in tops if kinds.mjJNT_FREE in map(self.types.__getitem__, self._joints(i))]
+        held = [i for i in tops if i not in free]
+        moving = any(model.jnt_type[j] != kinds.mjJNT_FREE and self._top(j) in held
+                     for j in range(model.njnt))  # fmt: skip
+        self.floats = bool(free) and not moving
+        kept = [max(free, key=lambda top: self._size(top))] if self.floats else held
+        self.bodies = [i for i in range(1, model.nbody) if self._top_of(i) in kept]
+        if left := [self.body_names[i] for i in free if i not in kept]:
+            self.said.append(f"left out, for they float freely: {few(left)}")
+        self.joints = [
+            j for i in self.bodies for j in self._joints(i) if self.types[j] != kinds.mjJNT_FREE
+        ]
+        self.drives = dict(self._position_drives())
+        self.play: dict[int, _Play] = {}
+        for i in self.bodies:
+            self.play.update(self._play_in(i))
+        hidden = {one.hinge for one in self.play.values()}
+        self.joints = [j for j in self.joints if j not in hidden]
+        self.mimics = self._mimics()
+
+    # Bodies and joints.
+
+    def _joints(self, body: int) -> range:
+        first = int(self.model.body_jntadr[body])
+        return range(first, first + int(self.model.body_jntnum[body]))
+
+    def _top_of(self, body: int) -> int:
+        return int(self.model.body_rootid[body])
+
+    def _top(self, joint: int) -> int:
+        return self._top_of(self.model.jnt_bodyid[joint])
+
+    def _size(self, top: int) -> int:
+        return int(np.count_nonzero(self.model.body_rootid == top))
+
+    def _turns(self, joint: int) -> bool:
+        return bool(self.types[joint] == self.mujoco.mjtJoint.mjJNT_HINGE)
+
+    def _dof(self, joint: int) -> int:
+        return int(self.model.jnt_dofadr[joint])
+
+    def _loss(self, name: str, joint: int) -> float:
+        """Damping, frictionloss or armature of a joint."""
+        values = getattr(self.model, f"dof_{name}").reshape(self.model.nv, -1)
+        return float(values[self._dof(joint), 0])
+
+    # Play, drives, equalities.
+
+    def _play_in(self, body: int) -> Iterator[tuple[int, _Play]]:
+        """Joints of a body with the hinge behind or before each that is its play."""
+        hinges = [j for j in self._joints(body) if self._turns(j)]
+        loose = {j: play for j in hinges if j not in self.drives and (play := self._dead_band(j))}
+        firm = [j for j in hinges if j not in loose]
+        for hinge, play in loose.items():
+            near = [j for j in firm if abs(hinge - j) == 1 and self._same_axis(hinge, j)]
+            if near:
+                firm.remove(near[0])
+                yield near[0], play
+
+    def _same_axis(self, first: int, second: int) -> bool:
+        axis = self.model.jnt_axis[first]
+        apart = np.cross(self.model.jnt_pos[second] - self.model.jnt_pos[first], axis)
+        turned = np.cross(self.model.jnt_axis[second], axis)
+        return max(np.abs(apart).max(), np.abs(turned).max()) < _PARALLEL
+
+    def _dead_band(self, joint: int) -> _Play | None:
+        """Free way of a hinge between stops: its own, or those of a tendon of it alone."""
+        model, tendons = self.model, self.mujoco.mjtWrap.mjWRAP_JOINT
+        inertia = 1.0 / float(model.dof_invweight0[self._dof(joint)])
+        for t in range(model.ntendon):
+            at = int(model.tendon_adr[t])
+            if model.tendon_num[t] != 1 or model.wrap_type[at] != tendons:
+                continue
+            low, high = model.tendon_lengthspring[t]
+            arm, spring = float(model.wrap_prm[at]), float(np.ravel(model.tendon_stiffness[t])[0])
+            if model.wrap_objid[at] == joint and spring > 0.0 and high > low:
+                damping = float(np.ravel(model.tendon_damping[t])[0])
+                width = float(high - low) / abs(arm)
+                return _Play(joint, width, spring * arm**2, damping * arm**2)
+            if model.wrap_objid[at] == joint and model.tendon_limited[t]:
+                width = float(np.ptp(model.tendon_range[t])) / abs(arm)
+                solver = model.tendon_solref_lim[t], model.tendon_solimp_lim[t]
+                return _Play(joint, width, *_stop(*solver, inertia))
+        if not model.jnt_limited[joint] or not 0.0 < np.ptp(model.jnt_range[joint]) <= WIDEST_PLAY:
+            return None
+        solver = model.jnt_solref[joint], model.jnt_solimp[joint]
+        return _Play(joint, float(np.ptp(model.jnt_range[joint])), *_stop(*solver, inertia))
+
+    def _position_drives(self) -> Iterator[tuple[int, dict[str, Any]]]:
+        """PD actuators as servos, by joint: 1 V stands for 1 N m or 1 N."""
+        model, affine = self.model, self.mujoco.mjtBias.mjBIAS_AFFINE
+        self.undriven = []
+        for i in range(model.nu):
+            to_joint = self.mujoco.mjtTrn(model.actuator_trntype[i]) in (
+                self.mujoco.mjtTrn.mjTRN_JOINT,
+                self.mujoco.mjtTrn.mjTRN_JOINTINPARENT,
+            )
+            joint, gear = int(model.actuator_trnid[i, 0]), float(model.actuator_gear[i, 0])
+            _, stiffness, damping = -model.actuator_biasprm[i, :3] * gear**2
+            plain = model.actuator_biastype[i] == affine and stiffness > 0.0 and damping >= 0.0
+            if not (to_joint and plain and joint in self.joints):
+                self.undriven.append(model.actuator(i).name or f"actuator {i + 1}")
+                continue
+            limits = [_UNBOUNDED * stiffness]
+            if model.actuator_forcelimited[i]:
+                limits.append(abs(gear) * float(np.abs(model.actuator_forcerange[i]).min()))
+            if model.jnt_actfrclimited[joint]:
+                limits.append(float(np.abs(model.jnt_actfrcrange[joint]).min()))
+            brake = float(damping) or 1e-9 * float(stiffness)
+            yield joint, {
+                "kind": "servo", "voltage": min(limits), "p_gain": float(stiffness),
+                "torque_constant": brake, "resistance": brake,
+            }  # fmt: skip
+
+    def _mimics(self) -> dict[int, tuple[int, float, float]]:
+        """Joints that follow others in proportion: leader, factor and offset."""
+        model, found = self.model, {}
+        self.equalities = []
+        for i in range(model.neq):
+            follower, leader = int(model.eq_obj1id[i]), int(model.eq_obj2id[i])
+            kind = self.mujoco.mjtEq(model.eq_type[i])
+            linear = kind == self.mujoco.mjtEq.mjEQ_JOINT and not model.eq_data[i, 2:5].any()
+            if not model.eq_active0[i]:
+                continue
+            if not linear or not {follower, leader} <= {*self.joints} or follower in found:
+                self.equalities.append(kind.name.removeprefix("mjEQ_").lower())
+                continue
+            offset, factor = (float(value) for value in model.eq_data[i, :2])
+            own, others = (float(model.qpos0[model.jnt_qposadr[j]]) for j in (follower, leader))
+            found[follower] = (leader, factor, offset + own - factor * others)
+        return found
+
+    # The URDF.
+
+    def text(self) -> str:
+        """The URDF; `tables` are filled."""
+        base = _unused("floating_base", self.taken) if self.floats else "world"
+        root = Element("robot", {"name": self.path.stem})
+        link = put(root, "link", name=base)
+        if not self.floats:
+            self._put_shapes(link, 0)
+        inertias = self._inertias()
+        for i in self.bodies:
+            self._put_body(root, i, base, inertias)
+        if self.floats:
+            self.tables["robot"] = {"base": "free"}
+        gravity = self.model.opt.gravity
+        if self.model.opt.disableflags & self.mujoco.mjtDisableBit.mjDSBL_GRAVITY:
+            gravity = np.zeros(3)
+        if not np.array_equal(gravity, urdf.STANDARD_GRAVITY):
+            self.tables.setdefault("robot", {})["gravity"] = [float(value) for value in gravity]
+        self._fill_tables()
+        beyond = {"tables": self.tables, "notes": list(self.notes())}
+        put(root, urdf.BEYOND).text = json.dumps(beyond)
+        return document(root)
+
+    def _inertias(self) -> list[pin.Inertia]:
+        """Of each body in its frame; points that are fixed to another body are in its inertia."""
+        model, found = self.model, [pin.Inertia.Zero()]
+        for i in range(1, model.nbody):
+            axes = _place(model.body_ipos[i], model.body_iquat[i])
+            tensor = axes.rotation @ np.diag(model.body_inertia[i]) @ axes.rotation.T
+            mass = float(model.body_mass[i])
+            found.append(pin.Inertia(mass, axes.translation, 0.5 * (tensor + tensor.T)))
+        for i in range(model.nbody - 1, 0, -1):
+            if not model.body_inertia[i].all() and not model.body_jntnum[i]:
+                place = _place(model.body_pos[i], model.body_quat[i])
+                found[model.body_parentid[i]] += place.act(found[i])
+                found[i] = pin.Inertia.Zero()
+        return found
+
+    def _put_body(
+        self, root: Element, body: int, base: str, inertias: Sequence[pin.Inertia]
+    ) -> None:
+        model, name = self.model, self.body_names[body]
+        above = int(model.body_parentid[body])
+        parent = self.body_names[above] if above else base
+        place = _place(model.body_pos[body], model.body_quat[body])
+        joints = [j for j in self._joints(body) if j in self.joints]
+        for j in joints:
+            anchor = pin.SE3(np.eye(3), model.jnt_pos[j].copy())
+            whole = j == joints[-1] and not model.jnt_pos[j].any()
+            child = name if whole else _unused(f"{name}_at_{self.joint_names[j]}", self.taken)
+            if child != name:
+                put(root, "link", name=child)
+            self._put_joint(root, j, parent, child, place * anchor)
+            parent, place = child, anchor.inverse()
+        link = put(root, "link", name=name)
+        if parent != name:
+            put_fixed(root, _unused(f"{name}_fixed", self.taken), parent, name, place)
+        if inertias[body].mass > 0.0:
+            put_inertial(link, inertias[body])
+        self._put_shapes(link, body)
+        wrapped = set(model.wrap_objid[model.wrap_type == self.mujoco.mjtWrap.mjWRAP_SITE])
+        for s in np.flatnonzero(model.site_bodyid == body):
+            site = model.site(s).name
+            if site and s not in wrapped:
+                frame = _unused(site, self.taken)
+                put(root, "link", name=frame)
+                at = _place(model.site_pos[s], model.site_quat[s])
+                put_fixed(root, _unused(f"{frame}_fixed", self.taken), name, frame, at)
+
+    def _put_joint(
+        self, root: Element, joint: int, parent: str, child: str, place: pin.SE3
+    ) -> None:
+        model, kinds = self.model, self.mujoco.mjtJoint
+        axis, limited = model.jnt_axis[joint], bool(model.jnt_limited[joint])
+        kind = "revolute" if limited else "continuous"
+        if self.types[joint] == kinds.mjJNT_BALL:
+            kind = "floating"
+        elif self.types[joint] == kinds.mjJNT_SLIDE:
+            kind = "prismatic"
+        element = put(root, "joint", name=self.joint_names[joint], type=kind)
+        if kind != "floating":  # zero is where MuJoCo's coordinate is zero
+            way = -float(model.qpos0[model.jnt_qposadr[joint]]) * axis
+            still = np.zeros(3)
+            place = place * (
+                pin.SE3(np.eye(3), way) if kind == "prismatic" else pin.SE3(pin.exp3(way), still)
+            )
+        element.append(origin_of(place))
+        put(element, "parent", link=parent)
+        put(element, "child", link=child)
+        if kind == "floating":
+            return
+        put(element, "axis", xyz=axis)
+        low, high = model.jnt_range[joint] if limited else (0.0, 0.0)
+        effort = np.abs(model.jnt_actfrcrange[joint]).min() if model.jnt_actfrclimited[joint] else 0
+        put(element, "limit", lower=low, upper=high, effort=effort, velocity=0.0)
+        losses = self._losses(joint)
+        put(element, "dynamics", damping=losses["viscous"], friction=losses["friction"])
+        if joint in self.mimics:
+            leader, factor, offset = self.mimics[joint]
+            follows = {"multiplier": factor, "offset": offset}
+            put(element, "mimic", joint=self.joint_names[leader], **follows)
+
+    def _losses(self, joint: int) -> dict[str, float]:
+        """Friction of a joint; behind play its servo has it, for it is the motor's."""
+        if joint in self.play and joint in self.drives:
+            return {"friction": 0.0, "viscous": 0.0}
+        return self._own_losses(joint)
+
+    def _own_losses(self, joint: int) -> dict[str, float]:
+        names = {"friction": "frictionloss", "viscous": "damping"}
+        return {ours: self._loss(its, joint) for ours, its in names.items()}
+
+    def _put_shapes(self, link: Element, body: int) -> None:
+        model = self.model
+        for g in np.flatnonzero(model.geom_bodyid == body):
+            tags = ["visual"] * bool(model.geom_group[g] < _COLLISION_GROUP)
+            tags += ["collision"] * bool(model.geom_contype[g] or model.geom_conaffinity[g])
+            material = int(model.geom_matid[g])
+            colour = model.geom_rgba[g] if material < 0 else model.mat_rgba[material]
+            for place, tag, sizes in self._shapes(int(g)):
+                for role in tags:
+                    shape = put(link, role)
+                    shape.append(origin_of(place))
+                    put(put(shape, "geometry"), tag, **sizes)
+                    if role == "visual":
+                        looks = put(shape, "material", name=" ".join(f"{x:.3g}" for x in colour))
+                        put(looks, "color", rgba=colour)
+
+    def _shapes(self, geom: int) -> Iterator[tuple[pin.SE3, str, dict[str, Any]]]:
+        """Shapes of a URDF that a geom is made of; none of one that is endless or odd."""
+        model, kinds = self.model, self.mujoco.mjtGeom
+        place = _place(model.geom_pos[geom], model.geom_quat[geom])
+        size, kind = model.geom_size[geom], model.geom_type[geom]
+        if geom in self.pictures:
+            mesh, moved = self.pictures[geom], int(model.geom_dataid[geom])
+            if moved >= 0:  # MuJoCo has put the mesh's frame into its centre of mass
+                place = place * _place(model.mesh_pos[moved], model.mesh_quat[moved]).inverse()
+            else:
+                place = place * mesh.place
+            file, home = Path(mesh.file), self.path.parent
+            if file.is_relative_to(home):
+                file = file.relative_to(home)
+            yield place, "mesh", {"filename": str(file), "scale": mesh.scale}
+        elif kind == kinds.mjGEOM_SPHERE:
+            yield place, "sphere", {"radius": size[0]}
+        elif kind in (kinds.mjGEOM_CYLINDER, kinds.mjGEOM_CAPSULE):
+            yield place, "cylinder", {"radius": size[0], "length": 2.0 * size[1]}
+            for end in (-size[1], size[1]) if kind == kinds.mjGEOM_CAPSULE else ():
+                ball = place * pin.SE3(np.eye(3), np.array([0.0, 0.0, end]))
+                yield ball, "sphere", {"radius": size[0]}
+        elif kind == kinds.mjGEOM_BOX:
+            yield place, "box", {"size": 2.0 * size}
+
+    # What a scenario says.
+
+    def _fill_tables(self) -> None:
+        model, named = self.model, self.joint_names
+        gears, drives, balls, springs = ({} for _ in range(4))
+        for j in self.joints:
+            if self.types[j] == self.mujoco.mjtJoint.mjJNT_BALL:
+                balls[named[j]] = {"kind": "spherical", "ideal": True, "radial_clearance": 1e-4}
+                continue
+            armature, play = self._loss("armature", j), self.play.get(j)
+            if play is not None:
+                rotor = armature or self._loss("armature", play.hinge)
+                gears[named[j]] = {
+                    "kind": "backlash", "play": play.width, "stiffness": play.stiffness,
+                    "damping": play.damping,
+                } | ({"rotor_inertia": rotor} if rotor else {})  # fmt: skip
+            elif armature > 0.0 and self._turns(j):
+                pace = 2.0 * math.pi * STIFF_HZ
+                gears[named[j]] = {
+                    "kind": "backlash", "play": 0.0, "rotor_inertia": armature,
+                    "stiffness": armature * pace**2,
+                    "damping": 2.0 * STIFF_DAMPING * armature * pace,
+                }  # fmt: skip
+            if j in self.drives and j not in self.mimics:
+                own = self._own_losses(j) if play is not None else {}
+                drives[named[j]] = self.drives[j] | own
+            spring = float(model.jnt_stiffness.reshape(model.njnt, -1)[j, 0])
+            if spring > 0.0:
+                rest = float(model.qpos_spring[model.jnt_qposadr[j]])
+                springs[f"{named[j]}_spring"] = {
+                    "kind": "torsion-spring", "joint": named[j], "stiffness": spring, "rest": rest
+                }  # fmt: skip
+        found = {"joints": balls, "gears": gears, "drives": drives, "loads": springs}
+        self.tables.update({table: rows for table, rows in found.items() if rows})
+
+    def notes(self) -> Iterator[str]:
+        """What was read besides the tree, and what was not, a line each."""
+        model, named = self.model, self.joint_names
+        if self.play:
+            parts: dict[str, list[str]] = {}
+            for j, one in self.play.items():
+                parts.setdefault(f"{math.degrees(one.width):.3g} deg", []).append(named[j])
+            words = "; ".join(f"{width} in {few(names)}" for width, names in parts.items())
+            yield f"note: the MJCF has backlash, here of gears as stiff as its stops: {words}"
+        gears = self.tables.get("gears", {})
+        if rigid := [name for name, one in gears.items() if not one["play"]]:
+            yield (
+                "armature of the MJCF, here of rotors behind gears without play (assumed to swing "
+                f"at {STIFF_HZ:g} Hz): {few(rigid)}"
+            )
+        if drives := self.tables.get("drives"):
+            yield (
+                "position actuators of the MJCF, here servos with its gains, 1 V for 1 N m: "
+                f"{few(list(drives))}"
+            )
+        yield from self.said
+        own = sum(one.hinge in self._wrapped() for one in self.play.values())
+        left = {
+            "contacts": any(model.geom_contype) or any(model.geom_conaffinity),
+            "tendons": model.ntendon > own,
+            "keyframes": model.nkey,
+            "sensors": model.nsensor,
+            "flexes": model.nflex,
+            "gravity compensation": any(model.body_gravcomp),
+            "fluid": model.opt.density or model.opt.viscosity,
+            "armature of slides": any(
+                not self._turns(j) and self._loss("armature", j) > 0.0 for j in self.joints
+            ),
+        }
+        unread = [word for word, there in left.items() if there]
+        if self.equalities:
+            unread.append(f"equalities ({', '.join(dict.fromkeys(self.equalities))})")
+        if self.undriven:
+            unread.append(f"actuators without position gains ({few(self.undriven)})")
+        if unread:
+            yield f"note: not read of the MJCF: {', '.join(unread)}"
+
+    def _wrapped(self) -> set[int]:
+        """Joints that have a tendon of their own."""
+        model = self.model
+        alone = model.tendon_adr[model.tendon_num == 1]
+        joints = model.wrap_type[alone] == self.mujoco.mjtWrap.mjWRAP_JOINT
+        return set(map(int, model.wrap_objid[alone][joints]))
+
+
+def _stop(solref: Any, solimp: Any, inertia: float) -> tuple[float, float]:
+    """Stiffness [N m/rad] and damping [N m s/rad] of MuJoCo's soft stop that holds an inertia.
+
+    MuJoCo's constraint: a + d (b v + k r) = (1 - d) a0, r the depth; so a load at rest sinks in by
+    a0 (1 - d) / (d k).
+    """
+    impedance = float(solimp[0])
+    most = float(solimp[1])
+    first, second = (float(value) for value in solref)
+    if first > 0.0:
+        stiffness = 1.0 / (most * first * second) ** 2
+        damping = 2.0 / (most * first)
+    else:
+        stiffness, damping = -first / most**2, -second / most
+    share = inertia * impedance / (1.0 - impedance)
+    return share * stiffness, share * damping

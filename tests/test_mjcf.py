@@ -1,0 +1,304 @@
+"""Robots described in MuJoCo's own format: read as MuJoCo reads them, and their play found."""
+
+import sys
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import jointplay as jp
+from jointplay.base.errors import JointplayError
+from jointplay.cli import main
+from jointplay.model.builder import parse
+from jointplay.model.formats import read
+from jointplay.model.mjcf import load_spec
+from jointplay.scenario.overrides import Setting
+from jointplay.scenario.robot import robot_scenario
+
+pytestmark = pytest.mark.needs("mujoco")
+
+CUBE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
+
+SHOULDER = """<mujoco model="shoulder">
+<compiler angle="degree" eulerseq="zyx" inertiafromgeom="true"/>
+<default>
+  <joint damping="0.3"/><geom density="2700" rgba="0.2 0.4 0.6 1"/>
+  <default class="tilted"><joint axis="1 2 0.5" range="-80 60" frictionloss="0.4"/></default>
+</default>
+<worldbody>
+  <light pos="0 0 3"/><geom type="plane" size="1 1 0.1"/>
+  <body name="foot" pos="0.1 0.2 0.3" euler="20 -70 40">
+    <geom type="box" size="0.1 0.2 0.05"/>
+    <body name="upper" pos="0.2 0 0.1" quat="0.3 -0.2 0.9 0.1" childclass="tilted">
+      <joint name="a" pos="0.02 0.01 -0.03" ref="15"/>
+      <joint name="b" axis="0 0 1" pos="-0.05 0 0.02"/>
+      <joint name="slide" type="slide" axis="1 0 1" range="-0.1 0.3" ref="0.1"/>
+      <geom type="capsule" fromto="0 0 0 0.3 0.1 0.2" size="0.04"/>
+      <geom type="ellipsoid" pos="0.3 0 0" size="0.03 0.05 0.07" euler="10 20 30"/>
+      <site name="grip" pos="0.3 0.1 0.2" axisangle="1 1 0 33"/>
+      <body pos="0.3 0.1 0.2" xyaxes="0 1 0 0 0 1">
+        <joint axis="0 1 0" limited="false"/>
+        <geom type="cylinder" size="0.03 0.1" pos="0 0.02 0.1" mass="0.7"/>
+        <geom type="sphere" size="0.05" pos="0.01 0.1 0" class="tilted"/>
+      </body>
+    </body>
+  </body>
+</worldbody></mujoco>"""
+
+LEG = """<mujoco model="leg">
+<compiler angle="radian"/><option gravity="1 2 -3"/>
+<worldbody>
+  <body name="trunk" pos="0 0 1" quat="0.9 0.1 0.3 0.2"><freejoint name="root"/>
+    <inertial pos="0.1 0 0.02" mass="3" fullinertia="0.3 0.4 0.5 0.01 0.02 -0.03"/>
+    <body name="thigh" pos="0 0.1 -0.1"><joint name="hip" axis="0 1 0" range="-1 1"/>
+      <inertial pos="0 0.01 -0.2" mass="1.5" quat="0.5 0.5 0.1 0.7" diaginertia="0.03 0.02 0.04"/>
+      <body name="point" pos="0 0 -0.3"><inertial pos="0.01 0 0" mass="0.2" diaginertia="0 0 0"/>
+        <body name="shin" quat="0 1 1 0"><joint name="knee" axis="1 0 0" range="-2 0"/>
+          <inertial pos="0 0 0.2" mass="0.8" diaginertia="0.01 0.01 0.004"/></body></body></body>
+  </body>
+  <body name="ball" pos="1 0 0"><freejoint/><geom size="0.1"/></body>
+</worldbody></mujoco>"""
+
+HINGE = '<joint name="{}" axis="0 0 1" {}/>'
+ARM = """<mujoco model="arm"><compiler angle="radian" autolimits="true"/>
+<option gravity="0 0 -9.81"><flag contact="disable"/></option>
+<worldbody><body name="link"><joint name="j" axis="0 0 1" armature="0.02" damping="0.1"/>{second}
+  <inertial pos="0.3 0 0" mass="2" diaginertia="0.01 0.02 0.03"/>
+  <body name="tip" pos="0.5 0 0"><joint name="k" axis="0 1 0" stiffness="3" springref="0.2"/>
+    <inertial pos="0 0 -0.1" mass="0.5" diaginertia="0.001 0.001 0.001"/></body></body>
+</worldbody>{more}
+<actuator><position name="servo" joint="j" kp="40" kv="2" forcerange="-5 5"/>
+  <motor name="pull" joint="k"/></actuator>
+<keyframe><key name="home" qpos="{qpos}"/></keyframe></mujoco>"""
+PLAY = '<joint name="j_backlash" axis="0 0 1" range="-0.01 0.01" armature="0.01"/>'
+
+
+def written(folder, text, name="robot.xml"):
+    path = folder / name
+    path.write_text(text)
+    return path
+
+
+@pytest.fixture
+def loose(tmp_path):
+    return written(tmp_path, ARM.format(second=PLAY, more="", qpos="0 0 0"), "arm.xml")
+
+
+def moved(model, data, names, rng):
+    """MuJoCo at a random state of these joints, the rest at zero; positions and speeds."""
+    import mujoco
+
+    q, v = rng.uniform(-1.0, 1.0, (2, len(names)))
+    mujoco.mj_resetData(model, data)
+    for name, position, speed in zip(names, q, v, strict=True):
+        joint = model.joint(name)
+        data.qpos[joint.qposadr[0]], data.qvel[joint.dofadr[0]] = position, speed
+    mujoco.mj_forward(model, data)
+    return q, v
+
+
+@pytest.mark.parametrize("text", [SHOULDER, LEG, ARM.format(second="", more="", qpos="0 0")])
+def test_places_masses_and_forces_are_mujocos(tmp_path, text):
+    import mujoco
+
+    path = written(tmp_path, text)
+    model = load_spec(path).compile()  # which has names for all
+    data = mujoco.MjData(model)
+    ours = parse(read(path)).copy()
+    ours.gravity.linear = model.opt.gravity.copy()
+    names = [str(name) for name in ours.names][1:]
+    assert len(names) == len([k for k in model.jnt_type if k != mujoco.mjtJoint.mjJNT_FREE])
+    dofs = [int(model.joint(name).dofadr[0]) for name in names]
+    rng = np.random.default_rng(5)
+    for _ in range(10):
+        position, v = moved(model, data, names, rng)
+        q, there = pin.neutral(ours), ours.createData()
+        for name, value in zip(names, position, strict=True):
+            joint = ours.joints[ours.getJointId(name)]
+            q[joint.idx_q : joint.idx_q + joint.nq] = (
+                value if joint.nq == 1 else (np.cos(value), np.sin(value))
+            )
+        pin.framesForwardKinematics(ours, there, q)
+        for index in range(1, model.nbody):
+            name = model.body(index).name
+            if name == "ball":
+                assert not ours.existFrame(name)
+                continue
+            frame = there.oMf[ours.getFrameId(name, pin.FrameType.BODY)]
+            assert frame.translation == pytest.approx(data.xpos[index], abs=1e-12)
+            assert frame.rotation.ravel() == pytest.approx(data.xmat[index], abs=1e-12)
+        mass = np.zeros((model.nv, model.nv))
+        mujoco.mj_fullM(model, data, mass)
+        wanted = (mass - np.diag(model.dof_armature))[np.ix_(dofs, dofs)]
+        found = np.triu(pin.crba(ours, there, q).reshape(ours.nv, ours.nv))
+        found = found + np.triu(found, 1).T
+        assert found == pytest.approx(wanted, rel=1e-9, abs=1e-9 * np.abs(wanted).max())
+        bias = pin.nonLinearEffects(ours, there, q, v)
+        wanted = data.qfrc_bias[dofs]
+        assert bias == pytest.approx(wanted, rel=1e-9, abs=1e-9 * np.abs(wanted).max())
+
+
+def test_limits_losses_and_frames_are_in_the_description(tmp_path):
+    found = read(written(tmp_path, SHOULDER))
+    assert list(found.joints)[:2] == ["foot_fixed", "a"]
+    joint = found.joints["a"]
+    assert (joint.lower, joint.upper) == pytest.approx((np.radians(-80.0), np.radians(60.0)))
+    assert (joint.friction, joint.damping) == (0.4, 0.3)
+    assert found.joints["slide"].kind == "prismatic"
+    assert found.joints["body3_joint"].kind == "continuous"
+    assert {"upper", "body3", "grip"} <= set(found.links)
+    assert found.root == "world"
+
+
+def test_a_robot_that_floats_is_the_largest_and_its_base_is_free(tmp_path, capsys):
+    path = written(tmp_path, LEG)
+    found = read(path).beyond
+    assert found.tables["robot"] == {"base": "free", "gravity": [1.0, 2.0, -3.0]}
+    scenario = robot_scenario(str(path), ["hip"], still=True)
+    mechanism = scenario.mechanism()
+    assert mechanism.free_base
+    assert mechanism.gravity == (1.0, 2.0, -3.0)
+    assert "left out, for they float freely: ball" in scenario.assumptions
+    assert main(["robots", str(path)]) == 0
+    assert "hip" in capsys.readouterr().out
+
+
+def test_a_second_hinge_is_play_and_the_command_says_so(loose, capsys):
+    found = read(loose)
+    assert list(found.joints) == ["j", "k"]
+    gear = found.beyond.tables["gears"]["j"]
+    assert gear["play"] == pytest.approx(0.02)
+    assert gear["rotor_inertia"] == 0.02
+    assert main(["budget", str(loose), "--tool", "tip"]) == 0
+    out = capsys.readouterr().out
+    assert "note: the MJCF has backlash, here of gears as stiff as its stops: 1.15 deg in j" in out
+    assert "note: not read of the MJCF: keyframes, actuators without position gains (pull)" in out
+    assert "up to 5 mm off" in out  # 0.01 rad either way at 0.5 m
+    assert main(["budget", str(loose), "--tool", "tip", "--gear", "j=0.01"]) == 0
+    assert "up to 2.5 mm off" in capsys.readouterr().out
+
+
+def test_play_of_the_file_is_not_used_unseen_by_a_scenario(loose, capsys):
+    file = loose.with_suffix(".toml")
+    file.write_text(
+        '[robot]\nurdf = "arm.xml"\n[joints.k]\nradial_clearance = "0.1 mm"\n'
+        "[integration]\nduration = 0.1\n"
+    )
+    assert main(["check", str(file)]) == 0, capsys.readouterr().err
+    assert "the MJCF has play in j, the scenario none" in capsys.readouterr().out
+
+
+def test_a_tendons_dead_band_is_play_too(tmp_path):
+    second = HINGE.format("j_play", 'armature="0.001"')
+    tendon = (
+        '<tendon><fixed springlength="-0.004 0.002" stiffness="900" damping="3">'
+        '<joint joint="j_play" coef="2"/></fixed></tendon>'
+    )
+    path = written(tmp_path, ARM.format(second=second, more=tendon, qpos="0 0 0"))
+    gear = read(path).beyond.tables["gears"]["j"]
+    wanted = {"play": 0.003, "stiffness": 3600.0, "damping": 12.0, "rotor_inertia": 0.02}
+    assert {key: gear[key] for key in wanted} == pytest.approx(wanted)
+    stops = tendon.replace('springlength="-0.004 0.002" stiffness="900" damping="3"', 'range="0 1"')
+    path = written(tmp_path, ARM.format(second=second, more=stops, qpos="0 0 0"))
+    assert read(path).beyond.tables["gears"]["j"]["play"] == pytest.approx(0.5)
+
+
+def test_position_actuators_armature_and_springs_are_the_joints(loose, tmp_path):
+    tables = read(loose).beyond.tables
+    drive = tables["drives"]["j"]
+    servo = jp.loads.Servo(**{key: value for key, value in drive.items() if key != "kind"})
+    assert servo.stall * servo.p_gain == pytest.approx(40.0)
+    assert servo.braking == pytest.approx(2.0)
+    assert servo.stall * servo.voltage == pytest.approx(5.0)
+    assert servo.viscous == 0.1  # the motor's, which is before the play
+    assert read(loose).joints["j"].damping == 0.0
+    assert list(tables["drives"]) == ["j"]
+    assert tables["loads"]["k_spring"] == {
+        "kind": "torsion-spring", "joint": "k", "stiffness": 3.0, "rest": pytest.approx(0.2)
+    }  # fmt: skip
+    firm = read(written(tmp_path, ARM.format(second="", more="", qpos="0 0"), "firm.xml"))
+    assert firm.beyond.tables["gears"]["j"]["play"] == 0.0
+    assert firm.joints["j"].damping == 0.1
+
+
+@pytest.mark.parametrize(("second", "most"), [("", 1e-3), (PLAY, 5e-3)])
+def test_a_driven_arm_moves_as_in_mujoco(tmp_path, second, most):
+    """Its rotor, in MuJoCo rigid, swings here at 200 Hz; its stops, there soft, are springs."""
+    import mujoco
+
+    zeros = "0 0 0" if second else "0 0"
+    text = ARM.format(second=second, more="", qpos=zeros).replace('axis="0 1 0"', 'axis="1 0 0"')
+    path = written(tmp_path, text.replace("-5 5", "-50 50"))
+    model = mujoco.MjModel.from_xml_path(str(path))
+    model.opt.timestep = 1e-5
+    data = mujoco.MjData(model)
+    while data.time < 0.3:
+        part = data.time / 0.3
+        data.ctrl[0] = 0.2 * part**3 * (10.0 - 15.0 * part + 6.0 * part**2)
+        mujoco.mj_step(model, data)
+    motion = {"times": [0.0, 0.3], "joints": {"j": [0.0, 0.2]}}
+    settings = [
+        Setting(("motion",), motion, "test"),
+        Setting(("drives", "k", "kind"), "free", "test"),
+        Setting(("integration", "duration"), 0.3, "test"),
+    ]
+    scenario = robot_scenario(str(path), ideal=not second, settings=settings)
+    result = scenario.simulation().run()
+    for name in ("j", "k"):
+        wanted = data.qpos[model.joint(name).qposadr[0]]
+        if second and name == "j":
+            wanted += data.qpos[1]
+        assert result["q"].sel(coordinate=name).values[-1] == pytest.approx(wanted, abs=most)
+
+
+def test_a_ball_is_a_spherical_joint_without_clearance(tmp_path):
+    text = LEG.replace('<joint name="knee" axis="1 0 0" range="-2 0"/>',
+                       '<joint name="knee" type="ball"/>')  # fmt: skip
+    path = written(tmp_path, text)
+    mechanism = robot_scenario(str(path), ["hip"], still=True).mechanism()
+    assert {"knee.yaw", "knee.pitch"} <= {str(one) for one in mechanism.coordinates}
+
+
+def test_a_coupled_joint_mimics(tmp_path):
+    more = '<equality><joint joint1="k" joint2="j" polycoef="0.1 -2 0 0 0"/></equality>'
+    found = read(written(tmp_path, ARM.format(second="", more=more, qpos="0 0"))).joints["k"]
+    assert found.mimic == ("j", -2.0, pytest.approx(0.1))
+
+
+def test_what_only_is_seen_may_be_missing_what_gives_inertia_may_not(tmp_path, capsys):
+    assets = (
+        '<asset><mesh name="part" file="part.obj"/><texture name="t" type="2d" file="t.png"/>'
+        '<material name="m" texture="t"/></asset>'
+    )
+    shown = ARM.replace("<worldbody>", f"{assets}<worldbody>").replace(
+        '<body name="tip"', '<geom type="mesh" mesh="part" material="m"/><body name="tip"'
+    )
+    text = shown.format(second="", more="", qpos="0 0")
+    path = written(tmp_path, text)
+    assert 'filename="part.obj"' in read(path).text
+    needed = written(tmp_path, text.replace('<inertial pos="0.3 0 0"', '<inertial pos="0 0 0"'))
+    assert read(needed).links
+    bare = text.replace('<inertial pos="0.3 0 0" mass="2" diaginertia="0.01 0.02 0.03"/>', "")
+    path = written(tmp_path, bare)
+    with pytest.raises(JointplayError, match=r"body 'link' takes its inertia from the mesh"):
+        read(path)
+    (tmp_path / "part.obj").write_text(CUBE)
+    found = read(path)
+    places = [one for one in found.declared.root.iter("visual")]
+    assert places
+    # MuJoCo moves a mesh to its centre of mass; the picture stands where the file has it.
+    (link,) = [one for one in found.declared.robot.links if one.name == "link"]
+    assert link.visuals[0].origin == pytest.approx(np.eye(4), abs=1e-9)
+    assert link.inertial.origin[:3, 3] == pytest.approx(np.full(3, 0.25), abs=1e-6)
+
+
+def test_what_mujoco_refuses_is_told_in_its_words(tmp_path, capsys):
+    path = written(tmp_path, ARM.format(second="<joimt/>", more="", qpos="0 0"))
+    assert main(["budget", str(path), "--joint", "j=0.1mm"]) == 2
+    assert "MuJoCo cannot read the MJCF" in capsys.readouterr().err
+
+
+def test_without_mujoco_it_is_said_how_to_get_it(loose, monkeypatch):
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with pytest.raises(JointplayError, match=r"pip install '\.\[simulators\]'"):
+        read(loose)
