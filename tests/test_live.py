@@ -573,9 +573,10 @@ def test_quick_and_exact_answers_agree(place):
 def test_the_first_part_of_a_long_answer_is_shown_soon(monkeypatch):
     """And the whole is as if none had been."""
     chosen = scenario()
-    machine = Machine(state_of(chosen, next(one for one in chosen.cases if one != "ideal")))
+    state = state_of(chosen, next(one for one in chosen.cases if one != "ideal"))
 
     def cycles(soon_s):
+        machine = Machine(state)
         monkeypatch.setattr(answer, "SOON_S", soon_s)
         return [(head, block) for head, block in machine.quick({}) if head["kind"] == "cycle"]
 

@@ -132,6 +132,18 @@ def test_a_machine_rests_in_one_place_whatever_the_way_to_it(urdf):
     assert places[0] == pytest.approx(run.rest.q, abs=1e-8)
 
 
+def test_a_search_from_known_places_ends_in_the_same_rest(urdf):
+    robot = serial(urdf)
+    wide = jp.RevoluteClearance(radial_clearance=2e-4, axial_clearance=2e-4)
+    wider = robot.with_clearance({**robot.given_joints, "b": wide})
+    before = jp.Run(standing(robot)).rest
+    assert set(before.places) == set("abc")
+    known = {name: before.places[name] for name in "ac"}
+    alone, led = jp.Run(standing(wider)).rest, jp.Run(standing(wider), places=known).rest
+    assert led.solved
+    assert led.q == pytest.approx(alone.q, abs=1e-10)  # play: 1e-4 m
+
+
 def test_joints_in_series_all_rest(urdf):
     result = standing(serial(urdf)).run()
     force = np.linalg.norm(result["joint_force"].values, axis=2)

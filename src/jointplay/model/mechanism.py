@@ -48,6 +48,7 @@ from jointplay.model.gear import Gear, Gearing
 from jointplay.model.loop import Lock, Loop, refuse_name
 from jointplay.model.seats import SEAT, seat_of_joint, seat_of_loop
 from jointplay.model.tool import choose_tool
+from jointplay.model.tree import Tree
 from jointplay.model.urdf import GRAVITY, STANDARD_GRAVITY
 from jointplay.physics.joints import (
     MOTOR,
@@ -554,6 +555,11 @@ class Mechanism(Overview, Described):
         facts["gravity"] = f"{weight} {typeset('m/s^2')}" if any(self.gravity) else "none"
         number = f"{len(moving)} moving joint{'' if len(moving) == 1 else 's'}"
         return f"{self.description.path.name}, {number}", facts
+
+    @cached_property
+    def tree(self) -> Tree:
+        """Bodies of `model`, whose motion at many records is found at once."""
+        return Tree(self.model)
 
     @cached_property
     def visual_model(self) -> pin.GeometryModel:

@@ -15,7 +15,6 @@ import pinocchio as pin
 
 from jointplay.model.frames import WORLD_FRAME, carried
 from jointplay.model.mechanism import Mechanism
-from jointplay.model.tree import Tree
 from jointplay.model.visuals import Look, look
 
 
@@ -78,7 +77,7 @@ class Scene:
         Position [m] and quaternion (x, y, z, w), whose sign does not jump.
         """
         pairs = [(WORLD_FRAME, frame) for frame in self._frames]
-        motion = Tree(self.mechanism.model).motion(q, pairs=pairs)
+        motion = self.mechanism.tree.motion(q, pairs=pairs)
         poses = np.empty((len(q), len(self.links), 7))
         for k, places in enumerate(motion.poses):
             poses[:, k, :3] = places[:, :3]
@@ -88,8 +87,8 @@ class Scene:
 
 def tool_places(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
     """Where the tool is at configurations q (n, nq), world axes (n, 3) [m]."""
-    model = mechanism.model
-    return Tree(model).motion(q, tool=carried(model, mechanism.tool_frame)).tool[:, :3]
+    tool = carried(mechanism.model, mechanism.tool_frame)
+    return mechanism.tree.motion(q, tool=tool).tool[:, :3]
 
 
 def quaternions(matrices: np.ndarray) -> np.ndarray:

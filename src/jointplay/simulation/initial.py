@@ -169,9 +169,13 @@ def initial_state(simulation: Simulation, followed: Sequence[str]) -> InitialSta
 
 
 def find_rest(
-    run: Run, start: InitialState, drives: Mapping[str, Drive], loads: statics.StaticLoads
+    run: Run,
+    start: InitialState,
+    drives: Mapping[str, Drive],
+    loads: statics.StaticLoads,
+    places: Mapping[str, np.ndarray],
 ) -> statics.Rest:
-    """Where the machine stands; see `statics`."""
+    """Where the machine stands; see `statics`, for `places` `StaticEquilibrium.settle`."""
     simulation, workspace, bodies = run.simulation, run.workspace, run.phases[-1].model
     mechanism = start.mechanism
     along = np.zeros(bodies.nv)
@@ -199,7 +203,7 @@ def find_rest(
         start.acceleration(along),
         given,
     )
-    return balance.settle()
+    return balance.settle(places=places)
 
 
 HELD = 0.05

@@ -152,6 +152,8 @@ class Run:
         records: where records go that memory has no room for: a file, of which `Simulation.run_to`
             makes a result, or a function that takes them portion by portion. None: all stay in
             memory.
+        places: where journals of another run rested (`Rest.places`), of joints that are the same
+            and bear the same: the search for rest begins there, and ends where it would without.
 
     Raises:
         JointplayError: a step, duration or record interval that makes no sense, a step too large
@@ -164,6 +166,7 @@ class Run:
         simulation: Simulation,
         progress: bool = False,
         records: Path | Callable[[Records], None] | None = None,
+        places: Mapping[str, np.ndarray] | None = None,
     ) -> None:
         require_a("simulation", simulation, "Simulation")
         self.simulation = simulation
@@ -235,7 +238,7 @@ class Run:
         self.rest: Rest | None = None
         """Where the search for the place of rest ended; None if journals start centred."""
         if simulation.starts_at_rest:
-            self._start_at_rest(start, drives, sites)
+            self._start_at_rest(start, drives, sites, places or {})
         self.judged_from = simulation.judged_from
         """When figures begin to be judged [s]."""
         self._unjudged: dict[str, np.ndarray] | None = None
@@ -270,7 +273,11 @@ class Run:
         return self.overflow if isinstance(self.overflow, DiskRecords) else None
 
     def _start_at_rest(
-        self, start: initial.InitialState, drives: Mapping[str, Drive], sites: Sequence[LoadSite]
+        self,
+        start: initial.InitialState,
+        drives: Mapping[str, Drive],
+        sites: Sequence[LoadSite],
+        places: Mapping[str, np.ndarray],
     ) -> None:
         """Let the run begin where the machine rests, if it does.
 
@@ -279,7 +286,7 @@ class Run:
         simulation, w = self.simulation, self.workspace
         self._events.apply_due_events(w)  # what is picked at 0 weighs from the first
         pushing = StaticLoads(simulation.loads, self.mechanism, sites)
-        rest = initial.find_rest(self, start, drives, pushing)
+        rest = initial.find_rest(self, start, drives, pushing, places)
         ideal = not self.mechanism.clearance and not self.mechanism.gears
         if ideal and rest.solved and np.abs(rest.q - w.q).max(initial=0.0) <= SAME_PLACE:
             return  # it stands where it begins anyway

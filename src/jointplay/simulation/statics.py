@@ -61,20 +61,24 @@ def minimize_in_ball(slope: np.ndarray, bend: np.ndarray, radius: float) -> np.n
     along = axes.T @ slope
     least = 1e-13 * max(float(np.abs(sizes).max()), 1e-30)
     low = max(0.0, -float(sizes.min())) + least
-    if sizes.min() > least and np.linalg.norm(along / sizes) <= radius:
+    if sizes.min() > least and _length(along / sizes) <= radius:
         return -axes @ (along / sizes)
-    if np.linalg.norm(along / (sizes + low)) <= radius:
+    if _length(along / (sizes + low)) <= radius:
         return -axes @ (along / (sizes + low))
-    high = low + float(np.linalg.norm(along)) / radius
+    high = low + _length(along) / radius
     for _ in range(100):
-        middle = np.sqrt(low * high)
-        if np.linalg.norm(along / (sizes + middle)) > radius:
+        middle = math.sqrt(low * high)
+        if _length(along / (sizes + middle)) > radius:
             low = middle
         else:
             high = middle
         if high < 1.01 * low:
             break
     return -axes @ (along / (sizes + high))
+
+
+def _length(vector: np.ndarray) -> float:
+    return math.sqrt(vector @ vector)
 
 
 # Contact of one joint at rest: what its surfaces store, push with, and how stiff they are.
@@ -142,7 +146,8 @@ class ElasticJoint:
         self.reach = float(np.linalg.norm(joint.outline.size))
         """Farthest point of the journal from its centre [m]."""
         self._holds = joint.law in resultant.HOLDING
-        self._last = b"", np.zeros(0)
+        self._shift = np.array([_SHIFT_M] * 3 + [_SHIFT_M / self.reach] * 3)
+        self._last = b"", np.zeros((0, 0))
         if joint.resultant is None:
             count = len(joint.contacts)
             parameters = np.zeros((count, MAX_PARAMETERS))
@@ -163,26 +168,27 @@ class ElasticJoint:
         return found
 
     def _at(self, pose: np.ndarray) -> np.ndarray:
-        """The answer at a pose (12,): the last one is known."""
+        """Answers at a pose (12,), then at those around it, (13, ...): the last ones are known."""
         key = pose.tobytes()
         if key != self._last[0]:
-            self._last = key, self._look(pose[None])[0]
+            poses = np.concatenate([pose[None], _around(pose, self._shift)])
+            self._last = key, self._look(poses)
         return self._last[1]
 
     def energy(self, pose: np.ndarray) -> float:
         """Energy stored at a pose (12,) of the journal in its bearing [J]."""
-        return float(self._at(pose)[ENERGY])
+        return float(self._at(pose)[0, ENERGY])
 
     def smallest_gap(self, pose: np.ndarray) -> float:
         """At a pose (12,) of the journal in its bearing; negative in penetration [m]."""
-        return -float(self._at(pose)[DEEPEST])
+        return -float(self._at(pose)[0, DEEPEST])
 
     def wrench(self, pose: np.ndarray) -> np.ndarray:
         """Force on the journal and moment about its centre, bearing axes, (6,) [N, N m].
 
         Of a rolling bearing no moment about the axis: its cage may go.
         """
-        wrench = self._at(pose)[:6].copy()
+        wrench = self._at(pose)[0, :6].copy()
         if self._joint.resultant is not None and not self._holds:
             axis = pose[[5, 8, 11]]
             wrench[3:] -= (wrench[3:] @ axis) * axis
@@ -194,7 +200,7 @@ class ElasticJoint:
         The sum of all element loads, or springs' moment at hand: the load of a mount that gives way
         in rotations only.
         """
-        found = self._at(pose)
+        found = self._at(pose)[0]
         moment = float(np.linalg.norm(found[3:6])) / self.reach if self._holds else 0.0
         return max(float(found[resultant.SUM]), moment)
 
@@ -204,26 +210,28 @@ class ElasticJoint:
         By central differences: the error of one-sided ones exceeds what says where a journal rests
         whose load leaves that nearly open.
         """
-        size = np.array([_SHIFT_M] * 3 + [_SHIFT_M / self.reach] * 3)
-        ends = self._look(_around(pose, size))[:, :6]
-        given: np.ndarray = ((ends[::2] - ends[1::2]) / (2.0 * size[:, None])).T
+        ends = self._at(pose)[1:, :6]
+        given: np.ndarray = ((ends[::2] - ends[1::2]) / (2.0 * self._shift[:, None])).T
         return given
+
+
+_BOTH = np.array([-1.0, 1.0] * 6)
+_MOVED = 12 * np.arange(6) + np.arange(6) // 2
+_TURNED = 3 + np.arange(3) + 3 * np.array([[1, 1, 2, 2, 0, 0], [2, 2, 0, 0, 1, 1]])[:, :, None]
+"""Places of the rows of a rotation that turn into each other, back and forth about each axis."""
+_AMONG_ALL = _TURNED + 12 * np.arange(6, 12)[:, None]
 
 
 def _around(pose: np.ndarray, size: np.ndarray) -> np.ndarray:
     """A pose (12,) moved back and forth along and about each axis by `size` (6,), (12, 12)."""
-    poses = np.tile(pose, (12, 1))
-    for k, moved in enumerate(poses):
-        axis, way = k // 2, size[k // 2] * (-1.0, 1.0)[k % 2]
-        if axis < 3:
-            moved[axis] += way
-        else:
-            rows = moved[3:].reshape(3, 3)
-            u, w = (axis - 2) % 3, (axis - 1) % 3  # rows that turn into each other
-            a, b = rows[[u, w]]
-            c, s = math.cos(way), math.sin(way)
-            rows[u], rows[w] = c * a - s * b, s * a + c * b
-    return poses
+    ways = size.repeat(2) * _BOTH
+    angles = ways[6:].tolist()
+    c, s = (np.array([*map(one, angles)])[:, None] for one in (math.cos, math.sin))
+    a, b = pose[_TURNED]
+    poses = pose[None].repeat(12, axis=0).ravel()
+    poses[_MOVED] += ways[:6]
+    poses[_AMONG_ALL[0]], poses[_AMONG_ALL[1]] = c * a - s * b, s * a + c * b
+    return poses.reshape(12, 12)
 
 
 # What loads do to a machine that stands: energies of springs and stops, and given forces.
@@ -388,6 +396,8 @@ class Rest:
     """Largest elastic force of a joint, or the weight if none is pressed [N]."""
     trials: int
     inside: bool
+    places: Mapping[str, np.ndarray]
+    """By joint that the search took alone first, the coordinates of its journal."""
 
     @property
     def solved(self) -> bool:
@@ -418,9 +428,13 @@ def weight_curvature(model: pin.Model, data: pin.Data, q: np.ndarray) -> np.ndar
     Above the diagonal Pinocchio 4.1 gives other numbers than differences of its own gravity
     (`tests/physics/test_rest.py`), so those below are taken for both.
     """
-    given = pin.computeGeneralizedGravityDerivatives(model, data, q)
-    lower = np.tril(np.array(given).reshape(model.nv, model.nv))
-    return np.asarray(lower + np.tril(lower, -1).T)
+    given = pin.computeGeneralizedGravityDerivatives(model, data, q).reshape(model.nv, model.nv)
+    return np.where(_below_diagonal(model.nv), given, given.T)
+
+
+@lru_cache(maxsize=16)
+def _below_diagonal(size: int) -> np.ndarray:
+    return np.tri(size, dtype=bool)
 
 
 class StaticEquilibrium:
@@ -636,59 +650,54 @@ class StaticEquilibrium:
         pin.forwardKinematics(self._model, self._data, q)
         return {name: one.wrench(self._pose(name)) for name, one in self._elastic.items()}
 
-    def energy(self, q: np.ndarray, names: Collection[str]) -> float:
-        """Potential energy [J], of contacts of the joints `names`; infinite where a law fails."""
-        away = q - self._start
-        pin.forwardKinematics(self._model, self._data, q)
-        total = pin.computePotentialEnergy(self._model, self._data, q)
-        pull = np.abs(self._pulls(q))
-        beyond = np.maximum(np.abs(self._rest - q) - self._bands, 0.0)
-        total += float(self._springs @ (pull * (beyond - 0.5 * pull)))
-        total -= float(self._constant @ away)
-        total += float((self._inertia - self._given) @ away) + self._loads.energy(self._data, q)
-        for name in names:
-            total += self._elastic[name].energy(self._pose(name))
-        for m, k, gear in self._gears:
-            if m not in self._trailing:
-                total += gear.first_load(float(gear.twist(q[m], q[k])))[0]
-        if self._pull.any():
-            total += 0.5 * float(self._pull @ (away @ self.basis / self.scale) ** 2)
-        return float(total) if np.isfinite(total) else np.inf
-
-    def slopes(self, q: np.ndarray, names: Collection[str]) -> tuple[np.ndarray, np.ndarray, float]:
-        """Gradient (nv,) and curvature (nv, nv) of the energy, and the largest joint force [N]."""
-        pulls = self._pulls(q)
+    def potential(
+        self, q: np.ndarray, names: Collection[str]
+    ) -> tuple[float, np.ndarray, np.ndarray, float]:
+        """Potential energy [J], of contacts of the joints `names`, its gradient (nv,) and curvature
+        (nv, nv), and the largest joint force [N]. The energy is infinite where a law fails.
+        """
+        model, data, away = self._model, self._data, q - self._start
+        curvature = weight_curvature(model, data, q)
+        gradient = pin.computeGeneralizedGravity(model, data, q).copy()
+        pin.computeJointJacobians(model, data, q)
+        energy = pin.computePotentialEnergy(model, data)
+        pulls, far = self._pulls(q), np.abs(self._rest - q) - self._bands
         bends = (self._bands == 0.0) | (pulls != 0.0)
-        stiff = np.where(bends & (np.abs(pulls) < self._reach), self._springs, 0.0)
-        curvature = weight_curvature(self._model, self._data, q) + np.diag(stiff)
-        gradient = pin.computeGeneralizedGravity(self._model, self._data, q).copy()
+        bent = np.abs(pulls)
+        curvature += np.diag(np.where(bends & (bent < self._reach), self._springs, 0.0))
         gradient += self._inertia - self._constant - self._springs * pulls
-        pin.computeJointJacobians(self._model, self._data, q)
-        slope, bend = self._loads.slopes(self._data, q)
+        energy += float(self._springs @ (bent * (np.maximum(far, 0.0) - 0.5 * bent)))
+        energy -= float(self._constant @ away)
+        energy += float((self._inertia - self._given) @ away) + self._loads.energy(data, q)
+        slope, bend = self._loads.slopes(data, q)
         gradient, curvature = gradient + (slope - self._given), curvature + bend
         load = 0.0
         for name in names:
             one = self._elastic[name]
             pose, moves = self._pose(name), self._jacobian(name)
             wrench = one.wrench(pose)
+            energy += one.energy(pose)
             gradient -= moves.T @ wrench
             curvature += moves.T @ one.stiffness(pose) @ moves
             load = max(load, float(np.linalg.norm(wrench[:3])), one.inner_load(pose))
         for m, k, gear in self._gears:
             if m in self._trailing:
                 continue
-            _, torque, stiffness = gear.first_load(float(gear.twist(q[m], q[k])))
+            stored, torque, stiffness = gear.first_load(float(gear.twist(q[m], q[k])))
             _, rise, bend = gear.kinematic_error(float(q[m]))
             ways = np.zeros(len(q))
             ways[m], ways[k] = 1.0 + rise, -1.0
+            energy += stored
             gradient += torque * ways
             curvature += stiffness * np.outer(ways, ways)
             curvature[m, m] += torque * bend
         if self._pull.any():
             parts = self.basis / self.scale
-            gradient += parts @ (self._pull * ((q - self._start) @ parts))
+            moved = away @ parts
+            energy += 0.5 * float(self._pull @ moved**2)
+            gradient += parts @ (self._pull * moved)
             curvature += self._pull * parts @ parts.T
-        return gradient, curvature, load
+        return float(energy) if np.isfinite(energy) else np.inf, gradient, curvature, load
 
     def close(self, q: np.ndarray) -> np.ndarray:
         """q with its ideal loops closed again, which displacements open a little."""
@@ -714,7 +723,9 @@ class StaticEquilibrium:
         gravity = float(np.linalg.norm(self._model.gravity.linear))
         return gravity * float(pin.computeTotalMass(self._model))
 
-    def settle(self, near: np.ndarray | None = None) -> Rest:
+    def settle(
+        self, near: np.ndarray | None = None, places: Mapping[str, np.ndarray] | None = None
+    ) -> Rest:
         """Search downhill for the equilibrium.
 
         Where loads leave open where a journal rests (one whose axis is vertical, pressed to its
@@ -723,16 +734,21 @@ class StaticEquilibrium:
 
         `near`: a configuration (nq,) not far from it; None: joint by joint from the start, for what
         the others do to a joint's load is of second order.
+        `places`: of another search (`Rest.places`), those of joints that bear about the same.
         """
+        places = places or {}
         self.refresh(self._start)
         self._pull = TOWARDS_MIDDLE * self.weight() * self._rooms
         q, trials, residual, load = self._start, 0, np.inf, 1.0
         if near is not None:
             q, residual, load, trials = self._newton_descent(near, MOST_TRIALS)
         if residual > BALANCED * load:
-            q = self._start
+            q = self._start.copy()
+            for name in places.keys() & self._blocks.keys():
+                q[self._blocks[name]] = places[name]
             for name, at in self._blocks.items():
-                q, *_ = self._newton_descent(q, MOST_LOCAL, {name}, at)
+                if name not in places:
+                    q, *_ = self._newton_descent(q, MOST_LOCAL, {name}, at)
             q, _, _, tried = self._newton_descent(q, MOST_TRIALS)
             trials += tried
         self._pull = np.zeros(0)
@@ -741,13 +757,19 @@ class StaticEquilibrium:
             trials += tried
             # Inertia and what is no potential, where the machine rests.
             self.refresh(q)
-            slope = self.slopes(q, self._elastic)[0] @ self.basis * self.scale
+            slope = self.potential(q, self._elastic)[1] @ self.basis * self.scale
             residual = float(np.abs(slope / self._rooms).max(initial=0.0))
             if residual <= BALANCED * load:
                 break
         q = self.close(q)
+        places = {name: q[at] for name, at in self._blocks.items()}
         return Rest(
-            self.align_motors(q), residual, load or self._least_load, trials, self._inside(q)
+            self.align_motors(q),
+            residual,
+            load or self._least_load,
+            trials,
+            self._inside(q),
+            places,
         )
 
     def _inside(self, q: np.ndarray) -> bool:
@@ -796,6 +818,5 @@ class StaticEquilibrium:
             here = there
 
     def _look(self, q: np.ndarray, ways: np.ndarray, names: Collection[str]) -> TrialState:
-        gradient, curvature, load = self.slopes(q, names)
-        height = self.energy(q, names)
+        height, gradient, curvature, load = self.potential(q, names)
         return TrialState(q, height, ways.T @ gradient, ways.T @ curvature @ ways, load)

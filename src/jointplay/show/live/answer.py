@@ -24,7 +24,7 @@ from jointplay.base.units import readable
 from jointplay.model.scene import tool_places
 from jointplay.physics.kernel import Status
 from jointplay.physics.kernel.integrators import DEFAULT
-from jointplay.show.live.state import State
+from jointplay.show.live.state import WHOLE, State
 from jointplay.show.player import playback
 from jointplay.show.plots.chart import Axis, Curve, Panel
 from jointplay.show.plots.result import TIME
@@ -45,9 +45,9 @@ QUICK = (0.1, 1e-3)  # tolerance of the steps of a quick run, and macro step [s]
 QUICK_LOOPS = (1e-2, 2e-4)
 """With closed loops, whose contacts stand against each other: with longer steps journals break out.
 """
-SOON_S = 0.1
+SOON_S = 0.05
 """Processor time of a quick run after which its first part is shown."""
-WORTH = 0.5
+WORTH = 0.25
 """Part of the motion up to which that is worth the time: the whole is there soon after more."""
 QUICK_RECORDS = 2000
 """Records of a quick run, about; a macro step is no longer than the time between two."""
@@ -73,6 +73,8 @@ class Machine:
         self.superseded: Callable[[], bool] = lambda: False
         self._twins: OrderedDict[str, Result] = OrderedDict()
         self._worst: Poses | None = None
+        self._rested: tuple[Mapping[str, float], Mapping[str, np.ndarray]] = {}, {}
+        """Numbers of the last quick run, and where its journals rested."""
 
     def simulation(self, values: Mapping[str, float]) -> Simulation:
         """The case with these numbers; errors as of `jointplay run`."""
@@ -88,16 +90,28 @@ class Machine:
         if coarse is None:
             return
         try:
-            yield from self._cycle(coarse, QUICK_MOMENTS, quick=True)
+            run = Run(coarse, places=self._places(values))
+            self._rested = values, run.rest.places if run.rest and run.rest.solved else {}
+            yield from self._cycle(run, QUICK_MOMENTS, quick=True)
         except JointplayError:  # which the run as it is need not share
             return
+
+    def _places(self, values: Mapping[str, float]) -> Mapping[str, np.ndarray]:
+        """Where journals of the last quick run rested, of joints on which nothing has changed."""
+        before, places = self._rested
+        changed = {
+            control.group
+            for name, control in self.state.controls.items()
+            if values.get(name, control.value) != before.get(name, control.value)
+        }
+        return {} if WHOLE in changed else {n: q for n, q in places.items() if n not in changed}
 
     def fine(self, values: Mapping[str, float]) -> Iterator[Message]:
         """Answer as the product does: the budget along the motion, and the run as it is."""
         simulation = self.simulation(values)
         yield _safely("budget", lambda: self._budget(simulation, whole=True))
         self._continue()
-        yield from self._cycle(simulation, MOMENTS, quick=False)
+        yield from self._cycle(Run(simulation), MOMENTS, quick=False)
 
     def _continue(self) -> None:
         if self.superseded():
@@ -126,8 +140,7 @@ class Machine:
         self._continue()
         return status
 
-    def _cycle(self, simulation: Simulation, moments: int, quick: bool) -> Iterator[Message]:
-        run = Run(simulation)
+    def _cycle(self, run: Run, moments: int, quick: bool) -> Iterator[Message]:
         status = self._to_end(run, SOON_S if quick else math.inf)
         if status == Status.INTERRUPTED:
             done = run.workspace.steps / run.total_steps
@@ -140,6 +153,7 @@ class Machine:
 
     def _message(self, run: Run, moments: int, quick: bool) -> Message:
         simulation, result = run.simulation, run.result()
+        result.simulation = simulation  # made already
         self._continue()
         twin, reason = None, ""
         try:
@@ -270,6 +284,7 @@ def cycle_message(
     `steps` say in words how long those of a quick run were, `reason` why there is no twin.
     """
     few = result.thinned(max(-(-len(result.time) // SHOWN), 1))
+    few.simulation = result.simulation  # made already
     kept = np.searchsorted(result.time, few.time)
     curves, error = Curves(), None
     joints: dict[str, Any] = {}
@@ -290,10 +305,10 @@ def cycle_message(
         judged = sizes[since[: len(sizes)]]
         figure(f"largest tool {what}", judged.max(initial=0.0), unit)
         figure(f"RMS tool {what}", np.sqrt(np.mean(judged**2)) if len(judged) else 0.0, unit)
-    for j, name in enumerate(result.joints):
+    peaks = result["joint_force_peak"].values[since] if result.joints else np.empty((0, 0, 3))
+    for name, forces in zip(result.joints, np.linalg.norm(peaks, axis=2).T, strict=True):
         shown = {"orbit": ("orbit", name), "force": ("forces", "total", name)}
         joints[name] = {key: curves.chart(few.plot.panel(*asked)) for key, asked in shown.items()}
-        forces = np.linalg.norm(result["joint_force_peak"].values[since, j], axis=1)
         figure(f"peak force, {name}", forces.max(initial=0.0), "N")
     sunk = {
         name: _sunk(result, name, joint, since)
@@ -337,12 +352,10 @@ def _sunk(result: Result, name: str, joint: Clearance, judged: np.ndarray) -> fl
     """
     if joint.springs is not None or joint.resultant is not None:
         return None
-    gaps = result["gap_min"].sel(joint=name)
-    parts = [
-        -float(np.nanmin(gaps.sel(contact=contact).values[judged], initial=0.0)) / room
-        for contact, room in zip(joint.contacts, joint.contact_clearances, strict=False)
-    ]
-    return max(parts, default=0.0)
+    gaps = result["gap_min"].sel(joint=name, contact=list(joint.contacts)).values[judged]
+    deepest = -np.nanmin(gaps, axis=0, initial=0.0)
+    sunk = [deep / room for deep, room in zip(deepest, joint.contact_clearances, strict=False)]
+    return float(max(sunk, default=0.0))
 
 
 def _given_way(result: Result, twin: Result) -> np.ndarray | None:

@@ -27,7 +27,6 @@ from jointplay.base.units import round_below
 from jointplay.model.mechanism import Mechanism
 from jointplay.model.meshes import Colour, Surface
 from jointplay.model.scene import Scene, quaternions, tool_places
-from jointplay.model.tree import Tree
 from jointplay.model.visuals import Look
 from jointplay.physics.contact import elastic, resultant
 from jointplay.physics.geometry import touch
@@ -156,7 +155,7 @@ def _relative_motion(
 
     Relative to the bearing, in bearing axes; the velocity is that of the journal's centre.
     """
-    tree, pairs = Tree(mechanism.model), [mechanism.frames(joint)]
+    tree, pairs = mechanism.tree, [mechanism.frames(joint)]
     before, now, after = (
         tree.motion(q + step * v, pairs=pairs).poses[0] for step in (-_STEP_S, 0.0, _STEP_S)
     )

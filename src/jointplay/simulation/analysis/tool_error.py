@@ -16,7 +16,6 @@ import xarray as xr
 from jointplay.base.errors import JointplayError, MissingName, require_finite
 from jointplay.model.frames import carried
 from jointplay.model.mechanism import frame_index
-from jointplay.model.tree import Tree
 from jointplay.simulation.analysis.twins import has_play, is_twin
 from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.result.result import AXES, Result
@@ -80,7 +79,7 @@ def seen_from(result: Result, body: str) -> Result:
     mechanism = result.simulation.mechanism
     model = mechanism.model
     own, tool = (
-        Tree(model).motion(result.q, result.v, carried(model, index))
+        mechanism.tree.motion(result.q, result.v, carried(model, index))
         for index in (frame_index(model, body, "body"), mechanism.tool_frame)
     )
     if not len(result.time):

@@ -116,11 +116,9 @@ def rim_centres(result: Result, joint: str) -> np.ndarray:
 
 def journal_poses(result: Result, joint: str) -> np.ndarray:
     """By records: the journal's centre [m], and its orientation row by row, in the bearing (12)."""
-    from jointplay.model.tree import Tree
-
     mechanism = result.simulation.mechanism
     pairs = [mechanism.frames(joint)]
-    return Tree(mechanism.model).motion(result["q"].values, pairs=pairs).poses[0]
+    return mechanism.tree.motion(result["q"].values, pairs=pairs).poses[0]
 
 
 def places(result: Result, joint: str) -> list[str]:
