@@ -41,6 +41,7 @@ from .physics.joints import CompliantSlider as CompliantSlider
 from .physics.joints import CrossedRollerBearing as CrossedRollerBearing
 from .physics.joints import CylindricalClearance as CylindricalClearance
 from .physics.joints import Elasticity as Elasticity
+from .physics.joints import Fit as Fit
 from .physics.joints import Material as Material
 from .physics.joints import PrismaticClearance as PrismaticClearance
 from .physics.joints import RevoluteClearance as RevoluteClearance

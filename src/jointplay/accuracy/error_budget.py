@@ -114,14 +114,18 @@ class Budget:
 class PlayBudget(Budget):
     """Error of the tool by play alone, by j joints and gears.
 
-    No state of the journals without penetration is worse than `worst`. `rms` is of states without
-    friction. Where the machine rests is found when it is asked for (`rest`, `rest_interval`);
-    contacts deflect there, so that it may be a little beyond `worst`.
+    No state of the journals without penetration is worse than `worst`, which has the loosest parts
+    that fits allow. `rms` is of states without friction. Where the machine rests, in the middle of
+    its fits, is found when it is asked for (`rest`, `rest_interval`); contacts deflect there, so
+    that it may be a little beyond `worst`.
     """
 
     rest_positions: RestPositions
     rms: np.ndarray
-    """RMS distance, if a load on the tool that exceeds all others has a random direction, (n,)."""
+    """RMS distance, if a load on the tool that exceeds all others has a random direction, (n,).
+
+    Of joints with a fit, whose parts are at random, too.
+    """
     rms_parts: np.ndarray
     """What each joint adds to `rms`: its mean part along the error, shape (n, j)."""
 
@@ -175,7 +179,7 @@ class PlayBudget(Budget):
             f"Play lets the tool {self.tool!r} be up to {readable(self.worst[at], 'm', 3)} off"
             f"{where} (RMS {readable(self.rms[at], 'm', 3)}), and turn by up to "
             f"{readable(self.worst_turn[at], 'rad', 3)}; at rest it is {rests} mm off, {gives_way}"
-            f"{self._regulated}"
+            f"{self._regulated}{self._of_fits}"
         )
 
     def _beyond_play(self, at: int, least: float) -> dict[str, str]:
@@ -196,6 +200,16 @@ class PlayBudget(Budget):
             if said := [f"{1e3 * x:.4f} {u}" for u, (x, of) in more.items() if x > least * of]:
                 found.append((max(x / of for x, of in more.values()), name, ", ".join(said)))
         return {name: said for _, name, said in sorted(found, reverse=True)}
+
+    @property
+    def _of_fits(self) -> str:
+        """With which parts, where fits leave that open, to add to a sentence."""
+        if all(one.fit is None for one in self.model.contributions):
+            return ""
+        return (
+            "; the limits are of the loosest parts that fits allow, the RMS of any, the place of "
+            "rest of the middle ones"
+        )
 
     @property
     def _regulated(self) -> str:
@@ -646,18 +660,23 @@ def budget(
     half = half_sphere()
     states = model.along(np.broadcast_to(half, (len(q), *half.shape)))
     found = model.farthest(start=half[states.value.sum(axis=0).argmax(axis=1)])
-    # The states that a load of random direction brings about are those just found.
-    errors_of = states.error[..., :3]
+    # The states that a load of random direction brings about are those just found, and in the
+    # middle of what fits allow; parts at random add their variance, which is of the first order.
+    middle, varies = model.middle, np.array([one.looseness for one in model.contributions])
+    typical = middle.along(np.broadcast_to(half, (len(q), *half.shape))) if varies.any() else states
+    errors_of = typical.error[..., :3]
     total = errors_of.sum(axis=0)
-    rms = np.sqrt((total**2).sum(axis=2).mean(axis=1))
     share = np.einsum("jnmk,nmk->nj", errors_of, total) / total.shape[1]
+    looser = varies[:, None, None, None] * (states.error[..., :3] - errors_of)
+    share += (looser**2).sum(axis=3).mean(axis=2).T
+    rms = np.sqrt(share.sum(axis=1))
     rms_parts = np.divide(share, rms[:, None], out=np.zeros_like(share), where=rms[:, None] > 0.0)
     if mechanism.loops:
         more = _second_order_of_loops(mechanism, q, model, found.direction, driven)
     else:
         more = _second_order(model, relative_to is None or _carries(mechanism, relative_to))
     push = force_on_tool(force)
-    rest = RestPositions(mechanism, q, model, push, driven, friction, drive, more, relative_to)
+    rest = RestPositions(mechanism, q, middle, push, driven, friction, drive, more, relative_to)
     seen = driven, relative_to, _positions(mechanism, q, relative_to)
     return PlayBudget(mechanism, q, model, push, *seen, found, rest, rms, rms_parts)
 

@@ -16,6 +16,7 @@ In a closed loop the displacements of several joints may hold each other (`loop_
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -37,7 +38,8 @@ from jointplay.accuracy.jacobians import (
 )
 from jointplay.base.errors import JointplayError, require_whole
 from jointplay.model.mechanism import Mechanism
-from jointplay.physics.joints.play import Cone, Cones, JournalPlay, Play, Support
+from jointplay.physics.joints.fits import Fit
+from jointplay.physics.joints.play import DRAWS, Cone, Cones, JournalPlay, Play, Support
 
 DIRECTIONS = 180
 """Directions over half a sphere among which the worst one is sought, before it is refined."""
@@ -151,8 +153,11 @@ class Contribution:
     """Where the numbers come from. What follows "given: " up to a semicolon is listed as given,
     what follows "class 'industrial', assumed: " as assumed, and nothing else is."""
     proportional: bool = True
-    """Whether it is proportional to a size that can be chosen; the play of a rolling bearing is
-    not."""
+    """Whether it is proportional to a size that can be chosen; the play of a rolling bearing or of
+    a fit is not."""
+    middle: Play | None = None
+    """`set` in the middle of the fit's tolerances, where `set` is with the loosest parts."""
+    fit: Fit | None = None
     part: str = ""
     """Which part of the joint it is, if not the joint itself: `GEAR`, or `LINK`, whose first
     component is by how much it grows, relatively."""
@@ -164,6 +169,32 @@ class Contribution:
     @property
     def gear(self) -> bool:
         return self.part == GEAR
+
+    @property
+    def looseness(self) -> float:
+        """Standard deviation from `middle`, as a part of what `set` differs from it."""
+        return self.fit.deviation / (self.fit.most - self.fit.middle) if self.fit else 0.0
+
+    def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
+        """Displacements of `set` at random, shape (count, 6), of a fit with parts at random."""
+        if self.set is None:
+            return np.zeros((count, 6))
+        if self.fit is None or self.middle is None:
+            return self.set.draw(random, count)
+        middle, loose = self.middle.draw(copy.deepcopy(random), count), self.set.draw(random, count)
+        sizes = self.fit.quantile(random.uniform(size=count))
+        part = (sizes - self.fit.middle) / (self.fit.most - self.fit.middle)
+        return np.asarray(middle + part[:, None] * (loose - middle))
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Of `draw`, about zero, shape (6, 6)."""
+        if self.set is None:
+            return np.zeros((6, 6))
+        if self.middle is None:
+            return self.set.covariance
+        states = self.draw(np.random.default_rng(0), DRAWS)
+        return np.asarray(states.T @ states / DRAWS)
 
 
 class States(NamedTuple):
@@ -257,6 +288,15 @@ class ErrorModel:
     def tied(self) -> bool:
         """Whether contributions hold each other."""
         return self.tie.shape[2] > 0
+
+    @property
+    def middle(self) -> ErrorModel:
+        """With fits in the middle of their tolerances."""
+        every = (
+            one if one.middle is None else replace(one, set=one.middle)
+            for one in self.contributions
+        )
+        return replace(self, contributions=tuple(every))
 
     def scaled(self, scale: np.ndarray) -> ErrorModel:
         """With contributions so many times as large, (k,)."""
@@ -408,8 +448,8 @@ class ErrorModel:
     @cached_property
     def _own_covariances(self) -> np.ndarray:
         """Of the joints' displacements in their sets, (k, 6, 6)."""
-        own = [np.zeros((6, 6)) if c.set is None else c.set.covariance for c in self.contributions]
-        return self.scale[:, None, None] ** 2 * np.array(own)
+        own = np.array([one.covariance for one in self.contributions])
+        return self.scale[:, None, None] ** 2 * own
 
     @cached_property
     def _yielding(self) -> np.ndarray:
@@ -454,8 +494,7 @@ class ErrorModel:
             if one.shift is not None:
                 part = 1.0 + one.spread * random.uniform(-1.0, 1.0, count)
                 shifts[:, k] = self.scale[k] * part[:, None] * one.shift[0]
-            if one.set is not None:
-                sets[:, k] = self.scale[k] * one.set.draw(random, count)
+            sets[:, k] = self.scale[k] * one.draw(random, count)
         if self.tied:
             opened = np.einsum("kri,mki->mr", self.tie[:, 0], sets)
             sets -= np.einsum("kir,mr->mki", self._yielding[:, 0], opened)
@@ -528,8 +567,14 @@ def play_model(
 def play_of_joint(mechanism: Mechanism, name: str, second_order: bool = True) -> Contribution:
     """What the clearance of a joint lets it do."""
     joint = mechanism.clearance[name]
+    own, origin, fit = joint.play(second_order), "the joint's clearance", joint.fitted
+    if fit is not None:
+        loose = joint.at_clearance(fit.most).play(second_order)
+        origin = f"its fit {fit}, {fit.range}"
+        return Contribution(
+            name, "play", loose, origin=origin, proportional=False, middle=own, fit=fit
+        )
     proportional = bool(joint.clearances) and joint.resultant is None
-    own, origin = joint.play(second_order), "the joint's clearance"
     return Contribution(name, "play", own, origin=origin, proportional=proportional)
 
 

@@ -115,6 +115,10 @@ class Heat:
         return replace(self, joints=joints, links=links, curve=None, time=None)
 
 
+def _of_fit(joint: Clearance) -> str:
+    return f" (the middle of {joint.fitted}, whose limits do not count)" if joint.fitted else ""
+
+
 def _curve(path: Path) -> tuple[list[str], np.ndarray]:
     rows = files.csv_rows(path, "curve")
     header = [cell.strip() for cell in rows[0][1]]
@@ -157,7 +161,7 @@ def warmed(
         before, after = joints[name].play_words, hot[name].play_words
         notes.append(
             f"heat in {name}: journal {one.journal:g} K and bearing {one.bearing:g} K warmer: "
-            f"clearance {before}, now {after}"
+            f"clearance {before}, now {after}{_of_fit(joints[name])}"
         )
     growth = _growth(description, heat)
     if not growth:

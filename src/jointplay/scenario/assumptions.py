@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
 
 ASSUMED = "(assumed)"
+_WHOLE = ("designation", "fit")
+"""Keys of a joint that say its sizes."""
 
 
 def decisive(scenario: Scenario, simulations: Mapping[str, Simulation]) -> list[str]:
@@ -100,7 +102,7 @@ def unsized(scenario: Scenario, case: str) -> list[str]:
     found = []
     for name, joint in scenario.mechanism(case).clearance.items():
         sizes = joint.clearance_fields
-        if sizes and not {*sizes, *sizes.values(), "designation"}.intersection(given.get(name, ())):
+        if sizes and not {*sizes, *sizes.values(), *_WHOLE}.intersection(given.get(name, ())):
             found.append(name)
     return found
 
@@ -132,8 +134,10 @@ def _joints(mechanism: Mechanism, given: Mapping[str, Any]) -> list[str]:
 def _parts(joint: Clearance, given: Mapping[str, Any]) -> list[str]:
     if not isinstance(joint, SlidingClearance):
         return [joint.summary]
-    parts = []
+    parts = [] if joint.fitted is None else [f"fit {joint.fitted}: {joint.fitted.range} radially"]
     said = set(given)
+    if joint.fit_size is not None and joint.fitted is not None:
+        said |= {joint.fit_size[0], next(iter(joint.clearance_fields))}
     for name, field in fields_of(type(joint)).items():
         value = getattr(joint, name)
         instead = joint.clearance_fields.get(name)

@@ -215,7 +215,7 @@ def assumed_joint(
     table: dict[str, Any] = {"kind": word} | ({"ideal": True} if ideal else {})
     if issubclass(kind, SlidingClearance):
         across, instead = next(iter(kind.clearance_fields.items()))
-        if across in given or instead not in given:
+        if across in given or not {instead, "fit"}.intersection(given):
             table[across] = ASSUMED_CLEARANCE
     return Setting(("joints", name), table, f"--joint {name}", assumed=True)
 

@@ -114,10 +114,10 @@ HELP = """
     --gravity  = robot.gravity
     --base  = robot.base
   joints with clearance:
-    --joint NAME[=LENGTH|=BEARING] ...  joint with clearance, optionally with its radial clearance
-        or the designation of its rolling bearing, such as elbow="6010/C3"; the options of this
-        group and of contacts apply to these joints. Where nothing moves, by default all that move
-        the tool
+    --joint NAME[=LENGTH|=FIT|=BEARING] ...  joint with clearance, optionally with its radial
+        clearance, its fit by ISO 286-1, such as elbow="20H7/g6", or the designation of its rolling
+        bearing, such as elbow="6010/C3"; the options of this group and of contacts apply to these
+        joints. Where nothing moves, by default all that move the tool
     --clearance VALUE  radial clearance of these joints; of sliders, that on each side [m]
     --ideal  the robot without clearance
     --preset [NAME]  joints, gears and drives as they are publicly known, or assumed for a class of
@@ -265,6 +265,9 @@ def default_of(key: Sequence[str]) -> str:
 _CLEARANCE = Flag("--clearance", (("joints", "JOINT", "clearance"),), "joints with clearance")
 """For which each kind of joint has a name of its own: the first of its ``clearance_fields``."""
 
+_OF_FIT = (_CLEARANCE.name, "--bearing-radius", "--journal-radius")
+"""What joints with a fit have by it: these are for the others, if there are others."""
+
 SCARA_JOINT = "joint_b"
 """Joint of the SCARA that has clearance where nothing is named."""
 
@@ -312,8 +315,8 @@ def scenario_of(options: argparse.Namespace, still: bool = False) -> Scenario:
     names = list(named_joints(options))
     if options.place is None and not names and not ideal:
         names = [SCARA_JOINT]
-    bearings, lengths = _of_joints(options)
-    settings += bearings
+    whole, lengths = _of_joints(options)
+    settings += whole
     beyond = []
     if file is None and options.place is not None:
         beyond = settings_beyond(_description(options, wanted, None), ideal, still)
@@ -516,7 +519,7 @@ def simulation_of(options: argparse.Namespace) -> Simulation:
 
 
 def named_joints(options: argparse.Namespace) -> dict[str, str | None]:
-    """Joints of --joint, each with its clearance or bearing if it has one."""
+    """Joints of --joint, each with its clearance, fit or bearing if it has one."""
     from jointplay.physics.joints.bearings import is_designation
 
     if "joints with clearance" not in options.groups:
@@ -585,20 +588,25 @@ def _description(
 
 
 def _of_joints(options: argparse.Namespace) -> tuple[list[Setting], dict[str, str]]:
-    """Bearings of joints given as NAME=BEARING, and clearances of those given as NAME=LENGTH."""
-    from jointplay.physics.joints.bearings import bearing_kind
+    """Bearings and fits of joints given as NAME=BEARING or NAME=FIT, and clearances of others."""
+    from jointplay.physics.joints.bearings import bearing_kind, is_catalogued
+    from jointplay.physics.joints.fits import is_fit
     from jointplay.scenario.overrides import Setting
 
-    bearings, lengths = [], {}
+    whole, lengths = [], {}
     for name, text in named_joints(options).items():
         if text is None:
             continue
-        if (kind := bearing_kind(text)) is None:
-            lengths[name] = text
+        keys: dict[str, str] = {}
+        if is_fit(text) and not is_catalogued(text):
+            keys = {"fit": text}
+        elif (kind := bearing_kind(text)) is not None:
+            keys = {"kind": kind, "designation": text}
         else:
-            for key, value in (("kind", kind), ("designation", text)):
-                bearings.append(Setting(("joints", name, key), value, f"--joint {name}={text}"))
-    return bearings, lengths
+            lengths[name] = text
+        for key, value in keys.items():
+            whole.append(Setting(("joints", name, key), value, f"--joint {name}={text}"))
+    return whole, lengths
 
 
 def _joint_settings(
@@ -633,7 +641,9 @@ def _joint_settings(
             settings.append(assumed_joint(name, description, own))
     for flag in given:
         value = flag.read(_value(options, flag.attribute))
-        able = [name for name, kind in kinds.items() if _has(kind, flag)] or joints
+        able = [name for name, kind in kinds.items() if _has(kind, flag)]
+        fitted = [name for name in able if flag.name in _OF_FIT and "fit" in tables.get(name, {})]
+        able = [name for name in able if name not in fitted] or able or joints
         for key in flag.keys:
             for name in able:
                 path = _path(key, name, kinds[name], options)

@@ -29,6 +29,7 @@ from jointplay.physics.joints.compliance import (
 )
 from jointplay.physics.joints.cylindrical import CylindricalClearance
 from jointplay.physics.joints.elasticity import Elasticity
+from jointplay.physics.joints.fits import Fit
 from jointplay.physics.joints.prismatic import PrismaticClearance
 from jointplay.physics.joints.revolute import RevoluteClearance
 from jointplay.physics.joints.spherical import SphericalClearance
@@ -84,6 +85,7 @@ __all__ = [
     "CrossedRollerBearing",
     "CylindricalClearance",
     "Elasticity",
+    "Fit",
     "Material",
     "Outline",
     "PrismaticClearance",

@@ -12,6 +12,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -38,6 +39,7 @@ from jointplay.physics.contact import (
 from jointplay.physics.contact.compiled import compiled_touch, parameter_names
 from jointplay.physics.geometry import Shape
 from jointplay.physics.joints.elasticity import Elasticity
+from jointplay.physics.joints.fits import Fit
 from jointplay.physics.joints.play import Play, play_within
 
 VIRTUAL_LINK = ("x", "y", "z", "yaw", "pitch", "roll")
@@ -51,6 +53,9 @@ MOTOR = "motor"
 
 SAMPLES = 72
 """Azimuths at which contact directions are sampled."""
+
+_ROUNDING_M = 1e-12
+"""By which a clearance may be beyond its limits."""
 
 _ON_A_SPHERE = 200
 """Directions at which those of a ball are sampled."""
@@ -305,6 +310,15 @@ class Clearance(Described, ABC):
         return self.springs is None
 
     @property
+    def fitted(self) -> Fit | None:
+        """The fit that gives the joint's clearance its limits; None for one of a known size."""
+        return None
+
+    def at_clearance(self, size: float) -> Self:
+        """The joint with another clearance of those that its fit allows [m]; that along stays."""
+        return self.with_clearances({next(iter(self.clearance_fields)): size})
+
+    @property
     def contact_clearances(self) -> tuple[float, ...]:
         """Clearance that belongs to each contact [m]."""
         return (self.radial_travel,) * len(self.contacts)
@@ -312,7 +326,12 @@ class Clearance(Described, ABC):
     @property
     def summary(self) -> str:
         """Kind and clearance, for a line of text."""
-        return f"{self.kind}, {readable(self.radial_travel, 'm')}"
+        return f"{self.kind}, {readable(self.radial_travel, 'm')}{self._limits}"
+
+    @property
+    def _limits(self) -> str:
+        """A fit and its limits, to add to its clearance in a line of text."""
+        return "" if self.fitted is None else f" ({self.fitted}: {self.fitted.range})"
 
     def warmed(self, journal: float, bearing: float) -> Self:
         """The joint with halves that are warmer by so much [K].
@@ -450,6 +469,8 @@ class Clearance(Described, ABC):
         """The joint with other clearances [m], by their fields' names, in the same bearing."""
         instead = (self.clearance_fields[name] for name in sizes)
         changes: dict[str, Any] = {**sizes, **dict.fromkeys(name for name in instead if name)}
+        if self.fitted is not None:
+            changes["fit"] = None
         return replace(self, **changes)
 
     def scaled(self, factor: float) -> Self:
@@ -516,6 +537,15 @@ class SlidingClearance(Clearance):
     ``touch(k, pose, ...)``: index of the contact and pose of the journal (`geometry.contacts`), and
     then dimensions of the joint by the names of its attributes.
     """
+    fit_size: ClassVar[tuple[str, float] | None] = None
+    """Field of the size that a fit is of, and how large it is of a nominal size of 1; None: ISO 286
+    has no fits of such a joint."""
+
+    fit: str | None = None
+    """Nominal size in mm and classes of hole and shaft by ISO 286-1, such as ``"20H7/g6"``, instead
+    of the clearance: the middle of its range, unless another within it is given. A size that is
+    the usual one counts as not given.
+    """
 
     bearing_material: Material = PAPER_STEEL
     journal_material: Material = PAPER_STEEL
@@ -557,6 +587,8 @@ class SlidingClearance(Clearance):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.fit is not None:
+            self._take_fit()
         if getattr(self, next(iter(self.clearance_fields))) == 0.0:
             object.__setattr__(self, "ideal", True)
         if self.seat is not None:
@@ -577,6 +609,35 @@ class SlidingClearance(Clearance):
                     f"got {getattr(self, name)!r}",
                     where=(name,),
                 )
+
+    @cached_property
+    def fitted(self) -> Fit | None:
+        return None if self.fit is None else Fit(self.fit)
+
+    def _take_fit(self) -> None:
+        """Size and clearance of the fit, in place; refuse others that contradict it."""
+        if self.fit_size is None:
+            raise JointplayError(
+                f"a {self.kind} joint has no fit: ISO 286 is for round holes and parallel faces; "
+                f"give {next(iter(self.clearance_fields))}",
+                where=("fit",),
+            )
+        with within("fit"):
+            fit = self.fitted
+            assert fit is not None
+            fit.require_clearance()
+        (name, part), play = self.fit_size, next(iter(self.clearance_fields))
+        size, given, clearance = part * fit.size, getattr(self, name), getattr(self, play)
+        if given not in (type(self).__dataclass_fields__[name].default, size):
+            words = f"{name.replace('_', ' ')} {readable(given, 'm')} contradicts the fit {fit}"
+            raise JointplayError(f"{words}, which has {readable(size, 'm')}", where=(name,))
+        if clearance is None:
+            clearance = fit.middle
+        elif not fit.least - _ROUNDING_M <= clearance <= fit.most + _ROUNDING_M:
+            words = f"{play.replace('_', ' ')} {readable(clearance, 'm')} contradicts the fit {fit}"
+            raise JointplayError(f"{words}, which has {fit.range}: give one", where=(play,))
+        for field_name, value in (("fit", str(fit)), (name, size), (play, clearance)):
+            object.__setattr__(self, field_name, value)
 
     @property
     def shape(self) -> int:
@@ -689,6 +750,7 @@ class RoundClearance(SlidingClearance):
     """
 
     clearance_fields: ClassVar[Mapping[str, str | None]] = {"radial_clearance": "journal_radius"}
+    fit_size: ClassVar[tuple[str, float] | None] = ("bearing_radius", 0.5)
 
     bearing_radius: float = quantity("m", default=10e-3, above=0.0, label="bearing radius")
     """R_i [m]; 10 mm is usual in the literature on clearance."""
@@ -709,7 +771,7 @@ class RoundClearance(SlidingClearance):
         radius, bore = self.rj * (1.0 + inner), self.ri * (1.0 + outer)
         self._require_clearance("radial clearance", self.cr, bore - radius)
         return replace(
-            self, bearing_radius=bore, journal_radius=radius, radial_clearance=None,
+            self, bearing_radius=bore, journal_radius=radius, radial_clearance=None, fit=None,
             **self._warmed_lengths(1.0 + inner, 1.0 + outer),
         )  # fmt: skip
 

@@ -109,6 +109,11 @@ def _section_of(designation: str) -> str | None:
     return None
 
 
+def is_catalogued(text: str) -> bool:
+    """Whether `text` designates a bearing of the catalogue."""
+    return _section_of(text) is not None
+
+
 def is_designation(text: str) -> bool:
     """Whether `text` designates a bearing, known or not, rather than being a length."""
     return _section_of(text) is not None or _LOOKS_DESIGNATED.fullmatch(text) is not None

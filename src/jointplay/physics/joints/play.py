@@ -27,7 +27,7 @@ _AT_ONCE = 2000
 """Loads of which as many are searched at once: more do not fit into a processor's cache."""
 _NOTHING = 1e-9
 """Part of a load that is rounding."""
-_DRAWS = 4000
+DRAWS = 4000
 """States by which the variance of a play is found."""
 _FAR = 100.0
 """Clearances that a journal without end walls is granted along its axis, in `Play.cones`."""
@@ -129,8 +129,8 @@ class Play(ABC):
     @property
     def covariance(self) -> np.ndarray:
         """Of `draw`, about zero, shape (6, 6)."""
-        states = self.draw(np.random.default_rng(0), _DRAWS)
-        return np.asarray(states.T @ states / _DRAWS)
+        states = self.draw(np.random.default_rng(0), DRAWS)
+        return np.asarray(states.T @ states / DRAWS)
 
 
 @dataclass(frozen=True)

@@ -38,6 +38,7 @@ class PrismaticClearance(SlidingClearance):
     replaces: ClassVar[tuple[str, ...]] = ("prismatic",)
     ideal_freedoms: ClassVar[tuple[str, ...]] = ("z",)
     clearance_fields: ClassVar[Mapping[str, str | None]] = {"clearance": None, "clearance_y": None}
+    fit_size: ClassVar[tuple[str, float] | None] = ("width", 1.0)
 
     length: float = quantity("m", default=80e-3, above=0.0, label="slider length")
     """Of the slider, along z [m]."""
@@ -45,8 +46,8 @@ class PrismaticClearance(SlidingClearance):
     """Of the slider, along x [m]."""
     height: float = quantity("m", default=40e-3, above=0.0, label="slider height")
     """Of the slider, along y [m]."""
-    clearance: float = quantity("m", least=0.0, label="slider clearance")
-    """On each side, across x [m]; 0: an ideal joint."""
+    clearance: float | None = quantity("m", default=None, least=0.0, label="slider clearance")
+    """On each side, across x [m]; 0: an ideal joint; None: that of the fit."""
     clearance_y: float | None = quantity(
         "m", default=None, least=0.0, label="slider clearance across y"
     )
@@ -61,12 +62,14 @@ class PrismaticClearance(SlidingClearance):
     def __post_init__(self) -> None:
         super().__post_init__()
         self.refuse_line_contact()
+        if self.clearance is None:
+            raise JointplayError("give the slider's clearance, or a fit", where=("clearance",))
         if self.clearance_y is None:
             object.__setattr__(self, "clearance_y", self.clearance)
         elif self.clearance_y == 0.0 < self.clearance:
             object.__setattr__(self, "planar", True)
         for name, play, side in (
-            ("clearance", self.clearance, self.width),
+            ("clearance", self.cx, self.width),
             ("clearance_y", self.cy, self.height),
         ):
             if play >= side:
@@ -82,14 +85,24 @@ class PrismaticClearance(SlidingClearance):
             name: getattr(self, name) * (1.0 + inner) for name in ("length", "width", "height")
         }
         for name, play, side in (
-            ("clearance", self.clearance, self.width),
+            ("clearance", self.cx, self.width),
             ("clearance_y", self.cy, self.height),
         ):
             if play:
                 room = 0.5 * ((side + 2.0 * play) * (1.0 + outer) - side * (1.0 + inner))
                 self._require_clearance(name, play, room)
                 grown[name] = room
-        return replace(self, **grown)
+        return replace(self, **grown, fit=None)
+
+    def at_clearance(self, size: float) -> Self:
+        same = [name for name, own in self.clearances.items() if own == self.cx]
+        return self.with_clearances(dict.fromkeys(same, size))
+
+    @property
+    def cx(self) -> float:
+        """Clearance across x, on each side [m]."""
+        assert self.clearance is not None
+        return self.clearance
 
     @property
     def cy(self) -> float:
@@ -133,7 +146,7 @@ class PrismaticClearance(SlidingClearance):
 
     @property
     def dimensions(self) -> tuple[float, ...]:
-        guide = (self.width / 2 + self.clearance, self.height / 2 + self.cy)
+        guide = (self.width / 2 + self.cx, self.height / 2 + self.cy)
         places = (
             number for _, point, wall, side in self._places for number in (*point, wall, side)
         )
@@ -145,7 +158,7 @@ class PrismaticClearance(SlidingClearance):
 
     @property
     def contact_clearances(self) -> tuple[float, ...]:
-        return tuple((self.clearance, self.cy)[wall] for _, _, wall, _ in self._places)
+        return tuple((self.cx, self.cy)[wall] for _, _, wall, _ in self._places)
 
     @property
     def freedoms(self) -> tuple[str, ...]:
@@ -155,11 +168,11 @@ class PrismaticClearance(SlidingClearance):
     @property
     def outline(self) -> Outline:
         size = (self.width / 2, self.height / 2, self.length / 2)
-        return Outline("block", size, (self.clearance, self.cy, 0.0), not self.planar)
+        return Outline("block", size, (self.cx, self.cy, 0.0), not self.planar)
 
     @property
     def clearances(self) -> dict[str, float]:
-        return {"clearance": self.clearance} | ({} if self.planar else {"clearance_y": self.cy})
+        return {"clearance": self.cx} | ({} if self.planar else {"clearance_y": self.cy})
 
     def directions(self) -> np.ndarray:
         rows = np.zeros((len(self.contacts), 6))

@@ -161,7 +161,7 @@ class RevoluteClearance(RoundClearance):
     @property
     def summary(self) -> str:
         return (
-            f"radial {readable(self.cr, 'm')}, axial {readable(self.ca, 'm')}, "
+            f"radial {readable(self.cr, 'm')}{self._limits}, axial {readable(self.ca, 'm')}, "
             f"bearing {2e3 * self.ri:g} x {1e3 * self.li:g} mm"
         )
 

@@ -31,6 +31,7 @@ class SphericalClearance(RoundClearance):
     kind: ClassVar[str] = "spherical"
     replaces: ClassVar[tuple[str, ...]] = ("floating",)
     ideal_freedoms: ClassVar[tuple[str, ...]] = VIRTUAL_LINK[3:]
+    fit_size: ClassVar[tuple[str, float] | None] = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
