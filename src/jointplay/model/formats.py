@@ -1,20 +1,22 @@
 """A robot's description from a file of any format: what is no URDF is turned into one.
 
 A format is a module with a function from the file's text to that of a URDF, and its line in
-`FORMATS`. All that comes later sees a `Description`.
+`FORMATS`; xacro (`model.xacro`) can be told from a URDF only by what is in it. All that comes later
+sees a `Description`.
 """
 
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from importlib import import_module
 from io import StringIO
 from pathlib import Path
 
+from jointplay.base.errors import JointplayError
 from jointplay.base.files import read_text
-from jointplay.model import urdf
-from jointplay.model.robots import file_of
+from jointplay.model import urdf, xacro
+from jointplay.model.robots import Source, source_of
 
 FORMATS: dict[str, tuple[str, str]] = {"mujoco": ("mjcf", "urdf_text")}
 """Module here and function that turn a format into a URDF, ``(text, path) -> text``, by the tag of
@@ -22,30 +24,40 @@ the file's root element; it is imported when a file has that root. Any other fil
 
 
 def read(
-    place: str | Path, allow_unphysical: Collection[str] = (), folder: Path = Path()
+    place: str | Path,
+    allow_unphysical: Collection[str] = (),
+    folder: Path = Path(),
+    arguments: Mapping[str, xacro.Value] | None = None,
 ) -> urdf.Description:
     """Read a robot and check every inertia, but of links in `allow_unphysical`, or ``"all"``.
 
     Args:
-        place: a file, or a robot's name, as for `robots.file_of`.
+        place: a file, or a robot's name, as for `robots.source_of`.
         allow_unphysical: links whose inertia is not checked.
         folder: where a relative path begins.
+        arguments: of xacro, by name.
 
     Raises:
         JointplayError: the file is missing or malformed, its links do not form one tree, or a
             link's inertia is impossible (the message names the link and its principal moments).
     """
-    path = file_of(place, folder)
-    return urdf.parse(urdf_text(path), path, allow_unphysical)
+    source = source_of(place, folder)
+    return urdf.parse(urdf_text(source, arguments or {}), source.path, allow_unphysical)
 
 
-def urdf_text(path: Path) -> str:
-    """A robot's file as a URDF, unchecked.
+def urdf_text(source: Source, arguments: Mapping[str, xacro.Value]) -> str:
+    """A robot's file as a URDF, unchecked; `arguments` are those of xacro.
 
     Raises:
         JointplayError: the file cannot be read, or not be turned into a URDF.
     """
+    path, usual = source
     text = read_text(path, "robot")
+    if xacro.is_xacro(text, path):
+        text = xacro.expand(text, path, arguments, usual)
+    elif arguments:
+        name = next(iter(arguments))
+        raise JointplayError(f"{str(path)!r} is no xacro: it takes no argument {name!r}")
     tag = _root_tag(text)
     if tag not in FORMATS:
         return text

@@ -50,6 +50,7 @@ from jointplay.model.seats import SEAT, seat_of_joint, seat_of_loop
 from jointplay.model.tool import choose_tool
 from jointplay.model.tree import Tree
 from jointplay.model.urdf import GRAVITY, STANDARD_GRAVITY
+from jointplay.model.xacro import Value
 from jointplay.physics.joints import (
     MOTOR,
     RELATIVE,
@@ -114,8 +115,8 @@ class Mechanism(Overview, Described):
     """A robot or linkage from a URDF, ideal or with clearance in some of its joints.
 
     Args:
-        path: the URDF, ``jointplay:NAME`` for one that ships with the package, or a name such as
-            ``ur5`` for a robot of example-robot-data.
+        path: the URDF or xacro, ``jointplay:NAME`` for one that ships with the package, or a name
+            such as ``ur5`` for a robot of example-robot-data or robot_descriptions.
         clearance: joints with clearance, by the name of the URDF joint that each replaces or of the
             loop that each cuts. One whose field `ideal` is set has none.
         loops: joints that close loops, by name; without clearance they are ideal revolute joints.
@@ -132,6 +133,7 @@ class Mechanism(Overview, Described):
         base: ``"held"`` to the ground, or ``"free"``: held by nothing, as that of what walks, flies
             or is carried. Its coordinates ``base.x``, ``.y``, ``.z`` [m], ``.yaw``, ``.pitch`` and
             ``.roll`` [rad] come first; they are zero where the URDF has it.
+        xacro: arguments of a robot that is written in xacro, by name.
 
     Attributes:
         model, data: the Pinocchio model and data that the simulation uses.
@@ -171,6 +173,7 @@ class Mechanism(Overview, Described):
         allow_unphysical: Collection[str] = (),
         fix: Collection[str] = (),
         base: str = HELD,
+        xacro: Mapping[str, Value] | None = None,
     ) -> None:
         allow_unphysical = require_names(
             "allow_unphysical", allow_unphysical, "names of links", ("allow_unphysical",)
@@ -181,7 +184,8 @@ class Mechanism(Overview, Described):
                 f"a mechanism needs the path of a URDF, or a robot's name, got {path!r:.60}"
             )
         if not isinstance(path, urdf.Description):
-            path = formats.read(path, allow_unphysical)
+            arguments = require_table("xacro", xacro, "of arguments by name", ("xacro",))
+            path = formats.read(path, allow_unphysical, arguments=arguments)
         self.description = with_fixed(path, fix)
         self.fix = fix
         # Names out of NumPy arrays print as np.str_(...).

@@ -1,8 +1,9 @@
-"""Robots people have: those of the package example-robot-data, by short names.
+"""Robots people have: those of the packages example-robot-data and robot_descriptions, by name.
 
-The package (BSD-3-Clause) is nothing but URDFs and meshes; the extra `robots` brings it. A robot's
-name is that of its URDF, in small letters and without ``_robot``; where two folders have a URDF of
-the same name, the folder's name instead.
+The first (BSD-3-Clause) is nothing but URDFs and meshes; the extra `robots` brings both. A robot's
+name in it is that of its URDF, in small letters and without ``_robot``; where two folders have a
+URDF of the same name, the folder's name instead. What it does not have is looked for in the other
+(`model.robot_descriptions`).
 """
 
 from __future__ import annotations
@@ -14,10 +15,12 @@ from collections import defaultdict
 from functools import cache
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
+from typing import NamedTuple
 
 from jointplay.base.errors import JointplayError, MissingName
 from jointplay.base.files import is_file
 from jointplay.base.imports import how_to_install
+from jointplay.model import robot_descriptions
 from jointplay.model.urdf import shipped
 
 PACKAGE = "example-robot-data"
@@ -25,6 +28,9 @@ SHIPPED = "jointplay:"
 """Marks the name of a file that ships with this package, as in ``jointplay:scara.urdf``."""
 PREFIX = f"{PACKAGE}:"
 """Marks a robot's name where a path could stand, as in ``example-robot-data:ur5``."""
+
+PREFIXES = (SHIPPED, PREFIX, robot_descriptions.PREFIX)
+"""Of all that is no path."""
 
 OWN = {"scara": "scara.urdf", "so101": "so101.urdf"}
 """Robots whose URDF ships with this package, by name; they hide others of that name."""
@@ -75,6 +81,14 @@ def _normal(name: str) -> str:
     return name.lower().replace("-", "_").replace(".", "_")
 
 
+class Source(NamedTuple):
+    """A file that describes a robot."""
+
+    path: Path
+    usual: dict[str, str]
+    """Arguments that it takes as xacro where none are given."""
+
+
 def robots() -> tuple[str, ...]:
     """Names of all robots; errors as of `share`."""
     return tuple(sorted({*OWN, *_table(share() / "robots")}))
@@ -97,41 +111,64 @@ def robot_urdf(name: str) -> Path:
     if wanted not in table and len(variants) == 1:
         return table[variants[0]]
     if wanted not in table:
-        similar = [known for known in table if wanted and wanted in known]
+        known_too = [f"{robot_descriptions.PREFIX}{one}" for one in robot_descriptions.names()]
+        similar = [known for known in (*table, *known_too) if wanted and wanted in known]
         similar = similar or difflib.get_close_matches(wanted, table)
         raise MissingName("robot", name, similar or table, "" if not similar else ", and others")
     return table[wanted]
 
 
 def resolve(place: str | Path, folder: Path = Path()) -> Path:
-    """Path of a file named as such, as ``jointplay:NAME``, or ``example-robot-data:NAME``.
+    """Path of a file named as such, or ``jointplay:NAME``, or as a robot with its package.
 
-    A relative path begins in `folder`; errors are those of `shipped` and `robot_urdf`.
+    A relative path begins in `folder`; errors are those of `shipped` and `source_of`.
     """
     text = str(place)
     if text.startswith(SHIPPED):
         return shipped(text.removeprefix(SHIPPED))
     if text.startswith(PREFIX):
         return robot_urdf(text.removeprefix(PREFIX))
+    if text.startswith(robot_descriptions.PREFIX):
+        return robot_descriptions.find(text.removeprefix(robot_descriptions.PREFIX))[0]
     return folder / place
 
 
-def file_of(place: str | Path, folder: Path = Path()) -> Path:
-    """Path of a robot named as for `resolve`, whose errors it has, or by its name: ``ur5``."""
+def source_of(place: str | Path, folder: Path = Path()) -> Source:
+    """File of a robot named as for `resolve`, or by its name alone: ``ur5``, ``xarm6``.
+
+    Raises:
+        JointplayError: a package is not installed, or a robot's files are not in its cache.
+        MissingName: no such robot.
+    """
     text = str(place)
-    if isinstance(place, str) and re.fullmatch(r"[\w-]+", text) and not is_file(folder / text):
-        return robot_urdf(text)
-    return resolve(place, folder)
+    if isinstance(place, str) and re.fullmatch(r"[\w+-]+", text) and not is_file(folder / text):
+        text = with_package(text)
+    if text.startswith(robot_descriptions.PREFIX):
+        return Source(*robot_descriptions.find(text.removeprefix(robot_descriptions.PREFIX)))
+    return Source(resolve(text, folder), {})
+
+
+def with_package(name: str) -> str:
+    """A robot's name with the package before it that has it; errors as of `robot_urdf`."""
+    try:
+        robot_urdf(name)
+    except JointplayError:
+        full = robot_descriptions.full_name(name)
+        if full is None:
+            raise
+        return f"{robot_descriptions.PREFIX}{full}"
+    return f"{PREFIX}{name}"
 
 
 def is_robot(place: str) -> bool:
     """Whether `place` names a robot rather than a scenario file."""
-    if place.startswith(PREFIX) or place.lower().endswith((".urdf", ".xml", ".xacro")):
+    named = place.startswith((PREFIX, robot_descriptions.PREFIX))
+    if named or place.lower().endswith((".urdf", ".xml", ".xacro")):
         return True
     if place.lower().endswith(".toml") or is_file(Path(place)):
         return False
     try:
-        robot_urdf(place)
+        with_package(place)
     except JointplayError:  # who then finds no file either says what this says
         return False
     return True

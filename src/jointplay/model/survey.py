@@ -14,8 +14,9 @@ from jointplay.base.files import is_file
 from jointplay.model.formats import urdf_text
 from jointplay.model.massless import massless_links, massless_motions
 from jointplay.model.mechanism import Mechanism
-from jointplay.model.robots import PREFIX, file_of
+from jointplay.model.robots import PREFIX, source_of
 from jointplay.model.urdf import ALL, elements, impossible_inertias, mimics
+from jointplay.model.xacro import Value
 
 
 @dataclass(frozen=True)
@@ -68,16 +69,17 @@ class Survey:
         return (self.problem, *found) if self.problem else found
 
 
-def survey(place: str | Path) -> Survey:
-    """Load a robot and look at what it is made of.
+def survey(place: str | Path, xacro: Mapping[str, Value] | None = None) -> Survey:
+    """Load a robot, with these arguments if it is a xacro, and look at what it is made of.
 
     Raises:
         JointplayError, MissingName: no such robot, or no well-formed URDF.
     """
-    path = file_of(place)
-    given = is_file(Path(place)) or Path(place).suffix in (".urdf", ".xml")
+    source = source_of(place)
+    path = source.path
+    given = is_file(Path(place)) or Path(place).suffix in (".urdf", ".xml", ".xacro")
     name = path.stem if given else str(place).removeprefix(PREFIX)
-    root = elements(urdf_text(path), path)
+    root = elements(urdf_text(source, xacro or {}), path)
     joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
     moving = {n: joint.get("type", "") for n, joint in joints.items()}
     moving = {n: kind for n, kind in moving.items() if kind != "fixed"}
@@ -86,7 +88,7 @@ def survey(place: str | Path) -> Survey:
     astray = {n: one.leader for n, one in lost.items()}
     unphysical = tuple(impossible_inertias(root))
     try:
-        mechanism = Mechanism(path, allow_unphysical=[ALL])
+        mechanism = Mechanism(place, allow_unphysical=[ALL], xacro=xacro)
     except JointplayError as error:
         return Survey(name, path, moving, False, unphysical, followers, (), str(error), astray)
     moving = {n: moving[n] for n in mechanism.coordinates}

@@ -8,6 +8,7 @@ parts of them with their colours; where a mesh is missing capsules stand in.
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -23,6 +24,7 @@ import pinocchio as pin
 
 from jointplay.base.errors import JointplayError
 from jointplay.base.files import is_folder
+from jointplay.model import packages
 from jointplay.model.builder import parse
 from jointplay.model.loop import assemble
 from jointplay.model.meshes import Colour, Parts, Surface, readable, surface
@@ -34,6 +36,7 @@ TONES: tuple[Colour, ...] = ((0.79, 0.83, 0.87, 1.0), (0.66, 0.72, 0.79, 1.0))
 """Of links without colour, by turns, so that one can be told from the next."""
 THICKNESS = 0.035
 """Radius of a stand-in, relative to the robot's reach."""
+_PACKAGE = re.compile(r"package://([\w-]+)/")
 _VIEW = (1.6, -1.6, 1.0)
 """Where the camera stands, from the robot's middle, relative to the robot's reach."""
 
@@ -193,7 +196,7 @@ def visualizer(mechanism: Mechanism, folders: Sequence[str | Path], open_browser
 
 
 def mesh_folders(mechanism: Mechanism, given: Sequence[str | Path] = ()) -> list[Path]:
-    """Where meshes are looked for: `given`, the URDF's own folders, example-robot-data's.
+    """Where meshes are looked for: `given`, the robot's own folders and packages, others' data.
 
     A mechanism from a result has no folders of its own: what others wrote into a file must not
     choose among the files here.
@@ -207,7 +210,10 @@ def mesh_folders(mechanism: Mechanism, given: Sequence[str | Path] = ()) -> list
             raise JointplayError(f"no folder of meshes {str(folder)!r}")
     if not mechanism.description.stored:
         # package://name/meshes beside name/urdf
-        folders += [Path.cwd(), *list(mechanism.description.path.resolve().parents)[:4]]
+        path = mechanism.description.path.resolve()
+        named = dict.fromkeys(_PACKAGE.findall(mechanism.description.text))
+        beside = (packages.find(name, path) for name in named)
+        folders += [Path.cwd(), *list(path.parents)[:4], *filter(None, beside)]
     try:
         files = distribution("example-robot-data").files or []
     except PackageNotFoundError:

@@ -481,7 +481,7 @@ def mechanism_of(model: Model, folder: Path, built: Built) -> Mechanism:
     """The mechanism that `model` describes; alike ones are built once."""
     robot = model.robot
     with within("robot", "urdf"):
-        description = read(robot.urdf, robot.allow_unphysical, folder)
+        description = read(robot.urdf, robot.allow_unphysical, folder, robot.xacro)
     with within("robot"):
         description = with_fixed(description, robot.fix)
     parts = model.loops, model.joints, model.gears, model.heat, model.links

@@ -41,8 +41,10 @@ class Robot(LimitSettings):
     """The robot or linkage."""
 
     urdf: str
-    """URDF: a path relative to the scenario's file, ``jointplay:NAME`` for one that ships with the
-    package, or ``example-robot-data:NAME``."""
+    """URDF or xacro: a path relative to the scenario's file, ``jointplay:NAME`` for one that ships
+    with the package, ``example-robot-data:NAME`` or ``robot_descriptions:NAME``."""
+    xacro: dict[str, str | bool | int | float] = quantity("", default_factory=dict)
+    """Arguments of a robot that is written in xacro, by name."""
     tool: str | None = None
     """Frame whose motion is reported; if not given, the end of the chain of moving joints that has
     play, or what is fixed there and named like a tool."""

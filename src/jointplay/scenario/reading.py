@@ -307,9 +307,12 @@ class Scenario(Overview):
 def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
     """`base` with `changes`, tables merged key by key.
 
-    A table that selects another law, kind or source of the motion replaces the one before.
+    A table that selects another law, kind or source of the motion replaces the one before; another
+    robot has none of the arguments of the one before.
     """
     merged = dict(base)
+    if "urdf" in changes and changes["urdf"] != base.get("urdf"):
+        merged.pop("xacro", None)
     for key, value in changes.items():
         before = merged.get(key)
         if isinstance(before, str) and isinstance(value, Mapping) and key in _WORDS:

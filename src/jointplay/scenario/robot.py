@@ -14,7 +14,7 @@ from jointplay.base.schema import Preset, one_of
 from jointplay.base.tables import few
 from jointplay.base.units import round_below
 from jointplay.model.formats import read
-from jointplay.model.robots import PREFIX, SHIPPED
+from jointplay.model.robots import SHIPPED, with_package
 from jointplay.model.urdf import Description
 from jointplay.physics.joints import (
     JOINT_WORDS,
@@ -85,8 +85,8 @@ def robot_scenario(
     """Scenario of one robot with clearance in some of its joints.
 
     Args:
-        place: path of a URDF, ``jointplay:NAME``, ``example-robot-data:NAME`` or just NAME; None
-            takes the SCARA.
+        place: path of a URDF or xacro, ``jointplay:NAME``, ``example-robot-data:NAME``,
+            ``robot_descriptions:NAME`` or just NAME; None takes the SCARA.
         joints: names of those with clearance; by default the SCARA's joint B.
         settings: keys that count more than what is taken for granted.
         ideal: none has clearance; those named still say which frame is the tool.
@@ -116,9 +116,11 @@ def description_of(place: str, settings: Sequence[Setting], folder: Path = Path(
     robot = tree(settings).get("robot", {})
     names = {key: robot.get(key) for key in ("allow_unphysical", "fix")}
     allowed, fix = (one if isinstance(one, list) else [] for one in names.values())
+    arguments = robot.get("xacro")
+    arguments = arguments if isinstance(arguments, dict) else {}
     from jointplay.model.fixing import with_fixed  # imports Pinocchio
 
-    return with_fixed(read(place, allowed, folder), fix)
+    return with_fixed(read(place, allowed, folder, arguments), fix)
 
 
 def settings_beyond(description: Description, ideal: bool, still: bool) -> list[Setting]:
@@ -292,7 +294,7 @@ def robot_place(place: str | None) -> str:
         return SCARA
     if ":" in place or _there(place) or "/" in place or place.endswith(".urdf"):
         return place
-    return f"{PREFIX}{place}"
+    return with_package(place)
 
 
 def _led_by(description: Description, name: str) -> tuple[str, float, float]:

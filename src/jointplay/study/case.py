@@ -19,7 +19,7 @@ import numpy as np
 from jointplay.base.errors import JointplayError
 from jointplay.base.files import temporary
 from jointplay.base.modules import import_module
-from jointplay.model.robots import PREFIX, SHIPPED
+from jointplay.model.robots import PREFIXES
 from jointplay.physics.kernel import Status
 from jointplay.scenario import Scenario
 from jointplay.scenario.overrides import Setting
@@ -106,9 +106,11 @@ class Bench:
     def _unpack(self, inputs: Mapping[str, str], folder: Path) -> Path:
         """Write the files into a folder of this process; their places are kept apart."""
         for number, (name, text) in enumerate(inputs.items()):
-            if name.startswith((SHIPPED, PREFIX)):
+            if name.startswith(PREFIXES):
                 continue
             place = folder / Path(name).name
+            if place.suffix == ".xacro":  # what it was expanded to
+                place = place.with_suffix(".urdf")
             if not name.endswith(".py"):
                 place = folder / str(number) / place.name
                 place.parent.mkdir()

@@ -19,7 +19,8 @@ from jointplay.base.modules import file_of, imported
 from jointplay.base.schema import check, unknown_key
 from jointplay.base.tables import counted
 from jointplay.base.units import toml_text
-from jointplay.model.robots import resolve
+from jointplay.model.formats import urdf_text
+from jointplay.model.robots import resolve, source_of
 from jointplay.scenario import Scenario
 from jointplay.scenario.places import Key, dotted
 from jointplay.scenario.reading import merge
@@ -226,7 +227,10 @@ class SweepPlan:
         named |= {("function", name) for name in self.measures}
         texts = {}
         for word, name in sorted(named):
-            if word != "function":
+            if word == "urdf":
+                own = self.base["robot"] if self.base["robot"]["urdf"] == name else {}
+                texts[name] = urdf_text(source_of(name, folder), own.get("xacro", {}))
+            elif word == "file":
                 texts[name] = read_text(resolve(name, folder), "file")
             elif (own := imported.get(name.partition(":")[0])) and (file := file_of(own)):
                 texts[file.name] = read_text(file, "module")
@@ -255,7 +259,7 @@ def _named(value: Any) -> Iterator[tuple[str, str]]:
         for key, inner in value.items():
             if key in ("urdf", "file", "function") and isinstance(inner, str):
                 yield str(key), inner
-            else:
+            elif key != "xacro":  # whose arguments may have any name
                 yield from _named(inner)
     elif isinstance(value, list | tuple):
         for inner in value:

@@ -23,7 +23,7 @@ from typing import Any
 from jointplay.base import files
 from jointplay.base.errors import JointplayError
 from jointplay.cli.commands.inputs import scenario_of
-from jointplay.model.robots import PREFIX, SHIPPED
+from jointplay.model.robots import PREFIXES
 
 MARK = "jointplay check"
 """In the PNG's metadata: a picture that this command may replace."""
@@ -59,8 +59,8 @@ def run(options: argparse.Namespace) -> int:
 def _place(options: argparse.Namespace, scenario: Any) -> tuple[Path, bool]:
     """Where to draw, and whether a picture there is replaced."""
     beside = scenario.path.with_suffix(".png")
-    named = (SHIPPED, PREFIX)  # of packages, into which nothing is drawn
-    if options.place.startswith(named) or str(beside).startswith(named):
+    # Nothing is drawn into packages.
+    if options.place.startswith(PREFIXES) or str(beside).startswith(PREFIXES):
         beside = Path(beside.name.rpartition(":")[2])
     path = Path(options.picture or beside)
     # What an earlier check drew is of no value once the scenario has changed.

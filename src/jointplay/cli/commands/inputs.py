@@ -95,8 +95,8 @@ class Flag:
 
 
 ABOUT = (
-    "scenario (.toml; jointplay init writes one), URDF, or name of a robot such as ur5; jointplay "
-    "robots lists them"
+    "scenario (.toml; jointplay init writes one), URDF, xacro, or name of a robot such as ur5; "
+    "jointplay robots lists them"
 )
 """What is said of the file or robot."""
 
@@ -106,6 +106,7 @@ HELP = """
     --case
     --import
   robot:
+    --xacro NAME:=VALUE ...  argument of a robot that is written in xacro
     --allow-unphysical LINK,... ...  accept these links' inertias although they are physically
         impossible, or all
     --fix JOINT,... ...  hold these joints, at zero or the limit nearest to it; those that mimic
@@ -300,6 +301,8 @@ def scenario_of(options: argparse.Namespace, still: bool = False) -> Scenario:
     for key in ("fix", "allow_unphysical"):
         if names := _value(options, key):
             wanted.insert(0, Setting(("robot", key), list(names), f"--{key.replace('_', '-')}"))
+    for name, text in xacro_arguments(_value(options, "xacro")).items():
+        wanted.insert(0, Setting(("robot", "xacro", name), text, "--xacro"))
     if is_scenario(options):
         _require_known(options.place)
         file = Scenario.load(options.place)
@@ -339,6 +342,17 @@ def scenario_of(options: argparse.Namespace, still: bool = False) -> Scenario:
         )
         scenario.assumptions[:] = [words, *scenario.assumptions, *origins]
     return scenario
+
+
+def xacro_arguments(texts: Sequence[str] | None) -> dict[str, str]:
+    """Arguments of --xacro, by name."""
+    found = {}
+    for text in texts or ():
+        name, sign, value = text.partition(":=")
+        if not (sign and name.strip()):
+            raise misread(text, "--xacro NAME:=VALUE")
+        found[name.strip()] = value
+    return found
 
 
 def _name_all_loose(options: argparse.Namespace) -> list[Setting]:

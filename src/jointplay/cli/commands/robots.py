@@ -1,8 +1,8 @@
 """`jointplay robots`: the available robots, their joints, and what is known of their play.
 
 List the robots of the package example-robot-data, their joints, and what prevents simulating them;
-each is loaded to find out. For one robot, or any URDF: joints with their limits and mimic
-relations, frames, the tool.
+each is loaded to find out; and the names of those of robot_descriptions. For one robot, or any URDF
+or xacro: joints with their limits and mimic relations, frames, the tool.
 
 Use one wherever a URDF is expected: jointplay run NAME --joint JOINT.
 
@@ -10,7 +10,8 @@ With --presets: what is publicly known of the bearings, gears and servos of robo
 robots of which nothing is. Each number says whether it was seen in a public source, estimated from
 one, or assumed. Use one with --preset: jointplay run so101 --preset
 
-    [NAME]  robot, or path of a URDF, to describe in detail; with --presets, one preset
+    [NAME]  robot, or path of a URDF or xacro, to describe in detail; with --presets, one preset
+    --xacro NAME:=VALUE ...  argument of a robot that is written in xacro
     --presets  list presets of joints, gears and drives instead
 """
 
@@ -21,6 +22,7 @@ import textwrap
 from typing import TYPE_CHECKING
 
 from jointplay.base.tables import aligned
+from jointplay.cli.commands.inputs import xacro_arguments
 
 if TYPE_CHECKING:
     from jointplay.model.survey import Survey
@@ -34,17 +36,19 @@ def run(options: argparse.Namespace) -> int:
         names = presets() if options.name is None else [options.name]
         print("\n".join(str(preset(name)) for name in names))
         return 0
-    from jointplay.model import robots
+    from jointplay.model import robot_descriptions, robots
     from jointplay.model.survey import survey
 
     if options.name is not None:
-        print(_detail(survey(options.name)))
+        print(_detail(survey(options.name, xacro_arguments(options.xacro))))
         return 0
     surveys = [survey(name) for name in robots.robots()]
     print("ARMS (revolute joints on one path)")
     print(*(_entry(robot) for robot in surveys if robot.serial), sep="\n")
     print("OTHERS (the base is held fast, unless it is run with --base free)")
     print(*(_entry(robot) for robot in surveys if not robot.serial), sep="\n")
+    print("OTHERS OF robot_descriptions, which clones them one by one")
+    print(_wrapped(", ".join(robot_descriptions.names()) or "not installed"))
     return 0
 
 

@@ -1,0 +1,100 @@
+"""Robots of the package robot_descriptions: git clones at pinned commits, in the user's cache.
+
+Its modules clone what is not there as soon as they are imported. Here nothing is downloaded: what
+is missing is said, with the command of the package that downloads it.
+"""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from jointplay.base.errors import JointplayError, MissingName
+from jointplay.base.imports import how_to_install
+
+PACKAGE = "robot_descriptions"
+PREFIX = f"{PACKAGE}:"
+"""Marks a robot's name where a path could stand, as in ``robot_descriptions:ur10e_description``."""
+_SUFFIX = "_description"
+_URDF = ("URDF_PATH", "XACRO_PATH", "MJCF_PATH")
+_MJCF = ("MJCF_PATH", "URDF_PATH", "XACRO_PATH")
+
+
+class _MissingError(Exception):
+    """A clone that the cache does not have."""
+
+
+def names() -> tuple[str, ...]:
+    """Names of all descriptions; none if the package is not installed."""
+    try:
+        return tuple(import_module(PACKAGE).DESCRIPTIONS)
+    except ImportError:
+        return ()
+
+
+def full_name(name: str) -> str | None:
+    """The description of a robot, with or without ``_description``; None if there is none."""
+    wanted = name.lower().replace("-", "_")
+    return next((one for one in (wanted, wanted + _SUFFIX) if one in names()), None)
+
+
+def find(name: str) -> tuple[Path, dict[str, str]]:
+    """File of a robot, a URDF, a xacro or an MJCF, and the usual arguments of a xacro.
+
+    Raises:
+        JointplayError: the package is not installed, or the cache does not have the robot's files.
+        MissingName: no such robot.
+    """
+    known = names()
+    if not known:
+        raise JointplayError(
+            f"{PREFIX}{name} is of the package {PACKAGE}, which is not installed; install it with: "
+            f"{how_to_install('robots')}"
+        )
+    full = full_name(name)
+    if full is None:
+        similar = [one for one in known if name.lower() in one]
+        raise MissingName(f"robot of {PACKAGE}", name, similar or known)
+    module = _imported(full)
+    for attribute in _MJCF if "_mj_" in full else _URDF:
+        if hasattr(module, attribute):
+            usual = getattr(module, "XACRO_ARGS", {}) if attribute == "XACRO_PATH" else {}
+            return Path(getattr(module, attribute)), {key: str(usual[key]) for key in usual}
+    raise JointplayError(f"{PREFIX}{full} has no URDF, xacro or MJCF")
+
+
+def _imported(name: str) -> ModuleType:
+    """Module of a description, imported so that it clones nothing."""
+    module = f"{PACKAGE}.{name}"
+    if module in sys.modules:
+        return sys.modules[module]
+    try:
+        import git
+
+        cache: Any = import_module(f"{PACKAGE}._cache")
+        clone = cache.clone_to_directory
+    except (ImportError, AttributeError) as error:  # GitPython needs git itself
+        raise JointplayError(f"{PACKAGE} cannot be used here: {error}") from None
+
+    def from_cache(url: str, folder: str, commit: str | None = None) -> Any:
+        try:
+            git.Repo(folder).commit(commit)
+        except (git.GitError, ValueError, OSError):
+            raise _MissingError(f"{url}, commit {commit}, in {folder}") from None
+        return clone(url, folder, commit)
+
+    cache.clone_to_directory = from_cache
+    try:
+        return import_module(module)
+    except _MissingError as error:
+        raise JointplayError(
+            f"the files of {name} are not in the cache of {PACKAGE} ({error}); download them with: "
+            f"python -m {PACKAGE} pull {name}"
+        ) from None
+    except Exception as error:  # noqa: BLE001 - modules of others, which edit files
+        raise JointplayError(f"{PREFIX}{name} cannot be used: {error}") from None
+    finally:
+        cache.clone_to_directory = clone

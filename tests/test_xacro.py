@@ -1,0 +1,251 @@
+"""Robots written in xacro: expanded wherever a URDF is taken, and what is wrong said in a line."""
+
+import json
+import os
+import xml.etree.ElementTree as ElementTree
+
+import pytest
+from conftest import still
+from hypothesis import given
+from hypothesis import strategies as st
+
+import jointplay as jp
+from jointplay import JointplayError, Mechanism
+from jointplay.base.errors import MissingName
+from jointplay.cli import main
+from jointplay.model import formats, xacro
+from jointplay.model.visuals import find_mesh, mesh_folders
+
+pytestmark = pytest.mark.needs("xacro")
+
+NAMESPACE = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
+MACROS = f"""<robot {NAMESPACE}>
+<xacro:macro name="arm" params="name parent length mass:=1">
+  <link name="${{name}}">
+    <inertial><origin xyz="${{length / 2}} 0 0"/><mass value="${{mass}}"/>
+      <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>
+    <visual><geometry><mesh filename="package://parts/meshes/arm.stl"/></geometry></visual>
+    <collision><geometry>
+      <mesh filename="file://$(find parts)/meshes/arm.stl"/>
+    </geometry></collision>
+  </link>
+  <joint name="${{name}}_joint" type="revolute">
+    <parent link="${{parent}}"/><child link="${{name}}"/><axis xyz="0 0 1"/>
+    <limit lower="-1" upper="1" effort="1" velocity="1"/>
+  </joint>
+</xacro:macro>
+</robot>"""
+ROBOT = f"""<robot name="robot" {NAMESPACE}>
+<xacro:arg name="length" default="0.4"/>
+<xacro:arg name="heavy" default="false"/>
+<xacro:include filename="$(find parts)/urdf/macros.xacro"/>
+<link name="base"/>
+<xacro:arm name="arm" parent="base" length="$(arg length)"
+  mass="${{2 if xacro.arg('heavy') == 'true' else 1}}"/>
+</robot>"""
+BARE = f"""<robot name="bare" {NAMESPACE}><link name="base"/>%s</robot>"""
+
+
+def package(folder, name, files, called=None):
+    """A ROS package, whose folder may be called otherwise."""
+    folder = folder / (called or name)
+    for path, text in files.items():
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+        (folder / path).write_text(text)
+    (folder / "package.xml").write_text(f"<package><name>{name}</name></package>")
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def _no_ros(monkeypatch):
+    for variable in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH"):
+        monkeypatch.delenv(variable, raising=False)
+
+
+@pytest.fixture
+def robot(tmp_path):
+    """A xacro in one package that includes macros of another."""
+    source = tmp_path / "ws" / "src"
+    package(source, "parts", {"urdf/macros.xacro": MACROS, "meshes/arm.stl": "solid"}, "its-parts")
+    return package(source, "robot", {"urdf/robot.xacro": ROBOT}) / "urdf" / "robot.xacro"
+
+
+def bare(tmp_path, inside, name="bare.xacro"):
+    path = tmp_path / name
+    path.write_text(BARE % inside)
+    return path
+
+
+def centre(mechanism):
+    return mechanism.model.inertias[1].lever[0]
+
+
+def test_arguments_count_in_python_scenario_and_commands(robot, tmp_path, capsys):
+    assert centre(Mechanism(robot)) == 0.2
+    heavy = Mechanism(robot, xacro={"length": 0.6, "heavy": True})
+    assert (centre(heavy), heavy.model.inertias[1].mass) == (0.3, 2.0)
+    scenario = tmp_path / "arm.toml"
+    scenario.write_text(
+        f"[robot]\nurdf = {json.dumps(str(robot))}\nxacro = {{ length = 0.6, heavy = true }}\n"
+        "[joints.arm_joint]\nradial_clearance = 1e-4\n[motion]\ntimes = [0, 1]\n"
+        "[motion.joints]\narm_joint = [0, 0.1]\n"
+    )
+    assert jp.Scenario.load(scenario).mechanism().description.text == heavy.description.text
+    assert main(["check", str(scenario), "--no-picture", "--xacro", "length:=0.8"]) == 0
+    options = ["--joint", "arm_joint=0.1mm", "--xacro", "length:=0.6", "--xacro", "heavy:=true"]
+    assert main(["budget", str(robot), *options]) == 0
+    run = ["run", str(robot), *options, "--duration", "0.002", "--no-figures", "--out"]
+    assert main([*run, str(tmp_path / "out")]) == 0
+    result = jp.Result.load(tmp_path / "out" / "result.nc")
+    assert result.simulation.mechanism.description.text == heavy.description.text
+    capsys.readouterr()
+    assert main(["robots", str(robot), "--xacro", "length:=0.6"]) == 0
+    assert "arm_joint  revolute" in capsys.readouterr().out
+
+
+def test_result_is_read_again_without_xacro(robot, tmp_path, monkeypatch):
+    result = tmp_path / "result.nc"
+    mechanism = Mechanism(robot, xacro={"length": 0.6})
+    jp.simulate(mechanism, still(mechanism, 0.001)).save(result)
+    robot.unlink()
+    monkeypatch.setitem(__import__("sys").modules, "xacro", None)
+    text = jp.Result.load(result).simulation.mechanism.description.text
+    assert text == mechanism.description.text
+
+
+def test_text_names_no_folder_of_this_machine_and_meshes_are_found(robot, tmp_path):
+    mechanism = Mechanism(robot)
+    names = [one.get("filename") for one in mechanism.description.elements().iter("mesh")]
+    assert names == ["package://parts/meshes/arm.stl"] * 2
+    assert str(tmp_path) not in mechanism.description.text
+    found = find_mesh(names[0], mesh_folders(mechanism))
+    assert found == tmp_path / "ws" / "src" / "its-parts" / "meshes" / "arm.stl"
+
+
+def test_meshes_beside_the_file_stay_relative(tmp_path):
+    visual = '<visual><geometry><mesh filename="%s"/></geometry></visual>'
+    places = "${xacro.abs_filename('m/base.stl')}", "file://${xacro.abs_filename('../m/base.stl')}"
+    link = f'<link name="more">{"".join(visual % place for place in places)}</link>'
+    fixed = '<joint name="j" type="fixed"><parent link="base"/><child link="more"/></joint>'
+    text = formats.read(bare(tmp_path, link + fixed)).text
+    names = [one.get("filename") for one in ElementTree.fromstring(text).iter("mesh")]
+    assert names == ["m/base.stl", "../m/base.stl"]
+
+
+@pytest.mark.parametrize("variable", ["ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH"])
+def test_packages_are_found_where_ros_looks(variable, robot, tmp_path, monkeypatch):
+    away = tmp_path / "away" / "share"
+    away.mkdir(parents=True)
+    os.rename(robot.parents[2] / "its-parts", away / "parts")
+    with pytest.raises(
+        JointplayError, match=r"xacro .*robot\.xacro'.*no package 'parts'.* set ROS_"
+    ):
+        formats.read(robot)
+    monkeypatch.setenv(variable, str(away if variable.startswith("ROS") else away.parent))
+    assert formats.read(robot).moving == ["arm_joint"]
+
+
+def test_change_of_an_included_file_counts(robot):
+    before = formats.read(robot)
+    assert formats.read(robot) is before  # made once
+    macros = robot.parents[2] / "its-parts" / "urdf" / "macros.xacro"
+    macros.write_text(MACROS.replace('upper="1"', 'upper="1.5"'))
+    assert formats.read(robot).joints["arm_joint"].upper == 1.5
+
+
+def test_urdf_that_declares_xacro_in_vain_needs_no_library(tmp_path, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "xacro", None)
+    assert formats.read(bare(tmp_path, "", "bare.urdf")).links == ("base",)
+    path = bare(tmp_path, '<xacro:property name="a" value="1"/>', "used.urdf")
+    with pytest.raises(JointplayError, match=r"needs xacro .*pip install"):
+        formats.read(path)
+    monkeypatch.undo()
+    assert formats.read(path).links == ("base",)
+
+
+@pytest.mark.parametrize(
+    ("inside", "words"),
+    [
+        ('<link name="$(arg side)"/>', r"argument 'side' has no value: give it by --xacro side:="),
+        ("<link name=\"${xacro.arg('side')}\"/>", r"argument 'side' has no value"),
+        ('<link name="${L / 2}"/>', r"name 'L' is not defined when evaluating expression 'L / 2'"),
+        ("<xacro:leg/>", r"unknown macro name: xacro:leg"),
+        ('<xacro:include filename="no.xacro"/>', r"cannot read '.*no\.xacro': No such file"),
+        ("<xacro:property name='a' value=\"${xacro.load_yaml('no.yaml')}\"/>${a}", r"no\.yaml"),
+        ("<xacro:m>", r"mismatched tag|not well-formed"),
+        ('<xacro:property name="a" value="${b}"/><xacro:property name="b" value="${a}"/>${a}',
+         r"circular variable definition"),
+        ("$(find no_such)", r"no package 'no_such' in the folders from"),
+        ("$(dirname)", r": Cannot substitute .*(information available.)$"),
+        ("$(find ../up)", r"no package '\.\./up'"),
+        ('<link name="${().__class__}"/>', r"invalid name"),
+        ('<xacro:macro name="m"><xacro:m/></xacro:macro><xacro:m/>', r"without end"),
+        ('<xacro:macro name="m" params="a"><link name="${a}"/></xacro:macro><xacro:m/>',
+         r"macro 'm'\): Undefined parameters \[a\]"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_names_file_and_place_in_a_line(inside, words, tmp_path):
+    path = bare(tmp_path, inside)
+    with pytest.raises(JointplayError, match=words) as caught:
+        formats.read(path)
+    assert str(caught.value).startswith(f"xacro {str(path)!r}")
+    assert "\n" not in str(caught.value)
+
+
+def test_wrong_included_file_is_named(robot):
+    macros = robot.parents[2] / "its-parts" / "urdf" / "macros.xacro"
+    macros.write_text(MACROS.replace("${mass}", "${weight}"))
+    with pytest.raises(JointplayError, match=r"\(macro 'arm'\): name 'weight' is not defined"):
+        formats.read(robot)
+    macros.write_text(MACROS[:-10])
+    with pytest.raises(JointplayError, match=r"xacro .*robot\.xacro' \(file '.*macros\.xacro'\)"):
+        formats.read(robot)
+    macros.write_text(MACROS)
+    with pytest.raises(JointplayError, match=r"makes no link: it only defines arm; give the file"):
+        formats.read(macros)
+
+
+def test_arguments_that_nothing_asks_for_are_refused(robot, urdf, capsys):
+    with pytest.raises(MissingName, match=r"no xacro argument .*'lenght'; did you mean \"length\""):
+        formats.read(robot, arguments={"lenght": 1.0})
+    path = urdf('<link name="arm"/>')
+    with pytest.raises(JointplayError, match=r"is no xacro: it takes no argument 'length'"):
+        Mechanism(path, xacro={"length": 1.0})
+    assert main(["robots", str(robot), "--xacro", "length=1"]) != 0
+    assert "--xacro must read NAME:=VALUE" in capsys.readouterr().err
+
+
+def test_another_robot_has_none_of_the_arguments(robot, tmp_path):
+    scenario = tmp_path / "two.toml"
+    scenario.write_text(
+        f"[robot]\nurdf = {json.dumps(str(robot))}\nxacro.length = 0.6\n"
+        '[cases.a]\nrobot.xacro.length = "0.8"\n[cases.b.robot]\nurdf = "jointplay:scara.urdf"\n'
+    )
+    loaded = jp.Scenario.load(scenario)
+    assert loaded.model("a").robot.xacro == {"length": "0.8"}
+    assert loaded.model("b").robot.xacro == {}
+
+
+def test_sweep_goes_over_an_argument(robot, tmp_path):
+    from jointplay.study import plan_of
+
+    scenario = tmp_path / "sweep.toml"
+    scenario.write_text(
+        f"[robot]\nurdf = {json.dumps(str(robot))}\n[joints.arm_joint]\nradial_clearance = 1e-4\n"
+        "[motion]\nspeeds = { arm_joint = 1.0 }\n[integration]\nduration = 0.001\n"
+        '[sweep.axes]\nlength = { key = "robot.xacro.length", values = [0.4, 0.6] }\n'
+    )
+    plan = plan_of(scenario)
+    (text,) = plan.inputs.values()
+    assert text == formats.read(robot).text  # all that its includes say
+    lengths = [
+        centre(plan.scenario.simulation(None, plan.changes((k,))).mechanism.ideal())
+        for k in range(2)
+    ]
+    assert lengths == [0.2, 0.3]
+
+
+@given(st.one_of(st.booleans(), st.integers(), st.floats(allow_nan=False), st.text(max_size=9)))
+def test_arguments_are_text_as_typed(value):
+    text = xacro.as_text(value)
+    assert text in ("true", "false") if isinstance(value, bool) else type(value)(text) == value
