@@ -32,6 +32,9 @@ PREFIX = f"{PACKAGE}:"
 PREFIXES = (SHIPPED, PREFIX, robot_descriptions.PREFIX)
 """Of all that is no path."""
 
+SUFFIXES = (".urdf", ".xml", ".xacro")
+"""Of files that describe robots."""
+
 OWN = {"scara": "scara.urdf", "so101": "so101.urdf"}
 """Robots whose URDF ships with this package, by name; they hide others of that name."""
 
@@ -163,7 +166,7 @@ def with_package(name: str) -> str:
 def is_robot(place: str) -> bool:
     """Whether `place` names a robot rather than a scenario file."""
     named = place.startswith((PREFIX, robot_descriptions.PREFIX))
-    if named or place.lower().endswith((".urdf", ".xml", ".xacro")):
+    if named or place.lower().endswith(SUFFIXES):
         return True
     if place.lower().endswith(".toml") or is_file(Path(place)):
         return False

@@ -14,7 +14,7 @@ from jointplay.base.files import is_file
 from jointplay.model.formats import urdf_text
 from jointplay.model.massless import massless_links, massless_motions
 from jointplay.model.mechanism import Mechanism
-from jointplay.model.robots import PREFIX, source_of
+from jointplay.model.robots import PREFIX, SUFFIXES, source_of
 from jointplay.model.urdf import ALL, elements, impossible_inertias, mimics
 from jointplay.model.xacro import Value
 
@@ -77,7 +77,7 @@ def survey(place: str | Path, xacro: Mapping[str, Value] | None = None) -> Surve
     """
     source = source_of(place)
     path = source.path
-    given = is_file(Path(place)) or Path(place).suffix in (".urdf", ".xml", ".xacro")
+    given = is_file(Path(place)) or str(place).endswith(SUFFIXES)
     name = path.stem if given else str(place).removeprefix(PREFIX)
     root = elements(urdf_text(source, xacro or {}), path)
     joints = {joint.get("name", ""): joint for joint in root.findall("joint")}

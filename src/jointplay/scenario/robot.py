@@ -14,7 +14,7 @@ from jointplay.base.schema import Preset, one_of
 from jointplay.base.tables import few
 from jointplay.base.units import round_below
 from jointplay.model.formats import read
-from jointplay.model.robots import SHIPPED, with_package
+from jointplay.model.robots import SHIPPED, SUFFIXES, with_package
 from jointplay.model.urdf import Description
 from jointplay.physics.joints import (
     JOINT_WORDS,
@@ -292,7 +292,7 @@ def robot_place(place: str | None) -> str:
     """A robot as `robot_scenario` takes it, in the words of a scenario."""
     if place is None:
         return SCARA
-    if ":" in place or _there(place) or "/" in place or place.endswith(".urdf"):
+    if ":" in place or _there(place) or "/" in place or place.lower().endswith(SUFFIXES):
         return place
     return with_package(place)
 
