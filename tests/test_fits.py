@@ -11,8 +11,11 @@ from hypothesis import strategies as st
 from warm import JOINTPLAY
 
 import jointplay as jp
+from jointplay.accuracy.allocation import LEAST_M, allocate, offers_of
 from jointplay.base.errors import JointplayError
+from jointplay.cli import main
 from jointplay.physics.joints.fits import PREFERRED, Fit, is_fit, letters, limits
+from jointplay.study import plan_of
 
 UM = 1e-6
 
@@ -204,6 +207,57 @@ def test_the_whole_error_has_the_variance_of_parts_and_states():
     assert "its fit 20H7/g6, 3.5 to 20.5 µm" in found.data().csv()
 
 
+PRICED = {"IT5": 4.0, "IT8": 0.5}
+
+
+def test_no_cheaper_choice_of_fits_keeps_the_target():
+    robot, best, target = arm(), np.inf, 1.2e-3
+    offers = {name: offers_of(one, PRICED)[:6] for name, one in robot.clearance.items()}
+    for choice in product(*offers.values()):
+        price = sum(one.price for one in choice)
+        made = dict(zip(robot.clearance, (one.joint for one in choice), strict=True))
+        if price < best and jp.budget(robot.with_clearance(made), POSE).worst[0] <= target:
+            best = price
+    found = allocate(robot, POSE, target, offers=offers)
+    assert found.total == pytest.approx(best)
+    assert found.error <= target
+    assert jp.budget(found.mechanism, POSE).worst[0] == pytest.approx(found.error, rel=1e-3)
+    assert set(found.each("held")) == {"fit"}
+    assert "30H8/f7 becomes 30H" in found.sentence
+
+
+def test_offers_are_loose_enough_to_be_made_and_keep_the_size():
+    own, *others = offers_of(jp.RevoluteClearance(fit="20H9/h9", axial_clearance=52e-6))
+    assert own.name == own.instead == "20H9/h9"
+    assert {one.joint.ri for one in others} == {10e-3}
+    assert min(one.joint.fitted.least for one in others) >= LEAST_M
+    assert all(one.joint.ca == pytest.approx(2.0 * one.joint.cr) for one in others)
+    assert not [one for one in others if "h" in one.name]
+    prices = {one.name: one.price for one in others}
+    assert prices["20H7/g6"] == pytest.approx((1.0 + 1.6) / 2)
+
+
+def test_bearings_and_fits_are_chosen_together():
+    robot = arm().with_clearance(
+        {**arm().clearance, "wrist_1_joint": jp.BallBearing(designation="6010/C3")}
+    )
+    found = allocate(robot, POSE, 1.6e-3)
+    assert set(found.each("held")) == {"fit", "class"}
+    assert found.sentence.startswith("These are the cheapest fits and classes of bearings that")
+    with pytest.raises(JointplayError, match="with the tightest fits and bearings offered"):
+        allocate(robot, POSE, 1e-4)
+
+
+def test_the_command_answers_in_fits(capsys):
+    given_fits = [f"--joint={name}={text}" for name, text in FITS.items()]
+    pose = ",".join(f"{name}={place}" for name, place in POSE.items())
+    assert main(["allocate", "ur5", *given_fits, "--target", "1.2 mm", "--pose", pose]) == 0
+    first = capsys.readouterr().out.splitlines()[0]
+    assert "the cheapest fits that keep the tool 'tool0' within 1.2 mm: 30H8/f7 becomes" in first
+    assert main(["allocate", "ur5", *given_fits, "--target", "1 mm", "--cost", "linear"]) == 2
+    assert "fits grades (--price IT6=X)" in capsys.readouterr().err
+
+
 def command(*arguments):
     return subprocess.run([JOINTPLAY, *arguments], capture_output=True, text=True, check=False)
 
@@ -250,3 +304,20 @@ def test_a_scenario_takes_a_fit(tmp_path):
     file.write_text(file.read_text().replace("20H7", "20h7"), encoding="utf-8")
     with pytest.raises(JointplayError, match="fit '20h7/g6' has two shafts"):
         jp.Scenario.load(file).simulation()
+
+
+def test_a_sweep_draws_from_a_fit(tmp_path):
+    file = tmp_path / "arm.toml"
+    file.write_text(
+        '[robot]\nurdf = "jointplay:scara.urdf"\n[joints.joint_b]\nfit = "20H7/g6"\n'
+        "[integration]\nduration = 0.01\n[sweep]\nsamples = 4\n[sweep.axes]\n"
+        'c = { key = "joints.joint_b.radial_clearance", distribution = "fit", fit = "20H7/g6" }\n',
+        encoding="utf-8",
+    )
+    made = plan_of(jp.Scenario.load(file))
+    for index in made.cases:
+        joint = made.scenario.simulation(made.case, made.changes(index)).mechanism.clearance[
+            "joint_b"
+        ]
+        assert 3.5 * UM <= joint.cr <= 20.5 * UM
+        assert joint.fitted == Fit("20H7/g6")

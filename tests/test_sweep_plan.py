@@ -202,17 +202,33 @@ WIDTHS = {
     "normal": ({"mean": 5.0, "std": 2.0}, 5.0, 2.0),
     "lognormal": ({"median": 1.0, "sigma": 0.5}, np.exp(0.125), None),
     "triangular": ({"from": 0.0, "mode": 0.0, "to": 3.0}, 1.0, None),
+    "fit": ({"key": CR, "fit": "20H7/g6"}, 12e-6, 0.5e-6 * np.sqrt((21**2 + 13**2) / 12)),
 }
 
 
 @pytest.mark.parametrize("kind", DISTRIBUTIONS)
 def test_distributions_have_the_mean_and_width_that_textbooks_give(kind):
     words, mean, std = WIDTHS[kind]
-    axis = read("c", {"key": MU, "distribution": kind, **words})
+    axis = read("c", {"key": MU, "distribution": kind} | words)
     values = axis.quantile((np.arange(20000) + 0.5) / 20000)
     assert values.mean() == pytest.approx(mean, rel=2e-3)
     if std is not None:
         assert values.std() == pytest.approx(std, rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ({"key": CR}, "the key fit is missing"),
+        ({"key": CR, "fit": "20g6/H7"}, "has its shaft first"),
+        ({"key": CR, "fit": "20H7/p6"}, "interference fit"),
+        ({"key": CR, "fit": "20H7/g6", "from": 0}, "from does not go with fit; it takes fit"),
+        ({"key": MU, "fit": "20H7/g6"}, "clearances of a fit are lengths, and the key is none"),
+    ],
+)
+def test_a_fit_that_cannot_be_drawn_from_is_refused(words, said):
+    with pytest.raises(jp.JointplayError, match=said):
+        read("c", {"distribution": "fit"} | words)
 
 
 def test_a_normal_distribution_can_be_cut_off():

@@ -38,7 +38,7 @@ from jointplay.base.errors import (
     require_whole,
 )
 from jointplay.base.progress import ProgressBar
-from jointplay.base.tables import Column, Table
+from jointplay.base.tables import Column, Table, few
 from jointplay.base.units import readable
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import Clearance, RollingBearing
@@ -49,8 +49,10 @@ LEAST_M, MOST_M = 2e-6, 1e-3
 LIMIT = 0.1
 """Part of a cause that remains at least, unless it is given: assumed."""
 PRICES = {"C2": 1.3, "CN": 1.0, "C3": 1.0, "C4": 1.1, "CC0": 1.5, "C0": 1.0, "C1": 1.0,
-          PRELOADED: 2.0}  # fmt: skip
-"""Price of a class relative to the usual one, unless it is given: assumed, of no catalogue."""
+          PRELOADED: 2.0, **{f"IT{grade}": 1.6 ** (7 - grade) for grade in range(1, 19)},
+}  # fmt: skip
+"""Price of a class of bearings, or of a hole's or shaft's grade, relative to the usual one, unless
+it is given: assumed, of no catalogue. Of a grade it is the tolerance of IT7 over its own."""
 PATIENCE_S = 2.0
 """What takes longer has a bar [s]."""
 _MM = 1e3
@@ -66,29 +68,57 @@ _LISTED = 2e-3
 
 @dataclass(frozen=True)
 class Offer:
-    """A bearing that can be bought for a joint."""
+    """A bearing that can be bought for a joint, or a fit to which it can be made."""
 
     name: str
     joint: Clearance
     price: float
+    instead: str = ""
+    """The fit that the joint had; empty for bearings."""
+
+    def free(self, way: str) -> float:
+        """How far it is free along x or z, with the loosest parts of a fit [m]."""
+        fit = self.joint.fitted
+        joint = self.joint if fit is None else self.joint.at_clearance(fit.most)
+        return joint.travel[way]
 
 
 def offers_of(
-    joint: RollingBearing, prices: Mapping[str, float] | None = None
+    joint: Clearance, prices: Mapping[str, float] | None = None, least: float = LEAST_M
 ) -> tuple[Offer, ...]:
-    """What can be bought instead of a bearing: all classes of its size, and a pair preloaded.
+    """What can be bought instead: of a rolling bearing all classes of its size, and a pair
+    preloaded; of a joint with a fit those that ISO 286-1 prefers of its size.
 
-    Prices are by class, those of `PRICES` where not given.
+    Prices are by class and by grade, those of `PRICES` where not given; that of a fit is the mean
+    of its hole's and its shaft's.
+
+    Args:
+        least: the smallest clearance that other fits than its own may have [m].
 
     Raises:
         MissingName: a price of a class that does not exist.
-        JointplayError: a negative price; a bearing of whose size no classes are known.
+        JointplayError: a negative price; a bearing of whose size no classes are known; a joint with
+            neither.
     """
-    known = dict(PRICES)
+    known, fit = dict(PRICES), joint.fitted
     for name, price in (prices or {}).items():
         require_known("class of clearance", name, known)
         known[name] = require_non_negative(f"price of {name!r}", price, "")
-    return tuple(Offer(name, one, known.get(name, 1.0)) for name, one in joint.of_classes().items())
+    if isinstance(joint, RollingBearing):
+        classes = joint.of_classes().items()
+        return tuple(Offer(name, one, known.get(name, 1.0)) for name, one in classes)
+    if fit is None:
+        raise JointplayError(f"a {joint.kind} joint has neither a rolling bearing nor a fit")
+    others = (one for one in fit.alternatives() if one == fit or one.least >= least)
+    return tuple(
+        Offer(str(one), joint.with_fit(one), sum(known[f"IT{g}"] for g in one.grades) / 2, str(fit))
+        for one in others
+    )
+
+
+def is_bought(joint: Clearance) -> bool:
+    """Whether a joint's play is chosen among `offers_of`, and not of any size."""
+    return isinstance(joint, RollingBearing) or joint.fitted is not None
 
 
 @dataclass(frozen=True)
@@ -113,7 +143,7 @@ class Choice:
     """What the last micrometre of the clearance costs: saved by one more [1/µm]."""
     held: str
     """``target``, ``least``, ``most``, of causes ``limit``, ``as is`` where nothing is bought, or
-    ``kept``; ``class`` of bearings."""
+    ``kept``; ``class`` of bearings, ``fit``."""
     order: int
     """Of causes, which is bought first: rank by what the first of its price saves, from 1 on; 0
     where nothing is bought."""
@@ -198,7 +228,7 @@ class Allocation:
             Column("class", [None if one is None else one.name for one in offers]),
         ]
         for way, axis in (("across", "x"), ("along", "z")):
-            far = [np.nan if one is None else one.joint.travel[axis] for one in offers]
+            far = [np.nan if one is None else one.free(axis) for one in offers]
             columns.append(Column(f"free {way}", far, "m", fine=True, digits=3))
         columns += [
             of("error per clearance", "gain"),
@@ -216,13 +246,25 @@ class Allocation:
     @property
     def sentence(self) -> str:
         """The answer in plain words."""
-        what = "clearances" if np.isnan(self.was) else "improvements"
-        if any(one.offer for one in self.choices):
-            what = "classes of bearings" if np.isnan(self.was) else "improvements and bearings"
+        whole, offers = not np.isnan(self.was), [one.offer for one in self.choices if one.offer]
+        bearings = "bearings" if whole else "classes of bearings"
+        kinds = dict.fromkeys("fits" if one.instead else bearings for one in offers)
+        first = ["improvements"] if whole else [] if offers else ["clearances"]
         return (
-            f"These are the cheapest {what} that keep the tool {self.mechanism.tool!r} within "
-            f"{readable(self.target, 'm', 3)}"
+            f"These are the cheapest {' and '.join([*first, *kinds])} that keep the tool "
+            f"{self.mechanism.tool!r} within {readable(self.target, 'm', 3)}{self._exchanged}"
         )
+
+    @property
+    def _exchanged(self) -> str:
+        """Which fits become which others, to add to a sentence."""
+        changed = dict[str, list[str]]()
+        for one in self.choices:
+            if one.offer and one.offer.instead not in ("", one.offer.name):
+                words = f"{one.offer.instead} becomes {one.offer.name}"
+                changed.setdefault(words, []).append(one.joint)
+        parts = [f"{words} in {few(joints, 2)}" for words, joints in changed.items()]
+        return f": {'; '.join(parts)}" if parts else ""
 
     def _headline(self) -> str:
         sizes = self.error, *self.spread, self.target, self.was
@@ -276,8 +318,8 @@ def allocate(
     """The cheapest sizes and bearings with which the tool's error keeps `target` at all poses.
 
     By play alone: clearances of any size, whose ratio of axial to radial clearance stays, and the
-    classes of rolling bearings, together. By several causes: the part of each that remains at each
-    joint, and rolling bearings for which there are `offers`.
+    classes of rolling bearings and the fits of others, together. By several causes: the part of
+    each that remains at each joint, and bearings and fits for which there are `offers`.
 
     Args:
         mechanism: the play of its gears, and what has no play, stays unless causes are improved.
@@ -289,11 +331,11 @@ def allocate(
         quantile: by play alone: the part of states that must keep it, such as 0.99; None: the worst
             case.
         keep: joints and causes that count but stay as they are.
-        offers: bearings for joints; of play alone `offers_of` all rolling bearings that are not
-            named, as of a joint with an empty list. Of several causes, a joint's compliance goes
-            with its bearing, and is no size of its own.
-        prices: by class of bearing, `PRICES` where not given; of halving a cause, by cause, 1 where
-            not given.
+        offers: bearings and fits for joints; of play alone `offers_of` all joints with such that
+            are not named, as of a joint with an empty list. Of several causes, a joint's compliance
+            goes with its bearing, and is no size of its own.
+        prices: by class of bearing and grade, `PRICES` where not given; of halving a cause, by
+            cause, 1 where not given.
         weights: of joints, which multiply the prices of their sizes; 1 where not given.
         limits: part of a cause that remains at least, by cause; `LIMIT` where not given.
         cost: of clearances, one of `COSTS`.
@@ -325,8 +367,8 @@ def allocate(
         make = partial(cheapest.Quantile, quantile=quantile, seed=seed)
     search = _Search(
         mechanism, configurations(mechanism, poses, driven), driven, own if whole else None,
-        force_on_tool(force), given, kind, _offers(mechanism, offers, classes, keep, whole), keep,
-        make,
+        force_on_tool(force), given, kind,
+        _offers(mechanism, offers, classes, keep, whole, least), keep, make,
     )  # fmt: skip
     keys = search.keys
     if whole:
@@ -515,7 +557,7 @@ class _Search:
             k, offer = place.get(key), taken.get(key[0]) if key[1] == "play" else None
             adds, cost = after.get(key, 0.0), 0.0 if offer is None else offer.price
             part, size, gain, saved, order = 1.0, np.nan, np.nan, np.nan, 0
-            how = "kept" if offer is None else "class"
+            how = "kept" if offer is None else "fit" if offer.instead else "class"
             if k is not None:
                 how, cost = held[k], cost + float(paid[k])
                 if key[1] == "play" and is_proportional(self.mechanism, key[0]):
@@ -556,12 +598,13 @@ class _Search:
                 "(--limit CAUSE=X)"
             )
         every = self.first.contributions
-        kept = [one.joint for one in every if not one.proportional and one.joint not in self.offers]
-        if kept:
-            notes.append(
-                f"kept: the play of the bearings of {', '.join(kept)}, which is not proportional "
-                "to their clearance: allocate by class (--by-class) chooses theirs"
-            )
+        kept = [one for one in every if not one.proportional and one.joint not in self.offers]
+        for noun, fitted in (("bearings", False), ("fits", True)):
+            if names := [one.joint for one in kept if (one.fit is not None) == fitted]:
+                notes.append(
+                    f"kept: the play of the {noun} of {', '.join(names)}, which is not "
+                    "proportional to their clearance: allocate by class (--by-class) chooses theirs"
+                )
         return notes
 
     def refusal(self, unreachable: cheapest.Unreachable) -> JointplayError:
@@ -572,7 +615,9 @@ class _Search:
         if self.causes is None:
             least = sizes.least[0] * sizes.unit[0] / _MM if count else 0.0
             means = [f"{readable(least, 'm', 4)} in every joint"] if count else []
-            means += ["the tightest bearings offered"] if self.offers else []
+            bought = [one for some in self.offers.values() for one in some]
+            kinds = dict.fromkeys("fits" if one.instead else "bearings" for one in bought)
+            means += [f"the tightest {' and '.join(kinds)} offered"] if kinds else []
             return JointplayError(f"{text}: with {' and '.join(means)} {error}")
         x = unreachable.z[:count]
         _, model = self.made(self.remaining(x), {})
@@ -609,17 +654,18 @@ def _offers(
     prices: Mapping[str, float],
     keep: Collection[str],
     whole: bool,
+    least: float,
 ) -> dict[str, tuple[Offer, ...]]:
-    rolling = {n: one for n, one in mechanism.clearance.items() if isinstance(one, RollingBearing)}
+    own = {name: one for name, one in mechanism.clearance.items() if is_bought(one)}
     for name in given or {}:
-        require_known("joint with a rolling bearing", name, rolling)
-    names = [name for name in rolling if name not in keep and (not whole or name in (given or {}))]
+        require_known("joint with a rolling bearing or a fit", name, own)
+    names = [name for name in own if name not in keep and (not whole or name in (given or {}))]
     if prices and not names and not whole:
         raise JointplayError(
-            f"prices of {', '.join(prices)} are for classes of rolling bearings, and no joint has "
-            "one; clearances have a cost and weights"
+            f"prices of {', '.join(prices)} are for classes of rolling bearings and fits, and no "
+            "joint has one; clearances have a cost and weights"
         )
-    return {n: tuple((given or {}).get(n, ())) or offers_of(rolling[n], prices) for n in names}
+    return {n: tuple((given or {}).get(n, ())) or offers_of(own[n], prices, least) for n in names}
 
 
 def _clearances(

@@ -341,7 +341,7 @@ def _checked(
             if own is not None and max(own.play().reach) > 0.0 and name not in mechanism.gears:
                 raise JointplayError(
                     f"the play of joint {name!r} ({own.kind}) is not proportional to its "
-                    "clearance; give the joint another class of bearing"
+                    "clearance; give the joint another class of bearing, or another fit"
                 )
     return parts
 

@@ -12,6 +12,7 @@ import numpy as np
 from jointplay.base.errors import JointplayError, closest, require_positive, require_whole
 from jointplay.base.schema import one_of, unknown_key
 from jointplay.base.units import convert, toml_text
+from jointplay.physics.joints import Fit
 from jointplay.scenario.places import Key, dotted
 from jointplay.study.keys import is_whole, kinds, path_of, units_of
 
@@ -21,7 +22,7 @@ _SOURCES = {
     "values": (),
     "variants": (),
     "from": ("to", "number", "spacing"),
-    "distribution": ("from", "to", "mean", "std", "median", "sigma", "mode"),
+    "distribution": ("from", "to", "mean", "std", "median", "sigma", "mode", "fit"),
 }
 """Keys of an axis of which there is one, and those that go with it."""
 MOST_VALUES = 1_000_000
@@ -32,8 +33,10 @@ DISTRIBUTIONS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "normal": (("mean", "std"), ("from", "to")),
     "lognormal": (("median", "sigma"), ()),
     "triangular": (("from", "mode", "to"), ()),
+    "fit": (("fit",), ()),
 }
-"""Distributions, and the keys that each needs and may have: `sigma` is that of the logarithm."""
+"""Distributions, and the keys that each needs and may have: `sigma` is that of the logarithm, `fit`
+one by ISO 286-1, whose radial clearances are drawn."""
 
 
 @dataclass(frozen=True)
@@ -231,6 +234,8 @@ def _distribution(
             most = ", ".join((*needed, *optional))
             hint = closest(word, needed)
             raise JointplayError(f"{word} does not go with {kind}; {hint}it takes {most}")
+    if kind == "fit":
+        return Axis(name, keys, (), np.zeros(0), "m", _fit(given, units).quantile)
     at = {
         word: _number(given, word, ("",) if word == "sigma" else units)
         for word in (*needed, *(word for word in optional if word in given))
@@ -247,6 +252,16 @@ def _distribution(
         raise JointplayError("log-uniform needs from greater than zero")
     unit = _unit(given, ("from", "mean", "median"), units)
     return Axis(name, keys, (), np.zeros(0), unit, _frozen(kind, at).ppf)
+
+
+def _fit(given: Mapping[str, Any], units: tuple[str, ...]) -> Fit:
+    if units != ("m",):
+        raise JointplayError("clearances of a fit are lengths, and the key is none")
+    if "fit" not in given:
+        raise JointplayError('the key fit is missing; give one such as "20H7/g6"')
+    fit = Fit(given["fit"])
+    fit.require_clearance()
+    return fit
 
 
 def _frozen(kind: str, at: Mapping[str, float]) -> Any:

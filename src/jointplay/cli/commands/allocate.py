@@ -14,8 +14,8 @@ Example: jointplay allocate ur5 --target "0.2 mm" --workspace 200
         reciprocal)
     --weight JOINT=X ...  weight of a joint's cost (default: 1)
     --price NAME=X ...  price of a class of rolling bearings (C2, CN, C3, C4, CC0, C0, C1,
-        preloaded), relative: joints given as NAME=BEARING are allocated by class; with --whole, of
-        halving a cause
+        preloaded) or of a grade of a fit (IT6), relative: joints given as NAME=BEARING or NAME=FIT
+        are allocated by class and by fit; with --whole, of halving a cause
     --verify [RUNS=3]  simulate the motion with the clearances found, in this many perturbed runs (3
         if no number is given)
     --out DIR  folder for allocation.csv and the figure
@@ -27,7 +27,7 @@ Example: jointplay allocate ur5 --target "0.2 mm" --workspace 200
     --most LENGTH  largest possible clearance (default: 1 mm)
   whole error:
     --statistical  with --whole, the target is of the RMS, not of the worst case
-    --by-class LIST  with --whole, joints whose rolling bearings are chosen, too, among all classes
+    --by-class LIST  with --whole, joints whose rolling bearings or fits are chosen, too, among all
         of their size
     --keep LIST  with --whole, causes that count but stay as they are, such as heat,play
     --limit CAUSE=X ...  with --whole, part of a cause that remains at least (default: 0.1)
@@ -44,6 +44,7 @@ from jointplay.cli.commands.inputs import (
     chosen_preset,
     is_scenario,
     load_on_tool,
+    named_joints,
     posed_machine,
     whole_errors,
 )
@@ -51,25 +52,29 @@ from jointplay.cli.commands.inputs import (
 
 def run(options: argparse.Namespace) -> int:
     out = Outputs(options.out, ["allocation.csv", "allocation.png"])
-    from jointplay.accuracy.allocation import allocate
-    from jointplay.physics.joints import RollingBearing
+    from jointplay.accuracy.allocation import allocate, is_bought
 
     _require_fitting(options)
     whole = options.whole is not None
     chosen = chosen_preset(options)
     tables = () if chosen is None else (chosen.every, *chosen.ordered)
     named = is_scenario(options) or any("bearing" in one for one in tables)
+    given_as = named_joints(options).values()
+    named |= bool(given_as) and None not in given_as
     if options.clearance is None and not named and not whole:
         options.clearance = options.axial_clearance or 1e-4  # sizes are what is sought
     posed = posed_machine(options)
     if options.verify is not None and posed.motion is None:
         raise JointplayError("--verify simulates a motion: give --motion CSV or a scenario")
     joints = [one for one in posed.mechanism.clearance.values() if one.clearances]
-    rolling = [one for one in joints if isinstance(one, RollingBearing)]
-    if rolling and len(rolling) == len(joints) and not whole:
+    bought = [one for one in joints if is_bought(one)]
+    if bought and len(bought) == len(joints) and not whole:
         for name in (*_OF_CLEARANCES, "weight"):
+            if name == "least" and any(one.fitted for one in bought):
+                continue
             if getattr(options, name) not in (None, []):
-                raise JointplayError(f"--{name}: bearings have classes only (--price CLASS=X)")
+                words = "bearings have classes only (--price CLASS=X), fits grades (--price IT6=X)"
+                raise JointplayError(f"--{name}: {words}")
     more: dict[str, Any] = {}
     if whole:
         more = {
@@ -96,11 +101,12 @@ def run(options: argparse.Namespace) -> int:
         **more,
         **given(options, "cost", "least", "most"),
     )
-    notes = [note for note in posed.notes if whole or rolling or not note.startswith("play:")]
+    notes = [note for note in posed.notes if whole or bought or not note.startswith("play:")]
     table = allotment.table()
     first, *further = table.notes
     if any(one.offer for one in allotment.choices) and not options.price:
-        further.insert(0, "prices of the classes are assumed; give your own with --price CLASS=X")
+        own = "--price CLASS=X (IT6=X, of a fit's grades)"
+        further.insert(0, f"prices of the classes are assumed; give your own with {own}")
     notes = [f"at: {posed.poses.words}", *notes, *further]
     body = replace(table, notes=(first,))
     print_answer(allotment.sentence, body, notes, options.detail)

@@ -319,6 +319,8 @@ def scenario_of(options: argparse.Namespace, still: bool = False) -> Scenario:
     if options.place is None and not names and not ideal:
         names = [SCARA_JOINT]
     whole, lengths = _of_joints(options)
+    fitted = [one.key[1] for one in whole if one.key[2] == "fit"]  # which a preset's bearing is not
+    settings = [one for one in settings if one.key[0] != "joints" or one.key[1] not in fitted]
     settings += whole
     beyond = []
     if file is None and options.place is not None:

@@ -318,6 +318,12 @@ class Clearance(Described, ABC):
         """The joint with another clearance of those that its fit allows [m]; that along stays."""
         return self.with_clearances({next(iter(self.clearance_fields)): size})
 
+    def with_fit(self, fit: Fit) -> Self:
+        """The joint with another fit of the same size; clearances keep their ratio."""
+        assert self.fitted is not None
+        changes: dict[str, Any] = {"fit": str(fit)}
+        return replace(self.scaled(fit.middle / self.radial_travel), **changes)
+
     @property
     def contact_clearances(self) -> tuple[float, ...]:
         """Clearance that belongs to each contact [m]."""
