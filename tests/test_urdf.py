@@ -122,6 +122,7 @@ def follower(name, parent, child, leader, kind="revolute"):
         ("continuous", "", (None, None, None, None)),
         ("fixed", 'lower="-1" upper="2" effort="3" velocity="4"', (None, None, None, None)),
         ("revolute", 'lower="-inf" upper="inf"', (-np.inf, np.inf, None, None)),
+        ("revolute", 'lower="-1" upper="2" effort="-1" velocity="-1"', (-1.0, 2.0, None, None)),
     ],
 )  # fmt: skip
 def test_limits_are_read(urdf, kind, limit, found):
@@ -274,9 +275,16 @@ def test_what_other_programs_put_into_a_urdf_stays_allowed(tmp_path):
     parse(read(path))
 
 
-def test_endless_limits_reach_no_reader_that_cannot_have_them(urdf):
-    path = urdf(body("l"), limited("revolute", 'lower="-inf" upper="inf" effort="1" velocity="1"'))
-    assert parse(read(path)).nq == 1
+@pytest.mark.parametrize(
+    "limit",
+    [
+        'lower="-inf" upper="inf" effort="1" velocity="1"',
+        'lower="0" upper="1" effort="-1" velocity="-1"',
+        'lower="0" upper="1"',
+    ],
+)
+def test_limits_that_say_nothing_reach_no_reader_that_cannot_have_them(urdf, limit):
+    assert parse(read(urdf(body("l"), limited("revolute", limit)))).nq == 1
 
 
 @pytest.mark.thorough

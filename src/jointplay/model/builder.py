@@ -55,9 +55,12 @@ def parse(description: Description, released: Collection[str] = ()) -> pin.Model
         limit = joint.find("limit")
         if limit is None:
             continue
-        for key in WORDS["limit"].attributes:
-            if not np.isfinite(float(limit.get(key, "0"))):
-                limit.set(key, "0")  # which Pinocchio would not read, and nobody asks it for
+        for key in WORDS[
+            "limit"
+        ].attributes:  # Pinocchio wants all of them, finite, and no effort -1
+            value = float(limit.get(key, "nan"))
+            if not np.isfinite(value) or (value < 0.0 and key in ("effort", "velocity")):
+                limit.set(key, "0")  # nobody asks it for them
     model = _parsed(ElementTree.tostring(root, encoding="unicode"), str(description.path))
     _check_masses(model, root)
     return model

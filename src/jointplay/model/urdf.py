@@ -417,7 +417,7 @@ def _parsed(text: str, path: Path, allow_unphysical: tuple[str, ...]) -> Descrip
 
 
 def _limits(joint: ElementTree.Element, name: str) -> dict[str, float | None]:
-    """Lower, upper, speed and effort; programs that write URDFs put zeros where they know none.
+    """Lower, upper, speed and effort; programs that write URDFs put 0 or -1 where they know none.
 
     Raises:
         JointplayError: they are no numbers, or the wrong way round; they may be infinite.
@@ -433,11 +433,12 @@ def _limits(joint: ElementTree.Element, name: str) -> dict[str, float | None]:
             "exchange them"
         )
     for key, value in (("effort", effort), ("velocity", velocity)):
-        if value < 0.0:
+        if value < 0.0 and value != -1.0:
             raise JointplayError(f"joint {name!r}: limit {key} must not be negative, got {value:g}")
     if kind in NO_AXIS:
         return {}
-    found = {"speed": velocity or None, "effort": effort or None}
+    speed, force = (value if value > 0.0 else None for value in (velocity, effort))
+    found = {"speed": speed, "effort": force}
     if lower < upper and kind != "continuous":
         found |= {"lower": lower, "upper": upper}
     return found
