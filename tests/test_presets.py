@@ -1,6 +1,7 @@
 """What is publicly known of robots' joints: every number with its origin, every preset usable."""
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -10,38 +11,45 @@ import jointplay as jp
 from jointplay import cli
 from jointplay.accuracy.causes import CAUSES
 from jointplay.accuracy.error_budget import budget
-from jointplay.accuracy.robot_errors import CLASSES
 from jointplay.base.errors import JointplayError, MissingName
-from jointplay.scenario.presets import ORIGINS, Preset, preset, preset_of, presets
+from jointplay.scenario.presets import Preset, preset, preset_of, presets
 
-ARMS = {"so101": None, "ur-like": "ur5", "panda-like": "panda", "x-scara": None,
-        "printed-servo": "z1", "opentorque": "z1"}  # fmt: skip
+ARMS = {"ur-like": "ur5", "panda-like": "panda", "printed-servo": "z1", "opentorque": "z1"}
+"""Robots of presets that name none; for the others a chain of the joints that they name."""
+
+LINK = """<link name="{name}_link"><inertial><origin xyz="0 0 0.06"/><mass value="0.3"/>
+<inertia ixx="6e-4" iyy="6e-4" izz="2e-4" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{name}_link"/>
+<origin xyz="0 0 0.12"/><axis xyz="{axis}"/>
+<limit lower="-2" upper="2" effort="0" velocity="0"/></joint>"""
 
 
-def test_every_preset_has_an_arm_here():
-    assert set(ARMS) == set(presets())
+def arm_of(name, folder):
+    """A robot for a preset: its own, one of `ARMS`, or a chain of the joints that it names."""
+    one = preset(name)
+    if one.named and one.robot is None:
+        parents = ["base", *(f"{joint}_link" for joint in one.named)]
+        axes = ("0 0 1", "0 1 0", "0 1 0", "0 0 1", "0 1 0", "0 0 1", "0 1 0")
+        links = (
+            LINK.format(name=joint, parent=parent, axis=axis)
+            for joint, parent, axis in zip(one.named, parents, axes, strict=False)
+        )
+        path = folder / "arm.urdf"
+        path.write_text(f"<robot name='arm'><link name='base'/>{''.join(links)}</robot>")
+        return str(path)
+    return one.robot or ARMS.get(name, one.robots[0] if one.robots else "ur5")
 
 
 @pytest.mark.parametrize("name", presets())
-def test_every_number_says_where_it_comes_from(name):
-    one = preset(name)
-    assert {origin.origin for origin in one.origins} <= set(ORIGINS)
-    assert all(origin.source for origin in one.origins)
-    assert one.errors in CLASSES
-    given = {
-        f"{part}.{key}" for table in [one.every, *one.ordered] for part in table if part != "joints"
-        for key in table[part] if key not in ("kind", "voltage")
-    }  # fmt: skip
-    said = {key.strip() for origin in one.origins for key in origin.key.split(",")}
-    missing = {key for key in given if key not in said and key.split(".")[0] not in said}
-    assert missing == set()
+def test_nothing_is_lacking_and_every_number_says_where_it_comes_from(name):
+    assert preset(name).lacks() == []
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize(("name", "robot"), ARMS.items())
-def test_every_preset_makes_a_mechanism_with_a_whole_budget(name, robot):
+@pytest.mark.parametrize("name", presets())
+def test_every_preset_makes_a_mechanism_with_a_whole_budget(name, tmp_path):
     one = preset(name)
-    mechanism = one.mechanism(robot)
+    mechanism = one.mechanism(arm_of(name, tmp_path))
     assert mechanism.clearance or mechanism.gears
     found = budget(mechanism, {}, kind=one.errors, causes=CAUSES)
     assert found.worst[0] > 0.0
@@ -88,6 +96,7 @@ def test_the_servo_holds_its_lever_where_the_published_stand_found_it(tmp_path, 
 
 def test_a_robot_of_which_nothing_is_known_says_so_and_offers_classes():
     assert preset_of("so101").name == "so101"
+    assert preset_of("/home/me/PAROL6.urdf").name == "parol6"
     with pytest.raises(JointplayError, match=r"nothing is publicly known.*--preset ur-like"):
         preset_of("ur5")
     with pytest.raises(JointplayError, match=r"nothing is publicly known.*--preset"):
@@ -101,17 +110,15 @@ def test_a_robot_of_which_nothing_is_known_says_so_and_offers_classes():
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize(
-    ("name", "robot"),
-    (ARMS | {"so101": "so101", "x-scara": "scara", "printed-servo": "so101"}).items(),
-)
-def test_every_preset_runs_with_its_drives(name, robot, tmp_path, capsys):
+@pytest.mark.parametrize("name", presets())
+def test_every_preset_runs_with_its_drives(name, tmp_path, capsys):
     """Drives tuned to the rigid arm, their encoders on the link, made elastic gears diverge."""
-    run = ["run", robot, "--preset", name, "--duration", "0.4", "--no-figures",
-           "--no-error-estimate", "--out", str(tmp_path)]  # fmt: skip
+    run = ["run", arm_of(name, tmp_path), "--preset", name, "--duration", "0.4", "--no-figures",
+           "--no-error-estimate", "--out", str(tmp_path / "o")]  # fmt: skip
     assert cli.main(run) == 0, capsys.readouterr().err
-    result = jp.Result.load(tmp_path / "result.nc")
+    result = jp.Result.load(tmp_path / "o" / "result.nc")
     assert result.time[-1] == pytest.approx(0.4)
+    assert result.tool_error.distance.max() < 0.1
     if result.joints:
         assert np.abs(result["joint_force"]).max() < 1000.0
 
@@ -169,6 +176,51 @@ def test_a_file_of_ones_own_is_a_preset(tmp_path, capsys):
     run = ["run", "ur5", "--preset", str(path), "--duration", "0.01", "--out", str(tmp_path / "o")]
     assert cli.main(run) == 2  # a gear that moves needs its rotor's inertia
     assert "rotor_inertia is missing" in capsys.readouterr().err
+
+
+WHOLE = """[preset]
+words = "my arm"
+known = "its catalogue"
+errors = "printed"
+[joint.elbow.gear]
+play = "2 arcmin"
+stiffness = 5e3
+rotor_inertia = 0.1
+[[origin]]
+key = "gear.play"
+value = "2 arcmin"
+origin = "seen"
+source = "its data sheet"
+[[origin]]
+key = "elbow.gear"
+value = "see the file"
+origin = "assumed"
+source = "what is usual"
+"""
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (("", ""), []),
+        (('"elbow.gear"', '"elbow.gear.stiffness"'), ["elbow.gear.rotor_inertia has no .*key = "]),
+        (('"elbow.gear"', '"elbw.gear"'), ["stiffness has", "inertia has", 'the key "elbw.gear"']),
+        (('"seen"', '"sen"'), ['gear.play: no origin "sen"; did you mean "seen"']),
+        (('"its data sheet"', '" "'), ["gear.play: source is empty"]),
+        (("stiffness", "stifness"), ["elbow.gear: .*stifness.*did you mean"]),
+        (('"printed"', '"print"'), ['no errors "print"; did you mean "printed"']),
+        (('known = "its catalogue"', ""), ["known is missing"]),
+    ],
+)
+def test_what_a_contribution_lacks_is_said(tmp_path, capsys, change, said):
+    path = tmp_path / "mine.toml"
+    path.write_text(WHOLE.replace(*change))
+    lacks = preset(path).lacks()
+    assert len(lacks) == len(said), lacks
+    for line, words in zip(lacks, said, strict=True):
+        assert re.search(words, line), line
+    assert cli.main(["robots", str(path), "--presets"]) == 0
+    assert capsys.readouterr().out.count("! lacks:") == len(said)
 
 
 @pytest.mark.parametrize(

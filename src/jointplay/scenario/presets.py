@@ -15,7 +15,7 @@ measured on this robot, seen in a public source, estimated from one, or assumed.
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 from jointplay.base.errors import JointplayError, MissingName, require_known
 from jointplay.base.files import read_text
-from jointplay.base.schema import read, shortest, unknown_key
+from jointplay.base.schema import one_of, read, shortest, unknown_key
 from jointplay.model.gear import Gearing
 from jointplay.model.urdf import Description
 from jointplay.physics.joints import Clearance
@@ -39,6 +39,7 @@ _TABLES = {"bearing": "joints", "gear": "gears", "drive": "drives", "friction": 
 _PARTS = ("preset", "every", "joint", "origin")
 ORIGINS = ("measured", "seen", "estimated", "assumed")
 """What a number can be."""
+_UNSAID = "what the file says"
 
 
 @dataclass(frozen=True)
@@ -116,6 +117,50 @@ class Preset:
                     named.setdefault(joint, {})[part] = table
         known = "what was measured on this robot, and what stood in its scenario"
         return cls(str(robot or words), words, known, (), robot, "", tuple(origins), named=named)
+
+    def _numbers(self) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
+        """Each table: whose, part, what it holds; whose is empty where a table is for many."""
+        for whose, tables in [
+            ("", self.every),
+            *(("", one) for one in self.ordered),
+            *self.named.items(),
+        ]:
+            for part, table in tables.items():
+                if part in _TABLES:
+                    yield whose, part, table
+
+    def lacks(self) -> list[str]:
+        """What keeps it from being part of jointplay, a line each: numbers without origin, ..."""
+        from jointplay.accuracy.robot_errors import CLASSES
+        from jointplay.simulation.loads.drive import Drive, JointFriction
+
+        kinds = {"bearing": Clearance, "gear": Gearing, "drive": Drive, "friction": JointFriction}
+        said = {key.strip() for one in self.origins for key in one.key.split(",")}
+        lines, held = [], set()
+        for whose, part, table in self._numbers():
+            at = f"{whose}." if whose else ""
+            try:
+                read(kinds[part], dict(table))
+            except JointplayError as error:
+                lines.append(f"{at}{part}: {error}")
+            for key in table:
+                names = {part, f"{part}.{key}", f"{at}{part}", f"{at}{part}.{key}"}
+                held |= names
+                if key != "kind" and not names & said:
+                    lines.append(f'{at}{part}.{key} has no [[origin]] with key = "{part}.{key}"')
+        for one in self.origins:
+            if one.origin not in ORIGINS:
+                lines.append(f"{one.key}: {one_of('origin', one.origin, ORIGINS)}")
+            if not one.source.strip():
+                lines.append(
+                    f"{one.key}: source is empty: where was it seen, or from what estimated?"
+                )
+        lines += [f'[[origin]]: no number has the key "{key}"' for key in sorted(said - held)]
+        if self.errors not in CLASSES:
+            lines.append(f"[preset]: {one_of('errors', self.errors, CLASSES)}")
+        if self.known == _UNSAID:
+            lines.append("[preset]: known is missing: what is publicly known of the robot?")
+        return lines
 
     def tables(self, description: Description) -> dict[str, dict[str, Any]]:
         """Tables of a scenario for a robot: ``joints``, ``gears``, ``drives``, by joint.
@@ -228,7 +273,7 @@ def _read(path: Path, name: str) -> Preset:
     return Preset(
         name,
         head.get("words", path.name),
-        head.get("known", "what the file says"),
+        head.get("known", _UNSAID),
         tuple(head.get("robots", ())),
         head.get("robot"),
         head.get("errors", ""),
@@ -260,12 +305,13 @@ def preset(name: str | Path) -> Preset:
 
 
 def preset_of(robot: str) -> Preset:
-    """The preset for a robot, by its short name such as ``so101``.
+    """The preset for a robot, by its short name such as ``so101``, or a file of that name.
 
     Raises:
         JointplayError: nothing is publicly known of its joints; the message has what to choose.
     """
-    fitting = [one for one in _presets().values() if robot in one.robots]
+    name = Path(robot).name.partition(".")[0].lower()
+    fitting = [one for one in _presets().values() if name in one.robots]
     for one in fitting:
         if not one.assumed:
             return one

@@ -9,8 +9,9 @@ Use one wherever a URDF is expected: jointplay run NAME --joint JOINT.
 With --presets: what is publicly known of the bearings, gears and servos of robots, and classes for
 robots of which nothing is. Each number says whether it was seen in a public source, estimated from
 one, or assumed. Use one with --preset: jointplay run so101 --preset
+With a file of your own: what it still lacks to become part of jointplay.
 
-    [NAME]  robot, or path of a URDF or xacro, to describe in detail; with --presets, one preset
+    [NAME]  robot, or path of a URDF or xacro, to describe in detail; with --presets, one preset or a file
     --xacro NAME:=VALUE ...  argument of a robot that is written in xacro
     --presets  list presets of joints, gears and drives instead
 """
@@ -33,8 +34,8 @@ def run(options: argparse.Namespace) -> int:
     if options.presets:
         from jointplay.scenario.presets import preset, presets
 
-        names = presets() if options.name is None else [options.name]
-        print("\n".join(str(preset(name)) for name in names))
+        for one in map(preset, presets() if options.name is None else [options.name]):
+            print(one, *(f"    ! lacks: {line}" for line in one.lacks()), sep="\n")
         return 0
     from jointplay.model import robot_descriptions, robots
     from jointplay.model.survey import survey
