@@ -103,6 +103,10 @@ def test_a_robot_of_which_nothing_is_known_says_so_and_offers_classes():
         preset_of("kinova")
     with pytest.raises(MissingName, match="so101"):
         preset("so100")
+    with pytest.raises(MissingName, match=r"openarm: Damiao's manuals .* no backlash"):
+        preset("openarm")
+    with pytest.raises(JointplayError, match=r"too little is publicly known .*Dummy.*strain-wave"):
+        preset_of("Dummy.urdf")
     with pytest.raises(JointplayError, match="none of them"):
         preset("so101").mechanism("ur5")
     with pytest.raises(JointplayError, match="give a robot"):

@@ -33,13 +33,18 @@ if TYPE_CHECKING:
     from jointplay.model.mechanism import Mechanism
     from jointplay.simulation.loads.drive import Drive
 
-__all__ = ["ORIGINS", "Origin", "Preset", "preset", "preset_of", "presets"]
+__all__ = ["LEFT_OUT", "ORIGINS", "Origin", "Preset", "preset", "preset_of", "presets"]
 _TABLES = {"bearing": "joints", "gear": "gears", "drive": "drives", "friction": "joint_friction"}
 """Tables of a scenario by what a preset calls a joint's."""
 _PARTS = ("preset", "every", "joint", "origin")
 ORIGINS = ("measured", "seen", "estimated", "assumed")
 """What a number can be."""
 _UNSAID = "what the file says"
+LEFT_OUT = {
+    "openarm": "Damiao's manuals of its motors state ratios of 9, 40 and 10, but no backlash",
+    "dummy": "its strain-wave gears (ratios 50, 30, 30, 24, 30, 50) have no stated maker or size",
+}
+"""Robots of which too little is public for a preset, and what there is."""
 
 
 @dataclass(frozen=True)
@@ -300,7 +305,8 @@ def preset(name: str | Path) -> Preset:
         return _read(Path(name), str(name))
     known = _presets()
     if name not in known:
-        raise MissingName("preset", str(name), known, ", or a file of your own (NAME.toml)")
+        why = f"; {name}: {LEFT_OUT[str(name)]}" if name in LEFT_OUT else ""
+        raise MissingName("preset", str(name), known, f", or a file of your own (NAME.toml){why}")
     return known[str(name)]
 
 
@@ -316,8 +322,10 @@ def preset_of(robot: str) -> Preset:
         if not one.assumed:
             return one
     classes = [one.name for one in fitting]
-    classes += [name for name, one in _presets().items() if not one.every and name not in classes]
+    classes += [kind for kind, one in _presets().items() if one.ordered and kind not in classes]
+    little = "too little" if name in LEFT_OUT else "nothing"
+    why = f" ({LEFT_OUT[name]})" if name in LEFT_OUT else ""
     raise JointplayError(
-        f"nothing is publicly known of the joints of {robot!r}; choose what they may be like: "
-        + ", ".join(f"--preset {name}" for name in classes)
+        f"{little} is publicly known of the joints of {robot!r}{why}; choose what they may be "
+        f"like: {', '.join(f'--preset {kind}' for kind in classes)}"
     )

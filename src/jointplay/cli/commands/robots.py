@@ -32,10 +32,12 @@ if TYPE_CHECKING:
 
 def run(options: argparse.Namespace) -> int:
     if options.presets:
-        from jointplay.scenario.presets import preset, presets
+        from jointplay.scenario.presets import LEFT_OUT, preset, presets
 
         for one in map(preset, presets() if options.name is None else [options.name]):
             print(one, *(f"    ! lacks: {line}" for line in one.lacks()), sep="\n")
+        if options.name is None:
+            print(*(f"{name}: no preset: {why}" for name, why in LEFT_OUT.items()), sep="\n")
         return 0
     from jointplay.model import robot_descriptions, robots
     from jointplay.model.survey import survey
