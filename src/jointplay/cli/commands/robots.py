@@ -11,7 +11,8 @@ robots of which nothing is. Each number says whether it was seen in a public sou
 one, or assumed. Use one with --preset: jointplay run so101 --preset
 With a file of your own: what it still lacks to become part of jointplay.
 
-    [NAME]  robot, or path of a URDF or xacro, to describe in detail; with --presets, one preset or a file
+    [NAME]  robot, or path of a URDF or xacro, to describe in detail; with --presets, a preset or
+        file
     --xacro NAME:=VALUE ...  argument of a robot that is written in xacro
     --presets  list presets of joints, gears and drives instead
 """
