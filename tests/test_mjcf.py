@@ -302,3 +302,116 @@ def test_without_mujoco_it_is_said_how_to_get_it(loose, monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(JointplayError, match=r"pip install '\.\[simulators\]'"):
         read(loose)
+
+
+OWN = """<mujoco model="own">
+<compiler angle="degree" meshdir="parts"/>
+<option timestep="0.002" integrator="implicitfast"/>
+<default><joint damping="0.4" armature="0.03" range="-170 170"/><position kp="60" kv="4"/></default>
+<asset><mesh name="part" file="part.obj" scale="0.1 0.1 0.1"/></asset>
+<worldbody>
+  <!-- the arm -->
+  <body name="upper"><joint name="shoulder" axis="0 0 1"/>
+    <joint name="swing" axis="0.123456789 1 0" range="-90 90"/>
+    <geom name="rod" type="capsule" fromto="0 0 0 0.123456789 0 0.3" size="0.03"/>
+    <include file="hand.xml"/>
+  </body>
+  <body name="cube" pos="2 0 0"><freejoint name="float"/>
+    <geom type="box" size="0.1 0.1 0.1"/></body>
+</worldbody>
+<actuator><position name="turn" joint="shoulder"/><position name="bend" joint="elbow"/></actuator>
+<sensor><jointpos name="seen" joint="elbow"/></sensor>
+<keyframe><key name="home" qpos="0.1 0.2 0.3 2 0 0 1 0 0 0" ctrl="0.1 0.3"/></keyframe>
+</mujoco>"""
+HAND = """<mujoco><body name="hand" pos="0.123456789 0 0.3"><joint name="elbow" axis="0 1 0.3"/>
+  <geom type="mesh" mesh="part"/><site name="grip"/></body></mujoco>"""
+
+
+@pytest.fixture
+def own(tmp_path):
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "part.obj").write_text(CUBE)
+    written(tmp_path, HAND, "hand.xml")
+    return written(tmp_path, OWN, "own.xml")
+
+
+def swung(model, seconds=0.5):
+    """Angles of its elbow and shoulder while its position actuators turn it from its keyframe."""
+    import mujoco
+
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    way = []
+    while data.time < seconds:
+        data.ctrl[:] = 0.5 * np.sin(6.0 * data.time), -0.4
+        mujoco.mj_step(model, data)
+        way.append([data.joint(name).qpos[0] for name in ("elbow", "shoulder", "swing")])
+    return np.array(way)
+
+
+def exported(own, folder, *options):
+    command = ["export", "simulator", str(own), "--joint", "elbow", "--format", "mjcf", "--quiet"]
+    assert main([*command, "--out", str(folder), *options]) == 0
+    return folder / "elbow.xml"
+
+
+def test_play_goes_into_ones_own_file_and_all_else_stays(own, tmp_path, capsys):
+    import mujoco
+
+    teeth = ["--gear", "elbow=0.5 deg", "--gear-stiffness", "900", "--gear-damping", "0.5"]
+    path = exported(own, tmp_path / "out", *teeth, "--check")
+    out = capsys.readouterr().out
+    assert "MuJoCo: elbow turns freely by 8.7266 mrad (written: 8.7266), then 900 N m/rad" in out
+    model = mujoco.MjModel.from_xml_path(str(path))
+    plain = mujoco.MjModel.from_xml_path(str(own))
+    assert "<!-- the arm -->" in path.read_text()
+    assert (model.nq, model.nv) == (plain.nq + 1, plain.nv + 1)
+    assert model.jnt_bodyid[model.joint("elbow_play").id] == model.body("hand").id
+    assert model.key("home").qpos.tolist() == [0.1, 0.2, 0.3, 0.0, 2.0, 0.0, 0.0, 1, 0, 0, 0]
+    assert model.dof_damping.ravel()[model.joint("elbow_play").dofadr[0]] == 0.0
+    assert model.dof_armature[model.joint("elbow").dofadr[0]] == 0.03
+    assert model.opt.timestep <= plain.opt.timestep
+    for kind in ("body", "geom", "site", "actuator", "sensor", "mesh"):
+        for index in range(
+            getattr(plain, f"n{ {'actuator': 'u'}.get(kind, kind) }".replace(" ", ""))
+        ):
+            assert getattr(model, kind)(index).name == getattr(plain, kind)(index).name
+
+
+def test_without_play_ones_own_file_moves_as_before(own, tmp_path):
+    import mujoco
+
+    from jointplay.bridges.own_mjcf import own_robot
+    from jointplay.bridges.reduction import Reduction
+
+    mechanism = jp.Mechanism(own)
+    plain = swung(mujoco.MjModel.from_xml_path(str(own)))
+    assert np.ptp(plain, axis=0).min() > 0.01
+    robot = own_robot(mechanism, [], {}, tilt=False)
+    text = robot.mjcf([Reduction("elbow", damping=0.0, friction=0.0, viscous=0.4)])
+    assert swung(mujoco.MjModel.from_xml_string(text)) == pytest.approx(plain, abs=1e-12)
+    # And with a hinge whose teeth have next to none: as stiff as the step resolves.
+    stiff = Reduction("swing", dead_band=1e-9, stiffness=4e7, damping=50.0, rotor_inertia=0.03,
+                      viscous=0.4)  # fmt: skip
+    model = mujoco.MjModel.from_xml_string(robot.mjcf([stiff]))
+    plain = mujoco.MjModel.from_xml_path(str(own))
+    plain.opt.timestep = model.opt.timestep
+    assert swung(model, 0.1) == pytest.approx(swung(plain, 0.1), abs=1e-6)
+
+
+def test_play_that_is_there_is_changed_and_tilt_is_refused(loose, own, tmp_path, capsys):
+    import mujoco
+
+    command = ["export", "simulator", str(loose), "--format", "mjcf", "--joint", "j", "--quiet"]
+    out = tmp_path / "out"
+    assert main([*command, "--gear", "j=0.004", "--check", "--out", str(out)]) == 0
+    assert "j turns freely by 4 mrad (written: 4)" in capsys.readouterr().out
+    model = mujoco.MjModel.from_xml_path(str(out / "j.xml"))
+    assert model.njnt == 3
+    assert not model.jnt_limited[model.joint("j_backlash").id]
+    again = ["export", "simulator", str(out / "j.xml"), "--format", "mjcf", "--joint", "j"]
+    assert main([*again, "--gear", "j=0.006", "--check", "--out", str(tmp_path / "more")]) == 0
+    assert "j turns freely by 6 mrad (written: 6)" in capsys.readouterr().out
+    tilted = ["export", "simulator", str(own), "--joint", "elbow=0.1mm", "--tilt", "--format"]
+    assert main([*tilted, "mjcf", "--out", str(tmp_path / "tilt")]) == 2
+    assert "only play about an axis is put" in capsys.readouterr().err

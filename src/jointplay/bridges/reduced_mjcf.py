@@ -111,14 +111,7 @@ class CompiledRobot:
                         element.set(key, f"{value:.17g}")
         tendon, actuator, sensor = (put(root, tag) for tag in ("tendon", "actuator", "sensor"))
         for name, one in loose.items():
-            half = 0.5 * one.dead_band
-            teeth = {"stiffness": one.stiffness, "damping": one.damping}
-            play = put(tendon, "fixed", name=f"{name}.play", springlength=(-half, half), **teeth)
-            put(play, "joint", joint=f"{name}_play", coef=1.0)
-            losses = {"frictionloss": one.friction, "damping": one.viscous}
-            link = put(tendon, "fixed", name=f"{name}.link", **losses)
-            for part in (name, f"{name}_play"):
-                put(link, "joint", joint=part, coef=1.0)
+            put_play(tendon, one, f"{name}_play", one.friction, one.viscous)
         for name in self.tilting:
             rim = put(
                 tendon, "spatial", name=f"{name}.rim", limited="true",
@@ -162,17 +155,41 @@ class CompiledRobot:
     def step(self, reductions: Iterable[Reduction]) -> float:
         """A step that resolves the stiffest teeth with what they turn, at most 1 ms [s]."""
         loose = list(reductions)
-        if not loose:
-            return LONGEST_STEP_S
         matrix, own = self.mass.copy(), {one.joint: one.rotor_inertia for one in loose}
         for name in self.mechanism.joints:
             row = self.dofs[name]
             matrix[row, row] += own.get(name, rotor_inertia(self.mechanism, name))
         rows = [self.dofs[f"{one.joint}_play"] for one in loose]
-        gives = np.linalg.inv(matrix)[np.ix_(rows, rows)]
-        root = np.sqrt([one.stiffness for one in loose])
-        fastest = float(np.linalg.eigvalsh(root[:, None] * gives * root)[-1])
-        return min(LONGEST_STEP_S, _RESOLVED / math.sqrt(fastest))
+        return resolving_step(matrix, rows, [one.stiffness for one in loose])
+
+
+def put_play(
+    tendon: Element, reduction: Reduction, hinge: str, friction: float, viscous: float
+) -> None:
+    """Put in the teeth that hold the `hinge` of a joint's play, and losses of the link's angle."""
+    name, half = reduction.joint, 0.5 * reduction.dead_band
+    teeth = {"stiffness": reduction.stiffness, "damping": reduction.damping}
+    play = put(tendon, "fixed", name=f"{name}.play", springlength=(-half, half), **teeth)
+    put(play, "joint", joint=hinge, coef=1.0)
+    link = put(tendon, "fixed", name=f"{name}.link", frictionloss=friction, damping=viscous)
+    for part in (name, hinge):
+        put(link, "joint", joint=part, coef=1.0)
+
+
+def resolving_step(mass: np.ndarray, rows: Sequence[int], stiffness: Sequence[float]) -> float:
+    """A step that resolves the stiffest teeth with what they turn, at most 1 ms [s].
+
+    Args:
+        mass: the mass matrix (nv, nv), rotors included.
+        rows: of it, those of the hinges of play.
+        stiffness: of the teeth [N m/rad].
+    """
+    if not rows:
+        return LONGEST_STEP_S
+    gives = np.linalg.inv(mass)[np.ix_(rows, rows)]
+    root = np.sqrt(stiffness)
+    fastest = float(np.linalg.eigvalsh(root[:, None] * gives * root)[-1])
+    return min(LONGEST_STEP_S, _RESOLVED / math.sqrt(fastest))
 
 
 def compile_robot(
@@ -219,10 +236,7 @@ def compile_robot(
     if touching:
         pairs = ", ".join(f"{a} and {b}" for a, b in touching)
         notes.append(f"shapes that touch at the pose do not collide in the MJCF: {pairs}")
-    data = mujoco.MjData(model)
-    _place(mujoco, model, data, pose)
-    mass = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, mass)
+    mass = mass_at(model, pose)
     mass[np.diag_indices(model.nv)] -= model.dof_armature
     dofs = {model.joint(i).name: int(model.jnt_dofadr[i]) for i in range(model.njnt)}
     if made.find("option") is None:
@@ -308,6 +322,16 @@ def _place(mujoco: Any, model: Any, data: Any, pose: Mapping[str, float]) -> Non
     mujoco.mj_forward(model, data)
 
 
+def mass_at(model: Any, pose: Mapping[str, float]) -> np.ndarray:
+    """MuJoCo's mass matrix at a pose, rotors included, (nv, nv)."""
+    mujoco = load_mujoco()
+    data = mujoco.MjData(model)
+    _place(mujoco, model, data, pose)
+    mass = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, mass)
+    return mass
+
+
 def _touching(mujoco: Any, model: Any, pose: Mapping[str, float]) -> list[tuple[str, str]]:
     data = mujoco.MjData(model)
     _place(mujoco, model, data, pose)
@@ -355,8 +379,8 @@ def find_play(
         if not tendon.name.endswith(".play"):
             continue
         name = tendon.name.removesuffix(".play")
-        alone = copy.copy(model)
-        row = int(alone.joint(f"{name}_play").dofadr[0])
+        alone, hinge = copy.copy(model), play_hinge(model, name)
+        row = int(alone.joint(hinge).dofadr[0])
         alone.dof_armature[np.arange(alone.nv) != row] = _HELD
         data = mujoco.MjData(alone)
         mujoco.mj_setConst(alone, data)
@@ -364,7 +388,7 @@ def find_play(
         inertia = 1.0 / float(alone.dof_invweight0[row])
         alone.dof_damping.reshape(alone.nv, -1)[row, 0] = 2.0 * math.sqrt(stiffness * inertia)
         push = 0.1 * stiffness * float(np.ptp(alone.tendon_lengthspring[index]))
-        at = int(alone.joint(f"{name}_play").qposadr[0])
+        at = int(alone.joint(hinge).qposadr[0])
         widths = []
         for torque in (push, 2.0 * push):
             ends = []
@@ -382,6 +406,15 @@ def find_play(
         beyond = widths[1] - widths[0]
         found[name] = PlayFound(widths[0] - beyond, 2.0 * push / beyond)
     return found
+
+
+def play_hinge(model: Any, joint: str) -> str | None:
+    """Name of the hinge that is a joint's play in a written MJCF; None if it has no dead band."""
+    tendons = [model.tendon(index).name for index in range(model.ntendon)]
+    if f"{joint}.play" not in tendons:
+        return None
+    first = model.tendon_adr[tendons.index(f"{joint}.play")]
+    return str(model.joint(int(model.wrap_objid[first])).name)
 
 
 _PUSH_N, _CROSSING_S = 100.0, 0.05
@@ -515,13 +548,20 @@ def follow(
     grid = np.arange(time[0], time[-1], step)
     motor = np.interp(grid, time, past["motor"])
     names = [model.joint(index).name for index in range(model.njnt)]
-    free = [f"{joint}{part}" for part in ("_play", ".pitch", ".roll")]
-    held = [index for index, name in enumerate(names) if name not in free]
-    play = names.index(free[0]) if free[0] in names else None
+    hinge = play_hinge(model, joint)
+    free = [hinge, f"{joint}.pitch", f"{joint}.roll"]
+    single = (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)
+    held = [
+        index
+        for index, name in enumerate(names)
+        if name not in free and mujoco.mjtJoint(model.jnt_type[index]) in single
+    ]
+    play = None if hinge is None else names.index(hinge)
     goals = np.tile([reduction.pose.get(names[index], 0.0) for index in held], (len(grid), 1))
     goals[:, held.index(names.index(joint))] = motor
     at, dof = model.jnt_qposadr[held], model.jnt_dofadr[held]
-    model.dof_armature[dof] = _HELD
+    moving = [int(model.joint(name).dofadr[0]) for name in free if name in names]
+    model.dof_armature[np.setdiff1d(np.arange(model.nv), moving)] = _HELD
     mujoco.mj_setConst(model, data)
     data.qpos[at] = goals[0]
     data.qvel[dof] = (goals[1] - goals[0]) / step

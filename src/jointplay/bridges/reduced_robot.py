@@ -11,6 +11,7 @@ from jointplay.accuracy.error_budget import PlayBudget
 from jointplay.base.errors import JointplayError
 from jointplay.base.tables import Column, Table
 from jointplay.bridges import random_copies, reduced_files
+from jointplay.bridges.own_mjcf import OwnRobot, is_own, own_robot
 from jointplay.bridges.reduced_formats import FORMATS
 from jointplay.bridges.reduced_mjcf import (
     CompiledRobot,
@@ -87,8 +88,9 @@ class ReducedRobot:
         return [one.joint for one in self.reductions if self.tilt and one.tilt > 0.0]
 
     @cached_property
-    def _compiled(self) -> CompiledRobot:
-        return compile_robot(self.mechanism, self.reductions, self.pose, self.tilt)
+    def _compiled(self) -> CompiledRobot | OwnRobot:
+        make = own_robot if is_own(self.mechanism.description) else compile_robot
+        return make(self.mechanism, self.reductions, self.pose, self.tilt)
 
     @property
     def meshes(self) -> dict[str, bytes]:

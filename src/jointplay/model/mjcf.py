@@ -381,7 +381,9 @@ class _Reading:
         if not np.array_equal(gravity, urdf.STANDARD_GRAVITY):
             self.tables.setdefault("robot", {})["gravity"] = [float(value) for value in gravity]
         self._fill_tables()
-        beyond = {"tables": self.tables, "notes": list(self.notes())}
+        named = self.joint_names
+        hinges = {named[joint]: named[one.hinge] for joint, one in self.play.items()}
+        beyond = {"tables": self.tables, "notes": list(self.notes()), "hinges": hinges}
         put(root, urdf.BEYOND).text = json.dumps(beyond)
         return document(root)
 

@@ -212,6 +212,8 @@ class Beyond:
     """Of a scenario: ``robot``, ``gears``, ``drives``, ``loads``, ..."""
     notes: tuple[str, ...] = ()
     """What was read and what was left out, a line each."""
+    hinges: dict[str, str] | None = None
+    """Of an MJCF, by joint the second hinge that is its play; None if it was none."""
 
 
 @dataclass(frozen=True)

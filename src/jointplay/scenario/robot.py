@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -123,10 +123,13 @@ def description_of(place: str, settings: Sequence[Setting], folder: Path = Path(
     return with_fixed(read(place, allowed, folder, arguments), fix)
 
 
-def settings_beyond(description: Description, ideal: bool, still: bool) -> list[Setting]:
+def settings_beyond(
+    description: Description, ideal: bool, still: bool, geared: Collection[str] = ()
+) -> list[Setting]:
     """What a robot's file says beyond a URDF, of joints that move; play unless it is `ideal`.
 
-    Where nothing moves (`still`) rotors without play are left out: their elasticity is assumed.
+    Where nothing moves (`still`) rotors without play are left out, for their elasticity is assumed,
+    but those of joints that are to have a gear (`geared`).
     """
     settings = []
     for table, rows in description.beyond.tables.items():
@@ -138,7 +141,7 @@ def settings_beyond(description: Description, ideal: bool, still: bool) -> list[
                 continue
             if table == "gears" and ideal:
                 row = row | {"play": 0.0}
-            if table == "gears" and still and not row["play"]:
+            if table == "gears" and still and not row["play"] and name not in geared:
                 continue
             settings.append(Setting((table, name), row, "the MJCF", assumed=True))
     return settings
@@ -154,7 +157,7 @@ def _of_robot(
     # The robot alone: what is wrong elsewhere is said when the scenario is built.
     description = description_of(place, settings)
     path = description.path
-    beyond = settings_beyond(description, ideal, still)
+    beyond = settings_beyond(description, ideal, still, tree(settings).get("gears", {}))
     settings = with_names([*beyond, *settings], description.joints)
     given = tree(settings)
     description.require_moving()

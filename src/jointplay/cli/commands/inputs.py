@@ -324,7 +324,8 @@ def scenario_of(options: argparse.Namespace, still: bool = False) -> Scenario:
     settings += whole
     beyond = []
     if file is None and options.place is not None:
-        beyond = settings_beyond(_description(options, wanted, None), ideal, still)
+        geared = [name_and_number(entry)[0] for entry in _value(options, "gear") or ()]
+        beyond = settings_beyond(_description(options, wanted, None), ideal, still, geared)
     tables = merge(of_file, tree([*beyond, *settings, *wanted]))
     if names or for_joints(options):
         settings += _joint_settings(options, names, lengths, tables, file, wanted)

@@ -40,6 +40,7 @@ from typing import Any
 
 from jointplay.base import files
 from jointplay.base.errors import JointplayError, require_non_negative
+from jointplay.base.pairs import name_and_number
 from jointplay.bridges.reduced_formats import FORMATS, PARAMETERS, choose
 from jointplay.cli.commands import Outputs, given, print_answer
 from jointplay.cli.commands.inputs import PosedMachine, named_joints, posed_machine
@@ -62,6 +63,7 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.model.meshes import FOLDER
 
     out = Outputs(options.out, names + [FOLDER] * ("mjcf" in formats))
+    from jointplay.bridges.own_mjcf import is_own
     from jointplay.bridges.random_copies import read_identified
     from jointplay.bridges.reduced_robot import ReducedRobot, refuse_without_play
     from jointplay.bridges.reduction import reduce, reduce_all
@@ -85,7 +87,8 @@ def run(options: argparse.Namespace) -> int:
     else:
         reductions = [reduce(mechanism, joint, pose, **how)]
     more: dict[str, Any] = {} if spread is None else {"spread": spread}
-    more |= {"servos": _servos(posed) if "mjcf" in formats else {}}
+    remade = "mjcf" in formats and not is_own(mechanism.description)
+    more |= {"servos": _servos(posed) if remade else {}}
     if more["servos"]:
         notes.append(f"servos (MJCF): {', '.join(more['servos'])}")
     more |= given(options, "encoder", "plugin")
@@ -160,7 +163,13 @@ def _servos(posed: PosedMachine) -> dict[str, Any]:
 
 def _require_whole_gears(options: argparse.Namespace, posed: PosedMachine) -> None:
     """Refuse gears of --gear of which a reduction does not know enough."""
-    for option in ("gear_stiffness", "rotor_inertia"):
-        if options.gear and posed.simulation is None and getattr(options, option) is None:
+    found = posed.mechanism.description.beyond.tables.get("gears", {})
+    known = [found.get(name_and_number(entry)[0], {}) for entry in options.gear]
+    has = {
+        "gear_stiffness": all(one.get("play") for one in known),  # else it is assumed
+        "rotor_inertia": all("rotor_inertia" in one for one in known),
+    }
+    for option, there in has.items():
+        if not there and posed.simulation is None and getattr(options, option) is None:
             name = option.replace("_", "-")
             raise JointplayError(f"--{name} is missing: a gear with play needs it")
