@@ -221,6 +221,16 @@ def test_position_actuators_armature_and_springs_are_the_joints(loose, tmp_path)
     assert firm.joints["j"].damping == 0.1
 
 
+def test_a_rotor_without_play_does_not_choose_the_tool(tmp_path):
+    arm = '<body name="{}"><joint name="{}" armature="0.1"/><geom size="0.1"/>{}</body>'
+    right = arm.format("upper", "r1", arm.format("hand", "r2", ""))
+    both = arm.format("left", "l", "") + right
+    path = written(tmp_path, f"<mujoco><worldbody>{both}</worldbody></mujoco>")
+    for still in (True, False):
+        scenario = robot_scenario(str(path), ["l"], still=still)
+        assert scenario.mechanism().tool == "left"
+
+
 @pytest.mark.parametrize(("second", "most"), [("", 1e-3), (PLAY, 5e-3)])
 def test_a_driven_arm_moves_as_in_mujoco(tmp_path, second, most):
     """Its rotor, in MuJoCo rigid, swings here at 200 Hz; its stops, there soft, are springs."""

@@ -12,6 +12,7 @@ import math
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import compress
 from pathlib import Path
 from typing import Any
 
@@ -225,8 +226,9 @@ class _Reading:
         model, kinds = self.model, self.mujoco.mjtJoint
         self.body_names = [model.body(i).name for i in range(model.nbody)]
         self.joint_names = [model.joint(i).name for i in range(model.njnt)]
-        self.taken = {*self.body_names, *self.joint_names, urdf.GROUND}
         self.types = [kinds(kind) for kind in model.jnt_type]
+        moves = [one != kinds.mjJNT_FREE for one in self.types]
+        self.taken = {*self.body_names, *compress(self.joint_names, moves), urdf.GROUND}
         tops = [i for i in range(1, model.nbody) if model.body_parentid[i] == 0]
         tops = [i for i in tops if model.body_mocapid[i] < 0]
         free = [i for i in tops if kinds.mjJNT_FREE in map(self.types.__getitem__, self._joints(i))]

@@ -32,7 +32,10 @@ def decisive(scenario: Scenario, simulations: Mapping[str, Simulation]) -> list[
         simulations: of its cases, by label.
     """
     every = {
-        case: [*_robot(simulation.mechanism), *_joints(simulation.mechanism, scenario.given(case))]
+        case: [
+            *_robot(simulation.mechanism, tool_reason(scenario)),
+            *_joints(simulation.mechanism, scenario.given(case)),
+        ]
         for case, simulation in simulations.items()
     }
     first = next(iter(every.values()), [])
@@ -107,9 +110,10 @@ def unsized(scenario: Scenario, case: str) -> list[str]:
     return found
 
 
-def _robot(mechanism: Mechanism) -> list[str]:
-    why = f" (chosen: {mechanism.tool_reason}; --tool FRAME selects another)"
-    lines = [f"tool: {mechanism.tool}{why if mechanism.tool_reason else ''}"]
+def _robot(mechanism: Mechanism, reason: str) -> list[str]:
+    reason = mechanism.tool_reason or reason
+    why = f" (chosen: {reason}; --tool FRAME selects another)"
+    lines = [f"tool: {mechanism.tool}{why if reason else ''}"]
     lines += [f"link {name}: {words}" for name, words in mechanism.flexible.items()]
     loose = [*mechanism.clearance, *mechanism.gears]
     if loose and set(loose).isdisjoint(mechanism.movers()):

@@ -15,6 +15,7 @@ from jointplay.base.tables import few
 from jointplay.base.units import round_below
 from jointplay.model.formats import read
 from jointplay.model.robots import SHIPPED, SUFFIXES, with_package
+from jointplay.model.tool import choose_tool
 from jointplay.model.urdf import Description
 from jointplay.physics.joints import (
     JOINT_WORDS,
@@ -157,12 +158,17 @@ def _of_robot(
     # The robot alone: what is wrong elsewhere is said when the scenario is built.
     description = description_of(place, settings)
     path = description.path
-    beyond = settings_beyond(description, ideal, still, tree(settings).get("gears", {}))
+    said = tree(settings)
+    beyond = settings_beyond(description, ideal, still, said.get("gears", {}))
     settings = with_names([*beyond, *settings], description.joints)
     given = tree(settings)
     description.require_moving()
-    geared = any(one.get("play", True) for one in given.get("gears", {}).values())
-    if not (joints or ideal or still or geared or "joints" in given):
+    gears = given.get("gears", {})
+    geared = [name for name, one in gears.items() if one.get("play", True)]
+    if beyond and len(geared) < len(gears) and "tool" not in given.get("robot", {}):
+        tool, why = choose_tool(description, {*joints, *given.get("joints", {}), *geared})
+        settings.append(Setting(("robot", "tool"), tool, why, assumed=True))
+    if not (joints or ideal or still or geared or "joints" in said):
         if not scara:
             choices = f"revolute joints of {path}: {', '.join(description.revolute) or 'none'}"
             raise JointplayError(
