@@ -293,3 +293,19 @@ def test_every_robot_is_read_with_all_its_words():
         path = robot_urdf(name)
         description = read(path, impossible_inertias(elements(path.read_text(), path)))
         assert description.links, name
+
+
+def test_what_others_left_in_a_urdf_is_no_reason_to_refuse_it(tmp_path):
+    links = read(shipped("scara.urdf")).links
+    camera = '<gazebo><sensor:camera name="c"/></gazebo>'
+    assert read(changed(tmp_path, "</robot>", f"{camera}</robot>")).links == links
+    declared = '<robot name="scara" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+    path = changed(tmp_path, '<robot name="scara">', declared)
+    path.write_text(path.read_text().replace("</robot>", "<xacro:sensors_of_others/></robot>"))
+    assert read(path).links == links
+    shape, colours = '<geometry><sphere radius="1"/></geometry>', '<material name="a"/>' * 2
+    visual = f"<visual>{shape}{colours}</visual>"
+    assert read(changed(tmp_path, "</link>", f"{visual}</link>")).links == links
+    unlimited = read(changed(tmp_path, 'velocity="10"', 'velocity="-1"'))
+    assert unlimited.joints["joint_a"].speed is None
+    assert parse(unlimited).njoints == len(unlimited.moving) + 1

@@ -7,6 +7,7 @@ sees a `Description`.
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Collection, Mapping
 from importlib import import_module
@@ -18,6 +19,7 @@ from jointplay.base.files import read_text
 from jointplay.model import urdf, xacro
 from jointplay.model.robots import Source, source_of
 
+_PREFIX = re.compile(r"<([A-Za-z_][\w.-]*):")
 FORMATS: dict[str, tuple[str, str]] = {"mujoco": ("mjcf", "urdf_text")}
 """Module here and function that turn a format into a URDF, ``(text, path) -> text``, by the tag of
 the file's root element; it is imported when a file has that root. Any other file is a URDF."""
@@ -60,12 +62,20 @@ def urdf_text(source: Source, arguments: Mapping[str, xacro.Value]) -> str:
         raise JointplayError(f"{str(path)!r} is no xacro: it takes no argument {name!r}")
     tag = _root_tag(text)
     if tag not in FORMATS:
-        return text
+        return _with_prefixes(text)
     module, name = FORMATS[tag]
     converted: Callable[[str, Path], str] = getattr(
         import_module(f"jointplay.model.{module}"), name
     )
     return converted(text, path)
+
+
+def _with_prefixes(text: str) -> str:
+    """A URDF with all prefixes of elements declared: many have ``<sensor:camera>`` for Gazebo."""
+    used = dict.fromkeys(_PREFIX.findall(text))
+    unknown = [prefix for prefix in used if f"xmlns:{prefix}" not in text]
+    declared = "".join(f' xmlns:{prefix}="{prefix}"' for prefix in unknown)
+    return re.sub(r"<robot\b", lambda found: found[0] + declared, text, count=1)
 
 
 def _root_tag(text: str) -> str:

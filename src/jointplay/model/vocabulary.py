@@ -32,7 +32,7 @@ class Words(NamedTuple):
     """Whether nothing else may stand there: no program puts its own into it."""
 
 
-_SHAPED = Words(("name",), ("origin", "geometry", "material"))
+_SHAPED = Words(("name",), ("origin", "geometry", "material"), ("material",))
 
 WORDS = {
     "robot": Words(

@@ -22,7 +22,7 @@ from jointplay.model import packages
 Value = str | bool | int | float
 """Of an argument; text is taken as it is, as if typed."""
 NAMESPACE = "xmlns:xacro"
-_USED = re.compile(r"<xacro:|\$\{|\$\(")
+_USED = re.compile(r"<xacro:(?:arg|include|property|macro|if|unless)\b|\$\{|\$\(")
 _MACRO = re.compile(r"<xacro:macro\b[^>]*\bname\s*=\s*[\"']([^\"']+)")
 _lock = threading.Lock()  # the library keeps what it does in global variables
 _Key = tuple[Path, tuple[tuple[str, str], ...], tuple[Path, ...]]
@@ -32,7 +32,7 @@ _MOST_EXPANDED = 32
 
 
 def is_xacro(text: str, path: Path) -> bool:
-    """Whether a file must be expanded; many a URDF that was made by xacro declares it in vain."""
+    """Whether a file must be expanded: many a URDF declares xacro in vain, or has a call left."""
     return path.suffix.lower() == ".xacro" or (NAMESPACE in text and bool(_USED.search(text)))
 
 
