@@ -28,6 +28,9 @@ MACROS = f"""<robot {NAMESPACE}>
     <collision><geometry>
       <mesh filename="file://$(find parts)/meshes/arm.stl"/>
     </geometry></collision>
+    <collision><geometry>
+      <mesh filename="file:///$(find parts)/meshes/arm.stl"/>
+    </geometry></collision>
   </link>
   <joint name="${{name}}_joint" type="revolute">
     <parent link="${{parent}}"/><child link="${{name}}"/><axis xyz="0 0 1"/>
@@ -116,7 +119,7 @@ def test_result_is_read_again_without_xacro(robot, tmp_path, monkeypatch):
 def test_text_names_no_folder_of_this_machine_and_meshes_are_found(robot, tmp_path):
     mechanism = Mechanism(robot)
     names = [one.get("filename") for one in mechanism.description.elements().iter("mesh")]
-    assert names == ["package://parts/meshes/arm.stl"] * 2
+    assert names == ["package://parts/meshes/arm.stl"] * 3
     assert str(tmp_path) not in mechanism.description.text
     found = find_mesh(names[0], mesh_folders(mechanism))
     assert found == tmp_path / "ws" / "src" / "its-parts" / "meshes" / "arm.stl"

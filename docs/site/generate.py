@@ -82,6 +82,7 @@ def measured():
     """Pages whose tables come from what a benchmark wrote."""
     tables = script("tables")
     write("validation.md", tables["filled"]("validation.md", tables["validation"]()))
+    write("robots.md", tables["filled"]("robots.md", tables["tried"]()))
     write("peers.md", tables["filled"]("peers.md", tables["peers"]()))
     write("reference/peers.md", tables["peers_numbers"]())
 

@@ -1,5 +1,6 @@
-"""Tables of docs/validation.md and docs/peers.md, from what their benchmarks wrote to docs/data."""
+"""Tables of docs/validation.md, docs/peers.md and docs/robots.md, from what is in docs/data."""
 
+import csv
 import json
 from pathlib import Path
 
@@ -105,6 +106,12 @@ def peers_numbers(data=None):
         parts += [f"## {head}", data[name]]
     parts.append("![Journal orbits in the first turn](../images/peers/orbits.png)")
     return "\n\n".join(parts) + "\n"
+
+
+def tried():
+    """What the marker of docs/robots.md stands for: robots that were run."""
+    with (DOCS / "data" / "robots.csv").open(encoding="utf-8") as file:
+        return {"tried": Table.of_texts([*csv.reader(file)]).markdown()}
 
 
 def filled(page, texts):

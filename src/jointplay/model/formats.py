@@ -72,8 +72,10 @@ def urdf_text(source: Source, arguments: Mapping[str, xacro.Value]) -> str:
 
 def _with_prefixes(text: str) -> str:
     """A URDF with all prefixes of elements declared: many have ``<sensor:camera>`` for Gazebo."""
-    used = dict.fromkeys(_PREFIX.findall(text))
+    used = dict.fromkeys(_PREFIX.findall(xacro.without_comments(text)))
     unknown = [prefix for prefix in used if f"xmlns:{prefix}" not in text]
+    if not unknown:
+        return text
     declared = "".join(f' xmlns:{prefix}="{prefix}"' for prefix in unknown)
     return re.sub(r"<robot\b", lambda found: found[0] + declared, text, count=1)
 

@@ -82,5 +82,5 @@ def require_inertia(mechanism: Mechanism, q: np.ndarray) -> None:
         f"{'link' if one else 'links'} {', '.join(map(repr, links))} moved by joints "
         f"{'has' if one else 'have'} no mass or inertia to speak of, so nothing says how "
         f"{'it moves' if one else 'they move'}{when}: give {'it' if one else 'each'} an <inertial> "
-        f"in the URDF{hold if len(able) == len(links) else ''}"
+        f"in the URDF{hold if len(able) == len(links) else ''}; jointplay budget needs none"
     )

@@ -33,7 +33,14 @@ _MOST_EXPANDED = 32
 
 def is_xacro(text: str, path: Path) -> bool:
     """Whether a file must be expanded: many a URDF declares xacro in vain, or has a call left."""
-    return path.suffix.lower() == ".xacro" or (NAMESPACE in text and bool(_USED.search(text)))
+    if path.suffix.lower() == ".xacro":
+        return True
+    return NAMESPACE in text and bool(_USED.search(without_comments(text)))
+
+
+def without_comments(text: str) -> str:
+    """XML without its comments."""
+    return re.sub("<!--.*?-->", "", text, flags=re.DOTALL)
 
 
 def expand(text: str, path: Path, arguments: Mapping[str, Value], usual: Mapping[str, str]) -> str:
@@ -173,5 +180,6 @@ def _portable(text: str, folder: Path, found: Mapping[str, Path]) -> str:
     """A URDF that names no folder of this machine, as far as its packages and its own one go."""
     names = {f"{place}/": f"package://{name}/" for name, place in found.items()}
     for place, name in ({f"{folder}/": ""} | names).items():
-        text = text.replace(f"file://{place}", name).replace(place, name)
+        # Some write file:///$(find NAME).
+        text = re.sub(f"(?:file:///?)?{re.escape(place)}", name, text)
     return text

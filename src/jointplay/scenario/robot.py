@@ -183,7 +183,7 @@ def _of_robot(
     assumptions = []
     name = place.rpartition(":")[2] if ":" in place else path.name
     loose = f", play in {few(list(joints))}" if joints and not ideal else ""
-    title = f"{name.removesuffix('.urdf')}{loose}"
+    title = f"{name.removesuffix('.xacro').removesuffix('.urdf')}{loose}"
     text: dict[str, Any] = {
         "title": title,
         "robot": {"urdf": place if ":" in place else str(path.resolve())},

@@ -90,11 +90,12 @@ def _detail(survey: Survey) -> str:
     if survey.bare:
         remarks.append(
             f"links without mass: {', '.join(survey.bare)}; their joints cannot have clearance "
-            "until the URDF gives the links an <inertial>"
+            "until the URDF gives the links an <inertial>; budgets need none"
         )
     lines += [_wrapped(f"! {remark}") for remark in remarks]
     options = ["--allow-unphysical all"] if survey.unphysical else []
-    options += [f"--fix {as_option(survey.massless)}"] if survey.massless else []
+    if survey.massless and len(survey.massless) < len(survey.moving):
+        options.append(f"--fix {as_option(survey.massless)}")
     lines += [f"    option: {one}" for one in options]
     return "\n".join(lines)
 
