@@ -8,6 +8,7 @@ shipped sweep are simulated for a shorter time, and a test of a pose has 3 cycle
 
 import os
 import re
+import runpy
 import shutil
 import signal
 import subprocess
@@ -270,6 +271,16 @@ def test_the_front_pages_are_short():
     assert len((ROOT / "docs" / "README.md").read_text().split()) <= 350
     pages = "\n".join(page.read_text("utf-8") for page in (ROOT / "docs").rglob("*.md"))
     assert len(re.sub(r"</?(?:details|summary)[^>]*>", "", pages).split()) <= 45_000
+
+
+def test_robots_that_were_tried_have_numbers_or_a_reason():
+    tables = runpy.run_path(str(ROOT / "docs" / "site" / "tables.py"))
+    _, _, *rows = tables["tried"]()["tried"].splitlines()
+    assert len(rows) > 50
+    for row in rows:
+        *_, budget, run, remarks = (cell.strip() for cell in row.strip("|").split(" | "))
+        assert all(cell == "refused" or float(cell) > 0.0 for cell in (budget, run))
+        assert remarks or run != "refused"
 
 
 def test_lines_of_prose_are_no_longer_than_100_columns(monkeypatch):

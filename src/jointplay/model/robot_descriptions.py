@@ -7,6 +7,7 @@ is missing is said, with the command of the package that downloads it.
 from __future__ import annotations
 
 import sys
+import warnings
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -88,7 +89,8 @@ def _imported(name: str) -> ModuleType:
 
     cache.clone_to_directory = from_cache
     try:
-        return import_module(module)
+        with warnings.catch_warnings(action="ignore"):  # of what comes in a later release
+            return import_module(module)
     except _MissingError as error:
         raise JointplayError(
             f"the files of {name} are not in the cache of {PACKAGE} ({error}); download them with: "
