@@ -55,12 +55,11 @@ def parse(description: Description, released: Collection[str] = ()) -> pin.Model
         limit = joint.find("limit")
         if limit is None:
             continue
-        for key in WORDS[
-            "limit"
-        ].attributes:  # Pinocchio wants all of them, finite, and no effort -1
+        # Pinocchio wants all of them, finite, and no effort of -1; nobody asks it for them.
+        for key in WORDS["limit"].attributes:
             value = float(limit.get(key, "nan"))
             if not np.isfinite(value) or (value < 0.0 and key in ("effort", "velocity")):
-                limit.set(key, "0")  # nobody asks it for them
+                limit.set(key, "0")
     model = _parsed(ElementTree.tostring(root, encoding="unicode"), str(description.path))
     _check_masses(model, root)
     return model
