@@ -47,16 +47,11 @@ WORDS = {
 """Units of the package by their text: what they measure, and an example for messages."""
 
 _DEGREE = 0.017453292519943295
-COMMON = {
-    "m": ("m", 1.0), "mm": ("m", 1e-3), "cm": ("m", 1e-2), "um": ("m", 1e-6), "µm": ("m", 1e-6),
-    "rad": ("rad", 1.0), "mrad": ("rad", 1e-3), "deg": ("rad", _DEGREE),
-    "s": ("s", 1.0), "ms": ("s", 1e-3), "us": ("s", 1e-6), "µs": ("s", 1e-6),
-    "kg": ("kg", 1.0), "g": ("kg", 1e-3), "m/s": ("m/s", 1.0), "mm/s": ("m/s", 1e-3),
-    "rad/s": ("rad/s", 1.0), "m/s^2": ("m/s^2", 1.0), "N": ("N", 1.0), "kN": ("N", 1e3),
-    "N*m": ("N*m", 1.0), "Pa": ("Pa", 1.0), "MPa": ("Pa", 1e6), "GPa": ("Pa", 1e9),
-    "kg/m^3": ("kg/m^3", 1.0), "kg*m^2": ("kg*m^2", 1.0), "N/m": ("N/m", 1.0),
-    "N*m/rad": ("N*m/rad", 1.0), "N*s/m": ("N*s/m", 1.0), "N*m*s/rad": ("N*m*s/rad", 1.0),
-    "Pa*s": ("Pa*s", 1.0),
+COMMON = {unit: (unit, 1.0) for unit in WORDS if unit} | {
+    "mm": ("m", 1e-3), "cm": ("m", 1e-2), "um": ("m", 1e-6), "µm": ("m", 1e-6),
+    "mrad": ("rad", 1e-3), "deg": ("rad", _DEGREE), "rpm": ("rad/s", 0.10471975511965977),
+    "ms": ("s", 1e-3), "us": ("s", 1e-6), "µs": ("s", 1e-6), "g": ("kg", 1e-3),
+    "mm/s": ("m/s", 1e-3), "kN": ("N", 1e3), "MPa": ("Pa", 1e6), "GPa": ("Pa", 1e9),
 }  # fmt: skip
 """Usual units: in which one of `WORDS`, and how many of it. Pint, which knows all, takes long to
 import; a test holds these against it."""
