@@ -456,3 +456,16 @@ def test_a_sweep_of_bearings_has_loads_and_life_as_columns(tmp_path):
 def test_a_sweep_without_rolling_elements_says_that_it_has_no_lives(done):
     with pytest.raises(jp.JointplayError, match="joints none has any"):
         measured(jp.open_sweep(done[0]), "bearing_life")
+
+
+def test_the_command_warns_of_an_arm_that_falls(tmp_path, capsys):
+    path = tmp_path / "falls.toml"
+    path.write_text(
+        '[robot]\nurdf = "example-robot-data:ur5"\n[joints.elbow_joint]\nradial_clearance = 1e-4\n'
+        '[integration]\nduration = "1 ms"\n[sweep.axes]\n'
+        '"joints.elbow_joint.radial_clearance" = [0, 1e-4]\n'
+    )
+    assert main(["study", "sweep", str(path), "--out", str(tmp_path / "s"), "--jobs", "1"]) == 0
+    first, warning, *_ = capsys.readouterr().out.splitlines()
+    assert "2 cases" in first
+    assert warning.startswith("warning: no motion and no drive: the arm falls (shoulder_lift")

@@ -1,6 +1,10 @@
 from .calibration import calibrate as calibrate
 from .calibration import plan_calibration as plan_calibration
 from .encoders import encoder_differences as encoder_differences
+from .gauge import Gauged as Gauged
+from .gauge import Readings as Readings
+from .gauge import identify_gauged as identify_gauged
+from .gauge import plan_gauge as plan_gauge
 from .identification import Identification as Identification
 from .identification import identify as identify
 from .kinematic_model import Term as Term

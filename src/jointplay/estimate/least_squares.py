@@ -103,6 +103,8 @@ class LeastSquares:
     """Factor of intervals, for errors of the model that all numbers share."""
     softening: Mapping[str, np.ndarray] = field(default_factory=dict)
     """By joint, see `StaticModel.softening`, (m,)."""
+    assured: float = 0.0
+    """Residuals that the errors as given are worth, where they are known before."""
 
     @property
     def scale(self) -> np.ndarray:
@@ -288,8 +290,8 @@ class Fit:
     @cached_property
     def misfit(self) -> float:
         """RMS of the residuals, in standard errors: one if the model and the errors are right."""
-        left = self.residual[: len(self.least.measured)]
-        return float(np.sqrt(left @ left / max(self.freedom, 1.0)))
+        left, assured = self.residual[: len(self.least.measured)], self.least.assured
+        return float(np.sqrt((left @ left + assured) / max(self.freedom + assured, 1.0)))
 
     @property
     def stretch(self) -> float:
@@ -299,7 +301,8 @@ class Fit:
     @cached_property
     def _spread(self) -> tuple[np.ndarray, float]:
         """Variances of the unknowns by their scales (p,), and their freedom."""
-        variance, freedom = self.stretch**2 * np.diag(self.covariance), max(self.freedom, 1.0)
+        variance = self.stretch**2 * np.diag(self.covariance)
+        freedom = max(self.freedom + self.least.assured, 1.0)
         for group in self.least.groups:
             # What is wrong at one place, or under one load, is wrong in all its numbers.
             m = len(group) if self.least.weights else len(self.residual)
@@ -323,7 +326,7 @@ class Fit:
         """Half of the 95 % intervals; infinite in the null space, shape (p,) [SI]."""
         if self.widened is not None:
             return self.widened
-        dark = (np.diag(self.null) > NULL) | (self.freedom < 1.0)
+        dark = (np.diag(self.null) > NULL) | (self.freedom + self.least.assured < 1.0)
         return np.where(dark, np.inf, self.half_widths())
 
     def wide(self, deviation: float, off: float = 0.0) -> float:

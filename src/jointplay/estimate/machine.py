@@ -333,7 +333,16 @@ def preset_found(
             origins.append(Origin(one.label, value, origin, why))
     place = str(robot or mechanism.description.path)
     words = f"{Path(place).stem} as measured by {source}"
-    geared = dict.fromkeys([*mechanism.gears, *tables.get("gear", ())], _BY_MOTOR)
+    gears = {name: dict(one) for name, one in tables.get("gear", {}).items()}
+    for one in found:
+        name, told = one.unknown.name, one.identified and one.value > 0.0
+        if told and one.unknown.unit.startswith("rad") and one.joint not in mechanism.gears:
+            if name == "gear_play":
+                gears.setdefault(one.joint, {})["play"] = one.value if one.found else one.upper
+            elif name == "gear_compliance":
+                gears.setdefault(one.joint, {"play": 0.0})["stiffness"] = 1.0 / one.value
+    tables = dict(tables) | {"gear": gears}
+    geared = dict.fromkeys([*mechanism.gears, *gears], _BY_MOTOR)
     tables = dict(tables) | {"drive": geared | dict(tables.get("drive", {}))}
     return Preset.of_mechanism(apply(mechanism, found), words, origins, tables, place)
 

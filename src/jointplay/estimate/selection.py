@@ -60,8 +60,6 @@ _PARTS = {
     **{f"seat {way} compliance": (f"{way}_compliance", 1.0) for way in SPRINGS},
 }
 """Unknowns of a joint's parts by the names of coefficients, and how many times as large."""
-_OF_GEAR = ("gear_play", "gear_compliance")
-"""For these a joint gets a gear if the scenario has none."""
 _UNKNOWN = "not determined (other causes do the same, or nothing shows it)"
 
 
@@ -297,23 +295,16 @@ class Calibration:
         Raises:
             JointplayError: nothing of it was found.
         """
-        mechanism, found, gears = self.mechanism, [], dict[str, dict[str, float]]()
+        found = []
         for one in (*self.play, *self.coefficients):
             name, factor = _PARTS.get(one.unknown.name, ("", 1.0))
-            if not name or not one.identified or not one.found or not one.value > 0.0:
-                continue
-            found.append(one.renamed(name, factor))
-            turns = one.unknown.unit.startswith("rad")
-            if turns and one.joint not in mechanism.gears and name in _OF_GEAR:
-                value = found[-1].value
-                own = {"play": value} if name == _OF_GEAR[0] else {"stiffness": 1.0 / value}
-                gears.setdefault(one.joint, {}).update(own)
+            if name and one.identified and one.found and one.value > 0.0:
+                found.append(one.renamed(name, factor))
         if not found:
             raise JointplayError(
                 "these poses tell nothing of play or stiffness, which a preset would have"
             )
-        tables = {"gear": {name: {"play": 0.0} | own for name, own in gears.items()}}
-        return preset_found(mechanism, found, self.poses.source, robot, tables)
+        return preset_found(self.mechanism, found, self.poses.source, robot)
 
     @property
     def models(self) -> Table:

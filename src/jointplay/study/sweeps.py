@@ -143,14 +143,15 @@ def run_plan(
     extend: bool = False,
     yes: bool = False,
     progress: bool = False,
-    begin: Callable[[], None] | None = None,
+    begin: Callable[[Sequence[str]], None] | None = None,
 ) -> SweepPlan:
     """Run what is planned; see `sweep` for what is not listed here.
 
     Args:
         made: the plan.
         path: of the store.
-        begin: called when nothing stands against it, before the first case.
+        begin: called when nothing stands against it, before the first case, with what is to be
+            known of the cases, a line each.
 
     Returns:
         The plan as it was run: with `until` it may have more samples than it began with.
@@ -183,7 +184,7 @@ def run_plan(
                 left = int(np.count_nonzero(store.state == 0))
                 workers = hire(left) if left and workers is None else workers
                 if begin is not None:
-                    begin()
+                    begin(first.scenario.notes)
                     begin = None
                 if workers is not None:
                     _run_all(store, workers, left, progress)

@@ -3,8 +3,9 @@
 Identify clearances, friction, gear play and restitution from measured signals, with 95 % confidence
 intervals, or state that this measurement cannot determine a value and which further measurement
 would. Means over stops and slow stretches are compared with the static model, impacts (of an
-accelerometer or of forces in bearings) by their statistics. With --plan: the most informative poses
-and motions. docs/identify.md lists the columns of a measurement.
+accelerometer or of forces in bearings) by their statistics; readings of a dial gauge tell the play
+of single joints. With --plan: the most informative poses and motions. docs/identify.md lists the
+columns of a measurement.
 
 Example: jointplay identify my_robot.toml measured.csv --out worn
 
@@ -28,6 +29,7 @@ Example: jointplay identify my_robot.toml measured.csv --out worn
     --drift N  degree of the polynomial in time by which readings may drift; 0: no drift (default 3)
     --lag TIME|inf  about how late readings of the tool, and of links, may be behind the motors'
         encoders [s]; 0: simultaneous, inf: unknown (default: 0, of bags and datasets inf)
+    --pose JOINT=X,...  readings of a dial gauge: pose in which they were taken
   bags and datasets:
     --source SIGNAL=TOPIC ...  topic of a bag that has a signal, or feature of a dataset and its
         unit: "motor=/joint_states", "tool=/tracker/pose", "link=observation.state [deg]", "elbow
@@ -44,7 +46,8 @@ Example: jointplay identify my_robot.toml measured.csv --out worn
         agree with the measurement's, within the scatter of this many runs (6 if no number is given)
     --jobs
   plan:
-    --plan  propose what to measure
+    --plan [KIND=motion]  propose what to measure: motion, poses and motions of the robot; or dial,
+        where to set a dial gauge and how to push
     --signal {tool,link,torque} ...  signal that can be measured besides the motors' encoders; by
         default tool
     --count N  number of experiments to choose (default 6)
@@ -66,26 +69,34 @@ from typing import Any
 from jointplay.base import files
 from jointplay.base.errors import JointplayError
 from jointplay.base.pairs import misread, pair
+from jointplay.base.schema import one_of
 from jointplay.cli.commands import Outputs, given, numbers_by_name, print_answer, quantity
-from jointplay.cli.commands.inputs import is_scenario, posed_machine, write_preset
+from jointplay.cli.commands.inputs import is_scenario, named_joints, posed_machine, write_preset
+
+PLANS = ("motion", "dial")
 
 
 def run(options: argparse.Namespace) -> int:
     from jointplay.base import processes
+    from jointplay.estimate.gauge import is_readings
 
     processes.number_of(options.jobs)
-    if options.plan == (options.data is not None):
+    if (options.plan is None) == (options.data is None):
         raise JointplayError(
             "give a measurement (CSV, bag or dataset), or --plan to ask what to measure"
             + ("; not both" if options.plan else "")
         )
-    data = options.data if options.plan else _recording(options)
-    names = ["identified.csv", "identified.json", "identified.png"]
-    out = Outputs(options.out, ["plan.txt"] if options.plan else names)
     if options.write_preset is not None:
         if options.plan:
             raise JointplayError("--write-preset needs a measurement, not --plan")
         files.check_new(Path(options.write_preset))
+    if options.plan:
+        one_of("--plan", options.plan, PLANS)
+    if options.plan == "dial" or (options.data is not None and is_readings(options.data)):
+        return _gauge(options)
+    data = options.data if options.plan else _recording(options)
+    names = ["identified.csv", "identified.json", "identified.png"]
+    out = Outputs(options.out, ["plan.txt"] if options.plan else names)
     posed = posed_machine(options)
     for option in ("verify", "runs"):
         if getattr(options, option) and posed.simulation is None:
@@ -145,6 +156,37 @@ def run(options: argparse.Namespace) -> int:
         from jointplay.show.plots.design import identification
 
         contents = (fit.data.csv(), json.dumps(found, indent=1) + "\n", identification(fit))
+        out.write(dict(zip(names, contents, strict=True)))
+    return 0
+
+
+def _gauge(options: argparse.Namespace) -> int:
+    """Plan or take readings of a dial gauge."""
+    from jointplay.estimate.gauge import identify_gauged, plan_gauge
+
+    names = ["identified.csv", "identified.json", "identified.png"]
+    out = Outputs(options.out, ["plan.txt", "dial.csv"] if options.plan else names)
+    noise = numbers_by_name(options.noise, "--noise SIGNAL=X", {"tool": "m", "link": "rad"})
+    taken, options.pose = options.pose, [options.pose or ""]
+    posed = posed_machine(options)
+    out.claim()
+    if options.plan:
+        joints = list(dict.fromkeys([*posed.mechanism.gears, *named_joints(options)]))
+        plan = plan_gauge(posed.mechanism, joints, noise=noise, **given(options, "push"))
+        print_answer("", plan, posed.notes, options.detail)
+        if options.out:
+            out.write({"plan.txt": f"{plan}\n", "dial.csv": plan.csv()})
+        return 0
+    pose = posed.poses.positions() if taken else None
+    fit = identify_gauged(posed.mechanism, options.data, noise=noise, pose=pose)
+    print_answer(fit.sentence, replace(fit, notes=()), [*fit.notes, *posed.notes], options.detail)
+    if options.write_preset is not None:
+        place = None if is_scenario(options) else str(options.place)
+        write_preset(options.write_preset, fit.preset(place))
+    if options.out:
+        from jointplay.show.plots.design import gauged
+
+        contents = (fit.data.csv(), json.dumps(fit.describe(), indent=1) + "\n", gauged(fit))
         out.write(dict(zip(names, contents, strict=True)))
     return 0
 

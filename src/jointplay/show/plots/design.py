@@ -18,6 +18,7 @@ from jointplay.accuracy.allocation import Allocation
 from jointplay.accuracy.error_budget import ErrorBudget, PlayBudget
 from jointplay.accuracy.jacobians import GEAR
 from jointplay.estimate import Calibration, Estimate, Identification
+from jointplay.estimate.gauge import Gauged
 from jointplay.model.mechanism import Mechanism
 from jointplay.show.picture import picture
 from jointplay.show.plots.chart import (
@@ -256,6 +257,33 @@ def identification(fit: Identification) -> Figure:
         panels.append(replace(panel, x=Axis("restitution", low=0.0, high=1.0)))
     height = max(2.0 + 0.3 * len(shown), 3.2)
     return _row(panels, (1.6 + 3.0 * len(panels), height), note=words)
+
+
+def gauged(fit: Gauged) -> Figure:
+    """Each joint's readings over the push, with the model's two sides through them."""
+    readings, panels = fit.readings, []
+    for joint, fitted in fit.fits.items():
+        mine = np.array([one == joint for one in readings.joint])
+        slides = fitted.least.unknowns[0].unit == "m"
+        setups, push, marks = np.array(readings.setup), readings.push, list[Mark]()
+        for setup in dict.fromkeys(setups[mine]):
+            own = mine & (setups == setup)
+            loaded = own & (push != 0.0)
+            zero = np.mean(readings.turned[loaded] - fit.explained(joint, push[loaded]))
+            y = readings.turned - zero
+            marks.append(Curve(push[loaded], y[loaded], line="", marker="o", size=4.0))
+            free = own & (push == 0.0)
+            marks.append(Curve(push[free], y[free], line="", marker="o", size=4.0, hollow=True))
+        far = float(np.abs(push[mine]).max())
+        for side in (-1.0, 1.0):
+            x = side * np.linspace(1e-6 * far, far, 2)
+            marks.append(Curve(x, fit.explained(joint, x), colour=LINE))
+        across = Axis("push", "N" if slides else "N*m")
+        up = Axis("way", "m", "fine") if slides else Axis("turn", "rad")
+        play = fit[f"{joint} gear play"]
+        panels.append(Panel(across, up, marks, title=f"{joint}: play {play.words()[1]}"))
+    words = "dots: readings (hollow: not pushed); lines: play and compliance found"
+    return _row(panels, (max(4.2 * len(panels), 5.0), 3.4), note=words)
 
 
 def _interval(row: int, low: float, high: float, value: float) -> list[Mark]:

@@ -20,6 +20,7 @@ payloads[1].mass is the first payload's.
 """
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
 FAILED = 1
@@ -37,6 +38,11 @@ def run(options: argparse.Namespace) -> int:
 
     made = plan_of(options.file)
     words = f"{made.scenario.path}: {made.summary}"
+
+    def begin(notes: Sequence[str]) -> None:
+        warned = [one for one in notes if one.startswith("warning")]  # others are of single cases
+        print("\n".join([words, *warned]), flush=True)
+
     run_plan(
         made,
         options.out,
@@ -46,7 +52,7 @@ def run(options: argparse.Namespace) -> int:
         extend=options.extend,
         yes=options.yes,
         progress=not options.quiet,
-        begin=None if options.quiet else lambda: print(words, flush=True),
+        begin=None if options.quiet else begin,
     )
     dataset = open_sweep(options.out)
     print(table(dataset, options.rows))

@@ -1,0 +1,504 @@
+"""Play of single joints from readings of a dial gauge, while the link is pushed to both sides.
+
+The motor holds the joint; its link is pushed with known forces, and read is how far it turns. Play
+gives way fully under the smallest push, elasticity in proportion:
+
+    reading = zero + s p / 2 + c (tau - s F) + stiffening,      s = sign(tau),
+
+with the play p, the compliance c, and friction F on the joint's side. Readings that are not pushed
+lie anywhere within the play, and only serve as a check. What gears stiffen under load (0.4 of c
+at most, as a standard deviation) looks like play, and widens its interval.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay.accuracy.poses import moving, over_workspace
+from jointplay.base import files
+from jointplay.base.errors import JointplayError, MissingName, require_known, require_positive
+from jointplay.base.tables import Table, counted, few
+from jointplay.base.units import readable, told
+from jointplay.estimate import columns
+from jointplay.estimate.least_squares import Fit, LeastSquares, search
+from jointplay.estimate.machine import preset_found
+from jointplay.estimate.measurement import resolution
+from jointplay.estimate.planning import PUSH_N, free_poses
+from jointplay.estimate.unknowns import Estimate, Unknown, by_label, data, listed
+from jointplay.model.mechanism import Mechanism
+from jointplay.simulation.loads.drive import urdf_friction
+
+if TYPE_CHECKING:
+    from jointplay.scenario.presets import Preset
+
+GAUGE_M, ANGLE = 10e-6, 1e-3
+"""Standard deviations of a reading of a gauge, and of an angle, unless said otherwise [m, rad]."""
+SIZES = (1.0, 0.25)
+"""Pushes of a plan, by the largest."""
+RECIPE = (
+    "needed are five readings: not pushed, and pushed to each side with two forces, the smaller at "
+    "most two thirds of the larger"
+)
+_SOFTLY, _OVERCOMES = 0.02, 10.0
+"""Largest push of a plan, by a joint's limit of effort, and by gravity and friction, at least."""
+_UNLIKE = 1.5
+"""Ratio of two forces that count as two."""
+_SURE = 10.0
+"""Residuals that the stated scatter of readings is worth: it is known, if not quite."""
+_STIFFENS = 0.4
+_RUBS = 0.1
+"""Friction on the joint's side by the smallest push, where the robot's file says nothing."""
+_LEVERS = 0.02
+"""Part by which levers are off, and so all angles."""
+_BAR_M, _SHORT_M = 0.1, 0.02
+"""Bar that is clamped to links that are shorter than the second [m]."""
+_OUTSIDE = 4.0
+"""Standard deviations beyond both sides from which on a reading is said to be wrong."""
+_HOW = (
+    "For each joint: hold the motors, set the gauge, and write down what it reads without a push "
+    "and under each push; a push is positive if it makes the reading grow. Weights on a string or "
+    "a spring balance will do. Write down the motor's own position as well, if you can."
+)
+_NUMBERS = ("force", "arm", "reading", "gauge arm", "torque", "angle", "motor")
+_COLUMNS = (
+    "joint, setup (names), force [N], arm [mm], reading [mm], gauge arm [mm], or torque [N*m], "
+    "angle [deg], and motor [deg]"
+)
+
+
+@dataclass(frozen=True)
+class Readings:
+    """How far links turned under pushes; SI units, of joints that slide forces and lengths."""
+
+    joint: tuple[str, ...]
+    """Of each reading, n of them."""
+    setup: tuple[str, ...]
+    """Names of setups, each with a zero of its own."""
+    push: np.ndarray
+    """Torque about the joint's axis, shape (n,) [N m or N]."""
+    turned: np.ndarray
+    """Of the link against its motor, to the side to which the push is positive, (n,) [rad or m]."""
+    error: np.ndarray
+    """Standard deviations of these, shape (n,)."""
+    source: str = "the readings"
+
+    @classmethod
+    def from_csv(
+        cls,
+        path: str | Path,
+        joints: Mapping[str, bool],
+        noise: Mapping[str, float] | None = None,
+    ) -> Readings:
+        """Read a CSV file, a row for each reading (docs/identify.md).
+
+        Args:
+            path: the file.
+            joints: the robot's joints, and whether each slides.
+            noise: standard deviations of readings, ``tool``, and of angles, ``link`` [m, rad].
+
+        Raises:
+            JointplayError: see `columns.read`; a joint that the robot has not, or a row without
+                force or reading.
+        """
+        path = Path(path)
+        names = _of_column(path, "joint")
+        for name in names:
+            require_known("joint", name, joints)
+        slides = {joints[name] for name in names}
+        if len(slides) > 1:
+            raise JointplayError(f"{path}: joints that slide need a file of their own")
+        (slides_all,) = slides or {False}
+        way = "m" if slides_all else "rad"
+        units = dict(zip(_NUMBERS, ("N", "m", "m", "m", "N*m", way, way), strict=True))
+
+        def known(title: str) -> tuple[columns.Key, str] | None:
+            title = title.replace("_", " ")
+            return ((title, ""), units[title]) if title in units else None
+
+        numbers, texts = columns.read(
+            path, "readings", known, _COLUMNS, ("joint", "setup"), _NUMBERS
+        )
+        n, own = len(names), dict(noise or {})
+        given = {name: numbers.get((name, ""), np.full(n, np.nan)) for name in _NUMBERS}
+        if slides_all:
+            push, turned = given["force"], given["reading"]
+            error = np.full(n, own.get("tool", GAUGE_M))
+        else:
+            push = np.where(
+                np.isfinite(given["torque"]), given["torque"], given["force"] * given["arm"]
+            )
+            push = np.where(given["force"] == 0.0, 0.0, push)
+            by_gauge = given["reading"] / given["gauge arm"]
+            turned = np.where(np.isfinite(given["angle"]), given["angle"], by_gauge)
+            error = np.where(
+                np.isfinite(given["angle"]),
+                own.get("link", ANGLE),
+                own.get("tool", GAUGE_M) / given["gauge arm"],
+            )
+        for what, values in (
+            ("force and arm, or torque", push), ("reading and gauge arm, or angle", turned),
+        ):  # fmt: skip
+            if (bad := np.flatnonzero(~np.isfinite(values))).size:
+                words = what if not slides_all else what.partition(" and")[0]
+                raise JointplayError(f"{path}: reading {bad[0] + 1} has no {words}")
+        setup = texts.get("setup", ("",) * n)
+        setups = np.array([f"{a}, {b}" for a, b in zip(names, setup, strict=True)])
+        motor = given["motor"]
+        if np.isfinite(motor).any():
+            if (bad := np.flatnonzero(~np.isfinite(motor))).size:
+                raise JointplayError(f"{path}: reading {bad[0] + 1} has no motor position")
+            for one in np.unique(setups):  # which way is positive, nobody says: it gives way
+                mine = setups == one
+                side = float(np.sign(motor[mine] @ (push[mine] - push[mine].mean())))
+                turned[mine] -= side * (motor[mine] - motor[mine].mean())
+                step = resolution(np.sort(motor[mine]))
+                error[mine] = np.hypot(error[mine], step / np.sqrt(12.0))
+        return cls(tuple(names), tuple(map(str, setups)), push, turned, error, str(path))
+
+
+def is_readings(path: str | Path) -> bool:
+    """Whether a file is a table of readings: it has a column ``joint``."""
+    path = Path(path)
+    if path.suffix.lower() != ".csv" or not files.is_file(path):
+        return False
+    return "joint" in [cell.strip() for cell in files.csv_rows(path, "measurement")[0][1]]
+
+
+def _of_column(path: Path, title: str) -> list[str]:
+    (_, head), *rows = files.csv_rows(path, "readings")
+    k = [cell.strip() for cell in head].index(title)
+    return [row[k].strip() for _, row in rows]
+
+
+@dataclass(frozen=True)
+class Gauged:
+    """What readings tell of the play and the compliance of their joints; SI units."""
+
+    estimates: tuple[Estimate, ...]
+    mechanism: Mechanism
+    readings: Readings
+    fits: Mapping[str, Fit]
+    """By joint, of those that could be fitted."""
+    notes: tuple[str, ...] = ()
+
+    def __getitem__(self, label: str) -> Estimate:
+        return by_label(self.estimates, label)
+
+    @property
+    def sentence(self) -> str:
+        """The answer in plain words."""
+        plays = [one for one in self.estimates if one.unknown.name == "gear_play"]
+        known = [
+            f"{one.joint} " + " to ".join(map(one.unknown.shown, one.interval)) if one.found
+            else f"{one.joint} at most {one.unknown.shown(one.upper)}"
+            for one in plays if one.identified
+        ]  # fmt: skip
+        of = f"{len(known)} of {counted(len(plays), 'joint')}"
+        return f"The readings tell the play of {of}{f': {few(known)}' if known else ''}"
+
+    def __str__(self) -> str:
+        return "\n".join([*self.notes, listed(self.estimates)])
+
+    @property
+    def data(self) -> Table:
+        """A row for each unknown [SI]."""
+        return data(self.estimates)
+
+    def describe(self) -> dict[str, Any]:
+        """As plain data [SI]."""
+        rows = [one.describe() for one in self.estimates]
+        return {"unknowns": rows, "notes": list(self.notes), "source": self.readings.source}
+
+    def preset(self, robot: str | Path | None = None) -> Preset:
+        """The robot's joints with what was found; see `Identification.preset`."""
+        turning = [one for one in self.estimates if one.unknown.unit.startswith("rad")]
+        return preset_found(self.mechanism, turning, self.readings.source, robot)
+
+    def explained(self, joint: str, push: np.ndarray) -> np.ndarray:
+        """What the model says of a joint's readings about their zeros, at pushes (n,)."""
+        play, give, rubs = self.fits[joint].theta
+        return _bent(push, play, give, rubs)
+
+
+def identify_gauged(
+    mechanism: Mechanism,
+    readings: Readings | str | Path,
+    *,
+    noise: Mapping[str, float] | None = None,
+    pose: Mapping[str, float] | None = None,
+) -> Gauged:
+    """Play and compliance of single joints from readings of a dial gauge.
+
+    Args:
+        mechanism: the robot.
+        readings: or the path of their CSV file.
+        noise: see `Readings.from_csv`.
+        pose: joint positions in which was measured, for the load of gravity [rad or m]; None: not
+            known.
+
+    Raises:
+        JointplayError: see `Readings.from_csv`; readings of a joint that can tell nothing.
+    """
+    ideal = mechanism.ideal()
+    entries = mechanism.description.joints
+    if not isinstance(readings, Readings):
+        slides = {name: entries[name].slides for name in moving(ideal)}
+        readings = Readings.from_csv(readings, slides, noise)
+    friction, found, fits, notes = urdf_friction(ideal), list[Estimate](), dict[str, Fit](), []
+    for joint in dict.fromkeys(readings.joint):
+        mine = np.array([one == joint for one in readings.joint])
+        _require_recipe(readings, joint, mine)
+        smallest = float(np.abs(readings.push[mine & (readings.push != 0.0)]).min())
+        unit = "N" if entries[joint].slides else "N*m"
+        weight, said = _gravity(ideal, joint, pose)
+        reason = ""
+        if weight >= smallest:
+            words = f"{readable(weight, unit, 3)}, more than the smallest push, " + readable(
+                smallest, unit, 3
+            )
+            if said:
+                reason = f"gravity loads it by {words}: push harder, or measure in another pose"
+            else:
+                notes.append(
+                    f"note: gravity may load {joint} by {words}: it counts only if the pose is one "
+                    "in which gravity does not (give it by --pose)"
+                )
+        problem = _problem(readings, joint, mine, friction[joint].coulomb, entries[joint].slides)
+        play, give, rubs = problem.unknowns
+        start = np.array([0.5 * play.scale, give.scale, rubs.nominal])
+        fitted = fits[joint] = search(problem, start)
+        (first, second, _) = fitted.estimates()
+        if reason:
+            first = replace(first, reason=reason)
+        else:  # where there may be none, how large it is at most
+            upper = first.value + first.half_width
+            first = replace(first, reason="", found=first.value > first.half_width, upper=upper)
+        found += [first, second]
+        notes += _outside(readings, joint, mine, fitted)
+    return Gauged(tuple(found), mechanism, readings, fits, tuple(notes))
+
+
+def _require_recipe(readings: Readings, joint: str, mine: np.ndarray) -> None:
+    sizes = []
+    for setup in dict.fromkeys(np.array(readings.setup)[mine]):
+        push = readings.push[mine & (np.array(readings.setup) == setup)]
+        if push.min() < 0.0 < push.max():
+            sizes += [abs(one) for one in push if one]
+    if len(sizes) < 4 or max(sizes) < _UNLIKE * min(sizes):
+        raise JointplayError(f"{readings.source}: {joint}: {RECIPE}; got {int(mine.sum())}")
+
+
+def _gravity(ideal: Mechanism, joint: str, pose: Mapping[str, float] | None) -> tuple[float, bool]:
+    """Load of gravity on a joint [N m or N], and whether the pose is known: else the largest."""
+    at, data = ideal.coordinate(joint), ideal.model.createData()
+    rows = over_workspace(ideal, 64) if pose is None else [ideal.configuration(pose)]
+    loads = [abs(pin.computeGeneralizedGravity(ideal.model, data, q)[at]) for q in rows]
+    return float(max(loads)), pose is not None
+
+
+def _bent(push: np.ndarray, play: float, give: float, rubs: float) -> np.ndarray:
+    side = np.sign(push)
+    return np.asarray(side * play / 2.0 + give * (push - side * rubs))
+
+
+def _problem(
+    readings: Readings, joint: str, mine: np.ndarray, friction: float, slides: bool
+) -> LeastSquares:
+    use = np.flatnonzero(mine & (readings.push != 0.0))
+    push, turned = readings.push[use], readings.turned[use]
+    setups = np.array(readings.setup)[use]
+    zeros = np.column_stack([setups == one for one in dict.fromkeys(setups)]).astype(float)
+    side, largest = np.sign(push), float(np.abs(push).max())
+    rough = np.linalg.lstsq(np.column_stack([zeros, side, push]), turned, rcond=None)[0]
+    give = max(float(rough[-1]), 0.05 * float(np.ptp(turned)) / largest)
+    part = np.abs(push) / largest
+    stiffening = side * give * largest * part * (1.0 - part)
+    nuisance = np.column_stack([zeros, stiffening])
+    spread = np.append(np.full(zeros.shape[1], np.inf), _STIFFENS)
+    way, span = ("m", float(np.ptp(turned))) if slides else ("rad", float(np.ptp(turned)))
+    soft = "m/N" if slides else "rad/(N*m)"
+    rub = max(0.5 * friction, _RUBS * float(np.abs(push).min()))
+    unknowns = (
+        Unknown(joint, "gear_play", way, np.nan, max(span, 1e-9), fine=slides, model_error=_LEVERS),
+        Unknown(
+            joint, "gear_compliance", soft, np.nan, give, fine=slides, model_error=2.0 * _LEVERS
+        ),
+        Unknown(
+            joint, "friction", "N" if slides else "N*m", friction, rub, sought=False, spread=rub,
+            model_error=0.0,
+        ),
+    )  # fmt: skip
+    return LeastSquares(
+        unknowns,
+        lambda theta: _bent(push, *theta),
+        turned,
+        readings.error[use],
+        nuisance,
+        spread=spread,
+        safety=1.0,
+        assured=_SURE,
+    )
+
+
+def _outside(readings: Readings, joint: str, mine: np.ndarray, fitted: Fit) -> list[str]:
+    """Readings without a push that lie beyond both sides of the play."""
+    notes, setups = [], np.array(readings.setup)
+    play, give, rubs = fitted.theta
+    for number in np.flatnonzero(mine & (readings.push == 0.0)):
+        same = mine & (setups == setups[number]) & (readings.push != 0.0)
+        off = readings.turned[same] - _bent(readings.push[same], play, give, rubs)
+        away = abs(float(readings.turned[number] - off.mean())) - play / 2.0 - give * rubs
+        if away > _OUTSIDE * max(fitted.stretch, 1.0) * float(readings.error[number]):
+            notes.append(
+                f"note: reading {number + 1}, which is not pushed, lies beyond both sides of "
+                f"{joint}: has the gauge slipped, the motor moved, or does gravity push?"
+            )
+    return notes
+
+
+@dataclass(frozen=True)
+class GaugePlan:
+    """How to measure single joints with a dial gauge, and what it would tell."""
+
+    steps: tuple[Step, ...]
+    notes: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        steps = [f"{number:>2}. {one}" for number, one in enumerate(self.steps, 1)]
+        return "\n".join([*self.notes, *steps, _HOW])
+
+    def csv(self) -> str:
+        """A table to fill in."""
+        head = "joint,force [N],arm [mm],reading [mm],gauge arm [mm],motor [deg]"
+        rows = [
+            f"{one.joint},{force:g},{1e3 * one.arm:.3g},,{1e3 * one.arm:.3g},"
+            for one in self.steps
+            for force in one.forces
+        ]
+        return "\n".join([head, *rows]) + "\n"
+
+
+@dataclass(frozen=True)
+class Step:
+    """Readings of one joint."""
+
+    joint: str
+    arm: float
+    """Distance from the axis at which is pushed and read; 0 for a joint that slides [m]."""
+    forces: tuple[float, ...]
+    """The push of each reading [N]."""
+    pose: str
+    half_width: str
+    """Expected of the play, in words."""
+    bar: bool
+    """Whether the link is too short, and a bar is to be clamped to it."""
+    gravity: str
+    """What gravity does there, in words."""
+
+    def __str__(self) -> str:
+        forces = ", ".join(f"{force:+g} N" if force else "0" for force in self.forces)
+        where = f"{1e3 * self.arm:.0f} mm from its axis" if self.arm else "along its way"
+        bar = " (clamp a bar to the link)" if self.bar else ""
+        return (
+            f"{self.joint}: gauge and push {where}{bar}; forces {forces}; tells play to "
+            f"{self.half_width}\n    at {self.pose} ({self.gravity})"
+        )
+
+
+def plan_gauge(
+    mechanism: Mechanism,
+    joints: Sequence[str] = (),
+    *,
+    push: float = PUSH_N,
+    noise: Mapping[str, float] | None = None,
+    play: float = 5e-3,
+) -> GaugePlan:
+    """Where to set a dial gauge, and how to push, for each joint.
+
+    Args:
+        mechanism: the robot.
+        joints: those to measure; none: all that move.
+        push: largest force [N]; of joints whose limit of effort is known at most half of it.
+        noise: see `Readings.from_csv`.
+        play: that is expected [rad; of joints that slide 0.1 mm are].
+
+    Raises:
+        MissingName: no such joint.
+        JointplayError: a push that is not positive; see `free_poses`.
+    """
+    require_positive("push", push, "N")
+    ideal = mechanism.ideal()
+    model, data = ideal.model, ideal.model.createData()
+    known = moving(ideal)
+    for name in joints:
+        if name not in known:
+            raise MissingName("joint that moves", name, known)
+    poses, notes = free_poses(ideal, None, 0)
+    weights = np.array([np.abs(pin.computeGeneralizedGravity(model, data, q)) for q in poses])
+    steps = []
+    for name in joints or known:
+        entry, at = mechanism.description.joints[name], ideal.coordinate(name)
+        arm = 0.0 if entry.slides else _reach(ideal, name)
+        bar = not entry.slides and arm < _SHORT_M
+        arm = _BAR_M if bar else float(f"{arm:.2g}")
+        lever = arm or 1.0
+        best = int(np.argmin(weights[:, at]))
+        weight = float(weights[best, at])
+        # As softly as gravity and friction allow: how far the link gives way hides its play.
+        against = _OVERCOMES * (weight + entry.friction)
+        enough = max(_SOFTLY * (entry.effort or np.inf), against)
+        most = min(push, min(enough, 0.5 * (entry.effort or np.inf)) / lever)
+        forces = (0.0, *(float(f"{side * part * most:.2g}") for part in SIZES for side in (1, -1)))
+        unit = "N" if entry.slides else "N*m"
+        gravity = f"gravity loads it by {readable(weight, unit, 2)}"
+        if weight >= SIZES[1] * most * lever:
+            gravity += ", beyond the smaller push: push harder (--push)"
+        elif weight < 1e-3 * most * lever:
+            gravity = "gravity does not load it"
+        turned = 1e-4 if entry.slides else play
+        wide = _expected(name, entry.slides, np.array(forces) * lever, lever, turned, noise or {})
+        numbers = zip(known, poses[best][[ideal.coordinate(one) for one in known]], strict=True)
+        pose = ",".join(f"{one}={x:.3g}" for one, x in numbers)
+        half = f"+- {told(wide, 'm' if entry.slides else 'rad', 2, entry.slides)}"
+        steps.append(Step(name, arm, forces, pose, half, bar, gravity))
+    return GaugePlan(tuple(steps), tuple(notes))
+
+
+def _reach(ideal: Mechanism, joint: str) -> float:
+    """Largest distance of a frame of a joint's link from its axis [m]."""
+    model = ideal.model
+    number = model.getJointId(joint)
+    one = model.joints[number].createData()
+    model.joints[number].calc(one, np.zeros(model.joints[number].nq), np.zeros(1))
+    axis = np.ravel(one.S)[3:]
+    places = [
+        model.jointPlacements[k].translation
+        for k in range(1, model.njoints)
+        if model.parents[k] == number
+    ]
+    places += [one.placement.translation for one in model.frames if one.parentJoint == number]
+    return max((float(np.linalg.norm(np.cross(axis, place))) for place in places), default=0.0)
+
+
+def _expected(
+    joint: str,
+    slides: bool,
+    push: np.ndarray,
+    lever: float,
+    play: float,
+    noise: Mapping[str, float],
+) -> float:
+    """Half width of the play's interval where the link gives way as much as it plays."""
+    give = play / float(np.abs(push).max())
+    n = len(push)
+    error = np.full(n, noise.get("tool", GAUGE_M) / lever)
+    made = Readings((joint,) * n, ("",) * n, push, _bent(push, play, give, 0.0), error)
+    problem = _problem(made, joint, np.ones(n, bool), 0.0, slides)
+    fitted = Fit(least=problem, theta=np.array([play, give, 0.0]))
+    return float(fitted.half_width[0])

@@ -1,0 +1,218 @@
+"""A dial gauge and five pushes: play of single joints, or why it cannot be told."""
+
+import importlib
+import json
+import math
+
+import numpy as np
+import pytest
+from conftest import body, joint, tip
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import jointplay as jp
+from jointplay import JointplayError, Mechanism
+from jointplay.cli import main
+from jointplay.estimate.gauge import Readings, identify_gauged, plan_gauge
+from jointplay.estimate.measurement import tool_positions
+from jointplay.model.gear import Gear
+from jointplay.scenario.presets import preset
+
+ARM, HALF_DEGREE = 0.1, math.radians(0.5)
+FORCES = (0.0, 8.0, -8.0, 2.0, -2.0)
+
+
+@pytest.fixture
+def arm(urdf):
+    """A joint about z, which gravity does not load, and one that slides."""
+    return Mechanism(
+        urdf(
+            body("arm", mass=1.0, com="0.1 0 0"),
+            joint("j", "base", "arm"),
+            body("slide", mass=1.0),
+            joint("x", "arm", "slide", kind="prismatic", axis="1 0 0", at="0.2 0 0"),
+            tip("slide"),
+        )
+    )
+
+
+def read(play=HALF_DEGREE, stiffness=100.0, forces=FORCES, name="j", noise=0.0):
+    push = ARM * np.array(forces)
+    turned = 0.02 + np.sign(push) * play / 2.0 + push / stiffness
+    turned = turned + noise * np.random.default_rng(0).normal(size=len(push))
+    n = len(push)
+    return Readings((name,) * n, ("",) * n, push, turned, np.full(n, 1e-4))
+
+
+def table(path, head="joint,force [N],arm [mm],reading [mm],gauge arm [mm]", readings=None):
+    one = read() if readings is None else readings
+    rows = [
+        f"{name},{push / ARM:.6g},100,{1e3 * 0.05 * turned:.6f},50"
+        for name, push, turned in zip(one.joint, one.push, one.turned, strict=True)
+    ]
+    path.write_text("\n".join([head, *rows]) + "\n")
+    return path
+
+
+@settings(max_examples=25, deadline=None)
+@given(play=st.floats(1e-3, 3e-2), stiffness=st.floats(50.0, 1e4), zero=st.floats(-1.0, 1.0))
+def test_five_exact_readings_hold_the_truth(play, stiffness, zero):
+    robot = Mechanism("so101")
+    one = read(play, stiffness, name="shoulder_pan")
+    one = Readings(one.joint, one.setup, one.push, one.turned + zero, one.error)
+    found, soft = identify_gauged(robot, one).estimates
+    low, high = found.interval if found.found else (0.0, found.upper)
+    assert low <= play <= high
+    assert soft.low <= 1.0 / stiffness <= soft.high
+
+
+def test_play_of_the_full_model_is_read_off_its_motion(arm):
+    """The engine's own gear, servo-held, pushed at the tool; the gauge sees the link."""
+    gear = Gear(play=8e-3, rotor_inertia=0.05, stiffness=4000.0, damping=5.0)
+    robot = Mechanism(arm.description.path, gears={"j": gear}, tool="tool")
+    times, forces = [0.0], [(0.0, 0.0, 0.0)]
+    for number, force in enumerate(FORCES):
+        times += [number + 0.2, number + 1.0]
+        forces += [(0.0, force, 0.0)] * 2
+    push = jp.loads.WrenchOverTime(frame="tool", times=tuple(times), forces=tuple(forces))
+    motion = jp.Motion(["j", "x"], [0.0, 5.0], [[0.0, 0.0]] * 2)
+    result = jp.simulate(
+        robot, motion=motion, drive=jp.loads.ComputedTorque(encoder="motor"), loads={"push": push}
+    )
+    at = np.searchsorted(result.time, np.arange(1.0, 5.5) - 0.01)
+    q = result["q"].values[at]
+    turned = q[:, robot.coordinate("j")] - q[:, robot.motor("j")]
+    n, lever = len(FORCES), tool_positions(robot, ["j"], np.zeros((1, 1)))[0, 0]
+    one = Readings(("j",) * n, ("",) * n, lever * np.array(FORCES), turned, np.full(n, 1e-5))
+    found = identify_gauged(robot, one)
+    assert found["j gear play"].low <= 8e-3 <= found["j gear play"].high
+    assert found["j gear play"].half_width < 2e-3
+    assert found["j gear compliance"].value == pytest.approx(1.0 / 4000.0, rel=0.1)
+
+
+def test_the_benchmarks_joints_are_held_by_their_intervals():
+    made = importlib.import_module("truth.gauge")
+    robot, random, held = Mechanism("so101"), np.random.default_rng(99), 0
+    for _ in range(40):
+        play, one = made.joint(random)
+        told = identify_gauged(robot, one).estimates[0]
+        low, high = told.interval if told.found else (0.0, told.upper)
+        held += low <= play <= high
+    assert held >= 36
+
+
+def test_a_joint_without_play_is_told_to_have_little(arm):
+    found = identify_gauged(arm, read(0.0, noise=1e-4))["j gear play"]
+    assert not found.found
+    assert found.upper < 6e-3  # beside a wind-up of 8 mrad
+    assert "none told; at most" in found.words()[1]
+
+
+@pytest.mark.parametrize(
+    "forces", [FORCES[:3], (0.0, 8.0, 2.0, 4.0, 6.0), (0.0, 8.0, -8.0, 7.0, -7.0)]
+)
+def test_too_little_says_the_least_recipe(arm, forces):
+    with pytest.raises(JointplayError, match=r"j: needed are five readings.*two forces"):
+        identify_gauged(arm, read(forces=forces))
+
+
+def test_gravity_that_holds_the_joint_is_said(urdf):
+    robot = Mechanism(
+        urdf(
+            body("arm", mass=20.0, com="0.1 0 0"),
+            joint("j", "base", "arm", axis="0 1 0"),
+            tip("arm"),
+        )
+    )
+    told = identify_gauged(robot, read(), pose={"j": 0.0})
+    assert "gravity loads it by 19.6 N m, more than the smallest push, 0.2 N m" in str(told)
+    assert not told["j gear play"].identified
+    told = identify_gauged(robot, read())
+    assert told["j gear play"].identified
+    assert "note: gravity may load j by" in str(told)
+    assert identify_gauged(robot, read(), pose={"j": math.pi / 2})["j gear play"].identified
+
+
+def test_a_gauge_that_slipped_is_said(arm):
+    one = read()
+    one.turned[0] += 0.02
+    assert "reading 1, which is not pushed, lies beyond both sides of j" in str(
+        identify_gauged(arm, one)
+    )
+
+
+def test_what_the_motor_gives_way_is_taken_off(arm, tmp_path):
+    one = read()
+    head = "joint,force [N],arm [mm],angle [deg],motor [deg]"
+    rows = []
+    for push, turned in zip(one.push, one.turned, strict=True):
+        link, motor = np.degrees([turned + 0.01 * push, -0.01 * push])
+        rows.append(f"j,{push / ARM:g},100,{link:.6f},{motor:.6f}")
+    path = tmp_path / "d.csv"
+    path.write_text("\n".join([head, *rows]) + "\n")
+    found = Readings.from_csv(path, {"j": False}, {"link": 1e-4})
+    assert np.diff(found.turned) == pytest.approx(np.diff(one.turned), abs=1e-7)
+
+
+def test_a_joint_that_slides_is_read_along_its_way(arm, tmp_path):
+    push = np.array(FORCES)
+    way = 1e-3 + np.sign(push) * 2.5e-5 + push / 1e6
+    rows = [f"x,{f:g},{1e3 * y:.6f}" for f, y in zip(push, way, strict=True)]
+    path = tmp_path / "x.csv"
+    path.write_text("\n".join(["joint,force [N],reading [mm]", *rows]) + "\n")
+    found = identify_gauged(arm, path, noise={"tool": 1e-6})["x gear play"]
+    assert found.low <= 5e-5 <= found.high
+    assert "µm" in found.words()[0]
+
+
+def test_the_command_plans_reads_writes_and_hands_on(arm, tmp_path, capsys):
+    robot, out = str(arm.description.path), tmp_path / "plan"
+    order = ["identify", robot, "--tool", "tool"]
+    assert main([*order, "--plan", "dial", "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "1. j: gauge and push 200 mm from its axis; forces 0, +20 N, -20 N, +5 N, -5 N" in said
+    assert "2. x: gauge and push along its way" in said
+    assert (out / "dial.csv").read_text().count("\nj,") == 5
+    path, own, found = table(tmp_path / "dial.csv"), tmp_path / "my.toml", tmp_path / "found"
+    more = ["--write-preset", str(own), "--out", str(found)]
+    assert main([*order[:2], str(path), *order[2:], *more]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith("The readings tell the play of 1 of 1 joint: j 4.99 mrad to")
+    assert preset(own).mechanism(tool="tool").gears["j"].play == pytest.approx(HALF_DEGREE, rel=0.2)
+    rows = json.loads((found / "identified.json").read_text())["unknowns"]
+    assert rows[0]["low"] < HALF_DEGREE < rows[0]["high"]
+    assert {one.name for one in found.iterdir()} == {
+        "identified.csv", "identified.json", "identified.png"
+    }  # fmt: skip
+    assert main(["budget", robot, "--preset", str(own), "--tool", "tool"]) == 0
+    assert "j (gear)" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (("arm [mm]", "arm"), "has no unit"),
+        (("arm [mm]", "arms [mm]"), "'arms [mm]' is unknown; there are: joint, setup"),
+        (("\nj,", "\nk,"), "no joint 'k'"),
+        (("\nj,8,100,", "\nj,8,,"), "reading 2 has no force and arm, or torque"),
+        (("\nj,0,100", "\nj,zero,100"), "line 2: 'force [N]' must be a number, got 'zero'"),
+        (("\nj,0,", "\nx,0,"), "joints that slide need a file of their own"),
+    ],
+)
+def test_tables_that_cannot_be_are_refused(arm, tmp_path, capsys, change, said):
+    path = table(tmp_path / "dial.csv")
+    path.write_text(path.read_text().replace(*change))
+    assert main(["identify", str(arm.description.path), str(path), "--tool", "tool"]) == 2
+    err = capsys.readouterr().err
+    assert said in err
+    assert err.count("\n") == 1
+
+
+def test_plans_of_arms_that_people_have():
+    for name in ("so101", "ur5", "scara"):
+        steps = plan_gauge(Mechanism(name)).steps
+        assert len(steps) == len(Mechanism(name).joints)
+        assert all(max(one.forces) > 0.0 for one in steps)
+    with pytest.raises(JointplayError, match="no joint that moves 'knee'"):
+        plan_gauge(Mechanism("so101"), ["knee"])
+    assert main(["identify", "so101", "--plan", "dail"]) == 2
