@@ -87,7 +87,8 @@ def offers_of(
     joint: Clearance, prices: Mapping[str, float] | None = None, least: float = LEAST_M
 ) -> tuple[Offer, ...]:
     """What can be bought instead: of a rolling bearing all classes of its size, and a pair
-    preloaded; of a joint with a fit those that ISO 286-1 prefers of its size.
+    preloaded; of a joint with a fit those that ISO 286-1 prefers of its size, the tightest of each
+    pair of grades.
 
     Prices are by class and by grade, those of `PRICES` where not given; that of a fit is the mean
     of its hole's and its shaft's.
@@ -109,10 +110,13 @@ def offers_of(
         return tuple(Offer(name, one, known.get(name, 1.0)) for name, one in classes)
     if fit is None:
         raise JointplayError(f"a {joint.kind} joint has neither a rolling bearing nor a fit")
-    others = (one for one in fit.alternatives() if one == fit or one.least >= least)
+    tightest = {fit.grades: fit}  # of each pair of grades, which cost the same
+    for one in sorted(fit.alternatives(), key=lambda one: one.most):
+        if one.least >= least:
+            tightest.setdefault(one.grades, one)
     return tuple(
         Offer(str(one), joint.with_fit(one), sum(known[f"IT{g}"] for g in one.grades) / 2, str(fit))
-        for one in others
+        for one in tightest.values()
     )
 
 

@@ -242,11 +242,12 @@ class Fit:
             return
         loose = [str(one) for one in self.alternatives() if one.grades == self.grades]
         loose = loose or [str(one) for one in self.alternatives()]
+        article = "an" if self.kind == INTERFERENCE else "a"
         raise JointplayError(
-            f"{self} is {'an' if self.kind == INTERFERENCE else 'a'} {self.kind} fit (radial "
-            f"clearance {self.range}), in which nothing is sure to move; a joint needs a clearance "
-            f"fit, such as {', '.join(loose[:3])}; what is pressed in place has no play "
-            "(a seat says how it gives way)"
+            f"{self} is {article} {self.kind} fit ({self.range} of clearance on each side), in "
+            "which nothing is sure to move; a joint needs a clearance fit, such as "
+            f"{', '.join(loose[:3])}; what is pressed in place has no play (a seat says how it "
+            "gives way)"
         )
 
     def alternatives(self) -> tuple[Fit, ...]:

@@ -201,7 +201,8 @@ def static_error(
     """
     moments = np.linspace(time[0], time[-1], MOMENTS)
     poses = np.column_stack([np.interp(moments, time, column) for column in q.T])
-    found = ellipsoids(play_model(mechanism, centred(mechanism, poses), driven=driven, loops=True))
+    model = play_model(mechanism, centred(mechanism, poses), driven=driven, loops=True)
+    found = ellipsoids(model.middle)
     rows = [found.root[:, i, k] for i, k in _PLACES] + [found.worst, found.rms]
     return {
         "time": packer.table(moments, 1e-7),
