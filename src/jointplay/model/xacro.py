@@ -17,6 +17,7 @@ from typing import Any
 
 from jointplay.base.errors import JointplayError, MissingName
 from jointplay.base.imports import extra
+from jointplay.base.tables import few
 from jointplay.model import packages
 
 Value = str | bool | int | float
@@ -164,6 +165,10 @@ def _fault(error: Exception, path: Path, arguments: _Arguments, xacro: Any) -> s
         words = str(cause)
     elif isinstance(cause, OSError):
         words = f"cannot read {str(cause.filename)!r}: {cause.strerror}"
+        if arguments:
+            words += (
+                f"; arguments are {few([f'{key}={value}' for key, value in arguments.items()])}"
+            )
     elif isinstance(cause, RecursionError):
         words = "macros call each other without end"
     else:

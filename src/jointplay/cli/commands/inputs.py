@@ -736,19 +736,13 @@ def _other_settings(options: argparse.Namespace) -> list[Setting]:
 
 def _require_known(target: str) -> None:
     """Refuse what is no scenario file and no name of one: perhaps a robot's name gone wrong."""
-    import difflib
-
     from jointplay.base.files import is_file
-    from jointplay.model.robots import robots
+    from jointplay.model.robots import with_package
 
     if is_file(Path(target)) or Path(target).suffix or "/" in target or ":" in target:
         return
     try:
-        known = robots()
+        with_package(target)
     except JointplayError as error:
-        raise JointplayError(f"no file {target!r}, and {error}") from None
-    near = [name for name in known if target.lower() in name] or difflib.get_close_matches(
-        target.lower().replace("-", "_"), known
-    )
-    similar = f"; did you mean {', '.join(near)}?" if near else ""
-    raise JointplayError(f"{target!r} is neither a file nor a robot{similar}; see jointplay robots")
+        words = f"{target!r} is neither a file nor a robot: {error}; see jointplay robots"
+        raise JointplayError(words) from None
