@@ -178,6 +178,14 @@ def test_a_second_hinge_is_play_and_the_command_says_so(loose, capsys):
     assert "up to 2.5 mm off" in capsys.readouterr().out
 
 
+def test_a_urdf_of_it_has_only_what_a_urdf_says(tmp_path):
+    path, out = written(tmp_path, ARM.format(second="", more="", qpos="0 0")), tmp_path / "arm.urdf"
+    assert read(path).beyond.tables
+    sizes = ["--clearance", "1e-4", "--axial-clearance", "1e-4"]
+    assert main(["export", "urdf", str(path), "--joint", "j", *sizes, "--out", str(out)]) == 0
+    assert read(out).beyond.tables == {}
+
+
 def test_play_of_the_file_is_not_used_unseen_by_a_scenario(loose, capsys):
     file = loose.with_suffix(".toml")
     file.write_text(

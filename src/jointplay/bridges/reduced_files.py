@@ -24,6 +24,7 @@ from jointplay.bridges.reduction import Reduction
 from jointplay.model.elements import Element, document, moments, put, put_inertial, written
 from jointplay.model.frames import motions
 from jointplay.model.mechanism import Mechanism
+from jointplay.model.urdf import BEYOND
 from jointplay.physics.joints.play import Play
 from jointplay.simulation.motion.cartesian import joint_limits
 
@@ -181,6 +182,8 @@ def to_urdf(mechanism: Mechanism, *reductions: Reduction, plugin: str = PLUGIN) 
     """
     refuse_taken(mechanism, reductions)
     root = mechanism.description.elements()
+    for one in root.findall(BEYOND):
+        root.remove(one)
     joints = {one.get("name"): one for one in root.findall("joint")}
     for reduction in reductions:
         joint = joints[reduction.joint]

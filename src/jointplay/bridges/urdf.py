@@ -62,7 +62,7 @@ def to_urdf(mechanism: Mechanism, corrections: Mapping[str, pin.SE3] | None = No
         raise JointplayError(
             f"{what} {name!r} cannot be written: a URDF can only describe a tree of joints"
         )
-    text = mechanism.description.text  # mounts have no play, and stay fixed
+    text = mechanism.description.plain_text  # mounts have no play, and stay fixed
     data = text.encode("utf-8")
     joints = mechanism.description.elements().findall("joint")
     elements = {joint.get("name", ""): joint for joint in joints}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 import shlex
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -233,6 +234,11 @@ class Description:
     def beyond(self) -> Beyond:
         """What the file said for which a URDF has no words."""
         return Beyond(**json.loads(self.declared.root.findtext(BEYOND) or "{}"))
+
+    @property
+    def plain_text(self) -> str:
+        """The URDF without what is beyond it."""
+        return re.sub(rf"\s*<{BEYOND}>.*?</{BEYOND}>", "", self.text, flags=re.DOTALL)
 
     @property
     def revolute(self) -> list[str]:
