@@ -15,16 +15,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from jointplay.base.errors import JointplayError
 from jointplay.base.files import is_file, read_text
 from jointplay.bridges.reduced_files import check_encoder
-from jointplay.bridges.reduced_mjcf import mass_at, put_play, resolving_step
+from jointplay.bridges.reduced_mjcf import compile_robot, mass_at, put_play, resolving_step
 from jointplay.bridges.reduction import Reduction
+from jointplay.bridges.urdf import to_urdf
 from jointplay.model.elements import Element, put, written
 from jointplay.model.mechanism import Mechanism
-from jointplay.model.mjcf import load_mujoco, load_spec
-from jointplay.model.urdf import Description
+from jointplay.model.mjcf import load_mujoco, load_spec, placed
+from jointplay.model.urdf import Description, parse
 
 _DEEPEST = 20
 """Files that may include each other, one in the other."""
@@ -151,6 +153,63 @@ def own_robot(
             "an axis is put"
         )
     path = mechanism.description.path.resolve()
+    root, model = _whole(mechanism)
+    note = f"the MJCF is {path.name} with play put in; its meshes stay in {path.parent}"
+    return OwnRobot(mechanism, root, model, pose, (note,), {})
+
+
+def corrected_mjcf(
+    mechanism: Mechanism, corrections: Mapping[str, pin.SE3]
+) -> tuple[str, Mapping[str, bytes]]:
+    """A robot's MJCF with its joints where a calibration found them, and files of its meshes.
+
+    An MJCF of the user's own stays as it is but for the places of bodies; of other robots MuJoCo
+    makes one of the corrected URDF, with all digits of the places.
+
+    Args:
+        mechanism: the robot as it was calibrated.
+        corrections: see `to_urdf`.
+
+    Raises:
+        JointplayError: MuJoCo is not installed or cannot compile the robot; a body of the MJCF that
+            has several joints, lies in a <frame>, or is not written there once.
+    """
+    if not is_own(mechanism.description):
+        text = to_urdf(mechanism.ideal(), corrections)
+        new = Mechanism(parse(text, mechanism.description.path, mechanism.allow_unphysical))
+        made = compile_robot(new, ())
+        root = ElementTree.fromstring(made.mjcf(()))
+        for name, joint in new.description.joints.items():
+            body = next((one for one in root.iter("body") if one.get("name") == joint.child), None)
+            if body is not None and name in corrections:
+                _set_place(body, new.model.jointPlacements[new.model.getJointId(name)])
+        return _text(root), made.meshes
+    root, model = _whole(mechanism)
+    hidden = set((mechanism.description.beyond.hinges or {}).values())
+    for name, off in corrections.items():
+        joint = model.joint(name)
+        number = int(joint.bodyid[0])
+        element, _ = _find(root, name)
+        others = {model.joint(int(j)).name for j in np.flatnonzero(model.jnt_bodyid == number)}
+        if others - hidden - {name}:
+            raise JointplayError(
+                f"the correction of {name!r} cannot be written: its body has several joints"
+            )
+        if any(element in frame.iter("body") for frame in root.iter("frame")):
+            raise JointplayError(f"the correction of {name!r} cannot be written: a <frame> has it")
+        anchor = pin.SE3(np.eye(3), joint.pos.copy())
+        way = -float(joint.qpos0[0]) * joint.axis
+        turns = joint.type[0] == load_mujoco().mjtJoint.mjJNT_HINGE
+        zero = pin.SE3(pin.exp3(way), np.zeros(3)) if turns else pin.SE3(np.eye(3), way)
+        at = anchor * zero  # the joint's frame, its coordinate zero
+        place = placed(model.body_pos[number], model.body_quat[number])
+        _set_place(element, place * at * off * at.inverse())
+    return _text(root), {}
+
+
+def _whole(mechanism: Mechanism) -> tuple[Element, Any]:
+    """The text of an MJCF in one piece, and as MuJoCo compiles it."""
+    path = mechanism.description.path.resolve()
     spec = load_spec(path)
     model = _compiled(spec.compile, mechanism)
     root = _parse(path)
@@ -159,8 +218,15 @@ def own_robot(
     put(root, "compiler", **{key: str(path.parent / value) for key, value in folders.items()})
     for part in root.findall("asset/model"):
         part.set("file", str(path.parent / part.get("file", "")))
-    note = f"the MJCF is {path.name} with play put in; its meshes stay in {path.parent}"
-    return OwnRobot(mechanism, root, model, pose, (note,), {})
+    return root, model
+
+
+def _set_place(body: Element, place: pin.SE3) -> None:
+    for key in ("quat", "axisangle", "xyaxes", "zaxis", "euler"):
+        body.attrib.pop(key, None)
+    x, y, z, w = pin.Quaternion(place.rotation).coeffs()
+    body.set("pos", written(place.translation))
+    body.set("quat", written([w, x, y, z]))
 
 
 def _compiled(load: Callable[[], Any], mechanism: Mechanism) -> Any:

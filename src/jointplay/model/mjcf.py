@@ -193,7 +193,8 @@ def _rotation(quaternion: Any) -> np.ndarray:
     return pin.Quaternion(w, x, y, z).toRotationMatrix()
 
 
-def _place(position: Any, quaternion: Any) -> pin.SE3:
+def placed(position: Any, quaternion: Any) -> pin.SE3:
+    """What MuJoCo says by a position and a quaternion, w first."""
     return pin.SE3(_rotation(quaternion), np.array(position))
 
 
@@ -393,13 +394,13 @@ class _Reading:
         """Of each body in its frame; points that are fixed to another body are in its inertia."""
         model, found = self.model, [pin.Inertia.Zero()]
         for i in range(1, model.nbody):
-            axes = _place(model.body_ipos[i], model.body_iquat[i])
+            axes = placed(model.body_ipos[i], model.body_iquat[i])
             tensor = axes.rotation @ np.diag(model.body_inertia[i]) @ axes.rotation.T
             mass = float(model.body_mass[i])
             found.append(pin.Inertia(mass, axes.translation, 0.5 * (tensor + tensor.T)))
         for i in range(model.nbody - 1, 0, -1):
             if not model.body_inertia[i].all() and not model.body_jntnum[i]:
-                place = _place(model.body_pos[i], model.body_quat[i])
+                place = placed(model.body_pos[i], model.body_quat[i])
                 found[model.body_parentid[i]] += place.act(found[i])
                 found[i] = pin.Inertia.Zero()
         return found
@@ -410,7 +411,7 @@ class _Reading:
         model, name = self.model, self.body_names[body]
         above = int(model.body_parentid[body])
         parent = self.body_names[above] if above else base
-        place = _place(model.body_pos[body], model.body_quat[body])
+        place = placed(model.body_pos[body], model.body_quat[body])
         joints = [j for j in self._joints(body) if j in self.joints]
         for j in joints:
             anchor = pin.SE3(np.eye(3), model.jnt_pos[j].copy())
@@ -432,7 +433,7 @@ class _Reading:
             if site and s not in wrapped:
                 frame = _unused(site, self.taken)
                 put(root, "link", name=frame)
-                at = _place(model.site_pos[s], model.site_quat[s])
+                at = placed(model.site_pos[s], model.site_quat[s])
                 put_fixed(root, _unused(f"{frame}_fixed", self.taken), name, frame, at)
 
     def _put_joint(
@@ -497,12 +498,12 @@ class _Reading:
     def _shapes(self, geom: int) -> Iterator[tuple[pin.SE3, str, dict[str, Any]]]:
         """Shapes of a URDF that a geom is made of; none of one that is endless or odd."""
         model, kinds = self.model, self.mujoco.mjtGeom
-        place = _place(model.geom_pos[geom], model.geom_quat[geom])
+        place = placed(model.geom_pos[geom], model.geom_quat[geom])
         size, kind = model.geom_size[geom], model.geom_type[geom]
         if geom in self.pictures:
             mesh, moved = self.pictures[geom], int(model.geom_dataid[geom])
             if moved >= 0:  # MuJoCo has put the mesh's frame into its centre of mass
-                place = place * _place(model.mesh_pos[moved], model.mesh_quat[moved]).inverse()
+                place = place * placed(model.mesh_pos[moved], model.mesh_quat[moved]).inverse()
             else:
                 place = place * mesh.place
             file, home = Path(mesh.file), self.path.parent

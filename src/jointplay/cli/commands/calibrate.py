@@ -35,6 +35,7 @@ Example: jointplay calibrate my_robot.urdf poses.csv --tool flange --out found
     --quiet
   corrected robot:
     --urdf FILE  write the robot's URDF with joints where the kept model has them
+    --mjcf FILE  write it as MJCF; of a robot that was read of one, that one with bodies put right
     --write-preset FILE  write play and stiffness found, for --preset FILE of every command
 """
 
@@ -42,6 +43,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -63,7 +65,9 @@ def run(options: argparse.Namespace) -> int:
         words = "a table of poses (CSV), or --plan to ask where to measure"
         raise JointplayError(f"give {words}{'; not both' if options.plan else ''}")
     out = Outputs(options.out, ["plan.txt"] if options.plan else [*TABLES, ENCODERS])
-    for option, value in (("--urdf", options.urdf), ("--write-preset", options.write_preset)):
+    outputs = {name: getattr(options, name) for name in ("urdf", "mjcf", "write_preset")}
+    for name, value in outputs.items():
+        option = f"--{name.replace('_', '-')}"
         if value is not None and options.plan:
             raise JointplayError(f"{option} needs measured poses, not --plan")
         if value is not None:
@@ -145,30 +149,42 @@ def run(options: argparse.Namespace) -> int:
                 fit.residuals.csv(6),
             )
             contents |= dict(zip(TABLES, (*texts, calibration(fit)), strict=True))
-        if options.urdf is not None:
-            print(_write_urdf(fit, Path(options.urdf)))
+        for path in filter(None, (options.urdf, options.mjcf)):
+            print(_write_robot(fit, Path(path), path == options.mjcf))
         if options.write_preset is not None:
             place = None if is_scenario(options) else str(options.place)
             write_preset(options.write_preset, fit.preset(place))
-    elif options.urdf is not None or options.write_preset is not None:
-        raise JointplayError("--urdf and --write-preset need positions of the tool, or points")
+    elif any(value is not None for value in outputs.values()):
+        words = "--urdf, --mjcf and --write-preset need positions of the tool, or points"
+        raise JointplayError(words)
     if options.out:
         out.write(contents)
     return 0
 
 
-def _write_urdf(fit: Calibration, path: Path) -> str:
+def _write_robot(fit: Calibration, path: Path, mjcf: bool) -> str:
     """Write the corrected robot, and say what it has."""
+    from jointplay.bridges.own_mjcf import corrected_mjcf
     from jointplay.bridges.urdf import to_urdf
     from jointplay.estimate.selection import CONSTANT
+    from jointplay.model.meshes import FOLDER
 
     corrections = fit.corrections()
     if not corrections:
         raise JointplayError(
-            "nothing to write into a URDF: neither offset nor placement was kept (--always offset "
-            "has it in every model)"
+            "nothing to put right: neither offset nor placement was kept (--always offset has it "
+            "in every model)"
         )
-    files.write(path, to_urdf(fit.mechanism.ideal(), corrections))
+    meshes: Mapping[str, bytes] = {}
+    if mjcf:
+        text, meshes = corrected_mjcf(fit.mechanism, corrections)
+    else:
+        text = to_urdf(fit.mechanism.ideal(), corrections)
+    files.write(path, text)
+    if meshes:
+        (path.parent / FOLDER).mkdir(exist_ok=True)
+    for name, content in meshes.items():
+        files.write(path.parent / FOLDER / name, content, overwrite=True)
     left = [str(term) for term in fit.kept if term.kind not in CONSTANT]
     words = f"; not in it, as they vary with pose or load: {', '.join(left)}" if left else ""
     return f"written: {path}: {counted(len(corrections), 'joint')} put right{words}"

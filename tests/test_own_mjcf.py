@@ -1,0 +1,105 @@
+"""The corrected robot as MJCF: bodies where a calibration found them, all else as it was."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import jointplay as jp
+from jointplay.base.errors import JointplayError
+from jointplay.bridges.own_mjcf import corrected_mjcf
+from jointplay.bridges.urdf import to_urdf
+from jointplay.cli import main
+from jointplay.model.urdf import parse
+
+pytestmark = pytest.mark.needs("mujoco")
+
+ARM = """<mujoco model="arm"><compiler angle="degree"/>
+<!-- a comment that stays -->
+<worldbody><body name="a" pos="0 0 .1" euler="10 20 30">
+<joint name="j1" axis="0 1 0" pos=".02 0 0" ref="15" range="-90 90"/>
+<geom type="box" size=".1 .02 .02" pos=".1 0 0"/>
+<body name="b" pos=".2 0 0" axisangle="0 0 1 40"><joint name="j2" axis="0 .6 .8"/>
+<geom type="box" size=".1 .02 .02" pos=".1 0 0"/>
+<body name="c" pos=".2 0 0"><joint name="s" type="slide" axis="1 0 0" ref="0.05" range="-.1 .1"/>
+<geom type="box" size=".02 .02 .02" mass=".3"/><site name="tip" pos=".03 0 .01"/>
+</body></body></body></worldbody><actuator><position joint="j2" kp="20"/></actuator></mujoco>"""
+
+
+def apart(robot, corrections):
+    """Largest difference between MuJoCo's bodies and those of the corrected URDF."""
+    import mujoco
+
+    text, meshes = corrected_mjcf(robot, corrections)
+    assets = {f"meshes/{name}": content for name, content in meshes.items()}
+    model = mujoco.MjModel.from_xml_string(text, assets)
+    data, most = mujoco.MjData(model), 0.0
+    urdf = to_urdf(robot.ideal(), corrections)
+    new = jp.Mechanism(parse(urdf, robot.description.path, robot.allow_unphysical), tool=robot.tool)
+    names = {model.body(i).name for i in range(1, model.nbody)}
+    for q in np.random.default_rng(1).uniform(-0.1, 0.1, (5, len(robot.joints))):
+        for name, value in zip(robot.joints, q, strict=True):
+            data.qpos[model.joint(name).qposadr[0]] = value
+        mujoco.mj_kinematics(model, data)
+        full = new.configuration(dict(zip(robot.joints, q, strict=True)))
+        pin.framesForwardKinematics(new.model, new.data, full)
+        for name in filter(new.model.existFrame, names):
+            place = new.data.oMf[new.model.getFrameId(name)]
+            off = place.translation - data.body(name).xpos
+            turned = place.rotation - data.body(name).xmat.reshape(3, 3)
+            most = max(most, np.abs(off).max(), np.abs(turned).max())
+    return most, text
+
+
+def corrections_of(robot, seed=0):
+    random = np.random.default_rng(seed)
+    return {
+        name: pin.SE3(pin.exp3(1e-2 * random.normal(size=3)), 1e-3 * random.normal(size=3))
+        for name in robot.joints
+    }
+
+
+@pytest.mark.parametrize("name", ["arm.xml", "ur5", "so101"])
+def test_the_corrected_mjcf_stands_where_the_corrected_urdf_does(name, tmp_path):
+    (tmp_path / "arm.xml").write_text(ARM)
+    robot = jp.Mechanism(tmp_path / name if name.endswith(".xml") else name)
+    most, text = apart(robot, corrections_of(robot))
+    assert most < 1e-12
+    if name == "arm.xml":
+        assert "a comment that stays" in text
+        assert '<position joint="j2" kp="20"' in text
+        assert 'ref="15"' in text
+
+
+def test_a_body_with_several_joints_is_refused(tmp_path):
+    path = tmp_path / "arm.xml"
+    path.write_text(
+        ARM.replace('<joint name="j2"', '<joint name="x" axis="1 0 0"/><joint name="j2"')
+    )
+    robot = jp.Mechanism(path)
+    with pytest.raises(JointplayError, match=r"'j2' cannot be written: its body has several"):
+        corrected_mjcf(robot, {"j2": pin.SE3.Identity()})
+
+
+def test_calibrate_writes_it(tmp_path, capsys):
+    import mujoco
+
+    path = tmp_path / "arm.xml"
+    path.write_text(ARM)
+    robot = jp.Mechanism(path)
+    random = np.random.default_rng(2)
+    motor = random.uniform(-0.09, 0.09, (40, 3)) + random.uniform(-1, 1, (40, 3)) * [1, 1, 0]
+    rows = []
+    for q in motor:
+        pin.framesForwardKinematics(robot.model, robot.data, q + np.array([0.02, -0.01, 0.0]))
+        place = robot.data.oMf[robot.tool_frame].translation + 1e-5 * random.normal(size=3)
+        rows.append(",".join(f"{x:.8f}" for x in (*q, *place)))
+    head = "j1 motor [rad],j2 motor [rad],s motor [m],tool x [m],tool y [m],tool z [m]"
+    (tmp_path / "p.csv").write_text("\n".join([head, *rows]) + "\n")
+    out = tmp_path / "corrected.xml"
+    order = ["calibrate", str(path), str(tmp_path / "p.csv"), "--always", "offset", "--quiet"]
+    assert main([*order, "--mjcf", str(out)]) == 0
+    assert f"written: {out}: 3 joints put right" in capsys.readouterr().out
+    model = mujoco.MjModel.from_xml_path(str(out))
+    assert not np.allclose(
+        model.body("b").quat, mujoco.MjModel.from_xml_path(str(path)).body("b").quat
+    )
