@@ -1,4 +1,4 @@
-"""Reduced models of joints' play as files: SDF, URDF with YAML, JSON; USD and MJCF are beside.
+"""Reduced models of joints' play as files: SDF, URDF with YAML, JSON, Python; MJCF and USD beside.
 
 A joint without play in its gear needs no further degree of freedom: it gets friction and damping.
 Play in a gear needs the motor as a body of its own, the rotor, which the joint J moves; the hinge
@@ -8,7 +8,9 @@ J_play behind it, whose limits are the dead band, moves the link. A servo is MuJ
 
 from __future__ import annotations
 
+import inspect
 import json
+import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -20,7 +22,8 @@ import pinocchio as pin
 from jointplay.accuracy.error_budget import PlayBudget, budget
 from jointplay.accuracy.error_model import Contribution, Line, Tilt
 from jointplay.base.errors import JointplayError, require_known, require_non_negative
-from jointplay.bridges.reduction import Reduction
+from jointplay.bridges import dead_band
+from jointplay.bridges.reduction import LONGEST_STEP_S, RESOLVED, Reduction
 from jointplay.model.elements import Element, document, moments, put, put_inertial, written
 from jointplay.model.frames import motions
 from jointplay.model.mechanism import Mechanism
@@ -209,7 +212,7 @@ def _put_play(root: Element, joint: Element, reduction: Reduction) -> None:
     put(play, "child", link=child.get("link", ""))
     put(play, "axis", xyz=axis)
     half = 0.5 * reduction.dead_band
-    put(play, "limit", lower=-half, upper=half, effort="0", velocity="100")
+    put(play, "limit", lower=-half, upper=half, effort="1", velocity="100")
     put(play, "dynamics", damping=reduction.damping, friction="0")
     child.set("link", motor)
 
@@ -282,6 +285,57 @@ def to_json(reductions: Iterable[Reduction], encoder: str = "motor", spread: flo
         more = {"encoder": encoder, "ranges": ranges, "ranges_note": f"friction: {note}"}
         joints.append(one.describe() | more)
     return json.dumps({"joints": joints}, indent=2) + "\n"
+
+
+def actuator(reductions: Iterable[Reduction]) -> tuple[tuple[str, ...], dead_band.DeadBand]:
+    """Joints with a dead band, and its numbers as an actuator has them."""
+    loose = [one for one in reductions if one.dead_band > 0.0]
+    rows = [
+        (0.5 * o.dead_band, o.stiffness, o.damping, o.rotor_inertia, o.friction, o.viscous)
+        for o in loose
+    ]
+    numbers = np.array(rows).reshape(len(loose), 6).T
+    return tuple(one.joint for one in loose), dead_band.DeadBand(*numbers)
+
+
+def actuator_step(
+    mechanism: Mechanism, reductions: Iterable[Reduction], pose: Mapping[str, float]
+) -> float:
+    """A step that resolves the teeth between each motor and its link at the pose, held otherwise.
+
+    At most a millisecond [s]; so short, too, that the damping of a step stops no link.
+    """
+    ideal = mechanism.ideal()
+    mass = np.diag(pin.crba(ideal.model, ideal.data, ideal.configuration(pose)))
+    step = LONGEST_STEP_S
+    for one in reductions:
+        if one.dead_band > 0.0:
+            link = max(float(mass[ideal.coordinate(one.joint)]), float(LEAST.inertia[2, 2]))
+            swing = math.sqrt(one.stiffness * (1.0 / link + 1.0 / one.rotor_inertia))
+            step = min(step, RESOLVED / swing)
+            if one.damping > 0.0:
+                step = min(step, RESOLVED * link / one.damping)
+    return step
+
+
+def to_python(
+    mechanism: Mechanism, reductions: Iterable[Reduction], pose: Mapping[str, float]
+) -> str:
+    """The play as an actuator: `dead_band` with the numbers in it, which needs no jointplay."""
+    ones = list(reductions)
+    joints, play = actuator(ones)
+    rows = "".join(
+        f"    {name}=np.array({numbers.tolist()!r}),\n" for name, numbers in play._asdict().items()
+    )
+    said = {
+        "JOINTS": f"JOINTS: tuple[str, ...] = {joints!r}",
+        "PLAY": f"PLAY = DeadBand(\n{rows})",
+        "STEP": f"STEP = {actuator_step(mechanism, ones, pose):.4g}",
+    }
+    source = inspect.getsource(dead_band)
+    for name, line in said.items():
+        source = re.sub(rf"^{name}\b.*=.*$", lambda _, text=line: text, source, flags=re.MULTILINE)
+    return source
 
 
 def check_encoder(encoder: str) -> None:

@@ -1,9 +1,10 @@
-"""Formats of files with reduced joints: which can be written, and why others cannot."""
+"""Formats of files with reduced joints: which can be written, and which a simulator takes."""
 
 from __future__ import annotations
 
 import importlib.util
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from jointplay.base.errors import JointplayError
 from jointplay.base.imports import how_to_install
@@ -14,9 +15,10 @@ FORMATS = {
     "urdf": (".urdf", ".yaml"),
     "json": (".json",),
     "usd": (".usda",),
+    "py": ("_dead_band.py",),
 }
 """Endings of the files of each format."""
-PARAMETERS = (".yaml", ".json")
+PARAMETERS = (".yaml", ".json", "_dead_band.py")
 """Those that random copies have not: their table has the numbers."""
 _NEEDS = {
     "mjcf": ("mujoco", "MuJoCo compiles the URDF"),
@@ -27,27 +29,90 @@ _TILTED = ("mjcf", "json")
 """Formats that can hold the tilt of an axis."""
 
 
-def choose(asked: Sequence[str], tilt: bool) -> tuple[list[str], list[str]]:
+class Simulator(NamedTuple):
+    """What a simulator for learning takes, by its importers' code or documentation."""
+
+    formats: tuple[str, ...]
+    """Those that it holds most with."""
+    takes: str
+    has: str
+    lacks: str
+
+    def notes(self, name: str) -> list[str]:
+        """A line each of what it takes, of the play that it has, and of what is lost."""
+        told = (f"takes {self.takes}", f"has {self.has}", f"lacks {self.lacks}")
+        return [f"{name}: {words}" for words in told]
+
+
+_HINGE = "dead band as limits of a second hinge, rotor as a body; friction and damping at the motor"
+SIMULATORS = {
+    "mujoco": Simulator(
+        ("mjcf", "py"),
+        "MJCF, and URDF without any stiffness (4.0.0; MJX 3.17.0 and MuJoCo Warp 4.0.0 run it)",
+        "dead band and teeth as tendon, friction and damping at the link, rotor as armature, tilt, "
+        "servo as dcmotor",
+        "a servo's dead band, counts and sampling; MJX in JAX has no dcmotor",
+    ),
+    "newton": Simulator(
+        ("usd", "py"),
+        "USD, MJCF without tendons between two hinges of a body, URDF with rigid stops (1.8.0)",
+        f"{_HINGE}; teeth as the limits' spring",
+        "tilt, servos, friction at the link, shapes; its MuJoCo solver's limits are off by tenths",
+    ),
+    "genesis": Simulator(
+        ("urdf", "py"),
+        "URDF, MJCF without springs in tendons, USD without Newton's schemas (1.4.5)",
+        _HINGE,
+        "the teeth's stiffness, tilt, servos, friction at the link",
+    ),
+    "isaac": Simulator(
+        ("usd", "py"),
+        "USD; converts URDF and MJCF to it (Isaac Sim 6.0, Isaac Lab 3.0, by their documentation)",
+        f"{_HINGE} (PhysxJointAxisAPI)",
+        "the teeth's stiffness in PhysX, tilt, servos, friction at the link, shapes",
+    ),
+}
+"""By what ``--for`` calls them."""
+
+
+def choose(
+    asked: Sequence[str], tilt: bool, simulator: str | None = None
+) -> tuple[list[str], list[str]]:
     """Formats to write: those asked for, or all that can be; and why others are left out.
 
+    Args:
+        simulator: one of `SIMULATORS`, whose formats are written instead of all.
+
     Raises:
-        JointplayError: one that was asked for cannot hold the tilt of an axis (`tilt`), or needs a
-            package that is missing.
+        JointplayError: formats and a simulator; one that was asked for cannot hold the tilt of an
+            axis (`tilt`), or needs a package that is missing.
     """
-    chosen, notes = list(dict.fromkeys(asked or FORMATS)), []
+    if asked and simulator:
+        formats = ", ".join(SIMULATORS[simulator].formats)
+        raise JointplayError(
+            f"--for {simulator} chooses the formats ({formats}): leave out --format "
+            f"{' '.join(asked)}, or --for"
+        )
+    notes = SIMULATORS[simulator].notes(simulator) if simulator else []
+    whole: Sequence[str] = SIMULATORS[simulator].formats if simulator else tuple(FORMATS)
+    chosen = list(dict.fromkeys(asked or whole))
     upright = [one for one in chosen if tilt and one not in _TILTED]
     if upright:
         can = f"the tilt of an axis, which --tilt writes, is held by {' and '.join(_TILTED)} only"
-        if asked:
-            raise JointplayError(f"--format {upright[0]} with --tilt: {can}")
+        if asked or len(upright) == len(chosen):
+            option = f"--for {simulator}" if simulator else f"--format {upright[0]}"
+            raise JointplayError(f"{option} with --tilt: {can}")
         chosen = [one for one in chosen if one in _TILTED]
         notes.append(f"no {', '.join(upright)}: {can}")
     for name, (package, use) in _NEEDS.items():
         if name not in chosen or importlib.util.find_spec(package) is not None:
             continue
         text = f"{use}, and the package {package} is missing: {how_to_install('simulators')}"
-        if asked:
+        if asked or simulator:
             raise JointplayError(text)
         chosen.remove(name)
         notes.append(f"no {name}: {text}")
+    if simulator and "py" in chosen:
+        does = "motor, dead band and teeth as torques on a robot without play"
+        notes.append(f"{simulator}: *{FORMATS['py'][0]} has {does}")
     return chosen, notes

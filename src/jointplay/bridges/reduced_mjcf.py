@@ -23,8 +23,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jointplay.base.errors import JointplayError, require_known
+from jointplay.bridges.dead_band import DeadBand
 from jointplay.bridges.reduced_files import bodies, check_encoder, refuse_taken
-from jointplay.bridges.reduction import LONGEST_STEP_S, SETTLED, Reduction
+from jointplay.bridges.reduction import LONGEST_STEP_S, RESOLVED, SETTLED, Reduction
 from jointplay.model.elements import Element, put
 from jointplay.model.mechanism import Mechanism
 from jointplay.model.meshes import FOLDER, readable
@@ -36,8 +37,6 @@ _STIFF = np.array([0.99, 0.9999, 1e-6])
 """MuJoCo's impedance of the bore: as stiff as it bears."""
 _HELD = 1e6
 """Inertia of what moves as prescribed, when models are compared [kg m^2]."""
-_RESOLVED = 0.2
-"""Time step by the time in which the stiffest teeth swing through a radian of phase."""
 _COMPILER = {
     "fusestatic": "true",
     "discardvisual": "false",
@@ -189,7 +188,7 @@ def resolving_step(mass: np.ndarray, rows: Sequence[int], stiffness: Sequence[fl
     gives = np.linalg.inv(mass)[np.ix_(rows, rows)]
     root = np.sqrt(stiffness)
     fastest = float(np.linalg.eigvalsh(root[:, None] * gives * root)[-1])
-    return min(LONGEST_STEP_S, _RESOLVED / math.sqrt(fastest))
+    return min(LONGEST_STEP_S, RESOLVED / math.sqrt(fastest))
 
 
 def compile_robot(
@@ -534,11 +533,15 @@ class Followed(NamedTuple):
 
 
 def follow(
-    text: str, reduction: Reduction, meshes: Mapping[str, bytes] = MappingProxyType({})
+    text: str,
+    reduction: Reduction,
+    meshes: Mapping[str, bytes] = MappingProxyType({}),
+    actuator: DeadBand | None = None,
 ) -> Followed:
     """Load a written MJCF in MuJoCo, move a motor as the full model's, and compare the links.
 
-    The other joints stand as in the full model's run, whose history the reduction has.
+    The other joints stand as in the full model's run, whose history the reduction has. With an
+    `actuator` the file is without play, and its joint is the link, which the motor turns by it.
     """
     mujoco = load_mujoco()
     model = _load(mujoco, text, meshes)
@@ -549,7 +552,7 @@ def follow(
     motor = np.interp(grid, time, past["motor"])
     names = [model.joint(index).name for index in range(model.njnt)]
     hinge = play_hinge(model, joint)
-    free = [hinge, f"{joint}.pitch", f"{joint}.roll"]
+    free = [hinge, f"{joint}.pitch", f"{joint}.roll", *([] if actuator is None else [joint])]
     single = (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)
     held = [
         index
@@ -558,18 +561,21 @@ def follow(
     ]
     play = None if hinge is None else names.index(hinge)
     goals = np.tile([reduction.pose.get(names[index], 0.0) for index in held], (len(grid), 1))
-    goals[:, held.index(names.index(joint))] = motor
+    if actuator is None:
+        goals[:, held.index(names.index(joint))] = motor
     at, dof = model.jnt_qposadr[held], model.jnt_dofadr[held]
     moving = [int(model.joint(name).dofadr[0]) for name in free if name in names]
     model.dof_armature[np.setdiff1d(np.arange(model.nv), moving)] = _HELD
     mujoco.mj_setConst(model, data)
     data.qpos[at] = goals[0]
     data.qvel[dof] = (goals[1] - goals[0]) / step
-    link = [int(model.joint(joint).qposadr[0])]
+    link, row = [int(model.joint(joint).qposadr[0])], int(model.joint(joint).dofadr[0])
+    turned, speed = past["full"][0], (past["full"][1] - past["full"][0]) / (time[1] - time[0])
+    if actuator is not None:
+        data.qpos[link], data.qvel[row] = turned, speed
     if play is not None:
         link.append(int(model.jnt_qposadr[play]))
-        data.qpos[link[1]] = past["full"][0] - motor[0]
-        speed = (past["full"][1] - past["full"][0]) / (time[1] - time[0])
+        data.qpos[link[1]] = turned - motor[0]
         data.qvel[model.jnt_dofadr[play]] = speed - (motor[1] - motor[0]) / step
     angle = np.empty(len(grid))
     angle[0] = data.qpos[link].sum()
@@ -581,6 +587,10 @@ def follow(
     for i in range(1, len(grid)):
         speed = (goals[i] - data.qpos[at]) / step
         data.qfrc_applied[dof] = _HELD * (speed - data.qvel[dof]) / step
+        if actuator is not None:
+            lead = (motor[i] - motor[i - 1]) / step
+            turning = actuator.torque(motor[i - 1], lead, data.qpos[link], data.qvel[[row]])
+            data.qfrc_applied[[row]] = turning
         mujoco.mj_step(model, data)
         angle[i] = data.qpos[link].sum()
         if tilts:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -128,6 +129,9 @@ class ReducedRobot:
         if "json" in self.formats:
             text = reduced_files.to_json(self.reductions, self.encoder, self.spread)
             texts[f"{stem}.json"] = text
+        if "py" in self.formats:
+            text = reduced_files.to_python(self.mechanism, self.reductions, self.pose)
+            texts[f"{stem}{FORMATS['py'][0]}"] = text
         return texts
 
     def _simulated(
@@ -231,6 +235,8 @@ class ReducedRobot:
                     f"(written: {1e3 * one.dead_band:.5g}), then {pushed.stiffness:.5g} N m/rad "
                     f"(written: {one.stiffness:.5g})"
                 )
+        if "py" in self.formats:
+            yield from self._check_actuator()
         if not found:
             yield "MuJoCo: no joint has a dead band about its axis"
         if self.tilting:
@@ -240,3 +246,26 @@ class ReducedRobot:
                 f"MuJoCo: the axes' tilt moves the tool by {1e3 * moved:.5g} mm along the "
                 "budget's worst direction"
             )
+
+    def _check_actuator(self) -> Iterator[str]:
+        """Run the robot without play in MuJoCo, its links turned by the actuator."""
+        robot, loose = self.without_play(), [o for o in self.reductions if o.dead_band > 0.0]
+        for one in loose:
+            _, play = reduced_files.actuator([one])
+            seen = follow(robot, one, self._compiled.meshes, play)
+            kept = "within" if seen.error <= one.angle_error else "beyond"
+            yield (
+                f"MuJoCo: {one.joint} by {FORMATS['py'][0]}: link's angle off by up to "
+                f"{1e6 * seen.error:.4g} µrad, {kept} the stated {1e6 * one.angle_error:.4g}; "
+                f"{1e6 * seen.step_seconds:.3g} µs a step of {1e3 * seen.step:.3g} ms"
+            )
+
+    def without_play(self) -> str:
+        """MJCF of the robot for its play as an actuator: friction and damping, but no dead bands.
+
+        Its meshes are those of `meshes`.
+        """
+        stiff = [replace(one, dead_band=0.0) for one in self.reductions]
+        text = compile_robot(self.mechanism.ideal(), stiff, self.pose).mjcf(stiff)
+        step = reduced_files.actuator_step(self.mechanism, self.reductions, self.pose)
+        return re.sub('timestep="[^"]*"', f'timestep="{step:.6g}"', text, count=1)

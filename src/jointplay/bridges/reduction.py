@@ -103,6 +103,8 @@ _DAMPED = 0.3
 _STEP_S = 2e-5
 LONGEST_STEP_S = 1e-3
 """Of a simulator that runs the reduced model."""
+RESOLVED = 0.2
+"""Time step by the time in which teeth swing through a radian of phase."""
 _BEYOND = 1e-3
 """Part of the play by which a bearing's ring must tilt further to tell a chord."""
 
@@ -167,7 +169,7 @@ class Reduction:
         if self.stiffness <= 0.0:
             return LONGEST_STEP_S
         swing = math.sqrt(self.rotor_inertia / self.stiffness)
-        return float(min(LONGEST_STEP_S, 0.2 * swing))
+        return float(min(LONGEST_STEP_S, RESOLVED * swing))
 
     def describe(self) -> dict[str, Any]:
         return {name: plain(value) for name, value in vars(self).items() if name != "history"}

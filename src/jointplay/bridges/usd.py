@@ -1,8 +1,9 @@
-"""A whole robot with the play of all its joints as OpenUSD, by UsdPhysics and Newton's schemas.
+"""A whole robot with the play of its joints as OpenUSD: UsdPhysics, Newton's and PhysX's schemas.
 
 Play is a revolute joint in series, `J_play`, behind a body that is the motor's rotor; its limits
 are the dead band and their spring the teeth. Friction, damping and the limits' springs are not in
-UsdPhysics: they are attributes of Newton's `NewtonJointAPI`, which other programs may ignore.
+UsdPhysics: they are attributes of Newton's `NewtonJointAPI`, which other programs may ignore, and
+friction and damping also of `PhysxJointAxisAPI` (Isaac Sim), whose schema need not be there.
 Bodies have masses and no shapes.
 """
 
@@ -43,6 +44,7 @@ def to_usd(mechanism: Mechanism, *reductions: Reduction) -> str:
         parent = "" if body.parent is None else body.parent.link
         joint = stage.joint(body, paths[parent], paths[body.link])
         per = 1.0 if body.slides else _PER_DEGREE
+        stage.physx(joint, "linear" if body.slides else "angular", body, per)
         if body.stop is None:
             stage.newton(joint, friction=body.friction, damping=body.damping * per)
         else:
@@ -133,3 +135,19 @@ class _Stage:
         kind = self.sdf.ValueTypeNames.Float
         for name, value in values.items():
             prim.CreateAttribute(f"newton:{name}", kind, custom=False).Set(float(value))
+
+    def physx(self, prim: Any, axis: str, body: Body, per: float) -> None:
+        """Friction [N m or N] and damping, by degrees where the joint turns.
+
+        https://docs.omniverse.nvidia.com/kit/docs/omni_physics/latest/dev_guide/joints/physx_joint_schema.html
+        """
+        prim.AddAppliedSchema(f"PhysxJointAxisAPI:{axis}")
+        values = {
+            "staticFrictionEffort": body.friction,
+            "dynamicFrictionEffort": body.friction,
+            "viscousFrictionCoefficient": body.damping * per,
+        }
+        kind = self.sdf.ValueTypeNames.Float
+        for name, value in values.items():
+            attribute = prim.CreateAttribute(f"physxJointAxis:{axis}:{name}", kind, custom=False)
+            attribute.Set(float(value))

@@ -1,11 +1,11 @@
-"""`jointplay export simulator`: play as dead band and friction, for MuJoCo, Gazebo, ROS.
+"""`jointplay export simulator`: play as dead band and friction, for robot simulators.
 
 Fit a hinge with dead band, stiffness, damping and friction to the full model of one joint's play,
 by reversals about a pose, and write it as MJCF (MuJoCo), SDF (Gazebo), URDF and YAML (ROS), USD
-(Newton), JSON with ranges for domain randomisation. The dead band about the axis comes from the
-gear; the bearing contributes friction and tilt, which --tilt writes. --joint names the joint. With
---all: the play of all joints in one file of each format. --batch adds random copies. See
-docs/simulator.md.
+(Newton, Isaac), a Python actuator for robots without play, JSON with ranges for domain
+randomisation. The dead band about the axis comes from the gear; the bearing contributes friction
+and tilt, which --tilt writes. --joint names the joint. With --all: the play of all joints in one
+file of each format. --batch adds random copies. See docs/simulator.md.
 
 Example: jointplay export simulator ur5 --joint elbow_joint --clearance "0.05 mm" --gear
 elbow_joint="2 arcmin" --gear-stiffness 2e4 --rotor-inertia 0.5 --out elbow
@@ -18,7 +18,9 @@ elbow_joint="2 arcmin" --gear-stiffness 2e4 --rotor-inertia 0.5 --out elbow
   output:
     --encoder {motor,link}  whether the encoder is before or after the play (default motor)
     --tilt  let the axes tilt as well, which only MJCF and JSON can hold
-    --format {mjcf,sdf,urdf,json,usd} ...  file format; by default all
+    --for {mujoco,newton,genesis,isaac}  what this simulator takes and nothing else; says which
+        parts of the play it has, and what is lost
+    --format {mjcf,sdf,urdf,json,usd,py} ...  file format; by default all
     --spread SHARE  JSON and --batch: relative half width of ranges without measured values, such as
         20% (default: 0.3)
     --check  run the MJCF in MuJoCo and compare it with the full model
@@ -51,9 +53,11 @@ def run(options: argparse.Namespace) -> int:
     count = _copies(options, spread)
     joint = None if options.all else _joint(options)
     stem = "robot" if joint is None else joint.replace("/", "_")
-    formats, notes = choose(options.format, options.tilt)
+    formats, notes = choose(options.format, options.tilt, getattr(options, "for"))
     if options.check and "mjcf" not in formats:
-        raise JointplayError("--check runs the MJCF in MuJoCo: it needs --format mjcf and mujoco")
+        raise JointplayError(
+            "--check runs the MJCF in MuJoCo: it needs --format mjcf or --for mujoco, and mujoco"
+        )
     endings = [ending for one in formats for ending in FORMATS[one]]
     width = len(str(count))
     copies = [f"{stem}_{i:0{width}d}" for i in range(1, count + 1)]

@@ -1,0 +1,129 @@
+"""Play of joints as actuators: the torque that motors turn links with, through their dead bands.
+
+For a model of the robot without play, in any simulator: there the joints are the links, and the
+motors' angles are kept here. Each step of the simulator:
+
+    torque, motor, speed = PLAY.step(drive, motor, speed, link, link_speed, dt)
+
+with the motors' own torques `drive` (a controller that has its encoder on the motor sees `motor`),
+and the links' angles and speeds from the simulator, where `torque` acts on the joints instead of
+their own actuators. A motor that moves as commanded needs no state: ``PLAY.torque(command,
+command_speed, link, link_speed)``. Steps longer than `STEP` follow the teeth badly or not at all.
+
+Arrays are those of NumPy, JAX or PyTorch, of shape (joints,), or (copies, joints) for many robots
+at once, whose numbers may differ. Friction and damping of the links belong into the simulator's
+model, for no torque set once a step can make them stick; `for_mujoco` puts them in:
+
+    rows = for_mujoco(model)                  # once
+    data.qfrc_applied[rows.speeds] = torque   # each step, before mujoco.mj_step(model, data)
+
+SI units. In MuJoCo, on the robot of a file: ``python THIS_FILE robot.xml`` reverses the motors.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+
+class DeadBand(NamedTuple):
+    """Numbers of joints' play, an array each."""
+
+    half: Any
+    """Half of the dead band [rad]."""
+    stiffness: Any
+    """Beyond it [N m/rad]."""
+    damping: Any
+    """Between motor and link [N m s/rad]."""
+    rotor: Any
+    """Inertia of the motor, on the joint's side of the gear [kg m^2]."""
+    friction: Any
+    """Dry, of the link [N m]."""
+    viscous: Any
+    """Of the link [N m s/rad]."""
+
+    def torque(self, motor: Any, motor_speed: Any, link: Any, link_speed: Any) -> Any:
+        """Torque on the links [N m] at angles [rad] and speeds [rad/s]; on motors, the opposite."""
+        twist = motor - link
+        beyond = twist - twist.clip(-self.half, self.half)
+        return self.stiffness * beyond + self.damping * (motor_speed - link_speed)
+
+    def step(
+        self, drive: Any, motor: Any, motor_speed: Any, link: Any, link_speed: Any, dt: float
+    ) -> tuple[Any, Any, Any]:
+        """Torque on the links over a step of dt [s], and the motors' angles and speeds after it.
+
+        Implicit in the motors' speeds, so that light rotors stay calm; `drive` is their torque.
+        """
+        twist = motor - link
+        beyond = twist - twist.clip(-self.half, self.half)
+        slope = self.damping + dt * self.stiffness * (beyond != 0.0)
+        pushed = self.rotor * motor_speed + dt * (drive - self.stiffness * beyond)
+        speed = (pushed + dt * slope * link_speed) / (self.rotor + dt * slope)
+        torque = self.stiffness * beyond + slope * (speed - link_speed)
+        return torque, motor + dt * speed, speed
+
+
+JOINTS: tuple[str, ...] = ()
+PLAY = DeadBand(*np.zeros((6, 0)))
+STEP = 1e-3
+
+
+class Rows(NamedTuple):
+    """Where joints are in the vectors of a MuJoCo model."""
+
+    angles: list[int]
+    """In qpos."""
+    speeds: list[int]
+    """In qvel and qfrc_applied."""
+
+
+def for_mujoco(
+    model: Any, play: DeadBand = PLAY, joints: tuple[str, ...] = JOINTS, dt: float = STEP
+) -> Rows:
+    """Make a MuJoCo model of a robot without play ready for its torques.
+
+    The links get their friction and damping, the time step becomes at most dt [s]; rotor and
+    actuators of the joints are taken out, for they are the `drive` and the `rotor` of `step`.
+    """
+    import mujoco
+
+    found = [model.joint(name) for name in joints]
+    rows = Rows([int(one.qposadr[0]) for one in found], [int(one.dofadr[0]) for one in found])
+    model.opt.timestep = min(model.opt.timestep, dt)
+    model.dof_armature[rows.speeds] = 0.0
+    model.dof_frictionloss[rows.speeds] = play.friction
+    model.dof_damping.reshape(model.nv, -1)[rows.speeds, 0] = play.viscous
+    turns = np.isin(model.actuator_trnid[:, 0], [one.id for one in found])
+    joint_driven = model.actuator_trntype <= int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)
+    model.actuator_gear[turns & joint_driven] = 0.0
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+    return rows
+
+
+def main(path: str) -> None:
+    """Move the motors to and fro by 0.1 rad in MuJoCo, without weight; print how links lag."""
+    import mujoco
+
+    model = mujoco.MjModel.from_xml_path(path)
+    rows = for_mujoco(model)
+    model.opt.gravity[:] = 0.0
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    data = mujoco.MjData(model)
+    lag = np.zeros(len(JOINTS))
+    while data.time < 2.0:
+        motor = 0.05 * (1.0 - np.cos(np.pi * data.time)) * np.ones(len(JOINTS))
+        speed = 0.05 * np.pi * np.sin(np.pi * data.time) * np.ones(len(JOINTS))
+        link = data.qpos[rows.angles]
+        data.qfrc_applied[rows.speeds] = PLAY.torque(motor, speed, link, data.qvel[rows.speeds])
+        lag = np.maximum(lag, abs(motor - link))
+        mujoco.mj_step(model, data)
+    for name, far, half in zip(JOINTS, lag, PLAY.half, strict=True):
+        print(f"{name}: motor and link up to {1e3 * far:.4g} mrad apart, {1e3 * half:.4g} free")
+
+
+if __name__ == "__main__":
+    import sys
+
+    main(*sys.argv[1:])
