@@ -334,7 +334,8 @@ def to_python(
     }
     source = inspect.getsource(dead_band)
     for name, line in said.items():
-        source = re.sub(rf"^{name}\b.*=.*$", lambda _, text=line: text, source, flags=re.MULTILINE)
+        (old,) = re.findall(rf"^{name}\b.*=.*$", source, re.MULTILINE)
+        source = source.replace(old, line)
     return source
 
 
