@@ -153,17 +153,19 @@ def by_mjx(course: Course) -> Followed:
     model = mjx.put_model(course.model)
     data = mjx.put_data(course.model, course.data)
 
-    def advance(data, row):
-        goal, motor, speed = row
-        data = data.replace(qfrc_applied=course.forces(data.qpos, data.qvel, goal, motor, speed))
-        data = mjx.step(model, data)
-        return data, data.qpos
+    def advance(state, row):
+        (q, v, warm), (goal, motor, speed) = state, row
+        applied = course.forces(q, v, goal, motor, speed)
+        now = data.replace(qpos=q, qvel=v, qacc_warmstart=warm, qfrc_applied=applied)
+        now = mjx.step(model, now)
+        return (now.qpos, now.qvel, now.qacc_warmstart), now.qpos
 
-    run = jax.jit(lambda data, rows: jax.lax.scan(advance, data, rows)[1])
+    run = jax.jit(lambda state, rows: jax.lax.scan(advance, state, rows)[1])
+    state = (data.qpos, data.qvel, data.qacc_warmstart)
     rows = (course.goal[1:], course.motor[:-1], course.speed[:-1])
-    run(data, rows).block_until_ready()
+    run(state, rows).block_until_ready()
     begun = time.perf_counter()
-    q = np.array(run(data, rows).block_until_ready())
+    q = np.array(run(state, rows).block_until_ready())
     spent = (time.perf_counter() - begun) / len(q)
     return course.time[1:], q[:, course.link].sum(axis=1), spent
 
