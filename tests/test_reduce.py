@@ -236,7 +236,7 @@ def test_the_command_writes_all_formats(path, tmp_path, capsys):
     assert "j turns freely by 3.49" in text
     formats = {one.suffix for one in out.iterdir()}
     assert formats == {".xml", ".sdf", ".urdf", ".yaml", ".json", ".png", ".usda", ".py"}
-    assert "j by _dead_band.py: link's angle off by up to" in text
+    assert "j by its actuator: link's angle off by up to" in text
 
 
 def test_the_command_asks_for_what_a_gear_needs(path, tmp_path, capsys):
