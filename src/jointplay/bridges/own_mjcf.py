@@ -154,7 +154,10 @@ def own_robot(
         )
     path = mechanism.description.path.resolve()
     root, model = _whole(mechanism)
-    note = f"the MJCF is {path.name} with play put in; its meshes stay in {path.parent}"
+    note = (
+        f"the MJCF is {path.name} with play put in: its friction stays before the play, at the "
+        f"motors, and its meshes in {path.parent}"
+    )
     return OwnRobot(mechanism, root, model, pose, (note,), {})
 
 
