@@ -39,7 +39,8 @@ def with_limits(text: str, one: Reduction) -> str:
     root = ElementTree.fromstring(text)
     tendon = root.find("tendon")
     assert tendon is not None
-    tendon.remove(next(e for e in tendon if e.get("name") == f"{one.joint}.play"))
+    spring = next(e for e in tendon if e.get("name") == f"{one.joint}.play")
+    spring.attrib |= {"stiffness": "0", "damping": "0"}
     (play,) = (e for e in root.iter("joint") if e.get("name") == f"{one.joint}_play")
     half = 0.5 * one.dead_band
     play.attrib |= {
