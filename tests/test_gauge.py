@@ -216,3 +216,21 @@ def test_plans_of_arms_that_people_have():
     with pytest.raises(JointplayError, match="no joint that moves 'knee'"):
         plan_gauge(Mechanism("so101"), ["knee"])
     assert main(["identify", "so101", "--plan", "dail"]) == 2
+
+
+@pytest.mark.needs("mujoco")
+def test_the_play_found_is_a_dead_band_in_mujoco(tmp_path, capsys):
+    import mujoco
+
+    one, path, out = read(name="shoulder_lift"), tmp_path / "dial.csv", tmp_path / "found.xml"
+    table(path, readings=one)
+    order = ["identify", "so101", str(path), "--quiet"]
+    assert main([*order, "--mjcf", str(out)]) == 0
+    assert f"written: {out}: play of shoulder_lift" in capsys.readouterr().out
+    model = mujoco.MjModel.from_xml_path(str(out))
+    band = model.tendon_lengthspring[model.tendon("shoulder_lift.play").id]
+    assert band[1] - band[0] == pytest.approx(HALF_DEGREE, rel=0.2)
+    assert main([*order, "--urdf", str(tmp_path / "found.urdf")]) == 2
+    assert "a URDF cannot say a gear's play: --mjcf" in capsys.readouterr().err
+    assert main(["identify", "so101", "--plan", "dial", "--mjcf", str(tmp_path / "n.xml")]) == 2
+    assert "--mjcf needs a measurement, not --plan" in capsys.readouterr().err

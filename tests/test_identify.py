@@ -242,6 +242,16 @@ def test_what_is_identified_is_a_preset_for_other_commands(geared, tmp_path, cap
     assert "already exists" in capsys.readouterr().err
 
 
+def test_a_clearance_that_is_identified_goes_into_the_urdf(arm, tmp_path, capsys):
+    data, out = tmp_path / "seen.csv", tmp_path / "worn.urdf"
+    data.write_text(seen().csv())
+    order = ["identify", str(arm), str(data), "--tool", "tool", "--joint", "j=0.05 mm", "--quiet"]
+    assert main([*order, "--urdf", str(out)]) == 0
+    assert f"written: {out}" in capsys.readouterr().out
+    worn = Mechanism(out)
+    assert {"j.x", "j.y", "j.z", "j"} <= set(worn.joints)
+
+
 def test_play_and_compliance_are_not_told_apart_without_another_load(geared):
     measured, friction = lagging(without="torque"), {"j": JointFriction(0.5)}
     found = identify(geared, measured, joint_friction=friction)

@@ -55,25 +55,35 @@ Example: jointplay identify my_robot.toml measured.csv --out worn
     --out DIR  folder for the tables (CSV, JSON) and the figure
     --write-preset FILE  write the robot's joints with what was identified, for --preset FILE of
         every command
+    --urdf FILE  write its URDF with the clearance of bearings as chains of joints
+    --mjcf FILE  write it as MJCF, play as dead bands and tilts (export simulator has more)
     --detail
     --quiet
 """
+
+from __future__ import annotations
 
 import argparse
 import json
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from jointplay.base import files
 from jointplay.base.errors import JointplayError
 from jointplay.base.pairs import misread, pair
 from jointplay.base.schema import one_of
+from jointplay.base.tables import few
 from jointplay.cli.commands import Outputs, given, numbers_by_name, print_answer, quantity
 from jointplay.cli.commands.inputs import is_scenario, named_joints, posed_machine, write_preset
 
+if TYPE_CHECKING:
+    from jointplay.model.mechanism import Mechanism
+    from jointplay.scenario.presets import Preset
+
 PLANS = ("motion", "dial")
+OUTPUTS = ("write_preset", "urdf", "mjcf")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -86,10 +96,12 @@ def run(options: argparse.Namespace) -> int:
             "give a measurement (CSV, bag or dataset), or --plan to ask what to measure"
             + ("; not both" if options.plan else "")
         )
-    if options.write_preset is not None:
-        if options.plan:
-            raise JointplayError("--write-preset needs a measurement, not --plan")
-        files.check_new(Path(options.write_preset))
+    for name in OUTPUTS:
+        if (path := getattr(options, name)) is not None:
+            if options.plan:
+                option = f"--{name.replace('_', '-')}"
+                raise JointplayError(f"{option} needs a measurement, not --plan")
+            files.check_new(Path(path))
     if options.plan:
         one_of("--plan", options.plan, PLANS)
     if options.plan == "dial" or (options.data is not None and is_readings(options.data)):
@@ -149,9 +161,7 @@ def run(options: argparse.Namespace) -> int:
         checked = verify(posed.simulation, fit, runs=options.verify, **shown)
         print(checked)
         found["verification"] = checked.describe()
-    if options.write_preset is not None:
-        place = None if is_scenario(options) else str(options.place)
-        write_preset(options.write_preset, fit.preset(place, posed.simulation))
+    _write_robot(options, fit.preset(_place(options), posed.simulation), fit.mechanism)
     if options.out:
         from jointplay.show.plots.design import identification
 
@@ -180,15 +190,58 @@ def _gauge(options: argparse.Namespace) -> int:
     pose = posed.poses.positions() if taken else None
     fit = identify_gauged(posed.mechanism, options.data, noise=noise, pose=pose)
     print_answer(fit.sentence, replace(fit, notes=()), [*fit.notes, *posed.notes], options.detail)
-    if options.write_preset is not None:
-        place = None if is_scenario(options) else str(options.place)
-        write_preset(options.write_preset, fit.preset(place))
+    if any(getattr(options, name) is not None for name in OUTPUTS):
+        preset = fit.preset(_place(options))
+        _write_robot(options, preset, preset.mechanism(tool=fit.mechanism.tool))
     if options.out:
         from jointplay.show.plots.design import gauged
 
         contents = (fit.data.csv(), json.dumps(fit.describe(), indent=1) + "\n", gauged(fit))
         out.write(dict(zip(names, contents, strict=True)))
     return 0
+
+
+def _place(options: argparse.Namespace) -> str | None:
+    """The robot as it was named; None: a scenario's."""
+    return None if is_scenario(options) else str(options.place)
+
+
+def _write_robot(options: argparse.Namespace, preset: Preset, mechanism: Mechanism) -> None:
+    """Write the robot with what was found, as far as each format that is asked for can say it."""
+    if options.write_preset is not None:
+        write_preset(options.write_preset, preset)
+    if options.urdf is not None:
+        from jointplay.bridges.urdf import to_urdf
+
+        if not mechanism.clearance:
+            raise JointplayError(
+                "--urdf: no bearing has clearance, and a URDF cannot say a gear's play: --mjcf and "
+                "--write-preset can"
+            )
+        files.write(Path(options.urdf), to_urdf(mechanism.with_clearance(mechanism.clearance, {})))
+        gears = few(list(mechanism.gears))
+        left = f"; not in it: play of gears ({gears})" if gears else ""
+        print(f"written: {options.urdf}{left}")
+    if options.mjcf is not None:
+        from jointplay.bridges.own_mjcf import is_own
+        from jointplay.bridges.reduced_robot import ReducedRobot, refuse_without_play
+        from jointplay.bridges.reduction import reduce_all
+        from jointplay.model.meshes import FOLDER
+
+        path = Path(options.mjcf)
+        tilt = bool(mechanism.clearance) and not is_own(mechanism.description)
+        play = [*mechanism.clearance, *mechanism.gears]
+        refuse_without_play(mechanism, play, ["mjcf"], tilt)
+        reductions, refused = reduce_all(mechanism, progress=not options.quiet)
+        robot = ReducedRobot(mechanism, reductions, {}, ["mjcf"], tilt)
+        (text,) = robot.files(path.stem).values()
+        files.write(path, text)
+        if robot.meshes:
+            (path.parent / FOLDER).mkdir(exist_ok=True)
+        for name, content in robot.meshes.items():
+            files.write(path.parent / FOLDER / name, content, overwrite=True)
+        left = f"; not in it: {'; '.join(refused.values())}" if refused else ""
+        print(f"written: {path}: play of {few([one.joint for one in reductions])}{left}")
 
 
 def _size(text: str, unit: str, option: str) -> float:
