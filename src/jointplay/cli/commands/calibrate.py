@@ -51,7 +51,7 @@ from jointplay.base import files
 from jointplay.base.errors import JointplayError
 from jointplay.base.tables import counted
 from jointplay.cli.commands import Outputs, print_answer, quantity, vector
-from jointplay.cli.commands.inputs import is_scenario, scenario_of, write_preset
+from jointplay.cli.commands.inputs import is_scenario, scenario_of, write_preset, write_robot
 
 if TYPE_CHECKING:
     from jointplay.estimate import Calibration
@@ -150,7 +150,7 @@ def run(options: argparse.Namespace) -> int:
             )
             contents |= dict(zip(TABLES, (*texts, calibration(fit)), strict=True))
         for path in filter(None, (options.urdf, options.mjcf)):
-            print(_write_robot(fit, Path(path), path == options.mjcf))
+            _write_robot(fit, path, path == options.mjcf)
         if options.write_preset is not None:
             place = None if is_scenario(options) else str(options.place)
             write_preset(options.write_preset, fit.preset(place))
@@ -162,12 +162,11 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _write_robot(fit: Calibration, path: Path, mjcf: bool) -> str:
+def _write_robot(fit: Calibration, path: str, mjcf: bool) -> None:
     """Write the corrected robot, and say what it has."""
     from jointplay.bridges.own_mjcf import corrected_mjcf
     from jointplay.bridges.urdf import to_urdf
     from jointplay.estimate.selection import CONSTANT
-    from jointplay.model.meshes import FOLDER
 
     corrections = fit.corrections()
     if not corrections:
@@ -180,14 +179,10 @@ def _write_robot(fit: Calibration, path: Path, mjcf: bool) -> str:
         text, meshes = corrected_mjcf(fit.mechanism, corrections)
     else:
         text = to_urdf(fit.mechanism.ideal(), corrections)
-    files.write(path, text)
-    if meshes:
-        (path.parent / FOLDER).mkdir(exist_ok=True)
-    for name, content in meshes.items():
-        files.write(path.parent / FOLDER / name, content, overwrite=True)
     left = [str(term) for term in fit.kept if term.kind not in CONSTANT]
     words = f"; not in it, as they vary with pose or load: {', '.join(left)}" if left else ""
-    return f"written: {path}: {counted(len(corrections), 'joint')} put right{words}"
+    put_right = f": {counted(len(corrections), 'joint')} put right"
+    write_robot(path, text, meshes, f"{put_right}{words}")
 
 
 def _scatter(text: str | None) -> tuple[float, float] | None:

@@ -76,7 +76,13 @@ from jointplay.base.pairs import misread, pair
 from jointplay.base.schema import one_of
 from jointplay.base.tables import few
 from jointplay.cli.commands import Outputs, given, numbers_by_name, print_answer, quantity
-from jointplay.cli.commands.inputs import is_scenario, named_joints, posed_machine, write_preset
+from jointplay.cli.commands.inputs import (
+    is_scenario,
+    named_joints,
+    posed_machine,
+    write_preset,
+    write_robot,
+)
 
 if TYPE_CHECKING:
     from jointplay.model.mechanism import Mechanism
@@ -218,30 +224,24 @@ def _write_robot(options: argparse.Namespace, preset: Preset, mechanism: Mechani
                 "--urdf: no bearing has clearance, and a URDF cannot say a gear's play: --mjcf and "
                 "--write-preset can"
             )
-        files.write(Path(options.urdf), to_urdf(mechanism.with_clearance(mechanism.clearance, {})))
+        text = to_urdf(mechanism.with_clearance(mechanism.clearance, {}))
         gears = few(list(mechanism.gears))
         left = f"; not in it: play of gears ({gears})" if gears else ""
-        print(f"written: {options.urdf}{left}")
+        write_robot(options.urdf, text, {}, left)
     if options.mjcf is not None:
         from jointplay.bridges.own_mjcf import is_own
         from jointplay.bridges.reduced_robot import ReducedRobot, refuse_without_play
         from jointplay.bridges.reduction import reduce_all
-        from jointplay.model.meshes import FOLDER
 
-        path = Path(options.mjcf)
         tilt = bool(mechanism.clearance) and not is_own(mechanism.description)
         play = [*mechanism.clearance, *mechanism.gears]
         refuse_without_play(mechanism, play, ["mjcf"], tilt)
         reductions, refused = reduce_all(mechanism, progress=not options.quiet)
         robot = ReducedRobot(mechanism, reductions, {}, ["mjcf"], tilt)
-        (text,) = robot.files(path.stem).values()
-        files.write(path, text)
-        if robot.meshes:
-            (path.parent / FOLDER).mkdir(exist_ok=True)
-        for name, content in robot.meshes.items():
-            files.write(path.parent / FOLDER / name, content, overwrite=True)
+        (text,) = robot.files(Path(options.mjcf).stem).values()
         left = f"; not in it: {'; '.join(refused.values())}" if refused else ""
-        print(f"written: {path}: play of {few([one.joint for one in reductions])}{left}")
+        words = f": play of {few([one.joint for one in reductions])}{left}"
+        write_robot(options.mjcf, text, robot.meshes, words)
 
 
 def _size(text: str, unit: str, option: str) -> float:

@@ -574,6 +574,19 @@ def write_preset(path: str, preset: Preset) -> None:
     print(f"written: {path}; every command takes it as --preset {path}")
 
 
+def write_robot(path: str, text: str, meshes: Mapping[str, bytes], words: str) -> None:
+    """Write a robot's file, and beside it its meshes; and say so."""
+    from jointplay.model.meshes import FOLDER
+
+    folder = Path(path).parent / FOLDER
+    files.write(Path(path), text)
+    if meshes:
+        folder.mkdir(exist_ok=True)
+    for name, content in meshes.items():
+        files.write(folder / name, content, overwrite=True)
+    print(f"written: {path}{words}")
+
+
 def _value(options: argparse.Namespace, attribute: str) -> Any:
     """Value of an option; None also if the command does not have it."""
     return getattr(options, attribute, None)
