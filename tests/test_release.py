@@ -29,7 +29,7 @@ def oldest():
     """All that users need, each pinned to its lower bound, which is therefore a release."""
     needed = [*PROJECT["dependencies"]]
     for name in EXTRAS.keys() - NOT_FOR_USERS:
-        needed += EXTRAS[name]
+        needed += [one for one in EXTRAS[name] if not one.startswith("jointplay[")]
     bounds = {re.fullmatch(r"([\w-]+)>=([\w.]+)(,<[\w.]+)?", entry) for entry in needed}
     return sorted(f"{name}=={version}" for name, version, _ in (one.groups() for one in bounds))
 

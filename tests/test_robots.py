@@ -302,8 +302,8 @@ def test_how_a_robot_is_stepped_is_chosen_and_said():
 
 def test_a_robot_in_one_variant_is_found_by_its_name_and_others_are_proposed():
     assert robots.robot_urdf("hyq") == robots.robot_urdf("hyq_no_sensors")
-    with pytest.raises(JointplayError, match=r"'so_arm101'; .*available: so10.*and others"):
-        robots.robot_urdf("so_arm101")
+    with pytest.raises(JointplayError, match=r"'so_102'; .*available: so10.*and others"):
+        robots.robot_urdf("so_102")
     with pytest.raises(JointplayError, match=r"no robot 'talos'; .*available: talos_full"):
         robots.robot_urdf("talos")  # of several none is guessed
 

@@ -4,7 +4,7 @@ import pytest
 from conftest import body, joint
 
 from jointplay import Mechanism, shipped
-from jointplay.model import urdf as reader
+from jointplay.model.formats import read
 from jointplay.model.robots import robot_urdf
 from jointplay.model.tool import choose_tool
 
@@ -29,7 +29,7 @@ ARM = (
 
 
 def chosen(path):
-    return choose_tool(reader.read(path))[0]
+    return choose_tool(read(path))[0]
 
 
 FINGERS = [
@@ -52,7 +52,7 @@ def test_the_tool_is_named_like_one_and_is_no_sensor_and_no_finger(more, tool, u
 
 
 def test_the_reason_names_the_last_joint(urdf):
-    assert "'d'" in choose_tool(reader.read(urdf(*ARM)))[1]
+    assert "'d'" in choose_tool(read(urdf(*ARM)))[1]
 
 
 def test_a_robot_that_is_all_fingers_has_a_tool_nevertheless(urdf):
@@ -76,13 +76,13 @@ TWO_ARMS = (
 def test_the_tool_is_one_that_the_joint_with_play_moves(urdf):
     path = urdf(*TWO_ARMS)
     for side in ("left", "right"):
-        link, reason = choose_tool(reader.read(path), [f"{side}_a"])
+        link, reason = choose_tool(read(path), [f"{side}_a"])
         assert link == f"{side}_2"
         assert reason == (
             f"the end of the chain of moving joints with play in '{side}_a', after '{side}_b'"
         )
-    assert choose_tool(reader.read(path), ["right_finger"])[0] == "right_hand"
-    both = choose_tool(reader.read(path), ["left_a", "right_a", "right_b"])[0]
+    assert choose_tool(read(path), ["right_finger"])[0] == "right_hand"
+    both = choose_tool(read(path), ["left_a", "right_a", "right_b"])[0]
     assert both == "right_2"
 
 

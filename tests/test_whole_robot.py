@@ -363,7 +363,7 @@ def test_shapes_go_with_the_mjcf(path, tmp_path):
         (["--all", *OPTIONS, "--tilt", "--format", "sdf"], "--format sdf with --tilt"),
         pytest.param(
             ["--all", "--joint", "a=0.1 mm"],
-            "mjcf, sdf, urdf, usd would have no play",
+            "mjcf, sdf, urdf, usd, py would have no play",
             marks=EVERY_FORMAT,
         ),
         pytest.param(
@@ -373,7 +373,7 @@ def test_shapes_go_with_the_mjcf(path, tmp_path):
         ),
         pytest.param(
             ["--joint", "a=0.1 mm"],
-            "mjcf, sdf, urdf, usd would have no play: the clearance of a",
+            "mjcf, sdf, urdf, usd, py would have no play: the clearance of a",
             marks=EVERY_FORMAT,
         ),
         (["--clearance", "0.1 mm"], "got none; --all reduces every one"),
@@ -428,7 +428,8 @@ def test_a_missing_package_leaves_its_format_out_and_says_how_to_get_it(
     said = capsys.readouterr().out
     assert said.count("pip install '.[simulators]'") == 2
     names = {one.name for one in (tmp_path / "o").iterdir()}
-    assert names == {f"robot.{ending}" for ending in ("sdf", "urdf", "yaml", "json")}
+    parts = {f"robot.{ending}" for ending in ("sdf", "urdf", "yaml", "json")}
+    assert names == {*parts, "robot_dead_band.py"}
     assert main([*order, "--format", "mjcf", "--out", str(tmp_path / "p")]) == 2
     assert "package mujoco is missing" in capsys.readouterr().err
     monkeypatch.setitem(sys.modules, "mujoco", None)

@@ -73,6 +73,14 @@ def read(
     return numbers, texts
 
 
+def is_readings(path: str | Path) -> bool:
+    """Whether a file is a table of readings of a dial gauge: it has a column ``joint``."""
+    path = Path(path)
+    if path.suffix.lower() != ".csv" or not files.is_file(path):
+        return False
+    return "joint" in [cell.strip() for cell in files.csv_rows(path, "measurement")[0][1]]
+
+
 def split_title(title: str, path: Path) -> tuple[str, str]:
     """A column's name and unit, of ``tool x [mm]`` or ``tool_x_mm``."""
     match = _BRACKETS.match(title)

@@ -162,14 +162,6 @@ class Readings:
         return cls(tuple(names), tuple(map(str, setups)), push, turned, error, str(path))
 
 
-def is_readings(path: str | Path) -> bool:
-    """Whether a file is a table of readings: it has a column ``joint``."""
-    path = Path(path)
-    if path.suffix.lower() != ".csv" or not files.is_file(path):
-        return False
-    return "joint" in [cell.strip() for cell in files.csv_rows(path, "measurement")[0][1]]
-
-
 def _of_column(path: Path, title: str) -> list[str]:
     (_, head), *rows = files.csv_rows(path, "readings")
     k = [cell.strip() for cell in head].index(title)

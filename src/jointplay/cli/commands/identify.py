@@ -94,7 +94,7 @@ OUTPUTS = ("write_preset", "urdf", "mjcf")
 
 def run(options: argparse.Namespace) -> int:
     from jointplay.base import processes
-    from jointplay.estimate.gauge import is_readings
+    from jointplay.estimate.columns import is_readings
 
     processes.number_of(options.jobs)
     if (options.plan is None) == (options.data is None):
