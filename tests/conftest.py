@@ -158,6 +158,17 @@ def joint(name, parent, child, kind="revolute", axis="0 0 1", at="0 0 0", rpy="0
     return JOINT.format(name=name, parent=parent, child=child, kind=kind, axis=axis, at=at, rpy=rpy)
 
 
+ARM_WITH_HAND = (
+    '<robot name="r"><link name="base"/>'
+    + body("arm", mass=2.0, com="0.3 0 0", inertia=0.02)
+    + body("hand", mass=0.5, com="0 0 0")
+    + joint("j", "base", "arm")
+    + joint("k", "arm", "hand", axis="0 1 0", at="0.5 0 0")
+    + "</robot>"
+)
+"""An arm about an upright axis, with a hand."""
+
+
 @pytest.fixture
 def urdf(tmp_path):
     """Write a robot of the given elements to a file."""

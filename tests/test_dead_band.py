@@ -5,7 +5,7 @@ import sys
 
 import numpy as np
 import pytest
-from conftest import body, joint
+from conftest import ARM_WITH_HAND
 
 from jointplay import Gear, Mechanism
 from jointplay.base.errors import JointplayError
@@ -25,14 +25,7 @@ PLAY = DeadBand(*np.array([[2e-3, 1e-3], [2e3, 500.0], [2.0, 0.0], [0.05, 0.01],
 def path(tmp_path_factory):
     """An arm about a vertical axis, with a hand."""
     found = tmp_path_factory.mktemp("dead_band") / "arm.urdf"
-    found.write_text(
-        '<robot name="r"><link name="base"/>'
-        + body("arm", mass=2.0, com="0.3 0 0", inertia=0.02)
-        + body("hand", mass=0.5, com="0 0 0")
-        + joint("j", "base", "arm")
-        + joint("k", "arm", "hand", axis="0 1 0", at="0.5 0 0")
-        + "</robot>"
-    )
+    found.write_text(ARM_WITH_HAND)
     return found
 
 

@@ -208,6 +208,14 @@ def test_tables_that_cannot_be_are_refused(arm, tmp_path, capsys, change, said):
     assert err.count("\n") == 1
 
 
+@pytest.mark.parametrize("option", ["--known friction", "--stiffness all=inf", "--lag 0", "--runs"])
+def test_options_of_motions_are_refused(arm, tmp_path, capsys, option):
+    path = table(tmp_path / "dial.csv")
+    order = ["identify", str(arm.description.path), str(path), "--tool", "tool"]
+    assert main([*order, *option.split()]) == 2
+    assert f"{option.split()[0]} is not for a dial gauge" in capsys.readouterr().err
+
+
 def test_plans_of_arms_that_people_have():
     for name in ("so101", "ur5", "scara"):
         steps = plan_gauge(Mechanism(name)).steps

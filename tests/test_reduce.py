@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from conftest import body, joint
+from conftest import ARM_WITH_HAND
 
 from jointplay import Gear, JointplayError, Mechanism, Motion, RevoluteClearance, Simulation
 from jointplay.bridges.reduced_files import to_json, to_urdf, to_yaml
@@ -25,14 +25,7 @@ GRAVITY = 9.81
 def path(tmp_path_factory):
     """An arm about a vertical axis: its weight tilts the journal, and turns nothing."""
     found = tmp_path_factory.mktemp("reduce") / "arm.urdf"
-    found.write_text(
-        '<robot name="r"><link name="base"/>'
-        + body("arm", mass=2.0, com="0.3 0 0", inertia=0.02)
-        + body("hand", mass=0.5, com="0 0 0")
-        + joint("j", "base", "arm")
-        + joint("k", "arm", "hand", axis="0 1 0", at="0.5 0 0")
-        + "</robot>"
-    )
+    found.write_text(ARM_WITH_HAND)
     return found
 
 

@@ -89,6 +89,10 @@ if TYPE_CHECKING:
     from jointplay.scenario.presets import Preset
 
 PLANS = ("motion", "dial")
+NOT_OF_A_GAUGE = (
+    *("known", "also", "stiffness", "lag", "source", "map", "episode", "world", "runs", "verify"),
+    "signal",
+)
 OUTPUTS = ("write_preset", "urdf", "mjcf")
 
 
@@ -180,6 +184,9 @@ def _gauge(options: argparse.Namespace) -> int:
     """Plan or take readings of a dial gauge."""
     from jointplay.estimate.gauge import identify_gauged, plan_gauge
 
+    for name in NOT_OF_A_GAUGE:
+        if getattr(options, name) not in (None, []):
+            raise JointplayError(f"--{name} is not for a dial gauge, which tells single joints")
     names = ["identified.csv", "identified.json", "identified.png"]
     out = Outputs(options.out, ["plan.txt", "dial.csv"] if options.plan else names)
     noise = numbers_by_name(options.noise, "--noise SIGNAL=X", {"tool": "m", "link": "rad"})
