@@ -467,3 +467,8 @@ def test_who_names_no_play_is_told_how(capsys):
     status, _, error = command(["budget", "panda"], capsys)
     assert status == 2
     assert '--clearance "0.1 mm" for all that move the tool, or --joint NAME="0.1 mm"' in error
+
+
+def test_a_robot_of_ones_own_package_is_told_to_be_of_it():
+    assert robots.with_package("SO101") == "jointplay:so101.urdf"
+    assert robots.with_package("ur5") == "example-robot-data:ur5"

@@ -160,7 +160,8 @@ def with_package(name: str) -> str:
         if full is None:
             raise
         return f"{robot_descriptions.PREFIX}{full}"
-    return f"{PREFIX}{name}"
+    own = OWN.get(_normal(name))
+    return f"{PREFIX}{name}" if own is None else f"{SHIPPED}{own}"
 
 
 def is_robot(place: str) -> bool:
