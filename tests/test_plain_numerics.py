@@ -7,7 +7,6 @@ import pytest
 from scipy import interpolate, optimize, signal
 from scipy.spatial.transform import Rotation
 
-from jointplay.base.cones import near_cones
 from jointplay.base.roots import brentq
 from jointplay.simulation.analysis.tool_error import _turns
 from jointplay.simulation.analysis.vibration import _welch
@@ -55,21 +54,6 @@ ROOTS = {
 def test_roots_bit_for_bit(name, options):
     function = ROOTS[name]
     assert brentq(function, -1.0, 2.5, **options) == optimize.brentq(function, -1.0, 2.5, **options)
-
-
-@pytest.mark.parametrize(("rays", "size"), [(1, 3), (4, 3), (36, 5), (100, 5)])
-def test_what_lies_near_cones_by_non_negative_least_squares(rays, size):
-    upright = 2.0 * np.eye(size)[0]
-    cones = RANDOM.normal(size=(300, rays, size)) + upright
-    cones[::3, rays // 2 :] = 0.0  # fewer rays, or none
-    cones[1::3, rays - rays // 2 :] = cones[1::3, : rays // 2]  # the same twice
-    points = RANDOM.normal(size=(300, size)) + 0.5 * upright
-    distance = np.array(
-        [optimize.nnls(one.T, point)[1] for one, point in zip(cones, points, strict=True)]
-    )
-    inside = distance < 1e-9
-    assert near_cones(cones, points, 1.0001 * distance + 1e-9).all()
-    assert (near_cones(cones, points, 0.9999 * distance + 1e-9) == inside).all()
 
 
 def test_a_root_at_an_end_and_none_at_all():

@@ -28,7 +28,6 @@ import pinocchio as pin
 from jointplay.accuracy import loop_play
 from jointplay.accuracy.error_model import ErrorModel, half_sphere
 from jointplay.accuracy.jacobians import GEAR, displaced_configuration, tool_place
-from jointplay.base.cones import near_cones
 from jointplay.model.closed_loops import ClosedLoops
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import RELATIVE, Clearance
@@ -417,6 +416,8 @@ def _held_states(
 
 def _balanced(loads: np.ndarray, contacts: Pressed, friction: float, arm: float) -> np.ndarray:
     """Whether contacts within their cones of friction can balance loads (n, 6), shape (n,)."""
+    from scipy.optimize import nnls  # takes long to import
+
     rows = list(contacts.borne)
     weight = np.array([1.0] * 3 + [1.0 / arm] * 3)[rows]
     cones = contacts.normal[:, :, None] + friction * np.einsum(
@@ -424,17 +425,21 @@ def _balanced(loads: np.ndarray, contacts: Pressed, friction: float, arm: float)
     )
     right = loads[:, rows] * weight
     size = np.maximum(np.linalg.norm(right, axis=1), 1e-300)
-    if contacts.patch.any():
-        # Anywhere within a square around the face.
-        places = np.sqrt(2.0) * np.array([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]])
-        arms = contacts.patch[..., None, None] * places
-        cones = np.repeat(cones[:, :, None], len(places), axis=2)
-        cones[..., 3:] += np.cross(arms, contacts.normal[:, :, None, :3])[..., None, :]
-    rays = -cones[..., rows] * weight
-    rays[~contacts.touching] = 0.0
-    rays = rays.reshape(len(loads), -1, len(rows))
-    near = near_cones(rays, right, (_BALANCED * friction + _EXACT) * size)
-    return near & contacts.touching.any(axis=1)
+    good = np.zeros(len(loads), bool)
+    for i, touching in enumerate(contacts.touching):
+        if not touching.any():
+            continue
+        columns = cones[i, touching]
+        patches = contacts.patch[i, touching]
+        if patches.any():
+            # Anywhere within a square around the face.
+            places = np.sqrt(2.0) * np.array([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]])
+            arms = patches[:, None, None] * places
+            columns = np.repeat(columns[:, None], len(places), axis=1)
+            columns[..., 3:] += np.cross(arms, contacts.normal[i, touching, None, :3])[:, :, None]
+        matrix = -(columns.reshape(-1, 6)[:, rows] * weight).T
+        good[i] = nnls(matrix, right[i])[1] <= (_BALANCED * friction + _EXACT) * size[i]
+    return good
 
 
 def _arm(play: Play) -> float:

@@ -368,9 +368,6 @@ BALANCED = 1e-7
 MOST_TRIALS = 100
 """States tried of all joints together, before the search goes on joint by joint or is given up."""
 
-MOST_NEAR = 50
-"""States tried from a place near it, before the search begins from the start."""
-
 MOST_LOCAL = 150
 """States tried of one joint."""
 
@@ -744,7 +741,7 @@ class StaticEquilibrium:
         self._pull = TOWARDS_MIDDLE * self.weight() * self._rooms
         q, trials, residual, load = self._start, 0, np.inf, 1.0
         if near is not None:
-            q, residual, load, trials = self._newton_descent(near, MOST_NEAR)
+            q, residual, load, trials = self._newton_descent(near, MOST_TRIALS)
         if residual > BALANCED * load:
             q = self._start.copy()
             for name in places.keys() & self._blocks.keys():
