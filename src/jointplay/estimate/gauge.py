@@ -30,7 +30,7 @@ from jointplay.estimate.least_squares import Fit, LeastSquares, search
 from jointplay.estimate.machine import preset_found
 from jointplay.estimate.measurement import resolution
 from jointplay.estimate.planning import PUSH_N, free_poses
-from jointplay.estimate.unknowns import Estimate, Unknown, by_label, data, listed
+from jointplay.estimate.unknowns import Estimate, Loop, Unknown, by_label, data, listed
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.loads.drive import urdf_friction
 
@@ -212,10 +212,25 @@ class Gauged:
         turning = [one for one in self.estimates if one.unknown.unit.startswith("rad")]
         return preset_found(self.mechanism, turning, self.readings.source, robot)
 
-    def explained(self, joint: str, push: np.ndarray) -> np.ndarray:
-        """What the model says of a joint's readings about their zeros, at pushes (n,)."""
-        play, give, rubs = self.fits[joint].theta
-        return _bent(push, play, give, rubs)
+    @property
+    def loops(self) -> tuple[Loop, ...]:
+        """How far each joint's link turned over the push, from the zero of its setup."""
+        return tuple(self._loop(joint, fitted) for joint, fitted in self.fits.items())
+
+    def _loop(self, joint: str, fitted: Fit) -> Loop:
+        mine = np.array([one == joint for one in self.readings.joint])
+        setup, push = np.array(self.readings.setup)[mine], self.readings.push[mine]
+        turned, says = self.readings.turned[mine].copy(), _bent(push, *fitted.theta)
+        says[push == 0.0] = np.nan  # anywhere within the play
+        for one in np.unique(setup):
+            turned[setup == one] -= np.nanmean((turned - says)[setup == one])
+        none = np.array([-1e-9, 1e-9]) * np.abs(push).max()  # where the sides begin
+        unit = fitted.least.unknowns[0].unit
+        return Loop(
+            joint, np.append(push, none), "push", "N" if unit == "m" else "N*m",
+            np.append(turned, [np.nan] * 2), np.append(says, _bent(none, *fitted.theta)), unit,
+            np.sign(np.append(push, none)).astype(int),
+        )  # fmt: skip
 
 
 def identify_gauged(

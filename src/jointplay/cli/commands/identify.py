@@ -94,6 +94,7 @@ NOT_OF_A_GAUGE = (
     "signal",
 )
 OUTPUTS = ("write_preset", "urdf", "mjcf")
+LOOPS = "loops.png"
 
 
 def run(options: argparse.Namespace) -> int:
@@ -117,7 +118,7 @@ def run(options: argparse.Namespace) -> int:
     if options.plan == "dial" or (options.data is not None and is_readings(options.data)):
         return _gauge(options)
     data = options.data if options.plan else _recording(options)
-    names = ["identified.csv", "identified.json", "identified.png"]
+    names = ["identified.csv", "identified.json", "identified.png", LOOPS]
     out = Outputs(options.out, ["plan.txt"] if options.plan else names)
     posed = posed_machine(options)
     for option in ("verify", "runs"):
@@ -173,10 +174,11 @@ def run(options: argparse.Namespace) -> int:
         found["verification"] = checked.describe()
     _write_robot(options, fit.preset(_place(options), posed.simulation), fit.mechanism)
     if options.out:
-        from jointplay.show.plots.design import identification
+        from jointplay.show.plots.design import identification, reversal_loops
 
-        contents = (fit.data.csv(), json.dumps(found, indent=1) + "\n", identification(fit))
-        out.write(dict(zip(names, contents, strict=True)))
+        contents = [fit.data.csv(), json.dumps(found, indent=1) + "\n", identification(fit)]
+        contents += [reversal_loops(fit.loops, fit.estimates)] if fit.loops else []
+        out.write(dict(zip(names, contents, strict=False)))
     return 0
 
 
@@ -187,7 +189,7 @@ def _gauge(options: argparse.Namespace) -> int:
     for name in NOT_OF_A_GAUGE:
         if getattr(options, name) not in (None, []):
             raise JointplayError(f"--{name} is not for a dial gauge, which tells single joints")
-    names = ["identified.csv", "identified.json", "identified.png"]
+    names = ["identified.csv", "identified.json", LOOPS]
     out = Outputs(options.out, ["plan.txt", "dial.csv"] if options.plan else names)
     noise = numbers_by_name(options.noise, "--noise SIGNAL=X", {"tool": "m", "link": "rad"})
     taken, options.pose = options.pose, [options.pose or ""]
@@ -207,9 +209,10 @@ def _gauge(options: argparse.Namespace) -> int:
         preset = fit.preset(_place(options))
         _write_robot(options, preset, preset.mechanism(tool=fit.mechanism.tool))
     if options.out:
-        from jointplay.show.plots.design import gauged
+        from jointplay.show.plots.design import reversal_loops
 
-        contents = (fit.data.csv(), json.dumps(fit.describe(), indent=1) + "\n", gauged(fit))
+        picture = reversal_loops(fit.loops, fit.estimates)
+        contents = (fit.data.csv(), json.dumps(fit.describe(), indent=1) + "\n", picture)
         out.write(dict(zip(names, contents, strict=True)))
     return 0
 
