@@ -405,7 +405,9 @@ def contact_variables(
     if rolls:
         made |= {"joint_moment": moment, "loaded_elements": loaded, "cage_angle": cage}
     made |= _journals(mechanism, body, only) | _recorded_contacts(mechanism, records, body, only)
-    return declared({name: made[name] for name in HISTORIES if name in made and name in only}), stored
+    return declared(
+        {name: made[name] for name in HISTORIES if name in made and name in only}
+    ), stored
 
 
 def _journals(
