@@ -477,9 +477,11 @@ def applied_effort(
         motor, link = mechanism.motor(name), mechanism.coordinate(name)
         effort[:, motor] -= (1.0 + gear.kinematic_error(q[:, motor])[1]) * torque
         effort[:, link] += torque
+    bristled = iter(records.recorded("joint_bristles").T)  # in the same order, then motors'
     for name, joint in friction.items():
         at = mechanism.coordinate(name)
-        effort[:, at] -= joint.torque(v[:, at])
+        held = joint.presliding and (joint.coulomb or joint.excess)
+        effort[:, at] -= next(bristled) if held else joint.torque(v[:, at])
     return effort
 
 
