@@ -12,6 +12,7 @@ from __future__ import annotations
 import ctypes
 import gc
 import importlib
+import operator
 import re
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
@@ -19,6 +20,7 @@ from typing import Any
 
 from llvmlite import binding, ir
 from numba import from_dtype, njit, types
+from numba.core.base import BaseContext
 from numba.core.codegen import CPUCodeLibrary, JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_lock import global_compiler_lock
@@ -26,6 +28,7 @@ from numba.core.compiler_machinery import AnalysisPass, register_pass
 from numba.core.registry import cpu_target
 from numba.core.runtime import rtsys
 from numba.core.typed_passes import AnnotateTypes
+from numba.core.types.functions import BaseFunction
 
 from jointplay.base.intrinsics import numba_type
 from jointplay.base.objects import Target, Unresolved
@@ -45,6 +48,8 @@ USED = {
     ),
     CompilerBase: ("define_pipelines",),
     DefaultPassBuilder: ("define_nopython_pipeline",),
+    BaseContext: ("get_abi_sizeof",),
+    BaseFunction: ("get_call_type",),
 }
 """Attributes of numba's classes that are called or replaced here."""
 
@@ -166,6 +171,39 @@ def _without_collection() -> Iterator[None]:
             gc.enable()
 
 
+_OPERATORS = frozenset(one for one in vars(operator).values() if callable(one))
+
+
+@contextmanager
+def _remembering() -> Iterator[None]:
+    """Within the block numba is asked once how an operator takes some types, and how large a type
+    is: it tries dozens of ways each time, and writes and parses a module to find a size.
+    """
+    ask_call, ask_size = BaseFunction.get_call_type, BaseContext.get_abi_sizeof
+    calls: dict[Any, Any] = {}
+    sizes: dict[str, int] = {}
+
+    def call_type(function: Any, context: Any, given: Any, named: Any) -> Any:
+        if named or function.typing_key not in _OPERATORS:
+            return ask_call(function, context, given, named)
+        asked = function, given
+        if asked not in calls:
+            calls[asked] = ask_call(function, context, given, named)
+        return calls[asked]
+
+    def size(context: Any, kind: Any) -> int:
+        words = str(kind)
+        if words not in sizes:
+            sizes[words] = ask_size(context, kind)
+        return sizes[words]
+
+    BaseFunction.get_call_type, BaseContext.get_abi_sizeof = call_type, size
+    try:
+        yield
+    finally:
+        BaseFunction.get_call_type, BaseContext.get_abi_sizeof = ask_call, ask_size
+
+
 def build(dispatcher: Any, signature: str, target: Target) -> tuple[bytes, str]:
     """Object code of a function, and a letter for each number that it returns.
 
@@ -177,7 +215,7 @@ def build(dispatcher: Any, signature: str, target: Target) -> tuple[bytes, str]:
     Raises:
         Unresolved: it needs numba's own libraries.
     """
-    with _without_collection(), global_compiler_lock:
+    with _without_collection(), global_compiler_lock, _remembering():
         kinds = _types(signature)
         dispatcher.compile(tuple(kinds))
         made = dispatcher.overloads[tuple(kinds)]
