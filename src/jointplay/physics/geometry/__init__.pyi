@@ -6,6 +6,8 @@ from .contacts import deepest_rim_direction as deepest_rim_direction
 from .contacts import radial_gap as radial_gap
 from .contacts import touch as touch
 from .contacts import touch_cylinder as touch_cylinder
+from .contacts import touch_faces as touch_faces
+from .contacts import touch_rims as touch_rims
 from .contacts import worn_bore as worn_bore
 from .contacts import worn_gap as worn_gap
 from .shapes import CONTACT_TOLERANCE_M as CONTACT_TOLERANCE_M

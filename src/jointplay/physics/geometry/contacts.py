@@ -12,6 +12,8 @@ from jointplay.physics.geometry.cylinder import (
     deepest_rim_direction,
     radial_gap,
     touch_cylinder,
+    touch_faces,
+    touch_rims,
     worn_bore,
     worn_gap,
 )
@@ -36,6 +38,8 @@ __all__ = [
     "radial_gap",
     "touch",
     "touch_cylinder",
+    "touch_faces",
+    "touch_rims",
     "worn_bore",
     "worn_gap",
 ]

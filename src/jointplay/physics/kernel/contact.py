@@ -11,7 +11,7 @@ import math
 
 from jointplay.base.compiler import address_of, compiled, pointer
 from jointplay.physics.contact.calls import call_bristle, call_friction, call_normal
-from jointplay.physics.geometry import Shape, touch_cylinder
+from jointplay.physics.geometry import Shape, touch_faces, touch_rims
 from jointplay.physics.geometry import touch as touch_shape
 from jointplay.physics.kernel.access import record_failure
 from jointplay.physics.kernel.constants import AZIMUTHS, WELL_RESOLVED_STEPS, Status
@@ -52,12 +52,23 @@ began straight at full speed would push by many times the friction until they ha
 def _contact_place(joint, k):
     """Gap of contact k at the joint's pose, its arm (3) and direction (3)."""
     pose, dimensions = joint.pose, pointer(joint.dimensions)
-    if joint.shape == _CYLINDER:
-        d0, d1, d2, d3 = dimensions[0], dimensions[1], dimensions[2], dimensions[3]
-        return touch_cylinder(
-            k, pose[0], pose[1], pose[2], pose[5], pose[8], pose[11], d0, d1, d2, d3
-        )
     return touch_shape(joint.shape, dimensions, 0, k, pose[0], pose[1], pose[2], pose, 3)
+
+
+@compiled
+def _rims_of_cylinder(joint):
+    """The same of contacts 0 and 1 of a cylinder."""
+    pose, d = joint.pose, pointer(joint.dimensions)
+    axis = pose[5], pose[8], pose[11]
+    return touch_rims(pose[0], pose[1], pose[2], *axis, d[0], d[1], d[2], d[3])
+
+
+@compiled
+def _faces_of_cylinder(joint):
+    """The same of contacts 2 and 3 of a cylinder."""
+    pose, d = joint.pose, pointer(joint.dimensions)
+    axis = pose[5], pose[8], pose[11]
+    return touch_faces(pose[0], pose[1], pose[2], *axis, d[0], d[1], d[2], d[3])
 
 
 @compiled
@@ -69,6 +80,49 @@ def contact_gap(joint, k):
 
 
 @compiled
+def is_clear(joint, k):
+    """Whether contact k cannot touch at the joint's pose, as far as centre and tilt alone tell.
+
+    A rim reaches no farther than its centre and its radius together, a face no higher than R_j
+    sin(tilt) above its centre: of a cylinder that is known without a root or division.
+    """
+    if joint.shape != _CYLINDER or joint.resultant != 0:
+        return False
+    pose, d = joint.pose, pointer(joint.dimensions)
+    side = 1.0 - 2.0 * (k & 1)
+    ax, ay = pose[5], pose[8]
+    if k < 2:
+        play, reach = d[0] - d[1], side * d[3]
+        px, py = pose[0] + reach * ax, pose[1] + reach * ay
+        return play > 0.0 and px * px + py * py < play * play
+    room = d[2] - side * pose[2] - d[3] * pose[11]
+    return room > 0.0 and d[1] * d[1] * (ax * ax + ay * ay) < room * room
+
+
+@compiled
+def _take_place(run, j, joint, k, place):
+    """Take the place of contact k of joint j, and the elastic force there; whether it touches."""
+    contact = run.contacts[j, k]
+    gap, rx, ry, rz, nx, ny, nz = place
+    contact.gap = gap
+    contact.touching = 0
+    if gap >= 0.0:
+        return False
+    if gap < joint.limit:
+        record_failure(run, _BROKE_OUT, run.width * j + k)
+        return False
+    if k < joint.must_not_touch:
+        record_failure(run, _FILM_BROKE, run.width * j + k)
+        return False
+    contact.touching = 1
+    set_vector(contact.arm, 0, (rx, ry, rz))
+    set_vector(contact.direction, 0, (nx, ny, nz))
+    law = address_of(contact.parameters)
+    contact.elastic = call_normal(joint.normal_law, (-gap, 0.0, 1.0, law))
+    return True
+
+
+@compiled
 def find_gaps(run, j, joint):
     """Find gap, place and normal of each contact of joint j; returns whether any touches.
 
@@ -77,25 +131,17 @@ def find_gaps(run, j, joint):
     if joint.resultant != 0:
         return find_elements(run, j, joint)
     touching = False
-    for k in range(joint.count):
-        contact = run.contacts[j, k]
-        gap, rx, ry, rz, nx, ny, nz = _contact_place(joint, k)
-        contact.gap = gap
-        contact.touching = 0
-        if gap >= 0.0:
-            continue
-        if gap < joint.limit:
-            record_failure(run, _BROKE_OUT, run.width * j + k)
-            continue
-        if k < joint.must_not_touch:
-            record_failure(run, _FILM_BROKE, run.width * j + k)
-            continue
-        contact.touching = 1
-        touching = True
-        set_vector(contact.arm, 0, (rx, ry, rz))
-        set_vector(contact.direction, 0, (nx, ny, nz))
-        law = address_of(contact.parameters)
-        contact.elastic = call_normal(joint.normal_law, (-gap, 0.0, 1.0, law))
+    if joint.shape != _CYLINDER:
+        for k in range(joint.count):
+            touching |= _take_place(run, j, joint, k, _contact_place(joint, k))
+        return touching
+    one, other = _rims_of_cylinder(joint)
+    touching |= _take_place(run, j, joint, 0, one)
+    touching |= _take_place(run, j, joint, 1, other)
+    if joint.count > 2:
+        one, other = _faces_of_cylinder(joint)
+        touching |= _take_place(run, j, joint, 2, one)
+        touching |= _take_place(run, j, joint, 3, other)
     return touching
 
 
