@@ -2,6 +2,7 @@ from .contacts import axial_gap as axial_gap
 from .contacts import classify_form as classify_form
 from .contacts import classify_many as classify_many
 from .contacts import classify_mode as classify_mode
+from .contacts import clear_of_cylinder as clear_of_cylinder
 from .contacts import deepest_rim_direction as deepest_rim_direction
 from .contacts import radial_gap as radial_gap
 from .contacts import touch as touch

@@ -9,6 +9,7 @@ import numpy as np
 from jointplay.base.compiler import calling_with_arrays, compiled
 from jointplay.physics.geometry.cylinder import (
     axial_gap,
+    clear_of_cylinder,
     deepest_rim_direction,
     radial_gap,
     touch_cylinder,
@@ -34,6 +35,7 @@ __all__ = [
     "classify_form",
     "classify_many",
     "classify_mode",
+    "clear_of_cylinder",
     "deepest_rim_direction",
     "radial_gap",
     "touch",

@@ -171,6 +171,21 @@ def touch_faces(cx, cy, cz, ax, ay, az, ri, rj, half_li, half_lj):
     return one, (half_li + (cz - ez) - height, ox - ex, oy - ey, oz - ez, 0.0, 0.0, 1.0)
 
 
+@compiled
+def clear_of_cylinder(k, cx, cy, cz, ax, ay, az, ri, rj, half_li, half_lj):
+    """Whether contact k of a cylinder cannot touch, as far as centre and tilt alone tell.
+
+    A rim reaches no farther than its centre and its radius together, a face no higher than R_j
+    sin(tilt) above its centre: that is known without a root or division.
+    """
+    side = 1.0 - 2.0 * (k & 1)
+    if k < 2:
+        play, px, py = ri - rj, cx + side * half_lj * ax, cy + side * half_lj * ay
+        return play > 0.0 and px * px + py * py < play * play
+    room = half_li - side * cz - half_lj * az
+    return room > 0.0 and rj * rj * (ax * ax + ay * ay) < room * room
+
+
 # Gaps in a bore that wear has made out of round.
 
 

@@ -11,7 +11,7 @@ import math
 
 from jointplay.base.compiler import address_of, compiled, pointer
 from jointplay.physics.contact.calls import call_bristle, call_friction, call_normal
-from jointplay.physics.geometry import Shape, touch_faces, touch_rims
+from jointplay.physics.geometry import Shape, clear_of_cylinder, touch_faces, touch_rims
 from jointplay.physics.geometry import touch as touch_shape
 from jointplay.physics.kernel.access import record_failure
 from jointplay.physics.kernel.constants import AZIMUTHS, WELL_RESOLVED_STEPS, Status
@@ -81,22 +81,12 @@ def contact_gap(joint, k):
 
 @compiled
 def is_clear(joint, k):
-    """Whether contact k cannot touch at the joint's pose, as far as centre and tilt alone tell.
-
-    A rim reaches no farther than its centre and its radius together, a face no higher than R_j
-    sin(tilt) above its centre: of a cylinder that is known without a root or division.
-    """
+    """Whether contact k cannot touch at the joint's pose, as far as that is plain."""
     if joint.shape != _CYLINDER or joint.resultant != 0:
         return False
     pose, d = joint.pose, pointer(joint.dimensions)
-    side = 1.0 - 2.0 * (k & 1)
-    ax, ay = pose[5], pose[8]
-    if k < 2:
-        play, reach = d[0] - d[1], side * d[3]
-        px, py = pose[0] + reach * ax, pose[1] + reach * ay
-        return play > 0.0 and px * px + py * py < play * play
-    room = d[2] - side * pose[2] - d[3] * pose[11]
-    return room > 0.0 and d[1] * d[1] * (ax * ax + ay * ay) < room * room
+    axis = pose[5], pose[8], pose[11]
+    return clear_of_cylinder(k, pose[0], pose[1], pose[2], *axis, d[0], d[1], d[2], d[3])
 
 
 @compiled
@@ -382,10 +372,9 @@ def add_contact_forces(run, j, joint):
             contact.mu = call_friction(joint.friction_law, (speed, law))
             friction = scale(-contact.mu * normal / speed if speed > 0.0 else 0.0, slip)
         contact.normal_now = normal
-        contact.tangential_now = norm(friction)
-        contact.friction_power = -dot(friction, slip)
+        set_vector(contact.friction, 0, friction)
+        set_vector(contact.slip, 0, slip)
         force = add_scaled(friction, normal, get_vector(contact.direction, 0))
-        set_vector(contact.force, 0, force)
         moment = cross(get_vector(contact.arm, 0), force)
         for r in range(3):
             wrench[r] += force[r]
@@ -394,7 +383,10 @@ def add_contact_forces(run, j, joint):
 
 @compiled
 def add_dissipation(run, j, joint):
-    """Add the power dissipated in the contacts of joint j; stop the run where a law has failed."""
+    """Add the power dissipated in the contacts of joint j; stop the run where a law has failed.
+
+    What no trial of the velocity solve asks for is found here.
+    """
     if joint.resultant != 0:
         add_element_losses(run, joint)
         return
@@ -402,6 +394,9 @@ def add_dissipation(run, j, joint):
         contact = run.contacts[j, k]
         if contact.touching == 0:
             continue
+        friction = get_vector(contact.friction, 0)
+        contact.tangential_now = norm(friction)
+        contact.friction_power = -dot(friction, get_vector(contact.slip, 0))
         run.power[NORMAL] += (contact.normal_now - contact.elastic) * contact.rate
         run.power[FRICTION] += contact.friction_power
         finite = math.isfinite(contact.normal_now + contact.elastic + contact.tangential_now)
@@ -423,14 +418,9 @@ def average_stage_forces(joint, contact_rows, stage, part):
             set_vector(contact.mean_friction, 0, (0.0, 0.0, 0.0))
         if contact.touching != 0:
             contact.mean_normal += part * contact.normal_now
-            friction = add_scaled(
-                get_vector(contact.force, 0), -contact.normal_now, get_vector(contact.direction, 0)
-            )
-            set_vector(
-                contact.mean_friction,
-                0,
-                add_scaled(get_vector(contact.mean_friction, 0), part, friction),
-            )
+            mean = get_vector(contact.mean_friction, 0)
+            friction = get_vector(contact.friction, 0)
+            set_vector(contact.mean_friction, 0, add_scaled(mean, part, friction))
 
 
 @compiled
