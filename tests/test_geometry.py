@@ -6,6 +6,7 @@ from conftest import gaps, journal_axis
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from jointplay.base.compiler import compiled
 from jointplay.physics.geometry import (
     CONTACT_TOLERANCE_M,
     EDGE_ROUNDING_M,
@@ -15,6 +16,11 @@ from jointplay.physics.geometry import (
     classify_form,
     classify_many,
     classify_mode,
+    clear_of_cylinder,
+    deepest_rim_direction,
+    touch_cylinder,
+    touch_faces,
+    touch_rims,
 )
 
 RI, LI, RJ, LJ = 10e-3, 40e-3, 9.8e-3, 39.6e-3
@@ -62,6 +68,54 @@ def test_deepest_point_is_found_at_large_tilts_too(tilt, x, y):
     for end, side in enumerate((1.0, -1.0)):
         points = rim(centre, axis, side)
         assert gap[end] == pytest.approx(RI - np.hypot(*points.T[:2]).max(), abs=3e-9)
+
+
+@compiled
+def of_both_ends(k, cx, cy, cz, ax, ay, az, ri, rj, half_li, half_lj):
+    """What `touch_rims` and `touch_faces` say of contact k."""
+    one, other = touch_rims(cx, cy, cz, ax, ay, az, ri, rj, half_li, half_lj)
+    if k > 1:
+        one, other = touch_faces(cx, cy, cz, ax, ay, az, ri, rj, half_li, half_lj)
+    return other if k & 1 else one
+
+
+@settings(max_examples=60)
+@given(poses)
+def test_both_ends_at_once_are_each_end_alone(values):
+    centre, axis = pose(*values)
+    where = (*map(float, centre), *map(float, axis), RI, RJ, LI / 2, LJ / 2)
+    for k in range(4):
+        assert of_both_ends(k, *where) == touch_cylinder(k, *where)
+
+
+@settings(max_examples=200)
+@given(poses)
+def test_what_is_plainly_clear_does_not_touch(values):
+    centre, axis = pose(*values)
+    where = (*map(float, centre), *map(float, axis), RI, RJ, LI / 2, LJ / 2)
+    for k in range(4):
+        if clear_of_cylinder(k, *where):
+            assert touch_cylinder(k, *where)[0] > 0.0
+
+
+def test_parallel_axes_are_plainly_clear_until_they_touch():
+    for away in (0.999, 1.001):
+        where = (away * (RI - RJ), 0.0, away * (LI - LJ) / 2, 0.0, 0.0, 1.0, RI, RJ, LI / 2, LJ / 2)
+        clear = [clear_of_cylinder(k, *where) for k in range(4)]
+        assert clear == ([1, 1, 1, 1] if away < 1.0 else [0, 0, 0, 1])
+
+
+@pytest.mark.parametrize("kappa", [1e-9, 1e-4, 1e-2, 0.04, 0.049999, 0.050001, 0.3])
+@pytest.mark.parametrize("alpha", [0.0, 1e-7, 0.3, np.pi / 4, 1.2, np.pi / 2])
+def test_deepest_direction_is_a_root_to_rounding(kappa, alpha):
+    """Whichever way it is found, small kappa or not."""
+    tilt = 0.2
+    norm = RJ * np.sin(tilt) ** 2 / (2 * kappa)
+    x, y = norm * np.cos(alpha), norm * np.sin(alpha)
+    c, s = deepest_rim_direction(x / np.cos(tilt), y, np.sin(tilt), np.cos(tilt), RJ)
+    assert np.hypot(c, s) == pytest.approx(1.0, abs=4e-16)
+    wrong = y * c - x * s + RJ * np.sin(tilt) ** 2 * s * c
+    assert abs(wrong) < 1e-15 * (norm + RJ * np.sin(tilt) ** 2)
 
 
 def meeting_axes(theta, m, reach, azimuth):

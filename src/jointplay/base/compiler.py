@@ -282,6 +282,9 @@ def compiled(function: Callable[..., Any] | None = None, **options: Any) -> Any:
 contracted = compiled(fastmath={"contract"})
 """The same of those whose products and sums may be rounded once instead of twice."""
 
+reordered = compiled(fastmath={"reassoc"})
+"""The same of sums that are taken in any order: several terms at a time."""
+
 
 class Lazy:
     """What compiled code takes from `intrinsics`, made when something is compiled."""

@@ -2,10 +2,13 @@ from .contacts import axial_gap as axial_gap
 from .contacts import classify_form as classify_form
 from .contacts import classify_many as classify_many
 from .contacts import classify_mode as classify_mode
+from .contacts import clear_of_cylinder as clear_of_cylinder
 from .contacts import deepest_rim_direction as deepest_rim_direction
 from .contacts import radial_gap as radial_gap
 from .contacts import touch as touch
 from .contacts import touch_cylinder as touch_cylinder
+from .contacts import touch_faces as touch_faces
+from .contacts import touch_rims as touch_rims
 from .contacts import worn_bore as worn_bore
 from .contacts import worn_gap as worn_gap
 from .shapes import CONTACT_TOLERANCE_M as CONTACT_TOLERANCE_M

@@ -9,9 +9,12 @@ import numpy as np
 from jointplay.base.compiler import calling_with_arrays, compiled
 from jointplay.physics.geometry.cylinder import (
     axial_gap,
+    clear_of_cylinder,
     deepest_rim_direction,
     radial_gap,
     touch_cylinder,
+    touch_faces,
+    touch_rims,
     worn_bore,
     worn_gap,
 )
@@ -32,10 +35,13 @@ __all__ = [
     "classify_form",
     "classify_many",
     "classify_mode",
+    "clear_of_cylinder",
     "deepest_rim_direction",
     "radial_gap",
     "touch",
     "touch_cylinder",
+    "touch_faces",
+    "touch_rims",
     "worn_bore",
     "worn_gap",
 ]

@@ -32,7 +32,7 @@ from jointplay.physics.contact.calls import call_normal
 from jointplay.physics.kernel.access import words
 from jointplay.physics.kernel.bodies import place_bodies
 from jointplay.physics.kernel.constants import POWERS
-from jointplay.physics.kernel.contact import contact_gap
+from jointplay.physics.kernel.contact import contact_gap, is_clear
 from jointplay.physics.kernel.frames import cross, get_vector, project_wrench, set_vector
 from jointplay.physics.kernel.layout import SPEED, STORED
 from jointplay.physics.kernel.multirate import (
@@ -119,8 +119,11 @@ def _restore(run):
 
 
 @compiled
-def _gap_ahead(run, elapsed):
-    """Least gap of the contacts that do not touch now, `elapsed` after the present state."""
+def _gap_ahead(run, elapsed, every):
+    """Least gap of the contacts that do not touch now, `elapsed` after the present state.
+
+    Unless of `every` one, those that are plainly clear are left out.
+    """
     nv = run.nv
     q, v, a = run.q, run.v, run.a
     there = run.trial[SPEED]
@@ -132,7 +135,7 @@ def _gap_ahead(run, elapsed):
         joint = run.joints[j]
         find_pose(run, joint, there)
         for k in range(joint.count):
-            if run.contacts[j, k].touching == 0:
+            if run.contacts[j, k].touching == 0 and (every or not is_clear(joint, k)):
                 least = min(least, contact_gap(joint, k))
     return least
 
@@ -155,7 +158,7 @@ def _time_to_onset(run, h):
 
     By the Illinois form of regula falsi; the state found lies just behind the onset.
     """
-    end = _gap_ahead(run, h)
+    end = _gap_ahead(run, h, False)
     if end >= 0.0:
         return h
     low, gap, high, depth = 0.0, _least_gap(run), h, -end
@@ -168,7 +171,7 @@ def _time_to_onset(run, h):
         # Aim just behind the onset, so that it is the end behind it that comes near.
         part = (gap + 0.5 * enough) / (gap + weight)
         middle = low + min(max(part, 1e-3), 0.999) * (high - low)
-        found = _gap_ahead(run, middle)
+        found = _gap_ahead(run, middle, True)
         if found >= 0.0:
             low, gap = middle, found
             weight *= 0.5

@@ -11,7 +11,7 @@ import math
 
 from jointplay.base.compiler import address_of, compiled, pointer
 from jointplay.physics.contact.calls import call_bristle, call_friction, call_normal
-from jointplay.physics.geometry import Shape, touch_cylinder
+from jointplay.physics.geometry import Shape, clear_of_cylinder, touch_faces, touch_rims
 from jointplay.physics.geometry import touch as touch_shape
 from jointplay.physics.kernel.access import record_failure
 from jointplay.physics.kernel.constants import AZIMUTHS, WELL_RESOLVED_STEPS, Status
@@ -52,12 +52,23 @@ began straight at full speed would push by many times the friction until they ha
 def _contact_place(joint, k):
     """Gap of contact k at the joint's pose, its arm (3) and direction (3)."""
     pose, dimensions = joint.pose, pointer(joint.dimensions)
-    if joint.shape == _CYLINDER:
-        d0, d1, d2, d3 = dimensions[0], dimensions[1], dimensions[2], dimensions[3]
-        return touch_cylinder(
-            k, pose[0], pose[1], pose[2], pose[5], pose[8], pose[11], d0, d1, d2, d3
-        )
     return touch_shape(joint.shape, dimensions, 0, k, pose[0], pose[1], pose[2], pose, 3)
+
+
+@compiled
+def _rims_of_cylinder(joint):
+    """The same of contacts 0 and 1 of a cylinder."""
+    pose, d = joint.pose, pointer(joint.dimensions)
+    axis = pose[5], pose[8], pose[11]
+    return touch_rims(pose[0], pose[1], pose[2], *axis, d[0], d[1], d[2], d[3])
+
+
+@compiled
+def _faces_of_cylinder(joint):
+    """The same of contacts 2 and 3 of a cylinder."""
+    pose, d = joint.pose, pointer(joint.dimensions)
+    axis = pose[5], pose[8], pose[11]
+    return touch_faces(pose[0], pose[1], pose[2], *axis, d[0], d[1], d[2], d[3])
 
 
 @compiled
@@ -69,6 +80,39 @@ def contact_gap(joint, k):
 
 
 @compiled
+def is_clear(joint, k):
+    """Whether contact k cannot touch at the joint's pose, as far as that is plain."""
+    if joint.shape != _CYLINDER or joint.resultant != 0:
+        return False
+    pose, d = joint.pose, pointer(joint.dimensions)
+    axis = pose[5], pose[8], pose[11]
+    return clear_of_cylinder(k, pose[0], pose[1], pose[2], *axis, d[0], d[1], d[2], d[3])
+
+
+@compiled
+def _take_place(run, j, joint, k, place):
+    """Take the place of contact k of joint j, and the elastic force there; whether it touches."""
+    contact = run.contacts[j, k]
+    gap, rx, ry, rz, nx, ny, nz = place
+    contact.gap = gap
+    contact.touching = 0
+    if gap >= 0.0:
+        return False
+    if gap < joint.limit:
+        record_failure(run, _BROKE_OUT, run.width * j + k)
+        return False
+    if k < joint.must_not_touch:
+        record_failure(run, _FILM_BROKE, run.width * j + k)
+        return False
+    contact.touching = 1
+    set_vector(contact.arm, 0, (rx, ry, rz))
+    set_vector(contact.direction, 0, (nx, ny, nz))
+    law = address_of(contact.parameters)
+    contact.elastic = call_normal(joint.normal_law, (-gap, 0.0, 1.0, law))
+    return True
+
+
+@compiled
 def find_gaps(run, j, joint):
     """Find gap, place and normal of each contact of joint j; returns whether any touches.
 
@@ -77,25 +121,17 @@ def find_gaps(run, j, joint):
     if joint.resultant != 0:
         return find_elements(run, j, joint)
     touching = False
-    for k in range(joint.count):
-        contact = run.contacts[j, k]
-        gap, rx, ry, rz, nx, ny, nz = _contact_place(joint, k)
-        contact.gap = gap
-        contact.touching = 0
-        if gap >= 0.0:
-            continue
-        if gap < joint.limit:
-            record_failure(run, _BROKE_OUT, run.width * j + k)
-            continue
-        if k < joint.must_not_touch:
-            record_failure(run, _FILM_BROKE, run.width * j + k)
-            continue
-        contact.touching = 1
-        touching = True
-        set_vector(contact.arm, 0, (rx, ry, rz))
-        set_vector(contact.direction, 0, (nx, ny, nz))
-        law = address_of(contact.parameters)
-        contact.elastic = call_normal(joint.normal_law, (-gap, 0.0, 1.0, law))
+    if joint.shape != _CYLINDER:
+        for k in range(joint.count):
+            touching |= _take_place(run, j, joint, k, _contact_place(joint, k))
+        return touching
+    one, other = _rims_of_cylinder(joint)
+    touching |= _take_place(run, j, joint, 0, one)
+    touching |= _take_place(run, j, joint, 1, other)
+    if joint.count > 2:
+        one, other = _faces_of_cylinder(joint)
+        touching |= _take_place(run, j, joint, 2, one)
+        touching |= _take_place(run, j, joint, 3, other)
     return touching
 
 
@@ -336,10 +372,9 @@ def add_contact_forces(run, j, joint):
             contact.mu = call_friction(joint.friction_law, (speed, law))
             friction = scale(-contact.mu * normal / speed if speed > 0.0 else 0.0, slip)
         contact.normal_now = normal
-        contact.tangential_now = norm(friction)
-        contact.friction_power = -dot(friction, slip)
+        set_vector(contact.friction, 0, friction)
+        set_vector(contact.slip, 0, slip)
         force = add_scaled(friction, normal, get_vector(contact.direction, 0))
-        set_vector(contact.force, 0, force)
         moment = cross(get_vector(contact.arm, 0), force)
         for r in range(3):
             wrench[r] += force[r]
@@ -348,7 +383,10 @@ def add_contact_forces(run, j, joint):
 
 @compiled
 def add_dissipation(run, j, joint):
-    """Add the power dissipated in the contacts of joint j; stop the run where a law has failed."""
+    """Add the power dissipated in the contacts of joint j; stop the run where a law has failed.
+
+    What no trial of the velocity solve asks for is found here.
+    """
     if joint.resultant != 0:
         add_element_losses(run, joint)
         return
@@ -356,6 +394,9 @@ def add_dissipation(run, j, joint):
         contact = run.contacts[j, k]
         if contact.touching == 0:
             continue
+        friction = get_vector(contact.friction, 0)
+        contact.tangential_now = norm(friction)
+        contact.friction_power = -dot(friction, get_vector(contact.slip, 0))
         run.power[NORMAL] += (contact.normal_now - contact.elastic) * contact.rate
         run.power[FRICTION] += contact.friction_power
         finite = math.isfinite(contact.normal_now + contact.elastic + contact.tangential_now)
@@ -377,14 +418,9 @@ def average_stage_forces(joint, contact_rows, stage, part):
             set_vector(contact.mean_friction, 0, (0.0, 0.0, 0.0))
         if contact.touching != 0:
             contact.mean_normal += part * contact.normal_now
-            friction = add_scaled(
-                get_vector(contact.force, 0), -contact.normal_now, get_vector(contact.direction, 0)
-            )
-            set_vector(
-                contact.mean_friction,
-                0,
-                add_scaled(get_vector(contact.mean_friction, 0), part, friction),
-            )
+            mean = get_vector(contact.mean_friction, 0)
+            friction = get_vector(contact.friction, 0)
+            set_vector(contact.mean_friction, 0, add_scaled(mean, part, friction))
 
 
 @compiled

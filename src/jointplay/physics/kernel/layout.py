@@ -193,7 +193,8 @@ CONTACT = _record(
     tangential_now=_FLOAT,
     friction_power=_FLOAT,  # dissipated [W]
     mu=_FLOAT,
-    force=(_FLOAT, (3,)),
+    friction=(_FLOAT, (3,)),
+    slip=(_FLOAT, (3,)),  # sliding velocity
     approach=_FLOAT,
     reference=_FLOAT,  # speed that damping is referred to, at least `approach` [m/s]
     # Bristles now.

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 
-from jointplay.base.compiler import compiled
+from jointplay.base.compiler import compiled, reordered
 from jointplay.physics.kernel.access import flat, record_failure
 from jointplay.physics.kernel.constants import Status
 from jointplay.physics.kernel.contact import add_dissipation, bend_at_start, commit_contacts
@@ -333,6 +333,16 @@ def _base_velocity(run, q, half, v, base, h):
                 base[one.coordinate] = v[one.coordinate]
 
 
+@reordered
+def _sizes(v, forces, pushed, nv):
+    """Sum of all speeds, and the product of forces and what they push."""
+    size = square = 0.0
+    for i in range(nv):
+        size += abs(v[i])
+        square += forces[i] * pushed[i]
+    return size, square
+
+
 @compiled
 def _complete_velocities(run, half, v, base, h):
     """Velocities that the solve left out, and all accelerations; returns their size."""
@@ -351,12 +361,10 @@ def _complete_velocities(run, half, v, base, h):
             row, force = minv[touched[b]], forces[touched[b]]
             for i in range(nv):
                 pushed[i] += force * row[i]
-    size = square = 0.0
     for i in range(nv):
-        square += forces[i] * pushed[i]
         v[i] = base[i] + h * pushed[i]
         a[i] = (v[i] - half[i]) / h
-        size += abs(v[i])
+    size, square = _sizes(v, forces, pushed, nv)
     run.moved_by_forces = math.sqrt(max(square, 0.0))
     return size
 

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 
-from jointplay.base.compiler import compiled, contracted
+from jointplay.base.compiler import compiled, contracted, reordered
 from jointplay.physics.kernel.access import flat, square
 from jointplay.physics.kernel.bodies import place_bodies
 from jointplay.physics.kernel.contact import (
@@ -195,6 +195,15 @@ def add_rows(rows, factors, total, n, size):
             total[a] += factor * rows[b, a]
 
 
+@reordered
+def weighted_square(values, weights, n):
+    """Sum of the squares of the first `n` values, each times its weight."""
+    total = 0.0
+    for a in range(n):
+        total += values[a] * values[a] * weights[a]
+    return total
+
+
 @compiled
 def _listed_compliance(run, n):
     """M^-1 of the coordinates that take part."""
@@ -207,12 +216,9 @@ def _residual(run, h, n):
     trial = run.trial
     speed, base, inertia, error = trial[SPEED], trial[BASE], trial[INERTIA], trial[ERROR]
     add_rows(_listed_compliance(run, n), trial[PUSH], error, n, n)
-    size = 0.0
     for a in range(n):
-        wrong = speed[a] - base[a] - h * error[a]
-        error[a] = wrong
-        size += wrong * wrong * inertia[a]
-    return size
+        error[a] = speed[a] - base[a] - h * error[a]
+    return weighted_square(error, inertia, n)
 
 
 @compiled
@@ -308,11 +314,10 @@ def _initial_guess(run, base, v, n):
         i = touched[a]
         least = max(least, LEAST_COMPLIANCE * minv[i, i])
         trial[BASE, a], trial[SPEED, a] = base[i], v[i]
-    size = 0.0
     for a in range(n):
         i = touched[a]
         inertia[a] = 1.0 / max(minv[i, i], least)
-        size += trial[BASE, a] * trial[BASE, a] * inertia[a]
+    size = weighted_square(trial[BASE], inertia, n)
     return n * TOLERANCE * TOLERANCE + RELATIVE_TOLERANCE * RELATIVE_TOLERANCE * size
 
 
