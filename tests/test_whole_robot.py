@@ -245,13 +245,13 @@ def test_values_are_drawn_within_the_intervals_and_seeds_repeat(mechanism, reduc
 
 
 def identified(**row):
-    return {"unknowns": [{"joint": "a", "scenario": 5e-3} | row]}
+    return {"unknowns": [{"joint": "a", "expected": 5e-3} | row]}
 
 
 def test_identified_intervals_replace_the_spread(mechanism, reductions):
-    found = identified(unknown="gear_play", low=4e-3, high=5e-3)
-    found["unknowns"] += identified(unknown="gear_compliance", low=1e-3, high=2e-3)["unknowns"]
-    found["unknowns"].append({"joint": "b", "unknown": "gear_play", "why_not": "never reverses"})
+    found = identified(quantity="gear_play", low=4e-3, high=5e-3)
+    found["unknowns"] += identified(quantity="gear_compliance", low=1e-3, high=2e-3)["unknowns"]
+    found["unknowns"].append({"joint": "b", "quantity": "gear_play", "reason": "never reverses"})
     ranges = {(x.joint, x.quantity): x for x in intervals(mechanism, reductions, 0.1, found)}
     play, stiff = ranges["a", "half_play"], ranges["a", "stiffness"]
     assert (play.low, play.high, play.origin) == (2e-3, 2.5e-3, "identified")
@@ -270,7 +270,7 @@ def test_the_command_writes_the_whole_robot_and_its_copies(path, tmp_path, capsy
 
     out = tmp_path / "out"
     found = tmp_path / "identified.json"
-    found.write_text(json.dumps(identified(unknown="gear_play", low=4e-3, high=5e-3)))
+    found.write_text(json.dumps(identified(quantity="gear_play", low=4e-3, high=5e-3)))
     order = [
         "export",
         "simulator",
@@ -391,8 +391,8 @@ def test_the_command_refuses_what_cannot_be(path, tmp_path, capsys, options, mes
         ("{", "is no JSON"),
         ("[1]", "no list 'unknowns'"),
         ('{"unknowns": []}', "nothing was identified"),
-        (json.dumps(identified(joint="q", unknown="gear_play", low=1.0, high=2.0)), "'q'"),
-        (json.dumps(identified(unknown="restitution", low=0.1, high=0.2)), "is drawn for"),
+        (json.dumps(identified(joint="q", quantity="gear_play", low=1.0, high=2.0)), "'q'"),
+        (json.dumps(identified(quantity="restitution", low=0.1, high=0.2)), "is drawn for"),
     ],
 )
 def test_files_that_identify_did_not_write_are_refused(path, tmp_path, capsys, content, message):

@@ -386,7 +386,7 @@ def mukca(
         report.count(robot.name, int(fit.within.sum()), len(fit.within))
         report.say("")
         report.sets += 1
-    report.say("upper 95 % bounds of half-play [mrad]; -: this measurement cannot tell", "")
+    report.say("upper 95 % bounds of play [mrad]; -: this measurement cannot tell", "")
     report.say(str(Table.of_texts(rows)))
     return fits
 
@@ -496,7 +496,7 @@ def draw(fits: dict[str, Calibration], fits_mukca: dict[str, Calibration]) -> No
                              label=f"joint {j + 1}")  # fmt: skip
     handles = dict(zip(*axes[1].get_legend_handles_labels()[::-1], strict=True))
     axes[1].legend(handles.values(), handles, fontsize=6)
-    axes[1].set(xscale="log", xlabel="half-play at most [mrad], 95 %")
+    axes[1].set(xscale="log", xlabel="play at most [mrad], 95 %")
     for panel, labels in zip(axes, (names, []), strict=True):
         panel.set_yticks(place, labels, fontsize=7)
         panel.invert_yaxis()

@@ -115,11 +115,11 @@ def _known(identified: Mapping[str, Any]) -> dict[tuple[str, str], tuple[float, 
         raise JointplayError("this is no file of jointplay identify: it has no list 'unknowns'")
     found = {}
     for row in rows:
-        if not {"low", "high", "joint", "unknown"} <= set(row):
+        if not {"low", "high", "joint", "quantity"} <= set(row):
             continue  # the measurement could not tell
         low, high = float(row["low"]), float(row["high"])
-        nominal = float(row.get("scenario") or row.get("found") or 1.0)
-        found[str(row["joint"]), str(row["unknown"])] = (low, high, nominal)
+        nominal = float(row.get("expected") or row.get("found") or 1.0)
+        found[str(row["joint"]), str(row["quantity"])] = (low, high, nominal)
     if not found:
         raise JointplayError("nothing was identified: no unknown in the file has an interval")
     return found

@@ -285,7 +285,7 @@ class Identification:
 
     def __str__(self) -> str:
         soft = [one for one in self.elasticity if one.identified]
-        lines = [*self.notes, listed([*self.sought, *soft], scenario=True)]
+        lines = [*self.notes, listed([*self.sought, *soft], expected=True)]
         if not self.estimates:
             return "\n".join(lines)
         vague = [one.label for one in self.elasticity if not one.identified]

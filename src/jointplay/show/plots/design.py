@@ -355,7 +355,7 @@ def calibration(fit: Calibration) -> Figure:
         else:
             bounds.append(Bars([1e3 * one.upper], "", "#cccccc", height=0.5, rows=[row]))
     if told:
-        across = Axis("half-play [mrad or mm]\ninterval; grey: bound")
+        across = Axis("play [mrad or mm]\ninterval; grey: bound")
         panels.append(Panel(across, Axis(rows=[one.joint for one in told]), bounds))
     size = (3.4 * len(panels), 1.6 + 0.3 * max(len(fit.steps), 5))
     return _row(panels, size, note=f"held back: {fit.folds}; statistical, 95 %", key=2)
