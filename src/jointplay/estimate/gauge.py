@@ -291,6 +291,17 @@ def identify_gauged(
     return Gauged(tuple(found), mechanism, readings, fits, tuple(notes))
 
 
+def gauge_problems(mechanism: Mechanism, readings: Readings) -> list[LeastSquares]:
+    """Least squares of each joint's readings, see `watch`."""
+    friction, made = urdf_friction(mechanism.ideal()), []
+    for joint in dict.fromkeys(readings.joint):
+        mine = np.array([one == joint for one in readings.joint])
+        _require_recipe(readings, joint, mine)
+        slides = mechanism.description.joints[joint].slides
+        made.append(_problem(readings, joint, mine, friction[joint].coulomb, slides))
+    return made
+
+
 def _require_recipe(readings: Readings, joint: str, mine: np.ndarray) -> None:
     sizes = []
     for setup in dict.fromkeys(np.array(readings.setup)[mine]):
@@ -347,6 +358,7 @@ def _problem(
         turned,
         readings.error[use],
         nuisance,
+        (f"{joint} stiffening",),
         spread=spread,
         safety=1.0,
         assured=_SURE,
