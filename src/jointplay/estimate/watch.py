@@ -184,12 +184,12 @@ def _alarms(
         expected = _until(limit - one.value, rate.value)
         first, latest = _until(limit - one.high, rate.high), _until(limit - one.low, rate.low)
         words = f"{one.label} reaches {shown(limit)} in about {expected:.3g} {unit}s"
-        between = f"({first:.3g} to {latest:.3g}), if it goes on like this"
-        if expected <= ahead:
-            made.append(f"{words} {between}")
-        else:
-            words = words if np.isfinite(expected) else f"{one.label} may reach {shown(limit)} once"
-            notes.append(f"{words} {between}")
+        if one.value > limit:
+            words = f"{one.label} may be above {shown(limit)} already"
+        elif not np.isfinite(expected):
+            words = f"{one.label} may reach {shown(limit)} once"
+        words = f"{words} ({first:.3g} to {latest:.3g} {unit}s), if it goes on like this"
+        (made if expected <= ahead and ahead > 0.0 else notes).append(words)
     return made
 
 
