@@ -13,7 +13,7 @@ from conftest import body, joint, tip
 
 from jointplay import JointplayError, Mechanism, calibrate, encoder_differences
 from jointplay.cli import main
-from jointplay.estimate import StaticPoses, Term, plan_calibration
+from jointplay.estimate import StaticPoses, Term, plan_calibration, selection
 from jointplay.estimate.kinematic_model import Poses
 from jointplay.estimate.selection import improves
 from jointplay.estimate.static_poses import rigid_body, rotation_vectors, rotations_of, same_labels
@@ -287,6 +287,16 @@ def test_exchanged_labels_of_markers_are_found_and_put_right():
     assert same_labels(equal)[1] == ()
     with pytest.raises(JointplayError, match="at least three markers"):
         rigid_body(markers[:, :2])
+
+
+def test_bounds_hold_for_other_transitions_than_the_given_one(arm, monkeypatch):
+    measured, told = Truth(arm, 21).measured(), []
+    play = Term("play", JOINTS[1:3], friction=0.0, transition=0.3)
+    for factors in ((1.0,), (4.0,)):
+        monkeypatch.setattr(selection, "SMOOTHINGS", factors)
+        fit = calibrate(arm, measured, ["offset", play], error=(NOISE, 5.0 * NOISE))
+        told.append(fit.play_of("shoulder").upper)
+    assert told[1] > 1.05 * told[0]
 
 
 @pytest.mark.thorough

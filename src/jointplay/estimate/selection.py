@@ -713,7 +713,7 @@ class Selection:
         column = columns[i]
         friction, transition = column.term.friction or 0.0, column.term.transition or 0.0
         for factor in SMOOTHINGS:
-            feature = self.base.poses.leaning(column.joint, friction, factor * transition)
+            feature = 0.5 * self.base.poses.leaning(column.joint, friction, factor * transition)
             columns[i] = replace(column, feature=feature)
             other = fitted.problem.having(columns).fit(fitted.rows, fitted.theta)
             side = self.spread(other)[1][len(self.start) + i]
