@@ -303,6 +303,31 @@ def test_the_command_writes_the_whole_robot_and_its_copies(path, tmp_path, capsy
     assert "robot.xml" in capsys.readouterr().err
 
 
+def test_copies_are_drawn_from_the_intervals_of_ones_own_preset(tmp_path, capsys):
+    """With nothing else said, and likewise where the preset is named as what was identified."""
+    own = tmp_path / "my.toml"
+    own.write_text(
+        "[joint.elbow_flex.gear]\nplay = 5e-3\nstiffness = 100.0\n"
+        '[joint.elbow_flex.drive]\nkind = "computed-torque"\nencoder = "motor"\n'
+        '[[origin]]\nkey = "elbow_flex.gear.play"\nvalue = "5 mrad"\norigin = "measured"\n'
+        'source = "a dial gauge"\ninterval = [4e-3, 5.2e-3]\n'
+    )
+    order = ["export", "simulator", "so101", "--all", "--preset", str(own), "--quiet"]
+    order += ["--batch", "5", "--format", "json", "--spread", "0.3"]
+    rows = []
+    for number, more in enumerate(([], ["--identified", str(own)])):
+        out = tmp_path / f"out{number}"
+        assert main([*order, *more, "--out", str(out)]) == 0, capsys.readouterr().err
+        assert "within the intervals of elbow_flex half_play" in capsys.readouterr().out
+        rows.append(list(csv.DictReader((out / "batch.csv").open())))
+    assert rows[0] == rows[1]
+    assert all(2e-3 <= float(row["elbow_flex half_play [rad]"]) <= 2.6e-3 for row in rows[0])
+    bare = tmp_path / "bare.toml"
+    bare.write_text(own.read_text().replace("interval = [4e-3, 5.2e-3]\n", ""))
+    assert main([*order, "--identified", str(bare), "--out", str(tmp_path / "no")]) == 2
+    assert "no unknown in the file has an interval" in capsys.readouterr().err
+
+
 @pytest.mark.needs("mujoco")
 def test_the_tilt_of_the_axes_moves_mujocos_tool_as_far_as_the_budget_says(path):
     import mujoco
