@@ -3,6 +3,7 @@
 import importlib
 import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -185,8 +186,19 @@ def test_the_command_plans_reads_writes_and_hands_on(arm, tmp_path, capsys):
     assert {one.name for one in found.iterdir()} == {
         "identified.csv", "identified.json", "loops.png"
     }  # fmt: skip
-    assert main(["budget", robot, "--preset", str(own), "--tool", "tool"]) == 0
-    assert "j (gear)" in capsys.readouterr().out
+    low, high = preset(own).intervals["j", "gear_play"]
+    assert (low, high) == pytest.approx((rows[0]["low"], rows[0]["high"]))
+    soft = preset(own).intervals["j", "gear_compliance"]
+    assert soft == pytest.approx((rows[1]["low"], rows[1]["high"]))
+    # What it leads to keeps the interval: the budget is told at both ends.
+    budget = ["budget", robot, "--tool", "tool", "--pose", "j=0"]
+    assert main([*budget, "--preset", str(own)]) == 0
+    said = capsys.readouterr().out
+    assert "j (gear)" in said
+    ends = re.search(r"at the ends of their 95 % intervals: worst case (.*) to (.*) mm", said)
+    for play, end in zip((low, high), ends.groups(), strict=True):
+        assert main([*budget, "--gear", f"j={play!r} rad"]) == 0
+        assert f"{float(end):.3g}" in capsys.readouterr().out
 
 
 def test_the_reversal_loop_has_all_readings_and_the_play_as_its_step(arm):

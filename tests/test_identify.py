@@ -247,7 +247,7 @@ def test_what_is_identified_is_a_preset_for_other_commands(geared, tmp_path, cap
     tables = one.tables(geared.description)
     assert tables["joint_friction"]["j"]["coulomb"] == pytest.approx(0.5, rel=0.1)
     assert tables["drives"]["j"]["encoder"] == "motor"
-    origin = {one.key: one for one in one.origins}["j gear play"]
+    origin = {one.key: one for one in one.origins}["j.gear.play"]
     assert origin.origin == "measured"
     assert str(data) in origin.source
     run = ["run", robot, "--preset", str(own), "--rotor-inertia", "0.1", "--tool", "tool"]

@@ -194,7 +194,7 @@ def test_static_poses_tell_of_gears_and_bearings():
     )
     fit = jp.calibrate(robot, poses, ["offset", "gear shoulder", "bearing elbow"])
     truth = {
-        "elbow bearing clearance": 22e-6, "shoulder gear compliance 1": 1.0 / 1.2e4,
+        "elbow radial clearance": 22e-6, "shoulder gear compliance": 1.0 / 1.2e4,
         "shoulder gear compliance 2": 1.0 / 1.8e4, "shoulder gear compliance 3": 1.0 / 2.5e4,
     }  # fmt: skip
     assert {str(one) for one in fit.kept} == {"gear shoulder", "bearing elbow"}

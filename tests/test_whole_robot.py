@@ -245,13 +245,13 @@ def test_values_are_drawn_within_the_intervals_and_seeds_repeat(mechanism, reduc
 
 
 def identified(**row):
-    return {"unknowns": [{"joint": "a", "scenario": 5e-3} | row]}
+    return {"unknowns": [{"joint": "a", "expected": 5e-3} | row]}
 
 
 def test_identified_intervals_replace_the_spread(mechanism, reductions):
-    found = identified(unknown="gear_play", low=4e-3, high=5e-3)
-    found["unknowns"] += identified(unknown="gear_compliance", low=1e-3, high=2e-3)["unknowns"]
-    found["unknowns"].append({"joint": "b", "unknown": "gear_play", "why_not": "never reverses"})
+    found = identified(quantity="gear_play", low=4e-3, high=5e-3)
+    found["unknowns"] += identified(quantity="gear_compliance", low=1e-3, high=2e-3)["unknowns"]
+    found["unknowns"].append({"joint": "b", "quantity": "gear_play", "reason": "never reverses"})
     ranges = {(x.joint, x.quantity): x for x in intervals(mechanism, reductions, 0.1, found)}
     play, stiff = ranges["a", "half_play"], ranges["a", "stiffness"]
     assert (play.low, play.high, play.origin) == (2e-3, 2.5e-3, "identified")
@@ -270,7 +270,7 @@ def test_the_command_writes_the_whole_robot_and_its_copies(path, tmp_path, capsy
 
     out = tmp_path / "out"
     found = tmp_path / "identified.json"
-    found.write_text(json.dumps(identified(unknown="gear_play", low=4e-3, high=5e-3)))
+    found.write_text(json.dumps(identified(quantity="gear_play", low=4e-3, high=5e-3)))
     order = [
         "export",
         "simulator",
@@ -301,6 +301,31 @@ def test_the_command_writes_the_whole_robot_and_its_copies(path, tmp_path, capsy
     assert [one["joint"] for one in written] == ["a", "b"]
     assert main(order) == 2
     assert "robot.xml" in capsys.readouterr().err
+
+
+def test_copies_are_drawn_from_the_intervals_of_ones_own_preset(tmp_path, capsys):
+    """With nothing else said, and likewise where the preset is named as what was identified."""
+    own = tmp_path / "my.toml"
+    own.write_text(
+        "[joint.elbow_flex.gear]\nplay = 5e-3\nstiffness = 100.0\n"
+        '[joint.elbow_flex.drive]\nkind = "computed-torque"\nencoder = "motor"\n'
+        '[[origin]]\nkey = "elbow_flex.gear.play"\nvalue = "5 mrad"\norigin = "measured"\n'
+        'source = "a dial gauge"\ninterval = [4e-3, 5.2e-3]\n'
+    )
+    order = ["export", "simulator", "so101", "--all", "--preset", str(own), "--quiet"]
+    order += ["--batch", "5", "--format", "json", "--spread", "0.3"]
+    rows = []
+    for number, more in enumerate(([], ["--identified", str(own)])):
+        out = tmp_path / f"out{number}"
+        assert main([*order, *more, "--out", str(out)]) == 0, capsys.readouterr().err
+        assert "within the intervals of elbow_flex half_play" in capsys.readouterr().out
+        rows.append(list(csv.DictReader((out / "batch.csv").open())))
+    assert rows[0] == rows[1]
+    assert all(2e-3 <= float(row["elbow_flex half_play [rad]"]) <= 2.6e-3 for row in rows[0])
+    bare = tmp_path / "bare.toml"
+    bare.write_text(own.read_text().replace("interval = [4e-3, 5.2e-3]\n", ""))
+    assert main([*order, "--identified", str(bare), "--out", str(tmp_path / "no")]) == 2
+    assert "no unknown in the file has an interval" in capsys.readouterr().err
 
 
 @pytest.mark.needs("mujoco")
@@ -391,8 +416,8 @@ def test_the_command_refuses_what_cannot_be(path, tmp_path, capsys, options, mes
         ("{", "is no JSON"),
         ("[1]", "no list 'unknowns'"),
         ('{"unknowns": []}', "nothing was identified"),
-        (json.dumps(identified(joint="q", unknown="gear_play", low=1.0, high=2.0)), "'q'"),
-        (json.dumps(identified(unknown="restitution", low=0.1, high=0.2)), "is drawn for"),
+        (json.dumps(identified(joint="q", quantity="gear_play", low=1.0, high=2.0)), "'q'"),
+        (json.dumps(identified(quantity="restitution", low=0.1, high=0.2)), "is drawn for"),
     ],
 )
 def test_files_that_identify_did_not_write_are_refused(path, tmp_path, capsys, content, message):

@@ -71,7 +71,8 @@ def robot(seed: int) -> Robot:
             half, lean = 0.0, np.zeros(n)
         true[:, j] += offset + give * load[:, j] + half * lean
         true[:, j] += sine * np.sin(motor[:, j]) + cosine * np.cos(motor[:, j])
-        truth |= {f"{name} offset": offset, f"{name} compliance": give, f"{name} half-play": half}
+        truth |= {f"{name} offset": offset, f"{name} gear compliance": give}
+        truth |= {f"{name} gear play": 2.0 * half}
         truth |= {f"{name} eccentricity sin": sine, f"{name} eccentricity cos": cosine}
         if j and grows:
             moved = random.normal(0.0, 5e-4, 3)
@@ -140,7 +141,7 @@ def main() -> None:
                 fmt="o", ms=3, lw=0.8, color=COLOURS[int(row["wrong"])],
             )  # fmt: skip
     axes[0][0].plot([0.0, 5.0], [0.0, 5.0], color="0.5", lw=0.7)
-    axes[0][0].set_xlabel("true half-play [mrad]")
+    axes[0][0].set_xlabel("true play [mrad]")
     axes[0][0].set_ylabel("found, 95 % interval [mrad]")
     benchmark.finish(header, table, every, figure)
     print(f"calibration: {np.median([rows[0]['seconds'] for rows in found]):.1f} s (median)")

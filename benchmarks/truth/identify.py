@@ -358,6 +358,25 @@ def elastic_machine(seed: int) -> Machine:
     arm = elastic_arm(random, kind)
     count = 3 if seed % FEWER else int(random.integers(0, 3))
     strength = random.uniform(1.2, 2.5) * 9.81 * sum(one.mass for one in arm.joints)
+    seen = elastic_seen(random, arm, strength, count)
+    believed, friction, truth = belief(random, arm)
+    options: dict = {"joint_friction": friction}
+    if random.random() < 0.1:
+        options["stiffness"] = {"shoulder torsional": (0.9 / arm.joints[0].torsional, 0.2)}
+    return Machine(kind, truth, believed, seen, options, count)
+
+
+def elastic_seen(
+    random: np.random.Generator,
+    arm: elastic.Arm,
+    strength: float,
+    count: int,
+    links: tuple[str, ...] | None = None,
+) -> Measurement:
+    """What instruments see of an arm that is pushed with so many sizes of force [N].
+
+    `links` have an encoder behind their gear; by default about half of those with play.
+    """
     motor, force, moves = slow_course(random, strength, count)
     rate = np.sign(np.round(np.gradient(motor, axis=0), 9))
     way = np.zeros_like(rate)
@@ -378,24 +397,19 @@ def elastic_machine(seed: int) -> Machine:
     position, pushes = np.zeros((len(time), 3)), np.zeros((len(time), 3))
     position[:, columns], pushes[:, columns] = tool, force
     offset = random.uniform(-1e-3, 1e-3, 2)
-    names = ("shoulder", "elbow")
     signals = {}
     for i, axis in enumerate("xyz"):
         error = drift[:, i] + noise * random.standard_normal(len(time))
         signals["tool", axis] = position[:, i] + error
         signals["force", axis] = pushes[:, i]
-    for k, name in enumerate(names):
+    for k, name in enumerate(("shoulder", "elbow")):
         records = motor[:, k] + offset[k] + 1e-6 * random.standard_normal(len(time))
         signals["motor", name] = records
-        if arm.joints[k].play and random.random() < 0.5:
+        has = arm.joints[k].play and random.random() < 0.5 if links is None else name in links
+        if has:
             records = motor[:, k] + twist[:, k] + 1e-5 * random.standard_normal(len(time))
             signals["link", name] = records + random.uniform(-1e-3, 1e-3)
-    seen = off(random, Measurement(time, signals))
-    believed, friction, truth = belief(random, arm)
-    options: dict = {"joint_friction": friction}
-    if random.random() < 0.1:
-        options["stiffness"] = {"shoulder torsional": (0.9 / arm.joints[0].torsional, 0.2)}
-    return Machine(kind, truth, believed, seen, options, count)
+    return off(random, Measurement(time, signals))
 
 
 def belief(random: np.random.Generator, arm: elastic.Arm) -> tuple:

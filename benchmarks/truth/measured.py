@@ -147,8 +147,8 @@ SOFT = dict(zip(ARM, (*[1e-3] * 4, 1e-2, 2e-2, 2e-2), strict=True))
 OFFSET, PLACEMENT = Term("offset", ARM, 0.2), Term("placement", ARM[1:], 2e-3)
 COMPLIANCE = Term("compliance", ARM[1:], SOFT)
 RAIL = Term("rail", ("arm_1_joint",), by="torso_lift_joint")
-PLAY = Term("play", ("arm_6_joint",), 3e-2)
-PLAY_ELSE = Term("play", ARM[1:5], 5e-3)
+PLAY = Term("play", ("arm_6_joint",), 6e-2)
+PLAY_ELSE = Term("play", ARM[1:5], 1e-2)
 
 
 def vicon(repository: Repository, name: str, side: str, columns: list[str]) -> np.ndarray:
@@ -332,7 +332,7 @@ def _impossible(path: Path) -> list[str]:
 
 def mukca_terms(robot: Robot, joints: tuple[str, ...]) -> tuple[list[Term], list[Term]]:
     """What is always in the model, and the candidates."""
-    soft, play, smooth = (3e-3, 5e-3, 0.1) if robot.kinova else (2e-4, 1e-3, 0.5)
+    soft, play, smooth = (3e-3, 1e-2, 0.1) if robot.kinova else (2e-4, 2e-3, 0.5)
     always = [Term("offset", joints, 2e-2), Term("placement", joints[1:], 2e-3)]
     return always, [
         Term("compliance", joints, soft),
@@ -386,7 +386,7 @@ def mukca(
         report.count(robot.name, int(fit.within.sum()), len(fit.within))
         report.say("")
         report.sets += 1
-    report.say("upper 95 % bounds of half-play [mrad]; -: this measurement cannot tell", "")
+    report.say("upper 95 % bounds of play [mrad]; -: this measurement cannot tell", "")
     report.say(str(Table.of_texts(rows)))
     return fits
 
@@ -496,7 +496,7 @@ def draw(fits: dict[str, Calibration], fits_mukca: dict[str, Calibration]) -> No
                              label=f"joint {j + 1}")  # fmt: skip
     handles = dict(zip(*axes[1].get_legend_handles_labels()[::-1], strict=True))
     axes[1].legend(handles.values(), handles, fontsize=6)
-    axes[1].set(xscale="log", xlabel="half-play at most [mrad], 95 %")
+    axes[1].set(xscale="log", xlabel="play at most [mrad], 95 %")
     for panel, labels in zip(axes, (names, []), strict=True):
         panel.set_yticks(place, labels, fontsize=7)
         panel.invert_yaxis()

@@ -15,6 +15,7 @@ from jointplay.base.errors import JointplayError, MissingName, require_non_negat
 from jointplay.base.tables import Column, Table
 from jointplay.bridges.reduction import Reduction
 from jointplay.model.mechanism import Mechanism
+from jointplay.scenario.presets import Preset, preset
 from jointplay.simulation.loads.drive import Servo
 
 QUANTITIES = {
@@ -26,6 +27,8 @@ QUANTITIES = {
 }
 """What is drawn of each joint, and in which unit; the last two only MJCF has, the servo's friction
 and how far the axis can tilt."""
+_DRAWN = ("gear_play", "gear_compliance", "dry_friction", "friction")
+"""Unknowns of measurements that these follow from."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +60,8 @@ def intervals(
 
     Args:
         spread: half width, relative, of what was not identified: an assumption.
-        identified: what `Identification.describe` says, the contents of ``identified.json``.
+        identified: what `Identification.describe` says, the contents of ``identified.json``; of a
+            preset `measured_intervals`.
             Gear play, gear compliance and dry friction are taken as they are; the coefficient of
             friction scales the bearing's part of the friction. A clearance gives no dead band about
             the axis, and is not drawn; the tilt is, within the spread.
@@ -112,24 +116,40 @@ def intervals(
 def _known(identified: Mapping[str, Any]) -> dict[tuple[str, str], tuple[float, float, float]]:
     rows = identified.get("unknowns") if isinstance(identified, Mapping) else None
     if not isinstance(rows, list):
-        raise JointplayError("this is no file of jointplay identify: it has no list 'unknowns'")
+        raise JointplayError(
+            "this is no file of jointplay identify or calibrate: it has no list 'unknowns'"
+        )
     found = {}
     for row in rows:
-        if not {"low", "high", "joint", "unknown"} <= set(row):
+        if not {"low", "high", "joint", "quantity"} <= set(row):
             continue  # the measurement could not tell
         low, high = float(row["low"]), float(row["high"])
-        nominal = float(row.get("scenario") or row.get("found") or 1.0)
-        found[str(row["joint"]), str(row["unknown"])] = (low, high, nominal)
+        nominal = float(row.get("expected") or row.get("found") or 1.0)
+        found[str(row["joint"]), str(row["quantity"])] = (low, high, nominal)
     if not found:
         raise JointplayError("nothing was identified: no unknown in the file has an interval")
     return found
 
 
+def measured_intervals(own: Preset) -> dict[str, Any] | None:
+    """Intervals of a preset's numbers that were measured on this robot, as far as they are drawn,
+    for `intervals`; None if there are none."""
+    rows = [
+        {"joint": joint, "quantity": name, "low": low, "high": high}
+        for (joint, name), (low, high) in own.intervals.items()
+        if name in _DRAWN
+    ]
+    return {"unknowns": rows} if rows else None
+
+
 def read_identified(path: str | Path, joints: Iterable[str]) -> dict[str, Any]:
-    """What `jointplay identify` wrote as ``identified.json``, of a robot with these joints."""
+    """What `identify` or `calibrate` wrote, JSON or a preset, of a robot with these joints."""
     names = list(joints)
     try:
-        data = json.loads(Path(path).read_text(encoding="utf-8"))
+        if str(path).lower().endswith(".toml"):
+            data = measured_intervals(preset(path)) or {"unknowns": []}
+        else:
+            data = json.loads(Path(path).read_text(encoding="utf-8"))
         known = _known(data)
     except (OSError, UnicodeDecodeError) as error:
         raise JointplayError(f"cannot read {str(path)!r}: {error}") from None

@@ -98,6 +98,15 @@ class _Parser(argparse.ArgumentParser):
             self.error(f"argument {'/'.join(action.option_strings)}: the value is empty")
         return super()._get_values(action, arg_strings)  # type: ignore[misc]
 
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Also what has its place behind options: argparse takes all places at the first."""
+        found, left = super().parse_known_args(args, namespace)
+        for action in self._actions:
+            empty = action.nargs == "?" and getattr(found, action.dest, None) is None
+            if not action.option_strings and empty and left and not left[0].startswith("-"):
+                setattr(found, action.dest, self._get_value(action, left.pop(0)))
+        return found, left
+
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if isinstance(action, argparse._SubParsersAction) and value not in action.choices:
             from jointplay.base.schema import one_of  # takes long to import
@@ -259,8 +268,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit status.
 
     0: done, also if told to stop when all was computed: then it is saved. 1: the simulation
-    stopped early (kept as far as it came). 2: wrong input. 130: told to stop by Ctrl-C, SIGTERM or
-    SIGHUP before all was computed (likewise kept).
+    stopped early (kept as far as it came). 2: wrong input. 3: an alarm of `identify`. 130: told
+    to stop by Ctrl-C, SIGTERM or SIGHUP before all was computed (likewise kept).
     """
     with streams.forgiving():
         try:

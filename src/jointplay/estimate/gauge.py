@@ -12,7 +12,7 @@ at most, as a standard deviation) looks like play, and widens its interval.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -252,17 +252,10 @@ def identify_gauged(
     Raises:
         JointplayError: see `Readings.from_csv`; readings of a joint that can tell nothing.
     """
-    ideal = mechanism.ideal()
-    entries = mechanism.description.joints
-    if not isinstance(readings, Readings):
-        slides = {name: entries[name].slides for name in moving(ideal)}
-        readings = Readings.from_csv(readings, slides, noise)
+    ideal, readings = mechanism.ideal(), _read(mechanism, readings, noise)
     friction, found, fits, notes = urdf_friction(ideal), list[Estimate](), dict[str, Fit](), []
-    for joint in dict.fromkeys(readings.joint):
-        mine = np.array([one == joint for one in readings.joint])
-        _require_recipe(readings, joint, mine)
-        smallest = float(np.abs(readings.push[mine & (readings.push != 0.0)]).min())
-        unit = "N" if entries[joint].slides else "N*m"
+    for joint, mine, slides in _by_joint(mechanism, readings):
+        smallest, unit = _smallest(readings, mine), "N" if slides else "N*m"
         weight, said = _gravity(ideal, joint, pose)
         reason = ""
         if weight >= smallest:
@@ -276,7 +269,7 @@ def identify_gauged(
                     f"note: gravity may load {joint} by {words}: it counts only if the pose is one "
                     "in which gravity does not (give it by --pose)"
                 )
-        problem = _problem(readings, joint, mine, friction[joint].coulomb, entries[joint].slides)
+        problem = _problem(readings, joint, mine, friction[joint].coulomb, slides)
         play, give, rubs = problem.unknowns
         start = np.array([0.5 * play.scale, give.scale, rubs.nominal])
         fitted = fits[joint] = search(problem, start)
@@ -289,6 +282,47 @@ def identify_gauged(
         found += [first, second]
         notes += _outside(readings, joint, mine, fitted)
     return Gauged(tuple(found), mechanism, readings, fits, tuple(notes))
+
+
+def gauge_problems(
+    mechanism: Mechanism,
+    readings: Readings | str | Path,
+    *,
+    noise: Mapping[str, float] | None = None,
+    pose: Mapping[str, float] | None = None,
+) -> list[LeastSquares]:
+    """Least squares of each joint that readings tell of, see `watch`; arguments as of
+    `identify_gauged`."""
+    ideal = mechanism.ideal()
+    readings = _read(mechanism, readings, noise)
+    return [
+        _problem(readings, joint, mine, urdf_friction(ideal)[joint].coulomb, slides)
+        for joint, mine, slides in _by_joint(mechanism, readings)
+        if pose is None or _gravity(ideal, joint, pose)[0] < _smallest(readings, mine)
+    ]
+
+
+def _read(
+    mechanism: Mechanism, readings: Readings | str | Path, noise: Mapping[str, float] | None
+) -> Readings:
+    if isinstance(readings, Readings):
+        return readings
+    entries = mechanism.description.joints
+    slides = {name: entries[name].slides for name in moving(mechanism.ideal())}
+    return Readings.from_csv(readings, slides, noise)
+
+
+def _by_joint(mechanism: Mechanism, readings: Readings) -> Iterator[tuple[str, np.ndarray, bool]]:
+    """Joints, which readings are of each, and whether it slides."""
+    for joint in dict.fromkeys(readings.joint):
+        mine = np.array([one == joint for one in readings.joint])
+        _require_recipe(readings, joint, mine)
+        yield joint, mine, mechanism.description.joints[joint].slides
+
+
+def _smallest(readings: Readings, mine: np.ndarray) -> float:
+    """Push of these readings [N m or N]."""
+    return float(np.abs(readings.push[mine & (readings.push != 0.0)]).min())
 
 
 def _require_recipe(readings: Readings, joint: str, mine: np.ndarray) -> None:
@@ -347,6 +381,7 @@ def _problem(
         turned,
         readings.error[use],
         nuisance,
+        (f"{joint} stiffening",),
         spread=spread,
         safety=1.0,
         assured=_SURE,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -285,7 +285,7 @@ class Identification:
 
     def __str__(self) -> str:
         soft = [one for one in self.elasticity if one.identified]
-        lines = [*self.notes, listed([*self.sought, *soft], scenario=True)]
+        lines = [*self.notes, listed([*self.sought, *soft], expected=True)]
         if not self.estimates:
             return "\n".join(lines)
         vague = [one.label for one in self.elasticity if not one.identified]
@@ -372,28 +372,11 @@ def identify(
         JointplayError: bad data (see `Measurement`); loops, unless impacts show; nothing has play;
             a motion that never reverses; fewer means than unknowns; see also `by_simulation`.
     """
-    require_a("machine", machine, "Simulation", "Mechanism")
-    mechanism = machine.mechanism if isinstance(machine, Simulation) else machine
-    friction = urdf_friction(mechanism)
-    if isinstance(machine, Simulation):
-        motion = motion or machine.motion
-        if machine.payloads:
-            raise JointplayError(
-                "identify does not support payloads that are picked up; put them into the URDF"
-            )
-        friction |= dict(machine.joint_friction or {})
-    friction |= dict(joint_friction or {})
-    if reference not in REFERENCES:
-        raise MissingName("reference", reference, REFERENCES)
-    measured = _read(measured, mechanism, noise, progress)
+    prior, measured, motion = _given(
+        machine, measured, motion, reference, noise, joint_friction, stiffness, drift, lag, progress
+    )
+    mechanism = prior.mechanism
     bounced = by_flights(mechanism, measured)
-    if drift < 0:
-        raise JointplayError(f"the degree of the drift must not be negative, got {drift}")
-    if lag is not None:
-        if not lag >= 0.0:
-            raise JointplayError(f"the lag must not be negative, got {lag:g} s")
-        measured = replace(measured, lag=lag)
-    prior = Machine(mechanism, friction, compliances(mechanism, stiffness or {}))
     try:
         found = _by_means(prior, measured, motion, reference, also, known, drift)
     except TooLittle as error:
@@ -419,7 +402,79 @@ def identify(
     return replace(found, restitutions=bounced, mechanism=apply(found.mechanism, bounced))
 
 
-def _by_means(
+def identify_problem(
+    machine: Simulation | Mechanism,
+    measured: Measurement | Recording | str | Path,
+    *,
+    motion: Motion | None = None,
+    reference: str = "place",
+    noise: Mapping[str, float] | None = None,
+    joint_friction: Mapping[str, JointFriction] | None = None,
+    also: Sequence[str] = (),
+    known: Sequence[str] = (),
+    stiffness: Given | None = None,
+    drift: int = DRIFT,
+    lag: float | None = None,
+    progress: bool = False,
+) -> LeastSquares:
+    """The least squares by which `identify`, with the same arguments, finds play; see `watch`."""
+    prior, seen, motion = _given(
+        machine, measured, motion, reference, noise, joint_friction, stiffness, drift, lag, progress
+    )
+    return _compared(prior, seen, motion, reference, also, known, drift).problem
+
+
+def _given(
+    machine: Simulation | Mechanism,
+    measured: Measurement | Recording | str | Path,
+    motion: Motion | None,
+    reference: str,
+    noise: Mapping[str, float] | None,
+    joint_friction: Mapping[str, JointFriction] | None,
+    stiffness: Given | None,
+    drift: int,
+    lag: float | None,
+    progress: bool,
+) -> tuple[Machine, Measurement, Motion | None]:
+    """What is known of the machine before, what was measured, and the motion."""
+    require_a("machine", machine, "Simulation", "Mechanism")
+    mechanism = machine.mechanism if isinstance(machine, Simulation) else machine
+    friction = urdf_friction(mechanism)
+    if isinstance(machine, Simulation):
+        motion = motion or machine.motion
+        if machine.payloads:
+            raise JointplayError(
+                "identify does not support payloads that are picked up; put them into the URDF"
+            )
+        friction |= dict(machine.joint_friction or {})
+    friction |= dict(joint_friction or {})
+    if reference not in REFERENCES:
+        raise MissingName("reference", reference, REFERENCES)
+    measured = _read(measured, mechanism, noise, progress)
+    if drift < 0:
+        raise JointplayError(f"the degree of the drift must not be negative, got {drift}")
+    if lag is not None:
+        if not lag >= 0.0:
+            raise JointplayError(f"the lag must not be negative, got {lag:g} s")
+        measured = replace(measured, lag=lag)
+    prior = Machine(mechanism, friction, compliances(mechanism, stiffness or {}))
+    return prior, measured, motion
+
+
+class _Compared(NamedTuple):
+    """Means of a measurement and the static model of them."""
+
+    problem: LeastSquares
+    model: StaticModel
+    observed: Observed
+    use: np.ndarray
+    """Which means count, shape (n, keys)."""
+    records: np.ndarray
+    """Standard errors by the records, nan where none counts, (n, keys)."""
+    nuisance: np.ndarray
+
+
+def _compared(
     machine: Machine,
     measured: Measurement,
     motion: Motion | None,
@@ -427,7 +482,7 @@ def _by_means(
     also: Sequence[str],
     known: Sequence[str],
     drift: int,
-) -> Identification:
+) -> _Compared:
     mechanism = machine.mechanism
     if mechanism.loops:
         raise TooLittle(
@@ -452,6 +507,22 @@ def _by_means(
     records = np.hypot(records, model.wander)
     nuisance, labels = nuisances(model, observed, reference, drift, measured.lag > 0.0)
     problem = _problem(model, observed.mean, records, nuisance, labels, measured.lag)
+    return _Compared(problem, model, observed, use, records, nuisance)
+
+
+def _by_means(
+    machine: Machine,
+    measured: Measurement,
+    motion: Motion | None,
+    reference: str,
+    also: Sequence[str],
+    known: Sequence[str],
+    drift: int,
+) -> Identification:
+    problem, model, observed, use, records, nuisance = _compared(
+        machine, measured, motion, reference, also, known, drift
+    )
+    mechanism, made, unknowns = machine.mechanism, model.visits, model.unknowns
     fit = search(problem)
     problem = fit.least
     if fit.freedom < 1:

@@ -18,7 +18,7 @@ import pinocchio as pin
 
 from jointplay.base.errors import JointplayError, MissingName
 from jointplay.base.tables import counted
-from jointplay.estimate.parts import Elements, Springs, bearing_parts
+from jointplay.estimate.parts import SPRINGS, WOUND, Elements, Springs, bearing_parts
 from jointplay.estimate.static_poses import StaticPoses, rotations_of
 from jointplay.estimate.unknowns import Unknown
 from jointplay.model.builder import z_to
@@ -109,6 +109,17 @@ class Term:
         return f"{self.kind} ({counted(len(self.joints), 'joint')})" + (
             f" by {self.by}" if self.by else ""
         )
+
+
+PARTS = {
+    "play": "gear_play",
+    "compliance": "gear_compliance",
+    "gear compliance": "gear_compliance",
+    **{f"gear compliance {k}": name for k, name in enumerate(WOUND[:3], 1)},
+    "bearing clearance": "radial_clearance",
+    **{f"seat {way} compliance": f"{way}_compliance" for way in SPRINGS},
+}
+"""Coefficients that are a part's own unknown, as `identify` calls it."""
 
 
 @dataclass(frozen=True)
@@ -248,7 +259,8 @@ class Poses:
                 # Angles of a placement are as wide as its lengths over a reach.
                 wide = _TURN_WIDTH if term.kind == "placement" and target > 2 else expected
                 width = size * wide
-                name = f"{'half-play' if term.kind == 'play' else term.kind} {what}".rstrip()
+                name = f"{term.kind} {what}".rstrip()
+                name = PARTS.get(name, name)
                 unknown = Unknown(
                     joint, name, units.get(unit, unit), 0.0, width,
                     spread=width, least=-np.inf, fine=False, model_error=0.0,
@@ -360,7 +372,7 @@ def _leaning(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
     transitions = [t * largest for t in TRANSITIONS]
     transitions = transitions if term.transition is None else [term.transition]
     pairs = list(product(frictions, transitions))
-    lean = poses.leaning(poses.names[j], *np.transpose(pairs))
+    lean = 0.5 * poses.leaning(poses.names[j], *np.transpose(pairs))
     return [Feature(lean, choices=pairs) if len(pairs) > 1 else Feature(lean[:, 0])]
 
 
@@ -472,7 +484,7 @@ TERM_KINDS: Mapping[str, TermKind] = {
         by_load=True,
     ),
     "play": TermKind(
-        "half-play: joint leans to the side of its load, less friction", 1e-2, _leaning,
+        "joint leans to the side of its load, less friction, by half its play", 2e-2, _leaning,
         by_load=True,
     ),
     "eccentricity": TermKind(

@@ -30,13 +30,13 @@ from jointplay.estimate.parts import (
     springs_of,
     with_values,
 )
-from jointplay.estimate.unknowns import Estimate, Unknown
+from jointplay.estimate.unknowns import PLAYS, Estimate, Unknown
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import Clearance
 from jointplay.simulation.loads.drive import JointFriction
 
 if TYPE_CHECKING:
-    from jointplay.scenario.presets import Preset
+    from jointplay.scenario.presets import Origin, Preset
 
 WAYS = {
     "torsional": "rad/(N*m)",
@@ -320,17 +320,9 @@ def preset_found(
         robot: name or path; None: the file of its URDF.
         tables: see `Preset.of_mechanism`.
     """
-    from jointplay.scenario.presets import Origin, Preset
+    from jointplay.scenario.presets import Preset
 
-    origins = []
-    for one in found:
-        value, interval = one.words()
-        origin, why = "measured", f"95 % interval {interval}; {source}"
-        if not one.identified:
-            value, origin = one.unknown.shown(one.unknown.nominal), "assumed"
-            why = f"of the scenario; {source} cannot tell: {one.reason}"
-        if value:
-            origins.append(Origin(one.label, value, origin, why))
+    origins = [one for one in (_origin(one, source) for one in found) if one.value]
     place = str(robot or mechanism.description.path)
     words = f"{Path(place).stem} as measured by {source}"
     gears = {name: dict(one) for name, one in tables.get("gear", {}).items()}
@@ -345,6 +337,44 @@ def preset_found(
     geared = dict.fromkeys([*mechanism.gears, *gears], _BY_MOTOR)
     tables = dict(tables) | {"drive": geared | dict(tables.get("drive", {}))}
     return Preset.of_mechanism(apply(mechanism, found), words, origins, tables, place)
+
+
+def _origin(one: Estimate, source: str) -> Origin:
+    """Of a number of a preset that is an unknown's: a gear's stiffness by its compliance."""
+    from jointplay.scenario.presets import QUANTITIES, Origin
+
+    name, unknown = one.unknown.name, one.unknown
+    key = next((key for key, own in QUANTITIES.items() if own == name), f"bearing.{name}")
+    key = f"{one.joint}.{key}"
+    if not one.identified:
+        why = f"of the scenario; {source} cannot tell: {one.reason}"
+        return Origin(key, unknown.shown(unknown.nominal), "assumed", why)
+    value, ends = one.value if one.found else one.upper, one.interval
+    if not one.found:
+        ends = 0.0, one.upper
+    if key.endswith("stiffness"):
+        if min(value, *ends) <= 0.0:
+            return Origin(key, unknown.shown(value), "measured", f"its compliance; {source}")
+        value, ends = 1.0 / value, (1.0 / ends[1], 1.0 / ends[0])
+        unknown = replace(unknown, unit="N/m" if unknown.unit == "m/N" else "N*m/rad", fine=False)
+    low, high = map(unknown.shown, ends)
+    why = f"95 % interval {low} to {high}; {source}"
+    return Origin(key, unknown.shown(value), "measured", why, tuple(map(float, ends)))
+
+
+def at_ends(
+    mechanism: Mechanism, intervals: Mapping[tuple[str, str], tuple[float, float]]
+) -> tuple[Mechanism, Mechanism]:
+    """The mechanism with all plays at the lower, and at the upper ends of their intervals."""
+    ends = []
+    for k in (0, 1):
+        plays = [
+            Estimate(Unknown(joint, name, "m"), value=both[k])
+            for (joint, name), both in intervals.items()
+            if name in PLAYS
+        ]
+        ends.append(apply(mechanism, plays))
+    return ends[0], ends[1]
 
 
 def drawn(

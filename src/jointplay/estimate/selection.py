@@ -24,10 +24,9 @@ from jointplay.base import tables
 from jointplay.base.errors import JointplayError, MissingName
 from jointplay.base.tables import Table
 from jointplay.base.units import readable
-from jointplay.estimate.kinematic_model import COORDINATE, Column, Poses, Term
+from jointplay.estimate.kinematic_model import COORDINATE, PARTS, Column, Poses, Term
 from jointplay.estimate.least_squares import Fit, LeastSquares, basis, minimum
 from jointplay.estimate.machine import preset_found
-from jointplay.estimate.parts import SPRINGS, WOUND
 from jointplay.estimate.static_poses import StaticPoses
 from jointplay.estimate.unknowns import Estimate, Loop, Unknown, by_label, data, listed
 
@@ -51,15 +50,6 @@ _EQUAL = 1e-9
 """Part by which gains of choices differ that are the same but for rounding."""
 CONSTANT = ("offset", "placement")
 """Kinds of terms that are the same in every pose."""
-_PARTS = {
-    "half-play": ("gear_play", 2.0),
-    "compliance": ("gear_compliance", 1.0),
-    "gear compliance": ("gear_compliance", 1.0),
-    **{f"gear compliance {k}": (name, 1.0) for k, name in enumerate(WOUND[:3], 1)},
-    "bearing clearance": ("radial_clearance", 1.0),
-    **{f"seat {way} compliance": (f"{way}_compliance", 1.0) for way in SPRINGS},
-}
-"""Unknowns of a joint's parts by the names of coefficients, and how many times as large."""
 _BY_LOAD = ("play", "compliance", "gear", "hysteresis")
 """Kinds of terms that turn a joint by its load or by the way it came."""
 _UNKNOWN = "not determined (other causes do the same, or nothing shows it)"
@@ -227,8 +217,7 @@ class Calibration:
     """Of the terms that were kept, but play, of which `play` has what is told; with all candidates
     free."""
     play: tuple[Estimate, ...]
-    """Half-play by the side of the load, of every joint; all candidates and everybody's play are
-    free."""
+    """By the side of the load, of every joint; all candidates and everybody's play are free."""
     folds: str
     """What was held back, in words."""
     notes: tuple[str, ...] = ()
@@ -265,7 +254,7 @@ class Calibration:
         return by_label(self.coefficients, label)
 
     def play_of(self, joint: str) -> Estimate:
-        """What is told of a joint's half-play by the side of its load."""
+        """What is told of a joint's play by the side of its load."""
         for one in self.play:
             if one.joint == joint:
                 return one
@@ -299,11 +288,11 @@ class Calibration:
         Raises:
             JointplayError: nothing of it was found.
         """
-        found = []
-        for one in (*self.play, *self.coefficients):
-            name, factor = _PARTS.get(one.unknown.name, ("", 1.0))
-            if name and one.identified and one.found and one.value > 0.0:
-                found.append(one.renamed(name, factor))
+        found = [
+            one for one in self.estimates
+            if one.unknown.name in PARTS.values()
+            and one.identified and one.found and one.value > 0.0
+        ]  # fmt: skip
         if not found:
             raise JointplayError(
                 "these poses tell nothing of play or stiffness, which a preset would have"
@@ -342,10 +331,16 @@ class Calibration:
             f"to {errors} (RMS)"
         )
 
+    @property
+    def estimates(self) -> tuple[Estimate, ...]:
+        """Play and coefficients, by joint."""
+        order = {joint: k for k, joint in enumerate(self.poses.joints)}
+        found = (*self.play, *self.coefficients)
+        return tuple(sorted(found, key=lambda one: order.get(one.joint, len(order))))
+
     def brief(self) -> str:
         """What was found, without how."""
-        parts = [listed(self.coefficients, "coefficient", _UNKNOWN)] if self.coefficients else []
-        return "\n\n".join([*parts, listed(self.play, "play by the side of the load")])
+        return listed(self.estimates, vague=_UNKNOWN)
 
     def __str__(self) -> str:
         poses = self.poses
@@ -358,16 +353,15 @@ class Calibration:
             f"held back: {self.folds}; a term is kept if the squared errors of held-back "
             f"{units} shrink by more than chance (one-sided 90 %) and their RMS by 1 %",
         ]
-        if self.coefficients:
-            lines += ["", listed(self.coefficients, "coefficient", _UNKNOWN)]
+        lines += ["", self.brief()]
         if self.effects:
             head = "moves the tool by (RMS), base and tool placed best without it"
             lines += ["", listed(self.effects, head)]
-        return "\n".join([*lines, "", listed(self.play, "play by the side of the load")])
+        return "\n".join(lines)
 
     @property
     def rows(self) -> list[Estimate]:
-        """Errors of all models, coefficients, effects and bounds of play [SI]."""
+        """Errors of all models, effects, and what was found by joint [SI]."""
         errors = []
         for one in self.steps:
             name = " + ".join(map(str, one.terms)) or one.added
@@ -378,7 +372,7 @@ class Calibration:
                 ):
                     error = Unknown("", f"{what} {kind}: {name}", unit, np.nan)
                     errors.append(Estimate(error, size, note=note))
-        return [*errors, *self.coefficients, *self.effects, *self.play]
+        return [*errors, *self.effects, *self.estimates]
 
     @property
     def data(self) -> Table:
@@ -411,10 +405,8 @@ class Calibration:
             "error": dict(zip(self.kinds, error, strict=True)),
             "kept": [str(term) for term in self.kept],
             "models": [one.describe() for one in self.steps],
-            **{
-                name: [one.describe() for one in getattr(self, name)]
-                for name in ("coefficients", "effects", "play")
-            },
+            "unknowns": [one.describe() for one in self.estimates],
+            "effects": [one.describe() for one in self.effects],
             "notes": list(self.notes),
         }
 
@@ -721,7 +713,7 @@ class Selection:
         column = columns[i]
         friction, transition = column.term.friction or 0.0, column.term.transition or 0.0
         for factor in SMOOTHINGS:
-            feature = self.base.poses.leaning(column.joint, friction, factor * transition)
+            feature = 0.5 * self.base.poses.leaning(column.joint, friction, factor * transition)
             columns[i] = replace(column, feature=feature)
             other = fitted.problem.having(columns).fit(fitted.rows, fitted.theta)
             side = self.spread(other)[1][len(self.start) + i]

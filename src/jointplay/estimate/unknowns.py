@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ LARGEST_SHARE, SMALL = 0.5, 0.25
 """An unknown is identified if half of its interval is at most `LARGEST_SHARE` of its value; values
 below `SMALL` of its scale count as this much."""
 
-PLAYS = ("gear_play", "radial_clearance", "half-play")
+PLAYS = ("gear_play", "radial_clearance")
 """Unknowns that are a joint's play."""
 _FAINT = 0.2
 """Part of the largest effect of a joint below which signals say nothing of where it was."""
@@ -124,15 +124,6 @@ class Estimate:
     def identified(self) -> bool:
         return not self.reason
 
-    def renamed(self, name: str, factor: float = 1.0) -> Estimate:
-        """The same of an unknown that is so many times as large."""
-        low, high = self.interval
-        ends = factor * low, factor * high
-        one = replace(self.unknown, name=name, least=factor * self.unknown.least)
-        return replace(
-            self, unknown=one, value=factor * self.value, ends=ends, upper=factor * self.upper
-        )
-
     def words(self) -> tuple[str, str]:
         """Value and interval as tables have them."""
         shown = self.unknown.shown
@@ -150,12 +141,12 @@ class Estimate:
 
     def describe(self) -> dict[str, Any]:
         """As plain data [SI]; without numbers where the measurement cannot tell."""
-        one, numbers = self.unknown, {"scenario": self.unknown.nominal}
+        one, numbers = self.unknown, {"expected": self.unknown.nominal}
         if not self.reason:
             numbers |= {"found": self.value, "low": self.low, "high": self.high}
             numbers |= {"upper": self.upper}
-        row: dict[str, Any] = {"joint": one.joint, "unknown": one.name, "unit": one.unit}
-        row |= {"why_not": self.reason, "note": self.note}
+        row: dict[str, Any] = {"joint": one.joint, "quantity": one.name, "unit": one.unit}
+        row |= {"reason": self.reason, "note": self.note}
         return row | {name: float(x) for name, x in numbers.items() if np.isfinite(x)}
 
 
@@ -204,30 +195,34 @@ class Loop:
 
 
 def listed(
-    found: Sequence[Estimate], head: str = "unknown", vague: str = "", scenario: bool = False
+    found: Sequence[Estimate], head: str = "", vague: str = "", expected: bool = False
 ) -> str:
-    """Estimates as a table under a head, and why what cannot be told cannot.
+    """Estimates as a table, a row for each joint and quantity, and why what cannot be told cannot.
 
-    With `vague`, those without an interval are named in a line that begins so; with `scenario`
-    there is a column of what was expected.
+    With a head, which those of no joint stand under, labels are not taken apart; with `vague`,
+    unknowns but plays that have no interval are named in a line that begins so; with `expected`
+    there is a column of what was.
     """
-    dark = [one for one in found if one.reason]
-    rows = [["95 % interval", "found", *(["scenario"] if scenario else []), head][::-1]]
-    for one in found:
-        if not (vague and one.reason):
-            expected = [one.unknown.shown(one.unknown.nominal)] if scenario else []
-            rows.append([one.label, *expected, *one.words()])
-    lines = [str(Table.of_texts(rows))] if len(rows) > 1 else []
-    if vague and dark:
-        lines.append(f"{vague}: {', '.join(one.label for one in dark)}")
-    for one in () if vague else dark:
-        lines.append(f"{one.label}: {one.reason}")
-        lines += [f"  {one.advice}"] if one.advice else []
+    hidden = [one for one in found if vague and one.reason and not one.plays(one.joint)]
+    shown = [one for one in found if one not in hidden]
+    heads = [head] if head else ["joint", "quantity"]
+    rows = [[*heads, *(["expected"] if expected else []), "found", "95 % interval"]]
+    for one in shown:
+        names = [one.label] if head else [one.joint or "all", one.unknown.name.replace("_", " ")]
+        before = [one.unknown.shown(one.unknown.nominal)] if expected else []
+        rows.append([*names, *before, *one.words()])
+    lines = [str(Table.of_texts(rows))] if shown else []
+    if hidden:
+        lines.append(f"{vague}: {', '.join(one.label for one in hidden)}")
+    for one in shown:
+        if one.reason:
+            lines.append(f"{one.label}: {one.reason}")
+            lines += [f"  {one.advice}"] if one.advice else []
     return "\n".join(lines)
 
 
 _HEADS = (
-    *("joint", "unknown", "unit", "scenario", "found", "low", "high", "upper", "why_not", "note"),
+    *("joint", "quantity", "unit", "expected", "found", "low", "high", "upper", "reason", "note"),
 )
 
 

@@ -14,6 +14,7 @@ measured on this robot, seen in a public source, estimated from one, or assumed.
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -23,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 
 from jointplay.base.errors import JointplayError, MissingName, require_known
 from jointplay.base.files import read_text
-from jointplay.base.schema import one_of, read, shortest, unknown_key
+from jointplay.base.schema import one_of, quantity, read, shortest, unknown_key
 from jointplay.model.gear import Gearing
 from jointplay.model.urdf import Description
 from jointplay.physics.joints import Clearance
@@ -39,6 +40,12 @@ _TABLES = {"bearing": "joints", "gear": "gears", "drive": "drives", "friction": 
 _PARTS = ("preset", "every", "joint", "origin")
 ORIGINS = ("measured", "seen", "estimated", "assumed")
 """What a number can be."""
+QUANTITIES = {
+    "gear.play": "gear_play",
+    "gear.stiffness": "gear_compliance",
+    "friction.coulomb": "dry_friction",
+}
+"""What measurements call numbers of a joint; of bearings as the number is called."""
 _UNSAID = "what the file says"
 LEFT_OUT = {
     "openarm": "Damiao's manuals of its motors state ratios of 9, 40 and 10, but no backlash",
@@ -56,6 +63,8 @@ class Origin:
     origin: str
     """One of `ORIGINS`."""
     source: str
+    interval: tuple[float, ...] = quantity("", default=())
+    """Ends of the 95 % interval of one that was measured on this robot [SI]."""
 
     def __str__(self) -> str:
         return f"{self.key} {self.value}: {self.origin}; {self.source}"
@@ -122,6 +131,22 @@ class Preset:
                     named.setdefault(joint, {})[part] = table
         known = "what was measured on this robot, and what stood in its scenario"
         return cls(str(robot or words), words, known, (), robot, "", tuple(origins), named=named)
+
+    @property
+    def intervals(self) -> dict[tuple[str, str], tuple[float, float]]:
+        """Of what was measured on this robot, by joint and quantity as measurements call it."""
+        found = {}
+        for one in self.origins:
+            if len(one.interval) != 2:
+                continue
+            joint, _, number = one.key.rpartition(".")
+            joint, _, part = joint.rpartition(".")
+            low, high = one.interval
+            name = QUANTITIES.get(f"{part}.{number}", number)
+            if name.endswith("compliance") and name != number:
+                low, high = (1.0 / end if end else math.inf for end in (high, low))
+            found[joint, name] = low, high
+        return found
 
     def _numbers(self) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
         """Each table: whose, part, what it holds; whose is empty where a table is for many."""
@@ -243,7 +268,8 @@ class Preset:
         head = {"words": self.words, "known": self.known, "robots": list(self.robots)}
         head |= {"robot": self.robot} if self.robot else {}
         head |= {"errors": self.errors} if self.errors else {}
-        origins = [as_toml({"origin": vars(one)}) for one in self.origins]
+        said = [{k: v for k, v in vars(one).items() if v != ()} for one in self.origins]
+        origins = [as_toml({"origin": one}) for one in said]
         tables = as_toml({"preset": head, "joint": self.named})
         return "\n".join([tables, *(one.replace("[origin]", "[[origin]]") for one in origins)])
 

@@ -19,12 +19,26 @@ Example: jointplay budget panda --clearance "0.05 mm" --workspace 500 --out pand
         a hand or the trunk of what walks: what moves both does not count (default: the world)
 """
 
+from __future__ import annotations
+
 import argparse
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 from jointplay.base.errors import JointplayError
 from jointplay.cli.commands import Outputs, print_answer
-from jointplay.cli.commands.inputs import load_on_tool, posed_machine, whole_errors
+from jointplay.cli.commands.inputs import (
+    chosen_preset,
+    load_on_tool,
+    posed_machine,
+    whole_errors,
+)
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from jointplay.model.mechanism import Mechanism
 
 
 def run(options: argparse.Namespace) -> int:
@@ -44,17 +58,12 @@ def run(options: argparse.Namespace) -> int:
         out.names.append("errors.png")
         out.claim()
         about = whole_errors(options, posed.scenario)
-        whole = budget(
-            mechanism,
-            poses.q,
-            force=force,
-            driven=poses.driven,
-            relative_to=body,
-            **about,
-        )
+        about |= {"force": force, "driven": poses.driven, "relative_to": body}
+        whole = budget(mechanism, poses.q, **about)
         table, of_class = whole.table(), f"what nobody gave is that of class {about['kind']!r}"
         notes = [*[of_class] * bool(whole.assumed), *at, *table.notes]
-        print_answer(whole.sentence, replace(table, notes=()), notes, options.detail)
+        shown = [str(replace(table, notes=())), *_at_ends(options, mechanism, poses.q, about)]
+        print_answer(whole.sentence, "\n".join(shown), notes, options.detail)
         if options.out:
             from jointplay.show.plots.design import cause_bars
 
@@ -65,15 +74,9 @@ def run(options: argparse.Namespace) -> int:
     of_kind = {"motion": ["course.png"], "workspace": [] if body else ["map.png"]}
     out.names += of_kind.get(poses.kind, [])
     out.claim()
-    errors = budget(
-        mechanism,
-        poses.q,
-        force=force,
-        driven=poses.driven,
-        friction=options.friction,
-        drive=poses.drive,
-        relative_to=body,
-    )
+    about = {"force": force, "driven": poses.driven, "friction": options.friction}
+    about |= {"drive": poses.drive, "relative_to": body}
+    errors = budget(mechanism, poses.q, **about)
     shown = [str(errors.by_pose(poses.names))] if poses.names else []
     if len(errors.worst) > 1:
         k = errors.worst_pose
@@ -86,6 +89,7 @@ def run(options: argparse.Namespace) -> int:
         )
     table = errors.table()
     shown += [str(replace(table, notes=())), errors.ranking]
+    shown += _at_ends(options, mechanism, poses.q, about)
     notes = [*at, *table.notes, errors.validity]
     print_answer(errors.sentence, "\n".join(shown), notes, options.detail)
     if not options.out:
@@ -104,3 +108,22 @@ def run(options: argparse.Namespace) -> int:
         contents["map.png"] = plots.workspace_map(errors)
     out.write(contents)
     return 0
+
+
+def _at_ends(
+    options: argparse.Namespace, mechanism: Mechanism, q: np.ndarray, about: Mapping[str, Any]
+) -> list[str]:
+    """The worst case with plays that were measured at both ends of their intervals, in words."""
+    own = chosen_preset(options)
+    if own is None or not own.intervals:
+        return []
+    from jointplay.accuracy.error_budget import budget
+    from jointplay.estimate.machine import at_ends
+
+    low, high = (
+        f"{1e3 * float(budget(one, q, **about).worst.max()):.4g}"
+        for one in at_ends(mechanism, own.intervals)
+    )
+    return [
+        f"with measured plays at the ends of their 95 % intervals: worst case {low} to {high} mm"
+    ]

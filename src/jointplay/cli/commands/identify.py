@@ -4,8 +4,8 @@ Identify clearances, friction, gear play and restitution from measured signals, 
 intervals, or state that this measurement cannot determine a value and which further measurement
 would. Means over stops and slow stretches are compared with the static model, impacts (of an
 accelerometer or of forces in bearings) by their statistics; readings of a dial gauge tell the play
-of single joints. With --plan: the most informative poses and motions. docs/identify.md lists the
-columns of a measurement.
+of single joints. With --plan: the most informative poses and motions; with --against: what has
+changed since earlier measurements. docs/identify.md lists the columns of a measurement.
 
 Example: jointplay identify my_robot.toml measured.csv --out worn
 
@@ -39,6 +39,14 @@ Example: jointplay identify my_robot.toml measured.csv --out worn
         offset: "elbow=joint_3", "elbow=-elbow_flex.pos + 90 deg"
     --episode N  episode of a dataset, counted from 0
     --world FRAME ...  frame of a bag whose axes are those of the robot's base
+  watch:
+    --against DATA ...  earlier measurements of the same machine, oldest first, or a folder of them;
+        dates in their names count, such as elbow-2026-03-01.csv: states how each play changed
+        and grows, all compared as one; exit status 3 is an alarm
+    --limit PLAY=X ...  alarm if "elbow gear play=0.2 deg" or "elbow gear play change=0.1 deg" is
+        surely exceeded (default: if any play has surely grown)
+    --ahead N  alarm also if a limit is expected to be reached within N days, or recordings where
+        names have no dates
   by simulated runs of the scenario:
     --runs [RUNS=40]  where flights do not determine restitution, fit the impact statistics with
         this many runs (40 if no number is given)
@@ -66,6 +74,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -95,6 +104,9 @@ NOT_OF_A_GAUGE = (
 )
 OUTPUTS = ("write_preset", "urdf", "mjcf")
 LOOPS = "loops.png"
+WATCHED = ("limit", "ahead")
+ALARM = 3
+"""Exit status."""
 
 
 def run(options: argparse.Namespace) -> int:
@@ -102,6 +114,11 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.estimate.columns import is_readings
 
     processes.number_of(options.jobs)
+    if options.against:
+        return _watch(options)
+    for name in WATCHED:
+        if getattr(options, name) not in (None, []):
+            raise JointplayError(f"--{name} needs earlier measurements (--against)")
     if (options.plan is None) == (options.data is None):
         raise JointplayError(
             "give a measurement (CSV, bag or dataset), or --plan to ask what to measure"
@@ -124,16 +141,7 @@ def run(options: argparse.Namespace) -> int:
     for option in ("verify", "runs"):
         if getattr(options, option) and posed.simulation is None:
             raise JointplayError(f"--{option} needs a scenario (.toml) with the measured motion")
-    from jointplay.estimate.measurement import JOINT_UNITS, TOOL_UNITS
-
-    units = TOOL_UNITS | {kind: units[0] for kind, units in JOINT_UNITS.items()}
-    lag = None if options.lag is None else _size(options.lag, "s", "--lag")
-    shared: dict[str, Any] = {
-        "noise": numbers_by_name(options.noise, "--noise SIGNAL=X", units),
-        "also": options.also,
-        "known": options.known,
-        "stiffness": _stiffness(options.stiffness),
-    }
+    shared, lag = _about(options)
     out.claim()
     from jointplay.estimate import identify, plan_measurement
 
@@ -180,6 +188,96 @@ def run(options: argparse.Namespace) -> int:
         contents += [reversal_loops(fit.loops, fit.estimates)] if fit.loops else []
         out.write(dict(zip(names, contents, strict=False)))
     return 0
+
+
+def _about(options: argparse.Namespace) -> tuple[dict[str, Any], float | None]:
+    """What is known of the signals and the machine; how late readings are [s]."""
+    from jointplay.estimate.measurement import JOINT_UNITS, TOOL_UNITS
+
+    units = TOOL_UNITS | {kind: units[0] for kind, units in JOINT_UNITS.items()}
+    lag = None if options.lag is None else _size(options.lag, "s", "--lag")
+    shared: dict[str, Any] = {
+        "noise": numbers_by_name(options.noise, "--noise SIGNAL=X", units),
+        "also": options.also,
+        "known": options.known,
+        "stiffness": _stiffness(options.stiffness),
+    }
+    return shared, lag
+
+
+def _watch(options: argparse.Namespace) -> int:
+    """Compare measurements of the same machine."""
+    from jointplay.estimate.columns import is_readings
+    from jointplay.estimate.watch import in_order, watch
+
+    for name in ("plan", *OUTPUTS, "runs", "verify"):
+        if getattr(options, name) is not None:
+            option = f"--{name.replace('_', '-')}"
+            raise JointplayError(f"{option} is of one measurement, --against of several")
+    given = [*options.against, *([options.data] if options.data else [])]
+    paths = in_order([path for one in given for path in _inside(Path(one))])
+    out = Outputs(options.out, ["watch.csv", "watch.json", "watch.png"])
+    for path in paths:
+        if not path.exists():
+            raise JointplayError(f"there is no file {str(path)!r}")
+    gauge = [is_readings(path) for path in paths]
+    if any(gauge) and not all(gauge):
+        one, other = (paths[gauge.index(kind)] for kind in (True, False))
+        raise JointplayError(f"{other} is no table of a dial gauge, and {one} is")
+    limits = {}
+    for text in options.limit:
+        label, value = pair(text, '--limit PLAY=X, such as "elbow gear play=0.2 deg"')
+        unit = "m" if "clearance" in label else "rad"
+        limits[label] = quantity(value, unit, f"--limit {label}")
+    problems = _gauge_series(options, paths) if all(gauge) else _series(options, paths)
+    out.claim()
+    dates = [(path.name, next(problems)) for path in paths]
+    found = watch(dates, limits, options.ahead or 0.0)
+    print_answer(found.sentence, replace(found, notes=()), found.notes, options.detail)
+    if options.out:
+        from jointplay.show.plots.design import courses
+
+        told = json.dumps(found.describe(), indent=1) + "\n"
+        out.write({"watch.csv": found.data.csv(), "watch.json": told, "watch.png": courses(found)})
+    return ALARM if found.alarms else 0
+
+
+def _inside(path: Path) -> list[Path]:
+    """The measurements in a folder, by their names; else the path, which is one."""
+    from jointplay.estimate.recordings import is_recording
+
+    if not files.is_folder(path) or is_recording(path):
+        return [path]
+    inside = [one for one in sorted(path.iterdir()) if one.suffix.lower() in (".csv", ".mcap")]
+    if not inside:
+        raise JointplayError(f"{path} holds no measurements (.csv, .mcap)")
+    return inside
+
+
+def _gauge_series(options: argparse.Namespace, paths: Sequence[Path]) -> Iterator[Any]:
+    """Least squares of each table of readings."""
+    from jointplay.estimate.gauge import gauge_problems
+
+    noise = numbers_by_name(options.noise, "--noise SIGNAL=X", {"tool": "m", "link": "rad"})
+    taken, options.pose = options.pose, [options.pose or ""]
+    posed = posed_machine(options)
+    pose = posed.poses.positions() if taken else None
+    return (gauge_problems(posed.mechanism, path, noise=noise, pose=pose) for path in paths)
+
+
+def _series(options: argparse.Namespace, paths: Sequence[Path]) -> Iterator[Any]:
+    """Least squares of each measurement in motion."""
+    from jointplay.estimate.identification import identify_problem
+
+    posed, (shared, lag) = posed_machine(options), _about(options)
+    machine: Any = posed.mechanism
+    if posed.simulation is not None:
+        machine = replace(posed.simulation, mechanism=machine)
+    about = {"motion": posed.motion, "reference": options.reference, "drift": options.drift}
+    about |= {"lag": lag, "progress": not options.quiet}
+    for path in paths:
+        options.data = str(path)
+        yield [identify_problem(machine, _recording(options), **about, **shared)]
 
 
 def _gauge(options: argparse.Namespace) -> int:

@@ -19,6 +19,7 @@ from jointplay.accuracy.error_budget import ErrorBudget, PlayBudget
 from jointplay.accuracy.jacobians import GEAR
 from jointplay.estimate import Calibration, Estimate, Identification
 from jointplay.estimate.unknowns import Loop
+from jointplay.estimate.watch import Watch
 from jointplay.model.mechanism import Mechanism
 from jointplay.show.picture import picture
 from jointplay.show.plots.chart import (
@@ -260,18 +261,13 @@ def identification(fit: Identification) -> Figure:
 
 
 _IN_ROW = 3
-"""Reversal loops beside each other."""
+"""Panels of joints beside each other."""
 
 
 def reversal_loops(loops: Sequence[Loop], estimates: Sequence[Estimate]) -> Figure:
     """Where each joint was against its motor, both ways, the fit over it; and its play in words."""
-    panels: list[Panel | None] = [_reversal_loop(loop, estimates) for loop in loops]
-    across = min(len(panels), _IN_ROW)
-    panels += [None] * (-len(panels) % across)
-    rows = [panels[k : k + across] for k in range(0, len(panels), across)]
     note = "dots: measured, by the way moved or pushed (hollow: neither); lines: what was found"
-    size = max(3.4 * across, 5.0), 0.6 + 3.0 * len(rows)
-    return draw(Chart(rows, size, note=note))
+    return _in_rows([_reversal_loop(loop, estimates) for loop in loops], note)
 
 
 def _reversal_loop(loop: Loop, estimates: Sequence[Estimate]) -> Panel:
@@ -290,6 +286,28 @@ def _reversal_loop(loop: Loop, estimates: Sequence[Estimate]) -> Panel:
         Axis("deviation of the link", loop.unit, "fine"),
     )
     return Panel(x, up, marks, title="\n".join([loop.joint, *play]))
+
+
+def courses(watched: Watch) -> Figure:
+    """How each play changed since the first measurement, and its growth."""
+    panels: list[Panel | None] = []
+    for label, changes in watched.courses.items():
+        ends = np.array([one.interval for one in changes]).T
+        value = np.array([one.value for one in changes])
+        times = watched.times[-len(changes) :]
+        seen = Curve(times, value, line="", marker="o", size=4.0, low=ends[0], high=ends[1])
+        up = Axis("change since the first", changes[-1].unknown.unit, "fine")
+        words = " to ".join(map(changes[-1].unknown.shown, changes[-1].interval))
+        title = f"{label}\n{words}"
+        panels.append(Panel(Axis(f"{watched.unit}s"), up, [Rule(0.0), seen], title=title))
+    return _in_rows(panels, "statistical; bars: 95 % intervals")
+
+
+def _in_rows(panels: list[Panel | None], note: str) -> Figure:
+    across = min(len(panels), _IN_ROW)
+    panels = [*panels, *[None] * (-len(panels) % across)]
+    rows = [panels[k : k + across] for k in range(0, len(panels), across)]
+    return draw(Chart(rows, (max(3.4 * across, 5.0), 0.6 + 3.0 * len(rows)), note=note))
 
 
 def _interval(row: int, low: float, high: float, value: float) -> list[Mark]:
@@ -355,7 +373,7 @@ def calibration(fit: Calibration) -> Figure:
         else:
             bounds.append(Bars([1e3 * one.upper], "", "#cccccc", height=0.5, rows=[row]))
     if told:
-        across = Axis("half-play [mrad or mm]\ninterval; grey: bound")
+        across = Axis("play [mrad or mm]\ninterval; grey: bound")
         panels.append(Panel(across, Axis(rows=[one.joint for one in told]), bounds))
     size = (3.4 * len(panels), 1.6 + 0.3 * max(len(fit.steps), 5))
     return _row(panels, size, note=f"held back: {fit.folds}; statistical, 95 %", key=2)

@@ -29,8 +29,9 @@ elbow_joint="2 arcmin" --gear-stiffness 2e4 --rotor-inertia 0.5 --out elbow
     --all  write all joints with play into one file of each format
     --batch N  write N copies besides, their play, friction and stiffness random
     --seed N  seed of the random numbers (default: 0)
-    --identified FILE  draw from the 95 % intervals that jointplay identify found (its
-        identified.json), and within --spread where it found none
+    --identified FILE  draw from the 95 % intervals that jointplay identify or calibrate found
+        (their JSON, or the preset that they wrote; by default that of --preset), and within
+        --spread where they found none
     --plugin NAME  URDF: hardware of ros2_control's tags (default: gz_ros2_control/GazeboSimSystem)
     --detail
     --quiet
@@ -45,7 +46,12 @@ from jointplay.base.errors import JointplayError, require_non_negative
 from jointplay.base.pairs import name_and_number
 from jointplay.bridges.reduced_formats import FORMATS, PARAMETERS, choose
 from jointplay.cli.commands import Outputs, given, print_answer
-from jointplay.cli.commands.inputs import PosedMachine, named_joints, posed_machine
+from jointplay.cli.commands.inputs import (
+    PosedMachine,
+    chosen_preset,
+    named_joints,
+    posed_machine,
+)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -68,7 +74,7 @@ def run(options: argparse.Namespace) -> int:
 
     out = Outputs(options.out, names + [FOLDER] * ("mjcf" in formats))
     from jointplay.bridges.own_mjcf import is_own
-    from jointplay.bridges.random_copies import read_identified
+    from jointplay.bridges.random_copies import measured_intervals, read_identified
     from jointplay.bridges.reduced_robot import ReducedRobot, refuse_without_play
     from jointplay.bridges.reduction import reduce, reduce_all
 
@@ -83,6 +89,8 @@ def run(options: argparse.Namespace) -> int:
     found = None
     if options.identified is not None:
         found = read_identified(options.identified, mechanism.joints)
+    elif count and (own := chosen_preset(options)) is not None:
+        found = measured_intervals(own)
     out.claim()
     how = given(options, "amplitude", "period") | {"progress": not options.quiet}
     if joint is None:

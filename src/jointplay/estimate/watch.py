@@ -1,0 +1,338 @@
+"""What has changed between measurements of the same machine, and when a limit is reached.
+
+All dates are one least squares: the play of the first is an unknown, and how each later one differs
+from it. Compliances and friction are the machine's, the same at all dates but for a little that is
+stated (`SAME`); offsets, drift and whatever else belongs to a date is its own. What the model is
+off by it is off by at each date alike, so a change is told earlier than a value.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jointplay.base.errors import JointplayError, MissingName
+from jointplay.base.tables import Table, counted, few
+from jointplay.estimate.least_squares import CONFIDENCE, Fit, LeastSquares, search
+from jointplay.estimate.unknowns import PLAYS, Estimate, Unknown, data, listed
+
+SAME = {"friction": 0.3, "": 0.1}
+"""By how much friction, and all else but play, differs between dates: standard deviations, as parts
+of their sizes. An assumption."""
+_REMEMBERED = 64
+"""Predictions of a date that are kept: differences move one date at a time."""
+_DATE = re.compile(r"(?<!\d)(\d{4})[-_]?(\d\d)[-_]?(\d\d)(?!\d)")
+_START = 0.1
+"""Of a play that may be none, by its scale."""
+
+
+@dataclass(frozen=True)
+class Watch:
+    """How the plays of a machine changed over a series of measurements; SI units."""
+
+    dates: tuple[str, ...]
+    """Names of the measurements, oldest first."""
+    times: np.ndarray
+    """Of these, counted from the first [unit]."""
+    unit: str
+    """``day``, or ``recording`` where nothing says when they were taken."""
+    estimates: tuple[Estimate, ...]
+    """Of each play: its value in the newest, its change since the first, and its growth."""
+    courses: Mapping[str, tuple[Estimate, ...]]
+    """By the label of a play: its changes since the first, at each later date."""
+    alarms: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def sentence(self) -> str:
+        """The answer in plain words."""
+        if self.alarms:
+            return f"Alarm: {'; '.join(self.alarms)}"
+        grown = [one for one in self.estimates if one.label.endswith(" change")]
+        of = counted(len(grown), "joint")
+        sure = [one.joint for one in grown if one.interval[0] > 0.0]
+        words = f"; it may have grown in {few(sure)}" if sure else ""
+        return f"No alarm: the play of {of} over {len(self.dates)} measurements{words}"
+
+    def __str__(self) -> str:
+        return "\n".join([*self.notes, listed(self.estimates)])
+
+    @property
+    def data(self) -> Table:
+        """A row for each estimate [SI]."""
+        return data(self.estimates)
+
+    def describe(self) -> dict[str, Any]:
+        """As plain data [SI]."""
+        courses = {k: [one.describe() for one in some] for k, some in self.courses.items()}
+        return {
+            "dates": list(self.dates), "times": self.times.tolist(), "unit": self.unit,
+            "alarms": list(self.alarms), "unknowns": [one.describe() for one in self.estimates],
+            "courses": courses, "notes": list(self.notes),
+        }  # fmt: skip
+
+
+def watch(
+    dates: Sequence[tuple[str, Sequence[LeastSquares]]],
+    limits: Mapping[str, float] | None = None,
+    ahead: float = 0.0,
+) -> Watch:
+    """How plays changed over a series of measurements of one machine.
+
+    Without limits a change that is sure to be a growth is an alarm, with a false one in at most one
+    of forty series. With limits an alarm is a play, or its change, that is surely above its own,
+    and one that is expected to be there before long, if it goes on as on average.
+
+    Args:
+        dates: name and least squares of each measurement, oldest first; dates in the names count.
+        limits: by label, ``"elbow gear play"`` or ``"elbow gear play change"`` [SI].
+        ahead: how long before a limit is reached is alarmed [days, or recordings].
+
+    Raises:
+        JointplayError: fewer than two measurements; none of a play in two of them.
+        MissingName: a limit of no play.
+    """
+    if len(dates) < 2:
+        raise JointplayError(f"a change needs at least two measurements, got {len(dates)}")
+    names = tuple(name for name, _ in dates)
+    times, unit = _times(names)
+    series: dict[tuple[str, ...], list[tuple[float, LeastSquares]]] = {}
+    for time, (_, problems) in zip(times, dates, strict=True):
+        for one in problems:
+            key = tuple(unknown.label for unknown in one.unknowns)
+            series.setdefault(key, []).append((time, one))
+    known = {key: some for key, some in series.items() if len(some) > 1}
+    notes = [
+        f"note: {few([*key])}: measured once, no change is told"
+        for key, some in series.items() if len(some) == 1
+    ]  # fmt: skip
+    plays = [
+        (k, i) for k, some in known.items() for i in _plays(some[0][1].unknowns)
+    ]  # fmt: skip
+    if not plays:
+        raise JointplayError(f"no play was measured twice in {', '.join(names)}")
+    labels = [known[k][0][1].unknowns[i].label for k, i in plays]
+    for label in limits or {}:
+        if label.removesuffix(" change") not in labels:
+            raise MissingName("play", label, [*labels, *(f"{one} change" for one in labels)])
+    found: list[Estimate] = []
+    courses, alarms = dict[str, tuple[Estimate, ...]](), list[str]()
+    sure = 1.0 - (1.0 - CONFIDENCE) / len(plays)
+    for some in known.values():
+        when, problems = np.array([time for time, _ in some]), [one for _, one in some]
+        free = search(*_stacked(problems, np.eye(len(some))[:, 1:], ["change"] * (len(some) - 1)))
+        grown = _stacked(problems, (when - when[-1])[:, None], [f"per {unit}"])
+        steady = search(*grown)
+        last = search(problems[-1], np.array([_begin(one) for one in problems[-1].unknowns]))
+        wider = free.half_widths(sure) / np.maximum(free.half_widths(), 1e-300)
+        count = len(problems[0].unknowns)
+        for j, i in enumerate(_plays(problems[0].unknowns)):
+            at = [count + j * (len(some) - 1) + k for k in range(len(some) - 1)]
+            changes = [_told(free, k) for k in at]
+            value, rate = replace(_told(last, i), reason=""), _told(steady, count + j)
+            found += [value, changes[-1], rate]
+            courses[value.label] = tuple(changes)
+            half = wider[at[-1]] * changes[-1].half_width
+            told = value, changes[-1], changes[-1].value - half, rate
+            alarms += _alarms(told, limits, ahead, unit, notes)
+    notes.append(
+        f"assumed: between measurements compliances differ by {100.0 * SAME['']:g} %, friction by "
+        f"{100.0 * SAME['friction']:g} % (standard deviations); growth: if it is steady"
+    )
+    return Watch(names, times, unit, tuple(found), courses, tuple(alarms), tuple(notes))
+
+
+def _plays(unknowns: Sequence[Unknown]) -> list[int]:
+    return [i for i, one in enumerate(unknowns) if one.name in PLAYS]
+
+
+def _told(fit: Fit, i: int) -> Estimate:
+    half = float(fit.half_width[i])
+    reason = "" if np.isfinite(half) else fit.why_not(i) or "nothing that was measured tells it"
+    return Estimate(fit.least.unknowns[i], float(fit.theta[i]), half, reason)
+
+
+def _alarms(
+    told: tuple[Estimate, Estimate, float, Estimate],
+    limits: Mapping[str, float] | None,
+    ahead: float,
+    unit: str,
+    notes: list[str],
+) -> list[str]:
+    """Of one play: its value, its change, what that is at least, its growth; notes are added."""
+    value, change, least, rate = told
+    shown = value.unknown.shown
+    if not limits:
+        words = f"{value.label} has grown by {' to '.join(map(shown, change.interval))}"
+        return [words] if least > 0.0 else []
+    made = []
+    for one, low in ((value, value.low), (change, least)):
+        limit = limits.get(one.label)
+        if limit is None:
+            continue
+        if low > limit:
+            made.append(
+                f"{one.label} is above {shown(limit)}: {' to '.join(map(shown, one.interval))}"
+            )
+            continue
+        expected = _until(limit - one.value, rate.value)
+        first, latest = _until(limit - one.high, rate.high), _until(limit - one.low, rate.low)
+        words = f"{one.label} reaches {shown(limit)} in about {expected:.3g} {unit}s"
+        if one.value > limit:
+            words = f"{one.label} may be above {shown(limit)} already"
+        elif not np.isfinite(expected):
+            words = f"{one.label} may reach {shown(limit)} once"
+        words = f"{words} ({first:.3g} to {latest:.3g} {unit}s), if it goes on like this"
+        (made if expected <= ahead and ahead > 0.0 else notes).append(words)
+    return made
+
+
+def _until(left: float, rate: float) -> float:
+    """Time until what is left has grown at a rate; infinite if it does not grow."""
+    return 0.0 if left <= 0.0 else left / rate if rate > 0.0 else np.inf
+
+
+def _times(names: Sequence[str]) -> tuple[np.ndarray, str]:
+    """By dates in the names of files [days], or their order."""
+    found = [_DATE.findall(Path(name).name) for name in names]
+    try:
+        days = np.array([date(*map(int, one[-1])).toordinal() for one in found if one], float)
+    except ValueError:
+        days = np.zeros(0)
+    if len(days) < len(names) or (np.diff(days) <= 0.0).any():
+        return np.arange(len(names), dtype=float), "recording"
+    return days - days[0], "day"
+
+
+def in_order(paths: Sequence[Path]) -> list[Path]:
+    """By dates in their names if all have one, else as they are."""
+    found = [_DATE.findall(path.name) for path in paths]
+    if not all(found):
+        return list(paths)
+    return [path for _, path in sorted(zip(found, paths, strict=True), key=lambda one: one[0][-1])]
+
+
+def _stacked(
+    problems: Sequence[LeastSquares], moves: np.ndarray, names: Sequence[str]
+) -> tuple[LeastSquares, np.ndarray]:
+    """All dates as one problem, and where to start from.
+
+    Its unknowns are those of a date, then of each play columns of `moves` (dates, columns), with
+    their names, and of each other what it differs by at dates but the first.
+    """
+    first, n = problems[0], len(problems)
+    low, high = first.limits
+    unknowns, start = list(first.unknowns), [_begin(one) for one in first.unknowns]
+    shift = np.zeros((n, len(unknowns), 0))
+
+    def add(i: int, columns: np.ndarray, words: Sequence[str], spread: float) -> None:
+        nonlocal shift
+        own, size = np.zeros((n, len(first.unknowns), columns.shape[1])), np.abs(columns).max(0)
+        own[:, i] = columns
+        shift = np.concatenate([shift, own], axis=2)
+        one = first.unknowns[i]
+        for word, most in zip(words, size, strict=True):
+            changed = replace(
+                one, name=f"{one.name} {word}", nominal=0.0, scale=one.scale / most, sought=False,
+                spread=spread, least=-np.inf, most=np.inf,
+            )  # fmt: skip
+            unknowns.append(changed)
+            start.append(0.0)
+
+    plays = _plays(first.unknowns)
+    for i in plays:
+        add(i, moves, names, np.inf)
+    for i, one in enumerate(first.unknowns):
+        if i not in plays and one.spread != 0.0:
+            part = SAME["friction" if "friction" in one.name else ""]
+            add(i, np.eye(n)[:, 1:], [f"at {k}" for k in range(1, n)], part * one.scale)
+    p = len(first.unknowns)
+    kept: list[dict[bytes, np.ndarray]] = [{} for _ in problems]
+
+    def predicted(theta: np.ndarray) -> np.ndarray:
+        values = np.clip(theta[:p] + shift @ theta[p:], low, high)
+        parts = []
+        for one, mine, value in zip(problems, kept, values, strict=True):
+            key = value.tobytes()
+            if key not in mine:
+                if len(mine) >= _REMEMBERED:
+                    del mine[next(iter(mine))]
+                mine[key] = one.predict(value)
+            parts.append(mine[key])
+        return np.concatenate(parts)
+
+    nuisance, spread = _nuisances(problems)
+    kinds = [one.kinds for one in problems]
+    softening = {
+        joint: np.concatenate([one.softening[joint] for one in problems])
+        for joint in first.softening
+    }
+    whole = replace(
+        first,
+        unknowns=tuple(unknowns),
+        predict=predicted,
+        measured=np.concatenate([one.measured for one in problems]),
+        error=np.concatenate([one.error for one in problems]),
+        nuisance=nuisance,
+        spread=spread,
+        groups=tuple(
+            _numbered(some) for some in zip(*(one.groups for one in problems), strict=True)
+        ),
+        kinds=None if kinds[0] is None else np.concatenate(kinds),  # type: ignore[arg-type]
+        jacobian=None,
+        softening=softening,
+    )
+    return whole, np.array(start)
+
+
+def _begin(one: Unknown) -> float:
+    return one.nominal if np.isfinite(one.nominal) and one.nominal else 0.5 * one.scale
+
+
+def _numbered(groups: Sequence[np.ndarray]) -> np.ndarray:
+    """Numbers of groups that differ between dates, (m,)."""
+    made, most = [], 0
+    for one in groups:
+        _, numbers = np.unique(one, return_inverse=True)
+        made.append(np.ravel(numbers) + most)
+        most += int(numbers.max(initial=-1)) + 1
+    return np.concatenate(made)
+
+
+def _nuisances(problems: Sequence[LeastSquares]) -> tuple[np.ndarray, np.ndarray]:
+    """Effects (m, k) and spreads (k,): those of a date, what those of the machine, which have
+    labels, differ by, and these themselves."""
+    rows = np.repeat(np.arange(len(problems)), [len(one.measured) for one in problems])
+    m, own, differ, known = len(rows), list[np.ndarray](), list[np.ndarray](), list[float]()
+    spreads: list[float] = []
+    labels = problems[0].labels
+    shared = np.zeros((m, len(labels)))
+    for k, one in enumerate(problems):
+        if one.labels != labels:
+            raise JointplayError(
+                "the measurements differ in what they measure: watch likes of each"
+            )
+        if one.nuisance is None:
+            continue
+        count = one.nuisance.shape[1]
+        wide = np.full(count, np.inf) if one.spread is None else one.spread
+        for j in range(count):
+            column = np.zeros(m)
+            column[rows == k] = one.nuisance[:, j]
+            if j < count - len(labels):
+                own.append(column)
+                spreads.append(float(wide[j]))
+                continue
+            shared[:, j - count + len(labels)] += column
+            if k and np.isfinite(wide[j]):
+                differ.append(column)
+                known.append(SAME[""] * float(wide[j]))
+        last = wide[count - len(labels) :]
+    columns = np.column_stack([np.zeros((m, 0)), *own, *differ, shared])
+    return columns, np.array([*spreads, *known, *(last if labels else ())])

@@ -1,0 +1,221 @@
+"""What has changed between measurements, alarms, and when a limit is reached."""
+
+import json
+import math
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from jointplay import Gear, JointplayError, Mechanism
+from jointplay.cli import main
+from jointplay.estimate.gauge import Readings, gauge_problems, identify_gauged
+from jointplay.estimate.identification import identify_problem
+from jointplay.estimate.measurement import Measurement
+from jointplay.estimate.watch import in_order, watch
+from jointplay.show.plots.design import courses
+
+FORCES, ARM = np.array([0.0, 8.0, -8.0, 2.0, -2.0]), 0.1
+JOINTS = ("shoulder_pan", "elbow_flex")
+MONTHS = [f"dial-2026-{month:02d}-01.csv" for month in range(1, 7)]
+
+
+def read(plays, seed=0, stiffness=100.0):
+    """Readings of joints whose teeth stiffen under load."""
+    random, turned = np.random.default_rng(seed), []
+    push = np.tile(ARM * FORCES, len(plays))
+    for play in plays:
+        bent = np.sign(FORCES) * (ARM * abs(FORCES) / stiffness) ** 0.9
+        zero, noise = random.normal(), 1e-4 * random.normal(size=5)
+        turned.append(zero + np.sign(FORCES) * play / 2.0 + bent + noise)
+    names = tuple(name for name in JOINTS[: len(plays)] for _ in FORCES)
+    n = len(push)
+    return Readings(names, ("",) * n, push, np.ravel(turned), np.full(n, 1e-4))
+
+
+def series(growth, months=MONTHS):
+    """A joint whose play grows by so much a month, and one whose does not."""
+    robot = Mechanism("so101")
+    return [
+        (name, gauge_problems(robot, read([8e-3 + growth * k, 5e-3], seed=k)))
+        for k, name in enumerate(months)
+    ]
+
+
+def test_a_change_is_told_where_values_are_not_yet_apart():
+    found = watch(series(4e-4))
+    last = found.courses["shoulder_pan gear play"][-1]
+    assert last.low <= 5 * 4e-4 <= last.high
+    assert last.half_width < 1.2e-3
+    ends = [
+        identify_gauged(Mechanism("so101"), read([8e-3 + 4e-4 * k, 5e-3], seed=k)).estimates[0]
+        for k in (0, 5)
+    ]
+    assert ends[0].high > ends[1].low  # by values nobody could tell
+    assert ends[0].half_width > 3.0 * last.half_width
+    assert len(found.alarms) == 1
+    assert "shoulder_pan gear play has grown by" in found.alarms[0]
+    other = found.courses["elbow_flex gear play"][-1]
+    assert other.low <= 0.0 <= other.high
+    assert not watch(series(0.0)).alarms
+
+
+def test_growth_is_by_the_day_where_names_have_dates_else_by_the_recording():
+    found = watch(series(4e-4))
+    rate = next(one for one in found.estimates if one.label == "shoulder_pan gear play per day")
+    assert rate.low <= 4e-4 / (151.0 / 5.0) <= rate.high
+    assert found.unit == "day"
+    assert found.times[-1] == 151.0
+    found = watch(series(4e-4, ["b", "a", "c"]))
+    assert (found.unit, found.times[-1]) == ("recording", 2.0)
+    names = ["on-2026-03-01.csv", "on-20260201.csv", "on-2026_01_09.csv"]
+    assert [one.name for one in in_order([Path(one) for one in names])] == names[::-1]
+
+
+def test_a_limit_is_alarmed_when_it_is_surely_exceeded_or_will_be_before_long():
+    some, label = series(4e-4), "shoulder_pan gear play change"
+    assert not watch(some, {label: 5e-3}).alarms
+    (said,) = [one for one in watch(some, {label: 5e-3}).notes if "reaches" in one]
+    expected, first, last = (float(one) for one in said_times(said))
+    assert first < (5e-3 - 2e-3) / 4e-4 * 30.2 < last
+    assert first < expected < last
+    assert watch(some, {label: 5e-3}, ahead=1.2 * expected).alarms
+    (alarm,) = watch(some, {label: 5e-4}).alarms
+    assert "is above" in alarm
+    unsure = watch(some, {"shoulder_pan gear play": 9e-3})
+    assert not unsure.alarms
+    assert any("may be above 9 mrad already" in one for one in unsure.notes)
+    assert watch(some, {"shoulder_pan gear play": 4e-3}).alarms
+
+
+def said_times(said):
+    """Expected, first and last of a sentence."""
+    words = said.replace("(", " ").replace(")", " ").split()
+    at = words.index("about")
+    return words[at + 1], words[at + 3], words[at + 5]
+
+
+def test_what_differs_from_date_to_date_is_not_taken_for_play():
+    """Softer by a tenth, as is assumed: no alarm, and the interval holds none."""
+    robot = Mechanism("so101")
+    some = [
+        (str(k), gauge_problems(robot, read([5e-3], seed=k, stiffness=100.0 * 0.9**k)))
+        for k in range(2)
+    ]
+    found = watch(some)
+    (changes,) = found.courses.values()
+    assert changes[-1].low <= 0.0 <= changes[-1].high
+    assert not found.alarms
+    assert "compliances differ by 10 %" in str(found)
+
+
+def lagging(path, play, seed):
+    """Motor, link and torque of a joint whose link trails."""
+    time = np.arange(0.0, 12.0, 0.01)
+    angle = 0.4 - np.abs((0.2 * time) % 1.6 - 0.8)
+    link, trail = angle.copy(), play / 2.0 + 0.5 / 1e3
+    for i in range(1, len(angle)):
+        link[i] = min(max(link[i - 1], angle[i] - trail), angle[i] + trail)
+    random = np.random.default_rng(seed)
+    torque = np.sign(angle - link) * np.clip(abs(angle - link) * 1e3 - play / 2.0 * 1e3, 0.0, None)
+    signals = {
+        ("motor", "shoulder_pan"): angle,
+        ("link", "shoulder_pan"): link + random.normal() + 2e-5 * random.normal(size=len(time)),
+        ("torque", "shoulder_pan"): torque + 0.02 * random.normal(size=len(time)),
+    }
+    path.write_text(Measurement(time, signals).csv())
+    return path
+
+
+def test_motions_are_watched_like_readings(tmp_path):
+    robot = Mechanism("so101", gears={"shoulder_pan": Gear(1e-3, 0.1, 1e3)})
+    some = [
+        (path.name, [identify_problem(robot, path, known=["gear_compliance"])])
+        for path in (
+            lagging(tmp_path / f"{k}.csv", 2e-3 + 1e-4 * k, seed=k) for k in range(2)
+        )
+    ]  # fmt: skip
+    (change,) = watch(some).courses["shoulder_pan gear play"]
+    assert change.low <= 1e-4 <= change.high
+    assert change.half_width < 1e-4
+
+
+def written(folder, growth=4e-4, months=MONTHS):
+    folder.mkdir()
+    for k, name in enumerate(months):
+        one = read([8e-3 + growth * k, 5e-3], seed=k)
+        rows = zip(one.joint, one.push / ARM, one.turned, strict=True)
+        lines = ["joint,force [N],arm [mm],angle [deg]"]
+        lines += [f"{name},{force:g},100,{math.degrees(turn):.6f}" for name, force, turn in rows]
+        (folder / name).write_text("\n".join(lines) + "\n")
+    return folder
+
+
+def test_the_command_tells_a_scheduler(tmp_path, capsys):
+    folder = written(tmp_path / "series")
+    old, new = folder / MONTHS[0], folder / MONTHS[-1]
+    order = ["identify", "so101", "--noise", "link=1e-4"]
+    out = tmp_path / "out"
+    assert main([*order, "--against", str(folder), "--out", str(out)]) == 3
+    said = capsys.readouterr().out
+    assert said.startswith("Alarm: shoulder_pan gear play has grown by")
+    told = json.loads((out / "watch.json").read_text())
+    assert len(told["courses"]["elbow_flex gear play"]) == 5
+    assert {one.name for one in out.iterdir()} == {"watch.csv", "watch.json", "watch.png"}
+    # The newest in its own place, also behind the option, says the same as both behind options.
+    both = ["--against", new, "--against", old]
+    for ways in (["--against", old, new], [new, "--against", old], both):
+        limit = ["--limit", "shoulder_pan gear play change=0.5 deg"]
+        assert main([*order, *map(str, ways), *limit]) == 0
+        assert capsys.readouterr().out.startswith("No alarm: the play of 2 joints over 2")
+    still = written(tmp_path / "still", 0.0)
+    assert main([*order, "--against", str(still)]) == 0
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ("--against {old}", "at least two measurements, got 1"),
+        ("--against {folder}/none.csv {old}", "there is no file"),
+        ("--against {old} {moving}", "is no table of a dial gauge"),
+        ("--against {folder} --limit 'knee gear play=1 deg'", "no play 'knee gear play'"),
+        ("--against {folder} --limit 'elbow_flex gear play=1 mm'", "is not an angle"),
+        ("--against {folder} --write-preset {folder}/my.toml", "--write-preset is of one"),
+        ("--against {folder} --plan dial", "--plan is of one"),
+        ("--against {empty}", "holds no measurements"),
+        ("{old} --limit 'elbow_flex gear play=1 deg'", "--limit needs earlier measurements"),
+        ("{old} {old} {old}", "unrecognized arguments"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_a_line(tmp_path, capsys, options, said):
+    folder, empty = written(tmp_path / "series", months=MONTHS[:2]), tmp_path / "empty"
+    empty.mkdir()
+    moving = lagging(tmp_path / "moving.csv", 2e-3, 0)
+    places = {"folder": folder, "old": folder / MONTHS[0], "moving": moving, "empty": empty}
+    words = shlex.split(options.format(**places))
+    try:
+        status = main(["identify", "so101", *words])
+    except SystemExit as refused:
+        status = refused.code
+    err = capsys.readouterr().err
+    assert status == 2
+    assert said in err
+    assert err.count("\n") == 1
+
+
+def test_measurements_of_different_things_are_not_compared():
+    robot = Mechanism("so101")
+    one, other = (gauge_problems(robot, read([8e-3] * n)) for n in (1, 2))
+    with pytest.raises(JointplayError, match="no play was measured twice"):
+        watch([("a", one), ("b", other[1:])])
+    found = watch([("a", one), ("b", other)])
+    assert "elbow_flex" in found.notes[0]
+    assert "measured once" in found.notes[0]
+
+
+def test_the_figure_has_each_play_with_its_changes():
+    figure = courses(watch(series(4e-4)))
+    assert [axes.get_title().partition("\n")[0] for axes in figure.axes[:2]] == [
+        "shoulder_pan gear play", "elbow_flex gear play"
+    ]  # fmt: skip
