@@ -29,7 +29,7 @@ from jointplay.base import streams
 from jointplay.base.errors import JointplayError
 from jointplay.base.pairs import misread, pair
 from jointplay.cli.commands import Outputs, print_answer
-from jointplay.cli.commands.inputs import positions, simulation_of
+from jointplay.cli.commands.inputs import is_scenario, positions, scenario_of
 
 
 def run(options: argparse.Namespace) -> int:
@@ -37,19 +37,24 @@ def run(options: argparse.Namespace) -> int:
     spans = [_span(text) for text in options.map or ()]
     if spans and len(spans) != 2:
         raise JointplayError(f"a map is over two gains: give --map twice, got {len(spans)}")
+    if not (is_scenario(options) or options.gear or options.preset or options.set):
+        raise JointplayError(
+            "hunting is of gears with play under servos: give a scenario or --preset, or --gear "
+            "JOINT=ANGLE and --set 'drives.JOINT.kind=\"servo\"' with its numbers"
+        )
     from jointplay.study import hunting
 
-    simulation = simulation_of(options)
+    simulation = scenario_of(options).simulation(options.case)
     held = positions(simulation.mechanism, options.held or "", "--held")
     how: dict[str, Any] = {"jobs": options.jobs, "progress": not options.quiet}
     how["duration"] = options.time
     joints = options.of or hunting.able(simulation)
-    streams.release()
     if spans:
         if len(joints) > 1:
             raise JointplayError(f"a map is of one joint: give --of, one of {', '.join(joints)}")
         axis = hunting.Axis.of(simulation, joints[0], held)
         out.claim()
+        streams.release()
         found = hunting.gain_map(axis, *(hunting.Span(*one) for one in spans), **how)
         print(found.sentence)
         if options.out:
@@ -58,6 +63,7 @@ def run(options: argparse.Namespace) -> int:
             out.write({"gains.csv": found.table.csv(), "gains.png": gains(found)})
         return 0
     out.claim()
+    streams.release()
     all_found = hunting.hunting(simulation, joints, held, **how)
     table = hunting.table(all_found)
     print_answer(hunting.sentence(all_found), table, hunting.notes(all_found), options.detail)
