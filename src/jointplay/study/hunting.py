@@ -146,7 +146,8 @@ class Axis:
 
     def with_gains(self, **gains: float) -> Axis:
         """With other gains of the servo."""
-        return replace(self, drive=replace(self.drive, **gains))
+        drive: Any = self.drive
+        return replace(self, drive=replace(drive, **gains))
 
     @property
     def encoder(self) -> str:

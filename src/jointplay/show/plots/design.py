@@ -498,8 +498,9 @@ def gains(found: GainMap) -> Figure:
     marks: list[Mark] = []
     for where, name, marker, colour in kinds:
         if where.any():
-            at = [one[where.ravel()] for one in places]
-            marks.append(Curve(*at, name, colour, "", marker=marker, size=3.0, order=4.0))
+            across_at, up_at = (one[where.ravel()] for one in places)
+            look: dict[str, Any] = {"marker": marker, "size": 3.0, "order": 4.0}
+            marks.append(Curve(across_at, up_at, name, colour, "", **look))
     shown = [(size, Axis("swing", length), "best"), (rate, Axis("frequency", "Hz"), "")]
     panels = [
         Panel(across, up, [Map(values, scale, x, y), *marks], scale.label, legend=legend)
