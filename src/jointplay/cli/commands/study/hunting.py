@@ -37,7 +37,8 @@ def run(options: argparse.Namespace) -> int:
     spans = [_span(text) for text in options.map or ()]
     if spans and len(spans) != 2:
         raise JointplayError(f"a map is over two gains: give --map twice, got {len(spans)}")
-    if not (is_scenario(options) or options.gear or options.preset or options.set):
+    bare = options.preset is None and not (options.gear or options.set)
+    if bare and not is_scenario(options):
         raise JointplayError(
             "hunting is of gears with play under servos: give a scenario or --preset, or --gear "
             "JOINT=ANGLE and --set 'drives.JOINT.kind=\"servo\"' with its numbers"
