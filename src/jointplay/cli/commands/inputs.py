@@ -445,7 +445,7 @@ def _given_poses(
     file, texts = _value(options, "poses"), _value(options, "pose")
     if file is None:
         several = len(texts or ()) > 1  # else its name need not be said
-        return {text * several: _positions(mechanism, text) for text in texts or ()} or None
+        return {text * several: positions(mechanism, text) for text in texts or ()} or None
     (_, header), *rows = files.csv_rows(Path(file), "poses")
     header = [cell.strip() for cell in header]
     named = header[0] == "name"
@@ -464,8 +464,9 @@ def _given_poses(
     return found
 
 
-def _positions(mechanism: Mechanism, text: str) -> dict[str, float]:
-    positions = {}
+def positions(mechanism: Mechanism, text: str, option: str = "--pose") -> dict[str, float]:
+    """Positions of joints [rad or m] in text such as ``JOINT=X,JOINT=X``."""
+    found = {}
     names = mechanism.description.joints
     longest = sorted(map(re.escape, names), key=len, reverse=True)
     ahead = f"(?=\\s*(?:{'|'.join(longest)})\\s*=)"  # a name may have commas of its own
@@ -473,9 +474,9 @@ def _positions(mechanism: Mechanism, text: str) -> dict[str, float]:
         name, value = name_and_number(part.strip(), names)
         name = name if name in names else name.strip()
         if value is None:
-            raise misread(part, "--pose JOINT=X,JOINT=X,...")
-        positions[name] = _position(mechanism, name, value, f"--pose {name}")
-    return positions
+            raise misread(part, f"{option} JOINT=X,JOINT=X,...")
+        found[name] = _position(mechanism, name, value, f"{option} {name}")
+    return found
 
 
 def _position(mechanism: Mechanism, joint: str, text: str, where: str) -> float:

@@ -1,4 +1,4 @@
-"""Figures of budgets, allocations, identifications, ISO 9283, wear, reduction and shares."""
+"""Figures of budgets, allocations, identifications, ISO 9283, wear, reduction, shares, hunting."""
 
 from __future__ import annotations
 
@@ -29,6 +29,7 @@ from jointplay.show.plots.chart import (
     Chart,
     Curve,
     Dots,
+    Map,
     Mark,
     Panel,
     Rule,
@@ -36,6 +37,7 @@ from jointplay.show.plots.chart import (
 )
 from jointplay.show.plots.draw import draw
 from jointplay.show.plots.palette import COLOURS, LINE, many
+from jointplay.study.hunting import GainMap
 from jointplay.study.iso9283 import Iso9283
 from jointplay.study.maintenance import Maintenance
 from jointplay.study.shares import DynamicBudget
@@ -496,3 +498,36 @@ def share_bars(budget: DynamicBudget) -> Figure:
         Panel(share, Axis(rows=[*budget.joints, "interaction"]), [shares, zero]),
     ]
     return _row(panels, (8.5, 1.8 + 0.45 * len(names)), note=budget.validity)
+
+
+def gains(found: GainMap) -> Figure:
+    """Swings of a joint over two gains of its servo, and where play is not what makes them."""
+    (first, x), (second, y) = found.first, found.second
+    across = Axis(_gain(first), log=bool(x[0] > 0.0))
+    up = Axis(_gain(second), log=bool(y[0] > 0.0))
+    length = "m" if found.axis.slides else "rad"
+    size = np.where(found.amplitude > 0.0, found.amplitude, np.nan)
+    rate = np.where(found.amplitude > 0.0, found.frequency, np.nan)
+    places = [a.ravel() for a in np.meshgrid(x, y)]
+    kinds = [
+        (found.screen, "predicted", ".", "white"),
+        (found.control, "without play, too", "x", COLOURS[1]),
+    ]
+    marks: list[Mark] = []
+    for where, name, marker, colour in kinds:
+        if where.any():
+            across_at, up_at = (one[where.ravel()] for one in places)
+            look: dict[str, Any] = {"marker": marker, "size": 3.0, "order": 4.0}
+            marks.append(Curve(across_at, up_at, name, colour, "", **look))
+    shown = [(size, Axis("swing", length), "best"), (rate, Axis("frequency", "Hz"), "")]
+    panels = [
+        Panel(across, up, [Map(values, scale, x, y), *marks], scale.label, legend=legend)
+        for values, scale, legend in shown
+    ]
+    note = "blank: quiet; half of the link's way to and fro; one start aside, see docs/drives.md"
+    return _row(panels, (9.0, 4.0), note=note, title=found.sentence)
+
+
+def _gain(name: str) -> str:
+    units = {"p_gain": "V/rad", "i_gain": "V/(rad s)", "d_gain": "V s/rad"}
+    return f"{name[0].upper()} gain [{units[name]}]"

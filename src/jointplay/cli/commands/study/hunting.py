@@ -1,0 +1,90 @@
+"""`jointplay study hunting`: do position servos oscillate at rest, because of play or their gains?
+
+Look at one joint at a time, all others held: its motor, gear with play, inertia and weight at the
+pose, friction, and its servo or a controller of your own ([loads]). The joint is released beside
+its goal, several times, with play and without; printed are the swing that lasts, if any, what the
+describing function of the play predicts, and up to which P gain all is quiet. Gears and servos come
+from a scenario, --preset, or --gear and --set; see docs/drives.md.
+
+Example: jointplay study hunting so101 --preset --of elbow_flex
+--set 'drives.elbow_flex.encoder="link"'
+
+    [FILE | ROBOT]
+  hunting:
+    --of JOINT ...  joint to look at (default: all that have play and a servo)
+    --held JOINT=X,...  positions at which joints are held (default: where the motion begins)
+    --time TIME  length of a run (default 1.5); slow swings need more
+    --map GAIN=FROM:TO:COUNT ...  two of p_gain, i_gain and d_gain, such as p_gain=10:400:20
+        d_gain=0:5:20: a map of the swings over both, of one joint; evenly by factors unless from 0
+    --out DIR  folder for hunting.csv; for the map, gains.csv and gains.png
+    --jobs
+    --detail
+    --quiet
+"""
+
+import argparse
+from typing import Any
+
+from jointplay.base import streams
+from jointplay.base.errors import JointplayError
+from jointplay.base.pairs import misread, pair
+from jointplay.cli.commands import Outputs, print_answer
+from jointplay.cli.commands.inputs import is_scenario, positions, scenario_of
+
+
+def run(options: argparse.Namespace) -> int:
+    out = Outputs(options.out, ["gains.csv", "gains.png"] if options.map else ["hunting.csv"])
+    spans = [_span(text) for text in options.map or ()]
+    if spans and len(spans) != 2:
+        raise JointplayError(f"a map is over two gains: give --map twice, got {len(spans)}")
+    bare = options.preset is None and not (options.gear or options.set)
+    if bare and not is_scenario(options):
+        raise JointplayError(
+            "hunting is of gears with play under servos: give a scenario or --preset, or --gear "
+            "JOINT=ANGLE and --set 'drives.JOINT.kind=\"servo\"' with its numbers"
+        )
+    from jointplay.study import hunting
+
+    simulation = scenario_of(options).simulation(options.case)
+    held = positions(simulation.mechanism, options.held or "", "--held")
+    how: dict[str, Any] = {"jobs": options.jobs, "progress": not options.quiet}
+    how["duration"] = options.time
+    joints = options.of or hunting.able(simulation)
+    if spans:
+        if len(joints) > 1:
+            raise JointplayError(f"a map is of one joint: give --of, one of {', '.join(joints)}")
+        axis = hunting.Axis.of(simulation, joints[0], held)
+        out.claim()
+        streams.release()
+        found = hunting.gain_map(axis, *(hunting.Span(*one) for one in spans), **how)
+        print(found.sentence)
+        if options.out:
+            from jointplay.show.plots.design import gains
+
+            out.write({"gains.csv": found.table.csv(), "gains.png": gains(found)})
+        return 0
+    out.claim()
+    streams.release()
+    all_found = hunting.hunting(simulation, joints, held, **how)
+    table = hunting.table(all_found)
+    print_answer(hunting.sentence(all_found), table, hunting.notes(all_found), options.detail)
+    if options.out:
+        out.write({"hunting.csv": table.csv()})
+    return 0
+
+
+def _span(text: str) -> tuple[str, Any]:
+    """A gain and its values."""
+    import numpy as np
+
+    words = "--map GAIN=FROM:TO:COUNT, such as p_gain=10:400:20"
+    gain, rest = pair(text, words)
+    try:
+        first, last, number = rest.split(":")
+        low, high, count = float(first), float(last), int(number)
+    except ValueError:
+        raise misread(text, words) from None
+    if not (0.0 <= low < high < float("inf") and 2 <= count <= 1000):
+        raise misread(text, words)
+    even = np.geomspace if low > 0.0 else np.linspace
+    return gain, even(low, high, count)

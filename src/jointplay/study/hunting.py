@@ -1,0 +1,598 @@
+"""Hunting: does a position servo with play in its gear oscillate at rest?
+
+One joint is looked at, the others held: a motor, its gear, the link's inertia as Pinocchio has it
+at the pose, the torque of gravity, friction, and the servo or a controller of the user's own. The
+engine runs it from several starts aside, and the same without play. A describing function of the
+play is the screen beside it: gap and backlash as J. J. Slotine, W. Li, Applied Nonlinear Control
+(1991), chapter 5, treat them; not seen for this work, the formula is derived and tested.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from jointplay.base.errors import JointplayError, require_known, require_positive, within
+from jointplay.base.progress import ProgressBar
+from jointplay.base.tables import Column, Table, counted
+from jointplay.model import urdf
+from jointplay.model.gear import Gearing
+from jointplay.model.impact import tooth_duration
+from jointplay.model.mechanism import Mechanism
+from jointplay.physics.kernel import WELL_RESOLVED_STEPS
+from jointplay.simulation.checks import joint_friction
+from jointplay.simulation.loads import Controller, Free, JointFriction, Servo, Wrench
+from jointplay.simulation.motion.reference import Motion
+from jointplay.simulation.run import Run
+from jointplay.simulation.simulation import Simulation
+from jointplay.study.study import Study
+
+STARTS = (0.5, 2.0, 8.0)
+"""How far joint and motor start from the goal, in plays of the gear."""
+
+DURATION_S = 1.5
+"""Of a run, unless it is not clear then whether it goes on."""
+
+LONGEST = 4
+"""By how much a run is made longer at most until that is clear."""
+
+STEP_S = 2e-4
+"""Longest step."""
+
+RECORDS = 1500
+"""Records of a run, about."""
+
+LASTS, STEADY, ENDS = 0.9, 0.02, 0.5
+"""Speed in the last third of a run over that in the second: a swing that keeps more than the first
+lasts; one that differs from 1 by less than the second is as it will be; what is no swing and keeps
+less than the third comes to rest."""
+
+LEAST_RAD = 2e-5
+"""Half a swing below which nothing is said to hunt."""
+
+GAINS = ("p_gain", "i_gain", "d_gain")
+
+REACH = 6
+"""Largest gain that is tried is so many times doubled, the smallest so many times halved."""
+
+BETWEEN = 7
+"""Gains that are tried between the largest quiet and the smallest that hunts, twice."""
+
+
+class Swing(NamedTuple):
+    """What a joint does at rest."""
+
+    hunts: bool
+    amplitude: float
+    """Half of the joint's way to and fro [rad or m]; 0 if it comes to rest."""
+    frequency: float
+    """[Hz]; 0 if it comes to rest."""
+    twist: float = 0.0
+    """Half of what the gear turns in itself to and fro [rad or m]."""
+
+
+QUIET = Swing(False, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One joint of a robot at a pose, all others held.
+
+    Quantities of rotation stand for those of translation of a prismatic joint.
+    """
+
+    joint: str
+    slides: bool
+    inertia: float
+    """That the joint moves, the motor's not counted [kg m^2]."""
+    load: float
+    """Torque of gravity on the joint [N m]."""
+    gear: Gearing
+    drive: Servo | Free
+    friction: JointFriction
+    controller: Controller | None = None
+
+    @classmethod
+    def of(cls, simulation: Simulation, joint: str, pose: Mapping[str, float]) -> Axis:
+        """The joint as a simulation has it.
+
+        Args:
+            simulation: a robot with its gears, drives, friction, and controllers among its loads.
+            joint: one with a gear that has play, and a servo or a controller.
+            pose: positions of joints [rad or m]; others are where the motion begins, or at zero.
+
+        Raises:
+            JointplayError: what lacks, and what to give.
+        """
+        robot = simulation.mechanism
+        require_known("moving joint", joint, robot.joints)
+        for other in pose:
+            require_known("moving joint", other, robot.joints)
+        gear, drive, controller = robot.gears.get(joint), *_control(simulation, joint)
+        if gear is None or not gear.play > 0.0:
+            raise JointplayError(
+                f'{joint!r} has no gear with play: give --gear {joint}="10 arcmin"'
+            )
+        if drive is None and controller is None:
+            raise JointplayError(
+                f"{joint!r} has neither a servo nor a controller of its own: give --preset, or "
+                f"--set 'drives.{joint}.kind=\"servo\"' and its numbers"
+            )
+        if robot.loops:
+            raise JointplayError("the other joints of a closed loop cannot be held: open it")
+        alone = robot.with_clearance({}, robot.gears)
+        q = np.zeros(alone.model.nq)
+        motion = simulation.motion
+        begin = {} if motion is None else dict(zip(motion.joints, motion.positions[0], strict=True))
+        for name, position in (begin | dict(pose)).items():
+            q[alone.coordinate(name)] = position
+        at = alone.coordinate(joint)
+        return cls(
+            joint,
+            robot.description.joints[joint].slides,
+            float(alone.mass_matrix(q)[at, at]),
+            -float(alone.gravity_forces(q)[at]),
+            gear,
+            Free() if drive is None else drive,
+            joint_friction(simulation).get(joint, JointFriction()),
+            controller,
+        )
+
+    def with_gains(self, **gains: float) -> Axis:
+        """With other gains of the servo."""
+        drive: Any = self.drive
+        return replace(self, drive=replace(drive, **gains))
+
+    @property
+    def encoder(self) -> str:
+        one = self.drive if self.controller is None else self.controller
+        return str(one.encoder)  # type: ignore[union-attr]
+
+    def mechanism(self) -> Mechanism:
+        """A robot of this one joint."""
+        j, kind = repr(self.inertia), "prismatic" if self.slides else "continuous"
+        inertia = f'<inertia ixx="{j}" iyy="{j}" izz="{j}" ixy="0" ixz="0" iyz="0"/>'
+        limit = '<limit effort="0" velocity="0"/>' if self.slides else ""
+        text = (
+            '<robot name="axis"><link name="base"/><link name="link"><inertial>'
+            f'<mass value="{j}"/>{inertia}</inertial></link>'
+            f"<joint name={quoteattr(self.joint)} type={quoteattr(kind)}>"
+            f'<parent link="base"/><child link="link"/><axis xyz="0 0 1"/>{limit}</joint></robot>'
+        )
+        return Mechanism(
+            urdf.parse(text, Path("-")), gears={self.joint: self.gear}, gravity=(0.0, 0.0, 0.0)
+        )
+
+    def simulation(self, duration: float) -> Simulation:
+        """Held at zero for so long [s]."""
+        mechanism = self.mechanism()
+        step = tooth_duration(mechanism, self.joint, np.zeros(2)) / WELL_RESOLVED_STEPS
+        step = min(STEP_S, float(f"{step:.1e}"))
+        one = self.drive if self.controller is None else self.controller
+        period = getattr(one, "period", None)
+        if period is not None:
+            step = period / math.ceil(period / step - 1e-9)
+        held = isinstance(self.drive, Servo)
+        way = (0.0, 0.0, self.load)
+        push = Wrench("link", force=way) if self.slides else Wrench("link", moment=way)
+        loads = {} if self.load == 0.0 else {"gravity": push}
+        return Simulation(
+            mechanism,
+            Motion([self.joint], [0.0, 1e-2], [[0.0], [0.0]]) if held else None,
+            drive=self.drive,
+            duration=duration,
+            step=step,
+            record_every=max(round(duration / RECORDS / step), 1),
+            joint_friction={self.joint: self.friction},
+            loads=loads if self.controller is None else loads | {"own": self.controller},
+            start="centred",
+            limits="ignore",
+        )
+
+
+def _control(simulation: Simulation, joint: str) -> tuple[Servo | None, Controller | None]:
+    drive = simulation.drive
+    given = drive.get(joint) if isinstance(drive, Mapping) else drive
+    for one in simulation.loads.values():
+        if isinstance(one, Controller) and joint in one.joints:
+            if one.joints != (joint,):
+                raise JointplayError(
+                    f"the controller of {joint!r} sets {', '.join(one.joints)}: give each joint one"
+                )
+            return (given if isinstance(given, Servo) else None), one
+    return (given if isinstance(given, Servo) else None), None
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A run of one joint."""
+
+    axis: Axis
+    start: float
+    """How far joint and motor begin aside [rad or m]."""
+    play: bool = True
+    """Whether the gear has its play."""
+    duration: float = DURATION_S
+    longest: int = LONGEST
+
+
+def swing(trial: Trial) -> Swing:
+    """What a joint does in the end: it is run until its swings last or are over."""
+    times = 1
+    while True:
+        found, kept = _swing(trial, times * trial.duration)
+        settled = abs(kept - 1.0) < STEADY if found.hunts else kept < ENDS
+        if settled or found.amplitude < LEAST_RAD or times >= trial.longest:
+            return found if found.hunts and kept > LASTS else QUIET
+        times *= 2
+
+
+def _swing(trial: Trial, duration: float) -> tuple[Swing, float]:
+    """What it does in the last third of a run, and the speed there over that in the third before.
+
+    A link that floats through the play does not hunt: it must be seen to come back twice.
+    """
+    axis = trial.axis
+    with within(axis.joint):
+        run = Run(axis.simulation(duration))
+        run.workspace.q[:] = trial.start
+        if not trial.play:
+            run.workspace.gears["half_play"] = 0.0
+        result = run.finish(check_step=False, only=("q", "v")).completed(axis.joint)
+    time, (link, motor), speed = result.time, result["q"].values.T, result["v"].values[:, 0]
+    third = len(time) // 3
+    before, after = (np.sqrt(np.mean(part**2)) for part in (speed[third:-third], speed[-third:]))
+    kept = float(after / before) if before > 0.0 else 0.0
+    link, twist = link[-third:], (motor - link)[-third:]
+    amplitude, frequency = 0.5 * float(np.ptp(link)), _frequency(time[-third:], link)
+    hunts = amplitude >= LEAST_RAD and frequency > 0.0
+    return Swing(hunts, amplitude, frequency, 0.5 * float(np.ptp(twist))), kept
+
+
+def _frequency(time: np.ndarray, values: np.ndarray) -> float:
+    """Of the passages through the middle upwards, noise in between left out [Hz]."""
+    away = values - 0.5 * (values.max() + values.min())
+    side = np.sign(np.where(np.abs(away) > 0.25 * np.abs(away).max(), away, 0.0))
+    at = np.flatnonzero(side)
+    rises = at[1:][(side[at[1:]] > 0.0) & (side[at[:-1]] < 0.0)]
+    if len(rises) < 3:
+        return 0.0  # slower than can be told
+    return (len(rises) - 1) / float(time[rises[-1]] - time[rises[0]])
+
+
+# The screen.
+
+
+def describing_function(ratio: np.ndarray | float) -> np.ndarray:
+    """Gain of a gap for a sine: N = 1 - 2/pi [asin r + r sqrt(1 - r^2)], r half the gap over the
+    amplitude, any shape; 0 within the gap.
+    """
+    r = np.minimum(ratio, 1.0)
+    return np.asarray(1.0 - 2.0 / math.pi * (np.arcsin(r) + r * np.sqrt(1.0 - r * r)))
+
+
+def predicted(axis: Axis, motions: int = 2000) -> Swing:
+    """The largest swing for which play, taken by its describing function, closes the loop.
+
+    1 + (K + i w d) N(A) G(i w) = 0 with the twist's amplitude A; the motor's dry friction F counts
+    as a damper 4 F/(pi V) at its amplitude of speed V, sampling as a delay of half a period. No
+    load, dead band, counts, limit of the supply or friction with bristles is in it. Worst with an I
+    term (docs/drives.md).
+    """
+    servo, gear = axis.drive, axis.gear
+    if not isinstance(servo, Servo) or axis.controller is not None:
+        return QUIET
+    s = 2j * math.pi * np.logspace(-1.0, 2.5, motions)
+    w = s.imag
+    control = servo.stall * (servo.p_gain + servo.i_gain / s + servo.d_gain * s)
+    control = control * np.exp(-0.5 * s * (servo.period or 0.0))
+    loss, spring = gear.losses, gear.steepest + s * gear.damping
+    link = axis.inertia * s * s + axis.friction.viscous * s
+    viscous = servo.braking + servo.viscous + loss.viscous
+    dry, half = servo.friction + loss.running, 0.5 * gear.play
+    damper = np.zeros(motions)
+    for _ in range(60):
+        motor = gear.rotor_inertia * s * s + (viscous + damper) * s
+        on_link = servo.encoder == "link"
+        per_torque = (1.0 + control / link) / motor if on_link else 1.0 / (motor + control)
+        gain = -1.0 / (spring * (per_torque + 1.0 / link))
+        ratio = _ratio_of(np.clip(gain.real, 1e-9, 1.0 - 1e-9))
+        speed = w * np.abs(half / ratio * per_torque / (per_torque + 1.0 / link))
+        damper = 0.5 * (damper + 4.0 * dry / (math.pi * speed))
+    at = np.flatnonzero((gain.imag[1:] > 0.0) != (gain.imag[:-1] > 0.0))
+    at = at[(gain.real[at] > 1e-9) & (gain.real[at] < 1.0)]
+    if not len(at):
+        return QUIET
+    best = at[np.argmax(half / ratio[at])]
+    twist = half / ratio[best]
+    share = np.abs((1.0 / link) / (per_torque + 1.0 / link))[best]
+    return Swing(True, float(twist * share), float(w[best] / (2.0 * math.pi)), float(twist))
+
+
+def _ratio_of(gain: np.ndarray) -> np.ndarray:
+    """Half the gap over the amplitude at which a gap has this gain, above 0 and below 1."""
+    ratios = np.linspace(0.0, 1.0, 4001)
+    return np.maximum(np.interp(-gain, -describing_function(ratios), ratios), 1e-9)
+
+
+# What is asked of the engine.
+
+
+@dataclass(frozen=True)
+class Hunting:
+    """Whether a joint hunts."""
+
+    axis: Axis
+    found: Swing
+    """The largest of all starts."""
+    control: Swing
+    """Likewise without play."""
+    screen: Swing
+    quiet: float | None
+    """Largest P gain at which no start of all gains tried up to it hunted [V/rad]; None: none."""
+    hunting: float | None
+    """Smallest one at which one did; None: none up to the largest tried."""
+    above: Swing = QUIET
+    """Without play at `hunting`."""
+
+    @property
+    def verdict(self) -> str:
+        if not self.found.hunts:
+            return "quiet"
+        return "gains, not play" if self.control.hunts else "play"
+
+
+def _largest(swings: Sequence[Swing]) -> Swing:
+    return max(swings, key=lambda one: (one.hunts, one.amplitude))
+
+
+def _of_starts(
+    axes: Sequence[Axis],
+    play: bool,
+    duration: float,
+    starts: Sequence[float],
+    jobs: int | None,
+    bar: ProgressBar,
+    longest: int = LONGEST,
+) -> list[Swing]:
+    """The largest swing of each axis."""
+    trials = [
+        Trial(axis, start * axis.gear.play, play, duration, longest)
+        for axis in axes
+        for start in starts
+    ]
+    bar.total = (bar.total or 0) + len(trials)
+    found = Study(trials, swing).run(jobs, bar)
+    n = len(starts)
+    return [_largest(found[k : k + n]) for k in range(0, len(found), n)]
+
+
+def hunting(
+    simulation: Simulation,
+    joints: Sequence[str] = (),
+    pose: Mapping[str, float] | None = None,
+    *,
+    duration: float = DURATION_S,
+    starts: Sequence[float] = STARTS,
+    jobs: int | None = None,
+    progress: bool = False,
+) -> list[Hunting]:
+    """Find which joints hunt at rest, and up to which P gain they do not.
+
+    Args:
+        simulation: see `Axis.of`.
+        joints: which; none: all that have play and a servo or controller.
+        pose: see `Axis.of`.
+        duration: of a run, of whose last third all is told [s]; slow swings need longer.
+        starts: how far aside runs begin, in plays of the gear.
+        jobs: processes; None takes one for each core.
+        progress: show a bar.
+
+    Raises:
+        JointplayError: no such joint; none has play, or a servo; a run that stops.
+    """
+    require_positive("duration", duration, "s")
+    axes = [Axis.of(simulation, name, pose or {}) for name in joints or able(simulation)]
+    found = []
+    with ProgressBar(disable=not progress, unit="run", total=0) as bar:
+
+        def largest(these: Sequence[Axis], play: bool) -> list[Swing]:
+            return _of_starts(these, play, duration, starts, jobs, bar)
+
+        for axis in axes:
+            with_play, control = largest([axis], True)[0], largest([axis], False)[0]
+            quiet = hunts = None
+            above = control
+            if isinstance(axis.drive, Servo) and axis.controller is None:
+                quiet, hunts = _safe_gain(axis, largest)
+                if hunts is not None:
+                    above = largest([axis.with_gains(p_gain=hunts)], False)[0]
+            screen = predicted(axis)
+            found.append(Hunting(axis, with_play, control, screen, quiet, hunts, above))
+    return found
+
+
+def able(simulation: Simulation) -> list[str]:
+    """Joints with play in their gear, and a servo or a controller.
+
+    Raises:
+        JointplayError: there is none.
+    """
+    robot = simulation.mechanism
+    loose = [name for name, gear in robot.gears.items() if gear.play > 0.0]
+    if not loose:
+        first = robot.joints[0]
+        raise JointplayError(f'no gear has play: give --preset, or --gear {first}="10 arcmin"')
+    names = [name for name in loose if any(one is not None for one in _control(simulation, name))]
+    if not names:
+        raise JointplayError(
+            f"no joint with play has a servo or a controller of its own: give --preset, or --set "
+            f"'drives.{loose[0]}.kind=\"servo\"' and its numbers"
+        )
+    return names
+
+
+def _safe_gain(axis: Axis, largest: Any) -> tuple[float | None, float | None]:
+    """Largest P gain up to which all that were tried are quiet, and the next, which hunts."""
+    gains = [axis.drive.p_gain * 2.0**k for k in range(-REACH, REACH + 1)]  # type: ignore[union-attr]
+    quiet: float | None = None
+    hunts: float | None = None
+    for _ in range(3):
+        for gain, one in zip(
+            gains, largest([axis.with_gains(p_gain=gain) for gain in gains], True), strict=True
+        ):
+            if one.hunts:
+                hunts = gain
+                break
+            quiet = gain
+        if quiet is None or hunts is None:
+            break
+        gains = list(np.geomspace(quiet, hunts, BETWEEN + 2)[1:-1])
+    return quiet, hunts
+
+
+class Span(NamedTuple):
+    """Values of a gain."""
+
+    gain: str
+    values: np.ndarray
+
+
+@dataclass(frozen=True)
+class GainMap:
+    """Swings over two gains of a joint's servo: arrays (second, first)."""
+
+    axis: Axis
+    first: Span
+    second: Span
+    amplitude: np.ndarray
+    """Of the joint; 0 where it is quiet [rad or m]."""
+    frequency: np.ndarray
+    control: np.ndarray
+    """Whether it hunts without play."""
+    screen: np.ndarray
+    """Whether the describing function says so."""
+
+    @property
+    def sentence(self) -> str:
+        hunts = self.amplitude > 0.0
+        own = int((hunts & ~self.control).sum())
+        text = f"{self.axis.joint} hunts at {int(hunts.sum())} of {hunts.size} pairs of gains"
+        return f"{text}, at {own} of them by its play" if hunts.any() else text
+
+    @property
+    def table(self) -> Table:
+        first, second = np.meshgrid(self.first.values, self.second.values)
+        unit = {"p_gain": "V/rad", "i_gain": "V/(rad*s)", "d_gain": "V*s/rad"}
+        length = "m" if self.axis.slides else "rad"
+        return Table(
+            (
+                Column(self.first.gain, first.ravel(), unit[self.first.gain]),
+                Column(self.second.gain, second.ravel(), unit[self.second.gain]),
+                Column("amplitude", self.amplitude.ravel(), length),
+                Column("frequency", self.frequency.ravel(), "Hz"),
+                Column("without play", self.control.ravel().astype(int)),
+                Column("screen", self.screen.ravel().astype(int)),
+            )
+        )
+
+
+def gain_map(
+    axis: Axis,
+    first: Span,
+    second: Span,
+    *,
+    duration: float = DURATION_S,
+    start: float = STARTS[1],
+    jobs: int | None = None,
+    progress: bool = False,
+) -> GainMap:
+    """Run a servo at all pairs of two gains, with play and without, once each from one start.
+
+    Raises:
+        JointplayError: no such gain, twice the same, or no servo.
+    """
+    for gain, _ in (first, second):
+        require_known("gain", gain, GAINS)
+    if first.gain == second.gain:
+        raise JointplayError(f"a map is over two gains, got {first.gain!r} twice")
+    if not isinstance(axis.drive, Servo):
+        raise JointplayError(f"{axis.joint!r} has no servo whose gains could be varied")
+    axes = [
+        axis.with_gains(**{first.gain: float(a), second.gain: float(b)})
+        for b in second.values
+        for a in first.values
+    ]
+    shape = len(second.values), len(first.values)
+    with ProgressBar(disable=not progress, unit="run", total=0) as bar:
+        loose, tight = (
+            _of_starts(axes, play, duration, [start], jobs, bar, longest=1)
+            for play in (True, False)
+        )
+    return GainMap(
+        axis,
+        first,
+        second,
+        np.array([one.amplitude for one in loose]).reshape(shape),
+        np.array([one.frequency for one in loose]).reshape(shape),
+        np.array([one.hunts for one in tight]).reshape(shape),
+        np.array([predicted(one, 500).hunts for one in axes]).reshape(shape),
+    )
+
+
+def table(found: Sequence[Hunting]) -> Table:
+    """A row for each joint."""
+    axes = [one.axis for one in found]
+    servos = [one.drive if isinstance(one.drive, Servo) else None for one in axes]
+    return Table(
+        (
+            Column("joint", [one.joint for one in axes]),
+            Column("play", [one.gear.play for one in axes], "rad", digits=3),
+            Column("inertia", [one.inertia for one in axes], "kg*m^2", digits=3),
+            Column("load", [one.load for one in axes], "N*m", digits=3),
+            Column("encoder", [one.encoder for one in axes]),
+            Column("hunts by", [one.verdict for one in found]),
+            Column("amplitude", [one.found.amplitude or None for one in found], "rad", digits=3),
+            Column("frequency", [one.found.frequency or None for one in found], "Hz", digits=3),
+            Column("predicted", [one.screen.frequency or None for one in found], "Hz", digits=3),
+            Column("P gain", [one and one.p_gain for one in servos], "V/rad", digits=3),
+            Column("quiet up to", [one.quiet for one in found], "V/rad", digits=3),
+            Column("hunts from", [one.hunting for one in found], "V/rad", digits=3),
+            Column(
+                "without play there", ["hunts" if one.above.hunts else "quiet" for one in found]
+            ),
+        )
+    )
+
+
+def sentence(found: Sequence[Hunting]) -> str:
+    """What came out, in a line."""
+    said = []
+    for one in found:
+        if one.found.hunts:
+            unit = "mm" if one.axis.slides else "mrad"
+            too = "; without play as well: gains, not play" if one.control.hunts else ""
+            how = f"+-{1e3 * one.found.amplitude:.3g} {unit} at {one.found.frequency:.3g} Hz"
+            said.append(f"{one.axis.joint} {how}{too}")
+    if not said:
+        return f"{counted(len(found), 'joint')} at rest: none hunts"
+    hunts = "hunts" if len(said) == 1 else "hunt"
+    return f"{len(said)} of {counted(len(found), 'joint')} {hunts} at rest: {', '.join(said)}"
+
+
+def notes(found: Sequence[Hunting]) -> list[str]:
+    """What was assumed, a line each."""
+    loaded = [one.axis.joint for one in found if one.axis.load]
+    lines = [
+        "others held; of the run's last third, the largest of the starts; screen: describing "
+        "function, without load, dead band, counts and limit of the supply"
+    ]
+    if loaded:
+        lines.append("a load that presses the teeth to one side calms: other poses may hunt")
+    return lines
