@@ -21,7 +21,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.accuracy.jacobians import tool_place
-from jointplay.base.errors import JointplayError, require_positive
+from jointplay.base.errors import JointplayError
 from jointplay.base.progress import ProgressBar
 from jointplay.base.tables import Column, Table, counted, few
 from jointplay.model.gear import Gearing
@@ -435,26 +435,19 @@ def _beyond(simulation: Simulation, motion: Motion) -> dict[tuple[str, str], str
 # What a controller can take: a table, and a function of the present state.
 
 
-def table_for_controllers(
-    mechanism: Mechanism, friction: Mapping[str, JointFriction], most: Mapping[str, float]
-) -> Table:
-    """Shift of each gear by direction of motion and load.
-
-    Args:
-        mechanism: with gears.
-        friction: of joints.
-        most: largest load of each joint with a gear [N m or N], to both sides of which shifts are.
-    """
-    rows = []
-    for name, gear in mechanism.gears.items():
+def table_for_controllers(compensation: Compensation, parts: int = 9) -> Table:
+    """Shift of each gear by direction of motion and load, to the largest load of the motion."""
+    mechanism, rows = compensation.simulation.mechanism, []
+    friction = joint_friction(compensation.simulation)
+    for k, name in enumerate(compensation.gears):
         dry = friction.get(name, JointFriction()).coulomb
+        most = float(np.abs(compensation.torque[:, k]).max())
         for direction in (-1, 1):
-            for part in np.linspace(-1.0, 1.0, 9):
-                load = part * require_positive(f"largest load of {name!r}", most[name], "N m")
+            for load in np.linspace(-most, most, parts).tolist():
                 torque = load + direction * dry
-                side = float(np.sign(torque))
-                rows.append((name, direction, load, float(gear.wound_up(torque)), side))
-    names = ("joint", "direction", "load", "shift", "side")
+                shift = float(mechanism.gears[name].wound_up(torque))
+                rows.append((name, direction, load, shift))
+    names = ("joint", "direction", "load", "shift")
     return Table([Column(n, own) for n, own in zip(names, zip(*rows, strict=True), strict=True)])
 
 

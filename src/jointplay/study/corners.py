@@ -1,9 +1,9 @@
 """A corrected motion judged by the engine, as it is modelled and where the model may be wrong.
 
 Both motions are run with each trusted quantity at both ends of its interval, one at a time, and
-then in that combination of ends in which the errors of single ends, added up, are largest: 2 n + 2
-pairs of runs for n quantities, where all combinations would be 2^n. The tool is compared with the ideal twin of the *original* motion, so a
-servo's own error counts for neither.
+then at that combination of ends at which the errors found, added up, are largest: 2 n + 2 pairs of
+runs for n quantities, where all combinations would be 2^n. The tool is compared with the ideal twin
+of the *original* motion, so a servo's own error counts for neither.
 """
 
 from __future__ import annotations
@@ -158,8 +158,8 @@ class Judgement:
             lines.append(f"note: the machine has no {', '.join(self.left_out)}: not varied")
         if len(self.corners) > 1:
             lines.append(
-                "corners: each quantity alone at both ends, then the one of all combinations that is "
-                "worst if errors add up"
+                "corners: each quantity alone at both ends, then the combination that is worst if "
+                "errors add up"
             )
         if not self.complete:
             lines.append("warning: interrupted: not all corners were run")

@@ -28,7 +28,7 @@ from jointplay.base.pairs import misread, name_and_number
 
 GROUPS = {
     "simulate": ("run", "study", "check", "init"),
-    "decide": ("budget", "allocate"),
+    "decide": ("budget", "allocate", "compensate"),
     "measure": ("identify", "calibrate"),
     "look": ("play", "live", "report", "compare", "plot"),
     "hand on": ("export",),

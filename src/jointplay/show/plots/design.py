@@ -35,6 +35,7 @@ from jointplay.show.plots.chart import (
 )
 from jointplay.show.plots.draw import draw
 from jointplay.show.plots.palette import COLOURS, LINE, many
+from jointplay.study.corners import Judgement
 from jointplay.study.iso9283 import Iso9283
 from jointplay.study.maintenance import Maintenance
 from jointplay.study.shares import DynamicBudget
@@ -185,6 +186,28 @@ def course(budget: PlayBudget, time: np.ndarray | None = None) -> Figure:
     panel = Panel(across, Axis(f"error of {budget.tool!r}", "m", low=0.0), marks)
     at = "outside right upper"
     return _row([panel], (7.0, 3.6), note=budget.validity, key=1, key_at=at)
+
+
+def before_and_after(judgement: Judgement) -> Figure:
+    """The tool's error over time by a motion as it was and corrected, at the worst corner, too."""
+    corners = [judgement.nominal]
+    corners += [judgement.worst] if judgement.worst is not judgement.nominal else []
+    panels = []
+    for one in corners:
+        marks: list[Mark] = []
+        for errors, name, tone in (
+            (one.before, "as it was", COLOURS[1]),
+            (one.after, "corrected", COLOURS[0]),
+        ):
+            size = np.linalg.norm(errors.values, axis=1)
+            marks.append(Curve(errors.times, size, f"{name}, RMS {1e3 * errors.rms:.3g} mm", tone))
+        end = float(one.before.times[-1])
+        tool = judgement.compensation.simulation.mechanism.tool
+        error = Axis(f"error of {tool!r}", "m", low=0.0)
+        panels.append(
+            Panel(Axis("time", "s", low=0.0, high=end), error, marks, one.words, columns=2)
+        )
+    return _row(panels, (4.6 * len(panels), 3.4))
 
 
 def workspace_map(budget: PlayBudget) -> Figure:
