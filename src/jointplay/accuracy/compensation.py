@@ -44,6 +44,8 @@ DAMPING = 1e-4
 """Of the least squares, relative to the largest singular value of the Jacobian."""
 STILL = 5.0 * JOINT_FRICTION_SPEED
 """Speed below which a joint stands, and its friction may have either sign [rad/s or m/s]."""
+CROSSING_S = 1.0
+"""A torque that takes longer to bring teeth across their play leaves their side open [s]."""
 NOTHING = 1e-6
 """Torque relative to the joint's largest one that presses nothing."""
 _SMOOTHINGS = 40
@@ -178,6 +180,12 @@ def compensate(simulation: Simulation, *, progress: bool = False) -> Compensatio
     gears = tuple(n for n in mechanism.gears if n in motion.joints and _is_behind(simulation, n))
     torque, held = _torques(simulation, times, gears)
     side, undecided = _sides(torque, held)
+    if not (gears or mechanism.clearance):
+        raise JointplayError(
+            "encoders on the links see the play of their gears, and the drives take it out: there "
+            "is nothing to compensate; encoders on motors: --set drive.kind=computed-torque "
+            "--set drive.encoder=motor"
+        )
     if gears and not mechanism.clearance and undecided.all():
         raise JointplayError(
             f"no torque decides on which side the teeth of {few(list(gears))} lie, at any time: "
@@ -298,23 +306,31 @@ def _bodies(simulation: Simulation, mechanism: Mechanism, time: float) -> pin.Mo
 def _torques(
     simulation: Simulation, times: np.ndarray, gears: Sequence[str]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Torque of the teeth of gears (n, g), and friction that may have either sign, (n, g)."""
+    """Torque of the teeth of gears (n, g), and what leaves their side open (n, g) [N m or N].
+
+    Friction of a joint that stands, which may have either sign, and what would take too long to
+    bring its inertia across the play.
+    """
     ideal, motion = simulation.mechanism.ideal(), simulation.motion
     assert motion is not None
     at = [ideal.coordinate(name) for name in motion.joints]
     own = [motion.joints.index(name) for name in gears]
     states = np.zeros((3, len(times), ideal.model.nv))
     states[:, :, at] = motion(times)
-    tau, held = np.zeros((len(times), len(gears))), np.zeros((len(times), len(gears)))
+    tau, held = np.zeros((2, len(times), len(gears)))
+    play = np.array([simulation.mechanism.gears[name].play for name in gears])
     for k, state in enumerate(states.transpose(1, 0, 2)):
         bodies = _bodies(simulation, ideal, times[k])
-        tau[k] = pin.rnea(bodies, bodies.createData(), *state)[at][own]
+        data = bodies.createData()
+        tau[k] = pin.rnea(bodies, data, *state)[at][own]
+        mass = pin.crba(bodies, data, state[0]).diagonal()[at][own]
+        held[k] = 2.0 * play * mass / CROSSING_S**2
     friction = joint_friction(simulation)
     for k, name in enumerate(gears):
         losses, speed = friction.get(name, JointFriction()), states[1, :, at[own[k]]]
         still = np.abs(speed) < STILL
         tau[:, k] += np.where(still, 0.0, losses.torque(speed))
-        held[still, k] = losses.coulomb + losses.excess
+        held[still, k] = np.maximum(held[still, k], losses.coulomb + losses.excess)
     return tau, held
 
 

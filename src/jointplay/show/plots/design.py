@@ -192,22 +192,21 @@ def before_and_after(judgement: Judgement) -> Figure:
     """The tool's error over time by a motion as it was and corrected, at the worst corner, too."""
     corners = [judgement.nominal]
     corners += [judgement.worst] if judgement.worst is not judgement.nominal else []
+    tool = judgement.compensation.simulation.mechanism.tool
     panels = []
     for one in corners:
-        marks: list[Mark] = []
-        for errors, name, tone in (
-            (one.before, "as it was", COLOURS[1]),
-            (one.after, "corrected", COLOURS[0]),
-        ):
-            size = np.linalg.norm(errors.values, axis=1)
-            marks.append(Curve(errors.times, size, f"{name}, RMS {1e3 * errors.rms:.3g} mm", tone))
-        end = float(one.before.times[-1])
-        tool = judgement.compensation.simulation.mechanism.tool
-        error = Axis(f"error of {tool!r}", "m", low=0.0)
-        panels.append(
-            Panel(Axis("time", "s", low=0.0, high=end), error, marks, one.words, columns=2)
-        )
-    return _row(panels, (4.6 * len(panels), 3.4))
+        marks: list[Mark] = [
+            Curve(errors.times, np.linalg.norm(errors.values, axis=1), name, tone)
+            for errors, name, tone in (
+                (one.before, "as it was", COLOURS[1]),
+                (one.after, "corrected", COLOURS[0]),
+            )
+        ]
+        time = Axis("time", "s", low=0.0, high=float(one.before.times[-1]))
+        sizes = " to ".join(f"{1e3 * x.rms:.3g}" for x in (one.before, one.after))
+        title = f"{one.words}: RMS {sizes} mm"
+        panels.append(Panel(time, Axis(f"error of {tool!r}", "m", low=0.0), marks, title))
+    return _row(panels, (4.8 * len(panels), 3.6), key=2)
 
 
 def workspace_map(budget: PlayBudget) -> Figure:
