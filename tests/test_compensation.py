@@ -276,7 +276,7 @@ def test_the_command_writes_what_improves_and_refuses_what_it_cannot_do(level, t
     far.write_text("time_s,k\n0,0\n1,1\n")
     for more, words in (
         (["--trust", "play"], "as in 'play 30 %'"),
-        (["--motion", far], "'k'"),
+        (["--motion", far], "the motion names k"),
         (["--formats", "g-code"], "no format 'g-code'"),
     ):
         done = run("--out", tmp_path / "other", *more)

@@ -25,10 +25,9 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from jointplay.base import files, streams
+from jointplay.base import streams
 from jointplay.base.errors import JointplayError, MissingName, require_non_negative, require_whole
 from jointplay.cli.commands import Outputs, print_answer
 from jointplay.cli.commands.inputs import simulation_of
@@ -95,7 +94,7 @@ def _further(found: Compensation, wanted: Sequence[str]) -> dict[str, Any]:
         if one in TRAJECTORIES:
             contents[f"motion.{one}"] = content(of_motion(found.motion), f".{one}")
         elif one == "table":
-            contents["table.csv"] = table_for_controllers(found)
+            contents["table.csv"] = table_for_controllers(found).csv()
         else:
             contents |= backlash.tables(found, one)
             lost.append(f"note: {one} cannot say {backlash.FORMATS[one].lost}")
@@ -106,15 +105,11 @@ def _write(out: Outputs, judged: Judgement, extra: Mapping[str, Any]) -> None:
     from jointplay.bridges.trajectory import content, of_motion
     from jointplay.show.plots.design import before_and_after
 
-    assert out.folder is not None
     found = judged.compensation
-    for name, value in extra.items():
-        if isinstance(value, bytes):
-            files.write(Path(out.folder) / name, value)
     out.write({
-        "motion.csv": content(of_motion(found.motion), ".csv").decode(),
+        "motion.csv": content(of_motion(found.motion), ".csv"),
         "compensation.csv": found.data().csv(),
         "corners.csv": judged.table().csv(),
         "error.png": before_and_after(judged),
-        **{name: value for name, value in extra.items() if isinstance(value, str)},
+        **extra,
     })  # fmt: skip
