@@ -22,7 +22,7 @@ from jointplay import (
     compensate,
 )
 from jointplay.accuracy import compensation as module
-from jointplay.bridges import backlash
+from jointplay.bridges import backlash, bag
 from jointplay.bridges.trajectory import content, of_motion
 from jointplay.model.payload import Payload
 from jointplay.simulation.loads import ComputedTorque
@@ -219,7 +219,7 @@ def test_motions_are_written_as_they_are_read(level, tmp_path):
 def test_a_bag_of_a_motion_is_read_again(level, tmp_path):
     found = compensate(simulated(machine(level)))
     file = tmp_path / "motion.mcap"
-    file.write_bytes(content(of_motion(found.motion), ".mcap"))
+    file.write_bytes(bag.of_trajectory(of_motion(found.motion)))
     again = Motion.from_mcap(file)
     assert again.positions[:, 0] == pytest.approx(found.motion(again.times)[0][:, 0], abs=1e-9)
 

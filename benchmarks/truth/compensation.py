@@ -2,10 +2,10 @@
 
 Machines with play in all joints are run with a motion as it is and as `compensate` corrects it:
 a UR5 with journals (pick and place, 6 s, 1.5 kg), the same with gears and encoders on the motors,
-the SO-101 preset, and the paper's SCARA. Each 20 times, journals displaced at the start, and play,
-payload and stiffness off by up to 5 %; and at the corners of play 30 %, payload 20 %, stiffness
-30 %. Errors are from the ideal twin of the motion as it was; nothing here says anything about
-hardware.
+the SO-101 preset, and the paper's SCARA. Each several times, journals displaced at the start, and
+play, payload and stiffness off by up to 5 %; and at the corners of play 30 %, payload 20 %,
+stiffness 30 %. Errors are from the ideal twin of the motion as it was; nothing here says anything
+about hardware.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from jointplay.simulation.loads import ComputedTorque
 from jointplay.study.corners import ToolErrors, judge, tool_errors, varied
 
 TRUST = {"play": 0.3, "payload": 0.2, "stiffness": 0.3}
-STARTS, OFF = 20, 0.05
+OFF = 0.05
 UR5 = (
     *("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint"),
     *("wrist_1_joint", "wrist_2_joint", "wrist_3_joint"),
@@ -103,10 +103,15 @@ def _one(run: tuple[jp.accuracy.Compensation, int | None, str]) -> ToolErrors:
 
 def main() -> int:
     options = command(
-        __doc__, "two machines, one start, no corners", jobs=(cores(), "processes")
+        __doc__,
+        "two machines, one start, no corners",
+        jobs=(cores(), "processes"),
+        starts=(20, "of each machine"),
+        machine=("", "only machines with this in their name"),
     ).parse_args()
-    names = list(MACHINES)[1:3] if options.quick else list(MACHINES)
-    starts = 1 if options.quick else STARTS
+    names = [name for name in MACHINES if options.machine.lower() in name.lower()]
+    names = names[1:3] if options.quick else names
+    starts = 1 if options.quick else options.starts
     rows, downs, worsts = [], [], []
     for name in names:
         found = jp.compensate(MACHINES[name]())

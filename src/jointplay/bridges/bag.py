@@ -16,7 +16,14 @@ import numpy as np
 
 from jointplay.base.imports import extra
 from jointplay.base.progress import ProgressBar
-from jointplay.bridges.trajectory import MESSAGE, encoders, joint_trajectory, message, stamp
+from jointplay.bridges.trajectory import (
+    MESSAGE,
+    Trajectory,
+    encoders,
+    joint_trajectory,
+    message,
+    stamp,
+)
 from jointplay.simulation.motion.rosbag import definition
 from jointplay.simulation.result.result import AXES, Result
 
@@ -28,6 +35,11 @@ _STATE = ("position", "velocity", "effort")
 def mcap(result: Result, suffix: str, progress: bool) -> bytes:
     """The bag's content."""
     return written(_messages(result), progress)
+
+
+def of_trajectory(motion: Trajectory) -> bytes:
+    """A bag with the one message of a trajectory, which `Motion.from_mcap` reads."""
+    return written([("/joint_trajectory", MESSAGE, 0.0, message(motion))])
 
 
 def written(messages: Iterable[Message], progress: bool = False) -> bytes:

@@ -111,7 +111,7 @@ def trajectory(result: Result, suffix: str, progress: bool) -> bytes:
 
 
 def content(motion: Trajectory, suffix: str, progress: bool = False) -> bytes:
-    """The same of any trajectory; ``.mcap`` has the message alone, which `Motion.from_mcap` reads.
+    """The same of any trajectory.
 
     Raises:
         JointplayError: a library of the extra ``ros`` is missing.
@@ -120,10 +120,6 @@ def content(motion: Trajectory, suffix: str, progress: bool = False) -> bytes:
         named = zip(motion.joints, motion.position.T, strict=True)
         columns = (Column(joint, values, key=joint) for joint, values in named)
         return Table([Column("time", motion.time, "s"), *columns]).csv(None).encode()
-    if suffix == ".mcap":
-        from jointplay.bridges.bag import written  # which reads trajectories, too
-
-        return written([("/joint_trajectory", MESSAGE, 0.0, message(motion))])
     with extra("ros", "PyYAML"):
         import yaml
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)

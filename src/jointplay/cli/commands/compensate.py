@@ -36,8 +36,6 @@ if TYPE_CHECKING:
     from jointplay.accuracy.compensation import Compensation
     from jointplay.study.corners import Judgement
 
-TRAJECTORIES = ("yaml", "mcap")
-
 
 def run(options: argparse.Namespace) -> int:
     names = ["motion.csv", "compensation.csv", "corners.csv", "error.png"]
@@ -47,10 +45,10 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.model.payload import Payload
     from jointplay.study.corners import judge, learn, trust_of
 
-    wanted = options.formats or []
+    wanted, known = options.formats or [], ("yaml", "mcap", "table", *backlash.FORMATS)
     for one in wanted:
-        if one not in (*TRAJECTORIES, "table", *backlash.FORMATS):
-            raise MissingName("format", one, (*TRAJECTORIES, "table", *backlash.FORMATS))
+        if one not in known:
+            raise MissingName("format", one, known)
     if wanted and not options.out:
         raise JointplayError("--formats are written into a folder: give --out DIR, too")
     trust = trust_of(options.trust or "")
@@ -85,14 +83,16 @@ def run(options: argparse.Namespace) -> int:
 def _further(found: Compensation, wanted: Sequence[str]) -> dict[str, Any]:
     """Contents of further files by name, and under no name what their formats lose."""
     from jointplay.accuracy.compensation import table_for_controllers
-    from jointplay.bridges import backlash
+    from jointplay.bridges import backlash, bag
     from jointplay.bridges.trajectory import content, of_motion
 
     contents: dict[str, Any] = {}
     lost = []
     for one in wanted:
-        if one in TRAJECTORIES:
-            contents[f"motion.{one}"] = content(of_motion(found.motion), f".{one}")
+        if one == "yaml":
+            contents["motion.yaml"] = content(of_motion(found.motion), ".yaml")
+        elif one == "mcap":
+            contents["motion.mcap"] = bag.of_trajectory(of_motion(found.motion))
         elif one == "table":
             contents["table.csv"] = table_for_controllers(found).csv()
         else:
