@@ -51,6 +51,14 @@ def bearing(play=1e-4, **changes):
     return RevoluteClearance(**{"radial_clearance": play, "axial_clearance": play} | changes)
 
 
+def test_cures_of_play_are_told_beside_each_other(arm):
+    found = budget(Mechanism(arm, {"j": bearing(friction=Coulomb(0.0))}), {})
+    rest = np.linalg.norm(found.rest_positions.at(0).whole[:3])
+    assert found.compensated(0) == pytest.approx(0.3 * rest, rel=0.05)
+    assert found.tighter(0) == pytest.approx(found.worst[0] / 2.0, rel=1e-3)
+    assert any("jointplay compensate" in line for line in found.table().notes)
+
+
 def test_a_planar_journal_displaces_the_tool_by_its_clearance(arm):
     found = budget(Mechanism(arm, {"j": RevoluteClearance.planar(radial_clearance=1e-4)}), {})
     assert found.worst[0] == pytest.approx(1e-4)

@@ -38,6 +38,8 @@ _LINEAR = 0.02
 _MENTIONED, _MATTERS = 0.01, 0.1
 """Parts of the worst case by which one joint's error at rest exceeds what its play lets it, to be
 mentioned among the details and in the answer."""
+KNOWN = 0.3
+"""Part by which play is taken to be off where a motion is corrected for it."""
 _DECIDES = 0.5
 """Part of the error at rest by which friction decides it, if it can shift the tool so far."""
 _TRUE = 0.25
@@ -217,6 +219,22 @@ class PlayBudget(Budget):
         names = sorted(self.rest_positions.regulated)
         return f"; encoders behind their gears hold {few(names)} there" if names else ""
 
+    def compensated(self, pose: int, trust: float = KNOWN) -> float:
+        """Largest error at rest of a motion that takes the play out (`compensate`) [m].
+
+        What friction may shift the tool from its place of rest, and the part `trust` of the way
+        there that is not known. NaN where no place of rest is found.
+        """
+        place, ends = self.rest_positions.at(pose).whole[:3], self.rest_positions.interval(pose)
+        by_friction = np.abs(ends[:3] - place[:, None]).max(axis=1)
+        return float(np.linalg.norm(by_friction) + trust * np.linalg.norm(place))
+
+    def tighter(self, pose: int, part: float = 0.5) -> float:
+        """Largest error at a pose if clearances were smaller by a factor, gears as they are [m]."""
+        own = [1.0 if one.gear else part for one in self.model.contributions]
+        model = self.model.subset(poses=[pose])
+        return float(model.scaled(np.array(own)).farthest().size[0])
+
     @property
     def ranking(self) -> str:
         shares = 100.0 * self._shares
@@ -319,7 +337,18 @@ class PlayBudget(Budget):
                 "the worst case takes contacts as rigid; at rest they give way under the load, "
                 f"beyond the joint's worst case alone: {each}"
             )
-        return [*lines, *self._held(at)]
+        return [*lines, *self._held(at), *self._cures(at)]
+
+    def _cures(self, at: int) -> list[str]:
+        """What a corrected motion, and tighter clearances, would leave."""
+        left, worst = self.compensated(at), float(self.worst[at])
+        if not np.isfinite(left):
+            return []
+        known = f"its play known to {100 * KNOWN:g} %"
+        words = [f"compensated (jointplay compensate), {known}, {readable(left, 'm', 3)} at rest"]
+        if any(not one.gear for one in self.model.contributions):
+            words.append(f"half the clearances {readable(self.tighter(at), 'm', 3)} at worst")
+        return [f"cures of the worst case of {readable(worst, 'm', 3)}: {'; '.join(words)}"]
 
     def _held(self, at: int) -> list[str]:
         place, ends = self.rest_positions.at(at).whole[:3], self.rest_positions.interval(at)

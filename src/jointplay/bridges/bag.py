@@ -9,28 +9,47 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
 
 from jointplay.base.imports import extra
 from jointplay.base.progress import ProgressBar
-from jointplay.bridges.trajectory import encoders, joint_trajectory, message, stamp
+from jointplay.bridges.trajectory import (
+    MESSAGE,
+    Trajectory,
+    encoders,
+    joint_trajectory,
+    message,
+    stamp,
+)
 from jointplay.simulation.motion.rosbag import definition
 from jointplay.simulation.result.result import AXES, Result
 
+Message = tuple[str, str, float, dict[str, Any]]
+"""Topic, kind, time [s] and content."""
 _STATE = ("position", "velocity", "effort")
 
 
 def mcap(result: Result, suffix: str, progress: bool) -> bytes:
     """The bag's content."""
+    return written(_messages(result), progress)
+
+
+def of_trajectory(motion: Trajectory) -> bytes:
+    """A bag with the one message of a trajectory, which `Motion.from_mcap` reads."""
+    return written([("/joint_trajectory", MESSAGE, 0.0, message(motion))])
+
+
+def written(messages: Iterable[Message], progress: bool = False) -> bytes:
+    """A bag with these messages, by time."""
     with extra("ros", "mcap-ros2-support"):
         from mcap_ros2.writer import Writer
     sink = io.BytesIO()
     schemas: dict[str, Any] = {}
     with Writer(sink) as writer:
-        steps = ProgressBar(_messages(result), "bag", disable=not progress, unit="message")
+        steps = ProgressBar(messages, "bag", disable=not progress, unit="message")
         for topic, kind, time, content in steps:
             if kind not in schemas:
                 schemas[kind] = writer.register_msgdef(kind, definition(kind))
@@ -39,13 +58,13 @@ def mcap(result: Result, suffix: str, progress: bool) -> bytes:
     return sink.getvalue()
 
 
-def _messages(result: Result) -> Iterator[tuple[str, str, float, dict[str, Any]]]:
-    """Topic, kind, time [s] and content of all messages, by time."""
+def _messages(result: Result) -> Iterator[Message]:
+    """All messages, by time."""
     topics = _topics(result)
     motion = joint_trajectory(result) if encoders(result) else None
     names = list(motion.joints) if motion is not None else []
     if motion is not None:
-        yield "/joint_trajectory", "trajectory_msgs/msg/JointTrajectory", 0.0, message(motion)
+        yield "/joint_trajectory", MESSAGE, 0.0, message(motion)
     for i, time in enumerate(result.time.tolist()):
         if motion is not None:
             state = {key: getattr(motion, key)[i].tolist() for key in _STATE}

@@ -19,9 +19,13 @@ from jointplay.base.tables import Column, Table
 from jointplay.model.free_base import BASE, FREE
 from jointplay.physics.joints import MOTOR, Coordinate, class_of
 from jointplay.simulation.analysis.twins import inputs
+from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.result.result import Result
 from jointplay.simulation.result.stored import stored_coordinates
 
+MESSAGE = "trajectory_msgs/msg/JointTrajectory"
+POINT_S = 0.01
+"""Interval of the points of a motion that is written [s]."""
 _NANO = 1_000_000_000
 _BLOCK = 500
 """Points that are written before the progress is shown."""
@@ -39,7 +43,7 @@ class Trajectory:
     velocity: np.ndarray
     """The same, per second."""
     effort: np.ndarray
-    """Of the drives (n, joints) [N m or N]."""
+    """Of the drives (n, joints) [N m or N]; (n, 0) where they are not known."""
 
 
 def encoders(result: Result) -> dict[str, int]:
@@ -93,9 +97,25 @@ def message(motion: Trajectory) -> dict[str, Any]:
     }
 
 
+def of_motion(motion: Motion, every: float = POINT_S) -> Trajectory:
+    """A reference motion at points so far apart [s], without efforts."""
+    count = max(round((motion.duration - motion.times[0]) / every), 1) + 1
+    time = np.linspace(float(motion.times[0]), motion.duration, count)
+    position, velocity, _ = motion(time)
+    return Trajectory(time, motion.joints, position, velocity, np.zeros((count, 0)))
+
+
 def trajectory(result: Result, suffix: str, progress: bool) -> bytes:
     """YAML as ``ros2 topic pub`` takes it, or a CSV file that `Motion.from_csv` reads."""
-    motion = joint_trajectory(result)
+    return content(joint_trajectory(result), suffix, progress)
+
+
+def content(motion: Trajectory, suffix: str, progress: bool = False) -> bytes:
+    """The same of any trajectory.
+
+    Raises:
+        JointplayError: a library of the extra ``ros`` is missing.
+    """
     if suffix == ".csv":
         named = zip(motion.joints, motion.position.T, strict=True)
         columns = (Column(joint, values, key=joint) for joint, values in named)

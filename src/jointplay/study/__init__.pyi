@@ -1,5 +1,8 @@
 from . import nonlinear as nonlinear
 from .certification import certify as certify
+from .corners import Judgement as Judgement
+from .corners import judge as judge
+from .corners import learn as learn
 from .shares import sensitivity as sensitivity
 from .store import open_sweep as open_sweep
 from .study import Measure as Measure

@@ -28,7 +28,7 @@ from jointplay.base.pairs import misread, name_and_number
 
 GROUPS = {
     "simulate": ("run", "study", "check", "init"),
-    "decide": ("budget", "allocate"),
+    "decide": ("budget", "allocate", "compensate"),
     "measure": ("identify", "calibrate"),
     "look": ("play", "live", "report", "compare", "plot"),
     "hand on": ("export",),
@@ -230,12 +230,12 @@ class Outputs:
         return files.claim(self.folder, self.names) if self.folder else None
 
     def write(self, contents: Mapping[str, Any], further: str = "") -> None:
-        """Write texts and figures by name, each whole or not at all, and print their names.
+        """Write texts, bytes and figures by name, each whole or not at all, and print their names.
 
         `further` is what else the line says.
         """
         assert self.folder is not None
         for name, content in contents.items():
-            put = files.write if isinstance(content, str) else files.picture
+            put = files.write if isinstance(content, str | bytes) else files.picture
             put(Path(self.folder) / name, content)
         print(f"written to {self.folder}: {', '.join(contents)}{further}")

@@ -37,6 +37,7 @@ from jointplay.show.plots.chart import (
 )
 from jointplay.show.plots.draw import draw
 from jointplay.show.plots.palette import COLOURS, LINE, many
+from jointplay.study.corners import Judgement
 from jointplay.study.hunting import GainMap
 from jointplay.study.iso9283 import Iso9283
 from jointplay.study.maintenance import Maintenance
@@ -188,6 +189,27 @@ def course(budget: PlayBudget, time: np.ndarray | None = None) -> Figure:
     panel = Panel(across, Axis(f"error of {budget.tool!r}", "m", low=0.0), marks)
     at = "outside right upper"
     return _row([panel], (7.0, 3.6), note=budget.validity, key=1, key_at=at)
+
+
+def before_and_after(judgement: Judgement) -> Figure:
+    """The tool's error over time by a motion as it was and corrected, at the worst corner, too."""
+    corners = [judgement.nominal]
+    corners += [judgement.worst] if judgement.worst is not judgement.nominal else []
+    tool = judgement.compensation.simulation.mechanism.tool
+    panels = []
+    for one in corners:
+        marks: list[Mark] = [
+            Curve(errors.times, np.linalg.norm(errors.values, axis=1), name, tone)
+            for errors, name, tone in (
+                (one.before, "as it was", COLOURS[1]),
+                (one.after, "corrected", COLOURS[0]),
+            )
+        ]
+        time = Axis("time", "s", low=0.0, high=float(one.before.times[-1]))
+        sizes = " to ".join(f"{1e3 * x.rms:.3g}" for x in (one.before, one.after))
+        title = f"{one.words}: RMS {sizes} mm"
+        panels.append(Panel(time, Axis(f"error of {tool!r}", "m", low=0.0), marks, title))
+    return _row(panels, (4.8 * len(panels), 3.6), key=2)
 
 
 def workspace_map(budget: PlayBudget) -> Figure:

@@ -1,0 +1,527 @@
+"""Motions that take the play out: commands so shifted that the tool is where it should be.
+
+A controller that adds a number at each reversal does not know on which side a joint rests. Inverse
+dynamics do: a gear's teeth lie on the side to which their torque presses them, and wind up by it,
+
+    command = reference + sign(tau) play / 2 + tau / K,    tau = rnea(q, q', q'') + friction,
+
+and journals rest where the load of the ideal motion presses them (`simulation.statics`, inertia
+forces included), which displaces the tool; the joints take that back by damped least squares
+through the Jacobian.
+Where friction can hold a gear's teeth on either side, its last side is kept. What is found is a
+model's answer: `study.corners` has the engine judge it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay.accuracy.jacobians import tool_place
+from jointplay.base.errors import JointplayError
+from jointplay.base.progress import ProgressBar
+from jointplay.base.tables import Column, Table, counted, few
+from jointplay.model.gear import Gearing
+from jointplay.model.mechanism import Mechanism, frame_index
+from jointplay.physics.kernel import JOINT_FRICTION_SPEED
+from jointplay.simulation.checks import joint_friction
+from jointplay.simulation.loads import limits
+from jointplay.simulation.loads.drive import JointFriction, Prescribed, assign
+from jointplay.simulation.motion.reference import GOES_ON, Motion
+from jointplay.simulation.simulation import Simulation
+from jointplay.simulation.statics import StaticEquilibrium, StaticLoads
+
+NODE_S = 0.04
+"""Interval at which sides and places of rest are found [s]; commands change as slowly."""
+SAMPLE_S = 0.01
+"""Interval of the corrected motion's points [s]."""
+ARM_M = 0.1
+"""Arm on which a turn of the tool counts as much as its displacement [m]."""
+DAMPING = 1e-4
+"""Of the least squares, relative to the largest singular value of the Jacobian."""
+STILL = 5.0 * JOINT_FRICTION_SPEED
+"""Speed below which a joint stands, and its friction may have either sign [rad/s or m/s]."""
+CROSSING_S = 1.0
+"""A torque that takes longer to bring teeth across their play leaves their side open [s]."""
+NOTHING = 1e-6
+"""Torque relative to the joint's largest one that presses nothing."""
+_SMOOTHINGS = 40
+"""How often a correction is smoothed that is beyond speed or effort limits."""
+
+
+@dataclass(frozen=True)
+class Compensation:
+    """A motion corrected for play, at n nodes, for j joints and g gears."""
+
+    simulation: Simulation
+    """What was compensated, with its motion as it was."""
+    times: np.ndarray
+    """Of the nodes, (n,) [s]."""
+    shift: np.ndarray
+    """What is added to the command of each joint of the motion, (n, j) [rad or m]."""
+    gears: tuple[str, ...]
+    torque: np.ndarray
+    """Of the teeth of each gear, friction included, (n, g) [N m or N]."""
+    side: np.ndarray
+    """On which they lie: 1, -1, or 0 before anything has pressed them, (n, g)."""
+    undecided: np.ndarray
+    """Whether friction, or no torque, lets them lie on either, (n, g)."""
+    displacement: np.ndarray
+    """Of the tool by the journals at rest, world axes, (n, 6) [m, rad]."""
+    smoothed: int = 0
+    """How often the correction had to be smoothed for limits of speed and effort."""
+    clipped: tuple[str, ...] = ()
+    """Joints held at their limits of position."""
+    learned: int = 0
+    """Passes learned from own runs."""
+    _motion: list[Motion] = field(default_factory=list, repr=False, compare=False)
+
+    @property
+    def motion(self) -> Motion:
+        """The corrected motion, a spline through points of `SAMPLE_S`."""
+        if not self._motion:
+            self._motion.append(corrected_motion(self.simulation, self.times, self.shift)[0])
+        return self._motion[0]
+
+    @property
+    def crossings(self) -> np.ndarray:
+        """How often the teeth of each gear change sides, (g,)."""
+        there = np.array([_kept(column) for column in self.side.T]).T.reshape(self.side.shape)
+        return np.asarray(((there[1:] * there[:-1]) < 0).sum(axis=0))
+
+    @property
+    def undecided_stops(self) -> list[tuple[float, tuple[str, ...]]]:
+        """Stops at which a side is not decided: from when on [s], and of which gears."""
+        assert self.simulation.motion is not None
+        speed = np.abs(self.simulation.motion(self.times)[1]).max(axis=1)
+        still = speed < STILL
+        found = []
+        for k in np.flatnonzero(still & ~np.append(False, still[:-1])):
+            names = [g for g, open_ in zip(self.gears, self.undecided[k], strict=True) if open_]
+            if names:
+                found.append((float(self.times[k]), tuple(names)))
+        return found
+
+    @property
+    def notes(self) -> list[str]:
+        lines = []
+        if self.gears:
+            parts = 100.0 * self.undecided.mean(axis=0)
+            words = [f"{g} {p:.0f} %" for g, p in zip(self.gears, parts, strict=True) if p >= 0.5]
+            lines.append(
+                "time in which friction leaves open on which side teeth lie, the last one is kept: "
+                + (", ".join(words) or "none")
+            )
+        if stops := self.undecided_stops:
+            told = [f"{time:.2f} s ({few(list(names))})" for time, names in stops[:8]]
+            more = f" and {len(stops) - 8} more" if len(stops) > 8 else ""
+            lines.append(f"note: stops with an undecided side: {', '.join(told)}{more}")
+        if self.smoothed:
+            times = counted(self.smoothed, "time")
+            lines.append(f"note: smoothed {times} to stay within limits of speed and effort")
+        if self.clipped:
+            lines.append(f"note: held at limits of position: {', '.join(self.clipped)}")
+        if self.simulation.mechanism.clearance:
+            lines.append("friction between journals and bearings is not counted: where they rest "
+                         "without it")  # fmt: skip
+        return lines
+
+    def table(self) -> Table:
+        """A row for each joint of the motion."""
+        assert self.simulation.motion is not None
+        names, mechanism = self.simulation.motion.joints, self.simulation.mechanism
+        units = {n: "m" if mechanism.description.joints[n].slides else "rad" for n in names}
+        rows = {name: k for k, name in enumerate(self.gears)}
+
+        def of(values: np.ndarray) -> list[float | None]:
+            return [float(values[rows[n]]) if n in rows else None for n in names]
+
+        return Table([
+            Column("joint", names),
+            Column("shift least", [f"{1e3 * x:.4g} m{units[n]}" for n, x in
+                                   zip(names, self.shift.min(axis=0), strict=True)]),
+            Column("largest", [f"{1e3 * x:.4g} m{units[n]}" for n, x in
+                               zip(names, self.shift.max(axis=0), strict=True)]),
+            Column("crossings", of(self.crossings)),
+            Column("undecided", of(self.undecided.mean(axis=0)), "1", digits=3),
+        ])  # fmt: skip
+
+    def data(self) -> Table:
+        """A row for each node: shift of each joint; torque and side of each gear."""
+        assert self.simulation.motion is not None
+        columns = [Column("time", self.times, "s")]
+        each = zip(self.simulation.motion.joints, self.shift.T, strict=True)
+        columns += [Column(f"shift {name}", values) for name, values in each]
+        for k, name in enumerate(self.gears):
+            columns += [Column(f"torque {name}", self.torque[:, k])]
+            columns += [Column(f"side {name}", np.where(self.undecided, 0, self.side)[:, k])]
+        return Table(columns)
+
+
+def compensate(simulation: Simulation, *, progress: bool = False) -> Compensation:
+    """The motion of a simulation, corrected for the play, wind-up and deflection of its joints.
+
+    Args:
+        simulation: a robot without loops on a base that is held, its motion, drives, payloads,
+            friction of joints.
+        progress: show a bar on standard error.
+
+    Raises:
+        JointplayError: no motion, or one that goes on after its end; loops, a free base; no play;
+            no joint whose side is ever decided; a motion outside limits, or a correction that
+            cannot be made within them.
+    """
+    mechanism, motion = _checked(simulation)
+    count = max(round(motion.duration / NODE_S), 4) + 1
+    times = np.linspace(0.0, motion.duration, count)
+    gears = tuple(n for n in mechanism.gears if n in motion.joints and _is_behind(simulation, n))
+    torque, held = _torques(simulation, times, gears)
+    side, undecided = _sides(torque, held)
+    if not (gears or mechanism.clearance):
+        raise JointplayError(
+            "encoders on the links see the play of their gears, and the drives take it out: there "
+            "is nothing to compensate; encoders on motors: --set drive.kind=computed-torque "
+            "--set drive.encoder=motor"
+        )
+    if gears and not mechanism.clearance and undecided.all():
+        raise JointplayError(
+            f"no torque decides on which side the teeth of {few(list(gears))} lie, at any time: "
+            "nothing can be compensated"
+        )
+    shift = np.zeros((count, len(motion.joints)))
+    for k, name in enumerate(gears):
+        twist = mechanism.gears[name].wound_up(side[:, k] * np.abs(torque[:, k]))
+        shift[:, motion.joints.index(name)] = _carried(twist, undecided[:, k])
+    displacement = np.zeros((count, 6))
+    if mechanism.clearance:
+        displacement = _journals(simulation, times, progress)
+        shift -= through_jacobian(simulation, times, displacement)
+    _, shift, smoothed, clipped = _within_limits(simulation, times, shift)
+    return Compensation(
+        simulation, times, shift, gears, torque, side, undecided, displacement, smoothed, clipped
+    )
+
+
+def corrected_motion(
+    simulation: Simulation, times: np.ndarray, shift: np.ndarray
+) -> tuple[Motion, tuple[str, ...]]:
+    """The motion with shifts (n, j) at nodes added, and joints that were held at their limits."""
+    from scipy.interpolate import PchipInterpolator  # takes long to import
+
+    motion = simulation.motion
+    assert motion is not None
+    count = max(round(motion.duration / SAMPLE_S), 12) + 1
+    dense = np.linspace(0.0, motion.duration, count)
+    own = motion(dense)[0]
+    moved = own + PchipInterpolator(times, shift)(dense)
+    clipped = []
+    entries = simulation.mechanism.description.joints
+    for k, name in enumerate(motion.joints):
+        entry = entries[name]
+        if simulation.limits == "ignore" or entry.lower is None or entry.upper is None:
+            continue
+        inside = np.clip(moved[:, k], entry.lower, entry.upper)
+        if np.abs(inside - moved[:, k]).max() > limits.MARGIN:
+            clipped.append(name)
+        moved[:, k] = inside
+    return Motion(motion.joints, dense, moved, "spline"), tuple(clipped)
+
+
+def through_jacobian(
+    simulation: Simulation, times: np.ndarray, displacement: np.ndarray
+) -> np.ndarray:
+    """Displacements of the joints of the motion, (n, j), that move the ideal tool so (n, 6)."""
+    ideal, motion = simulation.mechanism.ideal(), simulation.motion
+    assert motion is not None
+    at = [ideal.coordinate(name) for name in motion.joints]
+    weight = np.array([1.0] * 3 + [ARM_M] * 3)
+    found = np.zeros((len(times), len(at)))
+    for k, position in enumerate(motion(times)[0]):
+        q = ideal.configuration(dict(zip(motion.joints, position.tolist(), strict=True)))
+        pin.computeJointJacobians(ideal.model, ideal.data, q)
+        pin.updateFramePlacements(ideal.model, ideal.data)
+        moves = pin.getFrameJacobian(
+            ideal.model, ideal.data, ideal.tool_frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        )
+        moves = weight[:, None] * moves.reshape(6, -1)[:, at]
+        size = DAMPING * np.linalg.norm(moves, 2)
+        square = moves.T @ moves + size**2 * np.eye(len(at))
+        found[k] = np.linalg.solve(square, moves.T @ (weight * displacement[k]))
+    return found
+
+
+def firmware_rule(simulation: Simulation, times: np.ndarray) -> np.ndarray:
+    """Shifts (n, j) by the rule of firmware: half the play towards the sign of the last speed."""
+    mechanism, motion = simulation.mechanism, simulation.motion
+    assert motion is not None
+    shift = np.zeros((len(times), len(motion.joints)))
+    speed = motion(times)[1]
+    for k, name in enumerate(motion.joints):
+        if name in mechanism.gears and _is_behind(simulation, name):
+            way = np.where(np.abs(speed[:, k]) < STILL, 0.0, np.sign(speed[:, k]))
+            shift[:, k] = 0.5 * mechanism.gears[name].play * _kept(way)
+    return shift
+
+
+def _checked(simulation: Simulation) -> tuple[Mechanism, Motion]:
+    mechanism, motion = simulation.mechanism, simulation.motion
+    if motion is None:
+        raise JointplayError("a motion is needed to be compensated: give one", ("motion",))
+    if motion.interpolation in GOES_ON:
+        words = f"a motion that goes on after its end ({motion.interpolation}) is not compensated"
+        raise JointplayError(words, ("motion", "interpolation"))
+    if mechanism.loops or mechanism.free_base is not None:
+        what = "closed loops" if mechanism.loops else "a free base"
+        raise JointplayError(f"only robots without loops on a base that is held, not with {what}")
+    loose = any(max(one.play().reach) > 0.0 for one in mechanism.clearance.values())
+    if not (loose or any(gear.play > 0.0 for gear in mechanism.gears.values())):
+        raise JointplayError(
+            "nothing has play, and there is nothing to compensate: give joints with clearance or "
+            'gears with play, such as --joint NAME="0.1 mm" or --gear NAME="2 arcmin"'
+        )
+    if simulation.limits != "ignore":
+        limits.check_motion(mechanism, motion, motion.joints)
+    return mechanism, motion
+
+
+def _is_behind(simulation: Simulation, joint: str) -> bool:
+    """Whether a gear's play lies behind what the joint's encoder sees."""
+    drives = assign(simulation.mechanism, simulation.motion, simulation.drive)
+    return getattr(drives[joint], "encoder", "motor") == "motor"
+
+
+def _bodies(simulation: Simulation, mechanism: Mechanism, time: float) -> pin.Model:
+    """The mechanism's model with the payloads that are held at a time [s]."""
+    bodies = mechanism.model.copy()
+    for payload in simulation.payloads:
+        if payload.pick <= time and (payload.release is None or time < payload.release):
+            frame = bodies.frames[frame_index(bodies, payload.frame)]
+            bodies.inertias[frame.parentJoint] += frame.placement.act(payload.body)
+    return bodies
+
+
+def _torques(
+    simulation: Simulation, times: np.ndarray, gears: Sequence[str]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Torque of the teeth of gears (n, g), and what leaves their side open (n, g) [N m or N].
+
+    Friction of a joint that stands, which may have either sign, and what would take too long to
+    bring its inertia across the play.
+    """
+    ideal, motion = simulation.mechanism.ideal(), simulation.motion
+    assert motion is not None
+    at = [ideal.coordinate(name) for name in motion.joints]
+    own = [motion.joints.index(name) for name in gears]
+    states = np.zeros((3, len(times), ideal.model.nv))
+    states[:, :, at] = motion(times)
+    tau, held = np.zeros((2, len(times), len(gears)))
+    play = np.array([simulation.mechanism.gears[name].play for name in gears])
+    for k, state in enumerate(states.transpose(1, 0, 2)):
+        bodies = _bodies(simulation, ideal, times[k])
+        data = bodies.createData()
+        tau[k] = pin.rnea(bodies, data, *state)[at][own]
+        mass = pin.crba(bodies, data, state[0]).diagonal()[at][own]
+        held[k] = 2.0 * play * mass / CROSSING_S**2
+    friction = joint_friction(simulation)
+    for k, name in enumerate(gears):
+        losses, speed = friction.get(name, JointFriction()), states[1, :, at[own[k]]]
+        still = np.abs(speed) < STILL
+        tau[:, k] += np.where(still, 0.0, losses.torque(speed))
+        held[still, k] = np.maximum(held[still, k], losses.coulomb + losses.excess)
+    return tau, held
+
+
+def _sides(torque: np.ndarray, held: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Sides (n, g), the last one kept where it is not decided, and where that is so (n, g)."""
+    least = NOTHING * np.abs(torque).max(axis=0, initial=0.0)
+    undecided = np.abs(torque) <= np.maximum(held, least)
+    sides = np.where(undecided, 0.0, np.sign(torque))
+    kept = np.array([_kept(column) for column in sides.T]).T.reshape(sides.shape)
+    return kept, undecided
+
+
+def _kept(values: np.ndarray) -> np.ndarray:
+    """Values with zeros replaced by the last that is none; at the start by the first."""
+    good = np.flatnonzero(values)
+    if not len(good):
+        return values
+    last = good[np.maximum(np.searchsorted(good, np.arange(len(values)), side="right") - 1, 0)]
+    return np.asarray(values[last])
+
+
+def _carried(values: np.ndarray, unknown: np.ndarray) -> np.ndarray:
+    """Values with unknown ones replaced by the last that is known; at the start by the first."""
+    good = np.flatnonzero(~unknown)
+    if not len(good):
+        return np.zeros_like(values)
+    last = good[np.maximum(np.searchsorted(good, np.arange(len(values)), side="right") - 1, 0)]
+    return np.asarray(values[last])
+
+
+def _journals(simulation: Simulation, times: np.ndarray, progress: bool) -> np.ndarray:
+    """The tool's displacements (n, 6) by journals that rest under the ideal motion's load.
+
+    Each search begins where the last one ended, displaced as much.
+    """
+    mechanism = simulation.mechanism.with_clearance(simulation.mechanism.clearance, {})
+    motion = simulation.motion
+    assert motion is not None
+    at = [mechanism.coordinate(name) for name in motion.joints]
+    states = np.zeros((3, len(times), mechanism.model.nv))
+    states[:, :, at] = motion(times)
+    drives = assign(mechanism, motion, Prescribed())
+    pushing, friction = StaticLoads({}, mechanism, []), joint_friction(simulation)
+    found, aside = np.zeros((len(times), 6)), np.zeros(mechanism.model.nv)
+    steps = ProgressBar(
+        range(len(times)), "places of rest", disable=not progress, delay=2.0, leave=False
+    )
+    for k in steps:
+        q, v, a = states[:, k]
+        balance = StaticEquilibrium(
+            mechanism, _bodies(simulation, mechanism, times[k]), q, v, drives, [], [],
+            np.zeros(0), friction, pushing, a,
+        )  # fmt: skip
+        rest = balance.settle(q + aside if k else None)
+        if not rest.solved:
+            rest = balance.settle()
+        if not rest.solved:
+            raise JointplayError(
+                f"no place of rest was found at t = {times[k]:.3g} s: {rest.residual:.3g} N of "
+                f"{rest.load:.3g} N are not balanced"
+            )
+        aside = rest.q - q
+        ideal, there = tool_place(mechanism, q), tool_place(mechanism, rest.q)
+        turn = ideal.rotation @ pin.log3(ideal.rotation.T @ there.rotation)
+        found[k] = np.concatenate([there.translation - ideal.translation, turn])
+    return found
+
+
+def _within_limits(
+    simulation: Simulation, times: np.ndarray, shift: np.ndarray
+) -> tuple[Motion, np.ndarray, int, tuple[str, ...]]:
+    """The corrected motion, smoothed until it is within limits that the motion itself keeps."""
+    assert simulation.motion is not None
+    before = _beyond(simulation, simulation.motion)
+    for smoothed in range(_SMOOTHINGS + 1):
+        motion, clipped = corrected_motion(simulation, times, shift)
+        beyond = _beyond(simulation, motion)
+        if simulation.limits == "ignore" or beyond.keys() <= before.keys():
+            return motion, shift, smoothed, clipped
+        shift = np.concatenate([
+            shift[:1], 0.25 * shift[:-2] + 0.5 * shift[1:-1] + 0.25 * shift[2:], shift[-1:]
+        ])  # fmt: skip
+    new = next(words for key, words in beyond.items() if key not in before)
+    raise JointplayError(f"corrected, {new}, even smoothed; slow the motion down")
+
+
+def _beyond(simulation: Simulation, motion: Motion) -> dict[tuple[str, str], str]:
+    """Limits of speed and effort that a motion exceeds: joint and what, in words."""
+    mechanism, ideal = simulation.mechanism, simulation.mechanism.ideal()
+    times = np.linspace(0.0, motion.duration, max(round(motion.duration / SAMPLE_S), 12) + 1)
+    states = np.zeros((3, len(times), ideal.model.nv))
+    at = [ideal.coordinate(name) for name in motion.joints]
+    states[:, :, at] = motion(times)
+    entries, friction = mechanism.description.joints, joint_friction(simulation)
+    found: dict[tuple[str, str], str] = {}
+    for name, k in zip(motion.joints, at, strict=True):
+        fastest, limit = np.abs(states[1, :, k]).max(), entries[name].speed
+        if limit is not None and fastest > limit * (1.0 + limits.MARGIN):
+            found[name, "speed"] = f"joint {name!r} has a speed of {fastest:.4g}, above {limit:g}"
+    if not limits.bounds(mechanism):
+        return found
+    efforts = np.zeros((len(times), ideal.model.nv))
+    for i, state in enumerate(states.transpose(1, 0, 2)):
+        bodies = _bodies(simulation, ideal, times[i])
+        efforts[i] = pin.rnea(bodies, bodies.createData(), *state)
+    for name, k in zip(motion.joints, at, strict=True):
+        gear, effort = mechanism.gears.get(name), limits.bounds(mechanism).get(name)
+        if effort is None:
+            continue
+        own = efforts[:, k] + friction.get(name, JointFriction()).torque(states[1, :, k])
+        own = own + (0.0 if gear is None else gear.rotor_inertia * states[2, :, k])
+        if np.abs(own).max() > effort * (1.0 + limits.MARGIN):
+            words = f"joint {name!r} has an effort of {np.abs(own).max():.4g}, above {effort:g}"
+            found[name, "effort"] = words
+    return found
+
+
+# What a controller can take: a table, and a function of the present state.
+
+
+def table_for_controllers(compensation: Compensation, parts: int = 9) -> Table:
+    """Shift of each gear by direction of motion and load, to the largest load of the motion."""
+    mechanism, rows = compensation.simulation.mechanism, []
+    friction = joint_friction(compensation.simulation)
+    for k, name in enumerate(compensation.gears):
+        dry = friction.get(name, JointFriction()).coulomb
+        most = float(np.abs(compensation.torque[:, k]).max())
+        for direction in (-1, 1):
+            for load in np.linspace(-most, most, parts).tolist():
+                torque = load + direction * dry
+                shift = float(mechanism.gears[name].wound_up(torque))
+                rows.append((name, direction, load, shift))
+    names = ("joint", "direction", "load", "shift")
+    return Table([Column(n, own) for n, own in zip(names, zip(*rows, strict=True), strict=True)])
+
+
+class Compensator:
+    """Shifts a command by the play and wind-up of gears, step by step, in a controller.
+
+    Needs nothing but numpy. Keeps for each gear the side on which its teeth were pressed last.
+
+    Args:
+        play: whole play of each joint, (j,) [rad or m]; 0 where there is none.
+        stiffness: of its gear, (j,) [N m/rad or N/m]; inf where it is rigid.
+        friction: Coulomb friction of the joint, (j,) [N m or N].
+        still: speed below which a joint stands [rad/s or m/s].
+    """
+
+    def __init__(
+        self,
+        play: Sequence[float] | np.ndarray,
+        stiffness: Sequence[float] | np.ndarray,
+        friction: Sequence[float] | np.ndarray,
+        still: float = STILL,
+    ) -> None:
+        self._half = 0.5 * np.asarray(play, float)
+        self._give = 1.0 / np.asarray(stiffness, float)
+        self._friction, self._still = np.asarray(friction, float), still
+        self._shift = np.zeros_like(self._half)
+
+    @classmethod
+    def of(
+        cls,
+        joints: Sequence[str],
+        gears: Mapping[str, Gearing],
+        friction: Mapping[str, JointFriction],
+    ) -> Compensator:
+        """That of joints in this order, those without a gear unchanged."""
+        own = [gears.get(name) for name in joints]
+        return cls(
+            [0.0 if one is None else one.play for one in own],
+            [np.inf if one is None else float(one.curve().slopes[0]) for one in own],
+            [friction.get(name, JointFriction()).coulomb for name in joints],
+        )
+
+    def update(self, q: np.ndarray, qd: np.ndarray, load: np.ndarray) -> np.ndarray:
+        """The command for positions q, speeds qd, and loads without friction, (j,) each."""
+        moves = (qd > self._still) * 1.0 - (qd < -self._still)
+        torque = load + moves * self._friction
+        decided = np.abs(torque) > (moves == 0.0) * self._friction
+        wound = np.sign(torque) * self._half + torque * self._give
+        self._shift = np.where(decided, wound, self._shift)
+        return np.asarray(q + self._shift)
+
+
+def with_shift(compensation: Compensation, more: np.ndarray) -> Compensation:
+    """The same with further shifts (n, j), learned from a run, within limits."""
+    _, shift, smoothed, clipped = _within_limits(
+        compensation.simulation, compensation.times, compensation.shift + more
+    )
+    return replace(
+        compensation, shift=shift, smoothed=smoothed, clipped=clipped,
+        learned=compensation.learned + 1, _motion=[],
+    )  # fmt: skip

@@ -1,0 +1,115 @@
+"""`jointplay compensate`: a motion corrected so that play does not displace the tool.
+
+Find on which side each joint rests along the motion, and shift the commands so that the tool is
+where the ideal robot's would be; then run both motions, also where the model may be wrong. What
+makes the error larger is not written. No promise about hardware. See docs/compensate.md.
+
+Example: jointplay compensate so101 --preset --motion pick.csv --trust "play 30 %" --out corrected
+
+    [FILE | ROBOT]
+    --payload MASS  mass held at the tool
+    --trust TEXT  how far the model may be off, such as "play 30 %, friction 50 %, payload 20 %,
+        stiffness 30 %": both motions are run at the corners of that
+    --passes N  correct by what own runs leave, at most so often, as long as it improves (default 0)
+    --out DIR  folder for motion.csv, compensation.csv, corners.csv and error.png
+    --formats LIST  further files in DIR: yaml, mcap (ROS 2 JointTrajectory), table (joint,
+        direction, load), linuxcnc, marlin, klipper, grblhal
+    --force  write a motion that makes the error larger, too
+    --jobs
+    --detail
+    --quiet
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from jointplay.base import streams
+from jointplay.base.errors import JointplayError, MissingName, require_non_negative, require_whole
+from jointplay.cli.commands import Outputs, print_answer
+from jointplay.cli.commands.inputs import simulation_of
+
+if TYPE_CHECKING:
+    from jointplay.accuracy.compensation import Compensation
+    from jointplay.study.corners import Judgement
+
+
+def run(options: argparse.Namespace) -> int:
+    names = ["motion.csv", "compensation.csv", "corners.csv", "error.png"]
+    out = Outputs(options.out, names)
+    from jointplay.accuracy.compensation import compensate
+    from jointplay.bridges import backlash
+    from jointplay.model.payload import Payload
+    from jointplay.study.corners import judge, learn, trust_of
+
+    wanted, known = options.formats or [], ("yaml", "mcap", "table", *backlash.FORMATS)
+    for one in wanted:
+        if one not in known:
+            raise MissingName("format", one, known)
+    if wanted and not options.out:
+        raise JointplayError("--formats are written into a folder: give --out DIR, too")
+    trust = trust_of(options.trust or "")
+    require_whole("--passes", options.passes, 0)
+    mass = require_non_negative("--payload", options.payload or 0.0, "kg")
+    simulation = simulation_of(options)
+    if mass:
+        held = Payload(simulation.mechanism.tool, mass)
+        simulation = replace(simulation, payloads=(*simulation.payloads, held))
+    out.claim()
+    streams.release()
+    progress = not options.quiet
+    found = compensate(simulation, progress=progress)
+    more = []
+    if options.passes:
+        found, tried = learn(found, options.passes, progress=progress)
+        told = ", ".join(f"{1e3 * one:.4g}" for one in tried)
+        more.append(f"RMS error by pass: {told} mm; {found.learned} kept")
+    extra = _further(found, wanted)
+    judged = judge(found, trust, jobs=options.jobs, progress=progress)
+    body = f"{found.table()}\n{judged.table()}" if options.detail else judged.table()
+    notes = [*more, *judged.notes, *found.notes, *extra.pop("", ())]
+    print_answer(judged.sentence, body, notes, options.detail, more=True)
+    if judged.worse and not options.force:
+        where = judged.worse[0].words
+        raise JointplayError(f"nothing written: it makes the error larger ({where}); see --force")
+    if options.out:
+        _write(out, judged, extra)
+    return 0
+
+
+def _further(found: Compensation, wanted: Sequence[str]) -> dict[str, Any]:
+    """Contents of further files by name, and under no name what their formats lose."""
+    from jointplay.accuracy.compensation import table_for_controllers
+    from jointplay.bridges import backlash, bag
+    from jointplay.bridges.trajectory import content, of_motion
+
+    contents: dict[str, Any] = {}
+    lost = []
+    for one in wanted:
+        if one == "yaml":
+            contents["motion.yaml"] = content(of_motion(found.motion), ".yaml")
+        elif one == "mcap":
+            contents["motion.mcap"] = bag.of_trajectory(of_motion(found.motion))
+        elif one == "table":
+            contents["table.csv"] = table_for_controllers(found).csv()
+        else:
+            contents |= backlash.tables(found, one)
+            lost.append(f"note: {one} cannot say {backlash.FORMATS[one].lost}")
+    return contents | {"": lost}
+
+
+def _write(out: Outputs, judged: Judgement, extra: Mapping[str, Any]) -> None:
+    from jointplay.bridges.trajectory import content, of_motion
+    from jointplay.show.plots.design import before_and_after
+
+    found = judged.compensation
+    out.write({
+        "motion.csv": content(of_motion(found.motion), ".csv"),
+        "compensation.csv": found.data().csv(),
+        "corners.csv": judged.table().csv(),
+        "error.png": before_and_after(judged),
+        **extra,
+    })  # fmt: skip

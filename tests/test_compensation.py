@@ -1,0 +1,309 @@
+"""Motions that take the play out: sides, shifts, limits, judgement, files, the command."""
+
+import csv
+import subprocess
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from conftest import body, joint, tip
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from warm import JOINTPLAY
+
+from jointplay import (
+    Compensator,
+    Gear,
+    JointplayError,
+    Mechanism,
+    Motion,
+    RevoluteClearance,
+    Simulation,
+    compensate,
+)
+from jointplay.accuracy import compensation as module
+from jointplay.bridges import backlash, bag
+from jointplay.bridges.trajectory import content, of_motion
+from jointplay.model.payload import Payload
+from jointplay.simulation.loads import ComputedTorque
+from jointplay.simulation.loads.drive import JointFriction
+from jointplay.study.corners import judge, learn, trust_of, varied
+
+PLAY, STIFFNESS, MASS, ARM, REACH = 4e-3, 800.0, 2.0, 0.3, 0.5
+WEIGHT = 9.81 * MASS * ARM
+"""Torque of the arm's weight where it lies level [N m]."""
+
+
+@pytest.fixture
+def level(urdf):
+    """One joint about -y, whose weight presses it one way."""
+    arm = body("arm", mass=MASS, com=f"{ARM} 0 0")
+    return urdf(arm, joint("j", "base", "arm", axis="0 -1 0"), tip("arm"))
+
+
+@pytest.fixture
+def upright(urdf):
+    """One joint about z, which no weight presses."""
+    arm = body("arm", mass=MASS, com=f"{ARM} 0 0")
+    return urdf(arm, joint("j", "base", "arm", axis="0 0 1"), tip("arm"))
+
+
+def machine(place, gravity=(0.0, 0.0, -9.81), **gear):
+    given = {"play": PLAY, "stiffness": STIFFNESS, "rotor_inertia": 0.05, "damping": 2.0} | gear
+    return Mechanism(place, gears={"j": Gear(**given)}, gravity=gravity)
+
+
+def simulated(mechanism, to=0.05, end=0.8, **more):
+    motion = Motion(["j"], [0.0, 0.5 * end, end], [[0.0], [to], [0.0]])
+    given = {"drive": ComputedTorque(encoder="motor"), "step": "20 us", "record_every": 50}
+    return Simulation(mechanism, motion, **given | more)
+
+
+def test_a_level_gear_is_shifted_by_half_its_play_and_its_wind_up(level):
+    found = compensate(simulated(machine(level), to=1e-6))
+    assert found.torque[:, 0] == pytest.approx(WEIGHT, rel=1e-4)
+    assert found.shift[:, 0] == pytest.approx(PLAY / 2.0 + WEIGHT / STIFFNESS, rel=1e-4)
+    assert (found.side == 1.0).all()
+    assert not found.undecided.any()
+    assert found.crossings == [0]
+
+
+def test_what_a_payload_weighs_winds_the_gear_up_while_it_is_held(level):
+    own = simulated(machine(level), to=1e-6)
+    held = replace(own, payloads=(Payload("tool", 1.0, release=0.4),))
+    before, after = compensate(own).torque[:, 0], compensate(held).torque[:, 0]
+    more = after - before
+    assert more[0] == pytest.approx(9.81 * REACH)
+    assert more[-1] == 0.0
+
+
+def test_teeth_cross_where_inertia_turns_round(upright):
+    found = compensate(simulated(machine(upright, play=1e-4), to=0.5))
+    assert found.crossings[0] == 2  # drive, brake and drive back, brake
+    assert found.shift.max() > 0.0 > found.shift.min()
+    assert found.undecided[[0, -1]].all()  # it stands, and nothing presses
+
+
+def test_friction_of_a_joint_that_stands_leaves_its_side_open(level):
+    with_friction = {"j": JointFriction(coulomb=1.2 * WEIGHT)}
+    found = compensate(simulated(machine(level), joint_friction=with_friction))
+    still = np.abs(found.simulation.motion(found.times)[1][:, 0]) < module.STILL
+    assert found.undecided[still].all()
+    assert found.undecided_stops[0] == (0.0, ("j",))
+    assert any("stops with an undecided side" in line for line in found.notes)
+    # The way back is pushed down by friction that exceeds the weight.
+    assert found.crossings[0] == 1
+    kept = found.shift[-1, 0]
+    assert kept < 0.0
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    play=st.floats(1e-4, 1e-2),
+    stiffness=st.floats(100.0, 1e5),
+    torque=st.floats(0.01, 50.0),
+    side=st.sampled_from([-1.0, 1.0]),
+)
+def test_a_compensator_shifts_as_far_as_the_gear_twists(play, stiffness, torque, side):
+    gear = Gear(play=play, stiffness=stiffness, rotor_inertia=1.0)
+    one = Compensator.of(["j"], {"j": gear}, {})
+    shift = one.update(np.zeros(1), np.zeros(1), np.array([side * torque]))
+    assert shift[0] == pytest.approx(gear.wound_up(side * torque), rel=1e-12)
+
+
+def test_a_compensator_keeps_the_side_that_friction_holds():
+    one = Compensator([0.01], [np.inf], [2.0])
+    zero = np.zeros(1)
+    assert one.update(zero, np.array([0.1]), zero) == [0.005]  # friction presses as it moves
+    assert one.update(zero, zero, np.array([-1.0])) == [0.005]
+    assert one.update(zero, zero, np.array([-3.0])) == [-0.005]
+
+
+@pytest.mark.parametrize("kind", ["gear", "journal"])
+def test_the_engine_finds_the_tool_nearer_by_the_corrected_motion(level, kind):
+    own = simulated(machine(level))
+    if kind == "journal":
+        bearing = RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4)
+        arm = Mechanism(level, {"j": bearing})
+        own = replace(own, mechanism=arm, drive=ComputedTorque(), step="5 us")
+    if kind == "journal":  # one joint lifts the tool, and cannot do more
+        found = judge(compensate(own), jobs=1).nominal
+        lift = np.abs(found.after.values[:, 2]).mean(), np.abs(found.before.values[:, 2]).mean()
+        assert lift[0] < 0.2 * lift[1]
+        return
+    judged = judge(compensate(own), {"play": 0.3, "stiffness": 0.3, "friction": 0.5}, jobs=1)
+    assert judged.nominal.before.rms > 10.0 * judged.nominal.after.rms
+    assert judged.left_out == ("friction",)
+    assert len(judged.corners) == 6
+    assert judged.worst.words == "play +30 %, stiffness -30 %"
+    assert not judged.worse
+    # Level, the teeth never cross: the sign of the speed moves them for nothing.
+    assert judged.firmware.rms > judged.nominal.after.rms
+
+
+def test_the_error_left_is_that_of_the_models_mistake(level):
+    """With play wrong by a part, half of it is left at the arm's end."""
+    own = simulated(machine(level), to=1e-6)
+    found = judge(compensate(own), {"play": 0.3}, jobs=1)
+    for one in found.corners[1:]:
+        assert one.after.rms == pytest.approx(0.3 * PLAY / 2.0 * REACH, rel=0.1)
+
+
+def test_passes_that_do_not_improve_are_not_kept(level):
+    found = compensate(simulated(machine(level)))
+    best, tried = learn(found, 3)
+    kept = best.learned
+    assert tried[kept] == min(tried)
+    assert len(tried) <= kept + 2
+
+
+def test_factors_change_what_they_name(level):
+    bearing = RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4)
+    own = simulated(machine(level), payloads=(Payload("tool", 1.0),))
+    own = replace(own, mechanism=own.mechanism.with_clearance({"j": bearing}))
+    own = replace(own, joint_friction={"j": JointFriction(2.0, 1.0)})
+    new = varied(own, {"play": 2.0, "friction": 3.0, "payload": 4.0, "stiffness": 5.0})
+    gear = new.mechanism.gears["j"]
+    assert (gear.play, gear.stiffness) == (2.0 * PLAY, 5.0 * STIFFNESS)
+    assert new.mechanism.clearance["j"].radial_clearance == 2e-4
+    assert (new.joint_friction["j"].coulomb, new.payloads[0].mass) == (6.0, 4.0)
+
+
+def test_what_cannot_be_compensated_is_refused_in_a_line(level, upright):
+    own = simulated(machine(level))
+    wrong = {
+        "is nothing to compensate": replace(own, mechanism=own.mechanism.ideal()),
+        "encoders on the links": replace(own, drive=ComputedTorque()),
+        "no torque decides": simulated(machine(upright), to=1e-5),
+        "goes on after its end": replace(
+            own, motion=Motion(["j"], [0.0, 1.0], [[0.0], [0.1]], "constant-speed")
+        ),
+        "a motion is needed": replace(own, motion=None, duration=1.0),
+    }
+    for words, simulation in wrong.items():
+        with pytest.raises(JointplayError, match=words) as error:
+            compensate(simulation)
+        assert "\n" not in str(error.value)
+    for text in ("play 30", "play x %", "play 100 %", "plya 3 %"):
+        with pytest.raises(JointplayError):
+            trust_of(text)
+    assert trust_of("play 30 %, payload 20%") == {"play": 0.3, "payload": 0.2}
+
+
+def test_a_correction_stays_within_limits(level, tmp_path):
+    place = tmp_path / "limited.urdf"
+    text = level.read_text()
+    assert text.count('lower="-9" upper="9"') == 1
+    place.write_text(text.replace('upper="9"', 'upper="0.051"'))
+    found = compensate(simulated(machine(place)))
+    assert found.clipped == ("j",)
+    assert found.motion.positions.max() <= 0.051
+    assert any("held at limits of position: j" in line for line in found.notes)
+    slow = simulated(machine(place), to=0.04, end=2.0)
+    assert compensate(slow).clipped == ()
+
+
+def test_motions_are_written_as_they_are_read(level, tmp_path):
+    found = compensate(simulated(machine(level)))
+    file = tmp_path / "motion.csv"
+    file.write_bytes(content(of_motion(found.motion), ".csv"))
+    again = Motion.from_csv(file, "spline")
+    times = np.linspace(0.0, 0.8, 200)
+    assert again(times)[0] == pytest.approx(found.motion(times)[0], abs=1e-9)
+    text = content(of_motion(found.motion), ".yaml").decode()
+    assert text.startswith("header:")
+    assert text.count("time_from_start") == 81
+
+
+@pytest.mark.needs("mcap_ros2")
+def test_a_bag_of_a_motion_is_read_again(level, tmp_path):
+    found = compensate(simulated(machine(level)))
+    file = tmp_path / "motion.mcap"
+    file.write_bytes(bag.of_trajectory(of_motion(found.motion)))
+    again = Motion.from_mcap(file)
+    assert again.positions[:, 0] == pytest.approx(found.motion(again.times)[0][:, 0], abs=1e-9)
+
+
+def test_linuxcnc_gets_what_the_joint_does_each_way(upright):
+    found = compensate(simulated(machine(upright, play=1e-4), to=0.5))
+    ((name, text),) = backlash.tables(found, "linuxcnc").items()
+    rows = np.array([[float(x) for x in line.split()] for line in text.splitlines()])
+    assert name == "j.comp"
+    assert len(rows) <= 256
+    assert (np.diff(rows[:, 0]) > 0.0).all()
+    assert np.abs(rows[:, 1:] - rows[:, :1]).max() <= np.degrees(np.abs(found.shift).max()) + 1e-6
+    assert backlash.tables(found, "grblhal")["grblhal.txt"] == f"$160={np.degrees(1e-4):.4f}\n"
+    for other in ("fluidnc", "marlin"):
+        with pytest.raises(JointplayError):
+            backlash.tables(found, other)
+
+
+def test_firmware_gets_nothing_for_a_joint_that_never_crosses(level):
+    with pytest.raises(JointplayError, match="no gear's teeth change sides"):
+        backlash.tables(compensate(simulated(machine(level))), "linuxcnc")
+
+
+def test_the_command_writes_what_improves_and_refuses_what_it_cannot_do(level, tmp_path):
+    motion = tmp_path / "m.csv"
+    motion.write_text("time_s,j\n0,0\n0.4,0.05\n0.8,0\n")
+    given = ["--gear", "j=0.2 deg", "--gear-stiffness", "800", "--rotor-inertia", "0.05"]
+    given += [
+        "--gear-damping",
+        "2",
+        "--set",
+        "drive.kind=computed-torque",
+        "--set",
+        "drive.encoder=motor",
+        "--motion",
+        motion,
+    ]
+
+    def run(*more):
+        command = [JOINTPLAY, "compensate", level, *given, "--jobs", "1", "--quiet", *more]
+        return subprocess.run(list(map(str, command)), capture_output=True, text=True)
+
+    out = tmp_path / "out"
+    done = run("--out", out, "--trust", "play 30 %", "--formats", "yaml,table")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("In simulation the corrected motion takes the RMS error")
+    assert {one.name for one in out.iterdir()} == {
+        *("motion.csv", "compensation.csv", "corners.csv", "error.png"),
+        *("motion.yaml", "table.csv"),
+    }
+    rows = list(csv.DictReader((out / "corners.csv").open()))
+    assert [one["corner"] for one in rows] == ["as modelled", "play -30 %", "play +30 %"]
+    far = tmp_path / "far.csv"
+    far.write_text("time_s,k\n0,0\n1,1\n")
+    for more, words in (
+        (["--trust", "play"], "as in 'play 30 %'"),
+        (["--motion", far], "the motion names k"),
+        (["--formats", "g-code"], "no format 'g-code'"),
+    ):
+        done = run("--out", tmp_path / "other", *more)
+        assert done.returncode != 0
+        assert words in done.stderr.strip().splitlines()[-1]
+        assert not (tmp_path / "other" / "motion.csv").exists()
+
+
+def test_what_makes_the_error_larger_is_said_and_not_written(level, tmp_path, monkeypatch):
+    from jointplay.cli import main
+
+    motion = tmp_path / "m.csv"
+    motion.write_text("time_s,j\n0,0\n0.4,0.05\n0.8,0\n")
+    monkeypatch.setattr(Gear, "wound_up", lambda self, torque: -np.sign(torque) * self.play)
+    given = ["--gear", "j=0.2 deg", "--gear-stiffness", "800", "--rotor-inertia", "0.05"]
+    given += [
+        "--gear-damping",
+        "2",
+        "--set",
+        "drive.kind=computed-torque",
+        "--set",
+        "drive.encoder=motor",
+        "--motion",
+        str(motion),
+    ]
+    command = ["compensate", str(level), *given, "--jobs", "1", "--quiet", "--out"]
+    assert main([*command, str(tmp_path / "a")]) != 0
+    assert not (tmp_path / "a" / "motion.csv").exists()
+    assert main([*command, str(tmp_path / "b"), "--force"]) == 0
+    assert (tmp_path / "b" / "motion.csv").exists()
