@@ -253,7 +253,7 @@ class PlayBudget(Budget):
         """What each source of play bears there, bearing axes, shape (n, j, 6) [N, N m].
 
         Force and moment of its contacts about the journal's centre; of a gear the torque of its
-        teeth about its axis, last.
+        teeth about its axis, or their force along it.
         """
         return np.array([self.rest_positions.at(i).loads for i in range(len(self.worst))])
 
@@ -310,8 +310,9 @@ class PlayBudget(Budget):
         if not np.isnan(loads).any():
             words = []
             for one, load in zip(self.model.contributions, loads, strict=True):
-                size = float(np.linalg.norm(load[3:] if one.gear else load[:3]))
-                words.append(f"{one.name} {size:.4g} {'N m' if one.gear else 'N'}")
+                turns = one.gear and not self.mechanism.description.joints[one.joint].slides
+                size = float(np.linalg.norm(load[3:] if turns else load[:3]))
+                words.append(f"{one.name} {size:.4g} {'N m' if turns else 'N'}")
             lines.append(f"the joints bear there: {', '.join(words)}")
         if beyond := self._beyond_play(at, _MENTIONED):
             each = "; ".join(f"{name} {more}" for name, more in beyond.items())
