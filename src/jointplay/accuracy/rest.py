@@ -304,7 +304,9 @@ class RestPositions:
                 if contacts is None:
                     continue
                 force = float(contacts.force.sum(axis=1).max(initial=0.0))
-                arm = 1.0 if self._slides(name) else joint.half_width
+                entry = self.mechanism.description.joints.get(name)
+                slides = entry is not None and entry.slides
+                arm = 1.0 if slides else joint.half_width
                 grip[name] = friction[j] * arm * force
                 if unpressed[name]:
                     continue

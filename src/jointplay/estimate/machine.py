@@ -163,7 +163,7 @@ class Machine:
         if sliding:
             raise JointplayError(
                 f"gears of joints that slide ({', '.join(sliding)}) are not identified from "
-                "recordings; jointplay identify --gauge takes readings of a dial gauge"
+                "recordings; readings of a dial gauge tell their play and compliance"
             )
         found: list[Unknown] = []
         for word in also:

@@ -153,6 +153,9 @@ def drive_of(
             raise JointplayError(
                 "a torque acts on one joint; give [drives.JOINT]", where=("drive", "kind")
             )
+        for name in mechanism.joints if motion is None else motion.joints:
+            if name in mechanism.joints:
+                of_joint(shared, ("drive",), partial(fit, mechanism, name))  # refuses misfits
         with within("drive"):
             common = shared.make()
     if motion is not None and not model.drives:

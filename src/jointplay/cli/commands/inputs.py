@@ -332,7 +332,11 @@ def scenario_of(options: argparse.Namespace, still: bool = False) -> Scenario:
         if still and file is not None:  # who names a joint of one case wants its play
             settings += [Setting(("joints", name, "ideal"), False, "--joint") for name in names]
     ours = {one.key[1]: one for one in settings if one.key[0] == "gears"}
-    settings += [*_gear_settings(options, tables, still, ours, file, wanted), *_other_settings(options), *wanted]
+    settings += [
+        *_gear_settings(options, tables, still, ours, file, wanted),
+        *_other_settings(options),
+        *wanted,
+    ]
     if file is None:
         scenario = robot_scenario(options.place, names, settings, ideal, still)
     elif not settings:
