@@ -197,8 +197,11 @@ class PlayBudget(Budget):
                 "mm": (float(np.linalg.norm(rest[:3])) - far, self.worst[at]),
                 "mrad": (float(np.linalg.norm(rest[3:])) - turn, self.worst_turn[at]),
             }
-            if said := [f"{1e3 * x:.4f} {u}" for u, (x, of) in more.items() if x > least * of]:
-                found.append((max(x / of for x, of in more.values()), name, ", ".join(said)))
+            beyond = {unit: (x, of) for unit, (x, of) in more.items() if x > least * of}
+            if beyond:
+                said = ", ".join(f"{1e3 * x:.4f} {unit}" for unit, (x, _) in beyond.items())
+                parts = (x / of if of > 0.0 else np.inf for x, of in beyond.values())
+                found.append((max(parts), name, said))
         return {name: said for _, name, said in sorted(found, reverse=True)}
 
     @property
