@@ -30,7 +30,7 @@ from jointplay.simulation.loads.drive import DRIVES
 
 DOCS = Path(__file__).parents[1] / "docs"
 TEMPLATE = Path(jp.__file__).parent / "scenario" / "template.toml"
-SHIPPED = ("scara.toml", "scara_ab.toml", "slider_crank.toml", "four_bar.toml")
+SHIPPED = ("scara.toml", "scara_ab.toml", "slider_crank.toml", "four_bar.toml", "gantry.toml")
 
 ARM = """
 [robot]

@@ -62,15 +62,14 @@ def test_a_slider_moves_as_another_method_says(lift):
     for name, own in (("x.motor", exact[0]), ("x", exact[1])):
         found = np.interp(at, result.time, result["q"].sel(coordinate=name).values)
         assert found == pytest.approx(own, abs=1e-6)
-    assert (
-        np.ptp(exact[1]) > 0.01 and len(np.flatnonzero(np.diff(np.sign(exact[0] - exact[1])))) > 2
-    )
+    assert np.ptp(exact[1]) > 0.01
+    assert len(np.flatnonzero(np.diff(np.sign(exact[0] - exact[1])))) > 1  # from side to side
     assert result.audit.energy_residual < 1e-4 * result.audit.energy_exchanged
 
 
 def test_gravity_does_not_pull_on_the_rotor(slider):
     robot = jp.Mechanism(slider, gears={"x": NUT}, gravity=(-G, 0, 0))
-    result = jp.simulate(robot, drive=Free(), duration=0.005, start="centred", **QUIET)
+    result = jp.simulate(robot, drive=Free(), duration=0.004, start="centred", **QUIET)
     ends = dict(zip(robot.coordinates, result["q"].values[-1], strict=True))
     assert ends["x"] == pytest.approx(-0.5 * G * result.time[-1] ** 2, rel=1e-3)
     assert ends["x.motor"] == 0.0  # the play is not yet used up
@@ -116,14 +115,12 @@ def test_at_rest_a_nut_hangs_by_half_its_play_and_its_elasticity(lift, encoder, 
 
 def test_what_a_stiff_nut_lets_the_tool_turn_is_nothing_that_is_divided_by(lift, recwarn):
     text = str(budget(lift, {}, drive=ComputedTorque(encoder="motor")).table())
-    assert "x (gear) 0.0490 mm" in text  # beyond its play, of 0.1 mm either way
+    assert "beyond the joint's worst case alone: x (gear) 0.0490 mm" in text
     assert not recwarn.list
 
 
 def test_friction_along_a_slide_holds_a_nut_within_its_play(slider):
-    box = jp.PrismaticClearance(
-        width=0.04, height=0.04, length=0.1, clearance_y=1e-5, clearance_z=1e-5
-    )
+    box = jp.PrismaticClearance(clearance=1e-5)
     gears = {"x": jp.Gear(2e-4, 1.5, 1e9)}
     ends = []
     for friction in (0.0, 0.3):
@@ -146,13 +143,13 @@ def test_a_servo_of_a_slide_hangs_by_its_dead_band_and_its_gain(lift):
     ends = dict(zip(lift.coordinates, result["q"].values[-1], strict=True))
     assert ends["x.motor"] == pytest.approx(-sag, abs=1e-8)
     assert ends["x"] == pytest.approx(-sag - NUT.play / 2 - MASS * G / NUT.stiffness, abs=1e-8)
+    own = jp.loads.Servo.of("STS3215", voltage=7.4, p_gain=38.6)
     with pytest.raises(jp.JointplayError, match="joint 'x' slides, and STS3215 of the catalogue"):
-        own = jp.loads.Servo.of("STS3215", voltage=7.4, p_gain=38.6)
         jp.simulate(lift, motion, drive={"x": own}, **QUIET)
 
 
 def test_a_prescribed_motor_of_a_slide_carries_its_cart(lift):
-    motion = jp.Motion(["x"], [0, 0.1], [[0.0], [0.02]])
+    motion = jp.Motion(["x"], [0, 0.1], [[0.0], [0.001]])
     result = jp.simulate(lift, motion, drive=Prescribed(), start="rest", **QUIET)
     q = result["q"].sel(coordinate="x.motor").values
     assert q == pytest.approx(motion(result.time)[0][:, 0], abs=1e-9)
@@ -174,10 +171,8 @@ def test_the_shipped_gantry_runs_and_its_result_is_in_si(tmp_path):
     assert force.sel(gear="z").values[0] == pytest.approx(3.0 * 9.80665, rel=1e-3)
     gear = result.simulation.mechanism.gears["x"]
     assert gear == jp.Gear(1e-4, 4.0, 2e6, 1500.0)
-    facts = call("check", tmp_path / "g.toml", "--no-picture")
-    assert (
-        "play 0.1 mm, rotor inertia 4 kg, stiffness 2e+06 N/m, damping 1500 N s/m" in facts.stdout
-    )
+    facts = call("check", tmp_path / "g.toml", "--no-picture").stdout
+    assert "play 0.1 mm, rotor inertia 4 kg, stiffness 2e+06 N/m, damping 1500 N s/m" in facts
 
 
 def test_a_robot_with_gears_of_both_kinds_says_both_units():
@@ -251,7 +246,8 @@ def test_a_scenario_names_the_key_whose_unit_does_not_fit(tmp_path, table, said)
     )
     done = call("check", file)
     assert done.returncode == 2
-    assert said in done.stderr and "but joint 'x' is prismatic" in done.stderr
+    assert said in done.stderr
+    assert "but joint 'x' is prismatic" in done.stderr
 
 
 def test_what_does_not_know_sliding_gears_says_so(lift, capsys):

@@ -371,7 +371,7 @@ def assign(
         entry = mechanism.description.joints.get(name)
         if isinstance(one, Servo) and one.catalogue and entry is not None and entry.slides:
             raise JointplayError(
-                f"joint {name!r} slides, and {one.catalogue} of the catalogue turns its joint: give "
+                f"joint {name!r} slides, and {one.catalogue} of the catalogue turns its own: give "
                 "torque_constant [N/A] and resistance instead"
             )
         if one.follows and name not in in_motion:
