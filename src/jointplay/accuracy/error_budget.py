@@ -199,8 +199,11 @@ class PlayBudget(Budget):
                 "mm": (float(np.linalg.norm(rest[:3])) - far, self.worst[at]),
                 "mrad": (float(np.linalg.norm(rest[3:])) - turn, self.worst_turn[at]),
             }
-            if said := [f"{1e3 * x:.4f} {u}" for u, (x, of) in more.items() if x > least * of]:
-                found.append((max(x / of for x, of in more.values()), name, ", ".join(said)))
+            beyond = {unit: (x, of) for unit, (x, of) in more.items() if x > least * of}
+            if beyond:
+                said = ", ".join(f"{1e3 * x:.4f} {unit}" for unit, (x, _) in beyond.items())
+                parts = (x / of if of > 0.0 else np.inf for x, of in beyond.values())
+                found.append((max(parts), name, said))
         return {name: said for _, name, said in sorted(found, reverse=True)}
 
     @property
@@ -271,7 +274,7 @@ class PlayBudget(Budget):
         """What each source of play bears there, bearing axes, shape (n, j, 6) [N, N m].
 
         Force and moment of its contacts about the journal's centre; of a gear the torque of its
-        teeth about its axis, last.
+        teeth about its axis, or their force along it.
         """
         return np.array([self.rest_positions.at(i).loads for i in range(len(self.worst))])
 
@@ -328,8 +331,9 @@ class PlayBudget(Budget):
         if not np.isnan(loads).any():
             words = []
             for one, load in zip(self.model.contributions, loads, strict=True):
-                size = float(np.linalg.norm(load[3:] if one.gear else load[:3]))
-                words.append(f"{one.name} {size:.4g} {'N m' if one.gear else 'N'}")
+                turns = one.gear and not self.mechanism.description.joints[one.joint].slides
+                size = float(np.linalg.norm(load[3:] if turns else load[:3]))
+                words.append(f"{one.name} {size:.4g} {'N m' if turns else 'N'}")
             lines.append(f"the joints bear there: {', '.join(words)}")
         if beyond := self._beyond_play(at, _MENTIONED):
             each = "; ".join(f"{name} {more}" for name, more in beyond.items())

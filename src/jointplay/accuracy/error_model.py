@@ -579,7 +579,7 @@ def play_of_joint(mechanism: Mechanism, name: str, second_order: bool = True) ->
 
 
 def play_of_gear(mechanism: Mechanism, name: str) -> Contribution:
-    """The backlash and hysteresis of a gear: the joint turns about its axis, the motor stands."""
-    half = mechanism.gears[name].unloaded_range / 2.0
-    backlash = Line((0.0, 0.0, 0.0, 0.0, 0.0, half))
+    """The backlash and hysteresis of a gear: the joint moves by its axis, the motor stands."""
+    half, way = mechanism.gears[name].unloaded_range / 2.0, mechanism.description.joints[name].way
+    backlash = Line(tuple(half if k == way else 0.0 for k in range(6)))
     return Contribution(name, "play", backlash, origin=f"its{GEAR}", part=GEAR)

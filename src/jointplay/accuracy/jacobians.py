@@ -355,7 +355,8 @@ def displaced_configuration(
     gears = {name + GEAR: name for name in mechanism.gears}
     for name, xi in aside.items():
         if name in gears:
-            moved[mechanism.coordinate(gears[name])] += xi[5]
+            joint = gears[name]
+            moved[mechanism.coordinate(joint)] += xi[mechanism.description.joints[joint].way]
         else:
             _push(mechanism, q, moved, name, xi)
     return moved

@@ -76,7 +76,8 @@ class RestPlace(NamedTuple):
     """The tool's error of all, exactly, shape (6,) [m, rad]."""
     loads: np.ndarray
     """What each source of play bears: force and moment of the contacts on the journal about its
-    centre, bearing axes; torque of a gear's teeth about its axis, shape (j, 6) [N, N m]."""
+    centre, bearing axes; torque of a gear's teeth about its axis, or force along it, shape (j, 6)
+    [N, N m]."""
 
 
 @dataclass(frozen=True)
@@ -189,9 +190,11 @@ class RestPositions:
         if self.model.tied:
             parts = np.full_like(parts, np.nan)
         borne = balance.wrenches(found.q)
-        teeth = np.array([0.0] * 5 + [1.0])
-        own_loads = zip(self.model.names, self.model.load[:, pose, 5].tolist(), strict=True)
-        bearing = [teeth * own if name in self._gears else borne[name] for name, own in own_loads]
+        own_loads = zip(self.model.names, self.model.load[:, pose], strict=True)
+        bearing = [
+            np.eye(6)[self._way(name)] * own if name in self._gears else borne[name]
+            for name, own in own_loads
+        ]
         return RestPlace(parts, whole, np.array(bearing))
 
     def _holding(self, names: Sequence[str]) -> dict[str, Drive]:
@@ -255,6 +258,10 @@ class RestPositions:
     def _gears(self) -> set[str]:
         return {name + GEAR for name in self.mechanism.gears}
 
+    def _way(self, gear: str) -> int:
+        """Component in which a gear's joint moves."""
+        return self.mechanism.description.joints[gear.removesuffix(GEAR)].way
+
     def _displacement(self, name: str, pose: int, there: np.ndarray) -> np.ndarray:
         """Displacement of a source of play, as its set has it, from a pose to `there` (nq,)."""
         mechanism, q = self.mechanism, self.q[pose]
@@ -264,7 +271,7 @@ class RestPositions:
             if own in self.regulated:  # the motor moves within the play, not the link
                 return xi
             motor, link = there[mechanism.motor(own)], there[mechanism.coordinate(own)]
-            xi[5] = -mechanism.gears[own].twist(motor, link)
+            xi[self._way(name)] = -mechanism.gears[own].twist(motor, link)
             return xi
         if name not in mechanism.loops:
             columns = _coordinates(mechanism, q, name)
@@ -297,7 +304,10 @@ class RestPositions:
                 if contacts is None:
                     continue
                 force = float(contacts.force.sum(axis=1).max(initial=0.0))
-                grip[name] = friction[j] * joint.half_width * force
+                entry = self.mechanism.description.joints.get(name)
+                slides = entry is not None and entry.slides
+                arm = 1.0 if slides else joint.half_width
+                grip[name] = friction[j] * arm * force
                 if unpressed[name]:
                     continue
                 if len(found[j]):
@@ -312,7 +322,8 @@ class RestPositions:
                 if joint_name in self.regulated:
                     errors[name] = np.zeros((1, 3))
                     continue
-                half, load = plays.plays[j].reach[1], plays.load[j, 0, 5]
+                way = self._way(name)
+                half, load = max(plays.plays[j].reach), plays.load[j, 0, way]
                 resists = grip.get(joint_name, 0.0)
                 ends = np.array([load - resists, load + resists])
                 gear = self.mechanism.gears[joint_name]
@@ -320,7 +331,7 @@ class RestPositions:
                 angle = gear.wound_up(ends + held)
                 if ends[0] <= 0.0 <= ends[1]:
                     angle = np.array([-half, half])
-                errors[name] = np.outer(angle, move[j][:, 5])
+                errors[name] = np.outer(angle, move[j][:, way])
         if len(errors) < len(plays.names):  # loops, an own kind, no load: anywhere within the play
             directions = np.vstack([np.eye(3), -np.eye(3), _DIRECTIONS])
             anywhere = plays.along(directions[None]).error[:, 0, :, :3]

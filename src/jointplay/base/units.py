@@ -42,6 +42,9 @@ WORDS = {
     "N*m/A": ("torque constant", "1.2 N*m/A"),
     "V/rad": ("voltage per angle", "50 V/rad"),
     "V*s/rad": ("voltage per angular speed", "0.1 V*s/rad"),
+    "N/A": ("force constant", "50 N/A"),
+    "V/m": ("voltage per length", "2e4 V/m"),
+    "V*s/m": ("voltage per speed", "50 V*s/m"),
     "m^3/(N*m)": ("specific wear rate", "1e-5 mm^3/(N*m)"),
 }
 """Units of the package by their text: what they measure, and an example for messages."""

@@ -303,6 +303,8 @@ def _no_hinge(mechanism: Mechanism, joint: str) -> str:
     clearance = mechanism.clearance.get(joint)
     if joint in mechanism.mounts:
         return f"joint {joint!r} is a mount, which does not turn"
+    if clearance is None and mechanism.description.joints[joint].slides:
+        return f"joint {joint!r} slides, which cannot be represented by a hinge"
     if clearance is None or clearance.hinge is not None:
         return ""
     kinds = [word for word, kind in JOINT_KINDS.items() if kind.hinge is not Clearance.hinge]

@@ -159,6 +159,12 @@ class Machine:
                 'nothing has play: give clearance (--clearance "0.1 mm", --joint NAME="0.1 mm") or '
                 f"gears with play; joints: {', '.join(mechanism.joints)}"
             )
+        sliding = [n for n in mechanism.gears if mechanism.description.joints[n].slides]
+        if sliding:
+            raise JointplayError(
+                f"gears of joints that slide ({', '.join(sliding)}) are not identified from "
+                "recordings; readings of a dial gauge tell their play and compliance"
+            )
         found: list[Unknown] = []
         for word in also:
             if word not in ALSO:
@@ -328,7 +334,7 @@ def preset_found(
     gears = {name: dict(one) for name, one in tables.get("gear", {}).items()}
     for one in found:
         name, told = one.unknown.name, one.identified and one.value > 0.0
-        if told and one.unknown.unit.startswith("rad") and one.joint not in mechanism.gears:
+        if told and one.joint not in mechanism.gears:
             if name == "gear_play":
                 gears.setdefault(one.joint, {})["play"] = one.value if one.found else one.upper
             elif name == "gear_compliance":

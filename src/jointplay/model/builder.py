@@ -174,6 +174,7 @@ def build(
             pin.Frame(frame.name, moved[frame.parentJoint], 0, placement, frame.type), False
         )
     for name, gear in gears.items():
+        # Of a joint that slides, too: its coordinate is in metres, and gravity does not act on it.
         rotor = pin.Inertia(0.0, np.zeros(3), np.diag([0.0, 0.0, gear.rotor_inertia]))
         motor = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), f"{name}\t{MOTOR}")
         model.appendBodyToJoint(motor, rotor, pin.SE3.Identity())

@@ -1,5 +1,8 @@
 """Play, elasticity and losses in a drive: a motor, and the gear between it and its joint.
 
+A screw, rack or belt before a joint that slides is such a gear in metres and newtons: what is a
+torque, an angle or an inertia here is a force, a way or a mass there.
+
 docs/drives.md has the equations, what catalogues measure, and where numbers come from.
 """
 
@@ -89,23 +92,25 @@ class Losses(NamedTuple):
 
 
 class Gearing(Described, ABC):
-    """A gear between a motor and the joint that it turns. Subclasses are frozen dataclasses.
+    """A gear between a motor and the joint that it moves. Subclasses are frozen dataclasses.
 
     The motor becomes a coordinate of its own, ``<joint>.motor``. All quantities are referred to the
     joint's side: an inertia J behind a ratio N counts N^2 J. The rotor's gyroscopic effect is left
-    out.
+    out, and it weighs nothing.
     """
 
     selector = ("kind", "kind")
 
     kind: ClassVar[str]
     """The one word that selects the gear."""
+    linear: ClassVar[bool] = False
+    """Whether it can move a joint that slides, too."""
     play: float
-    """Angle by which the joint turns freely while the motor stands [rad]."""
+    """Angle or way by which the joint moves freely while the motor stands [rad or m]."""
     rotor_inertia: float
-    """Inertia of the rotor [kg m^2]."""
+    """Inertia of the rotor [kg m^2 or kg]."""
     damping: float
-    """Damping of the teeth in contact and the shaft [N m s/rad]."""
+    """Damping of the teeth in contact and the shaft [N m s/rad or N s/m]."""
     rated_torque: float | None = None
     """To which catalogues refer lost motion and hysteresis [N m]; None: not known."""
 
@@ -302,25 +307,27 @@ class Gearing(Described, ABC):
 
 @dataclass(frozen=True)
 class Gear(Gearing):
-    """A motor that turns its joint through a gear with backlash.
+    """A motor that moves its joint through a gear, or a screw, with backlash.
 
     Within the play no torque passes; beyond, the teeth are a spring and a damper in parallel that
-    never pull. Reference: M. Nordin, P.-O. Gutman, Automatica 38 (2002) 1633-1649.
+    never pull. A screw of lead l [m per turn] counts J (2 pi / l)^2 for a rotor's inertia J.
+    Reference: M. Nordin, P.-O. Gutman, Automatica 38 (2002) 1633-1649.
 
     Raises:
         JointplayError: a value that is negative, zero where it must not be, or not finite.
     """
 
     kind: ClassVar[str] = "backlash"
+    linear: ClassVar[bool] = True
 
-    play: float = quantity("rad", least=0.0, label="gear play")
-    """Angle by which the joint turns freely while the motor stands [rad]."""
-    rotor_inertia: float = quantity("kg*m^2", above=0.0, label="rotor inertia")
-    """Inertia of the rotor, referred to the joint [kg m^2]."""
-    stiffness: float = quantity("N*m/rad", above=0.0, label="gear stiffness")
-    """Stiffness of the teeth in contact and the shaft [N m/rad]."""
-    damping: float = quantity("N*m*s/rad", default=0.0, least=0.0, label="gear damping")
-    """Damping of the teeth in contact and the shaft [N m s/rad]."""
+    play: float = quantity("rad", "m", least=0.0, label="gear play")
+    """Angle or way by which the joint moves freely while the motor stands [rad or m]."""
+    rotor_inertia: float = quantity("kg*m^2", "kg", above=0.0, label="rotor inertia")
+    """Inertia of the rotor, referred to the joint [kg m^2 or kg]."""
+    stiffness: float = quantity("N*m/rad", "N/m", above=0.0, label="gear stiffness")
+    """Stiffness of the teeth in contact and the shaft [N m/rad or N/m]."""
+    damping: float = quantity("N*m*s/rad", "N*s/m", default=0.0, least=0.0, label="gear damping")
+    """Damping of the teeth in contact and the shaft [N m s/rad or N s/m]."""
 
     def __post_init__(self) -> None:
         check_fields(self)

@@ -52,6 +52,11 @@ def massless_links(mechanism: Mechanism, q: np.ndarray, motions: np.ndarray) -> 
     return links
 
 
+def _rotor(mechanism: Mechanism, joint: str) -> str:
+    unit = "kg" if mechanism.description.joints[joint].slides else "kg m2"
+    return f"{mechanism.gears[joint].rotor_inertia:g} {unit}"
+
+
 def require_inertia(mechanism: Mechanism, q: np.ndarray) -> None:
     """Raise if joints move links that nothing gives inertia; all of them are named."""
     motions = massless_motions(mechanism, q)
@@ -68,7 +73,7 @@ def require_inertia(mechanism: Mechanism, q: np.ndarray) -> None:
             raise JointplayError(
                 f"{'the gear' if len(motors) == 1 else 'the gears'} of "
                 f"{', '.join(map(repr, motors))} must have a larger rotor_inertia, got "
-                f"{', '.join(f'{mechanism.gears[one].rotor_inertia:g}' for one in motors)} kg m2"
+                f"{', '.join(_rotor(mechanism, one) for one in motors)}"
             )
         raise JointplayError(
             f"nothing that moves along {', '.join(names)} has mass or inertia to speak of beside "

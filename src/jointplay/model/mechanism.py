@@ -44,7 +44,7 @@ from jointplay.model.frames import (
     signs_between,
 )
 from jointplay.model.free_base import BASE, BASES, HELD
-from jointplay.model.gear import Gear, Gearing
+from jointplay.model.gear import GEARS, Gear, Gearing
 from jointplay.model.loop import Lock, Loop, refuse_name
 from jointplay.model.seats import SEAT, seat_of_joint, seat_of_loop
 from jointplay.model.tool import choose_tool
@@ -306,8 +306,17 @@ class Mechanism(Overview, Described):
 
     def _check_gear(self, name: str, gear: Gearing) -> None:
         entry = self.description.joints.get(name)
-        if entry is None or not entry.turns:
-            raise MissingName("joint for a gear", name, self.description.revolute)
+        entries = self.description.joints.values()
+        if entry is None or not (entry.turns or entry.slides):
+            able = [one.name for one in entries if one.turns or one.slides]
+            raise MissingName("joint for a gear", name, able)
+        if entry.slides and not gear.linear:
+            able = [word for word, kind in GEARS.items() if kind.linear]
+            raise JointplayError(
+                f"joint {name!r} slides, and a {gear.kind} gear turns its joint; kinds of gear for "
+                f"joints that slide: {', '.join(able)}",
+                ("kind",),
+            )
 
     def _check_loop(self, name: str, loop: Loop) -> None:
         for link in (loop.bearing_link, loop.journal_link):
@@ -550,7 +559,7 @@ class Mechanism(Overview, Described):
             kind = self.loop_class(name).kind
             facts[f"loop {name}"] = f"{kind}, {loop.bearing_link} - {loop.journal_link}"
         for name, gear in self.gears.items():
-            words = [f"play {readable(gear.play, 'rad')}"]
+            words = [f"play {readable(gear.play, self.description.joints[name].unit)}"]
             if gear.kind != Gear.kind:
                 words = [gear.kind, *words, *([gear.notes] if gear.notes else [])]
             facts[f"gear {name}"] = ", ".join(words)

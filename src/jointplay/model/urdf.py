@@ -141,6 +141,16 @@ class JointEntry:
     """The joint that it follows, and how; None if it follows none that exists."""
 
     @property
+    def unit(self) -> str:
+        """Of its position: ``m`` if it slides, else ``rad``."""
+        return "m" if self.slides else "rad"
+
+    @property
+    def way(self) -> int:
+        """Component of a displacement that it moves, if its axis is z: along it or about it."""
+        return 2 if self.slides else 5
+
+    @property
     def turns(self) -> bool:
         """Whether it turns about an axis."""
         return self.kind in ("revolute", "continuous")

@@ -89,6 +89,7 @@ def notes_at_poses(
             parts.setdefault(joint.summary, []).append(name)
         alike = [f"{', '.join(names)} ({words})" for words, names in parts.items()]
         lines.append(f"play: {'; '.join(alike)}")
+    lines += _of_gears(scenario, mechanism)
     lines += [*scenario.notes, *scenario.assumptions]
     return [*dict.fromkeys(lines), *([poses.loops] if poses.loops else [])]
 
@@ -108,6 +109,18 @@ def unsized(scenario: Scenario, case: str) -> list[str]:
         if sizes and not {*sizes, *sizes.values(), *_WHOLE}.intersection(given.get(name, ())):
             found.append(name)
     return found
+
+
+def _of_gears(scenario: Scenario, mechanism: Mechanism) -> list[str]:
+    """Stiffnesses that stand for those that nobody gave: at rest they count."""
+    given = {one.key for one in scenario.settings if not one.assumed}
+    parts: dict[str, list[str]] = {}
+    for one in scenario.settings:
+        if one.assumed and one.key[::2] == ("gears", "stiffness") and one.key not in given:
+            unit = "N/m" if mechanism.description.joints[one.key[1]].slides else "N*m/rad"
+            parts.setdefault(readable(one.value, unit), []).append(one.key[1])
+    words = "; ".join(f"{size} ({', '.join(names)})" for size, names in parts.items())
+    return [f"gears: stiffness {words} {ASSUMED}; see --gear-stiffness"] if words else []
 
 
 def _robot(mechanism: Mechanism, reason: str) -> list[str]:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import fields, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +28,7 @@ from jointplay.model.mechanism import Mechanism
 from jointplay.model.payload import Payload
 from jointplay.model.robots import resolve
 from jointplay.model.tool import choose_tool
-from jointplay.model.urdf import Description
+from jointplay.model.urdf import Description, JointEntry
 from jointplay.physics.joints import JOINT_WORDS
 from jointplay.physics.joints.base import RoundClearance
 from jointplay.scenario.declarations import ANGLE, ANGULAR_SPEED, MOTION_SOURCES, PATHS, Model
@@ -74,17 +74,25 @@ def fit(
     path: tuple[str | int, ...],
 ) -> float:
     """`value` as float, if its unit is one for this joint: units are (revolute's, prismatic's)."""
-    kind = f"a {path[0]} of a journal"
     if joint in mechanism.joints:
-        entry = mechanism.description.joints[joint]
-        kind, unit = entry.kind, units[entry.slides]
-    elif path[0] in ("start", "start_speed") and joint in mechanism.coordinates:
-        unit = units[mechanism.coordinates[mechanism.coordinates.index(joint)].length]
-    else:
-        raise MissingName("moving joint", joint, mechanism.joints, where=path)
+        return fit_entry(mechanism.description.joints[joint], value, units, path)
+    if path[0] in ("start", "start_speed") and joint in mechanism.coordinates:
+        length = mechanism.coordinates[mechanism.coordinates.index(joint)].length
+        return _in_unit(value, units[length], f"{joint!r} is a {path[0]} of a journal", path)
+    raise MissingName("moving joint", joint, mechanism.joints, where=path)
+
+
+def fit_entry(
+    entry: JointEntry, value: float, units: tuple[str, ...], path: tuple[str | int, ...]
+) -> float:
+    """`fit` for a joint of a robot's file."""
+    return _in_unit(value, units[entry.slides], f"{entry.name!r} is {entry.kind}", path)
+
+
+def _in_unit(value: float, unit: str, whose: str, path: tuple[str | int, ...]) -> float:
     if isinstance(value, Measured) and value.unit not in ("", unit):
         raise JointplayError(
-            f"{toml_text(value.text)} is not {named(unit)}, but joint {joint!r} is {kind}; "
+            f"{toml_text(value.text)} is not {named(unit)}, but joint {whose}; "
             f"expected {expected(unit)}",
             where=path,
         )
@@ -96,20 +104,22 @@ def fit(
     return float(value)
 
 
-def of_joint(draft: Draft, mechanism: Mechanism, joint: str, path: tuple[str, ...]) -> Draft:
+def of_joint(draft: Draft, path: tuple[str, ...], fitted: Callable[..., float]) -> Draft:
     """A draft with numbers in the unit of its joint, where fields have one for each kind of joint.
+
+    `fitted` is `fit` or `fit_entry` of the joint.
 
     Raises:
         JointplayError: no such joint, or a unit of another kind; `where` has the key.
     """
-    fitted = dict(draft.fields)
+    found = dict(draft.fields)
     for key, value in draft.fields.items():
         units = fields_of(draft.kind)[key].units
         if len(units) == 2 and value is not None:
             each = value if isinstance(value, tuple) else (value,)
-            own = tuple(fit(mechanism, joint, one, units, (*path, key)) for one in each)
-            fitted[key] = own if isinstance(value, tuple) else own[0]
-    return replace(draft, fields=fitted)
+            own = tuple(fitted(one, units, (*path, key)) for one in each)
+            found[key] = own if isinstance(value, tuple) else own[0]
+    return replace(draft, fields=found)
 
 
 def made_by_joint(table: Any, mechanism: Mechanism, *place: str) -> dict[str, Any]:
@@ -119,7 +129,7 @@ def made_by_joint(table: Any, mechanism: Mechanism, *place: str) -> dict[str, An
         path = (*place, name)
         if name not in mechanism.joints:
             raise MissingName("moving joint", name, mechanism.joints, where=path)
-        own = of_joint(draft, mechanism, name, path)
+        own = of_joint(draft, path, partial(fit, mechanism, name))
         with within(*path):
             found[name] = own.make()
     return found
@@ -143,6 +153,9 @@ def drive_of(
             raise JointplayError(
                 "a torque acts on one joint; give [drives.JOINT]", where=("drive", "kind")
             )
+        for name in mechanism.joints if motion is None else motion.joints:
+            if name in mechanism.joints:
+                of_joint(shared, ("drive",), partial(fit, mechanism, name))  # refuses misfits
         with within("drive"):
             common = shared.make()
     if motion is not None and not model.drives:
@@ -170,7 +183,8 @@ def loads_of(model: Model, mechanism: Mechanism) -> dict[str, Load]:
     """Springs, wrenches and the like, by name; each is tried on the mechanism."""
     loads: dict[str, Load] = {}
     for name, draft in drafts(model.loads).items():
-        own = of_joint(draft, mechanism, draft.fields.get("joint", ""), ("loads", name))
+        joint = draft.fields.get("joint", "")
+        own = of_joint(draft, ("loads", name), partial(fit, mechanism, joint))
         with within("loads", name):
             load = own.make()
             load.site(mechanism)
@@ -518,6 +532,9 @@ def _built_anew(model: Model, description: Description, folder: Path) -> Mechani
                     joints[name] = joint
     gears = {}
     for name, draft in drafts(model.gears).items():
+        entry = description.joints.get(name)
+        if entry is not None:
+            draft = of_joint(draft, ("gears", name), partial(fit_entry, entry))
         with within("gears", name):
             gears[name] = draft.make()
     with within("heat"):

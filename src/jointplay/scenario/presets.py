@@ -247,7 +247,7 @@ class Preset:
         own = [Setting(("robot", key), value, key) for key, value in options.items()]
         description = description_of(robot_place(str(place)), own)
         gears = self.tables(description).get("gears", {})
-        settings = [*self.settings(description), *at_rest(gears, gears)]
+        settings = [*self.settings(description), *at_rest(gears, gears, description)]
         return robot_scenario(str(place), settings=[*settings, *own], still=True).mechanism()
 
     def drives(self, description: Description) -> dict[str, Drive]:

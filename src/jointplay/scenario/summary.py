@@ -86,7 +86,8 @@ def _facts(run: Run) -> dict[str, str]:
     for name, gear in mechanism.gears.items():
         kind = "" if gear.kind == Gear.kind else f"{gear.kind}: "
         notes = f"; {gear.notes}" if gear.notes else ""
-        facts[f"gear {name}"] = f"{kind}{_fields(gear)}{notes}"
+        words = _fields(gear, joint=mechanism.description.joints[name])
+        facts[f"gear {name}"] = f"{kind}{words}{notes}"
     if simulation.motion is not None:
         joints = ", ".join(simulation.motion.joints)
         facts["motion"] = f"{joints}: {simulation.motion.summary}"
@@ -104,7 +105,7 @@ def _facts(run: Run) -> dict[str, str]:
         facts[f"load {name}"] = f"{load.kind}: {_load_fields(load, mechanism)}"
     if simulation.limits != LIMITS[0]:
         facts["limits"] = simulation.limits
-    units = {name: "m" if at.slides else "rad" for name, at in mechanism.description.joints.items()}
+    units = {name: entry.unit for name, entry in mechanism.description.joints.items()}
     facts["start"] = ", ".join(
         f"{name} {readable(_place(run.workspace.q[mechanism.coordinate(name)]), units[name])}"
         for name in mechanism.joints

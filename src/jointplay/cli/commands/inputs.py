@@ -130,8 +130,8 @@ HELP = """
     --journal-radius  = joints.JOINT.journal_radius
     --journal-length  = joints.JOINT.journal_length
   gears:
-    --gear JOINT=ANGLE ...  total play of a joint's gear, such as elbow="2 arcmin"; the options of
-        this group apply to these gears, or to all
+    --gear JOINT=PLAY ...  total play of a joint's gear or screw, such as elbow="2 arcmin" or
+        lift="0.1 mm"; the options of this group apply to these gears, or to all
     --gear-stiffness  = gears.GEAR.stiffness
     --gear-damping  = gears.GEAR.damping
     --rotor-inertia  = gears.GEAR.rotor_inertia
@@ -332,7 +332,11 @@ def scenario_of(options: argparse.Namespace, still: bool = False) -> Scenario:
         if still and file is not None:  # who names a joint of one case wants its play
             settings += [Setting(("joints", name, "ideal"), False, "--joint") for name in names]
     ours = {one.key[1]: one for one in settings if one.key[0] == "gears"}
-    settings += [*_gear_settings(options, tables, still, ours), *_other_settings(options), *wanted]
+    settings += [
+        *_gear_settings(options, tables, still, ours, file, wanted),
+        *_other_settings(options),
+        *wanted,
+    ]
     if file is None:
         scenario = robot_scenario(options.place, names, settings, ideal, still)
     elif not settings:
@@ -706,16 +710,25 @@ def _path(
 
 
 def _gear_settings(
-    options: argparse.Namespace, said: Mapping[str, Any], still: bool, ours: Collection[str]
+    options: argparse.Namespace,
+    said: Mapping[str, Any],
+    still: bool,
+    ours: Collection[str],
+    file: Scenario | None,
+    wanted: Sequence[Setting],
 ) -> list[Setting]:
     """What options say of gears: those of --gear, or else all; `ours` are the preset's."""
     from jointplay.scenario.overrides import Setting
     from jointplay.scenario.robot import at_rest
 
-    plays = numbers_by_name(_value(options, "gear") or (), "--gear JOINT=ANGLE", "rad")
-    known, settings = said.get("gears", {}), []
-    if still:
-        settings += at_rest([*plays, *ours], known)
+    entries, plays = _value(options, "gear") or (), dict[str, float]()
+    known, settings = said.get("gears", {}), list[Setting]()
+    if entries or (still and ours):
+        description = _description(options, wanted, file)
+        units = {name: one.unit for name, one in description.joints.items() if one.kind != "fixed"}
+        plays = numbers_by_name(entries, "--gear JOINT=PLAY", units)
+        if still:
+            settings += at_rest([*plays, *ours], known, description)
     for name, angle in plays.items():
         settings.append(Setting(("gears", name, "play"), angle, f"--gear {name}"))
     for flag in (one for one in _given(options) if one.keys[0][0] == "gears"):

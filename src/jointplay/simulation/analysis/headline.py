@@ -279,7 +279,7 @@ def _cause(result: Result) -> str:
     elasticity = f"lasticity of {few(soft)}" if soft else ""
     sizes = {name: joint.play_words for name, joint in loose.items()}
     sizes |= {
-        f"the gear of {name}": readable(gear.play, "rad")
+        f"the gear of {name}": readable(gear.play, mechanism.description.joints[name].unit)
         for name, gear in gears.items()
         if gear.play > 0.0
     }

@@ -198,8 +198,8 @@ class Servo(Drive):
     supply's, with q as the encoder reads it, in whole counts of its resolution; the integral
     dw/dt = i_gain e is cut to the supply's, too, lest it wind up, and is zero at the start;
     F = k/R (V - k qd_m) on the motor, less its friction. All quantities are referred to the joint's
-    side of its gear: the inertia of the armature is the gear's `rotor_inertia`. A joint without
-    gear is turned directly, by a motor without inertia.
+    side of its gear, in metres and newtons where it slides: the inertia of the armature is the
+    gear's `rotor_inertia`. A joint without gear is moved directly, by a motor without inertia.
     """
 
     kind: ClassVar[str] = "servo"
@@ -209,35 +209,42 @@ class Servo(Drive):
     """Name of a servo whose numbers are taken where none are given here."""
     voltage: float = quantity("V", above=0.0)
     """Of the supply, the largest on the motor [V]."""
-    p_gain: float = quantity("V/rad", above=0.0, label="P gain")
-    """Voltage per error of position beyond the dead band [V/rad]."""
-    i_gain: float = quantity("V/(rad*s)", default=0.0, least=0.0, label="I gain")
-    """Rate of voltage per error of position beyond the dead band [V/(rad s)]."""
-    d_gain: float = quantity("V*s/rad", default=0.0, least=0.0, label="D gain")
-    """Voltage per error of speed [V s/rad]."""
+    p_gain: float = quantity("V/rad", "V/m", above=0.0, label="P gain")
+    """Voltage per error of position beyond the dead band [V/rad or V/m]."""
+    i_gain: float = quantity("V/(rad*s)", "V/(m*s)", default=0.0, least=0.0, label="I gain")
+    """Rate of voltage per error of position beyond the dead band [V/(rad s) or V/(m s)]."""
+    d_gain: float = quantity("V*s/rad", "V*s/m", default=0.0, least=0.0, label="D gain")
+    """Voltage per error of speed [V s/rad or V s/m]."""
     speed: str = choice("speed", SPEEDS, default=SPEEDS[0])
     """What the D term takes: the "exact" one, or as firmware does the "difference" of the encoder's
     readings over a period."""
-    torque_constant: float = quantity("N*m/A", default=None, above=0.0, label="torque constant")
-    """Torque per current, referred to the joint [N m/A]; V s/rad of back-EMF as well."""
+    torque_constant: float = quantity(
+        "N*m/A", "N/A", default=None, above=0.0, label="torque constant"
+    )
+    """Torque or force per current, referred to the joint [N m/A or N/A]; V s/rad or V s/m of
+    back-EMF as well."""
     resistance: float = quantity("ohm", default=None, above=0.0)
     """Of the winding [ohm]."""
-    friction: float = quantity("N*m", default=None, least=0.0, label="friction of a servo")
-    """Dry friction of the motor, referred to the joint [N m]; 0 if not given."""
-    viscous: float = quantity("N*m*s/rad", default=None, least=0.0, label="viscous friction")
-    """Viscous friction of the motor, referred to the joint [N m s/rad]; 0 if not given."""
-    presliding: float = quantity("rad", default=0.0, least=0.0, label="presliding")
-    """Bend of the bristles of its dry friction when they let go [rad]; 0: it creeps."""
-    presliding_damping: float = quantity(
-        "N*m*s/rad", default=0.0, least=0.0, label="damping of joint friction's bristles"
+    friction: float = quantity("N*m", "N", default=None, least=0.0, label="friction of a servo")
+    """Dry friction of the motor, referred to the joint [N m or N]; 0 if not given."""
+    viscous: float = quantity(
+        "N*m*s/rad", "N*s/m", default=None, least=0.0, label="viscous friction"
     )
-    """Of the bristles [N m s/rad]."""
-    dead_band: float = quantity("rad", default=0.0, least=0.0, label="dead band")
-    """Error of position up to which no voltage answers [rad]."""
+    """Viscous friction of the motor, referred to the joint [N m s/rad or N s/m]; 0 if not given."""
+    presliding: float = quantity("rad", "m", default=0.0, least=0.0, label="presliding")
+    """Bend of the bristles of its dry friction when they let go [rad or m]; 0: it creeps."""
+    presliding_damping: float = quantity(
+        "N*m*s/rad", "N*s/m", default=0.0, least=0.0, label="damping of joint friction's bristles"
+    )
+    """Of the bristles [N m s/rad or N s/m]."""
+    dead_band: float = quantity("rad", "m", default=0.0, least=0.0, label="dead band")
+    """Error of position up to which no voltage answers [rad or m]."""
     dead_band_counts: float = quantity("", default=0.0, least=0.0, label="dead band in counts")
     """The same in counts of the encoder."""
-    resolution: float = quantity("rad", default=0.0, least=0.0, label="resolution of the encoder")
-    """Angle of the joint in a count of the encoder [rad]; 0: it reads exactly."""
+    resolution: float = quantity(
+        "rad", "m", default=0.0, least=0.0, label="resolution of the encoder"
+    )
+    """Angle or way of the joint in a count of the encoder [rad or m]; 0: it reads exactly."""
     encoder: str = choice("encoder", ENCODERS[::-1], default=ENCODERS[1])
     """Where it sits: on the "motor", before the gear, or on the joint ("link")."""
     period: float | None = quantity("s", default=None, above=0.0, label="period of a servo")
@@ -277,17 +284,19 @@ class Servo(Drive):
 
     @property
     def band(self) -> float:
-        """Error of position up to which no voltage answers [rad]."""
+        """Error of position up to which no voltage answers [rad or m]."""
         return self.dead_band or self.dead_band_counts * self.resolution
 
     @property
     def stall(self) -> float:
-        """Effort per voltage of a motor that stands [N m/V]."""
+        """Effort per voltage of a motor that stands [N m/V or N/V]."""
         return self.torque_constant / self.resistance
 
     @property
     def braking(self) -> float:
-        """Effort per speed of a motor whose voltage is zero, by its back-EMF [N m s/rad]."""
+        """Effort per speed of a motor whose voltage is zero, by its back-EMF [N m s/rad or
+        N s/m].
+        """
         return self.torque_constant * self.stall
 
     def with_friction(self, losses: JointFriction) -> JointFriction:
@@ -359,6 +368,12 @@ def assign(
     for name, one in drives.items():
         if not isinstance(one, Drive):
             raise JointplayError(f"joint {name!r} needs a drive, got {one!r}")
+        entry = mechanism.description.joints.get(name)
+        if isinstance(one, Servo) and one.catalogue and entry is not None and entry.slides:
+            raise JointplayError(
+                f"joint {name!r} slides, and {one.catalogue} of the catalogue turns its own: give "
+                "torque_constant [N/A] and resistance instead"
+            )
         if one.follows and name not in in_motion:
             raise JointplayError(f"joint {name!r} has a {one.kind} drive but no reference motion")
         if name in in_motion and not one.follows:

@@ -283,7 +283,7 @@ def unit_of(mechanism: Mechanism, coordinate: Coordinate) -> str:
     """``m`` or ``rad``."""
     if coordinate.part in VIRTUAL_LINK:
         return "m" if coordinate.length else "rad"
-    return "m" if mechanism.description.joints[coordinate.joint].slides else "rad"
+    return mechanism.description.joints[coordinate.joint].unit
 
 
 def phase_stretches(phases: Sequence[Phase], first: int, n: int) -> list[tuple[int, int, Phase]]:
@@ -292,6 +292,10 @@ def phase_stretches(phases: Sequence[Phase], first: int, n: int) -> list[tuple[i
     ends = [min(begin, n) for begin in begins[1:]] + [n]
     stretches = zip(begins, ends, phases, strict=True)
     return [(begin, end, phase) for begin, end, phase in stretches if begin < end]
+
+
+_EFFORTS = {"rad": "N m", "m": "N"}
+"""Unit of the effort that moves a joint, by that of its position."""
 
 
 def gear_variables(
@@ -306,10 +310,12 @@ def gear_variables(
         energy += gear.stored_energy(twist, hysteresis[:, index])
     stored = "stored in the gears"
     variables: Variables = {"gear_elastic_energy": (("time",), energy, "J", stored)}
-    text = "torque that the gear transmits to the joint"
-    variables["gear_torque"] = (("time", "gear"), torque, "N m", text)
+    units = {mechanism.description.joints[name].unit for name in names}
+    unit = _EFFORTS[units.pop()] if len(units) == 1 else HISTORIES["drive"].unit
+    text = "torque or force that the gear transmits to the joint"
+    variables["gear_torque"] = (("time", "gear"), torque, unit, text)
     text = "part of it that hysteresis holds"
-    variables["gear_hysteresis"] = (("time", "gear"), hysteresis, "N m", text)
+    variables["gear_hysteresis"] = (("time", "gear"), hysteresis, unit, text)
     return variables, {"gear": names}, energy
 
 
