@@ -16,7 +16,7 @@ import operator
 import re
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, cast
 
 from llvmlite import binding, ir
 from numba import from_dtype, njit, types
@@ -179,7 +179,8 @@ def _remembering() -> Iterator[None]:
     """Within the block numba is asked once how an operator takes some types, and how large a type
     is: it tries dozens of ways each time, and writes and parses a module to find a size.
     """
-    ask_call, ask_size = BaseFunction.get_call_type, BaseContext.get_abi_sizeof
+    functions, contexts = cast(Any, BaseFunction), cast(Any, BaseContext)
+    ask_call, ask_size = functions.get_call_type, contexts.get_abi_sizeof
     calls: dict[Any, Any] = {}
     sizes: dict[str, int] = {}
 
@@ -197,11 +198,11 @@ def _remembering() -> Iterator[None]:
             sizes[words] = ask_size(context, kind)
         return sizes[words]
 
-    BaseFunction.get_call_type, BaseContext.get_abi_sizeof = call_type, size
+    functions.get_call_type, contexts.get_abi_sizeof = call_type, size
     try:
         yield
     finally:
-        BaseFunction.get_call_type, BaseContext.get_abi_sizeof = ask_call, ask_size
+        functions.get_call_type, contexts.get_abi_sizeof = ask_call, ask_size
 
 
 def build(dispatcher: Any, signature: str, target: Target) -> tuple[bytes, str]:
