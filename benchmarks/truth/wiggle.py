@@ -78,6 +78,7 @@ def recorded(
     now = np.arange(len(angle)) * RECORD_S
     read = np.arange(0.0, now[-1] - 0.01, 1.0 / rate) + random.uniform(0.0, 5e-3)
     stamp = read + jitter * random.uniform(-1.0, 1.0, len(read)) * random.random()
+    stamp = np.maximum.accumulate(stamp)
     seen = np.interp(read, now, angle)
     if joint.resolution:
         seen = np.round(seen / joint.resolution) * joint.resolution
