@@ -149,7 +149,9 @@ def fresh(seed: int, encoder: str = "link") -> Fresh:
     base, known = member(random, encoder)
     if encoder == "motor":
         base = replace(base, link_inertia=base.rotor_inertia * among(random, 0.3, 10.0))
-        known = replace(known, link_inertia=base.link_inertia * float(np.exp(0.1 * random.normal())))
+        known = replace(
+            known, link_inertia=base.link_inertia * float(np.exp(0.1 * random.normal()))
+        )
     some = lambda share, low, high: among(random, low, high) * (random.random() < share)  # noqa: E731
     most, dry = base.stall * base.voltage, base.friction
     outer = base.link_inertia * random.uniform(0.1, 0.6)
@@ -280,7 +282,8 @@ def trained(plays: np.ndarray, seen: np.ndarray) -> dict[str, np.ndarray]:
     numbers["along"], numbers["left"] = np.sqrt(values[-30:]), values[:-30].mean()
     numbers = {name: np.asarray(x) for name, x in numbers.items()}
     numbers["strange"] = np.quantile(wiggle.strangeness(seen[cut:], numbers), 0.99)
-    aside = [(one.play, found) for one in map(fresh, WIDENERS) if (found := usable(one)) is not None]
+    joints = [fresh(seed) for seed in ProgressBar(WIDENERS, "fresh joints", unit="joint")]
+    aside = [(one.play, found) for one in joints if (found := usable(one)) is not None]
     fresh_plays, fresh_seen = (np.array(x) for x in zip(*aside, strict=True))
     usual = wiggle.strangeness(fresh_seen, numbers) <= numbers["strange"]
     for tail in TAILS:
