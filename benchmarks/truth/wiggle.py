@@ -28,7 +28,7 @@ from jointplay.estimate.servo_joint import RECORD_S, ServoJoint
 from jointplay.estimate.wiggle import EDGES, Known, ServoLog, Untold, features, wiggle_goal
 from jointplay.simulation.loads.drive import Servo
 
-MEMBERS = 12_000
+MEMBERS = 6_500
 LEAD_S = 0.4
 """How long the joint stands before and after the wiggle [s]."""
 
@@ -119,7 +119,7 @@ def of_family(seed: int) -> tuple[float, np.ndarray] | None:
     random = np.random.default_rng([44, seed])
     joint, known = member(random)
     rate = among(random, 80.0, 250.0)
-    motor, link = joint.move(sent(random, rate), random.uniform(-1.0, 1.0))
+    _, link = joint.move(sent(random, rate), random.uniform(-1.0, 1.0))
     try:
         found = features(recorded(random, rate, joint, link), known)
     except Untold:
