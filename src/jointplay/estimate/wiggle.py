@@ -29,6 +29,8 @@ SQUARES = (1.0, 100.0, 0.3, 3)
 """Amplitude [deg], speed [deg/s], rest at each side [s] and number of the squares that follow."""
 RATE_HZ, JITTER_S = 80.0, 4e-3
 """Least rate of records, and largest deviation of their intervals from the usual one."""
+USUAL_S = 1e-3
+"""Period of a servo that is not given."""
 STIR = np.radians(0.5)
 """Largest motion of the other joints [rad]."""
 REVERSES, LEAST_FRICTION = 2.0, 0.01
@@ -126,8 +128,9 @@ def play_of(log: ServoLog, known: Known) -> Estimate:
     if too_wide(low, high):
         ends = f"{np.degrees(low):.1f} to {np.degrees(min(high, LARGEST)):.1f} deg"
         return Estimate(unknown, reason=f"plays from {ends} would look alike in this log")
-    told = {"value": 0.5 * (low + high), "half_width": 0.5 * (high - low), "ends": (low, high)}
-    return Estimate(unknown, **told, upper=high, found=low > 0.0)
+    middle = 0.5 * (low + high) if np.isfinite(high) else low
+    note = "" if np.isfinite(high) else "no upper end is told"
+    return Estimate(unknown, middle, ends=(low, high), upper=high, found=low > 0.0, note=note)
 
 
 def band(log: ServoLog, known: Known) -> tuple[float, float]:
@@ -329,7 +332,7 @@ def _known_features(known: Known) -> np.ndarray:
         [
             known.link_inertia / rotor, spring / rotor, servo.stall * servo.voltage / rotor,
             servo.braking / rotor, servo.d_gain / servo.p_gain + 1e-3, servo.band + _FLOOR,
-            servo.resolution + _FLOOR, (servo.period or 0.0) + 1e-3,
+            servo.resolution + _FLOOR, (servo.period or USUAL_S) + 1e-3,
         ]
     )  # fmt: skip
     return np.append(logs, _about(np.array([known.load / spring])))
