@@ -129,7 +129,8 @@ def play_of(log: ServoLog, known: Known) -> Estimate:
         ends = f"{np.degrees(low):.1f} to {np.degrees(min(high, LARGEST)):.1f} deg"
         return Estimate(unknown, reason=f"plays from {ends} would look alike in this log")
     middle = 0.5 * (low + high) if np.isfinite(high) else low
-    note = "" if np.isfinite(high) else "no upper end is told"
+    note = f"{np.degrees(low):.1f} to {np.degrees(high):.1f} deg"
+    note = note if np.isfinite(high) else f"no upper end told, at least {np.degrees(low):.1f} deg"
     return Estimate(unknown, middle, ends=(low, high), upper=high, found=low > 0.0, note=note)
 
 
