@@ -1,0 +1,242 @@
+"""Where each joint is to be wiggled, and the motion that does it.
+
+A servo's own position tells play only where the torque on its teeth reverses: in a pose in which
+gravity does not load the joint. Gravity's torque on a joint that turns is a cos q + b sin q in the
+joint's own angle q, so that its two neutral angles are known from two values. Of poses with such
+an angle that is taken in which the joint is loaded least over its wiggle. Joints are wiggled one
+after the other by `wiggle.wiggle_goal`, the others stand; between them all move slowly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay.accuracy.poses import middle, moving
+from jointplay.base.errors import JointplayError, MissingName
+from jointplay.base.tables import Table
+from jointplay.base.units import readable
+from jointplay.estimate.planning import free_poses
+from jointplay.estimate.wiggle import Known, wiggle_goal
+from jointplay.model.collisions import SelfCollision
+from jointplay.model.mechanism import Mechanism
+from jointplay.simulation.loads.drive import Drive, Servo
+from jointplay.simulation.motion.cartesian import joint_limits
+
+SWING = np.radians(8.0)
+"""Room for a wiggle on both sides: its 3 deg, and the 5 deg within which a trip lets it hunt
+[rad]."""
+RATE = 100.0
+"""Points of the motion [1/s]."""
+SPEED, REST_S = np.radians(15.0), 1.0
+"""Of the way from one pose to the next, and how long all stand before and after a wiggle [rad/s,
+s]."""
+_WIGGLE = np.radians(3.0)
+_NEUTRAL_NM = 1e-6
+"""Torque of gravity that is none."""
+_REVERSES = 1.0
+"""Gravity's torque on a joint, by its motor's dry friction, up to which its torque reverses."""
+_CARRIES = 2.0
+"""Link's inertia by the rotor's from which on an encoder on the motor tells play."""
+_CHECKED = 24
+"""Points of a way at which self-collision is looked for."""
+RECORD = (
+    "Record goal and position of every joint, 100 times a second or more, each with the time at "
+    "which it was read (to 2 ms), and the servos' gains. Nothing may touch the arm."
+)
+
+
+def known_of(
+    mechanism: Mechanism, servo: Servo, joint: str, pose: Mapping[str, float]
+) -> Known:
+    """What the robot's model says of a joint in a pose [rad or m by joint]; others at zero."""
+    ideal = mechanism.ideal()
+    at, q = ideal.coordinate(joint), ideal.configuration(pose)
+    data = ideal.model.createData()
+    inertia = float(pin.crba(ideal.model, data, q)[at, at])
+    load = float(pin.computeGeneralizedGravity(ideal.model, data, q)[at])
+    return Known(servo, mechanism.gears[joint].rotor_inertia, inertia, load)
+
+
+def refusal(known: Known) -> str:
+    """Why a wiggle would tell nothing of a joint, before anybody records; empty if it would."""
+    if abs(known.load) > _REVERSES * known.servo.friction:
+        load, rubs = (readable(x, "N*m", 2) for x in (abs(known.load), known.servo.friction))
+        return (
+            f"gravity leans on it by {load}, more than the motor's friction of {rubs}: its torque "
+            "would not reverse"
+        )
+    if known.servo.encoder == "motor" and known.link_inertia < _CARRIES * known.rotor_inertia:
+        link, rotor = (
+            readable(x, "kg*m^2", 2) for x in (known.link_inertia, known.rotor_inertia)
+        )
+        return (
+            f"its encoder is on the motor, and its link is too light ({link}, the rotor has {rotor} "
+            f"and the link needs {_CARRIES:g} times that): clamp a mass to it, or use a dial gauge"
+        )
+    return ""
+
+
+@dataclass(frozen=True)
+class Step:
+    """The wiggle of one joint."""
+
+    joint: str
+    pose: Mapping[str, float]
+    """Of all joints that move [rad or m]."""
+    known: Known
+    begin: float
+    end: float
+    """When it is wiggled [s]."""
+
+
+@dataclass(frozen=True)
+class WigglePlan:
+    """A motion that wiggles joints one after the other."""
+
+    joints: tuple[str, ...]
+    time: np.ndarray
+    """Shape (n,) [s]."""
+    position: np.ndarray
+    """Shape (n, joints) [rad or m]."""
+    steps: tuple[Step, ...]
+    refused: Mapping[str, str]
+    """Why, by joint that is not wiggled."""
+    notes: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        rows = [("joint", "pose [deg]", "gravity", "at [s]")]
+        for one in self.steps:
+            angles = ", ".join(f"{n} {np.degrees(x):.0f}" for n, x in one.pose.items() if abs(x) > 1e-9)
+            load = "none" if abs(one.known.load) < 1e-3 else readable(abs(one.known.load), "N*m", 2)
+            rows.append((one.joint, angles or "zero", load, f"{one.begin:.1f} to {one.end:.1f}"))
+        left = [f"{name} is left out: {why}" for name, why in self.refused.items()]
+        return "\n".join([*self.notes, str(Table.of_texts(rows)), *left, RECORD])
+
+
+def plan_wiggle(
+    mechanism: Mechanism, drives: Mapping[str, Drive], joints: Sequence[str] = ()
+) -> WigglePlan:
+    """Poses and a motion in which joints' own servos tell their play.
+
+    Args:
+        mechanism: the robot, with the gears of the joints.
+        drives: by joint; those that are servos can be wiggled.
+        joints: those to wiggle; none: all with a servo.
+
+    Raises:
+        MissingName: no such joint.
+        JointplayError: nothing can be told of any of them, with the reasons; see `free_poses`.
+    """
+    names = moving(mechanism)
+    for name in joints:
+        if name not in names:
+            raise MissingName("joint that moves", name, names)
+    poses, notes = free_poses(mechanism.ideal(), None, 0)
+    begin = middle(mechanism)
+    able = [name for name in names if isinstance(drives.get(name), Servo)]
+    rows = [[begin[n] if n not in able else q[mechanism.ideal().coordinate(n)] for n in names] for q in poses]
+    spread = [begin, *(dict(zip(names, map(float, row), strict=True)) for row in rows)]
+    scene, refused, steps = _Scene(mechanism), dict[str, str](), list[Step]()
+    motion = _Motion(names)
+    for name in joints or able:
+        servo = drives.get(name)
+        if not isinstance(servo, Servo) or name not in mechanism.gears:
+            refused[name] = "no servo with gains, motor and rotor is known of it"
+            continue
+        options = sorted(scene.neutral(name, spread), key=lambda one: one[:2])
+        free = (pose for _, _, pose in options if scene.reaches(motion.last, pose))
+        if (pose := next(free, None)) is None:
+            refused[name] = "no pose with room for a wiggle is free of self-collision"
+            continue
+        known = known_of(mechanism, servo, name, pose)
+        if reason := refusal(known):
+            refused[name] = reason
+            continue
+        steps.append(Step(name, pose, known, *motion.wiggle(name, pose)))
+    if not steps:
+        whom = "; ".join(f"{name}: {why}" for name, why in refused.items())
+        raise JointplayError(f"a wiggle tells no joint's play: {whom or 'no joint has a servo'}")
+    time, position = motion.points()
+    return WigglePlan(tuple(names), time, position, tuple(steps), refused, tuple(notes))
+
+
+class _Scene:
+    """Gravity on joints, their limits, and what is in the way."""
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self.ideal, self.names = mechanism.ideal(), moving(mechanism)
+        self.low, self.high = joint_limits(mechanism, self.names)
+        self.shapes, self.slides = SelfCollision(mechanism), mechanism.description.joints
+
+    def gravity(self, joint: str, pose: Mapping[str, float]) -> float:
+        q = self.ideal.configuration(pose)
+        every = pin.computeGeneralizedGravity(self.ideal.model, self.ideal.data, q)
+        return float(every[self.ideal.coordinate(joint)])
+
+    def neutral(
+        self, joint: str, poses: Sequence[dict[str, float]]
+    ) -> Iterator[tuple[float, float, dict[str, float]]]:
+        """Poses with room for a wiggle: gravity's torque, the largest in the wiggle, the pose."""
+        k = self.names.index(joint)
+        if self.slides[joint].slides:
+            return
+        low, high = self.low[k] + SWING, self.high[k] - SWING
+        for pose in poses:
+            a, b = (self.gravity(joint, {**pose, joint: q}) for q in (0.0, np.pi / 2.0))
+            angles = [pose[joint]]
+            if np.hypot(a, b) > _NEUTRAL_NM:
+                first = float(np.arctan2(-a, b))
+                angles = [first + turn * np.pi for turn in range(-3, 4)]
+                angles = [q for q in angles if low <= q <= high] or [low, high]
+            for angle in np.clip(angles, low, high):
+                at = {**pose, joint: float(angle)}
+                sides = [{**at, joint: at[joint] + side * _WIGGLE} for side in (-1.0, 1.0)]
+                most = max(abs(self.gravity(joint, one)) for one in sides)
+                load = abs(self.gravity(joint, at))
+                if low <= high and not any(
+                    self.shapes.hits({**at, joint: at[joint] + side * SWING})
+                    for side in (-1.0, 0.0, 1.0)
+                ):
+                    yield (load if load > _NEUTRAL_NM else 0.0), most, at
+
+    def reaches(self, begin: Mapping[str, float] | None, end: Mapping[str, float]) -> bool:
+        """Whether the straight way in the joints' angles hits nothing."""
+        if begin is None:
+            return True
+        parts = np.linspace(0.0, 1.0, _CHECKED)
+        between = ({n: begin[n] + x * (end[n] - begin[n]) for n in self.names} for x in parts)
+        return not any(self.shapes.hits(one) for one in between)
+
+
+class _Motion:
+    """Points of a motion, one part after the other."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self.names, self.last = list(names), None  # type: list[str], dict[str, float] | None
+        self._rows: list[np.ndarray] = []
+
+    def wiggle(self, joint: str, pose: dict[str, float]) -> tuple[float, float]:
+        """Go to a pose, stand, wiggle a joint about it, stand; when the wiggle begins and ends."""
+        end = np.array([pose[name] for name in self.names])
+        if self.last is not None:
+            begin = np.array([self.last[name] for name in self.names])
+            far = float(np.abs(end - begin).max())
+            part = np.linspace(0.0, 1.0, max(int(1.5 * far / SPEED * RATE), 2))[:, None]
+            self._rows.append(begin + (3.0 * part**2 - 2.0 * part**3) * (end - begin))
+        rest = np.tile(end, (int(REST_S * RATE), 1))
+        time, goal = wiggle_goal()
+        moved = np.tile(end, (int(time[-1] * RATE) + 1, 1))
+        even = np.arange(len(moved)) / RATE
+        moved[:, self.names.index(joint)] += np.interp(even, time, goal)
+        first = (sum(map(len, self._rows)) + len(rest)) / RATE
+        self._rows += [rest, moved, rest]
+        self.last = pose
+        return first, first + float(even[-1])
+
+    def points(self) -> tuple[np.ndarray, np.ndarray]:
+        position = np.concatenate(self._rows)
+        return np.arange(len(position)) / RATE, position
