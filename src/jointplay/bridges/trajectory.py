@@ -7,6 +7,7 @@ out, as are motors behind gears.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -39,7 +40,13 @@ class Trajectory:
     velocity: np.ndarray
     """The same, per second."""
     effort: np.ndarray
-    """Of the drives (n, joints) [N m or N]."""
+    """Of the drives (n, joints) [N m or N]; (n, 0) where nothing is known of it."""
+
+    @classmethod
+    def through(cls, time: np.ndarray, joints: Sequence[str], position: np.ndarray) -> Trajectory:
+        """Through points, with speeds from one to the next."""
+        velocity = np.gradient(position, time, axis=0)
+        return cls(time, tuple(joints), position, velocity, np.empty((len(time), 0)))
 
 
 def encoders(result: Result) -> dict[str, int]:
@@ -95,7 +102,11 @@ def message(motion: Trajectory) -> dict[str, Any]:
 
 def trajectory(result: Result, suffix: str, progress: bool) -> bytes:
     """YAML as ``ros2 topic pub`` takes it, or a CSV file that `Motion.from_csv` reads."""
-    motion = joint_trajectory(result)
+    return written(joint_trajectory(result), suffix, progress)
+
+
+def written(motion: Trajectory, suffix: str, progress: bool = False) -> bytes:
+    """A trajectory as `trajectory` writes that of a result."""
     if suffix == ".csv":
         named = zip(motion.joints, motion.position.T, strict=True)
         columns = (Column(joint, values, key=joint) for joint, values in named)
