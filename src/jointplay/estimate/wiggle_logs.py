@@ -24,7 +24,7 @@ from jointplay.base.units import readable
 from jointplay.estimate import columns
 from jointplay.estimate.machine import OfJoints
 from jointplay.estimate.recordings import Recording
-from jointplay.estimate.unknowns import Estimate, Unknown
+from jointplay.estimate.unknowns import Estimate, Loop, Unknown
 from jointplay.estimate.wiggle import ServoLog, play_of
 from jointplay.estimate.wiggle_plan import known_of, refusal
 from jointplay.model.mechanism import Mechanism
@@ -178,8 +178,22 @@ class Wiggled(OfJoints):
     """As they were taken to be, by joint."""
 
     @property
+    def loops(self) -> tuple[Loop, ...]:
+        """How far each joint was from its goal, about the middle, over the goal."""
+        return tuple(map(_loop, self.logs.values()))
+
+    @property
     def _tables(self) -> Mapping[str, Mapping[str, Any]]:
         return {"drive": {name: shortest(Drive, one) for name, one in self.servos.items()}}
+
+
+def _loop(log: ServoLog) -> Loop:
+    off, nothing = log.position - log.goal, np.full(len(log.time), np.nan)
+    branch = np.sign(np.gradient(log.goal, log.time)).astype(int)
+    return Loop(
+        log.joint, log.goal - np.mean(log.goal), "goal", "rad", off - np.median(off), nothing,
+        "rad", branch,
+    )  # fmt: skip
 
 
 def identify_wiggled(
