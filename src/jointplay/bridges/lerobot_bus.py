@@ -97,7 +97,9 @@ class Arm:
             held, angles = self.held[joint], [row[joint] for row in motion[1]]
             for angle in (min(angles), max(angles)):
                 if not held.range_min <= self.count(joint, angle) <= held.range_max:
-                    low, high = sorted(self.angle(joint, k) for k in (held.range_min, held.range_max))
+                    low, high = sorted(
+                        self.angle(joint, k) for k in (held.range_min, held.range_max)
+                    )
                     words = f"{joint} would go to {angle:.1f} deg, and its calibration has "
                     raise Stopped(f"{words}{low:.1f} to {high:.1f} deg: are MOTORS right?")
 
@@ -177,12 +179,13 @@ def read_motion(path: Path, joints: Sequence[str]) -> Motion:
 
 
 def connect(kind: str, port: str, motors: Motors) -> Any:
-    from lerobot.motors import Motor, MotorNormMode
-
+    """A bus of ``lerobot.motors``, open."""
+    lerobot = importlib.import_module("lerobot.motors")
     makers = {"feetech": "FeetechMotorsBus", "dynamixel": "DynamixelMotorsBus"}
     maker = getattr(importlib.import_module(f"lerobot.motors.{kind}"), makers[kind])
-    degrees = MotorNormMode.DEGREES
-    bus = maker(port, {name: Motor(one[0], one[1], degrees) for name, one in motors.items()})
+    degrees = lerobot.MotorNormMode.DEGREES
+    servos = {name: lerobot.Motor(*one[:2], degrees) for name, one in motors.items()}
+    bus = maker(port, servos)
     bus.connect()
     bus.set_timeout(TIMEOUT_MS)
     return bus
@@ -200,6 +203,8 @@ def head(file: TextIO, arm: Arm, kind: str) -> None:
 
 
 def logger(file: TextIO) -> Log:
+    """What writes a line into a file for each record."""
+
     def log(stamp: float, goal: dict[str, float], seen: dict[str, float]) -> None:
         cells = [f"{x:.6f}" for joint in goal for x in (goal[joint], seen[joint])]
         file.write(",".join([f"{stamp:.6f}", *cells]) + "\n")
@@ -218,7 +223,9 @@ def perform(arm: Arm, kind: str, motion: Motion, steps: Steps, log: Path, ask: b
     first = motion[1][0]
     for joint, angle in seen.items():
         print(f"{joint}: at {angle:.1f} deg, goes to {first[joint]:.1f} deg")
-    print("Are these the angles of the arm in its description? Stay clear of it, hand on the supply.")
+    print(
+        "Are these the angles of the arm in its description? Stay clear of it, hand on the supply."
+    )
     if ask and input("Move? [y/N] ").strip().lower() != "y":
         raise Stopped("nothing was moved")
     try:
@@ -238,6 +245,7 @@ def perform(arm: Arm, kind: str, motion: Motion, steps: Steps, log: Path, ask: b
 
 
 def main(kind: str, motors: Motors, steps: Steps) -> int:
+    """The command; its exit status."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("port", help="such as /dev/ttyACM0")
     beside = Path(__file__).parent

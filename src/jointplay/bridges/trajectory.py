@@ -129,7 +129,7 @@ def written(motion: Trajectory, suffix: str, progress: bool = False) -> bytes:
 
 
 def lerobot_script(drives: Mapping[str, Drive], steps: Sequence[Step]) -> str:
-    """A script that plays a wiggle on LeRobot's bus; empty if its servos are not known to be on one.
+    """A script that plays a wiggle on LeRobot's bus; empty if servos are not known to be on one.
 
     Numbers on the bus are those of LeRobot, from 1 at the base on.
     """

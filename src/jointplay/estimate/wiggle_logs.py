@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -135,7 +135,9 @@ class ServoSignals:
         """The longest time in which a joint's goal goes to and fro and all others stand."""
         goal = self.goal[joint]
         own = np.flatnonzero(np.diff(goal) != 0.0) + 1
-        stir = [np.flatnonzero(np.abs(np.diff(x)) > _STILL) for n, x in self.goal.items() if n != joint]
+        stir = [
+            np.flatnonzero(np.abs(np.diff(x)) > _STILL) for n, x in self.goal.items() if n != joint
+        ]
         foreign = np.unique(np.concatenate([*stir, np.array([], int)]))
         best: tuple[float, slice] | None = None
         cuts = np.flatnonzero(

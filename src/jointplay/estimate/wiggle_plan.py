@@ -29,6 +29,9 @@ from jointplay.simulation.motion.cartesian import joint_limits
 SWING = np.radians(8.0)
 """Room for a wiggle on both sides: its 3 deg, and the 5 deg within which a trip lets it hunt
 [rad]."""
+FLOOR = 0.02
+"""Height above the base's plane below which joints and tool do not go, unless they are there with
+all joints at zero, as where the arm hangs [m]."""
 RATE = 100.0
 """Points of the motion [1/s]."""
 SPEED, REST_S = np.radians(15.0), 1.0
@@ -49,9 +52,7 @@ RECORD = (
 )
 
 
-def known_of(
-    mechanism: Mechanism, servo: Servo, joint: str, pose: Mapping[str, float]
-) -> Known:
+def known_of(mechanism: Mechanism, servo: Servo, joint: str, pose: Mapping[str, float]) -> Known:
     """What the robot's model says of a joint in a pose [rad or m by joint]; others at zero."""
     ideal = mechanism.ideal()
     at, q = ideal.coordinate(joint), ideal.configuration(pose)
@@ -70,12 +71,10 @@ def refusal(known: Known) -> str:
             "would not reverse"
         )
     if known.servo.encoder == "motor" and known.link_inertia < _CARRIES * known.rotor_inertia:
-        link, rotor = (
-            readable(x, "kg*m^2", 2) for x in (known.link_inertia, known.rotor_inertia)
-        )
+        link, rotor = (readable(x, "kg*m^2", 2) for x in (known.link_inertia, known.rotor_inertia))
         return (
-            f"its encoder is on the motor, and its link is too light ({link}, the rotor has {rotor} "
-            f"and the link needs {_CARRIES:g} times that): clamp a mass to it, or use a dial gauge"
+            f"its link of {link} is too light for an encoder on the motor, whose rotor has {rotor} "
+            f"({_CARRIES:g} times that is needed)"
         )
     return ""
 
@@ -108,11 +107,12 @@ class WigglePlan:
     notes: tuple[str, ...] = ()
 
     def __str__(self) -> str:
-        rows = [("joint", "pose [deg]", "gravity", "at [s]")]
+        rows = [("joint", "gravity", "at [s]", "pose [deg]")]
         for one in self.steps:
-            angles = ", ".join(f"{n} {np.degrees(x):.0f}" for n, x in one.pose.items() if abs(x) > 1e-9)
+            degrees = {name: round(np.degrees(x)) for name, x in one.pose.items()}
+            angles = ", ".join(f"{name} {x}" for name, x in degrees.items() if x)
             load = "none" if abs(one.known.load) < 1e-3 else readable(abs(one.known.load), "N*m", 2)
-            rows.append((one.joint, angles or "zero", load, f"{one.begin:.1f} to {one.end:.1f}"))
+            rows.append((one.joint, load, f"{one.begin:.1f} to {one.end:.1f}", angles or "zero"))
         left = [f"{name} is left out: {why}" for name, why in self.refused.items()]
         return "\n".join([*self.notes, str(Table.of_texts(rows)), *left, RECORD])
 
@@ -135,11 +135,11 @@ def plan_wiggle(
     for name in joints:
         if name not in names:
             raise MissingName("joint that moves", name, names)
-    poses, notes = free_poses(mechanism.ideal(), None, 0)
-    begin = middle(mechanism)
+    begin, (poses, notes) = middle(mechanism), free_poses(mechanism.ideal(), None, 0)
     able = [name for name in names if isinstance(drives.get(name), Servo)]
-    rows = [[begin[n] if n not in able else q[mechanism.ideal().coordinate(n)] for n in names] for q in poses]
-    spread = [begin, *(dict(zip(names, map(float, row), strict=True)) for row in rows)]
+    at = [mechanism.ideal().coordinate(name) for name in able]
+    spread = [begin | dict(zip(able, map(float, q), strict=True)) for q in poses[:, at]]
+    spread.insert(0, begin)
     scene, refused, steps = _Scene(mechanism), dict[str, str](), list[Step]()
     motion = _Motion(names)
     for name in joints or able:
@@ -147,10 +147,11 @@ def plan_wiggle(
         if not isinstance(servo, Servo) or name not in mechanism.gears:
             refused[name] = "no servo with gains, motor and rotor is known of it"
             continue
-        options = sorted(scene.neutral(name, spread), key=lambda one: one[:2])
-        free = (pose for _, _, pose in options if scene.reaches(motion.last, pose))
+        options = scene.neutral(name, spread, 0.25 * servo.friction, motion.last or begin)
+        free = (pose for pose in options if scene.reaches(motion.last, pose))
         if (pose := next(free, None)) is None:
-            refused[name] = "no pose with room for a wiggle is free of self-collision"
+            refused[name] = "no neutral pose and way to it is within limits, free of self-collision and above "
+                "the base's plane"
             continue
         known = known_of(mechanism, servo, name, pose)
         if reason := refusal(known):
@@ -171,6 +172,22 @@ class _Scene:
         self.ideal, self.names = mechanism.ideal(), moving(mechanism)
         self.low, self.high = joint_limits(mechanism, self.names)
         self.shapes, self.slides = SelfCollision(mechanism), mechanism.description.joints
+        gravity = self.ideal.model.gravity.linear
+        self.up = -gravity / max(float(np.linalg.norm(gravity)), 1e-9)
+        self.floor = -np.inf
+        if self.lowest(middle(mechanism)) > FLOOR:
+            self.floor = FLOOR
+
+    def lowest(self, pose: Mapping[str, float]) -> float:
+        """Height of the lowest of what the second joint on carry, above the base [m]."""
+        model, data = self.ideal.model, self.ideal.data
+        pin.framesForwardKinematics(model, data, self.ideal.configuration(pose))
+        places = [data.oMi[k].translation for k in range(2, model.njoints)]
+        return min(float(self.up @ one) for one in (*places, data.oMf[self.ideal.tool_frame].translation))
+
+    def blocked(self, pose: Mapping[str, float]) -> bool:
+        """Whether the robot hits itself, or the table that its base stands on."""
+        return self.lowest(pose) < self.floor or self.shapes.hits(pose)
 
     def gravity(self, joint: str, pose: Mapping[str, float]) -> float:
         q = self.ideal.configuration(pose)
@@ -178,9 +195,24 @@ class _Scene:
         return float(every[self.ideal.coordinate(joint)])
 
     def neutral(
+        self, joint: str, poses: Sequence[dict[str, float]], least: float, near: Mapping[str, float]
+    ) -> list[dict[str, float]]:
+        """Poses with room for a wiggle, those of little gravity first, then those near a pose.
+
+        `least` is a torque of gravity that counts as none while the joint is wiggled [N m].
+        """
+
+        def rank(one: tuple[float, float, dict[str, float]]) -> tuple[float, float, float]:
+            load, most, pose = one
+            far = max(abs(pose[name] - near[name]) for name in self.names)
+            return max(load, 0.1 * least), max(most, least), far
+
+        return [pose for _, _, pose in sorted(self._options(joint, poses), key=rank)]
+
+    def _options(
         self, joint: str, poses: Sequence[dict[str, float]]
     ) -> Iterator[tuple[float, float, dict[str, float]]]:
-        """Poses with room for a wiggle: gravity's torque, the largest in the wiggle, the pose."""
+        """Gravity's torque, its largest over the wiggle, and the pose."""
         k = self.names.index(joint)
         if self.slides[joint].slides:
             return
@@ -197,11 +229,9 @@ class _Scene:
                 sides = [{**at, joint: at[joint] + side * _WIGGLE} for side in (-1.0, 1.0)]
                 most = max(abs(self.gravity(joint, one)) for one in sides)
                 load = abs(self.gravity(joint, at))
-                if low <= high and not any(
-                    self.shapes.hits({**at, joint: at[joint] + side * SWING})
-                    for side in (-1.0, 0.0, 1.0)
-                ):
-                    yield (load if load > _NEUTRAL_NM else 0.0), most, at
+                ends = ({**at, joint: at[joint] + side * SWING} for side in (-1.0, 0.0, 1.0))
+                if low <= high and not any(map(self.blocked, ends)):
+                    yield load, most, at
 
     def reaches(self, begin: Mapping[str, float] | None, end: Mapping[str, float]) -> bool:
         """Whether the straight way in the joints' angles hits nothing."""
@@ -209,7 +239,7 @@ class _Scene:
             return True
         parts = np.linspace(0.0, 1.0, _CHECKED)
         between = ({n: begin[n] + x * (end[n] - begin[n]) for n in self.names} for x in parts)
-        return not any(self.shapes.hits(one) for one in between)
+        return not any(map(self.blocked, between))
 
 
 class _Motion:
@@ -239,4 +269,4 @@ class _Motion:
 
     def points(self) -> tuple[np.ndarray, np.ndarray]:
         position = np.concatenate(self._rows)
-        return np.arange(len(position)) / RATE, position
+        return np.arange(len(position)) / RATE, np.round(position, 6)

@@ -265,8 +265,8 @@ def _wiggle(options: argparse.Namespace) -> int:
         from jointplay.show.plots.design import reversal_loops
 
         picture = reversal_loops(fit.loops, fit.estimates)
-        contents = [fit.data.csv(), json.dumps(fit.describe(), indent=1) + "\n", picture]
-        out.write(dict(zip(names, contents, strict=True)))
+        described = json.dumps(fit.describe(), indent=1) + "\n"
+        out.write(dict(zip(names, (fit.data.csv(), described, picture), strict=True)))
     return 0
 
 
@@ -284,7 +284,11 @@ def _preset_with_servos(robot: str) -> str:
     """
     from jointplay.scenario.presets import preset, preset_of, presets
 
-    able = [one for one in presets() if 'kind = "servo"' in preset(one).text]
+    def servos(one: Preset) -> bool:
+        tables = (one.every, *one.ordered, *one.named.values())
+        return any(table.get("drive", {}).get("kind") == "servo" for table in tables)
+
+    able = [name for name in presets() if servos(preset(name))]
     with suppress(JointplayError):
         if (name := preset_of(robot).name) in able:
             return name
@@ -305,8 +309,8 @@ def _servos(options: argparse.Namespace, posed: PosedMachine) -> dict[str, Drive
     from jointplay.simulation.loads.drive import Servo
 
     scenario = posed.scenario
-    drafts = dict(scenario.model(options.case or scenario.cases[0]).drives)
-    servos = {name: one for name, one in drafts.items() if one.kind is Servo}
+    drafts: dict[str, Any] = dict(scenario.model(options.case or scenario.cases[0]).drives)
+    servos = {name: one for name, one in drafts.items() if issubclass(one.kind, Servo)}
     if not servos:
         raise JointplayError(
             "a wiggle needs servos of which motor and gain are known: no [drives.JOINT] is of kind "
