@@ -150,8 +150,7 @@ def plan_wiggle(
         options = scene.neutral(name, spread, 0.25 * servo.friction, motion.last or begin)
         free = (pose for pose in options if scene.reaches(motion.last, pose))
         if (pose := next(free, None)) is None:
-            refused[name] = "no neutral pose and way to it is within limits, free of self-collision and above "
-                "the base's plane"
+            refused[name] = "no pose within limits that the arm gets to without hitting itself"
             continue
         known = known_of(mechanism, servo, name, pose)
         if reason := refusal(known):
@@ -183,7 +182,8 @@ class _Scene:
         model, data = self.ideal.model, self.ideal.data
         pin.framesForwardKinematics(model, data, self.ideal.configuration(pose))
         places = [data.oMi[k].translation for k in range(2, model.njoints)]
-        return min(float(self.up @ one) for one in (*places, data.oMf[self.ideal.tool_frame].translation))
+        places.append(data.oMf[self.ideal.tool_frame].translation)
+        return float((np.array(places) @ self.up).min())
 
     def blocked(self, pose: Mapping[str, float]) -> bool:
         """Whether the robot hits itself, or the table that its base stands on."""
