@@ -38,8 +38,6 @@ SPEED, REST_S = np.radians(15.0), 1.0
 """Of the way from one pose to the next, and how long all stand before and after a wiggle [rad/s,
 s]."""
 _WIGGLE = np.radians(3.0)
-_NEUTRAL_NM = 1e-6
-"""Torque of gravity that is none."""
 _REVERSES = 1.0
 """Gravity's torque on a joint, by its motor's dry friction, up to which its torque reverses."""
 _CARRIES = 2.0
@@ -207,10 +205,10 @@ class _Scene:
             far = max(abs(pose[name] - near[name]) for name in self.names)
             return max(load, 0.1 * least), max(most, least), far
 
-        return [pose for _, _, pose in sorted(self._options(joint, poses), key=rank)]
+        return [pose for _, _, pose in sorted(self._options(joint, poses, least), key=rank)]
 
     def _options(
-        self, joint: str, poses: Sequence[dict[str, float]]
+        self, joint: str, poses: Sequence[dict[str, float]], least: float
     ) -> Iterator[tuple[float, float, dict[str, float]]]:
         """Gravity's torque, its largest over the wiggle, and the pose."""
         k = self.names.index(joint)
@@ -220,7 +218,7 @@ class _Scene:
         for pose in poses:
             a, b = (self.gravity(joint, {**pose, joint: q}) for q in (0.0, np.pi / 2.0))
             angles = [pose[joint]]
-            if np.hypot(a, b) > _NEUTRAL_NM:
+            if np.hypot(a, b) > 0.1 * least:
                 first = float(np.arctan2(-a, b))
                 angles = [first + turn * np.pi for turn in range(-3, 4)]
                 angles = [q for q in angles if low <= q <= high] or [low, high]
