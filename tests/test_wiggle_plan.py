@@ -4,7 +4,6 @@ import json
 import math
 import subprocess
 import sys
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,6 +15,8 @@ from jointplay import JointplayError, Mechanism, Motion, Recording
 from jointplay.accuracy.poses import moving
 from jointplay.bridges import lerobot_bus, trajectory
 from jointplay.cli import main
+from jointplay.estimate import wiggle_logs
+from jointplay.estimate.unknowns import Estimate, Unknown
 from jointplay.estimate.wiggle_logs import ServoSignals, identify_wiggled
 from jointplay.estimate.wiggle_plan import FLOOR, SWING, plan_wiggle
 from jointplay.model.gear import Gear
@@ -71,15 +72,16 @@ def test_the_motion_is_slow_within_limits_and_above_the_table(so101, plan):
         assert ideal.data.oMf[ideal.tool_frame].translation[2] > FLOOR - 1e-3
 
 
-def geared(path, inertia="1 1 1"):
-    return Mechanism(path, gears={"j": Gear(5e-3, rotor_inertia=0.03)}, tool="tool")
+def geared(path):
+    gear = Gear(play=5e-3, rotor_inertia=0.03, stiffness=100.0)
+    return Mechanism(path, gears={"j": gear}, tool="tool")
 
 
 def test_a_joint_that_gravity_always_loads_is_refused_with_its_load(urdf):
     robot = geared(
         urdf(
             body("arm", mass=5.0, com="0.1 0 0"),
-            joint("j", "base", "arm", axis="0 1 0", low=-0.8, high=0.8),
+            joint("j", "base", "arm", axis="0 1 0").replace("9", "0.8"),
             tip("arm"),
         )
     )
@@ -518,15 +520,27 @@ def test_the_encoders_side_is_only_for_servos(tmp_path, capsys):
     assert "--encoder is for --plan wiggle" in capsys.readouterr().err
 
 
-def test_a_log_is_answered_in_a_table_with_figure_and_preset(so101, plan, tmp_path, capsys):
+def told(joint):
+    unknown = Unknown(joint, "gear_play", "rad", np.nan, fine=False)
+    if joint == "wrist_roll":
+        return Estimate(unknown, reason="it jitters")
+    return Estimate(unknown, 0.01, 0.005, found=joint != "wrist_flex", upper=0.015)
+
+
+def test_a_log_is_answered_in_a_table_with_figure_and_preset(
+    so101, plan, tmp_path, capsys, monkeypatch
+):
+    """Whatever the estimator says of each joint."""
     k = [plan.joints.index(name) for name in so101[1]]
     goal = {name: plan.position[:, at] for name, at in zip(so101[1], k, strict=True)}
     seen = {name: 0.01 + np.roll(x, 5) for name, x in goal.items()}
     path, out, mine = as_csv(tmp_path / "log.csv", plan.time, goal, seen), tmp_path / "o", "my.toml"
+    monkeypatch.setattr(wiggle_logs, "play_of", lambda log, known: told(log.joint))
     order = ["identify", "so101", str(path), "--encoder", "output", "--out", str(out)]
     assert main([*order, "--write-preset", str(tmp_path / mine)]) == 0
     said = capsys.readouterr().out
-    assert "The readings tell the play of" in said
+    assert "The readings tell the play of 4 of 5 joints" in said
+    assert "wrist_roll gear play: it jitters" in said
     assert "shoulder_lift gear play" in said
     assert "note: the log says no gains" in said
     found = json.loads((out / "identified.json").read_text())
@@ -535,4 +549,5 @@ def test_a_log_is_answered_in_a_table_with_figure_and_preset(so101, plan, tmp_pa
     kept = preset(tmp_path / mine)
     assert kept.named["elbow_flex"]["drive"]["encoder"] == "link"
     assert kept.named["elbow_flex"]["drive"]["p_gain"] == pytest.approx(38.6)
-    assert Path(path).exists()
+    assert kept.named["elbow_flex"]["gear"]["play"] == pytest.approx(0.01)
+    assert main(["budget", "so101", "--preset", str(tmp_path / mine)]) == 0

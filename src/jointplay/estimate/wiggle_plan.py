@@ -244,27 +244,40 @@ class _Motion:
     """Points of a motion, one part after the other."""
 
     def __init__(self, names: Sequence[str]) -> None:
-        self.names, self.last = list(names), None  # type: list[str], dict[str, float] | None
-        self._rows: list[np.ndarray] = []
+        self.names = list(names)
+        self.last: dict[str, float] | None = None
+        self._parts: list[tuple[np.ndarray, np.ndarray]] = []
+        self._now = 0.0
+
+    def _add(self, time: np.ndarray, position: np.ndarray) -> None:
+        """A part whose times begin at zero, where the one before ends."""
+        new = slice(1 if self._parts else 0, None)
+        self._parts.append((self._now + time[new], position[new]))
+        self._now += float(time[-1])
 
     def wiggle(self, joint: str, pose: dict[str, float]) -> tuple[float, float]:
         """Go to a pose, stand, wiggle a joint about it, stand; when the wiggle begins and ends."""
         end = np.array([pose[name] for name in self.names])
         if self.last is not None:
             begin = np.array([self.last[name] for name in self.names])
-            far = float(np.abs(end - begin).max())
-            part = np.linspace(0.0, 1.0, max(int(1.5 * far / SPEED * RATE), 2))[:, None]
-            self._rows.append(begin + (3.0 * part**2 - 2.0 * part**3) * (end - begin))
-        rest = np.tile(end, (int(REST_S * RATE), 1))
-        time, goal = wiggle_goal()
-        moved = np.tile(end, (int(time[-1] * RATE) + 1, 1))
-        even = np.arange(len(moved)) / RATE
-        moved[:, self.names.index(joint)] += np.interp(even, time, goal)
-        first = (sum(map(len, self._rows)) + len(rest)) / RATE
-        self._rows += [rest, moved, rest]
+            long = 1.5 * float(np.abs(end - begin).max()) / SPEED
+            if long > 0.0:
+                part = np.linspace(0.0, 1.0, int(np.ceil(long * RATE)) + 1)
+                way = (3.0 * part**2 - 2.0 * part**3)[:, None]
+                self._add(long * part, begin + way * (end - begin))
+        rest = np.array([0.0, REST_S]), np.tile(end, (2, 1))
+        self._add(*rest)
+        first = self._now
+        corners, goal = wiggle_goal()
+        time = np.union1d(np.arange(0.0, corners[-1], 1.0 / RATE).round(6), corners.round(6))
+        moved = np.tile(end, (len(time), 1))
+        moved[:, self.names.index(joint)] += np.interp(time, corners, goal)
+        self._add(time, moved)
+        last = self._now
+        self._add(*rest)
         self.last = pose
-        return first, first + float(even[-1])
+        return first, last
 
     def points(self) -> tuple[np.ndarray, np.ndarray]:
-        position = np.concatenate(self._rows)
-        return np.arange(len(position)) / RATE, np.round(position, 6)
+        time, position = (np.concatenate(one) for one in zip(*self._parts, strict=True))
+        return time.round(6), position.round(6)
