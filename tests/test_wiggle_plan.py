@@ -492,6 +492,7 @@ def test_the_trajectory_is_that_of_ros(tmp_path):
 def test_a_koch_arm_says_its_encoders_side_itself(urdf, tmp_path, capsys):
     robot = chain(urdf, list(preset("koch").named))
     order = ["identify", str(robot), "--preset", "koch", "--plan", "wiggle", "--tool", "tool"]
+    order += ["--gear", "joint_5=15 arcmin"]
     assert main([*order, "--out", str(tmp_path / "plan")]) == 0
     text = (tmp_path / "plan" / "wiggle_lerobot.py").read_text()
     assert "'joint_1': (1, 'xl430-w250', 1, 0.0)" in text

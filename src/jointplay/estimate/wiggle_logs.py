@@ -36,6 +36,8 @@ _STILL = 1e-4
 """Change of a goal that is none [rad]."""
 _TURNS = 2
 """Reversals of a goal from which on it is a wiggle."""
+_SLOW = np.radians(10.0)
+"""Speed of goals up to which a loop is drawn [rad/s]."""
 _GAIN = re.compile(r"\b(?:P_Coefficient|Position_P_Gain) (\d+)\b")
 _VOLTS = re.compile(r"\bPresent_(?:Input_)?Voltage (\d+)\b")
 """What the script for LeRobot's bus writes of a joint into comments: P gain, supply [0.1 V]."""
@@ -190,12 +192,12 @@ class Wiggled(OfJoints):
 
 
 def _loop(log: ServoLog) -> Loop:
-    off, nothing = log.position - log.goal, np.full(len(log.time), np.nan)
-    branch = np.sign(np.gradient(log.goal, log.time)).astype(int)
-    return Loop(
-        log.joint, log.goal - np.mean(log.goal), "goal", "rad", off - np.median(off), nothing,
-        "rad", branch,
-    )  # fmt: skip
+    speed = np.gradient(log.goal, log.time)
+    slow = np.abs(speed) <= _SLOW if (np.abs(speed) <= _SLOW).any() else np.full(len(speed), True)
+    goal, off = log.goal[slow], (log.position - log.goal)[slow]
+    goal, off, nothing = goal - np.mean(goal), off - np.median(off), np.full(len(off), np.nan)
+    branch = np.sign(speed[slow]).astype(int)
+    return Loop(log.joint, goal, "goal", "rad", off, nothing, "rad", branch)
 
 
 def identify_wiggled(

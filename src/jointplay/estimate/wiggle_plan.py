@@ -32,8 +32,8 @@ SWING = np.radians(8.0)
 FLOOR = 0.02
 """Height above the base's plane below which joints and tool do not go, unless they are there with
 all joints at zero, as where the arm hangs [m]."""
-RATE = 100.0
-"""Points of the motion [1/s]."""
+RATE, _ON_WAY = 100.0, 20.0
+"""Points of a wiggle, and of the way to it [1/s]."""
 SPEED, REST_S = np.radians(15.0), 1.0
 """Of the way from one pose to the next, and how long all stand before and after a wiggle [rad/s,
 s]."""
@@ -262,7 +262,7 @@ class _Motion:
             begin = np.array([self.last[name] for name in self.names])
             long = 1.5 * float(np.abs(end - begin).max()) / SPEED
             if long > 0.0:
-                part = np.linspace(0.0, 1.0, int(np.ceil(long * RATE)) + 1)
+                part = np.linspace(0.0, 1.0, int(np.ceil(long * _ON_WAY)) + 1)
                 way = (3.0 * part**2 - 2.0 * part**3)[:, None]
                 self._add(long * part, begin + way * (end - begin))
         rest = np.array([0.0, REST_S]), np.tile(end, (2, 1))

@@ -251,7 +251,8 @@ def _wiggle(options: argparse.Namespace) -> int:
             from jointplay.bridges import trajectory
 
             motion = trajectory.Trajectory.through(plan.time, plan.joints, plan.position)
-            texts = [trajectory.written(motion, one).decode() for one in (".csv", ".yaml")]
+            shown = not options.quiet
+            texts = [trajectory.written(motion, one, shown).decode() for one in (".csv", ".yaml")]
             bus = trajectory.lerobot_script(drives, plan.steps)
             contents = [f"{plan}\n", *texts, *([bus] if bus else [])]
             out.write(dict(zip(planned, contents, strict=False)))
