@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -78,6 +78,7 @@ def recorded(
     now = np.arange(len(angle)) * RECORD_S
     read = np.arange(0.0, now[-1] - 0.01, 1.0 / rate) + random.uniform(0.0, 5e-3)
     stamp = read + jitter * random.uniform(-1.0, 1.0, len(read)) * random.random()
+    stamp = np.maximum.accumulate(stamp)
     seen = np.interp(read, now, angle)
     if joint.resolution:
         seen = np.round(seen / joint.resolution) * joint.resolution
@@ -95,3 +96,70 @@ def of_family(seed: int) -> tuple[float, np.ndarray] | None:
     except Untold:
         return None
     return joint.play, found
+
+
+# ---- Joints by another model ---------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Fresh:
+    """A joint of the benchmark: its truth, what its owner has."""
+
+    play: float
+    reverses: bool
+    """Whether the link's friction is above its load."""
+    known: Known
+    log: ServoLog
+
+
+def fresh(seed: int, encoder: str = "link") -> Fresh:
+    """A joint by the model of `peer_engines.servo`, wiggled as real firmware does it."""
+    from truth.peer_engines import servo as other
+
+    random = np.random.default_rng([2026, seed])
+    base, known = member(random, encoder)
+    if encoder == "motor":
+        base = replace(base, link_inertia=base.rotor_inertia * among(random, 0.3, 10.0))
+        known = replace(known, link_inertia=base.link_inertia * float(np.exp(0.1 * random.normal())))
+    some = lambda share, low, high: among(random, low, high) * (random.random() < share)  # noqa: E731
+    most, dry = base.stall * base.voltage, base.friction
+    outer = base.link_inertia * random.uniform(0.1, 0.6)
+    belt = base.stiffness * among(random, 1.0, 20.0)
+    numbers = {
+        "rotor": base.rotor_inertia, "link": base.link_inertia - outer, "outer": outer,
+        "belt": belt, "belt_damping": 2.0 * among(random, 0.02, 0.2) * np.sqrt(belt * outer),
+        "half": 0.5 * base.play, "stiffness": base.stiffness,
+        "hardening": some(0.5, 0.5, 10.0), "damping": base.damping, "dry": dry,
+        "excess": base.excess, "stribeck": base.stribeck_speed,
+        "bristle": dry / among(random, 2e-4, 3e-3), "viscous": base.viscous,
+        "link_dry": base.link_friction, "link_viscous": 0.05 * base.viscous,
+        "load": base.load, "stall": base.stall, "braking": base.braking,
+        "voltage": base.voltage, "sag": some(0.5, 0.5, 4.0), "p_gain": base.p_gain,
+        "d_gain": base.d_gain, "band": base.band, "count": base.resolution,
+        "period": base.period, "filter": among(random, 1e-3, 1e-2), "on_motor": base.on_motor,
+        "cogging": some(0.5, 0.05, 0.6) * dry, "cogging_turns": random.uniform(40.0, 400.0),
+        "cogging_phase": random.uniform(0.0, 2.0 * np.pi),
+        "cable": some(0.4, 0.01, 0.5) * most, "cable_at": 0.02 * random.normal(),
+        "shake": some(0.3, 0.02, 0.3) * base.link_friction, "shake_hz": random.uniform(0.5, 6.0),
+    }  # fmt: skip
+    rate = among(random, 90.0, 220.0)
+    goal = sent(random, rate)
+    if random.random() < 0.5:
+        goal = limited(goal, among(random, 10.0, 200.0), among(random, 1.5, 8.0))
+    p = np.array([numbers[name] for name in other.PARTS])
+    angles = other.run(p, goal, RECORD_S, random.uniform(-1.0, 1.0))
+    log = recorded(random, rate, base, angles[0 if base.on_motor else 1], 4e-3)
+    return Fresh(base.play, abs(base.load) < base.link_friction, known, log)
+
+
+def limited(goal: np.ndarray, most: float, fastest: float) -> np.ndarray:
+    """A goal as firmware passes it on, of limited acceleration and speed [rad/s^2, rad/s]."""
+    found, at, speed = np.empty_like(goal), goal[0], 0.0
+    for i, one in enumerate(goal):
+        away = one - at
+        wanted = np.sign(away) * min(np.sqrt(2.0 * most * abs(away)), fastest)
+        wanted = np.clip(wanted, -abs(away) / RECORD_S, abs(away) / RECORD_S)
+        speed += float(np.clip(wanted - speed, -most * RECORD_S, most * RECORD_S))
+        at += speed * RECORD_S
+        found[i] = at
+    return found

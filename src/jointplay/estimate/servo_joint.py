@@ -16,8 +16,8 @@ import numpy as np
 from jointplay.base.compiler import compiled
 from jointplay.simulation.loads.drive import Servo
 
-STEP_S = 4e-5
-"""Of the integration, at most [s]."""
+STEP_S, _OF_A_SWING = 1e-4, 0.2
+"""Of the integration, at most [s], and by the angular frequency of the teeth's spring."""
 RECORD_S = 1e-3
 """Interval of goals and of records [s]."""
 
@@ -88,7 +88,8 @@ def run(p: np.ndarray, goal: np.ndarray, start: float, out: np.ndarray) -> float
     dry, excess, stribeck, viscous, link_dry, load = p[5], p[6], p[7], p[8], p[9], p[10]
     stall, braking, most, gain, slope, band = p[11], p[12], p[13], p[14], p[15], p[16]
     count, period, on_motor = p[17], p[18], p[19] > 0.5
-    steps = int(math.ceil(RECORD_S / STEP_S))
+    swing = math.sqrt(k * (1.0 / rotor + 1.0 / link))
+    steps = int(math.ceil(RECORD_S / min(STEP_S, _OF_A_SWING / swing)))
     dt = RECORD_S / steps
     motor, turned, speed, own = goal[0], goal[0] + start * half, 0.0, 0.0
     left, volts, wanted = 0.0, 0.0, 0.0
