@@ -38,6 +38,9 @@ SPEED, REST_S = np.radians(15.0), 1.0
 """Of the way from one pose to the next, and how long all stand before and after a wiggle [rad/s,
 s]."""
 _WIGGLE = np.radians(3.0)
+_FAINT, _LIGHT = 0.25, 0.1
+"""Gravity's torque over a wiggle, by the motor's friction, that counts as none; and the link's
+inertia, by the rotor's, below which a pose in which it is larger is preferred."""
 _REVERSES = 1.0
 """Gravity's torque on a joint, by its motor's dry friction, up to which its torque reverses."""
 _CARRIES = 2.0
@@ -145,16 +148,15 @@ def plan_wiggle(
         if not isinstance(servo, Servo) or name not in mechanism.gears:
             refused[name] = "no servo with gains, motor and rotor is known of it"
             continue
-        options = scene.neutral(name, spread, 0.25 * servo.friction, motion.last or begin)
-        free = (pose for pose in options if scene.reaches(motion.last, pose))
-        if (pose := next(free, None)) is None:
+        options = scene.neutral(name, servo, spread, motion.last or begin)
+        free = (one for one in options if scene.reaches(motion.last, one[1]))
+        known, pose = next(free, (None, begin))
+        if known is None:
             refused[name] = "no pose within limits that the arm gets to without hitting itself"
-            continue
-        known = known_of(mechanism, servo, name, pose)
-        if reason := refusal(known):
+        elif reason := refusal(known):
             refused[name] = reason
-            continue
-        steps.append(Step(name, pose, known, *motion.wiggle(name, pose)))
+        else:
+            steps.append(Step(name, pose, known, *motion.wiggle(name, pose)))
     if not steps:
         whom = "; ".join(f"{name}: {why}" for name, why in refused.items())
         raise JointplayError(f"a wiggle tells no joint's play: {whom or 'no joint has a servo'}")
@@ -166,9 +168,9 @@ class _Scene:
     """Gravity on joints, their limits, and what is in the way."""
 
     def __init__(self, mechanism: Mechanism) -> None:
-        self.ideal, self.names = mechanism.ideal(), moving(mechanism)
+        self.mechanism, self.ideal = mechanism, mechanism.ideal()
+        self.names, self.shapes = moving(mechanism), SelfCollision(mechanism)
         self.low, self.high = joint_limits(mechanism, self.names)
-        self.shapes, self.slides = SelfCollision(mechanism), mechanism.description.joints
         gravity = self.ideal.model.gravity.linear
         self.up = -gravity / max(float(np.linalg.norm(gravity)), 1e-9)
         self.floor = -np.inf
@@ -193,43 +195,42 @@ class _Scene:
         return float(every[self.ideal.coordinate(joint)])
 
     def neutral(
-        self, joint: str, poses: Sequence[dict[str, float]], least: float, near: Mapping[str, float]
-    ) -> list[dict[str, float]]:
-        """Poses with room for a wiggle, those of little gravity first, then those near a pose.
+        self, joint: str, servo: Servo, poses: Sequence[dict[str, float]], near: Mapping[str, float]
+    ) -> list[tuple[Known, dict[str, float]]]:
+        """Poses with room for a wiggle: those of little gravity first, then those that give the
+        link inertia, then those near a pose."""
+        least = _FAINT * servo.friction
 
-        `least` is a torque of gravity that counts as none while the joint is wiggled [N m].
-        """
-
-        def rank(one: tuple[float, float, dict[str, float]]) -> tuple[float, float, float]:
-            load, most, pose = one
+        def rank(one: tuple[Known, dict[str, float]]) -> tuple[float, float, float, float]:
+            known, pose = one
+            sides = ({**pose, joint: pose[joint] + side * _WIGGLE} for side in (-1.0, 1.0))
+            most = max(abs(self.gravity(joint, side)) for side in sides)
+            light = max(_LIGHT * known.rotor_inertia - known.link_inertia, 0.0)
             far = max(abs(pose[name] - near[name]) for name in self.names)
-            return max(load, 0.1 * least), max(most, least), far
+            return max(abs(known.load), 0.1 * least), max(most, least), light, far
 
-        return [pose for _, _, pose in sorted(self._options(joint, poses, least), key=rank)]
+        found = self._options(joint, poses, 0.1 * least)
+        return sorted(((known_of(self.mechanism, servo, joint, q), q) for q in found), key=rank)
 
     def _options(
         self, joint: str, poses: Sequence[dict[str, float]], least: float
-    ) -> Iterator[tuple[float, float, dict[str, float]]]:
-        """Gravity's torque, its largest over the wiggle, and the pose."""
+    ) -> Iterator[dict[str, float]]:
+        """Poses with another angle of one joint, neutral if its limits allow, and room there."""
         k = self.names.index(joint)
-        if self.slides[joint].slides:
-            return
         low, high = self.low[k] + SWING, self.high[k] - SWING
+        if self.mechanism.description.joints[joint].slides or low > high:
+            return
         for pose in poses:
             a, b = (self.gravity(joint, {**pose, joint: q}) for q in (0.0, np.pi / 2.0))
             angles = [pose[joint]]
-            if np.hypot(a, b) > 0.1 * least:
+            if np.hypot(a, b) > least:
                 first = float(np.arctan2(-a, b))
                 angles = [first + turn * np.pi for turn in range(-3, 4)]
                 angles = [q for q in angles if low <= q <= high] or [low, high]
-            for angle in np.clip(angles, low, high):
-                at = {**pose, joint: float(angle)}
-                sides = [{**at, joint: at[joint] + side * _WIGGLE} for side in (-1.0, 1.0)]
-                most = max(abs(self.gravity(joint, one)) for one in sides)
-                load = abs(self.gravity(joint, at))
-                ends = ({**at, joint: at[joint] + side * SWING} for side in (-1.0, 0.0, 1.0))
-                if low <= high and not any(map(self.blocked, ends)):
-                    yield load, most, at
+            for angle in map(float, np.clip(angles, low, high)):
+                room = ({**pose, joint: angle + side * SWING} for side in (-1.0, 0.0, 1.0))
+                if not any(map(self.blocked, room)):
+                    yield {**pose, joint: angle}
 
     def reaches(self, begin: Mapping[str, float] | None, end: Mapping[str, float]) -> bool:
         """Whether the straight way in the joints' angles hits nothing."""
