@@ -89,7 +89,7 @@ def run(p: np.ndarray, goal: np.ndarray, start: float, out: np.ndarray) -> float
     stall, braking, most, gain, slope, band = p[11], p[12], p[13], p[14], p[15], p[16]
     count, period, on_motor = p[17], p[18], p[19] > 0.5
     swing = math.sqrt(k * (1.0 / rotor + 1.0 / link))
-    steps = int(math.ceil(RECORD_S / min(STEP_S, _OF_A_SWING / swing)))
+    steps = int(RECORD_S / min(STEP_S, _OF_A_SWING / swing)) + 1
     dt = RECORD_S / steps
     motor, turned, speed, own = goal[0], goal[0] + start * half, 0.0, 0.0
     left, volts, wanted = 0.0, 0.0, 0.0

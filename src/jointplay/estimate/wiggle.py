@@ -1,10 +1,9 @@
 """Play of a joint from what its own servo reports while it is wiggled.
 
 `wiggle_goal` is the motion, a `ServoLog` what was recorded, `Known` what is known of the joint
-beforehand. `play_of` answers with a band or a bound, or says why the log cannot tell. With the
-encoder on the output, features of the log that ignore phase go through a small regression, trained
-on a broad family of simulated joints (benchmarks/truth/wiggle.py --train); with the encoder on the
-motor, the two-inertia joint of `servo_joint` is fitted with each of a series of plays.
+beforehand. `play_of` answers with a band or a bound, or says why the log cannot tell. Features of
+the log that ignore the phase of hunting go through a small regression, trained on a broad family of
+simulated joints with the encoder on the output (benchmarks/truth/wiggle.py --train).
 """
 
 from __future__ import annotations
@@ -12,17 +11,18 @@ from __future__ import annotations
 import hashlib
 import io
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 
 from jointplay.base.errors import JointplayError
-from jointplay.estimate.servo_joint import RECORD_S, ServoJoint
 from jointplay.estimate.unknowns import Estimate, Unknown
 from jointplay.simulation.loads.drive import Servo
 
+DATA = Path(__file__).parent / "data" / "wiggle.npz"
+"""Numbers of the regression; its SHA-256 stands beside it."""
 TRIANGLES = ((3.0, 40.0, 3), (3.0, 20.0, 2), (2.0, 8.0, 1), (1.0, 8.0, 2), (0.4, 4.0, 2))
 """Amplitude [deg], speed [deg/s] and number of each series of triangles."""
 SQUARES = (1.0, 100.0, 0.3, 3)
@@ -34,8 +34,10 @@ STIR = np.radians(0.5)
 REVERSES, LEAST_FRICTION = 2.0, 0.01
 """Gravity's torque by the motor's friction up to which a log is looked at; and what friction is at
 least, by the torque at stall."""
-CARRIES = 2.5
-"""Inertia of the link by the rotor's from which on an encoder on the motor tells play."""
+EDGES = np.radians(np.arange(34) * 0.05)
+"""Of the bins in which play is told how likely it is [rad]."""
+LARGEST = float(EDGES[-1])
+"""Play of the family [rad]."""
 HALF, WIDEST = 0.5, 0.8
 """A band wider than `WIDEST` is told only if it is all on one side of `HALF` [deg]."""
 KNOWN = (
@@ -109,19 +111,6 @@ class Untold(Exception):
     """Why a log cannot tell, in words."""
 
 
-class Untold(Exception):
-    """Why a log cannot tell, in words."""
-
-
-def play_of(log: ServoLog, known: Known) -> Estimate:
-    """The play of a joint's gear by a log of its wiggle [rad].
-
-    Its interval is a band in tenths of a degree, rounded outward; one without low end is an upper
-    bound (not `found`); and there is a reason where the log cannot tell.
-    """
-    raise NotImplementedError
-
-
 def play_of(log: ServoLog, known: Known) -> Estimate:
     """The play of a joint's gear by a log of its wiggle [rad].
 
@@ -131,14 +120,52 @@ def play_of(log: ServoLog, known: Known) -> Estimate:
     """
     unknown = Unknown(log.joint, "gear_play", "rad", np.nan, fine=False)
     try:
-        check(log, known)
-        low, high = _fitted(log, known) if known.servo.encoder == "motor" else _banded(log, known)
+        low, high = band(log, known)
     except Untold as error:
         return Estimate(unknown, reason=str(error))
-    tenth = np.radians(0.1)
-    low, high = tenth * np.floor(low / tenth + 1e-9), tenth * np.ceil(high / tenth - 1e-9)
+    if too_wide(low, high):
+        ends = f"{np.degrees(low):.1f} to {np.degrees(min(high, LARGEST)):.1f} deg"
+        return Estimate(unknown, reason=f"plays from {ends} would look alike in this log")
     told = {"value": 0.5 * (low + high), "half_width": 0.5 * (high - low), "ends": (low, high)}
     return Estimate(unknown, **told, upper=high, found=low > 0.0)
+
+
+def band(log: ServoLog, known: Known) -> tuple[float, float]:
+    """Ends of the play's interval, in tenths of a degree, rounded outward [rad], however wide.
+
+    The upper one is infinite where it reaches the family's largest play.
+
+    Raises:
+        Untold: the log or the joint is refused.
+        JointplayError: the numbers of the regression are damaged.
+    """
+    check(log, known)
+    numbers = regression()
+    seen = features(log, known)
+    own = _known_features(known)
+    outside = (own < numbers["least"] - _BEYOND) | (own > numbers["most"] + _BEYOND)
+    if outside.any():
+        what = KNOWN[int(np.argmax(outside))]
+        raise Untold(f"its {what} is outside those of the simulated family")
+    if strangeness(seen, numbers) > numbers["strange"]:
+        raise Untold(
+            "no simulated joint moves as this log does (one of 100 of the family is refused so)"
+        )
+    return rounded(*ends_of(shares(seen, numbers), float(numbers["tail"])))
+
+
+def rounded(low: float, high: float) -> tuple[float, float]:
+    """An interval in tenths of a degree, rounded outward [rad]."""
+    tenth = np.radians(0.1)
+    above = np.inf if high > LARGEST - tenth else tenth * np.ceil(high / tenth - 1e-9)
+    return float(tenth * np.floor(low / tenth + 1e-9)), float(above)
+
+
+def too_wide(low: float, high: float) -> bool:
+    """Whether a band is too wide to be told, and on both sides of `HALF`."""
+    half, hair = np.radians(HALF), 1e-9
+    wide = min(high, LARGEST) - low > np.radians(WIDEST) + hair
+    return bool(wide and low < half - hair and high > half + hair)
 
 
 def check(log: ServoLog, known: Known) -> None:
@@ -175,19 +202,14 @@ def check(log: ServoLog, known: Known) -> None:
             f"gravity's {abs(known.load):.2g} N m leans on one side: no reversal of torque is "
             f"sure with friction of {least:.2g} N m"
         )
-    if servo.encoder == "motor" and known.link_inertia < CARRIES * known.rotor_inertia:
+    if servo.encoder == "motor":
         raise Untold(
-            f"the encoder is on the motor and the link too light: its inertia is "
-            f"{known.link_inertia / known.rotor_inertia:.2g} of the rotor's, and {CARRIES:g} times "
-            "are needed"
+            "the encoder is on the motor, before the play, and the regression is for encoders on "
+            "the output"
         )
 
 
 # ---- Encoder on the output: a regression ---------------------------------------------------------
-
-
-def _folder() -> Path:
-    return Path(__file__).parent / "data"
 
 
 @cache
@@ -197,11 +219,10 @@ def regression() -> dict[str, np.ndarray]:
     Raises:
         JointplayError: they are not those that were written.
     """
-    path = _folder() / "wiggle.npz"
-    content = path.read_bytes()
-    wanted = path.with_suffix(".sha256").read_text().split()[0]
+    content = DATA.read_bytes()
+    wanted = DATA.with_suffix(".sha256").read_text().split()[0]
     if hashlib.sha256(content).hexdigest() != wanted:
-        raise JointplayError(f"{path} is damaged: its SHA-256 is not {wanted}; install it again")
+        raise JointplayError(f"{DATA} is damaged: its SHA-256 is not {wanted}; install it again")
     with np.load(io.BytesIO(content)) as file:
         return dict(file)
 
@@ -222,10 +243,10 @@ def shares(seen: np.ndarray, numbers: Mapping[str, np.ndarray]) -> np.ndarray:
     return np.asarray(np.mean(found, axis=0), dtype=float)
 
 
-def ends_of(likely: np.ndarray, edges: np.ndarray, tail: float) -> tuple[float, float]:
+def ends_of(likely: np.ndarray, tail: float) -> tuple[float, float]:
     """Quantiles `tail` and 1 - `tail` of a play of such likelihoods of bins [rad]."""
     below = np.concatenate([[0.0], np.cumsum(likely)])
-    low, high = np.interp([tail, below[-1] - tail], below, edges)
+    low, high = np.interp([tail, below[-1] - tail], below, EDGES)
     return float(low), float(high)
 
 
@@ -236,106 +257,6 @@ def strangeness(seen: np.ndarray, numbers: Mapping[str, np.ndarray]) -> np.ndarr
     left = np.sum(scaled**2, axis=-1) - np.sum(along**2, axis=-1)
     inside = np.sum((along / numbers["along"]) ** 2, axis=-1)
     return np.asarray(inside + left / numbers["left"])
-
-
-def _banded(log: ServoLog, known: Known) -> tuple[float, float]:
-    numbers = regression()
-    seen = features(log, known)
-    own = _known_features(known)
-    outside = (own < numbers["least"] - _BEYOND) | (own > numbers["most"] + _BEYOND)
-    if outside.any():
-        what = KNOWN[int(np.argmax(outside))]
-        raise Untold(f"its {what} is outside those of the simulated family")
-    if strangeness(seen, numbers) > numbers["strange"]:
-        raise Untold(
-            "no simulated joint moves as this log does (one of 200 of the family is refused so)"
-        )
-    edges = numbers["edges"]
-    low, high = ends_of(shares(seen, numbers), edges, float(numbers["tail"]))
-    if high > edges[-1] - np.radians(0.1):
-        high = np.inf
-    half = np.radians(HALF)
-    if min(high, edges[-1]) - low > np.radians(WIDEST) and low < half < high:
-        raise Untold(
-            f"play from {np.degrees(low):.1f} to {np.degrees(min(high, edges[-1])):.1f} deg would "
-            "look alike"
-        )
-    return low, high
-
-
-# ---- Encoder on the motor: a fit -----------------------------------------------------------------
-
-_PLAYS = np.radians([0.0, 0.05, 0.1, 0.2, 0.3, 0.45, 0.6, 0.8, 1.05, 1.35, 1.7])
-_GATE, _INFLATED, _RISE = 2.5, 3.0, 3.84
-"""Largest residual in standard errors (root mean square) of a fit that is believed; by how much chi
-squared is divided, since errors of a model are no noise; and its rise at the ends of an interval."""
-_GUESS = np.array([1.5, 1.0, 1.5, 0.3, 0.05, 0.1, 0.15, 0.004])
-"""Standard deviations of the guesses of `_joint`."""
-
-
-def _joint(known: Known, play: float, x: np.ndarray) -> ServoJoint:
-    """A joint by logarithms of stiffness, frictions, load, gain and inertias from their guesses."""
-    servo = known.servo
-    most = servo.stall * servo.voltage
-    dry = max(servo.friction, LEAST_FRICTION * most)
-    rotor, link = known.rotor_inertia * np.exp(x[5]), known.link_inertia * np.exp(x[6])
-    stiffness = most / 0.013 * np.exp(np.clip(x[0], -3.0, 3.0))
-    damping = 0.3 * np.sqrt(stiffness * rotor * link / (rotor + link))
-    believed = replace(
-        servo, p_gain=servo.p_gain * float(np.exp(x[4])), friction=dry * float(np.exp(x[1]))
-    )
-    return ServoJoint.of(
-        believed, rotor, link, play=play, stiffness=stiffness, damping=damping,
-        link_friction=0.3 * dry * float(np.exp(x[2])), load=known.load + dry * x[3],
-    )  # fmt: skip
-
-
-def _fitted(log: ServoLog, known: Known) -> tuple[float, float]:
-    """Ends of the play's interval by the two-inertia joint, fitted with each of a series of plays.
-
-    What a fit leaves is compared with the encoder's counts and the stamps' jitter; plays are
-    believed whose chi squared, divided by `_INFLATED` and by its least part, is up to 3.84 above
-    the least (profile likelihood).
-    """
-    from scipy.optimize import least_squares
-
-    features(log, known)  # that it is a whole wiggle, and was followed
-    begin = _begin(log)
-    time, goal = wiggle_goal()
-    own = log.time - begin
-    inside = (own > 0.0) & (own < time[-1])
-    seen, lead = log.position[inside] - log.goal[0], 0.3
-    now = np.arange(0.0, time[-1] + lead, RECORD_S) - lead
-    speed = np.gradient(np.interp(own[inside], time, goal), own[inside])
-    noise = np.hypot(known.servo.resolution / 3.0 + 2e-5, 1e-3 * speed)
-
-    def left(x: np.ndarray, play: float) -> np.ndarray:
-        sent = np.interp(now - abs(x[7]), time, goal)
-        motor, _ = _joint(known, play, x).move(sent)
-        off = (np.interp(own[inside], now, motor) - seen) / noise
-        return np.concatenate([off, x / _GUESS])
-
-    at, chi = np.zeros(len(_GUESS)), []
-    at[7] = 0.004
-    for play in _PLAYS:
-        fit = least_squares(
-            left, at, args=(play,), x_scale=_GUESS, diff_step=0.01, max_nfev=8, loss="linear"
-        )
-        at = fit.x
-        chi.append(2.0 * fit.cost)
-    least = min(chi) / len(seen)
-    if least > _GATE**2:
-        raise Untold(
-            f"no such joint fits the log: {np.sqrt(least):.2g} standard errors are left, more than "
-            f"{_GATE:g}"
-        )
-    rise = (np.array(chi) - min(chi)) / (_INFLATED * max(least, 1.0))
-    fine = np.linspace(0.0, _PLAYS[-1], 400)
-    held = fine[np.interp(fine, _PLAYS, rise) < _RISE]
-    high = np.inf if held[-1] > _PLAYS[-2] else held[-1]
-    if high - held[0] > np.radians(WIDEST):
-        raise Untold(f"plays from {np.degrees(held[0]):.1f} deg up fit the log alike")
-    return float(held[0]), float(high)
 
 
 # ---- Features ------------------------------------------------------------------------------------
