@@ -51,10 +51,11 @@ def test_two_inertias_move_as_in_the_full_simulation(urdf, changes):
         assert np.abs(angle - there).max() < 0.01 * np.ptp(there)
 
 
-KNOWN = Known(SERVO, ROTOR, LINK)
+OUTPUT = replace(SERVO, encoder="link", period=1e-3)
+KNOWN = Known(OUTPUT, ROTOR, LINK)
 
 
-def log_of(play, *, rate=100.0, stiffness=300.0, servo=SERVO):
+def log_of(play, *, rate=100.0, stiffness=300.0, servo=OUTPUT):
     """What the servo of a joint of such a play reports of its wiggle."""
     numbers = {"play": play, "stiffness": stiffness, "damping": 0.4, "link_friction": 0.03}
     times, goals = wiggle_goal()
@@ -97,27 +98,34 @@ def test_where_the_joint_stands_and_when_its_log_begins_do_not_matter():
     assert wiggle.band(there, KNOWN) == pytest.approx(wiggle.band(log, KNOWN))
 
 
+def test_small_play_is_bounded_above_and_large_play_below():
+    small, large = (play_of(log_of(np.radians(x)), KNOWN) for x in (0.1, 1.6))
+    assert not small.found
+    assert np.radians(0.1) <= small.upper <= np.radians(0.7)
+    assert large.low >= np.radians(0.5)
+    assert "inf" not in large.words()[0]
+
+
 def worse(log, **changes):
     return replace(log, **{name: change(getattr(log, name)) for name, change in changes.items()})
 
 
-def shaken(position):
-    time = 0.01 * np.arange(len(position))
-    return position + np.radians(8.0) * np.sin(2.0 * np.pi * 31.0 * time)
+def stepping(position):
+    return 0.05 * np.round(position / 0.05)
 
 
 @pytest.mark.parametrize(
     ("changes", "known", "why"),
     [
         ({"time": lambda x: 10.0 * x}, {}, "10 records a second, and at least 80 are needed"),
-        ({"time": lambda x: x + 6e-3 * (np.arange(len(x)) % 2)}, {}, "off their rhythm"),
+        ({"time": lambda x: x + 6e-3 * (np.arange(len(x)) % 10 == 0)}, {}, "off their rhythm"),
         ({"time": lambda x: x[::-1]}, {}, "do not increase"),
         ({"others": lambda _: np.array([0.0, 0.02])}, {}, "other joints moved by 1.1 deg"),
         ({"goal": lambda x: 0.4 * x}, {}, "are not those of the wiggle test"),
         ({"goal": lambda x: 0.0 * x}, {}, "goals do not move"),
         ({"position": lambda x: 0.1 * x}, {}, "hardly followed"),
         ({"position": lambda x: np.nan * x}, {}, "all finite"),
-        ({"position": shaken}, {}, "no simulated joint moves as this log does"),
+        ({"position": stepping}, {}, "no simulated joint moves as this log does"),
         ({}, {"load": 0.5}, "leans on one side"),
         ({}, {"servo": replace(SERVO, encoder="motor")}, "the encoder is on the motor"),
         ({}, {"link_inertia": 50.0 * ROTOR}, "link's inertia by the rotor's is outside"),

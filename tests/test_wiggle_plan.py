@@ -4,6 +4,7 @@ import json
 import math
 import subprocess
 import sys
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -42,11 +43,12 @@ def plan(so101):
 
 def test_each_joint_is_wiggled_alone_where_gravity_is_neutral(so101, plan):
     ideal = so101[0].ideal()
-    assert [one.joint for one in plan.steps] == list(so101[0].gears)
+    assert [one.joint for one in plan.steps] == list(so101[0].gears)[:4]
+    assert "link's inertia by the rotor's is outside" in plan.refused["wrist_roll"]
     for one in plan.steps:
         at, k = ideal.coordinate(one.joint), plan.joints.index(one.joint)
         q = ideal.configuration(dict(one.pose))
-        assert abs(pin.computeGeneralizedGravity(ideal.model, ideal.data, q)[at]) < 2e-3
+        assert abs(pin.computeGeneralizedGravity(ideal.model, ideal.data, q)[at]) < 5e-3
         inside = (plan.time >= one.begin) & (plan.time <= one.end)
         still = np.ptp(plan.position[inside], axis=0)
         assert np.radians(2.0) < still[k] <= np.radians(6.01)
@@ -85,18 +87,15 @@ def test_a_joint_that_gravity_always_loads_is_refused_with_its_load(urdf):
             tip("arm"),
         )
     )
-    with pytest.raises(JointplayError, match=r"j: gravity leans on it by 3\.\d N m, more than"):
+    with pytest.raises(JointplayError, match=r"j: gravity's 3\.\d N m leans on one side"):
         plan_wiggle(robot, {"j": SERVO})
 
 
-def test_an_encoder_on_the_motor_needs_a_heavy_link(urdf):
-    arm = joint("j", "base", "arm")
-    motor = Servo.of("STS3215", voltage=7.4, p_gain=38.6, encoder="motor")
-    light = geared(urdf(body("arm", mass=0.1, com="0.1 0 0"), arm, tip("arm")))
-    with pytest.raises(JointplayError, match="too light for an encoder on the motor, whose rotor"):
-        plan_wiggle(light, {"j": motor})
-    heavy = geared(urdf(body("arm", mass=9.0, com="0.1 0 0"), arm, tip("arm")))
-    assert [one.joint for one in plan_wiggle(heavy, {"j": motor}).steps] == ["j"]
+def test_an_encoder_on_the_motor_is_refused_before_anybody_records(so101):
+    robot, servos = so101
+    motors = {name: replace(one, encoder="motor") for name, one in servos.items()}
+    with pytest.raises(JointplayError, match="shoulder_pan: the encoder is on the motor"):
+        plan_wiggle(robot, motors)
 
 
 def test_ways_go_around_the_robot_itself(urdf):
@@ -461,7 +460,7 @@ def test_the_command_asks_for_the_encoders_side_where_sources_contradict(capsys)
     assert main(["identify", "so101", "--plan", "wiggle", "--encoder", "motor"]) == 2
     said = capsys.readouterr().err
     assert "a wiggle tells no joint's play" in said
-    assert "too light for an encoder on the motor" in said
+    assert "the encoder is on the motor" in said
 
 
 def test_the_command_writes_the_plan(tmp_path, capsys):
@@ -481,7 +480,7 @@ def test_the_trajectory_is_that_of_ros(tmp_path):
 
     order = ["identify", "so101", "--plan", "wiggle", "--encoder", "output", "--quiet"]
     out = tmp_path / "plan"
-    assert main([*order, "--gear", "wrist_roll=0.5 deg", "--out", str(out)]) == 0
+    assert main([*order, "--gear", "wrist_flex=0.5 deg", "--out", str(out)]) == 0
     whole = yaml.load((out / "wiggle.yaml").read_text(), getattr(yaml, "CSafeLoader", yaml.Loader))
     motion = Motion.from_csv(out / "wiggle.csv")
     assert whole["joint_names"] == list(motion.joints)
@@ -523,9 +522,9 @@ def test_the_encoders_side_is_only_for_servos(tmp_path, capsys):
 
 def told(joint):
     unknown = Unknown(joint, "gear_play", "rad", np.nan, fine=False)
-    if joint == "wrist_roll":
+    if joint == "wrist_flex":
         return Estimate(unknown, reason="it jitters")
-    return Estimate(unknown, 0.01, 0.005, found=joint != "wrist_flex", upper=0.015)
+    return Estimate(unknown, 0.01, 0.005, found=joint != "shoulder_pan", upper=0.015)
 
 
 def test_a_log_is_answered_in_a_table_with_figure_and_preset(
@@ -540,12 +539,12 @@ def test_a_log_is_answered_in_a_table_with_figure_and_preset(
     order = ["identify", "so101", str(path), "--encoder", "output", "--out", str(out)]
     assert main([*order, "--write-preset", str(tmp_path / mine)]) == 0
     said = capsys.readouterr().out
-    assert "The readings tell the play of 4 of 5 joints" in said
-    assert "wrist_roll gear play: it jitters" in said
+    assert "The readings tell the play of 3 of 4 joints: shoulder_pan at most" in said
+    assert "wrist_flex gear play: it jitters" in said
     assert "shoulder_lift gear play" in said
     assert "note: the log says no gains" in said
     found = json.loads((out / "identified.json").read_text())
-    assert {row["joint"] for row in found["unknowns"]} == set(so101[1])
+    assert {row["joint"] for row in found["unknowns"]} == set(so101[1]) - {"wrist_roll"}
     assert (out / "loops.png").stat().st_size > 10_000
     kept = preset(tmp_path / mine)
     assert kept.named["elbow_flex"]["drive"]["encoder"] == "link"

@@ -29,6 +29,7 @@ from jointplay.estimate.wiggle import EDGES, Known, ServoLog, Untold, features, 
 from jointplay.simulation.loads.drive import Servo
 
 MEMBERS = 6_500
+"""Of the family, from which the shipped numbers are."""
 LEAD_S = 0.4
 """How long the joint stands before and after the wiggle [s]."""
 

@@ -29,6 +29,8 @@ SQUARES = (1.0, 100.0, 0.3, 3)
 """Amplitude [deg], speed [deg/s], rest at each side [s] and number of the squares that follow."""
 RATE_HZ, JITTER_S = 80.0, 4e-3
 """Least rate of records, and largest deviation of their intervals from the usual one."""
+USUAL_S = 1e-3
+"""Period of a servo that is not given."""
 STIR = np.radians(0.5)
 """Largest motion of the other joints [rad]."""
 REVERSES, LEAST_FRICTION = 2.0, 0.01
@@ -126,8 +128,10 @@ def play_of(log: ServoLog, known: Known) -> Estimate:
     if too_wide(low, high):
         ends = f"{np.degrees(low):.1f} to {np.degrees(min(high, LARGEST)):.1f} deg"
         return Estimate(unknown, reason=f"plays from {ends} would look alike in this log")
-    told = {"value": 0.5 * (low + high), "half_width": 0.5 * (high - low), "ends": (low, high)}
-    return Estimate(unknown, **told, upper=high, found=low > 0.0)
+    middle = 0.5 * (low + high) if np.isfinite(high) else low
+    note = f"{np.degrees(low):.1f} to {np.degrees(high):.1f} deg"
+    note = note if np.isfinite(high) else f"no upper end told, at least {np.degrees(low):.1f} deg"
+    return Estimate(unknown, middle, ends=(low, high), upper=high, found=low > 0.0, note=note)
 
 
 def band(log: ServoLog, known: Known) -> tuple[float, float]:
@@ -142,11 +146,6 @@ def band(log: ServoLog, known: Known) -> tuple[float, float]:
     check(log, known)
     numbers = regression()
     seen = features(log, known)
-    own = _known_features(known)
-    outside = (own < numbers["least"] - _BEYOND) | (own > numbers["most"] + _BEYOND)
-    if outside.any():
-        what = KNOWN[int(np.argmax(outside))]
-        raise Untold(f"its {what} is outside those of the simulated family")
     if strangeness(seen, numbers) > numbers["strange"]:
         raise Untold(
             "no simulated joint moves as this log does (one of 100 of the family is refused so)"
@@ -174,7 +173,7 @@ def check(log: ServoLog, known: Known) -> None:
     Raises:
         Untold: with the reason.
     """
-    servo, size = known.servo, len(log.time)
+    size = len(log.time)
     arrays = [log.time, log.goal, log.position]
     if size < 10 or any(len(x) != size or not np.isfinite(x).all() for x in arrays):
         raise Untold("a log needs times, goals and positions, as many of each and all finite")
@@ -196,6 +195,17 @@ def check(log: ServoLog, known: Known) -> None:
         raise Untold(
             f"other joints moved by {np.degrees(stir):.2g} deg, more than {np.degrees(STIR):.2g}"
         )
+    check_joint(known)
+
+
+def check_joint(known: Known) -> None:
+    """Refuse joints of which no log can tell anything.
+
+    Raises:
+        Untold: with the reason.
+        JointplayError: the numbers of the regression are damaged.
+    """
+    servo = known.servo
     least = max(servo.friction, LEAST_FRICTION * servo.stall * servo.voltage)
     if abs(known.load) > REVERSES * least:
         raise Untold(
@@ -207,6 +217,12 @@ def check(log: ServoLog, known: Known) -> None:
             "the encoder is on the motor, before the play, and the regression is for encoders on "
             "the output"
         )
+    numbers = regression()
+    own = _known_features(known)
+    outside = (own < numbers["least"] - _BEYOND) | (own > numbers["most"] + _BEYOND)
+    if outside.any():
+        what = KNOWN[int(np.argmax(outside))]
+        raise Untold(f"its {what} is outside those of the simulated family")
 
 
 # ---- Encoder on the output: a regression ---------------------------------------------------------
@@ -329,7 +345,7 @@ def _known_features(known: Known) -> np.ndarray:
         [
             known.link_inertia / rotor, spring / rotor, servo.stall * servo.voltage / rotor,
             servo.braking / rotor, servo.d_gain / servo.p_gain + 1e-3, servo.band + _FLOOR,
-            servo.resolution + _FLOOR, (servo.period or 0.0) + 1e-3,
+            servo.resolution + _FLOOR, (servo.period or USUAL_S) + 1e-3,
         ]
     )  # fmt: skip
     return np.append(logs, _about(np.array([known.load / spring])))

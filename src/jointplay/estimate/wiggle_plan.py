@@ -10,7 +10,7 @@ after the other by `wiggle.wiggle_goal`, the others stand; between them all move
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
@@ -20,7 +20,7 @@ from jointplay.base.errors import JointplayError, MissingName
 from jointplay.base.tables import Table
 from jointplay.base.units import readable
 from jointplay.estimate.planning import free_poses
-from jointplay.estimate.wiggle import Known, wiggle_goal
+from jointplay.estimate.wiggle import Known, Untold, check_joint, wiggle_goal
 from jointplay.model.collisions import SelfCollision
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.loads.drive import Drive, Servo
@@ -32,19 +32,19 @@ SWING = np.radians(8.0)
 FLOOR = 0.02
 """Height above the base's plane below which joints and tool do not go, unless they are there with
 all joints at zero, as where the arm hangs [m]."""
+PERIOD_S = 1e-3
+"""Of the loop of a servo of which nobody says it."""
 RATE, _ON_WAY = 100.0, 20.0
 """Points of a wiggle, and of the way to it [1/s]."""
 SPEED, REST_S = np.radians(15.0), 1.0
 """Of the way from one pose to the next, and how long all stand before and after a wiggle [rad/s,
 s]."""
 _WIGGLE = np.radians(3.0)
-_FAINT, _LIGHT = 0.25, 0.1
+_FAINT, _LIGHT = 1.0, 0.1
 """Gravity's torque over a wiggle, by the motor's friction, that counts as none; and the link's
 inertia, by the rotor's, below which a pose in which it is larger is preferred."""
-_REVERSES = 1.0
-"""Gravity's torque on a joint, by its motor's dry friction, up to which its torque reverses."""
-_CARRIES = 2.0
-"""Link's inertia by the rotor's from which on an encoder on the motor tells play."""
+_HOLDS = 10.0
+"""Gravity's torque on another joint, by the motor's friction, from which on more is no better."""
 _CHECKED = 24
 """Points of a way at which self-collision is looked for."""
 RECORD = (
@@ -60,23 +60,16 @@ def known_of(mechanism: Mechanism, servo: Servo, joint: str, pose: Mapping[str, 
     data = ideal.model.createData()
     inertia = float(pin.crba(ideal.model, data, q)[at, at])
     load = float(pin.computeGeneralizedGravity(ideal.model, data, q)[at])
+    servo = replace(servo, period=servo.period or PERIOD_S)
     return Known(servo, mechanism.gears[joint].rotor_inertia, inertia, load)
 
 
 def refusal(known: Known) -> str:
     """Why a wiggle would tell nothing of a joint, before anybody records; empty if it would."""
-    if abs(known.load) > _REVERSES * known.servo.friction:
-        load, rubs = (readable(x, "N*m", 2) for x in (abs(known.load), known.servo.friction))
-        return (
-            f"gravity leans on it by {load}, more than the motor's friction of {rubs}: its torque "
-            "would not reverse"
-        )
-    if known.servo.encoder == "motor" and known.link_inertia < _CARRIES * known.rotor_inertia:
-        link, rotor = (readable(x, "kg*m^2", 2) for x in (known.link_inertia, known.rotor_inertia))
-        return (
-            f"its link of {link} is too light for an encoder on the motor, whose rotor has {rotor} "
-            f"({_CARRIES:g} times that is needed)"
-        )
+    try:
+        check_joint(known)
+    except Untold as reason:
+        return str(reason)
     return ""
 
 
@@ -198,18 +191,27 @@ class _Scene:
         self, joint: str, servo: Servo, poses: Sequence[dict[str, float]], near: Mapping[str, float]
     ) -> list[tuple[Known, dict[str, float]]]:
         """Poses with room for a wiggle: those of little gravity first, then those that give the
-        link inertia, then those near a pose."""
+        link inertia, in which gravity holds the other joints in their play, and near a pose."""
         least = _FAINT * servo.friction
 
-        def rank(one: tuple[Known, dict[str, float]]) -> tuple[float, float, float, float]:
+        others = [name for name in self.mechanism.gears if name != joint]
+
+        def rank(one: tuple[Known, dict[str, float]]) -> tuple[float, ...]:
             known, pose = one
             sides = ({**pose, joint: pose[joint] + side * _WIGGLE} for side in (-1.0, 1.0))
             most = max(abs(self.gravity(joint, side)) for side in sides)
-            light = max(_LIGHT * known.rotor_inertia - known.link_inertia, 0.0)
+            heavy = min(known.link_inertia / (_LIGHT * known.rotor_inertia), 1.0)
             far = max(abs(pose[name] - near[name]) for name in self.names)
-            return max(abs(known.load), 0.1 * least), max(most, least), light, far
+            held = (min(abs(self.gravity(name, pose)), _HOLDS * servo.friction) for name in others)
+            return (
+                max(abs(known.load), 0.05 * least),
+                max(most, least),
+                -round(3.0 * heavy),
+                -sum(held),
+                far,
+            )
 
-        found = self._options(joint, poses, 0.1 * least)
+        found = self._options(joint, poses, 0.05 * least)
         return sorted(((known_of(self.mechanism, servo, joint, q), q) for q in found), key=rank)
 
     def _options(
