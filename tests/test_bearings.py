@@ -478,3 +478,27 @@ def test_every_command_says_that_a_bearing_is_unknown(tmp_path):
         )
         assert done.returncode == 2, command
         assert "unknown bearing 'NU205'; did you mean 6205?" in done.stderr, command
+
+
+@pytest.mark.parametrize(
+    ("name", "clearance", "stiffness", "load", "cage"),
+    [
+        (
+            "16007",
+            10.4e-6,
+            (1.13e7, 2.66e4),
+            [-652.96, 313.34, -997.13, -33.959, 24.566],
+            3.624,
+        ),
+        ("6904", 6.25e-6, (1.88e7, 1.527e4), [1003.9, 569.1, 1553.7, -5.45, 35.654], 2.0768),
+    ],
+)
+def test_a_bearing_that_leans_in_a_soft_seat_balances_its_load(
+    name, clearance, stiffness, load, cage
+):
+    (along, tilt), given = stiffness, np.append(load, 0.0)
+    seat = jp.Elasticity(radial=along, axial=along, tilt=tilt)
+    one = jp.BallBearing(designation=name, radial_clearance=clearance, seat=seat)
+    place = one.deflection(given[:3], given[3:], cage)
+    left = one.load(place, cage).wrench + given
+    assert np.abs(left[:5]).max() < 1e-9 * np.abs(given).max()

@@ -170,6 +170,11 @@ def test_play_is_found_with_its_friction_and_told_from_compliance(arm):
     assert shoulder.upper < 1e-3
     assert fit["shoulder compliance"].low < 4e-4 < fit["shoulder compliance"].high
     assert fit.step().held_back[0] < 5e-4 < fit.steps[0].held_back[0] / 10.0
+    loops = {one.joint: one for one in fit.loops}
+    loop = loops["elbow"]
+    assert np.sqrt(np.mean((loop.measured - loop.fitted) ** 2)) < 1e-3
+    step = [np.median(loop.measured[side * loop.x > 2.0]) for side in (1, -1)]
+    assert step[0] - step[1] == pytest.approx(8e-3, abs=1e-3)
     text = str(fit)
     assert "elbow half-play" in text
     assert text.count(elbow.words()[1]) == 1
@@ -380,7 +385,9 @@ def test_the_command_prints_and_writes_what_the_function_finds(arm, tmp_path, ca
     elbow = next(one for one in fit["play"] if one["joint"] == "elbow")
     assert elbow["low"] < 4e-3 < elbow["high"]
     tables = {one.name for one in (tmp_path / "out").iterdir()}
-    assert tables == {"calibration.csv", "calibration.json", "residuals.csv", "calibration.png"}
+    assert tables == {
+        "calibration.csv", "calibration.json", "residuals.csv", "calibration.png", "loops.png"
+    }  # fmt: skip
     assert len((tmp_path / "out" / "residuals.csv").read_text().splitlines()) == 61
     assert main(order) == 2
     assert "calibration.csv" in capsys.readouterr().err
@@ -459,7 +466,7 @@ def test_the_command_tells_of_the_encoders_alone(arm, tmp_path, capsys):
     said = capsys.readouterr().out
     assert "elbow: differs by" in said
     assert "left when predicted by play" in said
-    assert [one.name for one in (tmp_path / "out").iterdir()] == ["encoders.csv"]
+    assert {one.name for one in (tmp_path / "out").iterdir()} == {"encoders.csv", "loops.png"}
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ from jointplay.accuracy.causes import CAUSES
 from jointplay.accuracy.error_budget import budget
 from jointplay.accuracy.robot_errors import JointErrors, RobotErrors
 from jointplay.base.errors import JointplayError, MissingName
+from jointplay.physics.joints.play import Play
 from jointplay.show.plots.design import cause_bars
 from jointplay.simulation.loads.drive import Prescribed
 
@@ -63,6 +64,17 @@ def test_parts_sum_to_the_worst_case_and_shares_of_variance_to_one(whole):
         assert sum(worst for worst, _ in parts.values()) == pytest.approx(whole.worst[0])
         assert sum(share for _, share in parts.values()) == pytest.approx(1.0)
     assert set(whole.by("cause")) == set(CAUSES)
+
+
+def test_states_of_a_joint_are_drawn_once_however_many_parts_are_halved(robot, monkeypatch):
+    drawn = []
+    draw = Play.draw
+    monkeypatch.setattr(Play, "draw", lambda self, *about: drawn.append(self) or draw(self, *about))
+    found = budget(robot, POSE, causes=CAUSES)
+    for k in range(len(found.model.contributions)):
+        found.halved(k)
+    found.data()
+    assert len(drawn) == len({id(one) for one in drawn}) > 0
 
 
 def test_what_is_given_counts_and_is_not_called_assumed(robot):

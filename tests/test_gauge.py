@@ -17,6 +17,7 @@ from jointplay.estimate.gauge import Readings, identify_gauged, plan_gauge
 from jointplay.estimate.measurement import tool_positions
 from jointplay.model.gear import Gear
 from jointplay.scenario.presets import preset
+from jointplay.show.plots.design import reversal_loops
 
 ARM, HALF_DEGREE = 0.1, math.radians(0.5)
 FORCES = (0.0, 8.0, -8.0, 2.0, -2.0)
@@ -182,10 +183,33 @@ def test_the_command_plans_reads_writes_and_hands_on(arm, tmp_path, capsys):
     rows = json.loads((found / "identified.json").read_text())["unknowns"]
     assert rows[0]["low"] < HALF_DEGREE < rows[0]["high"]
     assert {one.name for one in found.iterdir()} == {
-        "identified.csv", "identified.json", "identified.png"
+        "identified.csv", "identified.json", "loops.png"
     }  # fmt: skip
     assert main(["budget", robot, "--preset", str(own), "--tool", "tool"]) == 0
     assert "j (gear)" in capsys.readouterr().out
+
+
+def test_the_reversal_loop_has_all_readings_and_the_play_as_its_step(arm):
+    first, other = read(), read(1e-3, name="j")
+    both = [np.concatenate([getattr(one, k) for one in (first, other)]) for k in ("push", "error")]
+    turned = np.concatenate([first.turned, first.turned + 0.3])
+    setups = ("a",) * 5 + ("b",) * 5
+    found = identify_gauged(arm, Readings(("j",) * 10, setups, both[0], turned, both[1]))
+    (loop,) = found.loops
+    seen = np.isfinite(loop.measured)
+    assert seen.sum() == 10
+    pushed = seen & (loop.branch != 0)
+    assert loop.measured[pushed] == pytest.approx(loop.fitted[pushed], abs=1e-6)
+    assert np.isnan(loop.fitted[loop.branch == 0]).all()
+    assert loop.measured[loop.branch == 0] == pytest.approx(0.0, abs=1e-6)
+    step = loop.fitted[~seen] @ loop.branch[~seen]
+    assert step == pytest.approx(found["j gear play"].value, rel=1e-3)
+    figure = reversal_loops(found.loops * 4, found.estimates)
+    first_axes, *_, last = figure.axes
+    dots = sum(len(line.get_xdata()) for line in first_axes.lines if line.get_marker() == "o")
+    assert dots == 10
+    assert "play" in first_axes.get_title()
+    assert not last.axison  # four in two rows of three
 
 
 @pytest.mark.parametrize(

@@ -220,6 +220,21 @@ def test_play_and_friction_of_a_gear_are_recovered(geared, options, more):
     assert abs(value - wanted["dry"]) < 2.0 * half < 0.2 * wanted["dry"]
 
 
+def test_the_loop_of_a_joint_shows_what_was_measured_on_both_ways_and_the_fit(geared, arm):
+    found = identify(geared, lagging(), known=["gear_compliance"])
+    (loop,) = found.loops
+    assert (loop.x_name, loop.unit) == ("position", "rad")  # the torque is the same all along
+    step = [np.median(loop.measured[loop.branch == way]) for way in (-1, 1)]
+    assert step[0] - step[1] == pytest.approx(2e-3 + 2.0 * 0.5 / 1e3, rel=0.05)
+    off = loop.measured - loop.fitted
+    assert np.sqrt(np.mean(off**2)) < 2e-5
+    # A journal's, by the tool alone: it lies on the bore's other side while it is pushed up.
+    (loop,) = identify(Mechanism(arm, {"j": planar(5e-5, 0.1)}), seen()).loops
+    assert loop.unit == "m"
+    assert np.ptp(loop.measured) == pytest.approx(2.0 * CLEARANCE, rel=0.1)
+    assert np.abs(loop.measured - loop.fitted).max() < 1e-5
+
+
 def test_what_is_identified_is_a_preset_for_other_commands(geared, tmp_path, capsys):
     data, own = tmp_path / "seen.csv", tmp_path / "my.toml"
     data.write_text(lagging().csv())

@@ -9,6 +9,7 @@ import os
 import re
 import subprocess
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
 from typing import NamedTuple
@@ -19,7 +20,7 @@ from numba import njit
 from numba.core.compiler import DefaultPassBuilder, Flags
 
 import jointplay as jp
-from jointplay.base import compiler, numba_inside, objects
+from jointplay.base import compiler, numba_inside, objects, progress
 from jointplay.base.compiler import compiled
 from jointplay.base.objects import Unresolved
 
@@ -292,6 +293,21 @@ def test_numbers_arrays_and_named_tuples_are_taken_and_numbers_returned():
         assert given[0, 0] == 2.0 * last + 2.0
     assert doubled(2.0) == 4.0
     assert doubled(2) == 4
+
+
+def test_while_something_is_compiled_time_stands_still_for_bars(monkeypatch):
+    entered = []
+
+    @contextmanager
+    def aside():
+        entered.append(True)
+        yield
+
+    monkeypatch.setattr(progress, "aside", aside)
+    made = {"__name__": __name__}
+    exec("def tripled(x):\n    return 3.0 * x\n", made)  # of no file: never kept
+    assert compiled(made["tripled"])(2.0) == 6.0
+    assert entered == [True]
 
 
 @compiled

@@ -7,6 +7,7 @@ import pytest
 from scipy import interpolate, optimize, signal
 from scipy.spatial.transform import Rotation
 
+from jointplay.accuracy.rest import near_cones
 from jointplay.base.roots import brentq
 from jointplay.simulation.analysis.tool_error import _turns
 from jointplay.simulation.analysis.vibration import _welch
@@ -79,3 +80,29 @@ def test_turns(size):
     ours, those = ((one.as_quat()[:, [3, 0, 1, 2]]) for one in (turn * reference, reference))
     ours = ours * RANDOM.choice([-1.0, 1.0], size=(50, 1))
     assert _turns(ours, those) == pytest.approx(turn.as_rotvec(), rel=1e-9, abs=1e-15)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_points_are_near_cones_where_least_squares_without_negative_parts_say_so(seed, monkeypatch):
+    random = np.random.default_rng(seed)
+    count, rank, m = 200, int(random.integers(2, 7)), int(random.integers(1, 60))
+    edges = random.normal(size=(count, m, rank)) * 10.0 ** random.uniform(-3, 3, (count, 1, 1))
+    if seed % 3 == 0:  # narrow ones
+        edges += 2.0 * np.abs(edges[:, :1])
+    if seed % 4 == 0:  # with edges that nearly agree
+        edges[:, ::2] = edges[:, :1] + 1e-3 * edges[:, ::2]
+    edges[random.random((count, m)) < 0.2] = 0.0
+    points = random.normal(size=(count, rank)) * 10.0 ** random.uniform(-10, 10)
+    parts = random.exponential(size=(count, m)) * (random.random((count, m)) < 0.3)
+    points = np.where(
+        random.random((count, 1)) < 0.5, np.einsum("nm,nmr->nr", parts, edges), points
+    )
+    distance = np.linalg.norm(points, axis=1) * 10.0 ** random.uniform(-5, -1)
+    left = [optimize.nnls(one.T, point)[1] for one, point in zip(edges, points, strict=True)]
+    asked = []
+    nnls = optimize.nnls
+    monkeypatch.setattr(optimize, "nnls", lambda *about: asked.append(1) or nnls(*about))
+    sure = np.abs(left - distance) > 1e-6 * distance
+    near = near_cones(edges, points, distance)
+    assert np.array_equal(near[sure], (left <= distance)[sure])
+    assert len(asked) <= 0.02 * count

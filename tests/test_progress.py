@@ -55,6 +55,23 @@ def test_a_run_is_as_fast_as_it_is_once_it_moves(monkeypatch):
     assert all("0.50 x real time" in line for line in others)
 
 
+def test_what_is_compiled_in_between_does_not_slow_a_run(monkeypatch):
+    """What a finished run is made into is compiled after it, while the bar of all runs is up."""
+    monkeypatch.setenv("JOINTPLAY_PROGRESS_S", "0")
+    now, file = [0.0], io.StringIO()
+    monkeypatch.setattr("time.perf_counter", lambda: now[0])
+    monkeypatch.setattr("sys.stderr", file)
+    bar = progress.Simulated(2.0)
+    for reached in (0.5, 1.0, 1.5):
+        with progress.aside():
+            now[0] += 40.0
+            with progress.aside():
+                now[0] += 20.0
+        now[0] += 1.0
+        bar.reach(reached)
+    assert file.getvalue().splitlines()[-1].endswith("0.50 x real time, 0:00:01 left")
+
+
 def test_into_a_file_go_whole_lines_and_seldom(monkeypatch):
     monkeypatch.delenv("JOINTPLAY_PROGRESS_S", raising=False)
     file = io.StringIO()

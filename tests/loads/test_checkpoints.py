@@ -1,11 +1,20 @@
 """Runs with loads that are continued from a file."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from conftest import body, joint
 
 import jointplay as jp
-from jointplay.simulation.loads import Controller, LoadedFriction, Spring, Stop, Wrench
+from jointplay.simulation.loads import (
+    Controller,
+    JointFriction,
+    LoadedFriction,
+    Spring,
+    Stop,
+    Wrench,
+)
 
 PLAY = {"radial_clearance": 1e-4, "axial_clearance": 1e-4}
 METHODS = ({}, {"tolerance": 1e-3}, {"integrator": "rk4"}, {"integrator": "semi-implicit-euler"})
@@ -82,6 +91,35 @@ def test_loads_are_continued_bit_for_bit(urdf, tmp_path, options):
     rubbed = whole["load_record"].sel(load_part="rub.torque").values
     assert np.abs(rubbed).max() > 0.0
     assert again.audit == whole.audit
+
+
+@pytest.mark.parametrize("period", [None, 3e-4])
+@pytest.mark.parametrize("options", METHODS)
+def test_integrals_and_bristles_are_continued_bit_for_bit(urdf, tmp_path, options, period):
+    whole_simulation = simulation(urdf, {}, start="centred", **options)
+    servo = jp.loads.Servo.of(
+        "STS3215", voltage=7.4, p_gain=30.0, i_gain=3e3, d_gain=0.5, resolution=1e-4, period=period,
+        speed="exact" if period is None else "difference", encoder="link", presliding=1e-4,
+    )  # fmt: skip
+    gear = jp.Gear(play=1e-3, rotor_inertia=0.03, stiffness=300.0, damping=0.05)
+    robot = whole_simulation.mechanism
+    whole_simulation = replace(
+        whole_simulation,
+        mechanism=robot.with_clearance(dict(robot.clearance), {"b": gear}),
+        drive={"a": jp.loads.ComputedTorque(), "b": servo},
+        joint_friction={"b": JointFriction(0.02, presliding=1e-4)},
+    )
+    whole = whole_simulation.run()
+    run = jp.Run(whole_simulation)
+    for moment in run.steps(1e-4):
+        if moment.time >= 4.1e-3:
+            break
+    path = run.checkpoint(tmp_path / "run.npz")
+    again = jp.Simulation.resume(path).finish()
+    for name in whole.dataset.data_vars:
+        assert np.array_equal(again[name].values, whole[name].values, equal_nan=True), name
+    assert abs(run.workspace.servos["integral"][0]) > 1e-3
+    assert (run.workspace.frictions["kept_bend"] != 0.0).all()
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import body, joint
+from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 import jointplay as jp
@@ -122,6 +123,69 @@ def test_samples_hold_the_voltage_as_a_discrete_controller_does(disc, options):
     assert np.abs(found - np.array(states)[:, 0]).max() < 2e-3 * np.ptp(found)
 
 
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_a_step_is_answered_as_the_law_with_an_integral_says(disc, integrator):
+    """Against Radau: the supply's limit, the integral's, and the approach to the goal."""
+    servo = replace(SERVO, friction=0.0, i_gain=400.0, d_gain=0.2, voltage=4.0)
+    simulation = jp.Simulation(
+        disc(), hold(0.0), drive=servo, duration=0.4, step=1e-5, integrator=integrator,
+        record_every=1000, joint_friction={},
+    )  # fmt: skip
+    run = jp.Run(simulation)
+    run.workspace.q[:] = -0.5
+    result = run.finish()
+    damping = servo.braking + servo.viscous
+
+    def law(time, state):
+        q, v, w = state
+        w = np.clip(w, -4.0, 4.0)
+        asked = servo.p_gain * -q + w - servo.d_gain * v
+        push = servo.stall * np.clip(asked, -4.0, 4.0) - damping * v
+        gain = servo.i_gain * -q
+        return [v, push / INERTIA, 0.0 if abs(w) >= 4.0 and gain * w > 0.0 else gain]
+
+    options = {"method": "Radau", "rtol": 1e-10, "atol": 1e-12, "max_step": 1e-3}
+    exact = solve_ivp(law, (0, 0.4), [-0.5, 0.0, 0.0], t_eval=result.time, **options).y
+    assert exact[2].max() >= 4.0
+    assert exact[0].max() > 0.05  # it overshoots, for the integral must unwind
+    limit = 1e-6 if integrator != "semi-implicit-euler" else 2e-4
+    assert np.abs(result["q"].values[:, 0] - exact[0]).max() < limit
+
+
+@pytest.mark.parametrize("options", ENGINES, ids=NAMES)
+@pytest.mark.parametrize("speed", ["exact", "difference"])
+def test_a_sampled_pid_is_that_of_firmware(disc, options, speed):
+    """Against exact steps of motor and inertia under readings in whole counts."""
+    period, count = 5e-3, 2 * math.pi / 4096
+    servo = replace(
+        SERVO, friction=0.0, viscous=0.0, period=period, resolution=count, i_gain=100.0,
+        speed=speed, p_gain=20.0,
+    )  # fmt: skip
+    goal = 0.1003
+    simulation = jp.Simulation(
+        disc(), hold(goal), drive=servo, duration=0.3, joint_friction={}, **options
+    )
+    run = jp.Run(simulation)
+    run.workspace.q[:] = 0.0
+    result = run.finish()
+    damping, push = servo.braking / INERTIA, servo.stall / INERTIA
+    system = np.array([[0.0, 1.0, 0.0], [0.0, -damping, push], [0.0, 0.0, 0.0]])
+    step = expm(system * period)
+    state, states, integral, before = np.zeros(2), [], 0.0, 0.0
+    for _ in range(60):
+        states.append(state)
+        reading = count * math.floor(state[0] / count + 0.5)
+        integral = np.clip(integral + 100.0 * period * (goal - reading), -7.4, 7.4)
+        seen = (reading - before) / period if speed == "difference" else state[1]
+        before = reading
+        voltage = np.clip(20.0 * (goal - reading) + integral - servo.d_gain * seen, -7.4, 7.4)
+        state = (step @ [*state, voltage])[:2]
+    at = np.arange(60) * round(period / result.time[1])
+    found, exact = result["q"].values[at, 0], np.array(states)[:, 0]
+    assert np.abs(found - exact)[:8].max() < 2e-3 * np.ptp(exact)
+    assert np.abs(found - exact).max() < 6 * count  # a count may fall otherwise
+
+
 def test_counts_of_the_encoder_limit_where_it_stops(disc):
     count = 2 * math.pi / 4096
     servo = replace(SERVO, resolution=count, p_gain=200.0, friction=0.0)
@@ -188,6 +252,8 @@ BAD = [
     (lambda: Servo(voltage=7.4, p_gain=10.0), "needs torque_constant, resistance"),
     (lambda: replace(SERVO, dead_band=-1e-3), "dead band must not be negative"),
     (lambda: replace(SERVO, dead_band_counts=2.0), "in counts needs the encoder's resolution"),
+    (lambda: replace(SERVO, speed="difference"), "a speed by differences needs a period"),
+    (lambda: replace(SERVO, i_gain=-1.0), "I gain must not be negative"),
 ]
 
 

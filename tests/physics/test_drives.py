@@ -1,5 +1,7 @@
 """Drives with known answers: prescribed motion, given torques, gears with play, friction."""
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -10,7 +12,14 @@ from scipy.special import ellipk
 import jointplay as jp
 from jointplay.model.gear import Gear
 from jointplay.physics.kernel.integrators import INTEGRATORS
-from jointplay.simulation.loads.drive import ComputedTorque, Free, JointFriction, Prescribed, Torque
+from jointplay.simulation.loads.drive import (
+    ComputedTorque,
+    Free,
+    JointFriction,
+    Prescribed,
+    Servo,
+    Torque,
+)
 from jointplay.simulation.time_loop import LONGEST_MACRO_STEP_S
 
 FLAT = {"gravity": (0.0, 0.0, 0.0)}
@@ -325,6 +334,61 @@ def test_sliding_rotor_slows_by_the_stribeck_torque(urdf):
     assert result["v"].values[:, 0] == pytest.approx(exact, abs=1e-7)
     lost = 0.5 * 0.02 * (9.0 - exact**2)
     assert result["joint_friction_loss"].values == pytest.approx(lost, abs=1e-7)
+
+
+STICKS = JointFriction(0.2, static=0.3, stribeck_speed=0.05, presliding=1e-3)
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_bristles_hold_a_load_below_breakaway(urdf, integrator):
+    """They give way as far as Dahl's curve says, and then by nothing; without them it creeps."""
+    held = {}
+    for presliding in (0.0, 1e-3):
+        losses = replace(STICKS, presliding=presliding, presliding_damping=0.5, viscous=0.3)
+        method = integrator if presliding else "multi-rate"
+        held[presliding] = jp.simulate(
+            rotor(urdf), drive={"a": Torque((0.0, 0.5), (0.0, 0.25))}, duration=10.0,
+            integrator=method, step=1e-3 if method == "multi-rate" else 2e-4, record_every=100,
+            joint_friction={"a": losses}, estimate=False,
+        )["q"].values[:, 0]  # fmt: skip
+    assert held[0.0][-1] > 5e-3
+    slowly = -1e-3 * np.log(1.0 - 0.25 / 0.3)
+    assert slowly < held[1e-3][-1] < 1.2 * slowly  # it has swung a little
+    assert np.ptp(held[1e-3][len(held[1e-3]) // 4 :]) < 1e-6
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_what_is_pulled_slowly_by_a_spring_sticks_and_slips(urdf, integrator):
+    """Times of the slips against Radau of the same law (LuGre)."""
+    pull = Servo(voltage=1e3, p_gain=8.0, torque_constant=1e-2, resistance=1e-2)
+    motion = jp.Motion(["a"], [0, 3.0], [[0.0], [0.1]], interpolation="constant-speed")
+    losses = replace(STICKS, presliding_damping=0.05, viscous=0.05)
+    result = jp.simulate(
+        rotor(urdf), motion, drive=pull, joint_friction={"a": losses}, step=1e-4,
+        integrator=integrator, estimate=False,
+    )  # fmt: skip
+    stiffness = 0.3 / 1e-3
+
+    def law(time, state):
+        q, v, z = state
+        most = (0.2 + 0.1 * np.exp(-((v / 0.05) ** 2))) / stiffness
+        rate = v - abs(v) * z / most
+        friction = stiffness * z + 0.05 * rate + 0.05 * v
+        push = 8.0 * (motion(np.array([time]))[0][0, 0] - q) - 1e-2 * v
+        return [v, (push - friction) / 0.02, rate]
+
+    options = {"method": "Radau", "rtol": 1e-8, "atol": 1e-10, "max_step": 2e-3}
+    start = [*result["q"].values[0], *result["v"].values[0], 0.0]
+    exact = solve_ivp(law, (0, 3.0), start, t_eval=result.time, **options).y
+
+    def slips(speed):
+        return result.time[1:][(speed[1:] > 0.1) & (speed[:-1] <= 0.1)]
+
+    expected, found = slips(exact[1]), slips(result["v"].values[:, 0])
+    assert len(expected) >= 2
+    assert len(found) == len(expected)
+    assert np.abs(found - expected).max() < 2e-3 * np.diff(expected).min()
+    assert result.audit.relative_energy_residual < 1e-3
 
 
 def test_a_drive_that_carries_far_more_than_its_journal_stays_stable():

@@ -186,7 +186,7 @@ class Contribution:
         part = (sizes - self.fit.middle) / (self.fit.most - self.fit.middle)
         return np.asarray(middle + part[:, None] * (loose - middle))
 
-    @property
+    @cached_property
     def covariance(self) -> np.ndarray:
         """Of `draw`, about zero, shape (6, 6)."""
         if self.set is None:

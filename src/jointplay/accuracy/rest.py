@@ -60,6 +60,8 @@ _OPEN = 1e-6
 """Part of a load that is added at random, so that all ends of what it leaves open are found."""
 _DIRECTIONS = half_sphere(180, whole=True)
 """In which the farthest tool is sought, (180, 3)."""
+_ROUNDING, _FLAT = 1e-14, 1e-9
+"""Part of a length that rounding may leave; by how much a plane between may lean into a cone."""
 _SMALL = 1e-6
 """Displacement by which coordinates are found [m or rad]."""
 
@@ -416,30 +418,102 @@ def _held_states(
 
 def _balanced(loads: np.ndarray, contacts: Pressed, friction: float, arm: float) -> np.ndarray:
     """Whether contacts within their cones of friction can balance loads (n, 6), shape (n,)."""
-    from scipy.optimize import nnls  # takes long to import
-
     rows = list(contacts.borne)
     weight = np.array([1.0] * 3 + [1.0 / arm] * 3)[rows]
     cones = contacts.normal[:, :, None] + friction * np.einsum(
         "ci,nkid->nkcd", _CORNERS if friction > 0.0 else np.zeros((1, 2)), contacts.across
     )
-    right = loads[:, rows] * weight
-    size = np.maximum(np.linalg.norm(right, axis=1), 1e-300)
-    good = np.zeros(len(loads), bool)
-    for i, touching in enumerate(contacts.touching):
-        if not touching.any():
-            continue
-        columns = cones[i, touching]
-        patches = contacts.patch[i, touching]
-        if patches.any():
+    edges = []
+    for k in range(cones.shape[1]):
+        columns = np.where(contacts.touching[:, k, None, None], cones[:, k], 0.0)
+        if contacts.patch[:, k].any():
             # Anywhere within a square around the face.
             places = np.sqrt(2.0) * np.array([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]])
-            arms = patches[:, None, None] * places
+            arms = contacts.patch[:, k, None, None] * places
             columns = np.repeat(columns[:, None], len(places), axis=1)
-            columns[..., 3:] += np.cross(arms, contacts.normal[i, touching, None, :3])[:, :, None]
-        matrix = -(columns.reshape(-1, 6)[:, rows] * weight).T
-        good[i] = nnls(matrix, right[i])[1] <= (_BALANCED * friction + _EXACT) * size[i]
-    return good
+            moments = np.cross(arms, contacts.normal[:, k, None, :3])
+            columns[..., 3:] += (moments * contacts.touching[:, k, None, None])[:, :, None]
+        edges.append(columns.reshape(len(loads), -1, 6))
+    if not edges:
+        return np.zeros(len(loads), bool)
+    right = loads[:, rows] * weight
+    size = np.maximum(np.linalg.norm(right, axis=1), 1e-300)
+    most = (_BALANCED * friction + _EXACT) * size
+    near = near_cones(-np.concatenate(edges, axis=1)[:, :, rows] * weight, right, most)
+    return np.asarray(near & contacts.touching.any(axis=1))
+
+
+def near_cones(edges: np.ndarray, points: np.ndarray, distance: np.ndarray) -> np.ndarray:
+    """Whether points are within a distance of the cones that edges span, of many at once.
+
+    Active sets as in `scipy.optimize.nnls`, which is asked only of points for which neither
+    coefficients that are not negative nor a plane between cone and point prove the answer found
+    here: asking it of each of thousands of points, and importing it, takes longer than all else.
+
+    Args:
+        edges: shape (n, m, r), r at most 6; edges of zero do not count.
+        points: shape (n, r).
+        distance: shape (n,).
+
+    Returns:
+        Shape (n,).
+    """
+    long = np.linalg.norm(edges, axis=2, keepdims=True)
+    unit = np.divide(edges, long, out=np.zeros_like(edges), where=long > 0.0)
+    count, rank = points.shape
+    every = np.arange(count)
+    slots = np.zeros((count, rank), int)
+    taken = np.zeros((count, rank), bool)
+    share = np.zeros((count, rank))
+    near, far = np.zeros(count, bool), np.zeros(count, bool)
+    for _ in range(3 * rank):
+        if not len(every):
+            break
+        chosen = unit[every[:, None], slots[every]] * taken[every, :, None]
+        left = points[every] - np.einsum("ns,nsr->nr", share[every], chosen)
+        apart = np.linalg.norm(left, axis=1)
+        gains = (unit[every] @ left[:, :, None])[:, :, 0]
+        best = gains.argmax(axis=1)
+        gain = gains[np.arange(len(every)), best]
+        near[every] = apart <= distance[every]
+        # No point of the cone is nearer than the plane through its apex, across what is left.
+        beyond = (left * points[every]).sum(axis=1) > distance[every] * apart
+        far[every] = ~near[every] & beyond & (gain <= _FLAT * apart)
+        goes_on = ~(near | far)[every] & (gain > _FLAT * apart) & ~taken[every].all(axis=1)
+        every, best = every[goes_on], best[goes_on]
+        free = taken[every].argmin(axis=1)
+        slots[every, free], taken[every, free], share[every, free] = best, True, 0.0
+        _shorten(unit, points, every, slots, taken, share)
+    for i in np.flatnonzero(~(near | far)):
+        from scipy.optimize import nnls  # takes long to import
+
+        near[i] = nnls(edges[i].T, points[i])[1] <= distance[i]
+    return near
+
+
+def _shorten(
+    unit: np.ndarray, points: np.ndarray, every: np.ndarray, slots: np.ndarray,
+    taken: np.ndarray, share: np.ndarray,
+) -> None:  # fmt: skip
+    """Least squares over the edges taken; those whose coefficients would be negative are left."""
+    for _ in range(points.shape[1]):
+        if not len(every):
+            return
+        own = taken[every]
+        chosen = unit[every[:, None], slots[every]] * own[:, :, None]
+        normal = chosen @ chosen.swapaxes(1, 2) + np.eye(own.shape[1]) * (~own + _ROUNDING)[:, None]
+        right = np.einsum("nsr,nr->ns", chosen, points[every])
+        best = np.linalg.solve(normal, right[..., None])[..., 0]
+        bad = own & (best < 0.0)
+        now = share[every]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            steps = np.where(bad, now / (now - best), 1.0)
+        step = steps.min(axis=1, keepdims=True)
+        now += step * (best - now)
+        leaves = bad & (steps <= step)
+        taken[every] = own & ~leaves
+        share[every] = np.where(leaves | ~own, 0.0, now)
+        every = every[bad.any(axis=1)]
 
 
 def _arm(play: Play) -> float:

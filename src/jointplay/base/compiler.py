@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jointplay.base import objects
+from jointplay.base import objects, progress
 
 MOVED = (
     "numba {} has internals that this package does not know ({}): results are the same, but "
@@ -192,7 +192,7 @@ class Compiled:
                 return found
             if insides() is None:
                 return None
-            with objects.alone():
+            with objects.alone(), progress.aside():
                 if fingerprint and (found := objects.loaded(name, signature, fingerprint)):
                     return found
                 made = []

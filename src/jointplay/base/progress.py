@@ -25,6 +25,23 @@ _SIMULATED = "{desc} {part:4.0%}|{bar}| {n:.3f}/{total:.3f} s simulated{postfix}
 _IN_ALL = _SIMULATED.replace("s simulated", "s simulated in all runs")
 
 
+_aside_s = 0.0
+"""What `aside` took so far [s]."""
+
+
+@contextmanager
+def aside() -> Iterator[None]:
+    """Within the block time stands still for bars: it comes once, as to compile, and would be
+    reckoned into every speed and into the time that is left.
+    """
+    global _aside_s
+    began, before = time.perf_counter(), _aside_s
+    try:
+        yield
+    finally:
+        _aside_s = before + time.perf_counter() - began
+
+
 class ProgressBar:
     """A bar on standard error if that is a terminal; else a line each `LINE_EVERY_S`.
 
@@ -65,10 +82,12 @@ class ProgressBar:
             delay = max(delay, self._every)
         self._start = self._clock()
         self._next = self._start + delay
-        self._first: tuple[float, float] | None = None  # before, kernels are compiled or loaded
+        self._first: tuple[float, float] | None = None  # before, kernels are loaded
         self._said, self._shown = "", False
 
-    _clock = staticmethod(time.perf_counter)
+    @staticmethod
+    def _clock() -> float:
+        return time.perf_counter() - _aside_s
 
     def __enter__(self) -> Self:
         return self

@@ -24,6 +24,10 @@ SIGNALS = tuple(
 )
 
 
+_AGAIN_S = 0.01
+"""Until a request that was dropped is made again [s]."""
+
+
 class GivenUp(KeyboardInterrupt):
     """A second request to stop came before all was saved; the message says what is lost."""
 
@@ -42,10 +46,25 @@ def listening() -> Iterator[None]:
     ignored = {n for n, handler in before.items() if handler is signal.SIG_IGN}  # such as by nohup
     for number in set(SIGNALS) - ignored:
         signal.signal(number, _handle)
+    hook = sys.unraisablehook
+
+    def lost(about: Any) -> None:
+        """Ask again where Python drops exceptions: in destructors, callbacks of weak references."""
+        if not issubclass(about.exc_type, KeyboardInterrupt):
+            hook(about)
+            return
+        _state.requests -= 1
+        main = threading.main_thread().ident
+        later = threading.Timer(_AGAIN_S, signal.pthread_kill, [main, signal.SIGINT])
+        later.daemon = True
+        later.start()
+
+    sys.unraisablehook = lost
     _state.requests = 0
     try:
         yield
     finally:
+        sys.unraisablehook = hook
         for number, handler in before.items():
             signal.signal(number, handler if handler is not None else signal.SIG_DFL)
         _state.requests = 0

@@ -470,8 +470,8 @@ def dc_motor(servo: Servo) -> dict[str, Any]:
 
     MuJoCo's controller asks for a torque and cuts it to what the supply's voltage gives at the
     present speed; ours sets a voltage. Both are the same motor with the gains P k/R and
-    D k/R + k^2/R, the back-EMF taking the latter's second part. What is lost: dead band, counts of
-    the encoder, sampling.
+    D k/R + k^2/R, the back-EMF taking the latter's second part. What is lost: I term, dead band,
+    counts of the encoder, sampling.
 
     Its input is the goal [rad]; with a D gain a second one is the goal's speed times D / (D + k).
     """
@@ -491,7 +491,8 @@ def explain(servo: Servo) -> str:
     if servo.d_gain > 0.0:
         part = servo.d_gain / (servo.d_gain + servo.torque_constant)
         words.append(f"second input: the goal's speed [rad/s] times {part:.6g}")
-    lost = [f"dead band {servo.band:g} rad"] if servo.band > 0.0 else []
+    lost = [f"I gain {servo.i_gain:g} V/(rad s)"] if servo.i_gain > 0.0 else []
+    lost += [f"dead band {servo.band:g} rad"] if servo.band > 0.0 else []
     lost += [f"counts of {servo.resolution:g} rad"] if servo.resolution > 0.0 else []
     lost += [] if servo.period is None else [f"sampling every {servo.period:g} s"]
     if lost:

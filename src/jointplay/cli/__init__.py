@@ -128,12 +128,15 @@ class _Parser(argparse.ArgumentParser):
         self.exit(BAD_INPUT, f"{self.prog}: error: {message} (see {self.prog} --help)\n")
 
 
-def parser() -> argparse.ArgumentParser:
-    """The parser of the whole command line."""
+def parser(only: str | None = None) -> argparse.ArgumentParser:
+    """The parser of the command line, of all commands or, which is sooner made, only of one."""
     made = _Parser(prog="jointplay", usage="jointplay COMMAND ...")
     made.add_argument("--version", action="store_true", help="print the version and exit")
     commands = made.add_subparsers(dest="command", metavar="COMMAND")
     for name in (name for names in GROUPS.values() for name in names):
+        if only not in (None, name):
+            commands.add_parser(name)
+            continue
         command = _add_command(commands, (name,))
         if name in KINDS:
             kinds = command.add_subparsers(dest="of_kind", metavar="KIND", title="kinds")
@@ -261,8 +264,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     with streams.forgiving():
         try:
-            made = parser()
-            options = made.parse_args(arguments)
+            words = sys.argv[1:] if arguments is None else arguments
+            made = parser(next((one for one in words if not one.startswith("-")), ""))
+            options = made.parse_args(words)
             with signals.listening():
                 status = _command(made, options)
             sys.stdout.flush()  # what cannot be written must show here

@@ -307,7 +307,7 @@ def calibrate(
             _estimate_scatter(fits, [*given, *candidates])
         name = "base and tool" + "".join(f" + {one.short}" for one in given)
         kept = fits.run(name, given, [[one] for one in candidates])
-        coefficients, play = fits.told(kept, candidates)
+        coefficients, play, whole = fits.told(kept, candidates)
         notes, effects = fits.notes(kept), _effects(fits, kept)
     if poses.exchanged:
         rows = ", ".join(str(i + 1) for i in poses.exchanged)
@@ -315,7 +315,8 @@ def calibrate(
             f"note: labels of markers are exchanged in {len(poses.exchanged)} of {len(poses)} rows "
             f"({rows}); put right"
         )
-    return Calibration(poses, tuple(fits.steps), coefficients, play, words, tuple(notes), effects)
+    told = coefficients, play, words, tuple(notes), effects, whole
+    return Calibration(poses, tuple(fits.steps), *told)
 
 
 def plan_calibration(

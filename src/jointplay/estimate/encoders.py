@@ -143,7 +143,7 @@ def _compared(poses: Poses, joint: str) -> Calibration | None:
     if step.held_back[0] > 0.0:  # what priors are weighed against
         fits.base = replace(base, error=(step.held_back[0],))
     play = [one for many in candidates for one in many if one.kind == "play"]
-    coefficients, bound = fits.told(step, play if may_be(step.terms, play) else ())
+    coefficients, bound, whole = fits.told(step, play if may_be(step.terms, play) else ())
     unknown = Unknown(joint, "difference", base.unit, fine=False)
     causes = " + ".join(one.kind for one in step.terms) or "nothing here"
     head = (
@@ -151,4 +151,5 @@ def _compared(poses: Poses, joint: str) -> Calibration | None:
         f"{unknown.shown(step.held_back[0])} left when predicted by {causes}"
     )
     notes = (head, *fits.notes(step))
-    return Calibration(poses.measured, tuple(fits.steps), coefficients, bound, words, notes)
+    told = coefficients, bound, words, notes, (), whole
+    return Calibration(poses.measured, tuple(fits.steps), *told)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,7 +23,16 @@ from jointplay.estimate.nuisances import DRIFT, REFERENCES, nuisances
 from jointplay.estimate.parts import WOUND, Teeth, friction_of
 from jointplay.estimate.recordings import Recording, is_recording
 from jointplay.estimate.restitution import by_flights, by_simulation, channels
-from jointplay.estimate.unknowns import LARGEST_SHARE, Estimate, Unknown, by_label, data, listed
+from jointplay.estimate.unknowns import (
+    LARGEST_SHARE,
+    PLAYS,
+    Estimate,
+    Loop,
+    Unknown,
+    by_label,
+    data,
+    listed,
+)
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import RollingBearing
 from jointplay.simulation.loads.drive import Drive, JointFriction, urdf_friction
@@ -232,6 +241,8 @@ class Identification:
     """RMS of the residuals, by the scatter of the records alone."""
     elasticity: tuple[Estimate, ...] = ()
     """Compliances of the joints that were accounted for."""
+    loops: tuple[Loop, ...] = ()
+    """Of the joints whose play is sought and shows in a signal, by the visits that counted."""
 
     @property
     def sought(self) -> tuple[Estimate, ...]:
@@ -473,7 +484,25 @@ def _by_means(
         measured,
         excess=float(np.sqrt(np.square(left).sum() / fit.freedom)),
         elasticity=elasticity(fit, model),
+        loops=tuple(_loops(model, fit.theta, error, observed.mean - predicted)),
     )
+
+
+def _loops(
+    model: StaticModel, theta: np.ndarray, error: np.ndarray, left: np.ndarray
+) -> Iterator[Loop]:
+    """Of each joint whose play is sought, by standard errors and what is left, (n, keys) each."""
+    counted, made = np.isfinite(error), model.visits
+    size = np.where(counted, error, np.inf)
+    at, left = counted.any(axis=1), np.where(counted, left, 0.0) / size
+    for joint in dict.fromkeys(one.joint for one in model.unknowns if one.name in PLAYS):
+        own, unit, (x, name, its), effect = model.turned(joint, theta)
+        effect, way = effect / size, np.zeros(len(own), int)
+        if joint in made.joints:
+            way = made.direction[:, made.joints.index(joint)]
+        if effect.any():
+            rows = own[at], unit, way[at], effect[at], left[at]
+            yield Loop.beside(joint, (x[at], name, its), *rows)
 
 
 def _read(

@@ -49,8 +49,8 @@ FAINT = 1e-3
 """Effect of a whole scale below which nothing is identified, in standard errors."""
 _TRIED, _RANGE = 16, 3.0
 """Starts that are looked at, and how far they lie from the scenario's values."""
-_FIRST, _LATER = 15, 8
-"""Most steps of least squares from each start, and with other errors."""
+_FIRST, _BEST, _LATER = 15, 100, 8
+"""Most steps of least squares from each start, from the best of these on, and with other errors."""
 _AS_GOOD = 1.1
 """Cost of another minimum, relative to the best, up to which it is as good an explanation."""
 _ROUGH = 0.005
@@ -472,6 +472,7 @@ def search(problem: LeastSquares, start: np.ndarray | None = None) -> Fit:
         start = np.array([one.nominal or 0.5 * one.scale for one in problem.unknowns])
     tried = [fit(problem, one, _FIRST) for one in _starts(problem, start)]
     best = min(tried, key=lambda one: problem.cost(one.theta))
+    best = fit(problem, best.theta, _BEST)  # residuals of where it stopped would grow the errors
     own = problem.error
     kinds = np.zeros(len(own), int) if problem.kinds is None else problem.kinds
     for _ in range(_ROUNDS):

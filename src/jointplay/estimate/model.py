@@ -32,7 +32,14 @@ from jointplay.accuracy.jacobians import place, tool_place
 from jointplay.accuracy.poses import moving
 from jointplay.base.compiler import compiled
 from jointplay.estimate.machine import TOOL, Machine
-from jointplay.estimate.measurement import Key, Visits, configurations, stacked, tool_effect
+from jointplay.estimate.measurement import (
+    Key,
+    Visits,
+    configurations,
+    signal_effect,
+    stacked,
+    tool_effect,
+)
 from jointplay.estimate.parts import SPRINGS, WOUND, Elements, Journal, Teeth, friction_of
 from jointplay.estimate.unknowns import Unknown
 from jointplay.model.gear import Curve, Gear
@@ -73,6 +80,8 @@ _TURNING = 0.04
 """The same of moments that tilt a rolling bearing, which change while a place is passed."""
 _FRICTION = 0.1
 """Coefficient of the friction along the axis that may hold a journal's lean where it is."""
+_ALIKE = 0.2
+"""Part of a torque's range within which it is the same all along a way."""
 _MOVED = 0.35
 """Part of the clearance by which rims may be held off the place where the load would push them."""
 _DRY, _BREAKS = 2.5, 1.4
@@ -437,6 +446,35 @@ class StaticModel:
             else:
                 means[:, column] = self._torque(name, values.get(name, {}))
         return means
+
+    def turned(
+        self, joint: str, theta: np.ndarray
+    ) -> tuple[np.ndarray, str, tuple[np.ndarray, str, str], np.ndarray]:
+        """How far one joint with play is off (n,), by its twist or, of a bearing alone, along the
+        way it mostly goes, and the unit; over what that shows, its torque or position (`Loop.x`,
+        name and unit); and the effect of one more on the signals, shape (n, keys)."""
+        values, held = self._values(theta)
+        mine, entry = values.get(joint, {}), self.mechanism.description.joints.get(joint)
+        slides = entry is not None and entry.slides
+        place = np.zeros(len(self.visits)), "position", "m" if slides else "rad"
+        if joint in self.visits.joints:
+            column = self.visits.joints.index(joint)
+            place = self.visits.position[:, column], *place[1:]
+        if joint in self._gives:
+            twist, torque, _ = self._lag(joint, *mine.items())
+            effect = tool_effect(self.keys, self._pushed[joint])
+            if ("link", joint) in self.keys:
+                effect += signal_effect(self.keys, ("link", joint), np.ones(len(twist)))
+            ways = self.visits.direction[:, column]
+            alike = max(np.ptp(torque[ways == way]) for way in np.unique(ways))
+            if alike > _ALIKE * np.ptp(torque) or not np.ptp(place[0]):
+                place = torque, "torque", "N" if slides else "N*m"
+            return twist, "m" if slides else "rad", place, effect
+        bearing = self._bearings[joint]
+        moved = np.einsum("nij,nj->ni", bearing.move, self._point(joint, held, *mine.items()))
+        way = np.linalg.svd(moved, full_matrices=False)[2][0]
+        effect = tool_effect(self.keys, np.tile(way, (len(moved), 1)))
+        return moved @ way, "m", place, effect
 
     def loose(self) -> np.ndarray:
         """How the tool moves with what friction may hold anywhere, shape (n, keys, columns).

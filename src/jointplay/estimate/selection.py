@@ -9,7 +9,7 @@ beside all that might stand in for them.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -29,7 +29,7 @@ from jointplay.estimate.least_squares import Fit, LeastSquares, basis, minimum
 from jointplay.estimate.machine import preset_found
 from jointplay.estimate.parts import SPRINGS, WOUND
 from jointplay.estimate.static_poses import StaticPoses
-from jointplay.estimate.unknowns import Estimate, Unknown, by_label, data, listed
+from jointplay.estimate.unknowns import Estimate, Loop, Unknown, by_label, data, listed
 
 if TYPE_CHECKING:
     from jointplay.model.mechanism import Mechanism
@@ -60,6 +60,8 @@ _PARTS = {
     **{f"seat {way} compliance": (f"{way}_compliance", 1.0) for way in SPRINGS},
 }
 """Unknowns of a joint's parts by the names of coefficients, and how many times as large."""
+_BY_LOAD = ("play", "compliance", "gear", "hysteresis")
+"""Kinds of terms that turn a joint by its load or by the way it came."""
 _UNKNOWN = "not determined (other causes do the same, or nothing shows it)"
 
 
@@ -233,6 +235,8 @@ class Calibration:
     effects: tuple[Estimate, ...] = ()
     """What each term that was kept moves the tool by, RMS over the poses, beyond what other places
     of base and tool would do [m]."""
+    whole: Fitted | None = field(default=None, repr=False)
+    """With all candidates and everybody's play free, which `play` and `coefficients` are of."""
 
     def step(self) -> Step:
         """The model that was kept."""
@@ -305,6 +309,13 @@ class Calibration:
                 "these poses tell nothing of play or stiffness, which a preset would have"
             )
         return preset_found(self.mechanism, found, self.poses.source, robot)
+
+    @property
+    def loops(self) -> tuple[Loop, ...]:
+        """Of each joint whose play was fitted: how far its load and the way it came turn it."""
+        order = {joint: k for k, joint in enumerate(self.poses.joints)}
+        made = () if self.whole is None else _loops(self.whole)
+        return tuple(sorted(made, key=lambda one: order[one.joint]))
 
     @property
     def models(self) -> Table:
@@ -406,6 +417,36 @@ class Calibration:
             },
             "notes": list(self.notes),
         }
+
+
+def _loops(fitted: Fitted) -> Iterator[Loop]:
+    """By what a turn of the joint itself would do to what was measured in each row."""
+    problem, rows = fitted.problem, fitted.rows
+    poses, owner, first = problem.poses, problem.owner(rows), len(problem.frame)
+    left = -fitted.residual[: len(owner)]
+    mine = (owner[:, None] == np.arange(len(rows))).T  # (n, numbers)
+    turns = fitted.coefficients * problem.features
+    for i, one in enumerate(problem.columns):
+        if one.term.kind != "play":
+            continue
+        bare = replace(one, feature=np.ones(len(poses)))
+        plain = problem.having([*problem.columns[:i], bare, *problem.columns[i + 1 :]]).at(rows)
+        effect = plain.effects(fitted.theta)[: len(owner), first + i] / one.unknown.scale
+        own = sum(
+            turns[:, k] for k, other in enumerate(problem.columns)
+            if other.index == one.index and other.target == COORDINATE and other.moves is None
+            and other.term.kind in _BY_LOAD
+        )  # fmt: skip
+        unit = one.unknown.unit
+        yield Loop.beside(
+            one.joint,
+            (poses.load[rows, one.index], "load", "N" if unit == "m" else "N*m"),
+            np.asarray(own)[rows],
+            unit,
+            np.sign(poses.approach[rows, one.index]).astype(int),
+            mine * effect,
+            mine * left,
+        )
 
 
 Gain = tuple[bool, float, float]
@@ -623,8 +664,8 @@ class Selection:
 
     def told(
         self, kept: Step, candidates: Sequence[Term]
-    ) -> tuple[tuple[Estimate, ...], tuple[Estimate, ...]]:
-        """Of the coefficients of what was kept, and of every joint's play.
+    ) -> tuple[tuple[Estimate, ...], tuple[Estimate, ...], Fitted]:
+        """Of the coefficients of what was kept, and of every joint's play; and the fit.
 
         All candidates and everybody's play are free: where one cause does what another does, the
         interval of neither rests on the other's absence.
@@ -672,7 +713,7 @@ class Selection:
             reason, ends = "" if seen else _why_not(fitted, i), (low, high)
             one = Estimate(column.unknown, value, reason=reason, ends=ends, upper=upper, found=seen)
             made.append(one)
-        return tuple(found), tuple(made)
+        return tuple(found), tuple(made), fitted
 
     def _smoothed(self, fitted: Fitted, i: int) -> float:
         """The largest bound over other transitions of this joint's play, that are given."""

@@ -20,6 +20,11 @@ LARGEST_SHARE, SMALL = 0.5, 0.25
 """An unknown is identified if half of its interval is at most `LARGEST_SHARE` of its value; values
 below `SMALL` of its scale count as this much."""
 
+PLAYS = ("gear_play", "radial_clearance", "half-play")
+"""Unknowns that are a joint's play."""
+_FAINT = 0.2
+"""Part of the largest effect of a joint below which signals say nothing of where it was."""
+
 
 @dataclass(frozen=True)
 class Unknown:
@@ -106,6 +111,10 @@ class Estimate:
     def joint(self) -> str:
         return self.unknown.joint
 
+    def plays(self, joint: str) -> bool:
+        """Whether it is of a joint's play."""
+        return self.joint == joint and self.unknown.name in PLAYS
+
     @property
     def deviation(self) -> float:
         """Standard deviation by the interval."""
@@ -148,6 +157,50 @@ class Estimate:
         row: dict[str, Any] = {"joint": one.joint, "unknown": one.name, "unit": one.unit}
         row |= {"why_not": self.reason, "note": self.note}
         return row | {name: float(x) for name, x in numbers.items() if np.isfinite(x)}
+
+
+@dataclass(frozen=True)
+class Loop:
+    """How far a joint was turned from where its motor had it, n times, and what was fitted: a
+    reversal loop, which shows play as the step between its branches."""
+
+    joint: str
+    x: np.ndarray
+    """What it is drawn over, shape (n,) [SI]."""
+    x_name: str
+    x_unit: str
+    measured: np.ndarray
+    """Shape (n,) [SI]; nan where there is the fit alone."""
+    fitted: np.ndarray
+    """Shape (n,) [SI]; nan where the fit says nothing."""
+    unit: str
+    """``rad`` or ``m``."""
+    branch: np.ndarray
+    """-1 or 1: which way it went or was pushed; 0: neither, shape (n,)."""
+
+    @classmethod
+    def beside(
+        cls,
+        joint: str,
+        over: tuple[np.ndarray, str, str],
+        fitted: np.ndarray,
+        unit: str,
+        branch: np.ndarray,
+        effect: np.ndarray,
+        left: np.ndarray,
+    ) -> Loop:
+        """With all else as it was fitted: what is left of k signals is added to the joint's own.
+
+        Args:
+            joint, over, fitted, unit, branch: see the class; `over` is x with its name and unit.
+            effect: of the joint's motion by one on the signals, in standard errors, shape (n, k).
+            left: measured less fitted, in standard errors, shape (n, k).
+        """
+        size = np.sum(effect**2, axis=1)
+        use = size > _FAINT**2 * size.max(initial=0.0)
+        measured = fitted[use] + np.sum(effect * left, axis=1)[use] / size[use]
+        x, name, its = over
+        return cls(joint, x[use], name, its, measured, fitted[use], unit, branch[use])
 
 
 def listed(

@@ -146,11 +146,6 @@ def band(log: ServoLog, known: Known) -> tuple[float, float]:
     check(log, known)
     numbers = regression()
     seen = features(log, known)
-    own = _known_features(known)
-    outside = (own < numbers["least"] - _BEYOND) | (own > numbers["most"] + _BEYOND)
-    if outside.any():
-        what = KNOWN[int(np.argmax(outside))]
-        raise Untold(f"its {what} is outside those of the simulated family")
     if strangeness(seen, numbers) > numbers["strange"]:
         raise Untold(
             "no simulated joint moves as this log does (one of 100 of the family is refused so)"
@@ -178,7 +173,7 @@ def check(log: ServoLog, known: Known) -> None:
     Raises:
         Untold: with the reason.
     """
-    servo, size = known.servo, len(log.time)
+    size = len(log.time)
     arrays = [log.time, log.goal, log.position]
     if size < 10 or any(len(x) != size or not np.isfinite(x).all() for x in arrays):
         raise Untold("a log needs times, goals and positions, as many of each and all finite")
@@ -200,6 +195,17 @@ def check(log: ServoLog, known: Known) -> None:
         raise Untold(
             f"other joints moved by {np.degrees(stir):.2g} deg, more than {np.degrees(STIR):.2g}"
         )
+    check_joint(known)
+
+
+def check_joint(known: Known) -> None:
+    """Refuse joints of which no log can tell anything.
+
+    Raises:
+        Untold: with the reason.
+        JointplayError: the numbers of the regression are damaged.
+    """
+    servo = known.servo
     least = max(servo.friction, LEAST_FRICTION * servo.stall * servo.voltage)
     if abs(known.load) > REVERSES * least:
         raise Untold(
@@ -211,6 +217,12 @@ def check(log: ServoLog, known: Known) -> None:
             "the encoder is on the motor, before the play, and the regression is for encoders on "
             "the output"
         )
+    numbers = regression()
+    own = _known_features(known)
+    outside = (own < numbers["least"] - _BEYOND) | (own > numbers["most"] + _BEYOND)
+    if outside.any():
+        what = KNOWN[int(np.argmax(outside))]
+        raise Untold(f"its {what} is outside those of the simulated family")
 
 
 # ---- Encoder on the output: a regression ---------------------------------------------------------

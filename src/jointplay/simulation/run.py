@@ -402,7 +402,6 @@ class Run:
     def result(
         self,
         status: Status | None = None,
-        reactions: bool = True,
         only: Sequence[str] | None = None,
     ) -> Result:
         """What was recorded so far, as a result.
@@ -410,13 +409,13 @@ class Run:
         Args:
             status: how the run ended; if not given, as it did: at its end, by a failure, or
                 interrupted here.
-            reactions, only: see `histories.histories`.
+            only: see `histories.histories`.
         """
         if status is None:
             failed = self.workspace.status != Status.COMPLETED
             status = self.workspace.status if self._finished or failed else Status.INTERRUPTED
         self._chart.convert_records()
-        return histories(self, status, reactions, only)
+        return histories(self, status, only)
 
     def judgement(self) -> Judgement:
         found = Judgement(judged_from=self.judged_from, before=self._unjudged)

@@ -507,7 +507,7 @@ class StaticEquilibrium:
     ) -> set[int]:
         """Make springs of drives, of servos with a dead band; returns coordinates that they hold.
 
-        Friction of servos, counts of their encoders and samples in between are left out.
+        Friction and I terms of servos, counts of their encoders and samples are left out.
         """
         mechanism, nu = self._mechanism, len(reference) // 3
         sprung: set[int] = set()

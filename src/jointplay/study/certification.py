@@ -233,7 +233,7 @@ class FurtherRun:
         if any(self.aside):
             run.displace(self.aside)
         run.shorten_macro_steps(self.finer)
-        run.label, figures.builder = label, HistoryBuilder(run)
+        run.label, figures.builder = label, HistoryBuilder(run, figures.HISTORIES)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # said in the certificate
             status = run.run_to_end(progress)

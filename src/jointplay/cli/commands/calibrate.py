@@ -57,14 +57,14 @@ if TYPE_CHECKING:
     from jointplay.estimate import Calibration
 
 TABLES = ("calibration.csv", "calibration.json", "residuals.csv", "calibration.png")
-ENCODERS = "encoders.csv"
+ENCODERS, LOOPS = "encoders.csv", "loops.png"
 
 
 def run(options: argparse.Namespace) -> int:
     if options.plan == (options.csv is not None):
         words = "a table of poses (CSV), or --plan to ask where to measure"
         raise JointplayError(f"give {words}{'; not both' if options.plan else ''}")
-    out = Outputs(options.out, ["plan.txt"] if options.plan else [*TABLES, ENCODERS])
+    out = Outputs(options.out, ["plan.txt"] if options.plan else [*TABLES, ENCODERS, LOOPS])
     outputs = {name: getattr(options, name) for name in ("urdf", "mjcf", "write_preset")}
     for name, value in outputs.items():
         option = f"--{name.replace('_', '-')}"
@@ -94,6 +94,7 @@ def run(options: argparse.Namespace) -> int:
     if options.payload is not None:
         payloads = [Payload(mechanism.tool, options.payload, centre=point)]
     contents: dict[str, Any] = {}
+    found: list[Calibration] = []
     notes = []
     if mechanism.tool_reason:
         notes.append(f"tool: {mechanism.tool!r} (chosen: {mechanism.tool_reason}; see --tool)")
@@ -108,7 +109,7 @@ def run(options: argparse.Namespace) -> int:
         return 0
     poses = read_poses(mechanism, options.csv)
     if poses.link is not None:
-        found = encoder_differences(mechanism, poses, payloads)
+        found += encoder_differences(mechanism, poses, payloads)
         notes += ["encoders, link less motor:", *(f"{one}\n" for one in found)]
         contents[ENCODERS] = data([row for one in found for row in one.rows]).csv(6)
         poses = poses.read_by_link(*options.link)
@@ -143,12 +144,10 @@ def run(options: argparse.Namespace) -> int:
         if options.out:
             from jointplay.show.plots.design import calibration
 
-            texts = (
-                fit.data.csv(6),
-                json.dumps(fit.describe(), indent=1) + "\n",
-                fit.residuals.csv(6),
-            )
-            contents |= dict(zip(TABLES, (*texts, calibration(fit)), strict=True))
+            said = json.dumps(fit.describe(), indent=1) + "\n"
+            made = [fit.data.csv(6), said, fit.residuals.csv(6), calibration(fit)]
+            contents |= dict(zip(TABLES, made, strict=True))
+        found.append(fit)
         for path in filter(None, (options.urdf, options.mjcf)):
             _write_robot(fit, path, path == options.mjcf)
         if options.write_preset is not None:
@@ -158,6 +157,13 @@ def run(options: argparse.Namespace) -> int:
         words = "--urdf, --mjcf and --write-preset need positions of the tool, or points"
         raise JointplayError(words)
     if options.out:
+        from jointplay.show.plots.design import reversal_loops
+
+        # Of a joint with two encoders these show it best.
+        loops = {loop.joint: (loop, fit.play) for fit in found[::-1] for loop in fit.loops}
+        if loops:
+            plays = [one for loop, play in loops.values() for one in play if one.plays(loop.joint)]
+            contents[LOOPS] = reversal_loops([loop for loop, _ in loops.values()], plays)
         out.write(contents)
     return 0
 

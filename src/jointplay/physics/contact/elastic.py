@@ -50,13 +50,13 @@ from jointplay.physics.contact.resultant import (
     TANGENT,
     WAYS,
 )
-from jointplay.physics.contact.rolling import find_element_forces
+from jointplay.physics.contact.rolling import find_element_curvature, find_element_forces
 
 _MOST, _ENOUGH, _LEAST_PART = 60, 1e-12, 1e-6
 _ALL = 6
 """Directions of a body."""
 
-_elements = compiled(find_element_forces)
+_elements, _curvature = compiled(find_element_forces), compiled(find_element_curvature)
 
 
 @compiled
@@ -225,10 +225,12 @@ def find_seated_forces(d, pose, out, mode):
             there[i] -= u[i]
         there[5] -= u[3]
         there[8] -= u[4]
-        _elements(d, there, out, EXACT)
+        _elements(d, there, out, FORCES)
+        _curvature(d, there, bend)
         stored = _springs(d, at, WAYS, u, seat, soft)
         energy = stored + out[ENERGY]
-        _gradient(out, there, push, bend)
+        push[0], push[1], push[2] = -out[0], -out[1], -out[2]
+        push[3], push[4] = -out[4] / there[11], out[3] / there[11]
         left = size = 0.0
         for i in range(WAYS):
             unit = 1.0 if i < 3 else 30.0  # angles count by a lever of a thirtieth of a metre
@@ -270,22 +272,6 @@ def find_seated_forces(d, pose, out, mode):
             for k in range(WAYS):
                 series[WAYS * i + j] -= soft[WAYS * i + k] * columns[WAYS * k + j]
     _answer(seat, series, 3, rates, out, True)
-
-
-@compiled
-def _gradient(out, pose, push, bend):
-    """Gradient and curvature in terms of xi of the elements' energy, from what they answer.
-
-    Curvatures at an upright axis: they lead the search only.
-    """
-    push[0], push[1], push[2] = -out[0], -out[1], -out[2]
-    push[3], push[4] = -out[4] / pose[11], out[3] / pose[11]
-    # xi's angles are (about y, -about x) of a twist.
-    for i in range(WAYS):
-        for j in range(WAYS):
-            a, one = (i, 1.0) if i < 3 else ((4, 1.0) if i == 3 else (3, -1.0))
-            b, other = (j, 1.0) if j < 3 else ((4, 1.0) if j == 3 else (3, -1.0))
-            bend[WAYS * i + j] = one * other * out[TANGENT + 6 * a + b]
 
 
 _springs_alone, _seated = compiled(find_spring_forces), compiled(find_seated_forces)

@@ -21,7 +21,6 @@ from jointplay.physics.contact.resultant import (
     BALL_EXPONENT,
     CAGE,
     CAGE_SLOPE,
-    COUNT,
     DISTANCE,
     FORCES,
     RADIUS,
@@ -34,10 +33,9 @@ from jointplay.physics.contact.resultant import (
     ROWS,
     STIFFNESS,
     SUM,
-    TABLE,
     WAYS,
 )
-from jointplay.physics.contact.rolling import find_element_forces
+from jointplay.physics.contact.rolling import find_element_curvature, find_element_forces
 
 _MOST, _MOST_CUTS, _MOST_SHIFTS = 600, 40, 60
 """Steps, trials of each, and shifts of curvature."""
@@ -54,77 +52,14 @@ _STEEPEST = 0.25
 _SINGULAR = 1e-12
 """Stiffness of a direction that counts as none, by the largest."""
 
-_HALF = math.sqrt(0.5)
 
-_elements = compiled(find_element_forces)
+_elements, _curvature = compiled(find_element_forces), compiled(find_element_curvature)
 _SQUARE = WAYS * WAYS
 FOUND, PUSH, SOFT = WAYS, WAYS + 1, 2 * WAYS + 1
 """Places of what `rests` finds behind xi: whether it is a place of rest, the load in terms of xi
 less what the cage takes (5) [N, N m], and how xi changes with force and moment (5, 5)."""
 REST = SOFT + _SQUARE
 """How many numbers it finds."""
-
-
-@compiled
-def _bend(d, pose, bend):
-    """Second derivatives by xi of the energy of all elements, into (25); see `rolling`."""
-    px, py, pz = pose[0], pose[1], pose[2]
-    ax, ay, az = pose[5], pose[8], pose[11]
-    turn_c, turn_s = math.cos(d[CAGE]), math.sin(d[CAGE])
-    rollers, count = d[ROLLERS] != 0.0, int(d[COUNT])
-    exponent = ROLLER_EXPONENT if rollers else BALL_EXPONENT
-    k, r, reach, distance = d[STIFFNESS], d[RADIUS], d[REACH], d[DISTANCE]
-    by, aside = np.zeros(WAYS), np.zeros(WAYS)
-    for i in range(_SQUARE):
-        bend[i] = 0.0
-    for row in range(int(d[ROWS])):
-        h = d[ROW_PLACES + ROW_NUMBERS * row]
-        start = d[ROW_PLACES + ROW_NUMBERS * row + 1] + pz + h * (az - 1.0)
-        for element in range(count):
-            c0, s0 = d[TABLE + 2 * element], d[TABLE + 2 * element + 1]
-            c, s = c0 * turn_c - s0 * turn_s, s0 * turn_c + c0 * turn_s
-            lie = c * ax + s * ay
-            radial = px * c + py * s
-            if rollers:
-                across = _HALF
-                up = _HALF if element % 2 == 0 else -_HALF
-                delta = across * (radial - reach) + up * (start - r * lie)
-                arm, length = 0.0, 1.0
-            else:
-                x = reach + radial + (h - 0.5 * r * lie) * lie
-                y = start - r * lie
-                length = math.sqrt(x * x + y * y)
-                delta = length - distance
-                across, up, arm = x / length, y / length, h - r * lie
-            if delta <= 0.0:
-                continue
-            load = k * delta**exponent
-            steep = exponent * load / delta
-            # Slopes of X and Y by the lean; of the deflection, and at a right angle to it.
-            x_by, y_by = arm, -r
-            tip_x, tip_y = -h * ax / az, -h * ay / az
-            by[0], by[1], by[2] = across * c, across * s, up
-            by[3] = (across * x_by + up * y_by) * c + up * tip_x
-            by[4] = (across * x_by + up * y_by) * s + up * tip_y
-            for i in range(WAYS):
-                for j in range(i + 1):
-                    bend[WAYS * i + j] += steep * by[i] * by[j]
-            if rollers:
-                continue
-            aside[0], aside[1], aside[2] = -up * c, -up * s, across
-            aside[3] = (across * y_by - up * x_by) * c + across * tip_x
-            aside[4] = (across * y_by - up * x_by) * s + across * tip_y
-            for i in range(WAYS):
-                for j in range(i + 1):
-                    bend[WAYS * i + j] += load / length * aside[i] * aside[j]
-            # X and Y themselves bend with the lean.
-            flat, tall = load * across * r, load * up * h / az
-            bend[WAYS * 3 + 3] -= flat * c * c + tall * (1.0 + ax * ax / (az * az))
-            bend[WAYS * 4 + 3] -= flat * c * s + tall * ax * ay / (az * az)
-            bend[WAYS * 4 + 4] -= flat * s * s + tall * (1.0 + ay * ay / (az * az))
-    for i in range(WAYS):
-        for j in range(i):
-            bend[WAYS * j + i] = bend[WAYS * i + j]
 
 
 @compiled
@@ -311,7 +246,7 @@ def _rest(d, load, lean, found):
                 best[i] = xi[i]
         if error <= _BALANCED * size + _ROUNDING * out[SUM]:
             break
-        _bend(d, pose, bend)
+        _curvature(d, pose, bend)
         for i in range(WAYS):
             scaled[i] = left[i] * unit[i]
             for j in range(WAYS):
@@ -346,7 +281,7 @@ def _rest(d, load, lean, found):
     if least > _ACCEPTED * size + _ROUNDING * out[SUM]:
         return
     _answer(d, load, lean, best, pose, out, left)
-    _bend(d, pose, bend)
+    _curvature(d, pose, bend)
     told = _soften(d, load, best, pose, out, bend, unit, found[SOFT:])
     found[FOUND] = 1.0 if told else -1.0
     for i in range(WAYS):

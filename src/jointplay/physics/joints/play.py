@@ -9,6 +9,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -126,7 +127,7 @@ class Play(ABC):
         loads[:, 5] = 0.0  # the drive bears what turns about the axis
         return self.support(loads).point
 
-    @property
+    @cached_property
     def covariance(self) -> np.ndarray:
         """Of `draw`, about zero, shape (6, 6)."""
         states = self.draw(np.random.default_rng(0), DRAWS)

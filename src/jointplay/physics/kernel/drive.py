@@ -1,4 +1,8 @@
-"""What acts on single coordinates: drives and joint friction."""
+"""What acts on single coordinates: drives and joint friction.
+
+Bristles of joint friction are those of `contact.bristle` in one direction: bent with the joint,
+released at the rate |v| over the bend at which they slide, kept half a step ahead.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +11,12 @@ import math
 from jointplay.base.compiler import compiled
 from jointplay.physics.kernel.constants import JOINT_FRICTION_SPEED
 from jointplay.physics.kernel.layout import DRIVE, JOINT_FRICTION
+
+_DIFFERENCE = 1e-5
+"""Relative difference of the speed by which the slope of bristles' friction is found."""
+
+_LEAST_DIFFERENCE = 1e-9
+"""At least so much [rad/s or m/s]."""
 
 
 @compiled
@@ -110,8 +120,33 @@ def add_prescribed_power(run, v, a):
 
 
 @compiled
-def _joint_friction(row, speed):
-    """Friction at a speed, and its slope."""
+def _bend(row, bend, speed, elapsed):
+    """Bristles `elapsed` [s] on: exactly, for a constant speed; with it where they slide."""
+    ratio = speed / row.stribeck
+    dry = row.coulomb + row.stiction * math.exp(-ratio * ratio)
+    part = max(dry / (row.coulomb + row.stiction), _LEAST_DIFFERENCE)
+    most = math.copysign(row.presliding * part, speed)
+    return most + (bend - most) * math.exp(-speed * elapsed / most), most
+
+
+@compiled
+def _bristle_friction(row, speed, elapsed):
+    """Friction with bristles: k z + d dz/dt, and viscous."""
+    bend, most = _bend(row, row.kept_bend, speed, elapsed)
+    row.bend = bend
+    stiffness = (row.coulomb + row.stiction) / row.presliding
+    row.torque = stiffness * bend + row.damping * speed * (1.0 - bend / most) + row.viscous * speed
+    return row.torque
+
+
+@compiled
+def _joint_friction(row, speed, elapsed):
+    """Friction at a speed, and its slope; bristles are kept as they were `elapsed` [s] ago."""
+    if row.presliding > 0.0:
+        more = abs(speed) * _DIFFERENCE + _LEAST_DIFFERENCE
+        further = _bristle_friction(row, speed + more, elapsed)
+        friction = _bristle_friction(row, speed, elapsed)
+        return friction, (further - friction) / more
     ratio = speed / row.stribeck
     excess = row.stiction * math.exp(-ratio * ratio)
     turn = math.tanh(speed / JOINT_FRICTION_SPEED)
@@ -122,12 +157,21 @@ def _joint_friction(row, speed):
 
 
 @compiled
-def apply_joint_friction(run, v, tau):
+def apply_joint_friction(run, v, time, tau):
     """Subtract the joints' own friction from tau."""
+    elapsed = max(time - run.bent_at, 0.0)
     for row in run.frictions:
         i = row.coordinate
-        friction, _ = _joint_friction(row, v[i])
+        friction, _ = _joint_friction(row, v[i], elapsed)
         tau[i] -= friction
+
+
+@compiled
+def commit_bristles(run, v, ahead):
+    """Accept the bristles of joint friction, and keep them as they are `ahead` [s] later."""
+    for row in run.frictions:
+        if row.presliding > 0.0:
+            row.kept_bend, _ = _bend(row, row.bend, v[row.coordinate], ahead)
 
 
 @compiled
@@ -140,13 +184,15 @@ def add_joint_slopes(run, v):
             slope[place[one.coordinate], place[one.encoder]] -= one.kd
     for row in run.frictions:
         i = place[row.coordinate]
-        _, rise = _joint_friction(row, v[row.coordinate])
+        _, rise = _joint_friction(row, v[row.coordinate], max(run.time - run.bent_at, 0.0))
         slope[i, i] -= rise
 
 
 @compiled
 def add_joint_losses(run, v):
-    """Add the power dissipated in joint friction at velocities v."""
+    """Add the power that joint friction takes at velocities v, what its bristles store counted."""
     for row in run.frictions:
-        friction, _ = _joint_friction(row, v[row.coordinate])
+        friction = row.torque
+        if not row.presliding > 0.0:
+            friction, _ = _joint_friction(row, v[row.coordinate], 0.0)
         run.power[JOINT_FRICTION] += friction * v[row.coordinate]

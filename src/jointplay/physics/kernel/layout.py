@@ -244,7 +244,9 @@ SERVO = _record(
     encoder=_INT,  # coordinate that its encoder measures
     stall=_FLOAT,  # effort per voltage at rest
     p_gain=_FLOAT,
+    i_gain=_FLOAT,
     d_gain=_FLOAT,
+    differences=_INT,  # whether the D term has the speed from readings
     dead_band=_FLOAT,
     resolution=_FLOAT,  # of its encoder, 0 for none
     voltage=_FLOAT,  # largest
@@ -254,11 +256,28 @@ SERVO = _record(
     sampled_at=_FLOAT,
     held=_FLOAT,  # voltage since the last sample, and before it
     held_before=_FLOAT,
+    # Of the I and the D term, now and at the last state of the trajectory or sample.
+    integral=_FLOAT,  # voltage
+    integral_before=_FLOAT,
+    error=_FLOAT,
+    error_before=_FLOAT,
+    reading=_FLOAT,
+    reading_before=_FLOAT,
+    integrated_until=_FLOAT,
 )
 """The controller of one servo; see `kernel.servo`."""
 
 FRICTION_ROW = _record(
-    coordinate=_INT, coulomb=_FLOAT, stiction=_FLOAT, stribeck=_FLOAT, viscous=_FLOAT
+    coordinate=_INT,
+    coulomb=_FLOAT,
+    stiction=_FLOAT,
+    stribeck=_FLOAT,
+    viscous=_FLOAT,
+    presliding=_FLOAT,  # bend of its bristles at breakaway, 0 for none
+    damping=_FLOAT,  # of the bristles
+    bend=_FLOAT,  # now
+    kept_bend=_FLOAT,  # at `RUN.bent_at`
+    torque=_FLOAT,
 )
 GEAR_ROW = _record(
     motor=_INT,
@@ -366,6 +385,7 @@ ROW: dict[str, tuple[Size, ...]] = {
     "gap_min": ("nj", "width"),
     "cage": ("cages",),
     "gear": ("ng", 2),
+    "joint_bristles": ("bristled",),
     "load_force": ("load_columns",),
     "load_work": ("nl",),
 }
@@ -385,7 +405,7 @@ class Quantity(NamedTuple):
 
 (
     TIME, Q, V, DRIVE_EFFORT, WORK, FORCE, FORCE_PEAK, FILM_FORCE, NORMAL_FORCE, TANGENTIAL_FORCE,
-    NORMAL_PEAK, GAP_MIN, CAGE, GEAR_TORQUE, LOAD_FORCE, LOAD_WORK,
+    NORMAL_PEAK, GAP_MIN, CAGE, GEAR_TORQUE, BRISTLE_TORQUE, LOAD_FORCE, LOAD_WORK,
 ) = range(len(ROW))  # fmt: skip
 """Their places in `RUN.columns`."""
 
@@ -447,7 +467,7 @@ RUN = _record(
     contacts=_array(CONTACT, "nj", "width"),
     drives=_array(DRIVE_ROW, "nd"),
     servos=_array(SERVO, "ns", changes=True),
-    frictions=_array(FRICTION_ROW, "nf"),
+    frictions=_array(FRICTION_ROW, "nf", changes=True),
     gears=_array(GEAR_ROW, "ng", changes=True),
     loads=_array(LOAD, "nl"),
     bodies=_array(BODY, "nb"),
@@ -459,6 +479,7 @@ RUN = _record(
     nu=_INT,
     nd=_INT,
     nf=_INT,
+    bristled=_INT,  # of these, those with bristles
     ns=_INT,
     ng=_INT,
     nl=_INT,

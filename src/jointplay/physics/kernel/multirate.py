@@ -25,6 +25,7 @@ from jointplay.physics.kernel.drive import (
     add_drive_power,
     add_joint_losses,
     apply_drives,
+    commit_bristles,
     complete_drives,
     prescribe_motion,
 )
@@ -49,7 +50,7 @@ from jointplay.physics.kernel.load import add_load_work, apply_loads, find_load_
 from jointplay.physics.kernel.loops import correct_drift, project_dynamics
 from jointplay.physics.kernel.record import is_due, write_record
 from jointplay.physics.kernel.rolling import advance_cages
-from jointplay.physics.kernel.servo import apply_servos
+from jointplay.physics.kernel.servo import apply_servos, commit_servos
 from jointplay.physics.kernel.solve import (
     LEAST_COMPLIANCE,
     evaluate_velocity_forces,
@@ -487,8 +488,10 @@ def add_work(run, duration):
 
 @compiled
 def commit_memories(run, before, after):
-    """Accept all contacts and gears as evaluated; their forces act so long before and after [s]."""
+    """Accept all that remembers as evaluated; their forces act so long before and after [s]."""
     commit_gears(run)
+    commit_servos(run)
+    commit_bristles(run, run.v, after)
     for j in range(run.nj):
         commit_contacts(run, j, run.joints[j], before + after, after)
     run.bent_at = run.time + after

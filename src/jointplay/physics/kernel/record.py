@@ -10,6 +10,7 @@ from jointplay.physics.kernel.drive import add_prescribed_power
 from jointplay.physics.kernel.frames import dot, get_vector, set_vector
 from jointplay.physics.kernel.gear import record_gears
 from jointplay.physics.kernel.layout import (
+    BRISTLE_TORQUE,
     CAGE,
     DRIVE_EFFORT,
     FILM_FORCE,
@@ -93,6 +94,11 @@ def fill_row(run, row):
     for j in range(run.cages):
         row[at[CAGE] + j] = run.joints[j].cage
     record_gears(run, row)
+    place = at[BRISTLE_TORQUE]
+    for friction in run.frictions:
+        if friction.presliding > 0.0:
+            row[place] = friction.torque
+            place += 1
     record_loads(run, row)
 
 

@@ -1,13 +1,16 @@
 """Servos: a motor at a voltage that a position controller sets.
 
-The voltage is a gain times what the error of the encoder's reading exceeds a dead band by, and one
-times the error of the speed, cut to the supply's. The motor's effort is
+The voltage is a gain times what the error of the encoder's reading exceeds a dead band by, one
+times the integral of that, itself cut to the supply's voltage, and one times the error of the
+speed, which may be found from readings a period apart; it is cut to the supply's. The motor's
+effort is
 
     tau = k/R (V - k v)
 
 with its torque constant k and resistance R; -k^2/R v is the row of `drive` that each servo has
 besides. With a sampling period the voltage is held from one sample to the next; at the time of a
-sample the mean acts, for that stands for half of the step before and half of the next.
+sample the mean acts, for that stands for half of the step before and half of the next. Without one
+the integral goes on by the trapezoidal rule from the last state of the trajectory.
 """
 
 from __future__ import annotations
@@ -22,16 +25,44 @@ ROUNDING = 1e-9
 
 
 @compiled
-def _voltage(servo, position, speed, q, v):
-    """What the controller asks for at a state."""
+def _cut(servo, voltage):
+    return min(max(voltage, -servo.voltage), servo.voltage)
+
+
+@compiled
+def _voltage(servo, position, speed, q, v, time):
+    """What the controller asks for at a state, and its integral there."""
     read = q[servo.encoder]
     if servo.resolution > 0.0:
         read = servo.resolution * math.floor(read / servo.resolution + 0.5)
     error = position - read
-    beyond = max(abs(error) - servo.dead_band, 0.0)
-    asked = servo.p_gain * math.copysign(beyond, error)
-    asked += servo.d_gain * (speed - v[servo.encoder])
-    return min(max(asked, -servo.voltage), servo.voltage)
+    servo.reading = read
+    servo.error = math.copysign(max(abs(error) - servo.dead_band, 0.0), error)
+    if servo.period > 0.0:
+        gained = servo.period * servo.error
+    else:
+        gained = 0.5 * (time - servo.integrated_until) * (servo.error_before + servo.error)
+    servo.integral = _cut(servo, servo.integral_before + servo.i_gain * gained)
+    measured = v[servo.encoder]
+    if servo.differences != 0:
+        measured = (read - servo.reading_before) / servo.period if time > 0.0 else 0.0
+    asked = servo.p_gain * servo.error + servo.integral
+    asked += servo.d_gain * (speed - measured)
+    return _cut(servo, asked)
+
+
+@compiled
+def _commit_servo(servo, time):
+    servo.integral_before, servo.error_before = servo.integral, servo.error
+    servo.reading_before, servo.integrated_until = servo.reading, time
+
+
+@compiled
+def commit_servos(run):
+    """Accept the state of continuous servos as one of the trajectory."""
+    for servo in run.servos:
+        if servo.period == 0.0:
+            _commit_servo(servo, run.time)
 
 
 @compiled
@@ -45,17 +76,18 @@ def apply_servos(run, q, v, time, tau):
         if servo.period > 0.0:
             if time >= servo.next_sample - ROUNDING * servo.period:
                 servo.held_before = servo.held
+                _commit_servo(servo, servo.sampled_at)
                 servo.sampled_at = time
                 servo.next_sample += servo.period
             if abs(time - servo.sampled_at) <= ROUNDING * servo.period:
-                servo.held = _voltage(servo, position, speed, q, v)
+                servo.held = _voltage(servo, position, speed, q, v, time)
                 if time == 0.0:
                     servo.held_before = servo.held
                 asked = 0.5 * (servo.held_before + servo.held)
             else:
                 asked = servo.held
         else:
-            asked = _voltage(servo, position, speed, q, v)
+            asked = _voltage(servo, position, speed, q, v, time)
         i = servo.coordinate
         push = servo.stall * asked
         whole = effort[i] + push

@@ -28,6 +28,7 @@ from jointplay.physics.kernel.drive import (
     add_joint_losses,
     apply_drives,
     apply_joint_friction,
+    commit_bristles,
     prescribe_motion,
 )
 from jointplay.physics.kernel.film import add_film_forces, add_film_losses, commit_film
@@ -42,7 +43,7 @@ from jointplay.physics.kernel.layout import POWERS, SPEED_LIMIT
 from jointplay.physics.kernel.load import add_stage_work, apply_current_loads
 from jointplay.physics.kernel.record import complete_step, is_due, write_record
 from jointplay.physics.kernel.rolling import advance_cages, advance_cages_by_stage
-from jointplay.physics.kernel.servo import apply_servos
+from jointplay.physics.kernel.servo import apply_servos, commit_servos
 
 _NP = len(POWERS)
 _RUN_AWAY = int(Status.RUN_AWAY)
@@ -93,7 +94,7 @@ def _evaluate_state(run, q, v, time):
     if run.ns > 0:
         apply_servos(run, q, v, time, tau)
     add_drive_power(run, v)
-    apply_joint_friction(run, v, tau)
+    apply_joint_friction(run, v, time, tau)
     place_gears(run, q)
     apply_gears(run, v, tau)
     add_joint_losses(run, v)
@@ -109,6 +110,9 @@ def _evaluate_state(run, q, v, time):
     # Euler's method, whose velocities are those of the step's end, is stable with bristles that
     # are, too.
     ahead = 0.5 * run.dt if run.averaged != 0 else 0.0
+    if committed:
+        commit_bristles(run, v, ahead)
+        commit_servos(run)
     for j in range(run.nj):
         _evaluate_joint(run, j, q, v, tau, time, elapsed)
         if committed:

@@ -119,11 +119,15 @@ def drive_row(
     return np.array([values], layout.DRIVE_ROW)
 
 
-def friction_row(
-    coordinate: int, coulomb: float, stiction: float, stribeck: float, viscous: float
-) -> np.ndarray:
-    """Record of a joint's friction, shape (1,); see `drive.JointFriction`."""
-    return np.array([(coordinate, coulomb, stiction, stribeck, viscous)], layout.FRICTION_ROW)
+def friction_row(coordinate: int, **given: float) -> np.ndarray:
+    """Record of a joint's friction, shape (1,): fields of `layout.FRICTION_ROW`; see
+    `drive.JointFriction`.
+    """
+    row = np.zeros(1, layout.FRICTION_ROW)
+    row["coordinate"], row["stribeck"] = coordinate, 1.0
+    for name, value in given.items():
+        row[name] = value
+    return row
 
 
 def gear_row(**given: Any) -> np.ndarray:

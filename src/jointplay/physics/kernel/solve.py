@@ -145,7 +145,7 @@ def evaluate_velocity_forces(run, q, v):
             add_film_forces(run, joint, False)
         add_contact_forces(run, j, joint)
         project_wrench(joint, tau)
-    apply_joint_friction(run, v, tau)
+    apply_joint_friction(run, v, run.time, tau)
     apply_gears(run, v, tau)
     apply_drive_damping(run, v, tau)
     apply_velocity_loads(run, v, tau)

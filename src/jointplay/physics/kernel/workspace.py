@@ -101,6 +101,7 @@ class Workspace:
             nd=len(tables.drives),
             ns=len(tables.servos),
             nf=len(tables.frictions),
+            bristled=int((tables.frictions["presliding"] > 0.0).sum()),
             ng=len(tables.gears),
             nl=len(loads),
             nu=tables.reference.shape[1] // 3,

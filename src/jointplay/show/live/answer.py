@@ -177,7 +177,7 @@ class Machine:
             status = self._to_end(run)
             if status != Status.COMPLETED:
                 raise JointplayError(run.message(status))
-            found = run.result(status, reactions=False, only=("q", *COMPARED))
+            found = run.result(status, only=("q", *COMPARED))
         self._twins[key] = found
         while len(self._twins) > _TWINS:
             self._twins.popitem(last=False)

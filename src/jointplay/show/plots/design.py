@@ -18,7 +18,7 @@ from jointplay.accuracy.allocation import Allocation
 from jointplay.accuracy.error_budget import ErrorBudget, PlayBudget
 from jointplay.accuracy.jacobians import GEAR
 from jointplay.estimate import Calibration, Estimate, Identification
-from jointplay.estimate.gauge import Gauged
+from jointplay.estimate.unknowns import Loop
 from jointplay.model.mechanism import Mechanism
 from jointplay.show.picture import picture
 from jointplay.show.plots.chart import (
@@ -259,31 +259,37 @@ def identification(fit: Identification) -> Figure:
     return _row(panels, (1.6 + 3.0 * len(panels), height), note=words)
 
 
-def gauged(fit: Gauged) -> Figure:
-    """Each joint's readings over the push, with the model's two sides through them."""
-    readings, panels = fit.readings, []
-    for joint, fitted in fit.fits.items():
-        mine = np.array([one == joint for one in readings.joint])
-        slides = fitted.least.unknowns[0].unit == "m"
-        setups, push, marks = np.array(readings.setup), readings.push, list[Mark]()
-        for setup in dict.fromkeys(setups[mine]):
-            own = mine & (setups == setup)
-            loaded = own & (push != 0.0)
-            zero = np.mean(readings.turned[loaded] - fit.explained(joint, push[loaded]))
-            y = readings.turned - zero
-            marks.append(Curve(push[loaded], y[loaded], line="", marker="o", size=4.0))
-            free = own & (push == 0.0)
-            marks.append(Curve(push[free], y[free], line="", marker="o", size=4.0, hollow=True))
-        far = float(np.abs(push[mine]).max())
-        for side in (-1.0, 1.0):
-            x = side * np.linspace(1e-6 * far, far, 2)
-            marks.append(Curve(x, fit.explained(joint, x), colour=LINE))
-        across = Axis("push", "N" if slides else "N*m")
-        up = Axis("way", "m", "fine") if slides else Axis("turn", "rad")
-        play = fit[f"{joint} gear play"]
-        panels.append(Panel(across, up, marks, title=f"{joint}: play {play.words()[1]}"))
-    words = "dots: readings (hollow: not pushed); lines: play and compliance found"
-    return _row(panels, (max(4.2 * len(panels), 5.0), 3.4), note=words)
+_IN_ROW = 3
+"""Reversal loops beside each other."""
+
+
+def reversal_loops(loops: Sequence[Loop], estimates: Sequence[Estimate]) -> Figure:
+    """Where each joint was against its motor, both ways, the fit over it; and its play in words."""
+    panels: list[Panel | None] = [_reversal_loop(loop, estimates) for loop in loops]
+    across = min(len(panels), _IN_ROW)
+    panels += [None] * (-len(panels) % across)
+    rows = [panels[k : k + across] for k in range(0, len(panels), across)]
+    note = "dots: measured, by the way moved or pushed (hollow: neither); lines: what was found"
+    size = max(3.4 * across, 5.0), 0.6 + 3.0 * len(rows)
+    return draw(Chart(rows, size, note=note))
+
+
+def _reversal_loop(loop: Loop, estimates: Sequence[Estimate]) -> Panel:
+    marks: list[Mark] = []
+    for way, colour in ((0, LINE), (-1, COLOURS[0]), (1, COLOURS[1])):
+        mine = np.flatnonzero(loop.branch == way)
+        mine = mine[np.argsort(loop.x[mine], kind="stable")]
+        seen, told = (mine[np.isfinite(y[mine])] for y in (loop.measured, loop.fitted))
+        dots: dict[str, Any] = {"line": "", "marker": "o", "size": 4.0, "hollow": not way}
+        marks.append(Curve(loop.x[seen], loop.measured[seen], "", colour, opacity=0.7, **dots))
+        marks.append(Curve(loop.x[told], loop.fitted[told], "", colour, order=3.0))
+    words = [one.words() for one in estimates if one.plays(loop.joint)]
+    play = [interval if value == "-" else f"play {interval}" for value, interval in words]
+    x, up = (
+        Axis(loop.x_name, loop.x_unit, ticks=5),
+        Axis("deviation of the link", loop.unit, "fine"),
+    )
+    return Panel(x, up, marks, title="\n".join([loop.joint, *play]))
 
 
 def _interval(row: int, low: float, high: float, value: float) -> list[Mark]:

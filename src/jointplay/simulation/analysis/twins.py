@@ -211,7 +211,7 @@ def tool_motion(simulation: Simulation, progress: bool = False) -> Result:
     status = run.run_to_end(progress)
     wanted = list(COMPARED)
     wanted += ["q", "v"] if simulation.mechanism.free_base is not None else []  # seen from the base
-    return run.result(status, reactions=False, only=wanted)
+    return run.result(status, only=wanted)
 
 
 def _start(simulation: Simulation) -> str:

@@ -42,15 +42,20 @@ PRESCRIBED_ARMATURE = 1e9
 """Armature of a joint with prescribed motion, relative to the inertia that it carries."""
 
 ENCODERS = ("link", "motor")
+SPEEDS = ("exact", "difference")
 
 
 @dataclass(frozen=True)
 class JointFriction(Described):
     """Friction Q(qd) of a joint and its gear.
 
-    Q = [coulomb + (static - coulomb) exp(-(qd/stribeck_speed)^2)] tanh(qd / 1 mrad/s) + viscous qd.
-    With clearance it acts on the yaw coordinate, beside the contact's own friction. Reference: B.
-    Armstrong-Helouvry et al., Automatica 30 (1994) 1083-1138, for the Stribeck term.
+    Q = g(qd) tanh(qd / 1 mrad/s) + viscous qd,
+    g(qd) = coulomb + (static - coulomb) exp(-(qd/stribeck_speed)^2), which creeps under any load.
+    With `presliding` s it holds at rest, by bristles (LuGre): Q = k z + presliding_damping dz/dt +
+    viscous qd, dz/dt = qd - |qd| k z/g(qd), k = static/s. With clearance it acts on the yaw
+    coordinate, beside the contact's own friction. References: B. Armstrong-Helouvry et al.,
+    Automatica 30 (1994) 1083-1138, for the Stribeck term; C. Canudas de Wit et al., IEEE Trans.
+    Automatic Control 40 (1995) 419-425, for the bristles.
     """
 
     coulomb: float = quantity("N*m", "N", default=0.0, least=0.0, label="Coulomb joint friction")
@@ -67,6 +72,12 @@ class JointFriction(Described):
         "rad/s", "m/s", default=0.01, above=0.0, label="Stribeck speed"
     )
     """Speed at which the excess over dry friction has fallen to 1/e [rad/s or m/s]."""
+    presliding: float = quantity("rad", "m", default=0.0, least=0.0, label="presliding")
+    """Bend of the bristles at breakaway [rad or m]; 0: no bristles, it creeps."""
+    presliding_damping: float = quantity(
+        "N*m*s/rad", "N*s/m", default=0.0, least=0.0, label="damping of joint friction's bristles"
+    )
+    """Of the bristles [N m s/rad, or N s/m for prismatic joints]."""
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -80,7 +91,7 @@ class JointFriction(Described):
         return 0.0 if self.static is None else self.static - self.coulomb
 
     def torque(self, speed: np.ndarray) -> np.ndarray:
-        """Q at the speeds `speed` [rad/s or m/s], any shape: [N m or N]."""
+        """Q of steady motion at the speeds `speed` [rad/s or m/s], any shape: [N m or N]."""
         with np.errstate(over="ignore"):  # far above the Stribeck speed nothing is left
             dry = self.coulomb + self.excess * np.exp(-((speed / self.stribeck_speed) ** 2))
         return dry * np.tanh(speed / kernel.JOINT_FRICTION_SPEED) + self.viscous * speed
@@ -183,11 +194,12 @@ class Free(Drive):
 class Servo(Drive):
     """A servo: a motor at the voltage that its own position controller sets.
 
-    V = p_gain <|q_r - q| - dead_band> sgn(q_r - q) + d_gain (qd_r - qd), cut to the supply's, with
-    q as the encoder reads it, in whole counts of its resolution; F = k/R (V - k qd_m) on the motor,
-    less its friction. All quantities are referred to the joint's side of its gear: the inertia of
-    the armature is the gear's `rotor_inertia`. A joint without gear is turned directly, by a motor
-    without inertia.
+    V = p_gain e + w + d_gain (qd_r - qd), e = <|q_r - q| - dead_band> sgn(q_r - q), cut to the
+    supply's, with q as the encoder reads it, in whole counts of its resolution; the integral
+    dw/dt = i_gain e is cut to the supply's, too, lest it wind up, and is zero at the start;
+    F = k/R (V - k qd_m) on the motor, less its friction. All quantities are referred to the joint's
+    side of its gear: the inertia of the armature is the gear's `rotor_inertia`. A joint without
+    gear is turned directly, by a motor without inertia.
     """
 
     kind: ClassVar[str] = "servo"
@@ -199,8 +211,13 @@ class Servo(Drive):
     """Of the supply, the largest on the motor [V]."""
     p_gain: float = quantity("V/rad", above=0.0, label="P gain")
     """Voltage per error of position beyond the dead band [V/rad]."""
+    i_gain: float = quantity("V/(rad*s)", default=0.0, least=0.0, label="I gain")
+    """Rate of voltage per error of position beyond the dead band [V/(rad s)]."""
     d_gain: float = quantity("V*s/rad", default=0.0, least=0.0, label="D gain")
-    """Voltage per error of speed [V s/rad]; the speed is not quantised."""
+    """Voltage per error of speed [V s/rad]."""
+    speed: str = choice("speed", SPEEDS, default=SPEEDS[0])
+    """What the D term takes: the "exact" one, or as firmware does the "difference" of the encoder's
+    readings over a period."""
     torque_constant: float = quantity("N*m/A", default=None, above=0.0, label="torque constant")
     """Torque per current, referred to the joint [N m/A]; V s/rad of back-EMF as well."""
     resistance: float = quantity("ohm", default=None, above=0.0)
@@ -209,6 +226,12 @@ class Servo(Drive):
     """Dry friction of the motor, referred to the joint [N m]; 0 if not given."""
     viscous: float = quantity("N*m*s/rad", default=None, least=0.0, label="viscous friction")
     """Viscous friction of the motor, referred to the joint [N m s/rad]; 0 if not given."""
+    presliding: float = quantity("rad", default=0.0, least=0.0, label="presliding")
+    """Bend of the bristles of its dry friction when they let go [rad]; 0: it creeps."""
+    presliding_damping: float = quantity(
+        "N*m*s/rad", default=0.0, least=0.0, label="damping of joint friction's bristles"
+    )
+    """Of the bristles [N m s/rad]."""
     dead_band: float = quantity("rad", default=0.0, least=0.0, label="dead band")
     """Error of position up to which no voltage answers [rad]."""
     dead_band_counts: float = quantity("", default=0.0, least=0.0, label="dead band in counts")
@@ -223,7 +246,7 @@ class Servo(Drive):
     def __post_init__(self) -> None:
         given = {} if self.catalogue is None else _servo(self.catalogue)
         for name, item in given.items():
-            if name != "armature" and getattr(self, name) is None:
+            if name not in _BESIDE and getattr(self, name) is None:
                 object.__setattr__(self, name, item["value"])
         missing = [n for n in ("torque_constant", "resistance") if getattr(self, n) is None]
         if missing:
@@ -237,6 +260,8 @@ class Servo(Drive):
                 "a dead band in counts needs the encoder's resolution and no dead_band beside it",
                 ("dead_band_counts",),
             )
+        if self.speed == SPEEDS[1] and self.period is None:
+            raise JointplayError("a speed by differences needs a period", ("speed",))
 
     @classmethod
     def of(cls, name: str, **more: Any) -> Servo:
@@ -249,6 +274,17 @@ class Servo(Drive):
         m^2].
         """
         return float(_servo(name)["armature"]["value"])
+
+    def with_gain(self, gain: float, voltage: float) -> Servo:
+        """The same with the P gain of its firmware, in its own numbers, and a supply [V].
+
+        Raises:
+            JointplayError: it is not in the catalogue, which says what a number of it is.
+        """
+        if self.catalogue is None:
+            raise JointplayError("what a gain of its firmware is stands in no catalogue")
+        duty = float(_servo(self.catalogue)["duty_gain"]["value"])
+        return replace(self, voltage=voltage, p_gain=gain * duty * voltage)
 
     @property
     def band(self) -> float:
@@ -273,7 +309,14 @@ class Servo(Drive):
             coulomb=losses.coulomb + self.friction,
             viscous=losses.viscous + self.viscous,
             static=None if static is None else static + self.friction,
+            presliding=losses.presliding or self.presliding,
+            presliding_damping=losses.presliding_damping or self.presliding_damping,
         )
+
+
+_BESIDE = ("armature", "duty_gain")
+"""Of the catalogue, what is no field of a servo: the gear's `rotor_inertia`, and the part of the
+supply per error of position and number of the firmware's P gain [1/rad]."""
 
 
 @cache

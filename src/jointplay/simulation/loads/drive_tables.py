@@ -125,6 +125,18 @@ def table_nodes(motion: Motion | None, drives: Mapping[str, Drive], duration: fl
     return max(math.ceil(last / REFERENCE_NODE_S - 1e-9) + 1 + still, 2)
 
 
+def _friction_row(coordinate: int, losses: JointFriction) -> np.ndarray:
+    return friction_row(
+        coordinate,
+        coulomb=losses.coulomb,
+        stiction=losses.excess,
+        stribeck=losses.stribeck_speed,
+        viscous=losses.viscous,
+        presliding=losses.presliding if losses.coulomb + losses.excess else 0.0,
+        damping=losses.presliding_damping,
+    )
+
+
 def tabulate(
     mechanism: Mechanism,
     motion: Motion | None,
@@ -166,9 +178,7 @@ def tabulate(
     """By column, what a drive also turns, and the friction that it overcomes."""
     rows, servos = [], []
     rubs = [
-        friction_row(
-            mechanism.coordinate(name), *(one.coulomb, one.excess, one.stribeck_speed, one.viscous)
-        )
+        _friction_row(mechanism.coordinate(name), one)
         for name, one in friction.items()
         if one.coulomb or one.excess or one.viscous
     ]
@@ -200,15 +210,16 @@ def tabulate(
             row = drive_row(u, at, measured, kp, kd, limit=limit)
         if isinstance(drive, Servo):
             servos.append(servo := np.zeros(1, layout.SERVO))
-            for field in ("stall", "p_gain", "d_gain", "resolution", "voltage"):
+            for field in ("stall", "p_gain", "i_gain", "d_gain", "resolution", "voltage"):
                 servo[field] = getattr(drive, field)
+            servo["differences"] = drive.speed == "difference"
             servo["dead_band"], servo["period"] = drive.band, drive.period or 0.0
             servo["column"], servo["coordinate"], servo["encoder"] = u, at, measured
             servo["limit"], servo["sampled_at"] = limit, -1.0
             columns.append(((0.0,), (0.0,)))  # back-EMF is damping against a speed of zero
             row = drive_row(u + 1, at, kd=drive.braking)
             if gear and (drive.friction or drive.viscous):
-                rubs.append(friction_row(at, drive.friction, 0.0, 1.0, drive.viscous))
+                rubs.append(_friction_row(at, drive.with_friction(JointFriction())))
         rows.append(row)
 
     def rows_at(times: np.ndarray, bar: bool) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -359,31 +359,24 @@ def loop_drift(mechanism: Mechanism, name: str, poses: np.ndarray) -> np.ndarray
 
 
 def contact_variables(
-    mechanism: Mechanism, records: Records, body: dict[str, Any]
-) -> tuple[dict[str, Any], np.ndarray]:
-    """Variables of the joints with clearance, and the energy stored in their contacts."""
+    mechanism: Mechanism,
+    records: Records,
+    body: Mapping[str, Any],
+    only: Collection[str] = HISTORIES,
+) -> tuple[Variables, np.ndarray]:
+    """Variables of the joints with clearance that are in `only`, and the energy stored in their
+    contacts.
+    """
     n, nj = records.rows, len(mechanism.clearance)
     names = contact_names(mechanism)
-    centre, tilt = np.empty((n, nj, 3)), np.empty((n, nj))
     mode, form = np.empty((n, nj), np.int8), np.empty((n, nj), np.int8)
-    force = records.recorded("force").copy()
-    peak = records.recorded("force_peak").copy()
-    films = []
-    if any(joint.film is not None for joint in mechanism.clearance.values()):
-        films.append(records.recorded("film_force").copy())
     gap = np.full((n, nj, len(names)), np.nan)
-    by_contact = {
-        name: (records.recorded(name), np.full_like(gap, np.nan))
-        for name in ("gap_min", "normal", "normal_peak", "tangential")
-    }
     stored = np.zeros(n)
     rolls = any(joint.resultant is not None for joint in mechanism.clearance.values())
     moment, loaded = np.full((n, nj, 3), np.nan), np.full((n, nj), np.nan)
     cage = np.full((n, nj), np.nan)
     for j, (name, joint) in enumerate(mechanism.clearance.items()):
-        bearing, poses = body["bearings"][name], body["poses"][name]
-        centre[:, j] = poses[:, :3]
-        tilt[:, j] = np.arctan2(np.hypot(poses[:, 5], poses[:, 8]), poses[:, 11])
+        poses = body["poses"][name]
         count = len(joint.contacts)
         at = [names.index(contact) for contact in joint.contacts]
         if joint.resultant is None:
@@ -399,12 +392,8 @@ def contact_variables(
             )
             mode[:, j] = np.where(loaded[:, j] > 0.0, Mode.PSEUDO_PENETRATION, Mode.FREE_FLIGHT)
             form[:, j] = -1
-            moment[:, j] = np.einsum("nik,nk->ni", bearing, found[:, 3:6])
+            moment[:, j] = np.einsum("nik,nk->ni", body["bearings"][name], found[:, 3:6])
             stored += found[:, resultant.ENERGY]
-        for recorded, values in by_contact.values():
-            values[:, j, at] = recorded[:, j, :count]
-        for values in (force, peak, *films):
-            values[:, j] = np.einsum("nik,nk->ni", bearing, values[:, j])
         groups: dict[Any, list[int]] = {}
         for k in range(count if joint.resultant is None else 0):
             groups.setdefault(joint.contact_properties(k), []).append(at[k])
@@ -412,23 +401,62 @@ def contact_variables(
             parameters = joint.normal.parameters(contact)
             stored += elastic_energy(joint.normal, parameters, -gap[:, j, members]).sum(axis=1)
 
-    variables = {
-        "journal_centre": centre,
-        "tilt": tilt,
-        "gap": gap,
-        "gap_min": by_contact["gap_min"][1],
-        "normal_force": by_contact["normal"][1],
-        "normal_force_peak": by_contact["normal_peak"][1],
-        "friction_force": by_contact["tangential"][1],
-        "joint_force": force,
-        "joint_force_peak": peak,
-        **({"film_force": films[0]} if films else {}),
-        "mode": mode,
-        "form": form,
-    }
+    made = {"gap": gap, "mode": mode, "form": form}
     if rolls:
-        variables |= {"joint_moment": moment, "loaded_elements": loaded, "cage_angle": cage}
-    return declared(variables), stored
+        made |= {"joint_moment": moment, "loaded_elements": loaded, "cage_angle": cage}
+    made |= _journals(mechanism, body, only) | _recorded_contacts(mechanism, records, body, only)
+    return declared(
+        {name: made[name] for name in HISTORIES if name in made and name in only}
+    ), stored
+
+
+def _journals(
+    mechanism: Mechanism, body: Mapping[str, Any], only: Collection[str]
+) -> dict[str, np.ndarray]:
+    """Where the journals are, and how far they tilt."""
+    poses = [body["poses"][name] for name in mechanism.clearance]
+    made = {}
+    if "journal_centre" in only:
+        made["journal_centre"] = np.stack([one[:, :3] for one in poses], axis=1)
+    if "tilt" in only:
+        tilts = (np.arctan2(np.hypot(one[:, 5], one[:, 8]), one[:, 11]) for one in poses)
+        made["tilt"] = np.stack([*tilts], axis=1)
+    return made
+
+
+_BY_CONTACT = {
+    "gap_min": "gap_min",
+    "normal_force": "normal",
+    "normal_force_peak": "normal_peak",
+    "friction_force": "tangential",
+}
+"""Histories by contact, and the recorded quantities that they are."""
+
+_TURNED = {"joint_force": "force", "joint_force_peak": "force_peak", "film_force": "film_force"}
+"""Histories in the world's axes, and the quantities that are recorded in the bearings'."""
+
+
+def _recorded_contacts(
+    mechanism: Mechanism, records: Records, body: Mapping[str, Any], only: Collection[str]
+) -> dict[str, np.ndarray]:
+    """What the kernel has recorded of the contacts, in the shape of results."""
+    names, joints = contact_names(mechanism), mechanism.clearance
+    made = {}
+    for name in _BY_CONTACT.keys() & set(only):
+        recorded = records.recorded(_BY_CONTACT[name])
+        made[name] = values = np.full((records.rows, len(joints), len(names)), np.nan)
+        for j, joint in enumerate(joints.values()):
+            at = [names.index(contact) for contact in joint.contacts]
+            values[:, j, at] = recorded[:, j, : len(at)]
+    turned = _TURNED.keys() & set(only)
+    if all(joint.film is None for joint in joints.values()):
+        turned -= {"film_force"}
+    for name in turned:
+        recorded = records.recorded(_TURNED[name])
+        made[name] = values = np.empty_like(recorded)
+        for j, joint in enumerate(joints):
+            values[:, j] = np.einsum("nik,nk->ni", body["bearings"][joint], recorded[:, j])
+    return made
 
 
 def applied_effort(
@@ -449,9 +477,11 @@ def applied_effort(
         motor, link = mechanism.motor(name), mechanism.coordinate(name)
         effort[:, motor] -= (1.0 + gear.kinematic_error(q[:, motor])[1]) * torque
         effort[:, link] += torque
+    bristled = iter(records.recorded("joint_bristles").T)  # in the same order, then motors'
     for name, joint in friction.items():
         at = mechanism.coordinate(name)
-        effort[:, at] -= joint.torque(v[:, at])
+        held = joint.presliding and (joint.coulomb or joint.excess)
+        effort[:, at] -= next(bristled) if held else joint.torque(v[:, at])
     return effort
 
 
