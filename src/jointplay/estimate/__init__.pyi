@@ -19,3 +19,7 @@ from .selection import Calibration as Calibration
 from .static_poses import StaticPoses as StaticPoses
 from .unknowns import Estimate as Estimate
 from .unknowns import Unknown as Unknown
+from .wiggle import Known as Known
+from .wiggle import ServoLog as ServoLog
+from .wiggle import play_of as play_of
+from .wiggle import wiggle_goal as wiggle_goal
