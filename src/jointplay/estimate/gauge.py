@@ -15,7 +15,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -23,19 +22,15 @@ import pinocchio as pin
 from jointplay.accuracy.poses import moving, over_workspace
 from jointplay.base import files
 from jointplay.base.errors import JointplayError, MissingName, require_known, require_positive
-from jointplay.base.tables import Table, counted, few
 from jointplay.base.units import readable, told
 from jointplay.estimate import columns
 from jointplay.estimate.least_squares import Fit, LeastSquares, search
-from jointplay.estimate.machine import preset_found
+from jointplay.estimate.machine import OfJoints
 from jointplay.estimate.measurement import resolution
 from jointplay.estimate.planning import PUSH_N, free_poses
-from jointplay.estimate.unknowns import Estimate, Loop, Unknown, by_label, data, listed
+from jointplay.estimate.unknowns import Estimate, Loop, Unknown
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.loads.drive import urdf_friction
-
-if TYPE_CHECKING:
-    from jointplay.scenario.presets import Preset
 
 GAUGE_M, ANGLE = 10e-6, 1e-3
 """Standard deviations of a reading of a gauge, and of an angle, unless said otherwise [m, rad]."""
@@ -168,49 +163,13 @@ def _of_column(path: Path, title: str) -> list[str]:
     return [row[k].strip() for _, row in rows]
 
 
-@dataclass(frozen=True)
-class Gauged:
+@dataclass(frozen=True, kw_only=True)
+class Gauged(OfJoints):
     """What readings tell of the play and the compliance of their joints; SI units."""
 
-    estimates: tuple[Estimate, ...]
-    mechanism: Mechanism
     readings: Readings
     fits: Mapping[str, Fit]
     """By joint, of those that could be fitted."""
-    notes: tuple[str, ...] = ()
-
-    def __getitem__(self, label: str) -> Estimate:
-        return by_label(self.estimates, label)
-
-    @property
-    def sentence(self) -> str:
-        """The answer in plain words."""
-        plays = [one for one in self.estimates if one.unknown.name == "gear_play"]
-        known = [
-            f"{one.joint} " + " to ".join(map(one.unknown.shown, one.interval)) if one.found
-            else f"{one.joint} at most {one.unknown.shown(one.upper)}"
-            for one in plays if one.identified
-        ]  # fmt: skip
-        of = f"{len(known)} of {counted(len(plays), 'joint')}"
-        return f"The readings tell the play of {of}{f': {few(known)}' if known else ''}"
-
-    def __str__(self) -> str:
-        return "\n".join([*self.notes, listed(self.estimates)])
-
-    @property
-    def data(self) -> Table:
-        """A row for each unknown [SI]."""
-        return data(self.estimates)
-
-    def describe(self) -> dict[str, Any]:
-        """As plain data [SI]."""
-        rows = [one.describe() for one in self.estimates]
-        return {"unknowns": rows, "notes": list(self.notes), "source": self.readings.source}
-
-    def preset(self, robot: str | Path | None = None) -> Preset:
-        """The robot's joints with what was found; see `Identification.preset`."""
-        turning = [one for one in self.estimates if one.unknown.unit.startswith("rad")]
-        return preset_found(self.mechanism, turning, self.readings.source, robot)
 
     @property
     def loops(self) -> tuple[Loop, ...]:
@@ -288,7 +247,10 @@ def identify_gauged(
             first = replace(first, reason="", found=first.value > first.half_width, upper=upper)
         found += [first, second]
         notes += _outside(readings, joint, mine, fitted)
-    return Gauged(tuple(found), mechanism, readings, fits, tuple(notes))
+    return Gauged(
+        estimates=tuple(found), mechanism=mechanism, source=readings.source, readings=readings,
+        fits=fits, notes=tuple(notes),
+    )  # fmt: skip
 
 
 def _require_recipe(readings: Readings, joint: str, mine: np.ndarray) -> None:

@@ -19,6 +19,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from jointplay.base.errors import JointplayError, MissingName
+from jointplay.base.tables import Table, counted, few
 from jointplay.estimate.parts import (
     ALSO,
     LOAD_ERROR,
@@ -30,7 +31,7 @@ from jointplay.estimate.parts import (
     springs_of,
     with_values,
 )
-from jointplay.estimate.unknowns import Estimate, Unknown
+from jointplay.estimate.unknowns import Estimate, Unknown, by_label, data, listed
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import Clearance
 from jointplay.simulation.loads.drive import JointFriction
@@ -345,6 +346,55 @@ def preset_found(
     geared = dict.fromkeys([*mechanism.gears, *gears], _BY_MOTOR)
     tables = dict(tables) | {"drive": geared | dict(tables.get("drive", {}))}
     return Preset.of_mechanism(apply(mechanism, found), words, origins, tables, place)
+
+
+@dataclass(frozen=True, kw_only=True)
+class OfJoints:
+    """What a measurement of single joints tells of them; SI units."""
+
+    estimates: tuple[Estimate, ...]
+    mechanism: Mechanism
+    source: str
+    """Of the measurement, in words."""
+    notes: tuple[str, ...] = ()
+
+    def __getitem__(self, label: str) -> Estimate:
+        return by_label(self.estimates, label)
+
+    @property
+    def sentence(self) -> str:
+        """The answer in plain words."""
+        plays = [one for one in self.estimates if one.unknown.name == "gear_play"]
+        known = [
+            f"{one.joint} " + " to ".join(map(one.unknown.shown, one.interval)) if one.found
+            else f"{one.joint} at most {one.unknown.shown(one.upper)}"
+            for one in plays if one.identified
+        ]  # fmt: skip
+        of = f"{len(known)} of {counted(len(plays), 'joint')}"
+        return f"The readings tell the play of {of}{f': {few(known)}' if known else ''}"
+
+    def __str__(self) -> str:
+        return "\n".join([*self.notes, listed(self.estimates)])
+
+    @property
+    def data(self) -> Table:
+        """A row for each unknown [SI]."""
+        return data(self.estimates)
+
+    def describe(self) -> dict[str, Any]:
+        """As plain data [SI]."""
+        rows = [one.describe() for one in self.estimates]
+        return {"unknowns": rows, "notes": list(self.notes), "source": self.source}
+
+    def preset(self, robot: str | Path | None = None) -> Preset:
+        """The robot's joints with what was found; see `Identification.preset`."""
+        turning = [one for one in self.estimates if one.unknown.unit.startswith("rad")]
+        return preset_found(self.mechanism, turning, self.source, robot, self._tables)
+
+    @property
+    def _tables(self) -> Mapping[str, Mapping[str, Any]]:
+        """What else the measurement rests on; see `Preset.of_mechanism`."""
+        return {}
 
 
 def drawn(

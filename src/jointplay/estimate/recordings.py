@@ -23,13 +23,17 @@ from jointplay.base import files
 from jointplay.base.errors import JointplayError, MissingName, require_a
 from jointplay.base.imports import extra
 from jointplay.base.progress import ProgressBar
+from jointplay.estimate.columns import SERVO_UNITS
 from jointplay.simulation.motion import rosbag
 
 if TYPE_CHECKING:
     from jointplay.estimate.measurement import Key, Measurement
 
 _NANO = 1_000_000_000
-_JOINT_FIELDS = {"motor": "position", "link": "position", "torque": "effort"}
+_JOINT_FIELDS = {
+    "motor": "position", "link": "position", "torque": "effort", "goal": "position",
+    "position": "position",
+}  # fmt: skip
 """Field of a JointState by kind of signal."""
 _FORCES = {
     "geometry_msgs/msg/WrenchStamped": "wrench.force",
@@ -58,11 +62,13 @@ _IN_WORLD_AXES = ("tool", "force")
 """Kinds of signal whose directions count; of accelerations and reactions only sizes do."""
 _INPUTS = ("motor", "link", "force")
 """Kinds of signal that must be known at the times of the others."""
-_SUFFIXES = {"motor": ("pos", "position"), "link": ("pos", "position"), "torque": ("effort",)}
+_SUFFIXES = {
+    kind: ("effort",) if kind == "torque" else ("pos", "position") for kind in _JOINT_FIELDS
+}
 """What LeRobot puts behind the name of a motor, by kind of signal."""
 _EXAMPLES = {
     "motor": "deg", "link": "deg", "torque": "N*m", "tool": "mm", "force": "N",
-    "acceleration": "m/s^2", "reaction": "N",
+    "acceleration": "m/s^2", "reaction": "N", "goal": "deg", "position": "deg",
 }  # fmt: skip
 """Units by kind of signal, for messages."""
 _MAP = re.compile(r"(?:([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*\*\s*|(-)\s*)?(\S+)(?:\s+([-+])\s*(\S.*))?")
@@ -168,7 +174,7 @@ class Recording:
                 wrong += f"it, such as '{name} [{_EXAMPLES[kind]}]'"
             elif not self.is_dataset and unit:
                 wrong = f"messages of ROS are in SI units: write {name!r} without [{unit}]"
-            elif self.is_dataset and name.split(".")[0] == "action":
+            elif self.is_dataset and name.split(".")[0] == "action" and kind != "goal":
                 wrong = f"{name!r} is what was commanded, not what was measured: its difference "
                 wrong += "from the measured position is the error of the drive, not play"
             if wrong:
@@ -211,6 +217,23 @@ class Recording:
         """
         from jointplay.estimate.measurement import Measurement, sliding_of
 
+        for kind in SERVO_UNITS:
+            if any(source.kind == kind for source in self._sources()):
+                raise JointplayError(f"{kind!r} is a signal of servos alone: `identify_wiggled`")
+        found, notes = self.signals(joints, progress)
+        seconds, together = _together(str(self.path), found, notes)
+        return Measurement(
+            seconds, together, noise or {}, str(self.path), sliding_of(joints), math.inf,
+            tuple(notes),
+        )  # fmt: skip
+
+    def signals(
+        self, joints: Mapping[str, bool], progress: bool = False
+    ) -> tuple[dict[Key, tuple[np.ndarray, np.ndarray]], list[str]]:
+        """Times of each signal's records, integers (n,) [ns], and values (n,) [SI]; and notes.
+
+        Arguments and errors are those of `measurement`.
+        """
         sources, maps = self._sources(), self._maps()
         series, notes = self._dataset(sources) if self.is_dataset else self._bag(sources, progress)
         for target in maps:
@@ -234,11 +257,7 @@ class Recording:
                 if key in found:
                     raise JointplayError(f"{self.path}: {' '.join(key)} has two sources")
                 found[key] = time, numbers
-        seconds, together = _together(str(self.path), found, notes)
-        return Measurement(
-            seconds, together, noise or {}, str(self.path), sliding_of(joints), math.inf,
-            tuple(notes),
-        )  # fmt: skip
+        return found, notes
 
     def _bag(
         self, sources: Sequence[_Source], progress: bool
@@ -315,7 +334,8 @@ class Recording:
             info = json.loads(files.read_text(root / "meta/info.json", "LeRobot dataset"))
             features = {
                 name: one for name, one in info["features"].items()
-                if one["dtype"].startswith(("float", "int")) and name.startswith("observation")
+                if one["dtype"].startswith(("float", "int"))
+                and name.startswith(("observation", "action"))
             }  # fmt: skip
             for source in sources:
                 if source.name not in features:
@@ -403,7 +423,7 @@ class Recording:
         from jointplay.estimate.measurement import JOINT_UNITS, TOOL_UNITS
 
         kind, joint, name, unit = source
-        units = JOINT_UNITS.get(kind) or (TOOL_UNITS[kind],) * 2
+        units = (JOINT_UNITS | SERVO_UNITS).get(kind) or (TOOL_UNITS[kind],) * 2
 
         def factor(goal: str) -> float:
             """SI units in a unit of the source; 1 for a topic."""
@@ -470,7 +490,7 @@ class Recording:
             )
         if not fit:
             return None
-        if self.is_dataset and source.kind in ("motor", "link") and "gripper" in fit[0]:
+        if self.is_dataset and _JOINT_FIELDS.get(source.kind) == "position" and "gripper" in fit[0]:
             notes.append(
                 f"note: {fit[0]} of {source.name} is left out: LeRobot records grippers in "
                 f"per cent of their range; --map '{target}=FACTOR*{fit[0]}' reads it"

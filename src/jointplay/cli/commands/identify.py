@@ -30,11 +30,14 @@ Example: jointplay identify my_robot.toml measured.csv --out worn
     --lag TIME|inf  about how late readings of the tool, and of links, may be behind the motors'
         encoders [s]; 0: simultaneous, inf: unknown (default: 0, of bags and datasets inf)
     --pose JOINT=X,...  readings of a dial gauge: pose in which they were taken
+    --encoder {output,motor}  wiggle: the side of the gears on which the servos' encoders sit
+        (default: where the preset says it)
   bags and datasets:
     --source SIGNAL=TOPIC ...  topic of a bag that has a signal, or feature of a dataset and its
         unit: "motor=/joint_states", "tool=/tracker/pose", "link=observation.state [deg]", "elbow
         reaction=/load_cell"; signals are motor, link, torque, tool, force, acceleration and, of one
-        joint, reaction; without the option, the error lists what there is
+        joint, reaction; of wiggled servos goal and position; without the option, the error lists
+        what there is
     --map JOINT=NAME ...  recorded name of a joint (or axis x, y, z), with a sign, factor and
         offset: "elbow=joint_3", "elbow=-elbow_flex.pos + 90 deg"
     --episode N  episode of a dataset, counted from 0
@@ -46,8 +49,9 @@ Example: jointplay identify my_robot.toml measured.csv --out worn
         agree with the measurement's, within the scatter of this many runs (6 if no number is given)
     --jobs
   plan:
-    --plan [KIND=motion]  propose what to measure: motion, poses and motions of the robot; or dial,
-        where to set a dial gauge and how to push
+    --plan [KIND=motion]  propose what to measure: motion, poses and motions of the robot; dial,
+        where to set a dial gauge and how to push; wiggle, a motion in which servos themselves tell
+        the play of their joints, written by --out as CSV, for ROS 2 and for LeRobot's bus
     --signal {tool,link,torque} ...  signal that can be measured besides the motors' encoders; by
         default tool
     --count N  number of experiments to choose (default 6)
@@ -66,6 +70,8 @@ from __future__ import annotations
 import argparse
 import json
 import math
+from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -77,6 +83,7 @@ from jointplay.base.schema import one_of
 from jointplay.base.tables import few
 from jointplay.cli.commands import Outputs, given, numbers_by_name, print_answer, quantity
 from jointplay.cli.commands.inputs import (
+    PosedMachine,
     is_scenario,
     named_joints,
     posed_machine,
@@ -87,19 +94,20 @@ from jointplay.cli.commands.inputs import (
 if TYPE_CHECKING:
     from jointplay.model.mechanism import Mechanism
     from jointplay.scenario.presets import Preset
+    from jointplay.simulation.loads.drive import Drive
 
-PLANS = ("motion", "dial")
-NOT_OF_A_GAUGE = (
-    *("known", "also", "stiffness", "lag", "source", "map", "episode", "world", "runs", "verify"),
-    "signal",
-)
+PLANS = ("motion", "dial", "wiggle")
+NOT_OF_A_WIGGLE = ("known", "also", "stiffness", "lag", "runs", "verify", "signal", "pose", "noise")
+NOT_OF_A_GAUGE = (*NOT_OF_A_WIGGLE[:-2], "source", "map", "episode", "world", "encoder")
+SIDES = {"output": "link", "motor": "motor"}
+"""Where a servo's encoder sits, by what --encoder calls it."""
 OUTPUTS = ("write_preset", "urdf", "mjcf")
 LOOPS = "loops.png"
 
 
 def run(options: argparse.Namespace) -> int:
     from jointplay.base import processes
-    from jointplay.estimate.columns import is_readings
+    from jointplay.estimate.columns import is_readings, is_servo_log
 
     processes.number_of(options.jobs)
     if (options.plan is None) == (options.data is None):
@@ -117,6 +125,11 @@ def run(options: argparse.Namespace) -> int:
         one_of("--plan", options.plan, PLANS)
     if options.plan == "dial" or (options.data is not None and is_readings(options.data)):
         return _gauge(options)
+    goals = any(text.partition("=")[0].split()[-1:] == ["goal"] for text in options.source)
+    if options.plan == "wiggle" or goals or (options.data and is_servo_log(options.data)):
+        return _wiggle(options)
+    if options.encoder is not None:
+        raise JointplayError("--encoder is for --plan wiggle, and for logs of servos")
     data = options.data if options.plan else _recording(options)
     names = ["identified.csv", "identified.json", "identified.png", LOOPS]
     out = Outputs(options.out, ["plan.txt"] if options.plan else names)
@@ -186,9 +199,7 @@ def _gauge(options: argparse.Namespace) -> int:
     """Plan or take readings of a dial gauge."""
     from jointplay.estimate.gauge import identify_gauged, plan_gauge
 
-    for name in NOT_OF_A_GAUGE:
-        if getattr(options, name) not in (None, []):
-            raise JointplayError(f"--{name} is not for a dial gauge, which tells single joints")
+    _refuse(options, NOT_OF_A_GAUGE, "a dial gauge")
     names = ["identified.csv", "identified.json", LOOPS]
     out = Outputs(options.out, ["plan.txt", "dial.csv"] if options.plan else names)
     noise = numbers_by_name(options.noise, "--noise SIGNAL=X", {"tool": "m", "link": "rad"})
@@ -215,6 +226,107 @@ def _gauge(options: argparse.Namespace) -> int:
         contents = (fit.data.csv(), json.dumps(fit.describe(), indent=1) + "\n", picture)
         out.write(dict(zip(names, contents, strict=True)))
     return 0
+
+
+def _wiggle(options: argparse.Namespace) -> int:
+    """Plan a wiggle of servos, or take what they logged."""
+    from jointplay.estimate.wiggle_logs import identify_wiggled
+    from jointplay.estimate.wiggle_plan import plan_wiggle
+
+    _refuse(options, NOT_OF_A_WIGGLE, "servos that are wiggled")
+    planned = ["plan.txt", "wiggle.csv", "wiggle.yaml", "wiggle_lerobot.py"]
+    names = ["identified.csv", "identified.json", LOOPS]
+    out = Outputs(options.out, planned if options.plan else names)
+    if options.preset is None and not is_scenario(options):
+        options.preset = _preset_with_servos(str(options.place))
+    posed = posed_machine(options)
+    drives = _servos(options, posed)
+    log = None if options.plan else _recording(options)
+    out.claim()
+    if log is None:
+        joints = [pair(text, "--gear JOINT=ANGLE")[0] for text in options.gear or ()]
+        plan = plan_wiggle(posed.mechanism, drives, joints)
+        print_answer("", plan, posed.notes, options.detail)
+        if options.out:
+            from jointplay.bridges import trajectory
+
+            motion = trajectory.Trajectory.through(plan.time, plan.joints, plan.position)
+            shown = not options.quiet
+            texts = [trajectory.written(motion, one, shown).decode() for one in (".csv", ".yaml")]
+            bus = trajectory.lerobot_script(drives, plan.steps)
+            contents = [f"{plan}\n", *texts, *([bus] if bus else [])]
+            out.write(dict(zip(planned, contents, strict=False)))
+        return 0
+    fit = identify_wiggled(posed.mechanism, log, drives)
+    print_answer(fit.sentence, replace(fit, notes=()), [*fit.notes, *posed.notes], options.detail)
+    if any(getattr(options, name) is not None for name in OUTPUTS):
+        preset = fit.preset(_place(options))
+        _write_robot(options, preset, preset.mechanism(tool=fit.mechanism.tool))
+    if options.out:
+        from jointplay.show.plots.design import reversal_loops
+
+        picture = reversal_loops(fit.loops, fit.estimates)
+        described = json.dumps(fit.describe(), indent=1) + "\n"
+        out.write(dict(zip(names, (fit.data.csv(), described, picture), strict=True)))
+    return 0
+
+
+def _refuse(options: argparse.Namespace, names: Iterable[str], of: str) -> None:
+    for name in names:
+        if getattr(options, name) not in (None, []):
+            raise JointplayError(f"--{name} is not for {of}, which tells single joints")
+
+
+def _preset_with_servos(robot: str) -> str:
+    """The name of the robot's preset.
+
+    Raises:
+        JointplayError: nothing is known of its servos.
+    """
+    from jointplay.scenario.presets import preset, preset_of, presets
+
+    def servos(one: Preset) -> bool:
+        tables = (one.every, *one.ordered, *one.named.values())
+        return any(table.get("drive", {}).get("kind") == "servo" for table in tables)
+
+    able = [name for name in presets() if servos(preset(name))]
+    with suppress(JointplayError):
+        if (name := preset_of(robot).name) in able:
+            return name
+    raise JointplayError(
+        f"{robot}: a wiggle needs servos of which motor, gain and rotor are known, and here none "
+        f"are; --preset with one of {', '.join(able)}, or with a file of your own (docs/robots.md)"
+    )
+
+
+def _servos(options: argparse.Namespace, posed: PosedMachine) -> dict[str, Drive]:
+    """Drives by joint, with the encoders' side from --encoder or from who described the servos.
+
+    Raises:
+        JointplayError: neither says it.
+    """
+    from jointplay.base.schema import Draft
+    from jointplay.scenario.build import made_by_joint
+    from jointplay.simulation.loads.drive import Servo
+
+    scenario = posed.scenario
+    drafts: dict[str, Any] = dict(scenario.model(options.case or scenario.cases[0]).drives)
+    servos = {name: one for name, one in drafts.items() if issubclass(one.kind, Servo)}
+    if not servos:
+        raise JointplayError(
+            "a wiggle needs servos of which motor and gain are known: no [drives.JOINT] is of kind "
+            "servo"
+        )
+    for name, one in servos.items():
+        if options.encoder is not None:
+            fields = {**one.fields, "encoder": SIDES[options.encoder]}
+            servos[name] = Draft(one.kind, one.word, fields)
+        elif "encoder" not in one.fields:
+            raise JointplayError(
+                f"on which side of its gear {name}'s encoder sits nobody says: --encoder output or "
+                "--encoder motor; guessed wrong, answers are wrong and look right"
+            )
+    return made_by_joint(servos, posed.mechanism, "drives")
 
 
 def _place(options: argparse.Namespace) -> str | None:

@@ -246,7 +246,7 @@ class Servo(Drive):
     def __post_init__(self) -> None:
         given = {} if self.catalogue is None else _servo(self.catalogue)
         for name, item in given.items():
-            if name != "armature" and getattr(self, name) is None:
+            if name not in _BESIDE and getattr(self, name) is None:
                 object.__setattr__(self, name, item["value"])
         missing = [n for n in ("torque_constant", "resistance") if getattr(self, n) is None]
         if missing:
@@ -275,6 +275,17 @@ class Servo(Drive):
         """
         return float(_servo(name)["armature"]["value"])
 
+    def with_gain(self, gain: float, voltage: float) -> Servo:
+        """The same with the P gain of its firmware, in its own numbers, and a supply [V].
+
+        Raises:
+            JointplayError: it is not in the catalogue, which says what a number of it is.
+        """
+        if self.catalogue is None:
+            raise JointplayError("what a gain of its firmware is stands in no catalogue")
+        duty = float(_servo(self.catalogue)["duty_gain"]["value"])
+        return replace(self, voltage=voltage, p_gain=gain * duty * voltage)
+
     @property
     def band(self) -> float:
         """Error of position up to which no voltage answers [rad]."""
@@ -301,6 +312,11 @@ class Servo(Drive):
             presliding=losses.presliding or self.presliding,
             presliding_damping=losses.presliding_damping or self.presliding_damping,
         )
+
+
+_BESIDE = ("armature", "duty_gain")
+"""Of the catalogue, what is no field of a servo: the gear's `rotor_inertia`, and the part of the
+supply per error of position and number of the firmware's P gain [1/rad]."""
 
 
 @cache
