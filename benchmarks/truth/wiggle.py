@@ -304,7 +304,7 @@ def trained(plays: np.ndarray, seen: np.ndarray) -> dict[str, np.ndarray]:
         held, _ = judged(plays[cut:], seen[cut:], numbers)
         there, missed = judged(fresh_plays[usual], fresh_seen[usual], numbers)
         print(
-            f"tail above {above:g}: family holds {held:.3f}, fresh {there:.3f}, told wrong {missed:.4f}"
+            f"tail {above:g}: family holds {held:.3f}, fresh {there:.3f}, told wrong {missed:.4f}"
         )
         if min(held, there) >= 0.95 and missed <= 0.008:
             break
