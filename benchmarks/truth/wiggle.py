@@ -28,7 +28,7 @@ from jointplay.estimate.servo_joint import RECORD_S, ServoJoint
 from jointplay.estimate.wiggle import EDGES, Known, ServoLog, Untold, features, wiggle_goal
 from jointplay.simulation.loads.drive import Servo
 
-MEMBERS = 13_000
+MEMBERS = 6_500
 """Of the family, from which the shipped numbers are."""
 LEAD_S = 0.4
 """How long the joint stands before and after the wiggle [s]."""
@@ -44,16 +44,8 @@ def some_play(random: np.random.Generator) -> float:
     return 0.0 if random.random() < 1 / 12 else float(np.radians(1.6 * random.random() ** 1.3))
 
 
-def member(
-    random: np.random.Generator, encoder: str = "link", unseen: float = 0.4
-) -> tuple[ServoJoint, Known]:
-    """A joint of the family, and what its owner believes of it.
-
-    Args:
-        random: draws it.
-        encoder: where it sits.
-        unseen: share of joints with a load that the owner does not know of, such as a cable's.
-    """
+def member(random: np.random.Generator, encoder: str = "link") -> tuple[ServoJoint, Known]:
+    """A joint of the family, and what its owner believes of it."""
     rotor = among(random, 6e-4, 0.05)
     link = rotor * among(random, 0.05, 8.0)
     most = rotor * among(random, 50.0, 600.0)
@@ -84,8 +76,6 @@ def member(
     )  # fmt: skip
     off = lambda size: float(np.exp(size * random.normal()))  # noqa: E731
     believed = replace(servo, p_gain=p_gain * off(0.04), resistance=servo.resistance * off(0.04))
-    if random.random() < unseen:
-        true = replace(true, load=true.load + servo.friction * random.uniform(-1.0, 1.0))
     load = load * off(0.1) + 0.1 * servo.friction * random.normal()
     return true, Known(believed, rotor * off(0.1), link * off(0.15), load)
 
@@ -157,7 +147,7 @@ def fresh(seed: int, encoder: str = "link") -> Fresh:
     from truth.peer_engines import servo as other
 
     random = np.random.default_rng([2026, seed])
-    base, known = member(random, encoder, unseen=0.0)
+    base, known = member(random, encoder)
     if encoder == "motor":
         base = replace(base, link_inertia=base.rotor_inertia * among(random, 0.3, 10.0))
         known = replace(
