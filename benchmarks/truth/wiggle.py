@@ -28,7 +28,7 @@ from jointplay.estimate.servo_joint import RECORD_S, ServoJoint
 from jointplay.estimate.wiggle import EDGES, Known, ServoLog, Untold, features, wiggle_goal
 from jointplay.simulation.loads.drive import Servo
 
-MEMBERS = 6_500
+MEMBERS = 26_000
 """Of the family, from which the shipped numbers are."""
 LEAD_S = 0.4
 """How long the joint stands before and after the wiggle [s]."""
@@ -44,8 +44,16 @@ def some_play(random: np.random.Generator) -> float:
     return 0.0 if random.random() < 1 / 12 else float(np.radians(1.6 * random.random() ** 1.3))
 
 
-def member(random: np.random.Generator, encoder: str = "link") -> tuple[ServoJoint, Known]:
-    """A joint of the family, and what its owner believes of it."""
+def member(
+    random: np.random.Generator, encoder: str = "link", unseen: float = 0.4
+) -> tuple[ServoJoint, Known]:
+    """A joint of the family, and what its owner believes of it.
+
+    Args:
+        random: draws it.
+        encoder: where it sits.
+        unseen: share of joints with a load that the owner does not know of, such as a cable's.
+    """
     rotor = among(random, 6e-4, 0.05)
     link = rotor * among(random, 0.05, 8.0)
     most = rotor * among(random, 50.0, 600.0)
@@ -76,6 +84,8 @@ def member(random: np.random.Generator, encoder: str = "link") -> tuple[ServoJoi
     )  # fmt: skip
     off = lambda size: float(np.exp(size * random.normal()))  # noqa: E731
     believed = replace(servo, p_gain=p_gain * off(0.04), resistance=servo.resistance * off(0.04))
+    if random.random() < unseen:
+        true = replace(true, load=true.load + servo.friction * random.uniform(-1.0, 1.0))
     load = load * off(0.1) + 0.1 * servo.friction * random.normal()
     return true, Known(believed, rotor * off(0.1), link * off(0.15), load)
 
@@ -147,7 +157,7 @@ def fresh(seed: int, encoder: str = "link") -> Fresh:
     from truth.peer_engines import servo as other
 
     random = np.random.default_rng([2026, seed])
-    base, known = member(random, encoder)
+    base, known = member(random, encoder, unseen=0.0)
     if encoder == "motor":
         base = replace(base, link_inertia=base.rotor_inertia * among(random, 0.3, 10.0))
         known = replace(
@@ -199,12 +209,14 @@ def limited(goal: np.ndarray, most: float, fastest: float) -> np.ndarray:
 
 # ---- Training ------------------------------------------------------------------------------------
 
-HIDDEN, EPOCHS, RATE, BATCH, NOISE, DROPPED, NETWORKS = (96, 64), 60, 2e-3, 128, 0.3, 0.2, 3
+HIDDEN, EPOCHS, RATE, BATCH, NOISE, DROPPED, NETWORKS = (128, 64), 60, 2e-3, 128, 0.2, 0.2, 2
 """Of the networks and their training by Adam: noise on scaled features, share of dropped units."""
 FIRST_MEMBER = 10_000
 """Seed of the first member."""
-WIDENERS = range(300)
+WIDENERS = range(600)
 """Seeds of the fresh joints by which intervals are widened; no figure is of these."""
+TAIL = 0.03
+"""Likelihood left below an interval; above it as much of these as holds the aims."""
 TAILS = (0.05, 0.04, 0.03, 0.02, 0.015, 0.01, 0.007, 0.005, 0.003, 0.002, 0.001, 0.0005)
 
 
@@ -287,12 +299,14 @@ def trained(plays: np.ndarray, seen: np.ndarray) -> dict[str, np.ndarray]:
     aside = [(one.play, found) for one in joints if (found := usable(one)) is not None]
     fresh_plays, fresh_seen = (np.array(x) for x in zip(*aside, strict=True))
     usual = wiggle.strangeness(fresh_seen, numbers) <= numbers["strange"]
-    for tail in TAILS:
-        numbers["tail"] = np.array(tail)
+    for above in TAILS:  # stiffness, belts and cables hide play: what is missed is more of it
+        numbers["tails"] = np.array([TAIL, above])
         held, _ = judged(plays[cut:], seen[cut:], numbers)
         there, missed = judged(fresh_plays[usual], fresh_seen[usual], numbers)
-        print(f"tail {tail:g}: family holds {held:.3f}, fresh {there:.3f}, told wrong {missed:.4f}")
-        if min(held, there) >= 0.95 and missed <= 0.007:
+        print(
+            f"tail above {above:g}: family holds {held:.3f}, fresh {there:.3f}, told wrong {missed:.4f}"
+        )
+        if min(held, there) >= 0.95 and missed <= 0.008:
             break
     return numbers
 
@@ -311,7 +325,7 @@ def judged(
     """Share whose interval holds, and share that is told one that does not."""
     held, missed = 0, 0
     for play, likely in zip(plays, wiggle.shares(seen, numbers), strict=True):
-        ends = wiggle.rounded(*wiggle.ends_of(likely, float(numbers["tail"])))
+        ends = wiggle.rounded(*wiggle.ends_of(likely, numbers["tails"]))
         right = ends[0] <= play + 1e-9 and play <= ends[1] + 1e-9
         held += right
         missed += not right and not wiggle.too_wide(*ends)
@@ -343,7 +357,7 @@ def train(number: int) -> None:
 def main() -> None:
     benchmark = Benchmark(
         "wiggle", __doc__, runs=0, joints=(600, "that are drawn"),
-        seed=(1_000_000, "of the first joint"), train=(False, "the regression anew, and write it"),
+        seed=(2_000_000, "of the first joint"), train=(False, "the regression anew, and write it"),
         members=(MEMBERS, "of the family, with --train"),
     )  # fmt: skip
     args = benchmark.parse()

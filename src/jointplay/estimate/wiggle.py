@@ -150,7 +150,7 @@ def band(log: ServoLog, known: Known) -> tuple[float, float]:
         raise Untold(
             "no simulated joint moves as this log does (one of 100 of the family is refused so)"
         )
-    return rounded(*ends_of(shares(seen, numbers), float(numbers["tail"])))
+    return rounded(*ends_of(shares(seen, numbers), numbers["tails"]))
 
 
 def rounded(low: float, high: float) -> tuple[float, float]:
@@ -259,10 +259,10 @@ def shares(seen: np.ndarray, numbers: Mapping[str, np.ndarray]) -> np.ndarray:
     return np.asarray(np.mean(found, axis=0), dtype=float)
 
 
-def ends_of(likely: np.ndarray, tail: float) -> tuple[float, float]:
-    """Quantiles `tail` and 1 - `tail` of a play of such likelihoods of bins [rad]."""
+def ends_of(likely: np.ndarray, tails: np.ndarray) -> tuple[float, float]:
+    """Ends of a play's interval [rad] that leave so much of the likelihood below and above."""
     below = np.concatenate([[0.0], np.cumsum(likely)])
-    low, high = np.interp([tail, below[-1] - tail], below, EDGES)
+    low, high = np.interp([tails[0], below[-1] - tails[1]], below, EDGES)
     return float(low), float(high)
 
 
