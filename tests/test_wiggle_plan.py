@@ -510,7 +510,7 @@ def test_a_ur5_is_refused_with_what_it_lacks(capsys):
 @pytest.mark.parametrize("option", ["--known friction", "--lag 0", "--noise tool=1", "--verify"])
 def test_options_of_other_measurements_are_refused(capsys, option):
     assert main(["identify", "so101", "--plan", "wiggle", *option.split()]) == 2
-    assert f"{option.split()[0]} is not for servos" in capsys.readouterr().err
+    assert f"{option.split()[0]} is not for a wiggle" in capsys.readouterr().err
 
 
 def test_the_encoders_side_is_only_for_servos(tmp_path, capsys):

@@ -193,7 +193,8 @@ class Wiggled(OfJoints):
 
 def _loop(log: ServoLog) -> Loop:
     speed = np.gradient(log.goal, log.time)
-    slow = np.abs(speed) <= _SLOW if (np.abs(speed) <= _SLOW).any() else np.full(len(speed), True)
+    slow = (speed != 0.0) & (np.abs(speed) <= _SLOW)
+    slow = slow if slow.any() else np.full(len(speed), True)
     goal, off = log.goal[slow], (log.position - log.goal)[slow]
     goal, off, nothing = goal - np.mean(goal), off - np.median(off), np.full(len(off), np.nan)
     branch = np.sign(speed[slow]).astype(int)

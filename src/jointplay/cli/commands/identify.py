@@ -330,7 +330,7 @@ def _wiggle(options: argparse.Namespace) -> int:
     from jointplay.estimate.wiggle_logs import identify_wiggled
     from jointplay.estimate.wiggle_plan import plan_wiggle
 
-    _refuse(options, NOT_OF_A_WIGGLE, "servos that are wiggled")
+    _refuse(options, NOT_OF_A_WIGGLE, "a wiggle of servos")
     planned = ["plan.txt", "wiggle.csv", "wiggle.yaml", "wiggle_lerobot.py"]
     names = ["identified.csv", "identified.json", LOOPS]
     out = Outputs(options.out, planned if options.plan else names)
