@@ -65,7 +65,12 @@ def test_the_sentence_names_the_play_and_the_elasticity_that_there_are(pair):
 
     def said(play_a, play_b):
         gears = {"joint_a": jp.Gear(play=play_a, **rest), "joint_b": jp.Gear(play=play_b, **rest)}
-        mechanism = SimpleNamespace(clearance=clearance, gears=gears, hinges={})
+        mechanism = SimpleNamespace(
+            clearance=clearance,
+            gears=gears,
+            hinges={},
+            description=loose.simulation.mechanism.description,
+        )
         run = SimpleNamespace(joints=loose.joints, simulation=SimpleNamespace(mechanism=mechanism))
         return headline._cause(run)
 

@@ -17,6 +17,8 @@ CALLS = {
     "study wear": ["--joint", "joint_b", "--growth", "1 um"],
     "study maintenance": ["--target", "1 mm"],
     "study dynamics": ["turns", "--out", "o"],
+    "study hunting": [],
+    "compensate": [],
     "budget": [],
     "allocate": ["--target", "1 mm"],
     "export simulator": ["--joint", "joint_b", "--out", "o"],

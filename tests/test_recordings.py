@@ -423,7 +423,7 @@ def test_the_command_reads_bags_and_datasets(arm, recorded, tmp_path, capsys):
     said = capsys.readouterr().out
     assert "j radial clearance" in said
     assert "95 % interval" in said
-    assert (tmp_path / "out/identified.csv").read_text().startswith("joint,unknown,")
+    assert (tmp_path / "out/identified.csv").read_text().startswith("joint,quantity,")
     path = dataset(tmp_path / "d", "v3.0")
     features = [f"--source={name}={feature}" for name, feature in FEATURES.items()]
     order = ["identify", str(arm), str(path), *features, "--episode", "1", *play]

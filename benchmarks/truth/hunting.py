@@ -10,14 +10,15 @@ both oscillate with amplitudes within 20 %, from the same start.
 
 from __future__ import annotations
 
-import argparse
 import math
 from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
+from common import command
 from numba import njit
 
 import jointplay as jp
+from jointplay.base.processes import cores
 from jointplay.base.progress import ProgressBar
 from jointplay.study import hunting
 
@@ -144,11 +145,14 @@ def agreement(cases: int, seed: int = 0, jobs: int = 1) -> tuple[int, int, int]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--cases", type=int, default=60)
-    parser.add_argument("--quick", action="store_true", help="eight cases")
-    parser.add_argument("--jobs", type=int, default=2)
-    options = parser.parse_args()
-    good, decided, hunts = agreement(8 if options.quick else options.cases, jobs=options.jobs)
+    options = command(
+        __doc__,
+        "eight cases",
+        cases=(60, "joints that are drawn"),
+        seed=(0, "of them"),
+        jobs=(cores(), "processes"),
+    ).parse_args()
+    number = 8 if options.quick else options.cases
+    good, decided, hunts = agreement(number, options.seed, options.jobs)
     print(f"{hunts} of {decided} oscillate by the truth")
     print(f"hunting agrees in {good} of {decided}")

@@ -1163,6 +1163,8 @@ def _base_calls(folder: Path) -> dict[str, list[str]]:
             "--of",
             "none",
         ],
+        "study hunting": ["so101", "--preset", "--of", "wrist_roll", "--jobs=1", "--quiet"],
+        "compensate": [scenario, "--jobs=1", "--quiet", "--out", out],
         "budget": [*robot, "--out", out],
         "allocate": [*robot, "--target", "0.2 mm", "--quiet"],
         "export simulator": [

@@ -21,7 +21,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.accuracy.jacobians import tool_place
-from jointplay.base.errors import JointplayError
+from jointplay.base.errors import JointplayError, require_a
 from jointplay.base.progress import ProgressBar
 from jointplay.base.tables import Column, Table, counted, few
 from jointplay.model.gear import Gearing
@@ -174,6 +174,7 @@ def compensate(simulation: Simulation, *, progress: bool = False) -> Compensatio
             no joint whose side is ever decided; a motion outside limits, or a correction that
             cannot be made within them.
     """
+    require_a("simulation", simulation, "Simulation")
     mechanism, motion = _checked(simulation)
     count = max(round(motion.duration / NODE_S), 4) + 1
     times = np.linspace(0.0, motion.duration, count)

@@ -18,7 +18,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from jointplay.base.errors import JointplayError, require_known, require_positive, within
+from jointplay.base.errors import JointplayError, require_a, require_known, require_positive, within
 from jointplay.base.progress import ProgressBar
 from jointplay.base.tables import Column, Table, counted
 from jointplay.model import urdf
@@ -397,6 +397,7 @@ def hunting(
     Raises:
         JointplayError: no such joint; none has play, or a servo; a run that stops.
     """
+    require_a("simulation", simulation, "Simulation")
     require_positive("duration", duration, "s")
     axes = [Axis.of(simulation, name, pose or {}) for name in joints or able(simulation)]
     found = []
