@@ -24,12 +24,12 @@ MACROS = f"""<robot {NAMESPACE}>
   <link name="${{name}}">
     <inertial><origin xyz="${{length / 2}} 0 0"/><mass value="${{mass}}"/>
       <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>
-    <visual><geometry><mesh filename="package://parts/meshes/arm.stl"/></geometry></visual>
+    <visual><geometry><mesh filename="package://xacro_parts/meshes/arm.stl"/></geometry></visual>
     <collision><geometry>
-      <mesh filename="file://$(find parts)/meshes/arm.stl"/>
+      <mesh filename="file://$(find xacro_parts)/meshes/arm.stl"/>
     </geometry></collision>
     <collision><geometry>
-      <mesh filename="file:///$(find parts)/meshes/arm.stl"/>
+      <mesh filename="file:///$(find xacro_parts)/meshes/arm.stl"/>
     </geometry></collision>
   </link>
   <joint name="${{name}}_joint" type="revolute">
@@ -41,7 +41,7 @@ MACROS = f"""<robot {NAMESPACE}>
 ROBOT = f"""<robot name="robot" {NAMESPACE}>
 <xacro:arg name="length" default="0.4"/>
 <xacro:arg name="heavy" default="false"/>
-<xacro:include filename="$(find parts)/urdf/macros.xacro"/>
+<xacro:include filename="$(find xacro_parts)/urdf/macros.xacro"/>
 <link name="base"/>
 <xacro:arm name="arm" parent="base" length="$(arg length)"
   mass="${{2 if xacro.arg('heavy') == 'true' else 1}}"/>
@@ -69,7 +69,9 @@ def _no_ros(monkeypatch):
 def robot(tmp_path):
     """A xacro in one package that includes macros of another."""
     source = tmp_path / "ws" / "src"
-    package(source, "parts", {"urdf/macros.xacro": MACROS, "meshes/arm.stl": "solid"}, "its-parts")
+    package(
+        source, "xacro_parts", {"urdf/macros.xacro": MACROS, "meshes/arm.stl": "solid"}, "its-parts"
+    )
     return package(source, "robot", {"urdf/robot.xacro": ROBOT}) / "urdf" / "robot.xacro"
 
 
@@ -119,7 +121,7 @@ def test_result_is_read_again_without_xacro(robot, tmp_path, monkeypatch):
 def test_text_names_no_folder_of_this_machine_and_meshes_are_found(robot, tmp_path):
     mechanism = Mechanism(robot)
     names = [one.get("filename") for one in mechanism.description.elements().iter("mesh")]
-    assert names == ["package://parts/meshes/arm.stl"] * 3
+    assert names == ["package://xacro_parts/meshes/arm.stl"] * 3
     assert str(tmp_path) not in mechanism.description.text
     found = find_mesh(names[0], mesh_folders(mechanism))
     assert found == tmp_path / "ws" / "src" / "its-parts" / "meshes" / "arm.stl"
@@ -139,9 +141,9 @@ def test_meshes_beside_the_file_stay_relative(tmp_path):
 def test_packages_are_found_where_ros_looks(variable, robot, tmp_path, monkeypatch):
     away = tmp_path / "away" / "share"
     away.mkdir(parents=True)
-    os.rename(robot.parents[2] / "its-parts", away / "parts")
+    os.rename(robot.parents[2] / "its-parts", away / "xacro_parts")
     with pytest.raises(
-        JointplayError, match=r"xacro .*robot\.xacro'.*no package 'parts'.* set ROS_"
+        JointplayError, match=r"xacro .*robot\.xacro'.*no package 'xacro_parts'.* set ROS_"
     ):
         formats.read(robot)
     monkeypatch.setenv(variable, str(away if variable.startswith("ROS") else away.parent))

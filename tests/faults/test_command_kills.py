@@ -100,7 +100,7 @@ def commands(tmp_path_factory):
         "identify": Command(
             ["identify", str(place / "arm.urdf"), str(place / "seen.csv"), "--clearance=0.05 mm",
              "--quiet"],
-            "--out", True, ["identified.csv", "identified.json", "identified.png"],
+            "--out", True, ["identified.csv", "identified.json", "identified.png", "loops.png"],
         ),
         "uncertainty": Command(
             ["study", "uncertainty", str(place / "store"), "peak_force"], "--out", False, ["c.png"]
