@@ -35,6 +35,16 @@ def message(kind, time, frame="", **fields):
     if kind == "sensor_msgs/msg/JointState":
         parts = [fields.get(k, []) for k in ("position", "velocity", "effort")]
         return types[kind](header, fields["name"], *(np.array(part, float) for part in parts))
+    if kind == "trajectory_msgs/msg/JointTrajectory":
+        duration = types["builtin_interfaces/msg/Duration"]
+        point = types["trajectory_msgs/msg/JointTrajectoryPoint"]
+        after = [divmod(round(1e9 * t), 1_000_000_000) for t in fields["times"]]
+        rows = np.column_stack([np.empty((len(after), 0)), *fields["goal"].values()])
+        points = [
+            point(row, none, none, none, duration(*late))
+            for row, late, none in zip(rows, after, np.empty((len(after), 0)), strict=True)
+        ]
+        return types[kind](header, list(fields["goal"]), points)
     at, none, one = fields["at"], np.zeros(9), kind.rpartition("/")[2]
     moved = types["geometry_msgs/msg/Transform"]
     parts = {

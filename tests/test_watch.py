@@ -2,18 +2,19 @@
 
 import json
 import math
+import re
 import shlex
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from jointplay import Gear, JointplayError, Mechanism
+from jointplay import Gear, JointplayError, Mechanism, budget
 from jointplay.cli import main
 from jointplay.estimate.gauge import Readings, gauge_problems, identify_gauged
 from jointplay.estimate.identification import identify_problem
 from jointplay.estimate.measurement import Measurement
-from jointplay.estimate.watch import in_order, watch
+from jointplay.estimate.watch import Target, in_order, watch
 from jointplay.show.plots.design import courses
 
 FORCES, ARM = np.array([0.0, 8.0, -8.0, 2.0, -2.0]), 0.1
@@ -173,6 +174,43 @@ def test_the_command_tells_a_scheduler(tmp_path, capsys):
     assert main([*order, "--against", str(still)]) == 0
 
 
+def test_a_target_of_the_tool_is_alarmed_before_it_is_missed():
+    """Of plays that grow in proportion, the tool's error too: by a line the time is known."""
+    some = series(4e-4)
+    arms = {("shoulder_pan", "gear_play"): 0.3, ("elbow_flex", "gear_play"): 0.1}
+
+    def error(plays):
+        return sum(arms[key] * play / 2.0 for key, play in plays.items())
+
+    plays = [one for one in watch(some).estimates if one.unknown.name == "gear_play"]
+    now = error({(one.joint, "gear_play"): one.value for one in plays})
+    left = 2.0 * 0.3 / 2.0 * 4e-4  # two months
+    found = watch(some, target=Target(now + left, error))
+    assert not found.alarms  # growth of its own is none where a target is given
+    (said,) = [one for one in found.notes if one.startswith("error of the tool reaches")]
+    expected, first, last = map(float, said_times(said))
+    assert first < 60.4 < last
+    assert expected == pytest.approx(60.4, rel=0.5)
+    (alarm,) = watch(some, ahead=90.0, target=Target(now + left, error)).alarms
+    assert alarm.startswith("error of the tool reaches")
+    (alarm,) = watch(some, target=Target(0.3 * now, error)).alarms
+    assert "is above" in alarm
+
+
+def test_the_command_tells_when_the_tool_misses_its_target(tmp_path, capsys):
+    folder = written(tmp_path / "series")
+    order = ["identify", "so101", "--noise", "link=1e-4", "--against", str(folder), "--detail"]
+    assert main([*order, "--target", "9 mm"]) == 0
+    said = capsys.readouterr().out
+    assert "error of the tool reaches 9 mm in about" in said
+    assert "tool at: " in said
+    now = float(re.search(r"now ([\d.]+) mm to", said)[1])
+    robot = Mechanism("so101", gears={n: Gear(8e-3, 0.1, 1e4) for n in JOINTS})
+    assert 0.3 < now / (1e3 * budget(robot, {}).worst.max()) < 1.2
+    assert main([*order, "--target", "0.1 mm"]) == 3
+    assert capsys.readouterr().out.startswith("Alarm: error of the tool is above 0.1 mm")
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [
@@ -181,6 +219,8 @@ def test_the_command_tells_a_scheduler(tmp_path, capsys):
         ("--against {old} {moving}", "is no table of a dial gauge"),
         ("--against {folder} --limit 'knee gear play=1 deg'", "no play 'knee gear play'"),
         ("--against {folder} --limit 'elbow_flex gear play=1 mm'", "is not an angle"),
+        ("--against {folder} --target 0", "--target must be positive"),
+        ("--against {folder} --target '1 deg'", "is not a length"),
         ("--against {folder} --write-preset {folder}/my.toml", "--write-preset is of one"),
         ("--against {folder} --plan dial", "--plan is of one"),
         ("--against {empty}", "holds no measurements"),

@@ -421,6 +421,31 @@ def test_three_formats_give_the_same_log(tmp_path):
         Recording(folder, features).measurement(JOINTS)
 
 
+@pytest.mark.needs("rosbags")
+@pytest.mark.parametrize("unstamped", [True, False])
+def test_goals_are_those_of_a_trajectory_until_another_ends_it(unstamped, tmp_path):
+    """Sent as a whole at once, with its corners only, and ended by another before its end."""
+    import test_recordings
+
+    time, goal, position = signals(200.0)
+    kind, end = "trajectory_msgs/msg/JointTrajectory", np.searchsorted(time, 9.0)
+    points = {name: np.append(x[:end:10], 1.0) for name, x in goal.items()}
+    later = {name: x[end::10] for name, x in goal.items()}
+    rows = [
+        (kind, 0.0, {"times": np.append(time[:end:10], 20.0), "goal": points}),
+        (kind, 9.0, {"times": time[end::10] - 9.0, "goal": later}),
+    ]
+    rows = [(kind, at, {**fields, "unstamped": unstamped}) for kind, at, fields in rows]
+    topics = {"/sent": rows, "/joint_states": test_recordings.states(time, **position)}
+    bag = test_recordings.bag(tmp_path / "bag", topics)
+    log = Recording(bag, {"goal": "/sent", "position": "/joint_states"})
+    read = ServoSignals.read(log, JOINTS)
+    for name, x in goal.items():
+        off = abs(read.goal[name] - np.interp(read.time, time, x))
+        assert np.quantile(off, 0.98) < 1e-3  # not where the goals of this log jump
+    assert list(read.logs()) == ["a", "b"]
+
+
 def test_logs_without_a_wiggle_are_refused(so101, tmp_path):
     time, goal, position = signals()
     both = {name: goal["a"] + goal["b"] for name in goal}

@@ -359,6 +359,8 @@ def _origin(one: Estimate, source: str) -> Origin:
     value, ends = one.value if one.found else one.upper, one.interval
     if not one.found:
         ends = 0.0, one.upper
+    if math.isinf(ends[1]):
+        return Origin(key, unknown.shown(value), "measured", f"{one.span}; {source}")
     if key.endswith("stiffness"):
         if min(value, *ends) <= 0.0:
             return Origin(key, unknown.shown(value), "measured", f"its compliance; {source}")
@@ -373,15 +375,28 @@ def at_ends(
     mechanism: Mechanism, intervals: Mapping[tuple[str, str], tuple[float, float]]
 ) -> tuple[Mechanism, Mechanism]:
     """The mechanism with all plays at the lower, and at the upper ends of their intervals."""
-    ends = []
-    for k in (0, 1):
-        plays = [
-            Estimate(Unknown(joint, name, "m"), value=both[k])
-            for (joint, name), both in intervals.items()
-            if name in PLAYS
-        ]
-        ends.append(apply(mechanism, plays))
+    ends = [
+        with_plays(mechanism, {key: both[k] for key, both in intervals.items() if key[1] in PLAYS})
+        for k in (0, 1)
+    ]
     return ends[0], ends[1]
+
+
+def with_plays(mechanism: Mechanism, plays: Mapping[tuple[str, str], float]) -> Mechanism:
+    """The mechanism with plays by joint and name, such as ``("elbow", "gear_play")`` [SI].
+
+    Joints without a gear get one of which nothing but its play is meant.
+    """
+    from jointplay.model.gear import Gear
+    from jointplay.scenario.robot import AT_REST
+
+    gears, entries = dict(mechanism.gears), mechanism.description.joints
+    for joint, name in plays:
+        if name == "gear_play" and joint not in gears:
+            gears[joint] = Gear(0.0, **AT_REST[entries[joint].unit])
+    mechanism = mechanism.with_clearance(mechanism.clearance, gears)
+    values = [Estimate(Unknown(*key, "m"), value=value) for key, value in plays.items()]
+    return apply(mechanism, values)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -401,11 +416,7 @@ class OfJoints:
     def sentence(self) -> str:
         """The answer in plain words."""
         plays = [one for one in self.estimates if one.unknown.name == "gear_play"]
-        known = [
-            f"{one.joint} " + " to ".join(map(one.unknown.shown, one.interval)) if one.found
-            else f"{one.joint} at most {one.unknown.shown(one.upper)}"
-            for one in plays if one.identified
-        ]  # fmt: skip
+        known = [f"{one.joint} {one.span}" for one in plays if one.identified]
         of = f"{len(known)} of {counted(len(plays), 'joint')}"
         return f"The readings tell the play of {of}{f': {few(known)}' if known else ''}"
 

@@ -57,7 +57,10 @@ _VECTORS = {
 _READ_FROM = {kind: [rosbag.STATE] for kind in _JOINT_FIELDS} | {
     kind: list(messages) for kind, messages in _VECTORS.items()
 }
+_READ_FROM["goal"].append(rosbag.TRAJECTORY)
 """Messages by kind of signal."""
+_GOAL_S = 5e-3
+"""Interval in which the goals between a trajectory's points are taken [s]."""
 _IN_WORLD_AXES = ("tool", "force")
 """Kinds of signal whose directions count; of accelerations and reactions only sizes do."""
 _INPUTS = ("motor", "link", "force")
@@ -104,6 +107,8 @@ class _Map(NamedTuple):
 
 _Series = tuple[np.ndarray, dict[str, np.ndarray]]
 """Times of n records, integers (n,) [ns]; values by the recorded name, (n,), nan for none."""
+_Records = list[tuple[int, dict[str, float]]]
+"""What one message says: how long after its time [ns], and values by the recorded name."""
 
 
 @dataclass(frozen=True)
@@ -266,7 +271,7 @@ class Recording:
         path, notes = _bag_file(Path(self.path)), []
         with rosbag.opened(path) as bag:
             held = [f"{topic} ({kind.rpartition('/')[2]})" for topic, kind in bag.topics.items()]
-            getters: dict[_Source, Callable[[Any], dict[str, float]]] = {}
+            getters: dict[_Source, Callable[[Any], _Records]] = {}
             for source in sources:
                 if source.name not in bag.topics:
                     raise MissingName("topic", source.name, held)
@@ -276,7 +281,8 @@ class Recording:
                         f"{path}: {source.kind} cannot be read from {source.name}, which has "
                         f"{message}; it is read from {', '.join(fit)}"
                     )
-                getters[source] = _getter(source.kind, message)
+                where = f"{path}, topic {source.name}"
+                getters[source] = _getter(source.kind, message, where)
             if not getters:
                 raise JointplayError(
                     f"{path}: say which topic is which signal (--source motor=TOPIC, "
@@ -296,7 +302,12 @@ class Recording:
                     frames[channel.topic].add(message.header.frame_id)
                     for source, get in getters.items():
                         if source.name == channel.topic:
-                            rows[source].append((nano, record.log_time, get(message)))
+                            log = record.log_time
+                            while rows[source] and rows[source][-1][1] > log:
+                                rows[source].pop()  # of a trajectory that this one ends
+                            for later, values in get(message):
+                                stamped = nano + later if nano else 0
+                                rows[source].append((stamped, log + later, values))
                     bar.update()
         for source, found in rows.items():
             if not found:
@@ -518,21 +529,36 @@ def _bag_file(path: Path) -> Path:
     return inside[0]
 
 
-def _getter(kind: str, message: str) -> Callable[[Any], dict[str, float]]:
+def _getter(kind: str, message: str, where: str) -> Callable[[Any], _Records]:
     if kind not in _JOINT_FIELDS:
         vector = attrgetter(_VECTORS[kind][message])
-        return lambda one: {axis: getattr(vector(one), axis) for axis in "xyz"}
+        return lambda one: [(0, {axis: getattr(vector(one), axis) for axis in "xyz"})]
+    if message == rosbag.TRAJECTORY:
+        return lambda one: _goals(*rosbag.points(one, where))
     part = _JOINT_FIELDS[kind]
 
-    def values(state: Any) -> dict[str, float]:
+    def values(state: Any) -> _Records:
         numbers = getattr(state, part)
         if numbers and len(numbers) != len(state.name):
             raise JointplayError(
                 f"a message has {len(numbers)} values of {part} for {len(state.name)} joints"
             )
-        return dict(zip(state.name, numbers, strict=bool(numbers)))
+        return [(0, dict(zip(state.name, numbers, strict=bool(numbers))))]
 
     return values
+
+
+def _goals(joints: list[str], times: np.ndarray, positions: np.ndarray) -> _Records:
+    """What a trajectory commands, as goals that hold until the next."""
+    if (np.diff(times) <= 0.0).any():
+        raise JointplayError("a trajectory's times must increase")
+    fine = np.arange(times[0], times[-1] + 0.5 * _GOAL_S, _GOAL_S) if len(times) else times
+    between = [np.interp(fine, times, x).tolist() for x in positions.T]
+    each = zip(*between, strict=True)
+    return [
+        (round(t * _NANO), dict(zip(joints, goals, strict=True)))
+        for t, goals in zip(fine, each, strict=True)
+    ]
 
 
 def _names(feature: Mapping[str, Any]) -> list[str]:

@@ -51,6 +51,8 @@ class Unknown:
     """Smallest possible value."""
     fine: bool = True
     """Whether it is as small as a clearance, and shown in such units."""
+    in_degrees: bool = False
+    """Whether an angle is shown in degrees."""
     model_error: float = 0.02
     """Part of its value by which the model itself is off, see benchmarks/truth/identify.py."""
 
@@ -61,7 +63,11 @@ class Unknown:
 
     def shown(self, value: float) -> str:
         """A value in the unit of tables."""
-        return "" if math.isnan(value) else told(value, self.unit, fine=self.fine)
+        if math.isnan(value):
+            return ""
+        if self.in_degrees:
+            return f"{math.degrees(value):.4g} deg"
+        return told(value, self.unit, fine=self.fine)
 
     def widest(self, value: float) -> float:
         """Largest half width of an interval about `value` with which it is identified [SI]."""
@@ -124,16 +130,22 @@ class Estimate:
     def identified(self) -> bool:
         return not self.reason
 
+    @property
+    def span(self) -> str:
+        """The interval, or the only bound there is, in words."""
+        shown, (low, high) = self.unknown.shown, self.interval
+        if not self.found:
+            return f"at most {shown(self.upper)}"
+        return f"{shown(low)} to {shown(high)}" if high < math.inf else f"at least {shown(low)}"
+
     def words(self) -> tuple[str, str]:
         """Value and interval as tables have them."""
-        shown = self.unknown.shown
         if self.reason:
             return "-", CANNOT_TELL
         if not self.found:
-            return "-", f"none told; at most {shown(self.upper)}"
-        low, high = self.interval
+            return "-", f"none told; {self.span}"
         note = f" ({self.note})" if self.note else ""
-        return shown(self.value), f"{shown(low)} to {shown(high)}{note}"
+        return self.unknown.shown(self.value), f"{self.span}{note}"
 
     def __str__(self) -> str:
         value, interval = self.words()

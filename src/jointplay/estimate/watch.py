@@ -9,13 +9,14 @@ off by it is off by at each date alike, so a change is told earlier than a value
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.optimize import brentq
 
 from jointplay.base.errors import JointplayError, MissingName
 from jointplay.base.tables import Table, counted, few
@@ -30,6 +31,32 @@ _REMEMBERED = 64
 _DATE = re.compile(r"(?<!\d)(\d{4})[-_]?(\d\d)[-_]?(\d\d)(?!\d)")
 _START = 0.1
 """Of a play that may be none, by its scale."""
+_SEEN = 100.0
+"""Times the series' length up to which it is told when a target is missed."""
+TOOL = Unknown("", "error of the tool", "m", fine=False)
+
+
+@dataclass(frozen=True)
+class Target:
+    """How far off play may let the tool be."""
+
+    limit: float
+    """[m]."""
+    error: Callable[[Mapping[tuple[str, str], float]], float]
+    """Of the tool at most [m], with plays by joint and name."""
+
+    def time(self, at: Mapping[tuple[str, str], tuple[float, float]], most: float) -> float:
+        """When the tool's error reaches the limit, up to `most`; plays are value and growth."""
+
+        def left(time: float) -> float:
+            plays = {k: max(value + time * rate, 0.0) for k, (value, rate) in at.items()}
+            return self.error(plays) - self.limit
+
+        if left(0.0) >= 0.0:
+            return 0.0
+        if left(most) < 0.0:
+            return np.inf
+        return float(brentq(left, 0.0, most, xtol=1e-3 * most, rtol=1e-3))
 
 
 @dataclass(frozen=True)
@@ -82,6 +109,7 @@ def watch(
     dates: Sequence[tuple[str, Sequence[LeastSquares]]],
     limits: Mapping[str, float] | None = None,
     ahead: float = 0.0,
+    target: Target | None = None,
 ) -> Watch:
     """How plays changed over a series of measurements of one machine.
 
@@ -92,7 +120,8 @@ def watch(
     Args:
         dates: name and least squares of each measurement, oldest first; dates in the names count.
         limits: by label, ``"elbow gear play"`` or ``"elbow gear play change"`` [SI].
-        ahead: how long before a limit is reached is alarmed [days, or recordings].
+        ahead: how long before a limit or target is reached is alarmed [days, or recordings].
+        target: of the tool; alarmed like a limit.
 
     Raises:
         JointplayError: fewer than two measurements; none of a play in two of them.
@@ -122,6 +151,7 @@ def watch(
         if label.removesuffix(" change") not in labels:
             raise MissingName("play", label, [*labels, *(f"{one} change" for one in labels)])
     found: list[Estimate] = []
+    course: list[tuple[Estimate, Estimate]] = []
     courses, alarms = dict[str, tuple[Estimate, ...]](), list[str]()
     sure = 1.0 - (1.0 - CONFIDENCE) / len(plays)
     for some in known.values():
@@ -137,10 +167,13 @@ def watch(
             changes = [_told(free, k) for k in at]
             value, rate = replace(_told(last, i), reason=""), _told(steady, count + j)
             found += [value, changes[-1], rate]
+            course.append((value, rate))
             courses[value.label] = tuple(changes)
             half = wider[at[-1]] * changes[-1].half_width
             told = value, changes[-1], changes[-1].value - half, rate
-            alarms += _alarms(told, limits, ahead, unit, notes)
+            alarms += _alarms(told, limits, target is not None, ahead, unit, notes)
+    if target is not None:
+        alarms += _missed(course, target, _SEEN * times[-1], ahead, unit, notes)
     notes.append(
         f"assumed: between measurements compliances differ by {100.0 * SAME['']:g} %, friction by "
         f"{100.0 * SAME['friction']:g} % (standard deviations); growth: if it is steady"
@@ -161,36 +194,88 @@ def _told(fit: Fit, i: int) -> Estimate:
 def _alarms(
     told: tuple[Estimate, Estimate, float, Estimate],
     limits: Mapping[str, float] | None,
+    tolerated: bool,
     ahead: float,
     unit: str,
     notes: list[str],
 ) -> list[str]:
     """Of one play: its value, its change, what that is at least, its growth; notes are added."""
     value, change, least, rate = told
-    shown = value.unknown.shown
     if not limits:
-        words = f"{value.label} has grown by {' to '.join(map(shown, change.interval))}"
-        return [words] if least > 0.0 else []
-    made = []
+        words = f"{value.label} has grown by {change.span}"
+        return [words] if least > 0.0 and not tolerated else []
+    made = list[str]()
     for one, low in ((value, value.low), (change, least)):
         limit = limits.get(one.label)
         if limit is None:
             continue
-        if low > limit:
-            made.append(
-                f"{one.label} is above {shown(limit)}: {' to '.join(map(shown, one.interval))}"
-            )
-            continue
-        expected = _until(limit - one.value, rate.value)
-        first, latest = _until(limit - one.high, rate.high), _until(limit - one.low, rate.low)
-        words = f"{one.label} reaches {shown(limit)} in about {expected:.3g} {unit}s"
-        if one.value > limit:
-            words = f"{one.label} may be above {shown(limit)} already"
-        elif not np.isfinite(expected):
-            words = f"{one.label} may reach {shown(limit)} once"
-        words = f"{words} ({first:.3g} to {latest:.3g} {unit}s), if it goes on like this"
-        (made if expected <= ahead and ahead > 0.0 else notes).append(words)
+        times = tuple(
+            _until(limit - x, growth)
+            for x, growth in ((one.high, rate.high), (one.value, rate.value), (one.low, rate.low))
+        )
+        alarmed, words = _forecast(one, limit, low, times, ahead, unit)
+        (made if alarmed else notes).append(words)
     return made
+
+
+def _missed(
+    course: Sequence[tuple[Estimate, Estimate]],
+    target: Target,
+    most: float,
+    ahead: float,
+    unit: str,
+    notes: list[str],
+) -> list[str]:
+    """Of the tool, by values and growth of all plays that are told; notes are added."""
+    known = [both for both in course if np.isfinite(both[0].half_width)]
+    if untold := [value.label for value, _ in course if not np.isfinite(value.half_width)]:
+        notes.append(f"note: not in the error of the tool, as they cannot be told: {few(untold)}")
+    keys = [(value.joint, value.unknown.name) for value, _ in known]
+    ends, times = list[float](), list[float]()
+    for side in ("high", "value", "low"):
+        at = [(getattr(value, side), getattr(rate, side)) for value, rate in known]
+        pairs = dict(zip(keys, at, strict=True))
+        ends.append(target.error({k: max(value, 0.0) for k, (value, _) in pairs.items()}))
+        times.append(target.time(pairs, most))
+    tool = Estimate(TOOL, ends[1], ends=(ends[2], ends[0]))
+    alarmed, words = _forecast(tool, target.limit, ends[2], tuple(times), ahead, unit)
+    words = words if tool.low > target.limit else f"{words}; now {tool.span}"
+    if not alarmed:
+        notes.append(words)
+    return [words] if alarmed else []
+
+
+def _forecast(
+    one: Estimate, limit: float, low: float, times: tuple[float, ...], ahead: float, unit: str
+) -> tuple[bool, str]:
+    """Whether a limit is alarmed, and what is said of it.
+
+    Args:
+        one: what is limited.
+        limit: above which it is alarmed [SI].
+        low: what it surely is at least [SI].
+        times: in which it is reached: first, expected, last.
+        ahead: how long before that it is alarmed.
+        unit: of times.
+    """
+    first, expected, latest = times
+    bound = one.unknown.shown(limit)
+    if low > limit:
+        return True, f"{one.label} is above {bound}: {one.span}"
+    soonest = f"{first:.3g} {unit}s or later"
+    if one.value > limit:
+        words = f"{one.label} may be above {bound} already"
+    elif np.isfinite(latest):
+        words = f"{one.label} reaches {bound} in about {expected:.3g} {unit}s"
+        words += f" ({first:.3g} to {latest:.3g} {unit}s)"
+    elif np.isfinite(expected):
+        words = f"{one.label} reaches {bound} in about {expected:.3g} {unit}s ({soonest})"
+    elif np.isfinite(first):
+        words = f"{one.label} may reach {bound} in {soonest}"
+    else:
+        words = f"{one.label} does not reach {bound}"
+    words += ", if it goes on like this"
+    return expected <= ahead and ahead > 0.0, words
 
 
 def _until(left: float, rate: float) -> float:

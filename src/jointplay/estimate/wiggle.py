@@ -120,7 +120,7 @@ def play_of(log: ServoLog, known: Known) -> Estimate:
     upper bound (not `found`), one of a play beyond the family's largest has no upper end; and there
     is a reason where the log cannot tell.
     """
-    unknown = Unknown(log.joint, "gear_play", "rad", np.nan, fine=False)
+    unknown = Unknown(log.joint, "gear_play", "rad", np.nan, in_degrees=True)
     try:
         low, high = band(log, known)
     except Untold as error:
@@ -129,9 +129,7 @@ def play_of(log: ServoLog, known: Known) -> Estimate:
         ends = f"{np.degrees(low):.1f} to {np.degrees(min(high, LARGEST)):.1f} deg"
         return Estimate(unknown, reason=f"plays from {ends} would look alike in this log")
     middle = 0.5 * (low + high) if np.isfinite(high) else low
-    note = f"{np.degrees(low):.1f} to {np.degrees(high):.1f} deg"
-    note = note if np.isfinite(high) else f"no upper end told, at least {np.degrees(low):.1f} deg"
-    return Estimate(unknown, middle, ends=(low, high), upper=high, found=low > 0.0, note=note)
+    return Estimate(unknown, middle, ends=(low, high), upper=high, found=low > 0.0)
 
 
 def band(log: ServoLog, known: Known) -> tuple[float, float]:

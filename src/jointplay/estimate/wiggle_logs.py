@@ -231,7 +231,10 @@ def identify_wiggled(
     found, servos, notes = list[Estimate](), dict[str, Servo](), list(log.notes)
     untold = list[str]()
     for joint, (part, pose) in parts.items():
-        servo, unknown = drives.get(joint), Unknown(joint, "gear_play", "rad", np.nan, fine=False)
+        servo, unknown = (
+            drives.get(joint),
+            Unknown(joint, "gear_play", "rad", np.nan, in_degrees=True),
+        )
         if not isinstance(servo, Servo) or joint not in mechanism.gears:
             reason = "no servo with gains, motor and rotor is known of it"
             found.append(Estimate(unknown, reason=reason))

@@ -48,8 +48,10 @@ Example: jointplay identify my_robot.toml measured.csv --out worn
         and grows, all compared as one; exit status 3 is an alarm
     --limit PLAY=X ...  alarm if "elbow gear play=0.2 deg" or "elbow gear play change=0.1 deg" is
         surely exceeded (default: if any play has surely grown)
-    --ahead N  alarm also if a limit is expected to be reached within N days, or recordings where
-        names have no dates
+    --target LENGTH  largest error of the tool: alarm if play surely lets it be further off, in the
+        pose or along the motion
+    --ahead N  alarm also if a limit or the target is expected to be reached within N days, or
+        recordings where names have no dates
   by simulated runs of the scenario:
     --runs [RUNS=40]  where flights do not determine restitution, fit the impact statistics with
         this many runs (40 if no number is given)
@@ -78,7 +80,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -100,6 +102,7 @@ from jointplay.cli.commands.inputs import (
 )
 
 if TYPE_CHECKING:
+    from jointplay.estimate.watch import Target
     from jointplay.model.mechanism import Mechanism
     from jointplay.scenario.presets import Preset
     from jointplay.simulation.loads.drive import Drive
@@ -111,7 +114,7 @@ SIDES = {"output": "link", "motor": "motor"}
 """Where a servo's encoder sits, by what --encoder calls it."""
 OUTPUTS = ("write_preset", "urdf", "mjcf")
 LOOPS = "loops.png"
-WATCHED = ("limit", "ahead")
+WATCHED = ("limit", "target", "ahead")
 ALARM = 3
 """Exit status."""
 
@@ -241,11 +244,13 @@ def _watch(options: argparse.Namespace) -> int:
         label, value = pair(text, '--limit PLAY=X, such as "elbow gear play=0.2 deg"')
         unit = "m" if "clearance" in label else "rad"
         limits[label] = quantity(value, unit, f"--limit {label}")
-    problems = _gauge_series(options, paths) if all(gauge) else _series(options, paths)
+    posed = _gauged(options) if all(gauge) else posed_machine(options)
+    problems = (_gauge_series if all(gauge) else _series)(options, posed, paths)
     out.claim()
     dates = [(path.name, next(problems)) for path in paths]
-    found = watch(dates, limits, options.ahead or 0.0)
-    print_answer(found.sentence, replace(found, notes=()), found.notes, options.detail)
+    found = watch(dates, limits, options.ahead or 0.0, _target(options, posed))
+    notes = [*found.notes, *([f"tool at: {posed.poses.words}"] if options.target else [])]
+    print_answer(found.sentence, replace(found, notes=()), notes, options.detail)
     if options.out:
         from jointplay.show.plots.design import courses
 
@@ -266,22 +271,52 @@ def _inside(path: Path) -> list[Path]:
     return inside
 
 
-def _gauge_series(options: argparse.Namespace, paths: Sequence[Path]) -> Iterator[Any]:
+def _target(options: argparse.Namespace, posed: PosedMachine) -> Target | None:
+    """How far off play may let the tool be at the robot's poses."""
+    if options.target is None:
+        return None
+    import numpy as np
+
+    from jointplay.accuracy.error_budget import budget
+    from jointplay.estimate.machine import with_plays
+    from jointplay.estimate.watch import Target
+
+    if not options.target > 0.0:
+        raise JointplayError(f"--target must be positive, got {options.target:g} m")
+    poses = posed.poses
+
+    def error(plays: Mapping[tuple[str, str], float]) -> float:
+        mine = with_plays(posed.mechanism, plays)
+        rows = [mine.configuration(poses.positions(k)) for k in range(len(poses.q))]
+        return float(budget(mine, np.array(rows), driven=poses.driven).worst.max())
+
+    return Target(options.target, error)
+
+
+def _gauged(options: argparse.Namespace) -> PosedMachine:
+    """The machine with the pose in which readings were taken."""
+    options.pose = [options.pose or ""] if options.pose or not options.motion else []
+    return posed_machine(options)
+
+
+def _gauge_series(
+    options: argparse.Namespace, posed: PosedMachine, paths: Sequence[Path]
+) -> Iterator[Any]:
     """Least squares of each table of readings."""
     from jointplay.estimate.gauge import gauge_problems
 
     noise = numbers_by_name(options.noise, "--noise SIGNAL=X", {"tool": "m", "link": "rad"})
-    taken, options.pose = options.pose, [options.pose or ""]
-    posed = posed_machine(options)
-    pose = posed.poses.positions() if taken else None
+    pose = posed.poses.positions() if any(options.pose) else None
     return (gauge_problems(posed.mechanism, path, noise=noise, pose=pose) for path in paths)
 
 
-def _series(options: argparse.Namespace, paths: Sequence[Path]) -> Iterator[Any]:
+def _series(
+    options: argparse.Namespace, posed: PosedMachine, paths: Sequence[Path]
+) -> Iterator[Any]:
     """Least squares of each measurement in motion."""
     from jointplay.estimate.identification import identify_problem
 
-    posed, (shared, lag) = posed_machine(options), _about(options)
+    shared, lag = _about(options)
     machine: Any = posed.mechanism
     if posed.simulation is not None:
         machine = replace(posed.simulation, mechanism=machine)
@@ -300,8 +335,7 @@ def _gauge(options: argparse.Namespace) -> int:
     names = ["identified.csv", "identified.json", LOOPS]
     out = Outputs(options.out, ["plan.txt", "dial.csv"] if options.plan else names)
     noise = numbers_by_name(options.noise, "--noise SIGNAL=X", {"tool": "m", "link": "rad"})
-    taken, options.pose = options.pose, [options.pose or ""]
-    posed = posed_machine(options)
+    posed = _gauged(options)
     out.claim()
     if options.plan:
         joints = list(dict.fromkeys([*posed.mechanism.gears, *named_joints(options)]))
@@ -310,7 +344,7 @@ def _gauge(options: argparse.Namespace) -> int:
         if options.out:
             out.write({"plan.txt": f"{plan}\n", "dial.csv": plan.csv()})
         return 0
-    pose = posed.poses.positions() if taken else None
+    pose = posed.poses.positions() if any(options.pose) else None
     fit = identify_gauged(posed.mechanism, options.data, noise=noise, pose=pose)
     print_answer(fit.sentence, replace(fit, notes=()), [*fit.notes, *posed.notes], options.detail)
     if any(getattr(options, name) is not None for name in OUTPUTS):

@@ -20,7 +20,7 @@ from jointplay.base import files
 from jointplay.base.errors import JointplayError, MissingName
 from jointplay.base.imports import extra
 
-_TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
+TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
 STATE = "sensor_msgs/msg/JointState"
 
 MOST_BYTES = 1 << 32
@@ -48,7 +48,7 @@ _PARTS = {
 """Definitions of the messages' parts, from ROS 2's common_interfaces."""
 _MESSAGES = {
     STATE: "string[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort",
-    _TRAJECTORY: "string[] joint_names\ntrajectory_msgs/JointTrajectoryPoint[] points",
+    TRAJECTORY: "string[] joint_names\ntrajectory_msgs/JointTrajectoryPoint[] points",
     "geometry_msgs/msg/PoseStamped": "geometry_msgs/Pose pose",
     "geometry_msgs/msg/TwistStamped": "geometry_msgs/Twist twist",
     "geometry_msgs/msg/Vector3Stamped": "geometry_msgs/Vector3 vector",
@@ -109,7 +109,7 @@ def read(path: str | Path, topic: str | None = None) -> tuple[list[str], np.ndar
         where = f"{path}, topic {chosen}"
         if not messages:
             raise JointplayError(f"{where}: there is no message")
-        return _trajectory(messages[-1], where) if kind == _TRAJECTORY else _states(messages, where)
+        return points(messages[-1], where) if kind == TRAJECTORY else _states(messages, where)
 
 
 @dataclass(frozen=True)
@@ -220,12 +220,12 @@ def _check_schemas(schemas: Iterable[Any]) -> None:
 
 
 def _choose(topics: Mapping[str, str], path: Path, topic: str | None) -> tuple[str, str]:
-    fit = {name: kind for name, kind in topics.items() if kind in (_TRAJECTORY, STATE)}
+    fit = {name: kind for name, kind in topics.items() if kind in (TRAJECTORY, STATE)}
     if topic is not None:
         if topic not in fit:
             raise MissingName("topic of joint positions", topic, fit)
         return fit[topic], topic
-    for kind in (_TRAJECTORY, STATE):
+    for kind in (TRAJECTORY, STATE):
         named = [name for name, one in fit.items() if one == kind]
         if len(named) > 1:
             raise JointplayError(f"{path}: name one of the topics {', '.join(named)}")
@@ -235,17 +235,18 @@ def _choose(topics: Mapping[str, str], path: Path, topic: str | None) -> tuple[s
     raise JointplayError(f"{path}: neither a JointTrajectory nor a JointState; it holds {held}")
 
 
-def _trajectory(message: Any, where: str) -> tuple[list[str], np.ndarray, np.ndarray]:
-    joints, points = list(message.joint_names), message.points
-    for number, point in enumerate(points, 1):
+def points(message: Any, where: str) -> tuple[list[str], np.ndarray, np.ndarray]:
+    """Of a JointTrajectory: joints; times (n,) [s] from its start; positions (n, joints)."""
+    joints, given = list(message.joint_names), message.points
+    for number, point in enumerate(given, 1):
         if len(point.positions) != len(joints):
             raise JointplayError(
                 f"{where}: point {number} has {len(point.positions)} positions for "
                 f"{len(joints)} joints"
             )
-    times = np.array([_seconds(point.time_from_start) for point in points])
-    positions = np.array([list(point.positions) for point in points], float)
-    return joints, times, positions.reshape(len(points), len(joints))
+    times = np.array([_seconds(point.time_from_start) for point in given])
+    positions = np.array([list(point.positions) for point in given], float)
+    return joints, times, positions.reshape(len(given), len(joints))
 
 
 def _states(messages: Iterable[Any], where: str) -> tuple[list[str], np.ndarray, np.ndarray]:
