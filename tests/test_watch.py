@@ -222,6 +222,7 @@ def test_the_command_tells_when_the_tool_misses_its_target(tmp_path, capsys):
         ("--against {folder} --target 0", "--target must be positive"),
         ("--against {folder} --target '1 deg'", "is not a length"),
         ("--against {folder} --write-preset {folder}/my.toml", "--write-preset is of one"),
+        ("--against {servos} {servos}", "tells bands, too wide for changes"),
         ("--against {folder} --plan dial", "--plan is of one"),
         ("--against {empty}", "holds no measurements"),
         ("{old} --limit 'elbow_flex gear play=1 deg'", "--limit needs earlier measurements"),
@@ -231,8 +232,10 @@ def test_the_command_tells_when_the_tool_misses_its_target(tmp_path, capsys):
 def test_what_cannot_be_is_refused_in_a_line(tmp_path, capsys, options, said):
     folder, empty = written(tmp_path / "series", months=MONTHS[:2]), tmp_path / "empty"
     empty.mkdir()
-    moving = lagging(tmp_path / "moving.csv", 2e-3, 0)
+    moving, servos = lagging(tmp_path / "moving.csv", 2e-3, 0), tmp_path / "servos.csv"
+    servos.write_text("time [s],elbow_flex goal [deg],elbow_flex position [deg]\n0,0,0\n")
     places = {"folder": folder, "old": folder / MONTHS[0], "moving": moving, "empty": empty}
+    places["servos"] = servos
     words = shlex.split(options.format(**places))
     try:
         status = main(["identify", "so101", *words])

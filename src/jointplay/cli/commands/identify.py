@@ -222,7 +222,7 @@ def _about(options: argparse.Namespace) -> tuple[dict[str, Any], float | None]:
 
 def _watch(options: argparse.Namespace) -> int:
     """Compare measurements of the same machine."""
-    from jointplay.estimate.columns import is_readings
+    from jointplay.estimate.columns import is_readings, is_servo_log
     from jointplay.estimate.watch import in_order, watch
 
     for name in ("plan", *OUTPUTS, "runs", "verify"):
@@ -235,6 +235,11 @@ def _watch(options: argparse.Namespace) -> int:
     for path in paths:
         if not path.exists():
             raise JointplayError(f"there is no file {str(path)!r}")
+    if logs := [path for path in paths if is_servo_log(path)]:
+        raise JointplayError(
+            f"{logs[0]}: what servos log of a wiggle tells bands, too wide for changes of play; a "
+            "dial gauge, a tracker or second encoders tell these"
+        )
     gauge = [is_readings(path) for path in paths]
     if any(gauge) and not all(gauge):
         one, other = (paths[gauge.index(kind)] for kind in (True, False))
