@@ -19,7 +19,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from jointplay.base.errors import JointplayError, MissingName
-from jointplay.base.tables import Table, counted, few
+from jointplay.base.tables import counted, few
 from jointplay.estimate.parts import (
     ALSO,
     LOAD_ERROR,
@@ -31,7 +31,7 @@ from jointplay.estimate.parts import (
     springs_of,
     with_values,
 )
-from jointplay.estimate.unknowns import PLAYS, Estimate, Unknown, by_label, data, listed
+from jointplay.estimate.unknowns import PLAYS, Answer, Estimate, Unknown
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import Clearance
 from jointplay.simulation.loads.drive import JointFriction
@@ -400,17 +400,12 @@ def with_plays(mechanism: Mechanism, plays: Mapping[tuple[str, str], float]) -> 
 
 
 @dataclass(frozen=True, kw_only=True)
-class OfJoints:
+class OfJoints(Answer):
     """What a measurement of single joints tells of them; SI units."""
 
-    estimates: tuple[Estimate, ...]
     mechanism: Mechanism
     source: str
     """Of the measurement, in words."""
-    notes: tuple[str, ...] = ()
-
-    def __getitem__(self, label: str) -> Estimate:
-        return by_label(self.estimates, label)
 
     @property
     def sentence(self) -> str:
@@ -419,14 +414,6 @@ class OfJoints:
         known = [f"{one.joint} {one.span}" for one in plays if one.identified]
         of = f"{len(known)} of {counted(len(plays), 'joint')}"
         return f"The readings tell the play of {of}{f': {few(known)}' if known else ''}"
-
-    def __str__(self) -> str:
-        return "\n".join([*self.notes, listed(self.estimates)])
-
-    @property
-    def data(self) -> Table:
-        """A row for each unknown [SI]."""
-        return data(self.estimates)
 
     def describe(self) -> dict[str, Any]:
         """As plain data [SI]."""

@@ -244,6 +244,25 @@ def data(found: Sequence[Estimate]) -> Table:
     return Table.of([(head, "") for head in _HEADS], [[row.get(k) for k in _HEADS] for row in rows])
 
 
+@dataclass(frozen=True, kw_only=True)
+class Answer:
+    """What measurements say, as text and as a table."""
+
+    estimates: tuple[Estimate, ...]
+    notes: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        return "\n".join([*self.notes, listed(self.estimates)])
+
+    @property
+    def data(self) -> Table:
+        """A row for each estimate [SI]."""
+        return data(self.estimates)
+
+    def __getitem__(self, label: str) -> Estimate:
+        return by_label(self.estimates, label)
+
+
 def by_label(found: Sequence[Estimate], label: str) -> Estimate:
     """The estimate of an unknown, by its label such as ``"elbow radial clearance"``.
 

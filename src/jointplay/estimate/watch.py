@@ -19,9 +19,9 @@ import numpy as np
 from scipy.optimize import brentq
 
 from jointplay.base.errors import JointplayError, MissingName
-from jointplay.base.tables import Table, counted, few
+from jointplay.base.tables import counted, few
 from jointplay.estimate.least_squares import CONFIDENCE, Fit, LeastSquares, search
-from jointplay.estimate.unknowns import PLAYS, Estimate, Unknown, data, listed
+from jointplay.estimate.unknowns import PLAYS, Answer, Estimate, Unknown
 
 SAME = {"friction": 0.3, "": 0.1}
 """By how much friction, and all else but play, differs between dates: standard deviations, as parts
@@ -59,9 +59,12 @@ class Target:
         return float(brentq(left, 0.0, most, xtol=1e-3 * most, rtol=1e-3))
 
 
-@dataclass(frozen=True)
-class Watch:
-    """How the plays of a machine changed over a series of measurements; SI units."""
+@dataclass(frozen=True, kw_only=True)
+class Watch(Answer):
+    """How the plays of a machine changed over a series of measurements; SI units.
+
+    Estimates are of each play: its value in the newest, its change since the first, and its growth.
+    """
 
     dates: tuple[str, ...]
     """Names of the measurements, oldest first."""
@@ -69,12 +72,9 @@ class Watch:
     """Of these, counted from the first [unit]."""
     unit: str
     """``day``, or ``recording`` where nothing says when they were taken."""
-    estimates: tuple[Estimate, ...]
-    """Of each play: its value in the newest, its change since the first, and its growth."""
     courses: Mapping[str, tuple[Estimate, ...]]
     """By the label of a play: its changes since the first, at each later date."""
     alarms: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
 
     @property
     def sentence(self) -> str:
@@ -86,14 +86,6 @@ class Watch:
         sure = [one.joint for one in grown if one.interval[0] > 0.0]
         words = f"; it may have grown in {few(sure)}" if sure else ""
         return f"No alarm: the play of {of} over {len(self.dates)} measurements{words}"
-
-    def __str__(self) -> str:
-        return "\n".join([*self.notes, listed(self.estimates)])
-
-    @property
-    def data(self) -> Table:
-        """A row for each estimate [SI]."""
-        return data(self.estimates)
 
     def describe(self) -> dict[str, Any]:
         """As plain data [SI]."""
@@ -178,7 +170,10 @@ def watch(
         f"assumed: between measurements compliances differ by {100.0 * SAME['']:g} %, friction by "
         f"{100.0 * SAME['friction']:g} % (standard deviations); growth: if it is steady"
     )
-    return Watch(names, times, unit, tuple(found), courses, tuple(alarms), tuple(notes))
+    return Watch(
+        estimates=tuple(found), notes=tuple(notes), dates=names, times=times, unit=unit,
+        courses=courses, alarms=tuple(alarms),
+    )  # fmt: skip
 
 
 def _plays(unknowns: Sequence[Unknown]) -> list[int]:

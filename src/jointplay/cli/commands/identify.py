@@ -102,7 +102,9 @@ from jointplay.cli.commands.inputs import (
 )
 
 if TYPE_CHECKING:
+    from jointplay.estimate.gauge import Gauged
     from jointplay.estimate.watch import Target
+    from jointplay.estimate.wiggle_logs import Wiggled
     from jointplay.model.mechanism import Mechanism
     from jointplay.scenario.presets import Preset
     from jointplay.simulation.loads.drive import Drive
@@ -114,6 +116,7 @@ SIDES = {"output": "link", "motor": "motor"}
 """Where a servo's encoder sits, by what --encoder calls it."""
 OUTPUTS = ("write_preset", "urdf", "mjcf")
 LOOPS = "loops.png"
+OF_JOINTS = ["identified.csv", "identified.json", LOOPS]
 WATCHED = ("limit", "target", "ahead")
 ALARM = 3
 """Exit status."""
@@ -337,8 +340,7 @@ def _gauge(options: argparse.Namespace) -> int:
     from jointplay.estimate.gauge import identify_gauged, plan_gauge
 
     _refuse(options, NOT_OF_A_GAUGE, "a dial gauge")
-    names = ["identified.csv", "identified.json", LOOPS]
-    out = Outputs(options.out, ["plan.txt", "dial.csv"] if options.plan else names)
+    out = Outputs(options.out, ["plan.txt", "dial.csv"] if options.plan else OF_JOINTS)
     noise = numbers_by_name(options.noise, "--noise SIGNAL=X", {"tool": "m", "link": "rad"})
     posed = _gauged(options)
     out.claim()
@@ -351,17 +353,7 @@ def _gauge(options: argparse.Namespace) -> int:
         return 0
     pose = posed.poses.positions() if any(options.pose) else None
     fit = identify_gauged(posed.mechanism, options.data, noise=noise, pose=pose)
-    print_answer(fit.sentence, replace(fit, notes=()), [*fit.notes, *posed.notes], options.detail)
-    if any(getattr(options, name) is not None for name in OUTPUTS):
-        preset = fit.preset(_place(options))
-        _write_robot(options, preset, preset.mechanism(tool=fit.mechanism.tool))
-    if options.out:
-        from jointplay.show.plots.design import reversal_loops
-
-        picture = reversal_loops(fit.loops, fit.estimates)
-        contents = (fit.data.csv(), json.dumps(fit.describe(), indent=1) + "\n", picture)
-        out.write(dict(zip(names, contents, strict=True)))
-    return 0
+    return _answered(options, fit, posed, out)
 
 
 def _wiggle(options: argparse.Namespace) -> int:
@@ -371,8 +363,7 @@ def _wiggle(options: argparse.Namespace) -> int:
 
     _refuse(options, NOT_OF_A_WIGGLE, "a wiggle of servos")
     planned = ["plan.txt", "wiggle.csv", "wiggle.yaml", "wiggle_lerobot.py"]
-    names = ["identified.csv", "identified.json", LOOPS]
-    out = Outputs(options.out, planned if options.plan else names)
+    out = Outputs(options.out, planned if options.plan else OF_JOINTS)
     if options.preset is None and not is_scenario(options):
         options.preset = _preset_with_servos(str(options.place))
     posed = posed_machine(options)
@@ -394,6 +385,13 @@ def _wiggle(options: argparse.Namespace) -> int:
             out.write(dict(zip(planned, contents, strict=False)))
         return 0
     fit = identify_wiggled(posed.mechanism, log, drives)
+    return _answered(options, fit, posed, out)
+
+
+def _answered(
+    options: argparse.Namespace, fit: Gauged | Wiggled, posed: PosedMachine, out: Outputs
+) -> int:
+    """Print and write what a measurement of single joints tells."""
     print_answer(fit.sentence, replace(fit, notes=()), [*fit.notes, *posed.notes], options.detail)
     if any(getattr(options, name) is not None for name in OUTPUTS):
         preset = fit.preset(_place(options))
@@ -402,8 +400,8 @@ def _wiggle(options: argparse.Namespace) -> int:
         from jointplay.show.plots.design import reversal_loops
 
         picture = reversal_loops(fit.loops, fit.estimates)
-        described = json.dumps(fit.describe(), indent=1) + "\n"
-        out.write(dict(zip(names, (fit.data.csv(), described, picture), strict=True)))
+        contents = (fit.data.csv(), json.dumps(fit.describe(), indent=1) + "\n", picture)
+        out.write(dict(zip(OF_JOINTS, contents, strict=True)))
     return 0
 
 
