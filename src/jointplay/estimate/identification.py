@@ -372,13 +372,15 @@ def identify(
         JointplayError: bad data (see `Measurement`); loops, unless impacts show; nothing has play;
             a motion that never reverses; fewer means than unknowns; see also `by_simulation`.
     """
-    prior, measured, motion = _given(
-        machine, measured, motion, reference, noise, joint_friction, stiffness, drift, lag, progress
-    )
-    mechanism = prior.mechanism
+    given = _given(
+        machine, measured, motion=motion, reference=reference, noise=noise,
+        joint_friction=joint_friction, also=also, known=known, stiffness=stiffness, drift=drift,
+        lag=lag, progress=progress,
+    )  # fmt: skip
+    mechanism, measured, motion = given.machine.mechanism, given.measured, given.motion
     bounced = by_flights(mechanism, measured)
     try:
-        found = _by_means(prior, measured, motion, reference, also, known, drift)
+        found = _by_means(given)
     except TooLittle as error:
         if not bounced or not any(measured.has(kind) for kind in restitution.IMPACT_KINDS):
             raise
@@ -403,6 +405,25 @@ def identify(
 
 
 def identify_problem(
+    machine: Simulation | Mechanism, measured: Measurement | Recording | str | Path, **options: Any
+) -> LeastSquares:
+    """The least squares by which `identify`, with the same options, finds play; see `watch`."""
+    return _compared(_given(machine, measured, **options)).problem
+
+
+class _Given(NamedTuple):
+    """What is known of a machine before, what was measured, and how they are compared."""
+
+    machine: Machine
+    measured: Measurement
+    motion: Motion | None
+    reference: str
+    also: Sequence[str]
+    known: Sequence[str]
+    drift: int
+
+
+def _given(
     machine: Simulation | Mechanism,
     measured: Measurement | Recording | str | Path,
     *,
@@ -416,27 +437,7 @@ def identify_problem(
     drift: int = DRIFT,
     lag: float | None = None,
     progress: bool = False,
-) -> LeastSquares:
-    """The least squares by which `identify`, with the same arguments, finds play; see `watch`."""
-    prior, seen, motion = _given(
-        machine, measured, motion, reference, noise, joint_friction, stiffness, drift, lag, progress
-    )
-    return _compared(prior, seen, motion, reference, also, known, drift).problem
-
-
-def _given(
-    machine: Simulation | Mechanism,
-    measured: Measurement | Recording | str | Path,
-    motion: Motion | None,
-    reference: str,
-    noise: Mapping[str, float] | None,
-    joint_friction: Mapping[str, JointFriction] | None,
-    stiffness: Given | None,
-    drift: int,
-    lag: float | None,
-    progress: bool,
-) -> tuple[Machine, Measurement, Motion | None]:
-    """What is known of the machine before, what was measured, and the motion."""
+) -> _Given:
     require_a("machine", machine, "Simulation", "Mechanism")
     mechanism = machine.mechanism if isinstance(machine, Simulation) else machine
     friction = urdf_friction(mechanism)
@@ -458,7 +459,7 @@ def _given(
             raise JointplayError(f"the lag must not be negative, got {lag:g} s")
         measured = replace(measured, lag=lag)
     prior = Machine(mechanism, friction, compliances(mechanism, stiffness or {}))
-    return prior, measured, motion
+    return _Given(prior, measured, motion, reference, also, known, drift)
 
 
 class _Compared(NamedTuple):
@@ -474,15 +475,8 @@ class _Compared(NamedTuple):
     nuisance: np.ndarray
 
 
-def _compared(
-    machine: Machine,
-    measured: Measurement,
-    motion: Motion | None,
-    reference: str,
-    also: Sequence[str],
-    known: Sequence[str],
-    drift: int,
-) -> _Compared:
+def _compared(given: _Given) -> _Compared:
+    machine, measured, motion, reference, also, known, drift = given
     mechanism = machine.mechanism
     if mechanism.loops:
         raise TooLittle(
@@ -510,19 +504,10 @@ def _compared(
     return _Compared(problem, model, observed, use, records, nuisance)
 
 
-def _by_means(
-    machine: Machine,
-    measured: Measurement,
-    motion: Motion | None,
-    reference: str,
-    also: Sequence[str],
-    known: Sequence[str],
-    drift: int,
-) -> Identification:
-    problem, model, observed, use, records, nuisance = _compared(
-        machine, measured, motion, reference, also, known, drift
-    )
-    mechanism, made, unknowns = machine.mechanism, model.visits, model.unknowns
+def _by_means(given: _Given) -> Identification:
+    problem, model, observed, use, records, nuisance = _compared(given)
+    mechanism, measured, reference = given.machine.mechanism, given.measured, given.reference
+    made, unknowns = model.visits, model.unknowns
     fit = search(problem)
     problem = fit.least
     if fit.freedom < 1:
@@ -551,7 +536,7 @@ def _by_means(
         nuisance,
         fit.misfit,
         reference,
-        tuple(_assumptions(model, measured, observed, reference, drift)),
+        tuple(_assumptions(model, measured, observed, reference, given.drift)),
         measured,
         excess=float(np.sqrt(np.square(left).sum() / fit.freedom)),
         elasticity=elasticity(fit, model),
