@@ -331,6 +331,9 @@ def pointer_to(element: Any) -> Lazy:
 pointer = pointer_to(np.float64)
 """An address taken for a pointer to numbers."""
 
+place_of = Lazy("place_of")
+"""Where a record lies: its address as a whole number."""
+
 address_of = Lazy("address_of")
 """Pointer to the first element of an array of floats within a record."""
 

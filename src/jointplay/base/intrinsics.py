@@ -52,6 +52,20 @@ def pointer_to(dtype: Any) -> Any:
 NUMBERS = types.CPointer(types.float64)
 
 
+def place_of() -> Any:
+    """See `compiler.place_of`."""
+    return _place_of
+
+
+@intrinsic
+def _place_of(typingctx: Any, record: Any) -> Any:
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.ptrtoint(args[0], context.get_value_type(types.int64))
+
+    return types.int64(record), codegen
+
+
 def address_of() -> Any:
     """See `compiler.address_of`."""
     return _address_of

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from jointplay.base.compiler import address_of, carray, compiled, open_arrays, pointer_to
-from jointplay.physics.kernel.layout import ARRAYS, RUN, term
+from jointplay.base.compiler import address_of, calling, carray, compiled, open_arrays, pointer_to
+from jointplay.physics.kernel.layout import ARRAYS, JOINT, RUN, term
 
 for _record, _arrays in ARRAYS.items():
     open_arrays(
@@ -49,10 +49,25 @@ def record_failure(run, status, contact):
         run.bad_contact = contact
 
 
-_run = pointer_to(RUN)
+PART = "d(i,i,i,i)"
+"""Signature of what is compiled apart and called by address, as most runs do without it: of the
+addresses of run and joint, the joint's number, and what is to be done."""
+
+RUN_PART = "v(i,p,p,p,d,i)"
+"""The same of parts of the whole run: of its address, three vectors, a number, and what to do."""
+
+call_part, call_run_part = calling(PART), calling(RUN_PART)
+
+_run, _joint = pointer_to(RUN), pointer_to(JOINT)
 
 
 @compiled
 def run_at(address):
     """The record of a run at an address."""
     return carray(_run(address), (1,))[0]
+
+
+@compiled
+def joint_at(address):
+    """The record of a joint at an address."""
+    return carray(_joint(address), (1,))[0]

@@ -1,12 +1,15 @@
-"""The oil between journal and bore: what its sections do to the journal."""
+"""The oil between journal and bore: what its sections do to the journal.
+
+Compiled apart as `film`, for joints that have one; the functions without underscore call it.
+"""
 
 from __future__ import annotations
 
 import math
 
-from jointplay.base.compiler import address_of, compiled
+from jointplay.base.compiler import address_of, compiled, place_of
 from jointplay.physics.contact.calls import call_film
-from jointplay.physics.kernel.access import record_failure
+from jointplay.physics.kernel.access import call_part, joint_at, record_failure, run_at
 from jointplay.physics.kernel.constants import Status
 from jointplay.physics.kernel.frames import add, add_scaled, cross, get_vector, scale
 from jointplay.physics.kernel.layout import FILM
@@ -100,8 +103,8 @@ def _add_slope(run, joint, place, velocity, arm, force):
 
 
 @compiled
-def add_film_forces(run, joint, lag):
-    """Add the film's forces at the joint's twist to its wrench, of an explicit step with `lag`."""
+def _add_forces(run, joint, lag):
+    """See `add_film_forces`."""
     wrench, film = joint.wrench, joint.film_wrench
     for r in range(6):
         film[r] = 0.0
@@ -125,8 +128,8 @@ def add_film_forces(run, joint, lag):
 
 
 @compiled
-def add_film_slope(run, joint):
-    """Add the derivative of the film's wrench by the joint's twist."""
+def _add_film_slope(run, joint):
+    """See `add_film_slope`."""
     for section in range(joint.sections):
         arm, e, direction, part = _section_state(joint, section)
         if part <= 0.0:
@@ -138,8 +141,8 @@ def add_film_slope(run, joint):
 
 
 @compiled
-def add_film_losses(run, j, joint):
-    """Add the power dissipated in the film; stop the run where its law has failed."""
+def _add_losses(run, j, joint):
+    """See `add_film_losses`."""
     wrench, twist = joint.film_wrench, joint.twist
     for r in range(6):
         run.power[FILM] -= wrench[r] * twist[r]
@@ -148,8 +151,8 @@ def add_film_losses(run, j, joint):
 
 
 @compiled
-def commit_film(run, joint):
-    """Keep the sections' force and velocity for the lag of the next explicit step."""
+def _commit(run, joint):
+    """See `commit_film`."""
     memory = joint.film_memory
     for section in range(joint.sections):
         arm, e, direction, part = _section_state(joint, section)
@@ -159,3 +162,46 @@ def commit_film(run, joint):
             fx, fy, _ = _lagged_force(run, joint, section, (e, part, direction), (at[0], at[1]))
         memory[section, 0], memory[section, 1] = fx, fy
         memory[section, 2], memory[section, 3], memory[section, 4] = at[0], at[1], 1.0
+
+
+_FORCES, _LAGGED, _SLOPE, _LOSSES, _COMMIT = range(5)
+
+
+@compiled
+def film(run, joint, j, what):
+    """Do one of the following for a joint with a film (`access.PART`)."""
+    own, its = run_at(run), joint_at(joint)
+    if what == _SLOPE:
+        _add_film_slope(own, its)
+    elif what == _LOSSES:
+        _add_losses(own, j, its)
+    elif what == _COMMIT:
+        _commit(own, its)
+    else:
+        _add_forces(own, its, what == _LAGGED)
+    return 0.0
+
+
+@compiled
+def add_film_forces(run, j, joint, lag):
+    """Add the film's forces at the joint's twist to its wrench, of an explicit step with `lag`."""
+    what = _LAGGED if lag else _FORCES
+    call_part(joint.film_part, (place_of(run), place_of(joint), j, what))
+
+
+@compiled
+def add_film_slope(run, j, joint):
+    """Add the derivative of the film's wrench by the joint's twist."""
+    call_part(joint.film_part, (place_of(run), place_of(joint), j, _SLOPE))
+
+
+@compiled
+def add_film_losses(run, j, joint):
+    """Add the power dissipated in the film; stop the run where its law has failed."""
+    call_part(joint.film_part, (place_of(run), place_of(joint), j, _LOSSES))
+
+
+@compiled
+def commit_film(run, j, joint):
+    """Keep the sections' force and velocity for the lag of the next explicit step."""
+    call_part(joint.film_part, (place_of(run), place_of(joint), j, _COMMIT))

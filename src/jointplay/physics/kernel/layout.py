@@ -127,6 +127,9 @@ JOINT = _record(
     element_law=_ADDRESS,  # of a rolling bearing, whose numbers are `dimensions`; and
     elements=_ADDRESS,  # what it answers, see `contact.rolling`
     dimensions=_ADDRESS,
+    # Addresses of what is compiled apart (`access.PART`), where the joint has it.
+    film_part=_ADDRESS,
+    element_part=_ADDRESS,
     # Arrays.
     support=_integers("nsupport"),  # coordinates that move journal and bearing against each other
     signs=_integers("nsupport"),  # +1 for those that move the journal, -1 for the bearing
@@ -473,6 +476,9 @@ RUN = _record(
     loads=_array(LOAD, "nl"),
     bodies=_array(BODY, "nb"),
     holds=_array(HOLD, "nh"),
+    # Addresses of what is compiled apart, where the run has it.
+    loop_part=_ADDRESS,
+    load_part=_ADDRESS,
     # Sizes.
     nv=_INT,
     nj=_INT,

@@ -13,14 +13,16 @@ the load.
 What a load answers at rest, law(time, x, 0), does not depend on velocity if it stores energy; the
 rest does, and takes part in the velocity solve. A load that stores none is evaluated at velocities
 extrapolated by half a step, as drives are.
+
+Compiled apart as `loads`, for runs that have some; what others call calls it.
 """
 
 from __future__ import annotations
 
 import math
 
-from jointplay.base.compiler import address_of, calling, compiled, pointer
-from jointplay.physics.kernel.access import record_failure
+from jointplay.base.compiler import address_of, calling, carray, compiled, place_of, pointer
+from jointplay.physics.kernel.access import call_run_part, record_failure, run_at
 from jointplay.physics.kernel.constants import ALWAYS, IF_PRESSED, Status
 from jointplay.physics.kernel.frames import frame_twist, pose_of_frames, project_frame_slope
 from jointplay.physics.kernel.layout import LOAD_FORCE, LOAD_WORK
@@ -96,11 +98,8 @@ def _project_forces(load, sign, forces, tau):
 
 
 @compiled
-def evaluate_loads(run, q, v, marks):
-    """Answer of all loads at q, but for what depends on velocity: into `load_forces`.
-
-    Coordinates on which the rest acts are marked. v are the extrapolated velocities.
-    """
+def _evaluate_loads(run, q, v, marks):
+    """See `evaluate_loads`."""
     tau = run.load_forces
     for i in range(run.nv):
         tau[i] = 0.0
@@ -145,8 +144,8 @@ def apply_loads(run, base, h):
 
 
 @compiled
-def apply_velocity_loads(run, v, tau):
-    """Add the velocity-dependent part of the loads to tau."""
+def _apply_velocity_loads(run, v, tau):
+    """See `apply_velocity_loads`."""
     for load in run.loads:
         if load.active == 0:
             continue
@@ -157,8 +156,8 @@ def apply_velocity_loads(run, v, tau):
 
 
 @compiled
-def add_load_slopes(run):
-    """Add the loads' derivative by velocity to the slope, after `apply_velocity_loads`."""
+def _add_load_slopes(run):
+    """See `add_load_slopes`."""
     slope, place = run.slope, run.place
     for load in run.loads:
         if load.active == 0:
@@ -186,8 +185,8 @@ def add_load_slopes(run):
 
 
 @compiled
-def find_load_powers(run, v):
-    """Powers of the loads at velocities v; stops the run where a law has failed."""
+def _find_load_powers(run, v):
+    """See `find_load_powers`."""
     for index in range(run.nl):
         load = run.loads[index]
         out, elastic, outputs = load.out, load.elastic[0], load.outputs
@@ -206,8 +205,8 @@ def find_load_powers(run, v):
 
 
 @compiled
-def apply_current_loads(run, q, v, time, tau):
-    """Add the forces of all loads at state (q, v) to tau, and find their powers."""
+def _apply_current_loads(run, q, v, time, tau):
+    """See `apply_current_loads`."""
     for load in run.loads:
         if load.frames != 0:
             pose_of_frames(run, load, load.pose, load.jacobian)
@@ -219,7 +218,7 @@ def apply_current_loads(run, q, v, time, tau):
         _read_velocities(load, v)
         _evaluate_law(load, time)
         _project_forces(load, 1.0, load.out, tau)
-    find_load_powers(run, v)
+    _find_load_powers(run, v)
 
 
 @compiled
@@ -258,3 +257,67 @@ def record_loads(run, row):
             row[at + i] = out[i]
         at += out.size
         row[run.columns[LOAD_WORK] + index] = load.work
+
+
+_EVALUATE, _APPLY, _SLOPES, _POWERS, _CURRENT = range(5)
+
+
+@compiled
+def loads(run, one, other, third, number, what):
+    """Do one of the following (`access.RUN_PART`)."""
+    own = run_at(run)
+    nv = own.nv
+    first, second, last = carray(one, (nv,)), carray(other, (nv,)), carray(third, (nv,))
+    if what == _EVALUATE:
+        _evaluate_loads(own, first, second, last)
+    elif what == _APPLY:
+        _apply_velocity_loads(own, first, last)
+    elif what == _SLOPES:
+        _add_load_slopes(own)
+    elif what == _POWERS:
+        _find_load_powers(own, first)
+    else:
+        _apply_current_loads(own, first, second, number, last)
+
+
+@compiled
+def evaluate_loads(run, q, v, marks):
+    """Answer of all loads at q, but for what depends on velocity: into `load_forces`.
+
+    Coordinates on which the rest acts are marked. v are the extrapolated velocities.
+    """
+    if run.nl > 0:
+        vectors = address_of(q), address_of(v), address_of(marks)
+        call_run_part(run.load_part, (place_of(run), *vectors, 0.0, _EVALUATE))
+
+
+@compiled
+def apply_velocity_loads(run, v, tau):
+    """Add the velocity-dependent part of the loads to tau."""
+    if run.nl > 0:
+        speed, forces = address_of(v), address_of(tau)
+        call_run_part(run.load_part, (place_of(run), speed, speed, forces, 0.0, _APPLY))
+
+
+@compiled
+def add_load_slopes(run):
+    """Add the loads' derivative by velocity to the slope, after `apply_velocity_loads`."""
+    if run.nl > 0:
+        at = address_of(run.q)
+        call_run_part(run.load_part, (place_of(run), at, at, at, 0.0, _SLOPES))
+
+
+@compiled
+def find_load_powers(run, v):
+    """Powers of the loads at velocities v; stops the run where a law has failed."""
+    if run.nl > 0:
+        speed = address_of(v)
+        call_run_part(run.load_part, (place_of(run), speed, speed, speed, 0.0, _POWERS))
+
+
+@compiled
+def apply_current_loads(run, q, v, time, tau):
+    """Add the forces of all loads at state (q, v) to tau, and find their powers."""
+    if run.nl > 0:
+        vectors = address_of(q), address_of(v), address_of(tau)
+        call_run_part(run.load_part, (place_of(run), *vectors, time, _CURRENT))

@@ -7,12 +7,14 @@ constant speeds. From Pinocchio's M^-1 and a of the open tree follow, row j of J
 
 the row with the largest j M^-1 j first. Rows that depend linearly on others are left with
 j M^-1 j = 0 and are skipped. The same steps correct the drift of loops.
+
+Compiled apart as `loops`, for runs that have some; what others call calls it.
 """
 
 from __future__ import annotations
 
-from jointplay.base.compiler import compiled
-from jointplay.physics.kernel.access import flat
+from jointplay.base.compiler import address_of, carray, compiled, place_of
+from jointplay.physics.kernel.access import call_run_part, flat, run_at
 from jointplay.physics.kernel.bodies import (
     find_body_rates,
     matrix_times_vector,
@@ -102,8 +104,8 @@ def _constrain(run, minv, residual, x):
 
 
 @compiled
-def project_dynamics(run, q, v):
-    """Find the closed mechanism's `found_minv` and `found_free` at the state (q, v)."""
+def _project_dynamics(run, q, v):
+    """See `project_dynamics`."""
     nv = run.nv
     given, free = run.open_minv, run.open_free
     minv, acceleration = run.found_minv, run.found_free
@@ -121,8 +123,8 @@ def project_dynamics(run, q, v):
 
 
 @compiled
-def correct_drift(run):
-    """Correct the drift of the loops since the last macro step, in positions and velocities."""
+def _correct_drift(run):
+    """See `correct_drift`."""
     nv = run.nv
     q, half, a = run.q, run.half, run.a
     given, minv = run.open_minv, run.loop_minv
@@ -139,3 +141,31 @@ def correct_drift(run):
     for i in range(nv):
         q[i] += x[0, i]
         half[i] = x[1, i] - 0.5 * run.dt_before * a[i]
+
+
+_PROJECT, _CORRECT = range(2)
+
+
+@compiled
+def loops(run, q, v, _third, _number, what):
+    """Do one of the following (`access.RUN_PART`)."""
+    own = run_at(run)
+    if what == _PROJECT:
+        nv = own.nv
+        _project_dynamics(own, carray(q, (nv,)), carray(v, (nv,)))
+    else:
+        _correct_drift(own)
+
+
+@compiled
+def project_dynamics(run, q, v):
+    """Find the closed mechanism's `found_minv` and `found_free` at the state (q, v)."""
+    at, speed = address_of(q), address_of(v)
+    call_run_part(run.loop_part, (place_of(run), at, speed, speed, 0.0, _PROJECT))
+
+
+@compiled
+def correct_drift(run):
+    """Correct the drift of the loops since the last macro step, in positions and velocities."""
+    at = address_of(run.q)
+    call_run_part(run.loop_part, (place_of(run), at, at, at, 0.0, _CORRECT))

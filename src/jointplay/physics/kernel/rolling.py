@@ -3,13 +3,15 @@
 `find_elements` finds the elastic wrench of a pose and its stiffness; with a twist, damping in
 proportion to that stiffness and the friction torque about the axis follow at little cost. The
 element that bears most stands for all of them where a joint's contacts are counted.
+
+Compiled apart as `elements`, for joints that have some; what others call calls it.
 """
 
 from __future__ import annotations
 
 import math
 
-from jointplay.base.compiler import address_of, compiled, pointer
+from jointplay.base.compiler import address_of, compiled, place_of, pointer
 from jointplay.physics.contact.calls import call_elements
 from jointplay.physics.contact.resultant import (
     ACROSS,
@@ -30,7 +32,7 @@ from jointplay.physics.contact.resultant import (
     SUM,
     TANGENT,
 )
-from jointplay.physics.kernel.access import record_failure
+from jointplay.physics.kernel.access import call_part, joint_at, record_failure, run_at
 from jointplay.physics.kernel.constants import JOINT_FRICTION_SPEED, Status
 from jointplay.physics.kernel.frames import find_twist, set_vector
 from jointplay.physics.kernel.layout import FRICTION as FRICTION_POWER
@@ -49,14 +51,14 @@ def _evaluate(joint, mode):
 
 
 @compiled
-def element_gap(joint):
-    """Least gap of the elements at the joint's pose."""
+def _gap(joint):
+    """See `element_gap`."""
     return -_evaluate(joint, FORCES)[DEEPEST]
 
 
 @compiled
-def find_elements(run, j, joint):
-    """Find what the elements of joint j do at its pose; returns whether any bears load."""
+def _find(run, j, joint):
+    """See `find_elements`."""
     out = _evaluate(joint, BOUNDED)
     contact = run.contacts[j, 0]
     contact.gap = -out[DEEPEST]
@@ -96,8 +98,8 @@ def _friction_torque(joint, spin):
 
 
 @compiled
-def add_element_forces(run, j, joint):
-    """Add elastic wrench, damping and friction at the joint's twist to its wrench."""
+def _add_forces(run, j, joint):
+    """See `add_element_forces`."""
     wrench, twist, out = joint.wrench, joint.twist, pointer(joint.elements)
     contact = run.contacts[j, 0]
     if contact.touching != 0:
@@ -120,8 +122,8 @@ def add_element_forces(run, j, joint):
 
 
 @compiled
-def add_element_slope(joint):
-    """Add the derivative of the wrench by the twist."""
+def _add_slope(joint):
+    """See `add_element_slope`."""
     slope, out = joint.wrench_slope, pointer(joint.elements)
     damping = pointer(joint.dimensions)[DAMPING]
     for r in range(6):
@@ -135,8 +137,8 @@ def add_element_slope(joint):
 
 
 @compiled
-def add_element_losses(run, joint):
-    """Add the power dissipated by damping and friction."""
+def _add_losses(run, joint):
+    """See `add_element_losses`."""
     twist, out = joint.twist, pointer(joint.elements)
     damping = pointer(joint.dimensions)[DAMPING]
     lost = 0.0
@@ -150,11 +152,8 @@ def add_element_losses(run, joint):
 
 
 @compiled
-def element_frequency(run, joint):
-    """Sum of the squares of the frequencies at which coordinates swing on the elements.
-
-    It is the trace of M^-1 J^T K J, no less than the square of the highest [rad^2/s^2].
-    """
+def _frequency(run, joint):
+    """See `element_frequency`."""
     minv, out = run.minv, pointer(joint.elements)
     total = 0.0
     if joint.first < 0:
@@ -183,6 +182,69 @@ def element_frequency(run, joint):
             total += 2.0 * mixed * minv[at + r, at + 3 + c]
             total += turned * minv[at + 3 + r, at + 3 + c]
     return total
+
+
+_GAP, _FIND, _ADD_FORCES, _ADD_SLOPE, _ADD_LOSSES, _FREQUENCY = range(6)
+
+
+@compiled
+def elements(run, joint, j, what):
+    """Do one of the following for a joint with elements (`access.PART`)."""
+    its = joint_at(joint)
+    if what == _GAP:
+        return _gap(its)
+    if what == _ADD_SLOPE:
+        _add_slope(its)
+        return 0.0
+    own = run_at(run)
+    if what == _FREQUENCY:
+        return _frequency(own, its)
+    if what == _FIND:
+        return 1.0 if _find(own, j, its) else 0.0
+    if what == _ADD_FORCES:
+        _add_forces(own, j, its)
+    else:
+        _add_losses(own, its)
+    return 0.0
+
+
+@compiled
+def element_gap(joint):
+    """Least gap of the elements at the joint's pose."""
+    return call_part(joint.element_part, (0, place_of(joint), 0, _GAP))
+
+
+@compiled
+def find_elements(run, j, joint):
+    """Find what the elements of joint j do at its pose; returns whether any bears load."""
+    return call_part(joint.element_part, (place_of(run), place_of(joint), j, _FIND)) != 0.0
+
+
+@compiled
+def add_element_forces(run, j, joint):
+    """Add elastic wrench, damping and friction at the joint's twist to its wrench."""
+    call_part(joint.element_part, (place_of(run), place_of(joint), j, _ADD_FORCES))
+
+
+@compiled
+def add_element_slope(joint):
+    """Add the derivative of the wrench by the twist."""
+    call_part(joint.element_part, (0, place_of(joint), 0, _ADD_SLOPE))
+
+
+@compiled
+def add_element_losses(run, joint):
+    """Add the power dissipated by damping and friction."""
+    call_part(joint.element_part, (place_of(run), place_of(joint), 0, _ADD_LOSSES))
+
+
+@compiled
+def element_frequency(run, joint):
+    """Sum of the squares of the frequencies at which coordinates swing on the elements.
+
+    It is the trace of M^-1 J^T K J, no less than the square of the highest [rad^2/s^2].
+    """
+    return call_part(joint.element_part, (place_of(run), place_of(joint), 0, _FREQUENCY))
 
 
 @compiled

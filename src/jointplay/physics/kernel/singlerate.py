@@ -64,7 +64,7 @@ def _evaluate_joint(run, j, q, v, tau, time, elapsed):
         return
     find_twist(joint, v)
     if joint.sections > 0:
-        add_film_forces(run, joint, True)
+        add_film_forces(run, j, joint, True)
         add_film_losses(run, j, joint)
     if joint.bristles != 0:
         if run.time == 0.0 and run.commit != 0:
@@ -118,7 +118,7 @@ def _evaluate_state(run, q, v, time):
         if committed:
             commit_contacts(run, j, run.joints[j], duration, ahead)
             if run.joints[j].sections > 0:
-                commit_film(run, run.joints[j])
+                commit_film(run, j, run.joints[j])
     if committed:
         run.bent_at = time + ahead
 

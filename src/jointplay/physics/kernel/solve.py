@@ -142,7 +142,7 @@ def evaluate_velocity_forces(run, q, v):
         for r in range(6):
             joint.wrench[r] = 0.0
         if joint.sections > 0:
-            add_film_forces(run, joint, False)
+            add_film_forces(run, j, joint, False)
         add_contact_forces(run, j, joint)
         project_wrench(joint, tau)
     apply_joint_friction(run, v, run.time, tau)
@@ -165,7 +165,7 @@ def _evaluate_slopes(run, q, v):
             for c in range(6):
                 joint.wrench_slope[r, c] = 0.0
         if joint.sections > 0:
-            add_film_slope(run, joint)
+            add_film_slope(run, j, joint)
         add_contact_slope(run, j, joint)
         project_slope(run, joint)
     add_joint_slopes(run, v)
