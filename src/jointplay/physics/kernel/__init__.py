@@ -5,7 +5,7 @@ they point to, `frames` and `bodies` have the geometry, `contact`, `film`, `load
 `servo` and `rolling` the forces, `solve` the velocity solve, `record` the records, `multirate`,
 `adaptive` (steps by their error) and `singlerate` the methods, which `integrators` lists, `loops`
 what the first makes of closed loops. All is entered through the compiled functions of
-`entry`, which are imported with their first use.
+`entry`, which are imported with their first use; what few runs have is compiled apart from these.
 
 Around it, in Python: `workspace` holds a run's arrays, made from `sites`.
 """

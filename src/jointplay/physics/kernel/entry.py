@@ -1,7 +1,8 @@
 """The compiled functions through which all kernels are entered.
 
 Two, because most runs need the first alone and each is compiled when it is first called for:
-`enter` has what the multi-rate method does, `enter_single` the single-rate methods.
+`enter` has what the multi-rate method does, `enter_single` the single-rate methods. What few runs
+have is compiled apart (`apart`), and called by its address.
 """
 
 from __future__ import annotations
@@ -10,9 +11,19 @@ from collections.abc import Callable
 from typing import Any
 
 from jointplay.base import compiler
-from jointplay.physics.kernel import adaptive, multirate, singlerate
+from jointplay.physics.kernel import (
+    adaptive,
+    film,
+    gear,
+    load,
+    loops,
+    multirate,
+    rolling,
+    servo,
+    singlerate,
+)
 from jointplay.physics.kernel import record as records
-from jointplay.physics.kernel.access import run_at
+from jointplay.physics.kernel.access import PART, RUN_PART, run_at
 from jointplay.physics.kernel.constants import REACHED, Command
 
 (
@@ -86,3 +97,19 @@ def compiled(command: Command = Command.ADVANCE) -> Callable[[int, int], int]:
     That takes the address of the run's record, and a command.
     """
     return entry_of(command).caller("i(i,i)")  # type: ignore[no-any-return]
+
+
+_APART = {
+    "film": (film.film, PART),
+    "element": (rolling.elements, PART),
+    "gear": (gear.gears, RUN_PART),
+    "loop": (loops.loops, RUN_PART),
+    "load": (load.loads, RUN_PART),
+    "servo": (servo.servos, RUN_PART),
+}
+
+
+def apart(name: str) -> int:
+    """Compile or load what a field such as ``film_part`` points to, and return its address."""
+    function, signature = _APART[name]
+    return int(function.native(signature).address)

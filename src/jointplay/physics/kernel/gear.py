@@ -13,13 +13,16 @@ its own. Bristles follow Dahl's law, which knows no time:
 
 so that z after a turn follows exactly from z before it. They store b z^2/(2 z_max) and lose
 z^2/z_max per angle.
+
+Compiled apart as `gears`, for runs that have some; what others call calls it.
 """
 
 from __future__ import annotations
 
 import math
 
-from jointplay.base.compiler import carray, compiled, pointer_to
+from jointplay.base.compiler import address_of, carray, compiled, place_of, pointer_to
+from jointplay.physics.kernel.access import call_run_part, run_at
 from jointplay.physics.kernel.constants import GEAR_BENDS, JOINT_FRICTION_SPEED
 from jointplay.physics.kernel.layout import GEAR, GEAR_ROW, GEAR_TORQUE
 
@@ -62,8 +65,8 @@ def _commit_gear(gear):
 
 
 @compiled
-def place_gears(run, q):
-    """Find all that depends on the coordinates alone."""
+def _place_gears(run, q):
+    """See `place_gears`."""
     for gear in run.gears:
         motor = q[gear.motor]
         error, lever = 0.0, 1.0
@@ -76,8 +79,8 @@ def place_gears(run, q):
 
 
 @compiled
-def commit_gears(run):
-    """Accept the state of the gears as one of the trajectory."""
+def _commit_gears(run):
+    """See `commit_gears`."""
     for gear in run.gears:
         _commit_gear(gear)
 
@@ -124,8 +127,8 @@ def _gear_friction(gear, speed):
 
 
 @compiled
-def apply_gears(run, v, tau):
-    """Add the torques at the velocities v, after `place_gears`."""
+def _apply_gears(run, v, tau):
+    """See `apply_gears`."""
     for gear in run.gears:
         torque, side, _ = _tooth_torque(gear, v)
         gear.torque = side * torque + gear.hysteresis
@@ -135,8 +138,8 @@ def apply_gears(run, v, tau):
 
 
 @compiled
-def add_gear_slopes(run, v):
-    """Add the derivatives of the torques by velocity to the slope."""
+def _add_gear_slopes(run, v):
+    """See `add_gear_slopes`."""
     slope, place = run.slope, run.place
     for gear in run.gears:
         m, k = place[gear.motor], place[gear.link]
@@ -151,8 +154,8 @@ def add_gear_slopes(run, v):
 
 
 @compiled
-def add_gear_losses(run, v):
-    """Add the power dissipated at the velocities v."""
+def _add_gear_losses(run, v):
+    """See `add_gear_losses`."""
     for gear in run.gears:
         torque, _, rate = _tooth_torque(gear, v)
         friction, _ = _gear_friction(gear, v[gear.motor])
@@ -170,6 +173,67 @@ def record_gears(run, row):
         row[at] = gear.torque
         row[at + 1] = gear.hysteresis
         at += 2
+
+
+_PLACE, _COMMIT, _APPLY, _SLOPES, _LOSSES = range(5)
+
+
+@compiled
+def gears(run, one, other, _third, _number, what):
+    """Do one of the following (`access.RUN_PART`)."""
+    own = run_at(run)
+    nv = own.nv
+    first = carray(one, (nv,))
+    if what == _PLACE:
+        _place_gears(own, first)
+    elif what == _COMMIT:
+        _commit_gears(own)
+    elif what == _APPLY:
+        _apply_gears(own, first, carray(other, (nv,)))
+    elif what == _SLOPES:
+        _add_gear_slopes(own, first)
+    else:
+        _add_gear_losses(own, first)
+
+
+@compiled
+def place_gears(run, q):
+    """Find all that depends on the coordinates alone."""
+    if run.ng > 0:
+        at = address_of(q)
+        call_run_part(run.gear_part, (place_of(run), at, at, at, 0.0, _PLACE))
+
+
+@compiled
+def commit_gears(run):
+    """Accept the state of the gears as one of the trajectory."""
+    if run.ng > 0:
+        at = address_of(run.q)
+        call_run_part(run.gear_part, (place_of(run), at, at, at, 0.0, _COMMIT))
+
+
+@compiled
+def apply_gears(run, v, tau):
+    """Add the torques at the velocities v, after `place_gears`."""
+    if run.ng > 0:
+        at, forces = address_of(v), address_of(tau)
+        call_run_part(run.gear_part, (place_of(run), at, forces, at, 0.0, _APPLY))
+
+
+@compiled
+def add_gear_slopes(run, v):
+    """Add the derivatives of the torques by velocity to the slope."""
+    if run.ng > 0:
+        at = address_of(v)
+        call_run_part(run.gear_part, (place_of(run), at, at, at, 0.0, _SLOPES))
+
+
+@compiled
+def add_gear_losses(run, v):
+    """Add the power dissipated at the velocities v."""
+    if run.ng > 0:
+        at = address_of(v)
+        call_run_part(run.gear_part, (place_of(run), at, at, at, 0.0, _LOSSES))
 
 
 _gear = pointer_to(GEAR_ROW)

@@ -477,8 +477,10 @@ RUN = _record(
     bodies=_array(BODY, "nb"),
     holds=_array(HOLD, "nh"),
     # Addresses of what is compiled apart, where the run has it.
+    gear_part=_ADDRESS,
     loop_part=_ADDRESS,
     load_part=_ADDRESS,
+    servo_part=_ADDRESS,
     # Sizes.
     nv=_INT,
     nj=_INT,

@@ -318,8 +318,7 @@ def _base_velocity(run, q, half, v, base, h):
             if one.armature > 0.0:
                 half[one.coordinate] += q[one.coordinate] / run.dt_before
     apply_drives(run, q, v, run.time, tau)
-    if run.ns > 0:
-        apply_servos(run, q, v, run.time, tau)
+    apply_servos(run, q, v, run.time, tau)
     for i in range(nv):
         base[i] = half[i] + h * free[i]
     for one in run.drives:
@@ -581,8 +580,7 @@ def start_half_step(run):
     for i in range(nv):
         tau[i] = 0.0
     apply_drives(run, q, v, run.time, tau)
-    if run.ns > 0:
-        apply_servos(run, q, v, run.time, tau)
+    apply_servos(run, q, v, run.time, tau)
     find_velocity_forces(run, q, v)
     if run.time == 0.0:
         for j in range(run.nj):

@@ -11,13 +11,16 @@ with its torque constant k and resistance R; -k^2/R v is the row of `drive` that
 besides. With a sampling period the voltage is held from one sample to the next; at the time of a
 sample the mean acts, for that stands for half of the step before and half of the next. Without one
 the integral goes on by the trapezoidal rule from the last state of the trajectory.
+
+Compiled apart as `servos`, for runs that have some; what others call calls it.
 """
 
 from __future__ import annotations
 
 import math
 
-from jointplay.base.compiler import compiled
+from jointplay.base.compiler import address_of, carray, compiled, place_of
+from jointplay.physics.kernel.access import call_run_part, run_at
 from jointplay.physics.kernel.drive import between_rows, reference_rows
 
 ROUNDING = 1e-9
@@ -58,16 +61,16 @@ def _commit_servo(servo, time):
 
 
 @compiled
-def commit_servos(run):
-    """Accept the state of continuous servos as one of the trajectory."""
+def _commit_servos(run):
+    """See `commit_servos`."""
     for servo in run.servos:
         if servo.period == 0.0:
             _commit_servo(servo, run.time)
 
 
 @compiled
-def apply_servos(run, q, v, time, tau):
-    """Add what the voltages push to the drives' efforts and to tau; after `apply_drives`."""
+def _apply_servos(run, q, v, time, tau):
+    """See `apply_servos`."""
     before, after, part = reference_rows(run, time)
     effort = run.drive
     for servo in run.servos:
@@ -95,3 +98,34 @@ def apply_servos(run, q, v, time, tau):
             push = math.copysign(servo.limit, whole) - effort[i]
         effort[i] += push
         tau[i] += push
+
+
+_COMMIT, _APPLY = range(2)
+
+
+@compiled
+def servos(run, one, other, third, number, what):
+    """Do one of the following (`access.RUN_PART`)."""
+    own = run_at(run)
+    nv = own.nv
+    if what == _COMMIT:
+        _commit_servos(own)
+    else:
+        q, v, tau = carray(one, (nv,)), carray(other, (nv,)), carray(third, (nv,))
+        _apply_servos(own, q, v, number, tau)
+
+
+@compiled
+def commit_servos(run):
+    """Accept the state of continuous servos as one of the trajectory."""
+    if run.ns > 0:
+        at = address_of(run.q)
+        call_run_part(run.servo_part, (place_of(run), at, at, at, 0.0, _COMMIT))
+
+
+@compiled
+def apply_servos(run, q, v, time, tau):
+    """Add what the voltages push to the drives' efforts and to tau; after `apply_drives`."""
+    if run.ns > 0:
+        vectors = address_of(q), address_of(v), address_of(tau)
+        call_run_part(run.servo_part, (place_of(run), *vectors, time, _APPLY))

@@ -91,8 +91,7 @@ def _evaluate_state(run, q, v, time):
     for i in range(_NP):
         run.power[i] = 0.0
     apply_drives(run, q, v, time, tau)
-    if run.ns > 0:
-        apply_servos(run, q, v, time, tau)
+    apply_servos(run, q, v, time, tau)
     add_drive_power(run, v)
     apply_joint_friction(run, v, time, tau)
     place_gears(run, q)

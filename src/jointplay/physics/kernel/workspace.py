@@ -11,13 +11,9 @@ import pinocchio as pin
 from jointplay.base.errors import JointplayError
 from jointplay.physics.contact.resultant import SEAT_ANSWERS
 from jointplay.physics.kernel import Command, Status, compiled, layout
-from jointplay.physics.kernel.access import PART, RUN_PART
 from jointplay.physics.kernel.constants import AZIMUTHS
-from jointplay.physics.kernel.film import film
-from jointplay.physics.kernel.load import loads as load_kernel
-from jointplay.physics.kernel.loops import loops
+from jointplay.physics.kernel.entry import apart
 from jointplay.physics.kernel.record import contact_statistics
-from jointplay.physics.kernel.rolling import elements
 from jointplay.physics.kernel.sites import (
     PARTS,
     CarriedFrame,
@@ -134,7 +130,7 @@ class Workspace:
             self.contacts[name] = np.inf
         self.loads = self._allocate("loads")
         if loads:
-            self._set(load_part=load_kernel.native(RUN_PART).address)
+            self._set(load_part=apart("load"))
         self.sliding_work: list[np.ndarray] = []
         """For each joint, normal force x sliding distance by contact and azimuth [N m]."""
         for index, load in enumerate(loads):
@@ -258,8 +254,12 @@ class Workspace:
         weights[self.drives["coordinate"][prescribed]] = 0.0
         self._set(prescribed=int(prescribed.any()))
         self.servos = self._point("servos", tables.servos)
+        if len(self.servos):
+            self._set(servo_part=apart("servo"))
         self.frictions = self._point("frictions", tables.frictions)
         self.gears = self._point("gears", tables.gears)
+        if len(self.gears):
+            self._set(gear_part=apart("gear"))
         self.set_reference_block(tables.reference, 0)
         self._nodes = tables.nodes
 
@@ -267,9 +267,9 @@ class Workspace:
         self.joints[j] = site.record[0]
         joint = self.joints[j]
         if joint["sections"]:
-            joint["film_part"] = film.native(PART).address
+            joint["film_part"] = apart("film")
         if joint["resultant"]:
-            joint["element_part"] = elements.native(PART).address
+            joint["element_part"] = apart("element")
         self.contacts["parameters"][j, : len(site.parameters)] = site.parameters
         if site.holds:
             self.contacts["steps"][j] = 1.0  # it never begins
@@ -365,7 +365,7 @@ class Workspace:
 
     def set_held_pairs(self, holds: np.ndarray) -> None:
         """Have the kernels close the loops without clearance (`layout.HOLD`); after `place`."""
-        self._set(nh=len(holds), loop_part=loops.native(RUN_PART).address)
+        self._set(nh=len(holds), loop_part=apart("loop"))
         self._point("holds", holds)
         for name in ("minv", "free"):  # Pinocchio's, which the next plan looks at
             self._point(f"open_{name}", self._arrays[f"found_{name}"])
