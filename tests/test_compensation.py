@@ -97,6 +97,42 @@ def test_friction_of_a_joint_that_stands_leaves_its_side_open(level):
     assert kept < 0.0
 
 
+def test_torques_that_cease_at_once_do_not_change_sides():
+    torque = np.array([[5.0, 5.0, -0.1, 5.0, -5.0, -5.0]]).T
+    fall = np.abs(torque) / 10.0  # parts of the play in a node's time squared
+    side, undecided = module._sides(torque, np.zeros_like(torque), fall)
+    assert side[:, 0].tolist() == [1, 1, 1, 1, -1, -1]
+    assert undecided[:, 0].tolist() == [False, False, True, False, False, False]
+
+
+def test_the_command_crosses_the_play_as_long_as_teeth_hardly_leave(upright):
+    found = compensate(simulated(machine(upright, play=0.02), to=0.05, end=4.0))
+    slow = (np.abs(found.shift[:, 0]) < 0.008).sum()
+    found = compensate(simulated(machine(upright, play=0.02), to=0.5, end=1.0))
+    fast = (np.abs(found.shift[:, 0]) < 0.008).sum()
+    assert slow >= 2 * fast > 0
+
+
+def test_stops_approached_from_one_side_do_not_ask_how_large_friction_is(upright):
+    """Braking outdoes the friction of the model, and not that of the joint, or the other way."""
+    motion = Motion(["j"], [0.0, 0.4, 1.2, 1.6, 2.4], [[0.0], [0.1], [0.1], [0.0], [0.0]])
+    friction = {"j": JointFriction(coulomb=0.5)}
+    own = replace(simulated(machine(upright)), motion=motion, joint_friction=friction)
+    kept, approached = compensate(own), compensate(own, approach=True)
+    assert [time for time, _ in kept.undecided_stops] == [0.0, 0.4, 1.6]
+    assert approached.approached == ((0.4, "j"), (1.6, "j"))
+    assert [time for time, _ in approached.undecided_stops] == [0.0]
+    assert any("approached from one side: 0.40 s (j), 1.60 s (j)" in n for n in approached.notes)
+    left = []
+    for found in (kept, approached):
+        corners = judge(found, {"friction": 0.5}, jobs=1).corners
+        left.append(max(one.after.at_stops for one in corners))
+    assert left[0] > 0.5 * PLAY * REACH
+    assert left[1] < 0.2 * left[0]
+    short = replace(own, motion=Motion(["j"], [0.0, 0.4, 0.5, 0.9], [[0.0], [0.1], [0.1], [0.0]]))
+    assert compensate(short, approach=True).approached == ()
+
+
 @settings(max_examples=25, deadline=None)
 @given(
     play=st.floats(1e-4, 1e-2),

@@ -8,14 +8,16 @@ dynamics do: a gear's teeth lie on the side to which their torque presses them, 
 and journals rest where the load of the ideal motion presses them (`simulation.statics`, inertia
 forces included), which displaces the tool; the joints take that back by damped least squares
 through the Jacobian.
-Where friction can hold a gear's teeth on either side, its last side is kept. What is found is a
-model's answer: `study.corners` has the engine judge it.
+Where friction can hold a gear's teeth on either side, its last side is kept; or stops are reached
+by a slow last way that is always made towards the same side, whose friction presses the teeth. What
+is found is a model's answer: `study.corners` has the engine judge it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
@@ -27,6 +29,7 @@ from jointplay.base.tables import Column, Table, counted, few
 from jointplay.model.gear import Gearing
 from jointplay.model.mechanism import Mechanism, frame_index
 from jointplay.physics.kernel import JOINT_FRICTION_SPEED
+from jointplay.simulation.analysis.tool_error import stops
 from jointplay.simulation.checks import joint_friction
 from jointplay.simulation.loads import limits
 from jointplay.simulation.loads.drive import JointFriction, Prescribed, assign
@@ -34,8 +37,8 @@ from jointplay.simulation.motion.reference import GOES_ON, Motion
 from jointplay.simulation.simulation import Simulation
 from jointplay.simulation.statics import StaticEquilibrium, StaticLoads
 
-NODE_S = 0.04
-"""Interval at which sides and places of rest are found [s]; commands change as slowly."""
+NODE_S = 0.02
+"""Interval at which sides are found, and at every other places of rest [s]; commands change so."""
 SAMPLE_S = 0.01
 """Interval of the corrected motion's points [s]."""
 ARM_M = 0.1
@@ -44,10 +47,20 @@ DAMPING = 1e-4
 """Of the least squares, relative to the largest singular value of the Jacobian."""
 STILL = 5.0 * JOINT_FRICTION_SPEED
 """Speed below which a joint stands, and its friction may have either sign [rad/s or m/s]."""
-CROSSING_S = 1.0
-"""A torque that takes longer to bring teeth across their play leaves their side open [s]."""
+NEAR = 0.05
+"""Way without torque of the teeth, relative to their play, that is no error to speak of."""
+CROSSING = 4
+"""Most nodes by which the command crosses the play sooner and later than the torque does."""
 NOTHING = 1e-6
 """Torque relative to the joint's largest one that presses nothing."""
+APPROACH_S = 0.24
+"""Least time of an approach from one side [s]."""
+OVERSHOOT = 1.25
+"""Way of an approach relative to the play: more than what an unknown side may be off by."""
+BRAKING = 0.5
+"""Largest torque that brakes an approach, relative to the friction that presses the teeth."""
+_BRAKES = 10.0 / np.sqrt(3.0)
+"""Largest acceleration of a smooth step of fifth order of size 1 in time 1."""
 _SMOOTHINGS = 40
 """How often a correction is smoothed that is beyond speed or effort limits."""
 
@@ -75,6 +88,8 @@ class Compensation:
     """How often the correction had to be smoothed for limits of speed and effort."""
     clipped: tuple[str, ...] = ()
     """Joints held at their limits of position."""
+    approached: tuple[tuple[float, str], ...] = ()
+    """Stops that are approached from one side: from when on [s], and by which gear."""
     learned: int = 0
     """Passes learned from own runs."""
     _motion: list[Motion] = field(default_factory=list, repr=False, compare=False)
@@ -94,16 +109,12 @@ class Compensation:
 
     @property
     def undecided_stops(self) -> list[tuple[float, tuple[str, ...]]]:
-        """Stops at which a side is not decided: from when on [s], and of which gears."""
-        assert self.simulation.motion is not None
-        speed = np.abs(self.simulation.motion(self.times)[1]).max(axis=1)
-        still = speed < STILL
-        found = []
-        for k in np.flatnonzero(still & ~np.append(False, still[:-1])):
-            names = [g for g, open_ in zip(self.gears, self.undecided[k], strict=True) if open_]
-            if names:
-                found.append((float(self.times[k]), tuple(names)))
-        return found
+        """Stops that leave a side open, not approached: from when on [s], and of which gears."""
+        found: dict[float, list[str]] = {}
+        for time, name in _open_stops(self.simulation, self.times, self.gears, self.undecided):
+            if (time, name) not in self.approached:
+                found.setdefault(time, []).append(name)
+        return [(time, tuple(names)) for time, names in found.items()]
 
     @property
     def notes(self) -> list[str]:
@@ -115,10 +126,11 @@ class Compensation:
                 "time in which friction leaves open on which side teeth lie, the last one is kept: "
                 + (", ".join(words) or "none")
             )
-        if stops := self.undecided_stops:
-            told = [f"{time:.2f} s ({few(list(names))})" for time, names in stops[:8]]
-            more = f" and {len(stops) - 8} more" if len(stops) > 8 else ""
-            lines.append(f"note: stops with an undecided side: {', '.join(told)}{more}")
+        if open_ := self.undecided_stops:
+            lines.append(f"note: stops with an undecided side: {_told(open_)}")
+        if self.approached:
+            ways = [(time, (name,)) for time, name in self.approached]
+            lines.append(f"stops approached from one side: {_told(ways)}")
         if self.smoothed:
             times = counted(self.smoothed, "time")
             lines.append(f"note: smoothed {times} to stay within limits of speed and effort")
@@ -161,12 +173,21 @@ class Compensation:
         return Table(columns)
 
 
-def compensate(simulation: Simulation, *, progress: bool = False) -> Compensation:
+def _told(found: Sequence[tuple[float, tuple[str, ...]]]) -> str:
+    told = [f"{time:.2f} s ({few(list(names))})" for time, names in found[:8]]
+    return ", ".join(told) + (f" and {len(found) - 8} more" if len(found) > 8 else "")
+
+
+def compensate(
+    simulation: Simulation, *, approach: bool = False, progress: bool = False
+) -> Compensation:
     """The motion of a simulation, corrected for the play, wind-up and deflection of its joints.
 
     Args:
         simulation: a robot without loops on a base that is held, its motion, drives, payloads,
             friction of joints.
+        approach: reach stops at which friction leaves a gear's side open from one side: the tool
+            arrives aside, by somewhat more than the play, and creeps to its place.
         progress: show a bar on standard error.
 
     Raises:
@@ -176,11 +197,13 @@ def compensate(simulation: Simulation, *, progress: bool = False) -> Compensatio
     """
     require_a("simulation", simulation, "Simulation")
     mechanism, motion = _checked(simulation)
-    count = max(round(motion.duration / NODE_S), 4) + 1
+    count = 2 * max(round(0.5 * motion.duration / NODE_S), 2) + 1
     times = np.linspace(0.0, motion.duration, count)
     gears = tuple(n for n in mechanism.gears if n in motion.joints and _is_behind(simulation, n))
-    torque, held = _torques(simulation, times, gears)
-    side, undecided = _sides(torque, held)
+    torque, held, inertia = _torques(simulation, times, gears)
+    play = np.array([max(mechanism.gears[name].play, 1e-12) for name in gears])
+    fall = times[1] ** 2 * np.abs(torque) / (inertia * play)
+    side, undecided = _sides(torque, held, fall)
     if not (gears or mechanism.clearance):
         raise JointplayError(
             "encoders on the links see the play of their gears, and the drives take it out: there "
@@ -195,29 +218,36 @@ def compensate(simulation: Simulation, *, progress: bool = False) -> Compensatio
     shift = np.zeros((count, len(motion.joints)))
     for k, name in enumerate(gears):
         twist = mechanism.gears[name].wound_up(side[:, k] * np.abs(torque[:, k]))
-        shift[:, motion.joints.index(name)] = _carried(twist, undecided[:, k])
+        free = _crossing(side[:, k], np.where(undecided[:, k], np.inf, fall[:, k]))
+        twist = _carried(twist, undecided[:, k])[~free]
+        shift[:, motion.joints.index(name)] = _smooth(times[~free], twist, times)
+    approaches = []
+    if approach:
+        approaches = _approaches(simulation, times, gears, undecided, torque, inertia)
+    for one in approaches:
+        one.apply(simulation, times, shift, side, undecided)
     displacement = np.zeros((count, 6))
     if mechanism.clearance:
-        displacement = _journals(simulation, times, progress)
+        found = _journals(simulation, times[::2], progress)
+        displacement = _smooth(times[::2], found, times)
         shift -= through_jacobian(simulation, times, displacement)
     _, shift, smoothed, clipped = _within_limits(simulation, times, shift)
     return Compensation(
-        simulation, times, shift, gears, torque, side, undecided, displacement, smoothed, clipped
-    )
+        simulation, times, shift, gears, torque, side, undecided, displacement, smoothed, clipped,
+        tuple((one.stop, one.gear) for one in approaches),
+    )  # fmt: skip
 
 
 def corrected_motion(
     simulation: Simulation, times: np.ndarray, shift: np.ndarray
 ) -> tuple[Motion, tuple[str, ...]]:
     """The motion with shifts (n, j) at nodes added, and joints that were held at their limits."""
-    from scipy.interpolate import PchipInterpolator  # takes long to import
-
     motion = simulation.motion
     assert motion is not None
     count = max(round(motion.duration / SAMPLE_S), 12) + 1
     dense = np.linspace(0.0, motion.duration, count)
     own = motion(dense)[0]
-    moved = own + PchipInterpolator(times, shift)(dense)
+    moved = own + _smooth(times, shift, dense)
     clipped = []
     entries = simulation.mechanism.description.joints
     for k, name in enumerate(motion.joints):
@@ -306,11 +336,10 @@ def _bodies(simulation: Simulation, mechanism: Mechanism, time: float) -> pin.Mo
 
 def _torques(
     simulation: Simulation, times: np.ndarray, gears: Sequence[str]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Torque of the teeth of gears (n, g), and what leaves their side open (n, g) [N m or N].
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Torque of the teeth of gears, what leaves their side open [N m or N], inertias: (n, g) each.
 
-    Friction of a joint that stands, which may have either sign, and what would take too long to
-    bring its inertia across the play.
+    A side is left open by friction of a joint that stands, which may have either sign.
     """
     ideal, motion = simulation.mechanism.ideal(), simulation.motion
     assert motion is not None
@@ -318,30 +347,153 @@ def _torques(
     own = [motion.joints.index(name) for name in gears]
     states = np.zeros((3, len(times), ideal.model.nv))
     states[:, :, at] = motion(times)
-    tau, held = np.zeros((2, len(times), len(gears)))
-    play = np.array([simulation.mechanism.gears[name].play for name in gears])
+    tau, held, inertia = np.zeros((3, len(times), len(gears)))
     for k, state in enumerate(states.transpose(1, 0, 2)):
         bodies = _bodies(simulation, ideal, times[k])
         data = bodies.createData()
         tau[k] = pin.rnea(bodies, data, *state)[at][own]
-        mass = pin.crba(bodies, data, state[0]).diagonal()[at][own]
-        held[k] = 2.0 * play * mass / CROSSING_S**2
+        inertia[k] = pin.crba(bodies, data, state[0]).diagonal()[at][own]
     friction = joint_friction(simulation)
     for k, name in enumerate(gears):
         losses, speed = friction.get(name, JointFriction()), states[1, :, at[own[k]]]
         still = np.abs(speed) < STILL
         tau[:, k] += np.where(still, 0.0, losses.torque(speed))
-        held[still, k] = np.maximum(held[still, k], losses.coulomb + losses.excess)
-    return tau, held
+        held[still, k] = losses.coulomb + losses.excess
+    return tau, held, inertia
 
 
-def _sides(torque: np.ndarray, held: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Sides (n, g), the last one kept where it is not decided, and where that is so (n, g)."""
+def _sides(torque: np.ndarray, held: np.ndarray, fall: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Sides (n, g), the last one kept where it is not decided, and where that is so (n, g).
+
+    Nor do torques decide that cease before they have brought what they turn across `NEAR` of the
+    play; `fall` is their acceleration as a part of the play in a node's time squared, (n, g).
+    """
     least = NOTHING * np.abs(torque).max(axis=0, initial=0.0)
     undecided = np.abs(torque) <= np.maximum(held, least)
     sides = np.where(undecided, 0.0, np.sign(torque))
+    for k, column in enumerate(sides.T):
+        edges = np.flatnonzero(np.diff(column, prepend=np.nan, append=np.nan))
+        for begin, end in pairwise(edges):
+            if np.cumsum(fall[begin:end, k]).sum() < NEAR:
+                undecided[begin:end, k], column[begin:end] = True, 0.0
     kept = np.array([_kept(column) for column in sides.T]).T.reshape(sides.shape)
     return kept, undecided
+
+
+def _crossing(side: np.ndarray, fall: np.ndarray) -> np.ndarray:
+    """Nodes (n,) at which the command of a gear may be between both sides of its play.
+
+    It crosses as slowly as can be: a drive that leaps across strikes the other flank. Until teeth
+    have left by `NEAR` of the play for want of their torque; never while the joint stands, where
+    `fall` is infinite.
+    """
+    free, last = np.zeros(len(side), bool), len(side) - 1
+    for k in np.flatnonzero(side[1:] * side[:-1] < 0):
+        for way, node in ((-1, k), (1, k + 1)):
+            speed = left = 0.0
+            for at in range(node, node + way * CROSSING, way):
+                speed += fall[at] if 0 < at < last else np.inf
+                left += speed
+                if left > NEAR or side[at] != side[node]:
+                    break
+                free[at] = True
+    return free
+
+
+def _open_stops(
+    simulation: Simulation, times: np.ndarray, gears: Sequence[str], undecided: np.ndarray
+) -> list[tuple[float, str]]:
+    """Stops at whose end a side is not decided: from when on [s], and of which gear."""
+    motion = simulation.motion
+    assert motion is not None
+    found = []
+    for stop in stops(motion, motion.duration):
+        if stop.at_rest:
+            row = undecided[_node(times, stop.end)]
+            found += [(stop.start, name) for name, open_ in zip(gears, row, strict=True) if open_]
+    return found
+
+
+@dataclass(frozen=True)
+class _Approach:
+    """A stop that a joint reaches from one side: it arrives aside, and creeps while it stands."""
+
+    gear: str
+    k: int
+    """Of the gear."""
+    stop: float
+    arrival: float
+    """When it begins to creep [s]."""
+    window: float
+    """How long it creeps [s]."""
+    torque: float
+    """Of its teeth, and of friction, at the end [N m or N]."""
+
+    def apply(
+        self,
+        simulation: Simulation,
+        times: np.ndarray,
+        shift: np.ndarray,
+        side: np.ndarray,
+        undecided: np.ndarray,
+    ) -> None:
+        """Change shifts (n, j) and sides (n, g) from the way to the stop on."""
+        gear, motion = simulation.mechanism.gears[self.gear], simulation.motion
+        assert motion is not None
+        way = np.copysign(OVERSHOOT * gear.play, self.torque)
+        own = shift[:, motion.joints.index(self.gear)]
+        there = np.searchsorted(times, self.arrival)
+        until = next((k for k in range(there, len(times)) if not undecided[k, self.k]), len(times))
+        own -= way * _step((times - self.arrival) / self.window + 1.0) * (times < self.arrival)
+        creeps = _step((times[there:until] - self.arrival) / self.window)
+        begin = own[there] - way
+        own[there:until] = begin + creeps * (gear.wound_up(self.torque) - begin)
+        side[there:until, self.k] = np.sign(self.torque)
+
+
+def _step(part: np.ndarray) -> np.ndarray:
+    """A smooth step of fifth order from 0 at 0 to 1 at 1."""
+    x = part.clip(0.0, 1.0)
+    return np.asarray(x**3 * (10.0 - 15.0 * x + 6.0 * x**2))
+
+
+def _approaches(
+    simulation: Simulation,
+    times: np.ndarray,
+    gears: Sequence[str],
+    undecided: np.ndarray,
+    torque: np.ndarray,
+    inertia: np.ndarray,
+) -> list[_Approach]:
+    """Stops that can be approached from one side, that to which loads press the joint at them.
+
+    So slowly that braking does not lift the teeth: a stop is left as it is where there is no
+    friction, or the joint stands too short.
+    """
+    motion, friction = simulation.motion, joint_friction(simulation)
+    assert motion is not None
+    still = np.abs(motion(times)[1]) < STILL
+    ends = {one.start: one.end for one in stops(motion, motion.duration)}
+    open_stops = _open_stops(simulation, times, gears, undecided)
+    found = []
+    for k, name in enumerate(gears):
+        at = {time: _node(times, ends[time]) for time, gear in open_stops if gear == name}
+        dry = friction.get(name, JointFriction()).coulomb
+        way = np.sign(sum(torque[node, k] for node in at.values())) or 1.0
+        for time, node in at.items():
+            moving = np.flatnonzero(~still[:node, motion.joints.index(name)])
+            brakes = _BRAKES * OVERSHOOT * simulation.mechanism.gears[name].play * inertia[node, k]
+            window = max(APPROACH_S, np.sqrt(brakes / (BRAKING * dry)) if dry else np.inf)
+            arrival = max(times[moving[-1] + 1] if len(moving) else 0.0, window)
+            if arrival + window <= ends[time]:
+                pressed = way * dry + torque[node, k]
+                found.append(_Approach(name, k, time, arrival, window, pressed))
+    return sorted(found, key=lambda one: one.stop)
+
+
+def _node(times: np.ndarray, time: float) -> int:
+    """The last node that is not after a time [s]."""
+    return int(np.searchsorted(times, time, side="right")) - 1
 
 
 def _kept(values: np.ndarray) -> np.ndarray:
@@ -351,6 +503,13 @@ def _kept(values: np.ndarray) -> np.ndarray:
         return values
     last = good[np.maximum(np.searchsorted(good, np.arange(len(values)), side="right") - 1, 0)]
     return np.asarray(values[last])
+
+
+def _smooth(nodes: np.ndarray, values: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Values at nodes at further times, without overshoot."""
+    from scipy.interpolate import PchipInterpolator  # takes long to import
+
+    return np.asarray(PchipInterpolator(nodes, values)(times))
 
 
 def _carried(values: np.ndarray, unknown: np.ndarray) -> np.ndarray:

@@ -70,7 +70,7 @@ class ToolErrors:
     rms: float
     on_the_way: float
     at_stops: float
-    """RMS at the ends of stops; NaN without any."""
+    """RMS at the ends of stops, the start left out; NaN without any."""
     largest: float
     times: np.ndarray
     values: np.ndarray
@@ -306,7 +306,7 @@ def tool_errors(run: Simulation, original: Simulation) -> ToolErrors:
     assert motion is not None
     times, values = error["time"].values, error.values
     size = np.linalg.norm(values, axis=1)
-    halts = [one for one in stops(motion, float(times[-1])) if one.at_rest]
+    halts = [one for one in stops(motion, float(times[-1])) if one.at_rest and one.end > 0.0]
     speed = np.abs(motion(times)[1]).max(axis=1)
     way = speed > 1e-3 * speed.max()
     at = size[np.searchsorted(times, [one.end for one in halts]).clip(0, len(size) - 1)]

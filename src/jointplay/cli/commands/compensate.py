@@ -10,6 +10,8 @@ Example: jointplay compensate so101 --preset --motion pick.csv --trust "play 30 
     --payload MASS  mass held at the tool
     --trust TEXT  how far the model may be off, such as "play 30 %, friction 50 %, payload 20 %,
         stiffness 30 %": both motions are run at the corners of that
+    --approach  reach stops at which friction leaves open on which side teeth lie from one side:
+        the tool arrives aside, and the joint creeps while it stands
     --passes N  correct by what own runs leave, at most so often, as long as it improves (default 0)
     --out DIR  folder for motion.csv, compensation.csv, corners.csv and error.png
     --formats LIST  further files in DIR: yaml, mcap (ROS 2 JointTrajectory), table (joint,
@@ -61,7 +63,7 @@ def run(options: argparse.Namespace) -> int:
     out.claim()
     streams.release()
     progress = not options.quiet
-    found = compensate(simulation, progress=progress)
+    found = compensate(simulation, approach=options.approach, progress=progress)
     more = []
     if options.passes:
         found, tried = learn(found, options.passes, progress=progress)
