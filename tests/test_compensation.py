@@ -25,6 +25,7 @@ from jointplay.accuracy import compensation as module
 from jointplay.bridges import backlash, bag
 from jointplay.bridges.trajectory import content, of_motion
 from jointplay.model.payload import Payload
+from jointplay.scenario.presets import preset
 from jointplay.simulation.loads import ComputedTorque
 from jointplay.simulation.loads.drive import JointFriction
 from jointplay.study.corners import judge, learn, trust_of, varied
@@ -343,3 +344,54 @@ def test_what_makes_the_error_larger_is_said_and_not_written(level, tmp_path, mo
     assert not (tmp_path / "a" / "motion.csv").exists()
     assert main([*command, str(tmp_path / "b"), "--force"]) == 0
     assert (tmp_path / "b" / "motion.csv").exists()
+
+
+def test_corners_are_the_ends_of_a_presets_intervals(level, tmp_path):
+    held = f"play = {PLAY}\nstiffness = {STIFFNESS}\nrotor_inertia = 0.05\ndamping = 2.0\n"
+    text = f"[joint.j.gear]\nkind = 'backlash'\n{held}"
+    for key, low, high in (("gear.play", 3e-3, 4.5e-3), ("gear.stiffness", 700.0, 900.0)):
+        text += f"[[origin]]\nkey = 'j.{key}'\nvalue = ''\norigin = 'measured'\nsource = 'a dial'\n"
+        text += f"interval = [{low}, {high}]\n"
+    path = tmp_path / "mine.toml"
+    path.write_text(text)
+    trust = trust_of("identified, friction 50 %", preset(path))
+    assert trust == {
+        "play": {"j.gear.play": (3e-3, 4.5e-3)},
+        "stiffness": {"j.gear.stiffness": (700.0, 900.0)},
+        "friction": 0.5,
+    }
+    own = simulated(machine(level), to=1e-6)
+    judged = judge(compensate(own), trust, jobs=1)
+    assert [one.words for one in judged.corners[1:3]] == [
+        "play at its lower ends",
+        "play at its upper ends",
+    ]
+    assert judged.worst.words == "play at its lower ends, stiffness at its upper ends"
+    # Half of what the play is smaller by, and less wind-up.
+    off = 0.5 * (PLAY - 3e-3) + WEIGHT / STIFFNESS - WEIGHT / 900.0
+    assert judged.worst.after.rms == pytest.approx(off * REACH, rel=0.02)
+    bearing = RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4)
+    loose = replace(own, mechanism=own.mechanism.with_clearance({"j": bearing}))
+    new = varied(loose, {"j.bearing.radial_clearance": 2e-4, "j.friction.coulomb": 1.0})
+    assert new.mechanism.clearance["j"].radial_clearance == 2e-4
+    with pytest.raises(JointplayError, match="there are no intervals"):
+        trust_of("identified", preset("so101"))
+    assert trust_of("exact") == {}
+
+
+def test_the_command_takes_intervals_unless_told_otherwise(level, tmp_path):
+    motion, mine = tmp_path / "m.csv", tmp_path / "mine.toml"
+    motion.write_text("time_s,j\n0,0\n0.4,0.05\n0.8,0\n")
+    held = f"play = {PLAY}\nstiffness = {STIFFNESS}\nrotor_inertia = 0.05\ndamping = 2.0\n"
+    mine.write_text(
+        f"[joint.j.gear]\nkind = 'backlash'\n{held}[joint.j.drive]\nkind = 'prescribed'\n"
+        "[[origin]]\nkey = 'j.gear.play'\nvalue = ''\norigin = 'measured'\nsource = 'a dial'\n"
+        "interval = [3e-3, 4.5e-3]\n"
+    )
+    for more, corners in (([], 3), (["--trust", "exact"], 1)):
+        command = [JOINTPLAY, "compensate", level, "--preset", mine, "--motion", motion, "--quiet"]
+        command += ["--jobs", "1", "--out", tmp_path / f"out{corners}", *more]
+        done = subprocess.run(list(map(str, command)), capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        rows = (tmp_path / f"out{corners}" / "corners.csv").read_text().splitlines()
+        assert len(rows) == 1 + corners

@@ -9,7 +9,8 @@ Example: jointplay compensate so101 --preset --motion pick.csv --trust "play 30 
     [FILE | ROBOT]
     --payload MASS  mass held at the tool
     --trust TEXT  how far the model may be off, such as "play 30 %, friction 50 %, payload 20 %,
-        stiffness 30 %": both motions are run at the corners of that
+        stiffness 30 %", or "identified, payload 20 %" with the intervals of --preset FILE (default:
+        those, if it has any, or exact): both motions are run at the corners of that
     --approach  reach stops at which friction leaves open on which side teeth lie from one side:
         the tool arrives aside, and the joint creeps while it stands
     --passes N  correct by what own runs leave, at most so often, as long as it improves (default 0)
@@ -32,7 +33,7 @@ from typing import TYPE_CHECKING, Any
 from jointplay.base import streams
 from jointplay.base.errors import JointplayError, MissingName, require_non_negative, require_whole
 from jointplay.cli.commands import Outputs, print_answer
-from jointplay.cli.commands.inputs import simulation_of
+from jointplay.cli.commands.inputs import chosen_preset, simulation_of
 
 if TYPE_CHECKING:
     from jointplay.accuracy.compensation import Compensation
@@ -45,7 +46,7 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.accuracy.compensation import compensate
     from jointplay.bridges import backlash
     from jointplay.model.payload import Payload
-    from jointplay.study.corners import judge, learn, trust_of
+    from jointplay.study.corners import EXACT, IDENTIFIED, judge, learn, trust_of
 
     wanted, known = options.formats or [], ("yaml", "mcap", "table", *backlash.FORMATS)
     for one in wanted:
@@ -53,7 +54,9 @@ def run(options: argparse.Namespace) -> int:
             raise MissingName("format", one, known)
     if wanted and not options.out:
         raise JointplayError("--formats are written into a folder: give --out DIR, too")
-    trust = trust_of(options.trust or "")
+    preset = chosen_preset(options)
+    measured = preset is not None and bool(preset.intervals)
+    trust = trust_of(options.trust or (IDENTIFIED if measured else EXACT), preset)
     require_whole("--passes", options.passes, 0)
     mass = require_non_negative("--payload", options.payload or 0.0, "kg")
     simulation = simulation_of(options)
