@@ -25,10 +25,11 @@ from jointplay.accuracy import compensation as module
 from jointplay.bridges import backlash, bag
 from jointplay.bridges.trajectory import content, of_motion
 from jointplay.model.payload import Payload
+from jointplay.physics.contact import Coulomb
 from jointplay.scenario.presets import preset
 from jointplay.simulation.loads import ComputedTorque
 from jointplay.simulation.loads.drive import JointFriction
-from jointplay.study.corners import judge, learn, trust_of, varied
+from jointplay.study.corners import judge, learn, tool_errors, trust_of, varied
 
 PLAY, STIFFNESS, MASS, ARM, REACH = 4e-3, 800.0, 2.0, 0.3, 0.5
 WEIGHT = 9.81 * MASS * ARM
@@ -134,6 +135,48 @@ def test_stops_approached_from_one_side_do_not_ask_how_large_friction_is(upright
     assert compensate(short, approach=True).approached == ()
 
 
+def test_friction_of_journals_holds_teeth_as_that_of_the_joint_does(upright):
+    """Of the two ends that carry the arm's tilt, and of the rim that carries its weight."""
+    radius, length, mu = 0.02, 0.1, 0.2
+    bearing = RevoluteClearance(
+        radial_clearance=1e-4, axial_clearance=1e-4, bearing_radius=radius, bearing_length=length,
+        friction=Coulomb(mu_d=mu),
+    )  # fmt: skip
+    mechanism = machine(upright).with_clearance({"j": bearing})
+    own = simulated(mechanism, to=1e-3)
+    _, rubbing = module._journals(own, np.linspace(0.0, 0.8, 5), False)
+    hinge = mechanism.clearance["j"].hinge
+    expected = hinge.radius * mu * (2.0 * WEIGHT / hinge.length + 9.81 * MASS)
+    assert rubbing["j"][1] == pytest.approx(expected, rel=1e-3)
+    both = compensate(own)
+    moving = np.abs(own.motion(both.times)[1][:, 0]) > module.STILL
+    assert both.undecided[~moving].all()
+    bare = compensate(simulated(machine(upright), to=0.05)).torque
+    assert both.torque[moving][:20, 0] == pytest.approx(expected, rel=0.1)
+    assert np.abs(bare).max() < expected
+
+
+def test_a_journal_that_turns_rests_where_its_friction_lets_it_climb(level):
+    """Aside of the load by atan(mu), as a run finds it; its drive lags by friction along z."""
+    mu, left = 0.3, {}
+    motion = Motion(["j"], [0.0, 0.2, 1.0, 1.2], [[0.0], [0.02], [0.42], [0.44]])
+    for law in (Coulomb(mu_d=mu), Coulomb(mu_d=0.0)):
+        bearing = RevoluteClearance(radial_clearance=2e-4, axial_clearance=1e-4, friction=law)
+        own = Simulation(Mechanism(level, {"j": bearing}), motion, step="5 us", record_every=50)
+        found = compensate(own)
+        errors = tool_errors(own, own)
+        middle = (errors.times > 0.4) & (errors.times < 0.9)
+        node = (found.times > 0.4) & (found.times < 0.9)
+        left[law.mu_d] = (
+            errors.values[middle].mean(axis=0),
+            found.displacement[node, :3].mean(axis=0),
+        )
+    (run, rest), (plain_run, plain) = left[mu], left[0.0]
+    assert rest[0] == pytest.approx(-2e-4 * np.sin(np.arctan(mu)), rel=0.02)
+    assert run[0] == pytest.approx(rest[0], rel=0.1)
+    assert plain_run == pytest.approx(plain, abs=2e-6)
+
+
 @settings(max_examples=25, deadline=None)
 @given(
     play=st.floats(1e-4, 1e-2),
@@ -225,6 +268,21 @@ def test_what_cannot_be_compensated_is_refused_in_a_line(level, upright):
         with pytest.raises(JointplayError):
             trust_of(text)
     assert trust_of("play 30 %, payload 20%") == {"play": 0.3, "payload": 0.2}
+
+
+def test_joints_do_not_go_far_for_little_near_singular_poses():
+    bearing = RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4)
+    arm = Mechanism("scara", {"joint_b": bearing})
+    motion = Motion(["joint_a", "joint_b"], [0.0, 1.0], [[0.0, 1e-3], [0.1, 1e-3]])
+    own = Simulation(arm, motion, joint_friction={})
+    away = np.zeros((2, 6))
+    away[:, 0] = 1e-4  # the arm lies along x, stretched
+    moved = module.through_jacobian(own, np.array([0.0, 1.0]), away)
+    assert np.abs(moved).max() < 0.06
+    aside = np.zeros((2, 6))
+    aside[:, 1] = 1e-4
+    turned = module.through_jacobian(own, np.array([0.0, 1.0]), aside)
+    assert 0.0 < np.abs(turned).max() < 1e-3
 
 
 def test_a_correction_stays_within_limits(level, tmp_path):

@@ -27,7 +27,8 @@ from jointplay.base.errors import JointplayError, require_a
 from jointplay.base.progress import ProgressBar
 from jointplay.base.tables import Column, Table, counted, few
 from jointplay.model.gear import Gearing
-from jointplay.model.mechanism import Mechanism, frame_index
+from jointplay.model.mechanism import Coordinate, Mechanism, frame_index
+from jointplay.physics.joints import Clearance
 from jointplay.physics.kernel import JOINT_FRICTION_SPEED
 from jointplay.simulation.analysis.tool_error import stops
 from jointplay.simulation.checks import joint_friction
@@ -43,8 +44,9 @@ SAMPLE_S = 0.01
 """Interval of the corrected motion's points [s]."""
 ARM_M = 0.1
 """Arm on which a turn of the tool counts as much as its displacement [m]."""
-DAMPING = 1e-4
-"""Of the least squares, relative to the largest singular value of the Jacobian."""
+DAMPING = 1e-2
+"""Of the least squares, relative to the largest singular value of the Jacobian: near singular poses
+it spares joints long ways for little."""
 STILL = 5.0 * JOINT_FRICTION_SPEED
 """Speed below which a joint stands, and its friction may have either sign [rad/s or m/s]."""
 NEAR = 0.05
@@ -136,9 +138,6 @@ class Compensation:
             lines.append(f"note: smoothed {times} to stay within limits of speed and effort")
         if self.clipped:
             lines.append(f"note: held at limits of position: {', '.join(self.clipped)}")
-        if self.simulation.mechanism.clearance:
-            lines.append("friction between journals and bearings is not counted: where they rest "
-                         "without it")  # fmt: skip
         return lines
 
     def table(self) -> Table:
@@ -200,7 +199,12 @@ def compensate(
     count = 2 * max(round(0.5 * motion.duration / NODE_S), 2) + 1
     times = np.linspace(0.0, motion.duration, count)
     gears = tuple(n for n in mechanism.gears if n in motion.joints and _is_behind(simulation, n))
-    torque, held, inertia = _torques(simulation, times, gears)
+    displacement, rubbing = np.zeros((count, 6)), dict[str, np.ndarray]()
+    if mechanism.clearance:
+        found, some = _journals(simulation, times[::2], progress)
+        displacement = _smooth(times[::2], found, times)
+        rubbing = {name: _smooth(times[::2], one.T, times).T for name, one in some.items()}
+    torque, held, inertia = _torques(simulation, times, gears, rubbing)
     play = np.array([max(mechanism.gears[name].play, 1e-12) for name in gears])
     fall = times[1] ** 2 * np.abs(torque) / (inertia * play)
     side, undecided = _sides(torque, held, fall)
@@ -226,10 +230,7 @@ def compensate(
         approaches = _approaches(simulation, times, gears, undecided, torque, inertia)
     for one in approaches:
         one.apply(simulation, times, shift, side, undecided)
-    displacement = np.zeros((count, 6))
     if mechanism.clearance:
-        found = _journals(simulation, times[::2], progress)
-        displacement = _smooth(times[::2], found, times)
         shift -= through_jacobian(simulation, times, displacement)
     _, shift, smoothed, clipped = _within_limits(simulation, times, shift)
     return Compensation(
@@ -311,7 +312,7 @@ def _checked(simulation: Simulation) -> tuple[Mechanism, Motion]:
     if not (loose or any(gear.play > 0.0 for gear in mechanism.gears.values())):
         raise JointplayError(
             "nothing has play, and there is nothing to compensate: give joints with clearance or "
-            'gears with play, such as --joint NAME="0.1 mm" or --gear NAME="2 arcmin"'
+            'gears with play, such as --clearance "0.1 mm" or --gear NAME="2 arcmin"'
         )
     if simulation.limits != "ignore":
         limits.check_motion(mechanism, motion, motion.joints)
@@ -335,11 +336,15 @@ def _bodies(simulation: Simulation, mechanism: Mechanism, time: float) -> pin.Mo
 
 
 def _torques(
-    simulation: Simulation, times: np.ndarray, gears: Sequence[str]
+    simulation: Simulation,
+    times: np.ndarray,
+    gears: Sequence[str],
+    rubbing: Mapping[str, np.ndarray],
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Torque of the teeth of gears, what leaves their side open [N m or N], inertias: (n, g) each.
 
-    A side is left open by friction of a joint that stands, which may have either sign.
+    A side is left open by friction of a joint that stands, which may have either sign. That of
+    journals is `rubbing`, as `_journals` has it.
     """
     ideal, motion = simulation.mechanism.ideal(), simulation.motion
     assert motion is not None
@@ -357,8 +362,9 @@ def _torques(
     for k, name in enumerate(gears):
         losses, speed = friction.get(name, JointFriction()), states[1, :, at[own[k]]]
         still = np.abs(speed) < STILL
-        tau[:, k] += np.where(still, 0.0, losses.torque(speed))
-        held[still, k] = losses.coulomb + losses.excess
+        journal = rubbing.get(name, np.zeros((2, len(times))))
+        tau[:, k] += np.where(still, 0.0, losses.torque(speed) + journal[0])
+        held[still, k] = losses.coulomb + losses.excess + journal[1, still]
     return tau, held, inertia
 
 
@@ -521,10 +527,17 @@ def _carried(values: np.ndarray, unknown: np.ndarray) -> np.ndarray:
     return np.asarray(values[last])
 
 
-def _journals(simulation: Simulation, times: np.ndarray, progress: bool) -> np.ndarray:
+def _journals(
+    simulation: Simulation, times: np.ndarray, progress: bool
+) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """The tool's displacements (n, 6) by journals that rest under the ideal motion's load.
 
-    Each search begins where the last one ended, displaced as much.
+    Each search begins where the last one ended, displaced as much. Friction turns the force of a
+    contact aside by atan(mu), and so the place of contact against the way that the journal turns.
+
+    Returns:
+        And the friction of journals about their axes by joint, (2, n) [N m]: as they turn, and what
+        may hold those that stand.
     """
     mechanism = simulation.mechanism.with_clearance(simulation.mechanism.clearance, {})
     motion = simulation.motion
@@ -533,6 +546,12 @@ def _journals(simulation: Simulation, times: np.ndarray, progress: bool) -> np.n
     states = np.zeros((3, len(times), mechanism.model.nv))
     states[:, :, at] = motion(times)
     drives = assign(mechanism, motion, Prescribed())
+    mu = {
+        name: _friction_of(one, states[1, :, mechanism.coordinate(name)])
+        for name, one in mechanism.clearance.items()
+        if one.hinge is not None
+    }
+    torque = {name: np.zeros((2, len(times))) for name in mu}
     pushing, friction = StaticLoads({}, mechanism, []), joint_friction(simulation)
     found, aside = np.zeros((len(times), 6)), np.zeros(mechanism.model.nv)
     steps = ProgressBar(
@@ -553,10 +572,57 @@ def _journals(simulation: Simulation, times: np.ndarray, progress: bool) -> np.n
                 f"{rest.load:.3g} N are not balanced"
             )
         aside = rest.q - q
-        ideal, there = tool_place(mechanism, q), tool_place(mechanism, rest.q)
+        for name, wrench in balance.wrenches(rest.q).items():
+            if name in mu:
+                own, largest = mu[name]
+                pressing = _pressing(mechanism.clearance[name], wrench)
+                torque[name][:, k] = own[k] * pressing, largest * pressing
+        angles = {name: -float(np.arctan(own[k])) for name, (own, _) in mu.items()}
+        climbed = _climbed(mechanism, rest.q, angles)
+        ideal, there = tool_place(mechanism, q), tool_place(mechanism, climbed)
         turn = ideal.rotation @ pin.log3(ideal.rotation.T @ there.rotation)
         found[k] = np.concatenate([there.translation - ideal.translation, turn])
-    return found
+    return found, torque
+
+
+def _climbed(mechanism: Mechanism, q: np.ndarray, angles: Mapping[str, float]) -> np.ndarray:
+    """Where journals rest that climb aside in their bearings by angles [rad], as they turn."""
+    q = q.copy()
+    for name, angle in angles.items():
+        cos, sin = np.cos(angle), np.sin(angle)
+        for parts in (("x", "y"), ("roll", "pitch")):
+            names = [Coordinate(name, part) for part in parts]
+            if all(part in mechanism.coordinates for part in names):
+                at = [mechanism.coordinates.index(part) for part in names]
+                q[at] = np.array([[cos, -sin], [sin, cos]]) @ q[at]
+    return q
+
+
+def _friction_of(joint: Clearance, speed: np.ndarray) -> tuple[np.ndarray, float]:
+    """Friction coefficient of a journal that turns at speeds (n,) [rad/s], signed, and the largest.
+
+    One that stands keeps its last sign where bristles hold it.
+    """
+    assert joint.hinge is not None
+    law, radius = joint.friction, joint.hinge.radius
+    largest = max(law.coefficients.values(), default=0.0)
+    if law.state == ("speed",):
+        found = [law.function(abs(x) * radius, *law.parameters()) for x in speed.tolist()]
+        return np.sign(speed) * found, largest
+    way = _kept(np.where(np.abs(speed) < STILL, 0.0, np.sign(speed)))
+    return way * law.coefficients.get("mu_d", 0.0), largest
+
+
+def _pressing(joint: Clearance, wrench: np.ndarray) -> float:
+    """Friction torque of a journal about its axis by friction coefficient [N m].
+
+    Of the forces at its two ends that make up a force and a moment across the axis, and of the
+    force along it.
+    """
+    assert joint.hinge is not None
+    force, moment = wrench[:2], np.array([wrench[4], -wrench[3]]) / joint.hinge.length
+    ends = [np.linalg.norm(0.5 * force + side * moment) for side in (-1.0, 1.0)]
+    return joint.hinge.radius * float(sum(ends) + abs(wrench[2]))
 
 
 def _within_limits(

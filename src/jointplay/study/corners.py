@@ -374,7 +374,8 @@ def _varied(simulation: Simulation) -> set[str]:
     friction = joint_friction(simulation).values()
     has = {
         "play": True,
-        "friction": any(one.coulomb or one.viscous for one in friction),
+        "friction": any(one.coulomb or one.viscous for one in friction)
+        or any(any(c.friction.coefficients.values()) for c in mechanism.clearance.values()),
         "payload": bool(simulation.payloads),
         "stiffness": bool(mechanism.gears),
     }
@@ -384,17 +385,18 @@ def _varied(simulation: Simulation) -> set[str]:
 def varied(simulation: Simulation, changes: Mapping[str, float]) -> Simulation:
     """The same with quantities of `QUANTITIES` multiplied, or numbers of a preset set [SI].
 
-    Play is all clearances and gears' play, friction that of joints, payload its mass and inertia,
-    stiffness that of gears.
+    Play is all clearances and gears' play, friction that of joints and journals, payload its mass
+    and inertia, stiffness that of gears.
     """
     new: dict[str, Any] = {}
     play, stiffness = changes.get("play", 1.0), changes.get("stiffness", 1.0)
     mechanism, rubs = simulation.mechanism, joint_friction(simulation)
+    x = changes.get("friction", 1.0)
     clearance = {
-        n: one.scaled(play) if one.clearances else one for n, one in mechanism.clearance.items()
+        n: (one.scaled(play) if one.clearances else one).with_friction(one.friction.scaled(x))
+        for n, one in mechanism.clearance.items()
     }
     gears = {n: _gear(one, play, stiffness) for n, one in mechanism.gears.items()}
-    x = changes.get("friction", 1.0)
     friction = {
         n: replace(one, coulomb=x * one.coulomb, viscous=x * one.viscous,
                    static=None if one.static is None else x * one.static)

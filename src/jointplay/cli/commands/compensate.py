@@ -59,7 +59,7 @@ def run(options: argparse.Namespace) -> int:
     trust = trust_of(options.trust or (IDENTIFIED if measured else EXACT), preset)
     require_whole("--passes", options.passes, 0)
     mass = require_non_negative("--payload", options.payload or 0.0, "kg")
-    simulation = simulation_of(options)
+    simulation = simulation_of(options, every=True)
     if mass:
         held = Payload(simulation.mechanism.tool, mass)
         simulation = replace(simulation, payloads=(*simulation.payloads, held))
