@@ -27,6 +27,7 @@ from jointplay.bridges.trajectory import content, of_motion
 from jointplay.model.payload import Payload
 from jointplay.physics.contact import Coulomb
 from jointplay.scenario.presets import preset
+from jointplay.show.plots.design import before_and_after
 from jointplay.simulation.loads import ComputedTorque
 from jointplay.simulation.loads.drive import JointFriction
 from jointplay.study.corners import judge, learn, tool_errors, trust_of, varied
@@ -107,6 +108,13 @@ def test_torques_that_cease_at_once_do_not_change_sides():
     assert undecided[:, 0].tolist() == [False, False, True, False, False, False]
 
 
+def test_a_motion_of_milliseconds_is_compensated_as_a_long_one(level):
+    short, long = (compensate(simulated(machine(level), to=1e-6, end=end)) for end in (2e-3, 0.8))
+    assert short.shift[:, 0] == pytest.approx(long.shift[0, 0], rel=0.05)
+    figure = before_and_after(judge(short, jobs=1))
+    assert figure.axes[0].get_xlabel() == "time [ms]"
+
+
 def test_the_command_crosses_the_play_as_long_as_teeth_hardly_leave(upright):
     found = compensate(simulated(machine(upright, play=0.02), to=0.05, end=4.0))
     slow = (np.abs(found.shift[:, 0]) < 0.008).sum()
@@ -124,7 +132,7 @@ def test_stops_approached_from_one_side_do_not_ask_how_large_friction_is(upright
     assert [time for time, _ in kept.undecided_stops] == [0.0, 0.4, 1.6]
     assert approached.approached == ((0.4, "j"), (1.6, "j"))
     assert [time for time, _ in approached.undecided_stops] == [0.0]
-    assert any("approached from one side: 0.40 s (j), 1.60 s (j)" in n for n in approached.notes)
+    assert any("approached from one side: 0.4 s (j), 1.6 s (j)" in n for n in approached.notes)
     left = []
     for found in (kept, approached):
         corners = judge(found, {"friction": 0.5}, jobs=1).corners

@@ -49,6 +49,8 @@ DAMPING = 1e-2
 it spares joints long ways for little."""
 STILL = 5.0 * JOINT_FRICTION_SPEED
 """Speed below which a joint stands, and its friction may have either sign [rad/s or m/s]."""
+STANDS_S = 1.0
+"""How long a machine is taken to stand before its motion and after it [s]."""
 NEAR = 0.05
 """Way without torque of the teeth, relative to their play, that is no error to speak of."""
 CROSSING = 4
@@ -173,7 +175,7 @@ class Compensation:
 
 
 def _told(found: Sequence[tuple[float, tuple[str, ...]]]) -> str:
-    told = [f"{time:.2f} s ({few(list(names))})" for time, names in found[:8]]
+    told = [f"{time:.4g} s ({few(list(names))})" for time, names in found[:8]]
     return ", ".join(told) + (f" and {len(found) - 8} more" if len(found) > 8 else "")
 
 
@@ -207,7 +209,7 @@ def compensate(
     torque, held, inertia = _torques(simulation, times, gears, rubbing)
     play = np.array([max(mechanism.gears[name].play, 1e-12) for name in gears])
     fall = times[1] ** 2 * np.abs(torque) / (inertia * play)
-    side, undecided = _sides(torque, held, fall)
+    side, undecided = _sides(torque, held, fall, STANDS_S / times[1])
     if not (gears or mechanism.clearance):
         raise JointplayError(
             "encoders on the links see the play of their gears, and the drives take it out: there "
@@ -368,11 +370,14 @@ def _torques(
     return tau, held, inertia
 
 
-def _sides(torque: np.ndarray, held: np.ndarray, fall: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _sides(
+    torque: np.ndarray, held: np.ndarray, fall: np.ndarray, stands: float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
     """Sides (n, g), the last one kept where it is not decided, and where that is so (n, g).
 
     Nor do torques decide that cease before they have brought what they turn across `NEAR` of the
-    play; `fall` is their acceleration as a part of the play in a node's time squared, (n, g).
+    play; `fall` is their acceleration as a part of the play in a node's time squared, (n, g), and
+    the machine `stands` so many nodes' times before and after.
     """
     least = NOTHING * np.abs(torque).max(axis=0, initial=0.0)
     undecided = np.abs(torque) <= np.maximum(held, least)
@@ -380,7 +385,10 @@ def _sides(torque: np.ndarray, held: np.ndarray, fall: np.ndarray) -> tuple[np.n
     for k, column in enumerate(sides.T):
         edges = np.flatnonzero(np.diff(column, prepend=np.nan, append=np.nan))
         for begin, end in pairwise(edges):
-            if np.cumsum(fall[begin:end, k]).sum() < NEAR:
+            way = np.cumsum(fall[begin:end, k]).sum()
+            if begin == 0 or end == len(column):
+                way += 0.5 * stands**2 * fall[begin if begin == 0 else end - 1, k]
+            if way < NEAR:
                 undecided[begin:end, k], column[begin:end] = True, 0.0
     kept = np.array([_kept(column) for column in sides.T]).T.reshape(sides.shape)
     return kept, undecided
