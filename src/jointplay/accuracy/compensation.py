@@ -22,14 +22,13 @@ from itertools import pairwise
 import numpy as np
 import pinocchio as pin
 
+from jointplay.accuracy.compensator import STILL
 from jointplay.accuracy.jacobians import tool_place
 from jointplay.base.errors import JointplayError, require_a
 from jointplay.base.progress import ProgressBar
 from jointplay.base.tables import Column, Table, counted, few
-from jointplay.model.gear import Gearing
 from jointplay.model.mechanism import Coordinate, Mechanism, frame_index
 from jointplay.physics.joints import Clearance
-from jointplay.physics.kernel import JOINT_FRICTION_SPEED
 from jointplay.simulation.analysis.tool_error import stops
 from jointplay.simulation.checks import joint_friction
 from jointplay.simulation.loads import limits
@@ -47,8 +46,6 @@ ARM_M = 0.1
 DAMPING = 1e-2
 """Of the least squares, relative to the largest singular value of the Jacobian: near singular poses
 it spares joints long ways for little."""
-STILL = 5.0 * JOINT_FRICTION_SPEED
-"""Speed below which a joint stands, and its friction may have either sign [rad/s or m/s]."""
 STANDS_S = 1.0
 """How long a machine is taken to stand before its motion and after it [s]."""
 NEAR = 0.05
@@ -682,9 +679,6 @@ def _beyond(simulation: Simulation, motion: Motion) -> dict[tuple[str, str], str
     return found
 
 
-# What a controller can take: a table, and a function of the present state.
-
-
 def table_for_controllers(compensation: Compensation, parts: int = 9) -> Table:
     """Shift of each gear by direction of motion and load, to the largest load of the motion."""
     mechanism, rows = compensation.simulation.mechanism, []
@@ -699,55 +693,6 @@ def table_for_controllers(compensation: Compensation, parts: int = 9) -> Table:
                 rows.append((name, direction, load, shift))
     names = ("joint", "direction", "load", "shift")
     return Table([Column(n, own) for n, own in zip(names, zip(*rows, strict=True), strict=True)])
-
-
-class Compensator:
-    """Shifts a command by the play and wind-up of gears, step by step, in a controller.
-
-    Needs nothing but numpy. Keeps for each gear the side on which its teeth were pressed last.
-
-    Args:
-        play: whole play of each joint, (j,) [rad or m]; 0 where there is none.
-        stiffness: of its gear, (j,) [N m/rad or N/m]; inf where it is rigid.
-        friction: Coulomb friction of the joint, (j,) [N m or N].
-        still: speed below which a joint stands [rad/s or m/s].
-    """
-
-    def __init__(
-        self,
-        play: Sequence[float] | np.ndarray,
-        stiffness: Sequence[float] | np.ndarray,
-        friction: Sequence[float] | np.ndarray,
-        still: float = STILL,
-    ) -> None:
-        self._half = 0.5 * np.asarray(play, float)
-        self._give = 1.0 / np.asarray(stiffness, float)
-        self._friction, self._still = np.asarray(friction, float), still
-        self._shift = np.zeros_like(self._half)
-
-    @classmethod
-    def of(
-        cls,
-        joints: Sequence[str],
-        gears: Mapping[str, Gearing],
-        friction: Mapping[str, JointFriction],
-    ) -> Compensator:
-        """That of joints in this order, those without a gear unchanged."""
-        own = [gears.get(name) for name in joints]
-        return cls(
-            [0.0 if one is None else one.play for one in own],
-            [np.inf if one is None else float(one.curve().slopes[0]) for one in own],
-            [friction.get(name, JointFriction()).coulomb for name in joints],
-        )
-
-    def update(self, q: np.ndarray, qd: np.ndarray, load: np.ndarray) -> np.ndarray:
-        """The command for positions q, speeds qd, and loads without friction, (j,) each."""
-        moves = (qd > self._still) * 1.0 - (qd < -self._still)
-        torque = load + moves * self._friction
-        decided = np.abs(torque) > (moves == 0.0) * self._friction
-        wound = np.sign(torque) * self._half + torque * self._give
-        self._shift = np.where(decided, wound, self._shift)
-        return np.asarray(q + self._shift)
 
 
 def with_shift(compensation: Compensation, more: np.ndarray) -> Compensation:

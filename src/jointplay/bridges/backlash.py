@@ -17,7 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jointplay.accuracy.compensation import STILL, Compensation
+from jointplay.accuracy.compensation import Compensation
+from jointplay.accuracy.compensator import STILL
 from jointplay.base.errors import JointplayError
 
 LINES = 65
