@@ -105,8 +105,7 @@ class Compensation:
     @property
     def crossings(self) -> np.ndarray:
         """How often the teeth of each gear change sides, (g,)."""
-        there = np.array([_kept(column) for column in self.side.T]).T.reshape(self.side.shape)
-        return np.asarray(((there[1:] * there[:-1]) < 0).sum(axis=0))
+        return np.asarray((self.side[1:] * self.side[:-1] < 0).sum(axis=0))
 
     @property
     def undecided_stops(self) -> list[tuple[float, tuple[str, ...]]]:
@@ -231,7 +230,7 @@ def compensate(
         one.apply(simulation, times, shift, side, undecided)
     if mechanism.clearance:
         shift -= through_jacobian(simulation, times, displacement)
-    _, shift, smoothed, clipped = _within_limits(simulation, times, shift)
+    shift, smoothed, clipped = _within_limits(simulation, times, shift)
     return Compensation(
         simulation, times, shift, gears, torque, side, undecided, displacement, smoothed, clipped,
         tuple((one.stop, one.gear) for one in approaches),
@@ -509,11 +508,7 @@ def _node(times: np.ndarray, time: float) -> int:
 
 def _kept(values: np.ndarray) -> np.ndarray:
     """Values with zeros replaced by the last that is none; at the start by the first."""
-    good = np.flatnonzero(values)
-    if not len(good):
-        return values
-    last = good[np.maximum(np.searchsorted(good, np.arange(len(values)), side="right") - 1, 0)]
-    return np.asarray(values[last])
+    return _carried(values, values == 0.0)
 
 
 def _smooth(nodes: np.ndarray, values: np.ndarray, times: np.ndarray) -> np.ndarray:
@@ -632,15 +627,19 @@ def _pressing(joint: Clearance, wrench: np.ndarray) -> float:
 
 def _within_limits(
     simulation: Simulation, times: np.ndarray, shift: np.ndarray
-) -> tuple[Motion, np.ndarray, int, tuple[str, ...]]:
-    """The corrected motion, smoothed until it is within limits that the motion itself keeps."""
+) -> tuple[np.ndarray, int, tuple[str, ...]]:
+    """Shifts, smoothed until motions with them are within limits that the motion itself keeps.
+
+    Returns:
+        And how often they were smoothed, and joints that are held at limits of position.
+    """
     assert simulation.motion is not None
     before = _beyond(simulation, simulation.motion)
     for smoothed in range(_SMOOTHINGS + 1):
         motion, clipped = corrected_motion(simulation, times, shift)
         beyond = _beyond(simulation, motion)
         if simulation.limits == "ignore" or beyond.keys() <= before.keys():
-            return motion, shift, smoothed, clipped
+            return shift, smoothed, clipped
         shift = np.concatenate([
             shift[:1], 0.25 * shift[:-2] + 0.5 * shift[1:-1] + 0.25 * shift[2:], shift[-1:]
         ])  # fmt: skip
@@ -697,7 +696,7 @@ def table_for_controllers(compensation: Compensation, parts: int = 9) -> Table:
 
 def with_shift(compensation: Compensation, more: np.ndarray) -> Compensation:
     """The same with further shifts (n, j), learned from a run, within limits."""
-    _, shift, smoothed, clipped = _within_limits(
+    shift, smoothed, clipped = _within_limits(
         compensation.simulation, compensation.times, compensation.shift + more
     )
     return replace(
