@@ -2,6 +2,8 @@
 
 import csv
 import subprocess
+import sys
+import timeit
 from dataclasses import replace
 
 import numpy as np
@@ -25,9 +27,12 @@ from jointplay.accuracy import compensation as module
 from jointplay.bridges import backlash, bag
 from jointplay.bridges.trajectory import content, of_motion
 from jointplay.model.payload import Payload
+from jointplay.physics.contact import Coulomb
+from jointplay.scenario.presets import preset
+from jointplay.show.plots.design import before_and_after
 from jointplay.simulation.loads import ComputedTorque
 from jointplay.simulation.loads.drive import JointFriction
-from jointplay.study.corners import judge, learn, trust_of, varied
+from jointplay.study.corners import judge, learn, tool_errors, trust_of, varied
 
 PLAY, STIFFNESS, MASS, ARM, REACH = 4e-3, 800.0, 2.0, 0.3, 0.5
 WEIGHT = 9.81 * MASS * ARM
@@ -97,6 +102,91 @@ def test_friction_of_a_joint_that_stands_leaves_its_side_open(level):
     assert kept < 0.0
 
 
+def test_torques_that_cease_at_once_do_not_change_sides():
+    torque = np.array([[5.0, 5.0, -0.1, 5.0, -5.0, -5.0]]).T
+    fall = np.abs(torque) / 10.0  # parts of the play in a node's time squared
+    side, undecided = module._sides(torque, np.zeros_like(torque), fall)
+    assert side[:, 0].tolist() == [1, 1, 1, 1, -1, -1]
+    assert undecided[:, 0].tolist() == [False, False, True, False, False, False]
+
+
+def test_a_motion_of_milliseconds_is_compensated_as_a_long_one(level):
+    short, long = (compensate(simulated(machine(level), to=1e-6, end=end)) for end in (2e-3, 0.8))
+    assert short.shift[:, 0] == pytest.approx(long.shift[0, 0], rel=0.05)
+    figure = before_and_after(judge(short, jobs=1))
+    assert figure.axes[0].get_xlabel() == "time [ms]"
+
+
+def test_the_command_crosses_the_play_as_long_as_teeth_hardly_leave(upright):
+    found = compensate(simulated(machine(upright, play=0.02), to=0.05, end=4.0))
+    slow = (np.abs(found.shift[:, 0]) < 0.008).sum()
+    found = compensate(simulated(machine(upright, play=0.02), to=0.5, end=1.0))
+    fast = (np.abs(found.shift[:, 0]) < 0.008).sum()
+    assert slow >= 2 * fast > 0
+
+
+def test_stops_approached_from_one_side_do_not_ask_how_large_friction_is(upright):
+    """Braking outdoes the friction of the model, and not that of the joint, or the other way."""
+    motion = Motion(["j"], [0.0, 0.4, 1.2, 1.6, 2.4], [[0.0], [0.1], [0.1], [0.0], [0.0]])
+    friction = {"j": JointFriction(coulomb=0.5)}
+    own = replace(simulated(machine(upright)), motion=motion, joint_friction=friction)
+    kept, approached = compensate(own), compensate(own, approach=True)
+    assert [time for time, _ in kept.undecided_stops] == [0.0, 0.4, 1.6]
+    assert approached.approached == ((0.4, "j"), (1.6, "j"))
+    assert [time for time, _ in approached.undecided_stops] == [0.0]
+    assert any("approached from one side: 0.4 s (j), 1.6 s (j)" in n for n in approached.notes)
+    left = []
+    for found in (kept, approached):
+        corners = judge(found, {"friction": 0.5}, jobs=1).corners
+        left.append(max(one.after.at_stops for one in corners))
+    assert left[0] > 0.5 * PLAY * REACH
+    assert left[1] < 0.2 * left[0]
+    short = replace(own, motion=Motion(["j"], [0.0, 0.4, 0.5, 0.9], [[0.0], [0.1], [0.1], [0.0]]))
+    assert compensate(short, approach=True).approached == ()
+
+
+def test_friction_of_journals_holds_teeth_as_that_of_the_joint_does(upright):
+    """Of the two ends that carry the arm's tilt, and of the rim that carries its weight."""
+    radius, length, mu = 0.02, 0.1, 0.2
+    bearing = RevoluteClearance(
+        radial_clearance=1e-4, axial_clearance=1e-4, bearing_radius=radius, bearing_length=length,
+        friction=Coulomb(mu_d=mu),
+    )  # fmt: skip
+    mechanism = machine(upright).with_clearance({"j": bearing})
+    own = simulated(mechanism, to=1e-3)
+    _, rubbing = module._journals(own, np.linspace(0.0, 0.8, 5), False)
+    hinge = mechanism.clearance["j"].hinge
+    expected = hinge.radius * mu * (2.0 * WEIGHT / hinge.length + 9.81 * MASS)
+    assert rubbing["j"][1] == pytest.approx(expected, rel=1e-3)
+    both = compensate(own)
+    moving = np.abs(own.motion(both.times)[1][:, 0]) > module.STILL
+    assert both.undecided[~moving].all()
+    bare = compensate(simulated(machine(upright), to=0.05)).torque
+    assert both.torque[moving][:20, 0] == pytest.approx(expected, rel=0.1)
+    assert np.abs(bare).max() < expected
+
+
+def test_a_journal_that_turns_rests_where_its_friction_lets_it_climb(level):
+    """Aside of the load by atan(mu), as a run finds it; its drive lags by friction along z."""
+    mu, left = 0.3, {}
+    motion = Motion(["j"], [0.0, 0.2, 1.0, 1.2], [[0.0], [0.02], [0.42], [0.44]])
+    for law in (Coulomb(mu_d=mu), Coulomb(mu_d=0.0)):
+        bearing = RevoluteClearance(radial_clearance=2e-4, axial_clearance=1e-4, friction=law)
+        own = Simulation(Mechanism(level, {"j": bearing}), motion, step="5 us", record_every=50)
+        found = compensate(own)
+        errors = tool_errors(own, own)
+        middle = (errors.times > 0.4) & (errors.times < 0.9)
+        node = (found.times > 0.4) & (found.times < 0.9)
+        left[law.mu_d] = (
+            errors.values[middle].mean(axis=0),
+            found.displacement[node, :3].mean(axis=0),
+        )
+    (run, rest), (plain_run, plain) = left[mu], left[0.0]
+    assert rest[0] == pytest.approx(-2e-4 * np.sin(np.arctan(mu)), rel=0.02)
+    assert run[0] == pytest.approx(rest[0], rel=0.1)
+    assert plain_run == pytest.approx(plain, abs=2e-6)
+
+
 @settings(max_examples=25, deadline=None)
 @given(
     play=st.floats(1e-4, 1e-2),
@@ -117,6 +207,19 @@ def test_a_compensator_keeps_the_side_that_friction_holds():
     assert one.update(zero, np.array([0.1]), zero) == [0.005]  # friction presses as it moves
     assert one.update(zero, zero, np.array([-1.0])) == [0.005]
     assert one.update(zero, zero, np.array([-3.0])) == [-0.005]
+
+
+def test_a_compensator_takes_microseconds_and_nothing_but_numpy():
+    one, six = Compensator(np.full(6, 0.01), np.full(6, 1e3), np.full(6, 2.0)), np.ones(6)
+    calls = timeit.repeat(lambda: one.update(six, six, six), number=200, repeat=25)
+    assert min(calls) / 200 < 20e-6
+    code = (
+        "import sys, numpy; from jointplay.accuracy.compensator import Compensator; "
+        "print(Compensator([1.0], [1.0], [0.0]).update(*3 * [numpy.ones(1)]), "
+        "[one for one in ('pinocchio', 'numba', 'scipy', 'matplotlib') if one in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout.split() == ["[2.5]", "[]"]
 
 
 @pytest.mark.parametrize("kind", ["gear", "journal"])
@@ -188,6 +291,21 @@ def test_what_cannot_be_compensated_is_refused_in_a_line(level, upright):
         with pytest.raises(JointplayError):
             trust_of(text)
     assert trust_of("play 30 %, payload 20%") == {"play": 0.3, "payload": 0.2}
+
+
+def test_joints_do_not_go_far_for_little_near_singular_poses():
+    bearing = RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4)
+    arm = Mechanism("scara", {"joint_b": bearing})
+    motion = Motion(["joint_a", "joint_b"], [0.0, 1.0], [[0.0, 1e-3], [0.1, 1e-3]])
+    own = Simulation(arm, motion, joint_friction={})
+    away = np.zeros((2, 6))
+    away[:, 0] = 1e-4  # the arm lies along x, stretched
+    moved = module.through_jacobian(own, np.array([0.0, 1.0]), away)
+    assert np.abs(moved).max() < 0.06
+    aside = np.zeros((2, 6))
+    aside[:, 1] = 1e-4
+    turned = module.through_jacobian(own, np.array([0.0, 1.0]), aside)
+    assert 0.0 < np.abs(turned).max() < 1e-3
 
 
 def test_a_correction_stays_within_limits(level, tmp_path):
@@ -307,3 +425,54 @@ def test_what_makes_the_error_larger_is_said_and_not_written(level, tmp_path, mo
     assert not (tmp_path / "a" / "motion.csv").exists()
     assert main([*command, str(tmp_path / "b"), "--force"]) == 0
     assert (tmp_path / "b" / "motion.csv").exists()
+
+
+def test_corners_are_the_ends_of_a_presets_intervals(level, tmp_path):
+    held = f"play = {PLAY}\nstiffness = {STIFFNESS}\nrotor_inertia = 0.05\ndamping = 2.0\n"
+    text = f"[joint.j.gear]\nkind = 'backlash'\n{held}"
+    for key, low, high in (("gear.play", 3e-3, 4.5e-3), ("gear.stiffness", 700.0, 900.0)):
+        text += f"[[origin]]\nkey = 'j.{key}'\nvalue = ''\norigin = 'measured'\nsource = 'a dial'\n"
+        text += f"interval = [{low}, {high}]\n"
+    path = tmp_path / "mine.toml"
+    path.write_text(text)
+    trust = trust_of("identified, friction 50 %", preset(path))
+    assert trust == {
+        "play": {"j.gear.play": (3e-3, 4.5e-3)},
+        "stiffness": {"j.gear.stiffness": (700.0, 900.0)},
+        "friction": 0.5,
+    }
+    own = simulated(machine(level), to=1e-6)
+    judged = judge(compensate(own), trust, jobs=1)
+    assert [one.words for one in judged.corners[1:3]] == [
+        "play at its lower ends",
+        "play at its upper ends",
+    ]
+    assert judged.worst.words == "play at its lower ends, stiffness at its upper ends"
+    # Half of what the play is smaller by, and less wind-up.
+    off = 0.5 * (PLAY - 3e-3) + WEIGHT / STIFFNESS - WEIGHT / 900.0
+    assert judged.worst.after.rms == pytest.approx(off * REACH, rel=0.02)
+    bearing = RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4)
+    loose = replace(own, mechanism=own.mechanism.with_clearance({"j": bearing}))
+    new = varied(loose, {"j.bearing.radial_clearance": 2e-4, "j.friction.coulomb": 1.0})
+    assert new.mechanism.clearance["j"].radial_clearance == 2e-4
+    with pytest.raises(JointplayError, match="there are no intervals"):
+        trust_of("identified", preset("so101"))
+    assert trust_of("exact") == {}
+
+
+def test_the_command_takes_intervals_unless_told_otherwise(level, tmp_path):
+    motion, mine = tmp_path / "m.csv", tmp_path / "mine.toml"
+    motion.write_text("time_s,j\n0,0\n0.4,0.05\n0.8,0\n")
+    held = f"play = {PLAY}\nstiffness = {STIFFNESS}\nrotor_inertia = 0.05\ndamping = 2.0\n"
+    mine.write_text(
+        f"[joint.j.gear]\nkind = 'backlash'\n{held}[joint.j.drive]\nkind = 'prescribed'\n"
+        "[[origin]]\nkey = 'j.gear.play'\nvalue = ''\norigin = 'measured'\nsource = 'a dial'\n"
+        "interval = [3e-3, 4.5e-3]\n"
+    )
+    for more, corners in (([], 3), (["--trust", "exact"], 1)):
+        command = [JOINTPLAY, "compensate", level, "--preset", mine, "--motion", motion, "--quiet"]
+        command += ["--jobs", "1", "--out", tmp_path / f"out{corners}", *more]
+        done = subprocess.run(list(map(str, command)), capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        rows = (tmp_path / f"out{corners}" / "corners.csv").read_text().splitlines()
+        assert len(rows) == 1 + corners

@@ -247,7 +247,12 @@ def test_a_file_that_is_no_preset_says_why(tmp_path, change, said):
 
 
 def test_a_mechanism_as_a_preset_is_the_same_again(tmp_path):
-    for name, robot in (("so101", "so101"), ("ur-like", "ur5"), ("x-scara", "scara")):
+    for name, robot in (
+        ("so101", "so101"),
+        ("ar4", "ar4"),
+        ("ur-like", "ur5"),
+        ("x-scara", "scara"),
+    ):
         one = preset(name)
         mechanism = one.mechanism(robot)
         drives = one.tables(mechanism.description).get("drives", {})

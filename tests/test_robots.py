@@ -137,7 +137,9 @@ def test_a_jammed_shoulder_is_followed_by_usual_steps():
 
 def test_names():
     known = robots.robots()
-    assert {"ur3", "ur5", "ur10", "panda", "kinova", "z1", "xarm7", "so100", "so101"} <= set(known)
+    assert {"ur3", "ur5", "ur10", "panda", "kinova", "z1", "xarm7", "so100", "so101", "ar4"} <= set(
+        known
+    )
     assert len(known) == len({robots.robot_urdf(name) for name in known})
     assert robots.robot_urdf("UR5").name == "ur5_robot.urdf"
     assert robots.robot_urdf("anymal-kinova") == robots.robot_urdf("anymal_kinova")

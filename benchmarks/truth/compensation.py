@@ -1,12 +1,12 @@
 """How far corrected motions take the tool's error down, and where the model is wrong.
 
-Machines with play in all joints are run with a motion as it is and as `compensate` corrects it:
-a UR5 with journals (pick and place, 6 s, 1.5 kg), the same with gears and encoders on the motors,
-the SO-101 preset, a two-axis gantry (belt and screw, dry friction, two passes learned from own
-runs), and the paper's SCARA. Each several times, journals displaced at the start, and
-play, payload and stiffness off by up to 5 %; and at the corners of play 30 %, payload 20 %,
-stiffness 30 %. Errors are from the ideal twin of the motion as it was; nothing here says anything
-about hardware.
+Machines with play in all joints are run with a motion as it is and as `compensate` corrects it: a
+UR5 with journals (pick and place, 6 s, 1.5 kg), the same with gears and encoders on the motors, the
+presets of the SO-101 and of the AR4 (steppers behind gears), a two-axis gantry (belt and screw, dry
+friction, two passes learned from own runs), and the paper's SCARA. Each several times, journals
+displaced at the start, and play, payload and stiffness off by up to 5 %; and at the corners of play
+30 %, payload 20 %, stiffness 30 %. Errors are from the ideal twin of the motion as it was; nothing
+here says anything about hardware.
 """
 
 from __future__ import annotations
@@ -77,6 +77,22 @@ def so101() -> jp.Simulation:
     return jp.Simulation(mechanism, motion, drives, tolerance=1e-3, record_every=20)
 
 
+def ar4() -> jp.Simulation:
+    known = preset("ar4")
+    mechanism = known.mechanism()
+    places = np.array([
+        [0.0, 0.2, 0.0, 0.0, 0.4, 0.0], [0.5, 0.6, -0.3, 0.3, 0.7, 0.4],
+        [0.5, 0.75, -0.35, 0.3, 0.75, 0.4], [-0.4, 0.4, 0.1, -0.4, 0.3, -0.5],
+        [-0.4, 0.55, 0.05, -0.4, 0.35, -0.5], [0.0, 0.2, 0.0, 0.0, 0.4, 0.0],
+    ])  # fmt: skip
+    motion = jp.Motion(mechanism.joints, TIMES, places)
+    payload = jp.Payload(mechanism.tool, 0.5)
+    drives = known.drives(mechanism.description)
+    return jp.Simulation(
+        mechanism, motion, drives, payloads=(payload,), tolerance=1e-3, record_every=20
+    )
+
+
 def scara() -> jp.Simulation:
     bearing = jp.RevoluteClearance(radial_clearance=2e-4, axial_clearance=2e-4)
     mechanism = jp.Mechanism(
@@ -105,6 +121,7 @@ MACHINES: dict[str, Callable[[], jp.Simulation]] = {
     "UR5, six journals": journals,
     "UR5, six gears": gears,
     "SO-101": so101,
+    "AR4": ar4,
     "gantry": gantry,
     "SCARA": scara,
 }

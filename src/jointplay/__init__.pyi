@@ -5,8 +5,8 @@ from . import study as study
 from .accuracy.allocation import allocate as allocate
 from .accuracy.causes import CAUSES as CAUSES
 from .accuracy.causes import Cause as Cause
-from .accuracy.compensation import Compensator as Compensator
 from .accuracy.compensation import compensate as compensate
+from .accuracy.compensator import Compensator as Compensator
 from .accuracy.error_budget import budget as budget
 from .accuracy.robot_errors import JointErrors as JointErrors
 from .accuracy.robot_errors import RobotErrors as RobotErrors

@@ -8,25 +8,28 @@ dynamics do: a gear's teeth lie on the side to which their torque presses them, 
 and journals rest where the load of the ideal motion presses them (`simulation.statics`, inertia
 forces included), which displaces the tool; the joints take that back by damped least squares
 through the Jacobian.
-Where friction can hold a gear's teeth on either side, its last side is kept. What is found is a
-model's answer: `study.corners` has the engine judge it.
+Where friction can hold a gear's teeth on either side, its last side is kept; or stops are reached
+by a slow last way that is always made towards the same side, whose friction presses the teeth. What
+is found is a model's answer: `study.corners` has the engine judge it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
 
+from jointplay.accuracy.compensator import STILL
 from jointplay.accuracy.jacobians import tool_place
 from jointplay.base.errors import JointplayError, require_a
 from jointplay.base.progress import ProgressBar
 from jointplay.base.tables import Column, Table, counted, few
-from jointplay.model.gear import Gearing
-from jointplay.model.mechanism import Mechanism, frame_index
-from jointplay.physics.kernel import JOINT_FRICTION_SPEED
+from jointplay.model.mechanism import Coordinate, Mechanism, frame_index
+from jointplay.physics.joints import Clearance
+from jointplay.simulation.analysis.tool_error import stops
 from jointplay.simulation.checks import joint_friction
 from jointplay.simulation.loads import limits
 from jointplay.simulation.loads.drive import JointFriction, Prescribed, assign
@@ -34,20 +37,31 @@ from jointplay.simulation.motion.reference import GOES_ON, Motion
 from jointplay.simulation.simulation import Simulation
 from jointplay.simulation.statics import StaticEquilibrium, StaticLoads
 
-NODE_S = 0.04
-"""Interval at which sides and places of rest are found [s]; commands change as slowly."""
+NODE_S = 0.02
+"""Interval at which sides are found, and at every other places of rest [s]; commands change so."""
 SAMPLE_S = 0.01
 """Interval of the corrected motion's points [s]."""
 ARM_M = 0.1
 """Arm on which a turn of the tool counts as much as its displacement [m]."""
-DAMPING = 1e-4
-"""Of the least squares, relative to the largest singular value of the Jacobian."""
-STILL = 5.0 * JOINT_FRICTION_SPEED
-"""Speed below which a joint stands, and its friction may have either sign [rad/s or m/s]."""
-CROSSING_S = 1.0
-"""A torque that takes longer to bring teeth across their play leaves their side open [s]."""
+DAMPING = 1e-2
+"""Of the least squares, relative to the largest singular value of the Jacobian: near singular poses
+it spares joints long ways for little."""
+STANDS_S = 1.0
+"""How long a machine is taken to stand before its motion and after it [s]."""
+NEAR = 0.05
+"""Way without torque of the teeth, relative to their play, that is no error to speak of."""
+CROSSING = 4
+"""Most nodes by which the command crosses the play sooner and later than the torque does."""
 NOTHING = 1e-6
 """Torque relative to the joint's largest one that presses nothing."""
+APPROACH_S = 0.24
+"""Least time of an approach from one side [s]."""
+OVERSHOOT = 1.25
+"""Way of an approach relative to the play: more than what an unknown side may be off by."""
+BRAKING = 0.5
+"""Largest torque that brakes an approach, relative to the friction that presses the teeth."""
+_BRAKES = 10.0 / np.sqrt(3.0)
+"""Largest acceleration of a smooth step of fifth order of size 1 in time 1."""
 _SMOOTHINGS = 40
 """How often a correction is smoothed that is beyond speed or effort limits."""
 
@@ -75,6 +89,8 @@ class Compensation:
     """How often the correction had to be smoothed for limits of speed and effort."""
     clipped: tuple[str, ...] = ()
     """Joints held at their limits of position."""
+    approached: tuple[tuple[float, str], ...] = ()
+    """Stops that are approached from one side: from when on [s], and by which gear."""
     learned: int = 0
     """Passes learned from own runs."""
     _motion: list[Motion] = field(default_factory=list, repr=False, compare=False)
@@ -89,21 +105,16 @@ class Compensation:
     @property
     def crossings(self) -> np.ndarray:
         """How often the teeth of each gear change sides, (g,)."""
-        there = np.array([_kept(column) for column in self.side.T]).T.reshape(self.side.shape)
-        return np.asarray(((there[1:] * there[:-1]) < 0).sum(axis=0))
+        return np.asarray((self.side[1:] * self.side[:-1] < 0).sum(axis=0))
 
     @property
     def undecided_stops(self) -> list[tuple[float, tuple[str, ...]]]:
-        """Stops at which a side is not decided: from when on [s], and of which gears."""
-        assert self.simulation.motion is not None
-        speed = np.abs(self.simulation.motion(self.times)[1]).max(axis=1)
-        still = speed < STILL
-        found = []
-        for k in np.flatnonzero(still & ~np.append(False, still[:-1])):
-            names = [g for g, open_ in zip(self.gears, self.undecided[k], strict=True) if open_]
-            if names:
-                found.append((float(self.times[k]), tuple(names)))
-        return found
+        """Stops that leave a side open, not approached: from when on [s], and of which gears."""
+        found: dict[float, list[str]] = {}
+        for time, name in _open_stops(self.simulation, self.times, self.gears, self.undecided):
+            if (time, name) not in self.approached:
+                found.setdefault(time, []).append(name)
+        return [(time, tuple(names)) for time, names in found.items()]
 
     @property
     def notes(self) -> list[str]:
@@ -115,18 +126,16 @@ class Compensation:
                 "time in which friction leaves open on which side teeth lie, the last one is kept: "
                 + (", ".join(words) or "none")
             )
-        if stops := self.undecided_stops:
-            told = [f"{time:.2f} s ({few(list(names))})" for time, names in stops[:8]]
-            more = f" and {len(stops) - 8} more" if len(stops) > 8 else ""
-            lines.append(f"note: stops with an undecided side: {', '.join(told)}{more}")
+        if open_ := self.undecided_stops:
+            lines.append(f"note: stops with an undecided side: {_told(open_)}")
+        if self.approached:
+            ways = [(time, (name,)) for time, name in self.approached]
+            lines.append(f"stops approached from one side: {_told(ways)}")
         if self.smoothed:
             times = counted(self.smoothed, "time")
             lines.append(f"note: smoothed {times} to stay within limits of speed and effort")
         if self.clipped:
             lines.append(f"note: held at limits of position: {', '.join(self.clipped)}")
-        if self.simulation.mechanism.clearance:
-            lines.append("friction between journals and bearings is not counted: where they rest "
-                         "without it")  # fmt: skip
         return lines
 
     def table(self) -> Table:
@@ -161,12 +170,21 @@ class Compensation:
         return Table(columns)
 
 
-def compensate(simulation: Simulation, *, progress: bool = False) -> Compensation:
+def _told(found: Sequence[tuple[float, tuple[str, ...]]]) -> str:
+    told = [f"{time:.4g} s ({few(list(names))})" for time, names in found[:8]]
+    return ", ".join(told) + (f" and {len(found) - 8} more" if len(found) > 8 else "")
+
+
+def compensate(
+    simulation: Simulation, *, approach: bool = False, progress: bool = False
+) -> Compensation:
     """The motion of a simulation, corrected for the play, wind-up and deflection of its joints.
 
     Args:
         simulation: a robot without loops on a base that is held, its motion, drives, payloads,
             friction of joints.
+        approach: reach stops at which friction leaves a gear's side open from one side: the tool
+            arrives aside, by somewhat more than the play, and creeps to its place.
         progress: show a bar on standard error.
 
     Raises:
@@ -176,11 +194,18 @@ def compensate(simulation: Simulation, *, progress: bool = False) -> Compensatio
     """
     require_a("simulation", simulation, "Simulation")
     mechanism, motion = _checked(simulation)
-    count = max(round(motion.duration / NODE_S), 4) + 1
+    count = 2 * max(round(0.5 * motion.duration / NODE_S), 2) + 1
     times = np.linspace(0.0, motion.duration, count)
     gears = tuple(n for n in mechanism.gears if n in motion.joints and _is_behind(simulation, n))
-    torque, held = _torques(simulation, times, gears)
-    side, undecided = _sides(torque, held)
+    displacement, rubbing = np.zeros((count, 6)), dict[str, np.ndarray]()
+    if mechanism.clearance:
+        found, some = _journals(simulation, times[::2], progress)
+        displacement = _smooth(times[::2], found, times)
+        rubbing = {name: _smooth(times[::2], one.T, times).T for name, one in some.items()}
+    torque, held, inertia = _torques(simulation, times, gears, rubbing)
+    play = np.array([max(mechanism.gears[name].play, 1e-12) for name in gears])
+    fall = times[1] ** 2 * np.abs(torque) / (inertia * play)
+    side, undecided = _sides(torque, held, fall, STANDS_S / times[1])
     if not (gears or mechanism.clearance):
         raise JointplayError(
             "encoders on the links see the play of their gears, and the drives take it out: there "
@@ -195,29 +220,33 @@ def compensate(simulation: Simulation, *, progress: bool = False) -> Compensatio
     shift = np.zeros((count, len(motion.joints)))
     for k, name in enumerate(gears):
         twist = mechanism.gears[name].wound_up(side[:, k] * np.abs(torque[:, k]))
-        shift[:, motion.joints.index(name)] = _carried(twist, undecided[:, k])
-    displacement = np.zeros((count, 6))
+        free = _crossing(side[:, k], np.where(undecided[:, k], np.inf, fall[:, k]))
+        twist = _carried(twist, undecided[:, k])[~free]
+        shift[:, motion.joints.index(name)] = _smooth(times[~free], twist, times)
+    approaches = []
+    if approach:
+        approaches = _approaches(simulation, times, gears, undecided, torque, inertia)
+    for one in approaches:
+        one.apply(simulation, times, shift, side, undecided)
     if mechanism.clearance:
-        displacement = _journals(simulation, times, progress)
         shift -= through_jacobian(simulation, times, displacement)
-    _, shift, smoothed, clipped = _within_limits(simulation, times, shift)
+    shift, smoothed, clipped = _within_limits(simulation, times, shift)
     return Compensation(
-        simulation, times, shift, gears, torque, side, undecided, displacement, smoothed, clipped
-    )
+        simulation, times, shift, gears, torque, side, undecided, displacement, smoothed, clipped,
+        tuple((one.stop, one.gear) for one in approaches),
+    )  # fmt: skip
 
 
 def corrected_motion(
     simulation: Simulation, times: np.ndarray, shift: np.ndarray
 ) -> tuple[Motion, tuple[str, ...]]:
     """The motion with shifts (n, j) at nodes added, and joints that were held at their limits."""
-    from scipy.interpolate import PchipInterpolator  # takes long to import
-
     motion = simulation.motion
     assert motion is not None
     count = max(round(motion.duration / SAMPLE_S), 12) + 1
     dense = np.linspace(0.0, motion.duration, count)
     own = motion(dense)[0]
-    moved = own + PchipInterpolator(times, shift)(dense)
+    moved = own + _smooth(times, shift, dense)
     clipped = []
     entries = simulation.mechanism.description.joints
     for k, name in enumerate(motion.joints):
@@ -281,7 +310,7 @@ def _checked(simulation: Simulation) -> tuple[Mechanism, Motion]:
     if not (loose or any(gear.play > 0.0 for gear in mechanism.gears.values())):
         raise JointplayError(
             "nothing has play, and there is nothing to compensate: give joints with clearance or "
-            'gears with play, such as --joint NAME="0.1 mm" or --gear NAME="2 arcmin"'
+            'gears with play, such as --clearance "0.1 mm" or --gear NAME="2 arcmin"'
         )
     if simulation.limits != "ignore":
         limits.check_motion(mechanism, motion, motion.joints)
@@ -305,12 +334,15 @@ def _bodies(simulation: Simulation, mechanism: Mechanism, time: float) -> pin.Mo
 
 
 def _torques(
-    simulation: Simulation, times: np.ndarray, gears: Sequence[str]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Torque of the teeth of gears (n, g), and what leaves their side open (n, g) [N m or N].
+    simulation: Simulation,
+    times: np.ndarray,
+    gears: Sequence[str],
+    rubbing: Mapping[str, np.ndarray],
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Torque of the teeth of gears, what leaves their side open [N m or N], inertias: (n, g) each.
 
-    Friction of a joint that stands, which may have either sign, and what would take too long to
-    bring its inertia across the play.
+    A side is left open by friction of a joint that stands, which may have either sign. That of
+    journals is `rubbing`, as `_journals` has it.
     """
     ideal, motion = simulation.mechanism.ideal(), simulation.motion
     assert motion is not None
@@ -318,39 +350,172 @@ def _torques(
     own = [motion.joints.index(name) for name in gears]
     states = np.zeros((3, len(times), ideal.model.nv))
     states[:, :, at] = motion(times)
-    tau, held = np.zeros((2, len(times), len(gears)))
-    play = np.array([simulation.mechanism.gears[name].play for name in gears])
+    tau, held, inertia = np.zeros((3, len(times), len(gears)))
     for k, state in enumerate(states.transpose(1, 0, 2)):
         bodies = _bodies(simulation, ideal, times[k])
         data = bodies.createData()
         tau[k] = pin.rnea(bodies, data, *state)[at][own]
-        mass = pin.crba(bodies, data, state[0]).diagonal()[at][own]
-        held[k] = 2.0 * play * mass / CROSSING_S**2
+        inertia[k] = pin.crba(bodies, data, state[0]).diagonal()[at][own]
     friction = joint_friction(simulation)
     for k, name in enumerate(gears):
         losses, speed = friction.get(name, JointFriction()), states[1, :, at[own[k]]]
         still = np.abs(speed) < STILL
-        tau[:, k] += np.where(still, 0.0, losses.torque(speed))
-        held[still, k] = np.maximum(held[still, k], losses.coulomb + losses.excess)
-    return tau, held
+        journal = rubbing.get(name, np.zeros((2, len(times))))
+        tau[:, k] += np.where(still, 0.0, losses.torque(speed) + journal[0])
+        held[still, k] = losses.coulomb + losses.excess + journal[1, still]
+    return tau, held, inertia
 
 
-def _sides(torque: np.ndarray, held: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Sides (n, g), the last one kept where it is not decided, and where that is so (n, g)."""
+def _sides(
+    torque: np.ndarray, held: np.ndarray, fall: np.ndarray, stands: float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Sides (n, g), the last one kept where it is not decided, and where that is so (n, g).
+
+    Nor do torques decide that cease before they have brought what they turn across `NEAR` of the
+    play; `fall` is their acceleration as a part of the play in a node's time squared, (n, g), and
+    the machine `stands` so many nodes' times before and after.
+    """
     least = NOTHING * np.abs(torque).max(axis=0, initial=0.0)
     undecided = np.abs(torque) <= np.maximum(held, least)
     sides = np.where(undecided, 0.0, np.sign(torque))
+    for k, column in enumerate(sides.T):
+        edges = np.flatnonzero(np.diff(column, prepend=np.nan, append=np.nan))
+        for begin, end in pairwise(edges):
+            way = np.cumsum(fall[begin:end, k]).sum()
+            if begin == 0 or end == len(column):
+                way += 0.5 * stands**2 * fall[begin if begin == 0 else end - 1, k]
+            if way < NEAR:
+                undecided[begin:end, k], column[begin:end] = True, 0.0
     kept = np.array([_kept(column) for column in sides.T]).T.reshape(sides.shape)
     return kept, undecided
 
 
+def _crossing(side: np.ndarray, fall: np.ndarray) -> np.ndarray:
+    """Nodes (n,) at which the command of a gear may be between both sides of its play.
+
+    It crosses as slowly as can be: a drive that leaps across strikes the other flank. Until teeth
+    have left by `NEAR` of the play for want of their torque; never while the joint stands, where
+    `fall` is infinite.
+    """
+    free, last = np.zeros(len(side), bool), len(side) - 1
+    for k in np.flatnonzero(side[1:] * side[:-1] < 0):
+        for way, node in ((-1, k), (1, k + 1)):
+            speed = left = 0.0
+            for at in range(node, node + way * CROSSING, way):
+                speed += fall[at] if 0 < at < last else np.inf
+                left += speed
+                if left > NEAR or side[at] != side[node]:
+                    break
+                free[at] = True
+    return free
+
+
+def _open_stops(
+    simulation: Simulation, times: np.ndarray, gears: Sequence[str], undecided: np.ndarray
+) -> list[tuple[float, str]]:
+    """Stops at whose end a side is not decided: from when on [s], and of which gear."""
+    motion = simulation.motion
+    assert motion is not None
+    found = []
+    for stop in stops(motion, motion.duration):
+        if stop.at_rest:
+            row = undecided[_node(times, stop.end)]
+            found += [(stop.start, name) for name, open_ in zip(gears, row, strict=True) if open_]
+    return found
+
+
+@dataclass(frozen=True)
+class _Approach:
+    """A stop that a joint reaches from one side: it arrives aside, and creeps while it stands."""
+
+    gear: str
+    k: int
+    """Of the gear."""
+    stop: float
+    arrival: float
+    """When it begins to creep [s]."""
+    window: float
+    """How long it creeps [s]."""
+    torque: float
+    """Of its teeth, and of friction, at the end [N m or N]."""
+
+    def apply(
+        self,
+        simulation: Simulation,
+        times: np.ndarray,
+        shift: np.ndarray,
+        side: np.ndarray,
+        undecided: np.ndarray,
+    ) -> None:
+        """Change shifts (n, j) and sides (n, g) from the way to the stop on."""
+        gear, motion = simulation.mechanism.gears[self.gear], simulation.motion
+        assert motion is not None
+        way = np.copysign(OVERSHOOT * gear.play, self.torque)
+        own = shift[:, motion.joints.index(self.gear)]
+        there = np.searchsorted(times, self.arrival)
+        until = next((k for k in range(there, len(times)) if not undecided[k, self.k]), len(times))
+        own -= way * _step((times - self.arrival) / self.window + 1.0) * (times < self.arrival)
+        creeps = _step((times[there:until] - self.arrival) / self.window)
+        begin = own[there] - way
+        own[there:until] = begin + creeps * (gear.wound_up(self.torque) - begin)
+        side[there:until, self.k] = np.sign(self.torque)
+
+
+def _step(part: np.ndarray) -> np.ndarray:
+    """A smooth step of fifth order from 0 at 0 to 1 at 1."""
+    x = part.clip(0.0, 1.0)
+    return np.asarray(x**3 * (10.0 - 15.0 * x + 6.0 * x**2))
+
+
+def _approaches(
+    simulation: Simulation,
+    times: np.ndarray,
+    gears: Sequence[str],
+    undecided: np.ndarray,
+    torque: np.ndarray,
+    inertia: np.ndarray,
+) -> list[_Approach]:
+    """Stops that can be approached from one side, that to which loads press the joint at them.
+
+    So slowly that braking does not lift the teeth: a stop is left as it is where there is no
+    friction, or the joint stands too short.
+    """
+    motion, friction = simulation.motion, joint_friction(simulation)
+    assert motion is not None
+    still = np.abs(motion(times)[1]) < STILL
+    ends = {one.start: one.end for one in stops(motion, motion.duration)}
+    open_stops = _open_stops(simulation, times, gears, undecided)
+    found = []
+    for k, name in enumerate(gears):
+        at = {time: _node(times, ends[time]) for time, gear in open_stops if gear == name}
+        dry = friction.get(name, JointFriction()).coulomb
+        way = np.sign(sum(torque[node, k] for node in at.values())) or 1.0
+        for time, node in at.items():
+            moving = np.flatnonzero(~still[:node, motion.joints.index(name)])
+            brakes = _BRAKES * OVERSHOOT * simulation.mechanism.gears[name].play * inertia[node, k]
+            window = max(APPROACH_S, np.sqrt(brakes / (BRAKING * dry)) if dry else np.inf)
+            arrival = max(times[moving[-1] + 1] if len(moving) else 0.0, window)
+            if arrival + window <= ends[time]:
+                pressed = way * dry + torque[node, k]
+                found.append(_Approach(name, k, time, arrival, window, pressed))
+    return sorted(found, key=lambda one: one.stop)
+
+
+def _node(times: np.ndarray, time: float) -> int:
+    """The last node that is not after a time [s]."""
+    return int(np.searchsorted(times, time, side="right")) - 1
+
+
 def _kept(values: np.ndarray) -> np.ndarray:
     """Values with zeros replaced by the last that is none; at the start by the first."""
-    good = np.flatnonzero(values)
-    if not len(good):
-        return values
-    last = good[np.maximum(np.searchsorted(good, np.arange(len(values)), side="right") - 1, 0)]
-    return np.asarray(values[last])
+    return _carried(values, values == 0.0)
+
+
+def _smooth(nodes: np.ndarray, values: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Values at nodes at further times, without overshoot."""
+    from scipy.interpolate import PchipInterpolator  # takes long to import
+
+    return np.asarray(PchipInterpolator(nodes, values)(times))
 
 
 def _carried(values: np.ndarray, unknown: np.ndarray) -> np.ndarray:
@@ -362,10 +527,17 @@ def _carried(values: np.ndarray, unknown: np.ndarray) -> np.ndarray:
     return np.asarray(values[last])
 
 
-def _journals(simulation: Simulation, times: np.ndarray, progress: bool) -> np.ndarray:
+def _journals(
+    simulation: Simulation, times: np.ndarray, progress: bool
+) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """The tool's displacements (n, 6) by journals that rest under the ideal motion's load.
 
-    Each search begins where the last one ended, displaced as much.
+    Each search begins where the last one ended, displaced as much. Friction turns the force of a
+    contact aside by atan(mu), and so the place of contact against the way that the journal turns.
+
+    Returns:
+        And the friction of journals about their axes by joint, (2, n) [N m]: as they turn, and what
+        may hold those that stand.
     """
     mechanism = simulation.mechanism.with_clearance(simulation.mechanism.clearance, {})
     motion = simulation.motion
@@ -374,6 +546,12 @@ def _journals(simulation: Simulation, times: np.ndarray, progress: bool) -> np.n
     states = np.zeros((3, len(times), mechanism.model.nv))
     states[:, :, at] = motion(times)
     drives = assign(mechanism, motion, Prescribed())
+    mu = {
+        name: _friction_of(one, states[1, :, mechanism.coordinate(name)])
+        for name, one in mechanism.clearance.items()
+        if one.hinge is not None
+    }
+    torque = {name: np.zeros((2, len(times))) for name in mu}
     pushing, friction = StaticLoads({}, mechanism, []), joint_friction(simulation)
     found, aside = np.zeros((len(times), 6)), np.zeros(mechanism.model.nv)
     steps = ProgressBar(
@@ -394,23 +572,74 @@ def _journals(simulation: Simulation, times: np.ndarray, progress: bool) -> np.n
                 f"{rest.load:.3g} N are not balanced"
             )
         aside = rest.q - q
-        ideal, there = tool_place(mechanism, q), tool_place(mechanism, rest.q)
+        for name, wrench in balance.wrenches(rest.q).items():
+            if name in mu:
+                own, largest = mu[name]
+                pressing = _pressing(mechanism.clearance[name], wrench)
+                torque[name][:, k] = own[k] * pressing, largest * pressing
+        angles = {name: -float(np.arctan(own[k])) for name, (own, _) in mu.items()}
+        climbed = _climbed(mechanism, rest.q, angles)
+        ideal, there = tool_place(mechanism, q), tool_place(mechanism, climbed)
         turn = ideal.rotation @ pin.log3(ideal.rotation.T @ there.rotation)
         found[k] = np.concatenate([there.translation - ideal.translation, turn])
-    return found
+    return found, torque
+
+
+def _climbed(mechanism: Mechanism, q: np.ndarray, angles: Mapping[str, float]) -> np.ndarray:
+    """Where journals rest that climb aside in their bearings by angles [rad], as they turn."""
+    q = q.copy()
+    for name, angle in angles.items():
+        cos, sin = np.cos(angle), np.sin(angle)
+        for parts in (("x", "y"), ("roll", "pitch")):
+            names = [Coordinate(name, part) for part in parts]
+            if all(part in mechanism.coordinates for part in names):
+                at = [mechanism.coordinates.index(part) for part in names]
+                q[at] = np.array([[cos, -sin], [sin, cos]]) @ q[at]
+    return q
+
+
+def _friction_of(joint: Clearance, speed: np.ndarray) -> tuple[np.ndarray, float]:
+    """Friction coefficient of a journal that turns at speeds (n,) [rad/s], signed, and the largest.
+
+    One that stands keeps its last sign where bristles hold it.
+    """
+    assert joint.hinge is not None
+    law, radius = joint.friction, joint.hinge.radius
+    largest = max(law.coefficients.values(), default=0.0)
+    if law.state == ("speed",):
+        found = [law.function(abs(x) * radius, *law.parameters()) for x in speed.tolist()]
+        return np.sign(speed) * found, largest
+    way = _kept(np.where(np.abs(speed) < STILL, 0.0, np.sign(speed)))
+    return way * law.coefficients.get("mu_d", 0.0), largest
+
+
+def _pressing(joint: Clearance, wrench: np.ndarray) -> float:
+    """Friction torque of a journal about its axis by friction coefficient [N m].
+
+    Of the forces at its two ends that make up a force and a moment across the axis, and of the
+    force along it.
+    """
+    assert joint.hinge is not None
+    force, moment = wrench[:2], np.array([wrench[4], -wrench[3]]) / joint.hinge.length
+    ends = [np.linalg.norm(0.5 * force + side * moment) for side in (-1.0, 1.0)]
+    return joint.hinge.radius * float(sum(ends) + abs(wrench[2]))
 
 
 def _within_limits(
     simulation: Simulation, times: np.ndarray, shift: np.ndarray
-) -> tuple[Motion, np.ndarray, int, tuple[str, ...]]:
-    """The corrected motion, smoothed until it is within limits that the motion itself keeps."""
+) -> tuple[np.ndarray, int, tuple[str, ...]]:
+    """Shifts, smoothed until motions with them are within limits that the motion itself keeps.
+
+    Returns:
+        And how often they were smoothed, and joints that are held at limits of position.
+    """
     assert simulation.motion is not None
     before = _beyond(simulation, simulation.motion)
     for smoothed in range(_SMOOTHINGS + 1):
         motion, clipped = corrected_motion(simulation, times, shift)
         beyond = _beyond(simulation, motion)
         if simulation.limits == "ignore" or beyond.keys() <= before.keys():
-            return motion, shift, smoothed, clipped
+            return shift, smoothed, clipped
         shift = np.concatenate([
             shift[:1], 0.25 * shift[:-2] + 0.5 * shift[1:-1] + 0.25 * shift[2:], shift[-1:]
         ])  # fmt: skip
@@ -449,9 +678,6 @@ def _beyond(simulation: Simulation, motion: Motion) -> dict[tuple[str, str], str
     return found
 
 
-# What a controller can take: a table, and a function of the present state.
-
-
 def table_for_controllers(compensation: Compensation, parts: int = 9) -> Table:
     """Shift of each gear by direction of motion and load, to the largest load of the motion."""
     mechanism, rows = compensation.simulation.mechanism, []
@@ -468,58 +694,9 @@ def table_for_controllers(compensation: Compensation, parts: int = 9) -> Table:
     return Table([Column(n, own) for n, own in zip(names, zip(*rows, strict=True), strict=True)])
 
 
-class Compensator:
-    """Shifts a command by the play and wind-up of gears, step by step, in a controller.
-
-    Needs nothing but numpy. Keeps for each gear the side on which its teeth were pressed last.
-
-    Args:
-        play: whole play of each joint, (j,) [rad or m]; 0 where there is none.
-        stiffness: of its gear, (j,) [N m/rad or N/m]; inf where it is rigid.
-        friction: Coulomb friction of the joint, (j,) [N m or N].
-        still: speed below which a joint stands [rad/s or m/s].
-    """
-
-    def __init__(
-        self,
-        play: Sequence[float] | np.ndarray,
-        stiffness: Sequence[float] | np.ndarray,
-        friction: Sequence[float] | np.ndarray,
-        still: float = STILL,
-    ) -> None:
-        self._half = 0.5 * np.asarray(play, float)
-        self._give = 1.0 / np.asarray(stiffness, float)
-        self._friction, self._still = np.asarray(friction, float), still
-        self._shift = np.zeros_like(self._half)
-
-    @classmethod
-    def of(
-        cls,
-        joints: Sequence[str],
-        gears: Mapping[str, Gearing],
-        friction: Mapping[str, JointFriction],
-    ) -> Compensator:
-        """That of joints in this order, those without a gear unchanged."""
-        own = [gears.get(name) for name in joints]
-        return cls(
-            [0.0 if one is None else one.play for one in own],
-            [np.inf if one is None else float(one.curve().slopes[0]) for one in own],
-            [friction.get(name, JointFriction()).coulomb for name in joints],
-        )
-
-    def update(self, q: np.ndarray, qd: np.ndarray, load: np.ndarray) -> np.ndarray:
-        """The command for positions q, speeds qd, and loads without friction, (j,) each."""
-        moves = (qd > self._still) * 1.0 - (qd < -self._still)
-        torque = load + moves * self._friction
-        decided = np.abs(torque) > (moves == 0.0) * self._friction
-        wound = np.sign(torque) * self._half + torque * self._give
-        self._shift = np.where(decided, wound, self._shift)
-        return np.asarray(q + self._shift)
-
-
 def with_shift(compensation: Compensation, more: np.ndarray) -> Compensation:
     """The same with further shifts (n, j), learned from a run, within limits."""
-    _, shift, smoothed, clipped = _within_limits(
+    shift, smoothed, clipped = _within_limits(
         compensation.simulation, compensation.times, compensation.shift + more
     )
     return replace(

@@ -3,9 +3,11 @@
 All of it goes by the sign of the commanded speed: none can say payload, acceleration, or on which
 side a joint rests. So a joint whose teeth never change sides gets nothing: the rule would only
 move it. Seen: LinuxCNC, docs/src/config/ini-config.adoc at commit 0052c79; Marlin,
-Marlin/src/gcode/calibrate/M425.cpp at commit 00ebfe5; Klipper, the code of pull request 7259,
-a draft; grblHAL, issue 364 of grblHAL/core ($160 and following). FluidNC has none ("can
-make things worse", issue 756).
+Marlin/src/gcode/calibrate/M425.cpp at commit 00ebfe5; Klipper,
+klippy/extras/backlash_compensation.py at commit 8503b63 of pull request 7259, a draft; grblHAL,
+settings.h of grblHAL/core at commit f80fc34 ($160 and following, where config.h has
+ENABLE_BACKLASH_COMPENSATION on, which is off by default). FluidNC has none ("can make things
+worse", issue 756).
 """
 
 from __future__ import annotations
@@ -15,7 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jointplay.accuracy.compensation import STILL, Compensation
+from jointplay.accuracy.compensation import Compensation
+from jointplay.accuracy.compensator import STILL
 from jointplay.base.errors import JointplayError
 
 LINES = 65

@@ -35,7 +35,7 @@ PREFIXES = (SHIPPED, PREFIX, robot_descriptions.PREFIX)
 SUFFIXES = (".urdf", ".xml", ".xacro")
 """Of files that describe robots."""
 
-OWN = {"scara": "scara.urdf", "so101": "so101.urdf"}
+OWN = {"ar4": "ar4.urdf", "scara": "scara.urdf", "so101": "so101.urdf"}
 """Robots whose URDF ships with this package, by name; they hide others of that name."""
 
 _FOLDER_SUFFIXES = ("_description", "_data", "_simple")

@@ -12,7 +12,7 @@ import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import product
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -33,25 +33,63 @@ from jointplay.simulation.checks import joint_friction
 from jointplay.simulation.simulation import Simulation
 from jointplay.study.study import Study
 
+if TYPE_CHECKING:
+    from jointplay.scenario.presets import Preset
+
 QUANTITIES = ("play", "friction", "payload", "stiffness")
 """What may be trusted to a part only."""
+IDENTIFIED, EXACT = "identified", "exact"
+"""Trust a preset as far as its intervals say, and the model without limit."""
+_NUMBERS = {
+    "gear.play": "play",
+    "bearing.radial_clearance": "play",
+    "bearing.axial_clearance": "play",
+    "friction.coulomb": "friction",
+    "gear.stiffness": "stiffness",
+}
+"""Quantity of a number of a preset."""
+Interval = tuple[float, float]
+Trust = Mapping[str, float | Mapping[str, Interval]]
+"""By `QUANTITIES`, the part by which it may be off either way; or intervals [SI] of such numbers by
+their keys in a preset, such as ``elbow.gear.play``."""
 WHEN = ("before", "after")
 _RECORD_S = 1e-3
 """Least width of what a node's error is the mean of, either way [s]."""
 _STIFFNESSES = ("stiffness", "stiffness_1", "stiffness_2", "stiffness_3")
 
 
-def trust_of(text: str) -> dict[str, float]:
-    """Parts by which quantities may be off, of text such as ``play 30 %, friction 50 %``.
+def trust_of(text: str, preset: Preset | None = None) -> Trust:
+    """What is trusted how far, of text such as ``play 30 %, friction 50 %``.
+
+    Args:
+        text: ``identified`` among them takes the preset's intervals, and parts count more;
+            ``exact`` alone trusts all.
+        preset: of joints that were measured.
 
     Raises:
-        JointplayError: a quantity of no such name, or a part that is not between 0 and 100 %.
+        JointplayError: a quantity of no such name, a part that is not between 0 and 100 %, no
+            intervals.
     """
-    found: dict[str, float] = {}
-    for part in filter(None, (one.strip() for one in text.split(","))):
+    measured: dict[str, dict[str, Interval]] = {}
+    parts: dict[str, float] = {}
+    words = [one.strip() for one in text.split(",") if one.strip()]
+    if words == [EXACT]:
+        return {}
+    if IDENTIFIED in words:
+        for one in () if preset is None else preset.origins:
+            quantity = _NUMBERS.get(".".join(_part(one.key)[1:]))
+            if quantity and len(one.interval) == 2:
+                measured.setdefault(quantity, {})[one.key] = one.interval[0], one.interval[1]
+        if not measured:
+            raise JointplayError(
+                "--trust identified: there are no intervals; give --preset FILE that identify or "
+                "calibrate wrote (--write-preset FILE)"
+            )
+        words.remove(IDENTIFIED)
+    for part in words:
         name, _, number = part.partition(" ")
         if name not in QUANTITIES:
-            raise MissingName("trusted quantity", name, QUANTITIES)
+            raise MissingName("trusted quantity", name, (*QUANTITIES, IDENTIFIED, EXACT))
         try:
             value = float(number.strip().removesuffix("%")) / 100.0
         except ValueError:
@@ -59,8 +97,15 @@ def trust_of(text: str) -> dict[str, float]:
         if not 0.0 < value < 1.0 or not number.strip().endswith("%"):
             raise JointplayError(f"--trust {name!r} must be above 0 % and below 100 %, as in "
                                  f"'play 30 %', got {part!r}")  # fmt: skip
-        found[name] = value
-    return found
+        parts[name] = value
+    return {**measured, **parts}
+
+
+def _part(key: str) -> tuple[str, str, str]:
+    """Joint, part and number of a preset's key."""
+    rest, _, number = key.rpartition(".")
+    joint, _, part = rest.rpartition(".")
+    return joint, part, number
 
 
 @dataclass(frozen=True)
@@ -70,7 +115,7 @@ class ToolErrors:
     rms: float
     on_the_way: float
     at_stops: float
-    """RMS at the ends of stops; NaN without any."""
+    """RMS at the ends of stops, the start left out; NaN without any."""
     largest: float
     times: np.ndarray
     values: np.ndarray
@@ -79,16 +124,13 @@ class ToolErrors:
 
 @dataclass(frozen=True)
 class Corner:
-    """Both motions run with one set of factors."""
+    """Both motions run where the machine is another than modelled."""
 
-    factors: Mapping[str, float]
+    words: str
+    changes: Mapping[str, float]
+    """As `varied` takes them."""
     before: ToolErrors
     after: ToolErrors
-
-    @property
-    def words(self) -> str:
-        told = [f"{name} {100 * (x - 1):+.0f} %" for name, x in self.factors.items() if x != 1.0]
-        return ", ".join(told) or "as modelled"
 
 
 @dataclass(frozen=True)
@@ -177,7 +219,7 @@ class Judgement:
 
 def judge(
     compensation: Compensation,
-    trust: Mapping[str, float] | None = None,
+    trust: Trust | None = None,
     *,
     jobs: int | None = None,
     progress: bool = False,
@@ -185,8 +227,7 @@ def judge(
     """Run both motions through the engine, at the corners of what is trusted.
 
     Args:
-        trust: by `QUANTITIES`, the part by which it may be off either way; None or empty: only as
-            modelled.
+        trust: None or empty: only as modelled.
         jobs: processes; None: one for each core.
         progress: show a bar on standard error.
 
@@ -196,20 +237,17 @@ def judge(
     simulation, trust = compensation.simulation, trust or {}
     has = _varied(simulation)
     left_out = tuple(name for name in trust if name not in has)
-    ways = {n: (1.0 - part, 1.0 + part) for n, part in trust.items() if n in has}
-    singles: list[Mapping[str, float]] = [
-        {},
-        *({name: end} for name, ends in ways.items() for end in ends),
-    ]
+    ways = {name: _ends(name, how) for name, how in trust.items() if name in has}
+    singles: list[End] = [("as modelled", {}), *(end for ends in ways.values() for end in ends)]
     rule = bool(firmware_rule(simulation, compensation.times).any())
     found: dict[int, ToolErrors] = {}
-    plan: list[Item] = [(compensation, one, when) for one in singles for when in WHEN]
+    plan: list[Item] = [(compensation, one, when) for _, one in singles for when in WHEN]
     plan += [(compensation, {}, "firmware")] * rule
     complete = _run(plan, found, jobs, progress)
     corners = _corners(singles, found)
     if complete and len(ways) > 1:
         worst, last = _worst_by_superposition(corners, ways), dict[int, ToolErrors]()
-        complete = _run([(compensation, worst, when) for when in WHEN], last, jobs, progress)
+        complete = _run([(compensation, worst[1], when) for when in WHEN], last, jobs, progress)
         corners += _corners([worst], last)
     if not corners:
         raise KeyboardInterrupt
@@ -243,7 +281,21 @@ def learn(
 
 
 Item = tuple[Compensation, Mapping[str, float], str]
-"""What is run: with which factors; `before`, `after`, or by the `firmware` rule."""
+"""What is run: with which changes; `before`, `after`, or by the `firmware` rule."""
+End = tuple[str, Mapping[str, float]]
+"""Changes of a quantity, in words first."""
+
+
+def _ends(name: str, trust: float | Mapping[str, Interval]) -> tuple[End, End]:
+    """The least and the largest that a quantity may be."""
+    if not isinstance(trust, Mapping):
+        low, high = ((f"{name} {100 * x:+.0f} %", {name: 1.0 + x}) for x in (-trust, trust))
+        return low, high
+    low, high = (
+        (f"{name} at its {word} ends", {key: ends[k] for key, ends in trust.items()})
+        for k, word in enumerate(("lower", "upper"))
+    )
+    return low, high
 
 
 def _run(plan: list[Item], found: dict[int, ToolErrors], jobs: int | None, progress: bool) -> bool:
@@ -256,34 +308,31 @@ def _run(plan: list[Item], found: dict[int, ToolErrors], jobs: int | None, progr
     return True
 
 
-def _worst_by_superposition(
-    corners: Sequence[Corner], ways: Mapping[str, Sequence[float]]
-) -> dict[str, float]:
+def _worst_by_superposition(corners: Sequence[Corner], ways: Mapping[str, tuple[End, End]]) -> End:
     """Of all combinations of ends that whose error is largest if those of single ends add up."""
-    left = {tuple(one.factors.items()): one.after.values for one in corners}
-    base = left.pop(())
+    left = {one.words: one.after.values for one in corners}
+    base = left["as modelled"]
 
-    def size(ends: Sequence[float]) -> float:
-        return _rms(base + sum(left[(one,)] - base for one in zip(ways, ends, strict=True)))
+    def size(ends: Sequence[End]) -> float:
+        return _rms(base + sum(left[words] - base for words, _ in ends))
 
     worst = max(product(*ways.values()), key=size)
-    return dict(zip(ways, worst, strict=True))
+    together = {key: value for _, changes in worst for key, value in changes.items()}
+    return ", ".join(words for words, _ in worst), together
 
 
-def _corners(
-    factors: Iterable[Mapping[str, float]], found: Mapping[int, ToolErrors]
-) -> list[Corner]:
+def _corners(ends: Iterable[End], found: Mapping[int, ToolErrors]) -> list[Corner]:
     return [
-        Corner(one, found[2 * k], found[2 * k + 1])
-        for k, one in enumerate(factors)
+        Corner(words, changes, found[2 * k], found[2 * k + 1])
+        for k, (words, changes) in enumerate(ends)
         if 2 * k in found and 2 * k + 1 in found
     ]
 
 
 def _errors(item: Item) -> ToolErrors:
-    """Run one motion on the machine with factors; the error from the original motion's twin."""
-    compensation, factors, when = item
-    plant = varied(compensation.simulation, factors)
+    """Run one motion on the changed machine; the error from the original motion's twin."""
+    compensation, changes, when = item
+    plant = varied(compensation.simulation, changes)
     motion = plant.motion
     assert motion is not None
     if when == "after":
@@ -306,7 +355,7 @@ def tool_errors(run: Simulation, original: Simulation) -> ToolErrors:
     assert motion is not None
     times, values = error["time"].values, error.values
     size = np.linalg.norm(values, axis=1)
-    halts = [one for one in stops(motion, float(times[-1])) if one.at_rest]
+    halts = [one for one in stops(motion, float(times[-1])) if one.at_rest and one.end > 0.0]
     speed = np.abs(motion(times)[1]).max(axis=1)
     way = speed > 1e-3 * speed.max()
     at = size[np.searchsorted(times, [one.end for one in halts]).clip(0, len(size) - 1)]
@@ -325,41 +374,56 @@ def _varied(simulation: Simulation) -> set[str]:
     friction = joint_friction(simulation).values()
     has = {
         "play": True,
-        "friction": any(one.coulomb or one.viscous for one in friction),
+        "friction": any(one.coulomb or one.viscous for one in friction)
+        or any(any(c.friction.coefficients.values()) for c in mechanism.clearance.values()),
         "payload": bool(simulation.payloads),
         "stiffness": bool(mechanism.gears),
     }
     return {name for name, there in has.items() if there}
 
 
-def varied(simulation: Simulation, factors: Mapping[str, float]) -> Simulation:
-    """The same with quantities of `QUANTITIES` multiplied.
+def varied(simulation: Simulation, changes: Mapping[str, float]) -> Simulation:
+    """The same with quantities of `QUANTITIES` multiplied, or numbers of a preset set [SI].
 
-    Play is all clearances and gears' play, friction that of joints, payload its mass and inertia,
-    stiffness that of gears.
+    Play is all clearances and gears' play, friction that of joints and journals, payload its mass
+    and inertia, stiffness that of gears.
     """
-    changes: dict[str, Any] = {}
-    play, stiffness = factors.get("play", 1.0), factors.get("stiffness", 1.0)
-    mechanism = simulation.mechanism
-    if play != 1.0 or stiffness != 1.0:
-        clearance = {
-            n: one.scaled(play) if one.clearances else one for n, one in mechanism.clearance.items()
-        }
-        gears = {n: _gear(one, play, stiffness) for n, one in mechanism.gears.items()}
-        changes["mechanism"] = mechanism.with_clearance(clearance, gears)
-    if (x := factors.get("friction", 1.0)) != 1.0:
-        changes["joint_friction"] = {
-            n: replace(one, coulomb=x * one.coulomb, viscous=x * one.viscous,
-                       static=None if one.static is None else x * one.static)
-            for n, one in joint_friction(simulation).items()
-        }  # fmt: skip
-    if (x := factors.get("payload", 1.0)) != 1.0:
-        changes["payloads"] = tuple(
+    new: dict[str, Any] = {}
+    play, stiffness = changes.get("play", 1.0), changes.get("stiffness", 1.0)
+    mechanism, rubs = simulation.mechanism, joint_friction(simulation)
+    x = changes.get("friction", 1.0)
+    clearance = {
+        n: (one.scaled(play) if one.clearances else one).with_friction(one.friction.scaled(x))
+        for n, one in mechanism.clearance.items()
+    }
+    gears = {n: _gear(one, play, stiffness) for n, one in mechanism.gears.items()}
+    friction = {
+        n: replace(one, coulomb=x * one.coulomb, viscous=x * one.viscous,
+                   static=None if one.static is None else x * one.static)
+        for n, one in rubs.items()
+    }  # fmt: skip
+    for key, value in changes.items():
+        joint, part, number = _part(key)
+        held: dict[str, Any] = {"gear": gears, "bearing": clearance, "friction": friction}
+        if joint not in held.get(part, ()):
+            continue
+        one = held[part][joint]
+        if number in getattr(one, "clearances", ()):
+            held[part][joint] = one.with_clearances({number: value})
+        else:
+            classless = {"clearance_class": None} if hasattr(one, "clearance_class") else {}
+            held[part][joint] = replace(one, **{number: value}, **classless)
+    if clearance != mechanism.clearance or gears != mechanism.gears:
+        new["mechanism"] = mechanism.with_clearance(clearance, gears)
+    if friction != rubs:
+        new["joint_friction"] = friction
+    if (x := changes.get("payload", 1.0)) != 1.0:
+        new["payloads"] = tuple(
             replace(one, mass=x * one.mass, inertia=(x * a, x * b, x * c))
             for one in simulation.payloads
             for a, b, c in [one.inertia]
         )
-    return replace(simulation, **changes)
+    return replace(simulation, **new)
 
 
 def _gear(gear: Gearing, play: float, stiffness: float) -> Gearing:

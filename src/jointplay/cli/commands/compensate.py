@@ -9,7 +9,10 @@ Example: jointplay compensate so101 --preset --motion pick.csv --trust "play 30 
     [FILE | ROBOT]
     --payload MASS  mass held at the tool
     --trust TEXT  how far the model may be off, such as "play 30 %, friction 50 %, payload 20 %,
-        stiffness 30 %": both motions are run at the corners of that
+        stiffness 30 %", or "identified, payload 20 %" with the intervals of --preset FILE (default:
+        those, if it has any, or exact): both motions are run at the corners of that
+    --approach  reach stops at which friction leaves open on which side teeth lie from one side:
+        the tool arrives aside, and the joint creeps while it stands
     --passes N  correct by what own runs leave, at most so often, as long as it improves (default 0)
     --out DIR  folder for motion.csv, compensation.csv, corners.csv and error.png
     --formats LIST  further files in DIR: yaml, mcap (ROS 2 JointTrajectory), table (joint,
@@ -30,7 +33,7 @@ from typing import TYPE_CHECKING, Any
 from jointplay.base import streams
 from jointplay.base.errors import JointplayError, MissingName, require_non_negative, require_whole
 from jointplay.cli.commands import Outputs, print_answer
-from jointplay.cli.commands.inputs import simulation_of
+from jointplay.cli.commands.inputs import chosen_preset, simulation_of
 
 if TYPE_CHECKING:
     from jointplay.accuracy.compensation import Compensation
@@ -43,7 +46,7 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.accuracy.compensation import compensate
     from jointplay.bridges import backlash
     from jointplay.model.payload import Payload
-    from jointplay.study.corners import judge, learn, trust_of
+    from jointplay.study.corners import EXACT, IDENTIFIED, judge, learn, trust_of
 
     wanted, known = options.formats or [], ("yaml", "mcap", "table", *backlash.FORMATS)
     for one in wanted:
@@ -51,17 +54,19 @@ def run(options: argparse.Namespace) -> int:
             raise MissingName("format", one, known)
     if wanted and not options.out:
         raise JointplayError("--formats are written into a folder: give --out DIR, too")
-    trust = trust_of(options.trust or "")
+    preset = chosen_preset(options)
+    measured = preset is not None and bool(preset.intervals)
+    trust = trust_of(options.trust or (IDENTIFIED if measured else EXACT), preset)
     require_whole("--passes", options.passes, 0)
     mass = require_non_negative("--payload", options.payload or 0.0, "kg")
-    simulation = simulation_of(options)
+    simulation = simulation_of(options, every=True)
     if mass:
         held = Payload(simulation.mechanism.tool, mass)
         simulation = replace(simulation, payloads=(*simulation.payloads, held))
     out.claim()
     streams.release()
     progress = not options.quiet
-    found = compensate(simulation, progress=progress)
+    found = compensate(simulation, approach=options.approach, progress=progress)
     more = []
     if options.passes:
         found, tried = learn(found, options.passes, progress=progress)

@@ -118,7 +118,7 @@ HELP = """
     --joint NAME[=LENGTH|=FIT|=BEARING] ...  joint with clearance, optionally with its radial
         clearance, its fit by ISO 286-1, such as elbow="20H7/g6", or the designation of its rolling
         bearing, such as elbow="6010/C3"; the options of this group and of contacts apply to these
-        joints. Where nothing moves, by default all that move the tool
+        joints. For compensate and where nothing moves, by default all that move the tool
     --clearance VALUE  radial clearance of these joints; of sliders, that on each side [m]
     --ideal  the robot without clearance
     --preset [NAME]  joints, gears and drives as they are publicly known, or assumed for a class of
@@ -280,12 +280,14 @@ def is_scenario(options: argparse.Namespace) -> bool:
     return options.place is not None and not is_robot(options.place)
 
 
-def scenario_of(options: argparse.Namespace, still: bool = False) -> Scenario:
+def scenario_of(options: argparse.Namespace, still: bool = False, every: bool = False) -> Scenario:
     """The scenario that the options of `entries` describe.
 
     Args:
         options: those of the command.
         still: whether nothing moves, so that a gear's play is all that counts of it.
+        every: whether options for joints are for all that move the tool where none is named, as
+            where nothing moves.
 
     Raises:
         JointplayError: options that do not go together, or what they name is not there.
@@ -296,7 +298,7 @@ def scenario_of(options: argparse.Namespace, still: bool = False) -> Scenario:
     from jointplay.scenario.robot import robot_scenario, settings_beyond
 
     ideal, file = bool(_value(options, "ideal")), None
-    named = [] if ideal or not still else _name_all_loose(options)
+    named = _name_all_loose(options) if (still or every) and not ideal else []
     wanted = [*named, *(parse(text) for text in options.set)]
     for key in ("fix", "allow_unphysical"):
         if names := _value(options, key):
@@ -520,15 +522,15 @@ def whole_errors(options: argparse.Namespace, scenario: Scenario) -> dict[str, A
     )
 
 
-def simulation_of(options: argparse.Namespace) -> Simulation:
-    """The one simulation that these options describe.
+def simulation_of(options: argparse.Namespace, every: bool = False) -> Simulation:
+    """The one simulation that these options describe; `every` as `scenario_of` has it.
 
     Raises:
         JointplayError: several cases, or what `jointplay run` would refuse.
     """
     from jointplay.scenario.assumptions import decisive
 
-    scenario = scenario_of(options)
+    scenario = scenario_of(options, every=every)
     simulation = scenario.simulation(options.case)
     scenario.ready_run(options.case)  # says what cannot be, with its line
     lines = decisive(scenario, {options.case or scenario.cases[0]: simulation})

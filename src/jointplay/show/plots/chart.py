@@ -15,6 +15,9 @@ import numpy as np
 from jointplay.base.units import displayed, typeset
 from jointplay.show.plots.palette import COLOURS
 
+_SHORT_S = 0.02
+"""Time up to which an axis counts milliseconds: in seconds its ticks' numbers would touch [s]."""
+
 
 @dataclass(frozen=True)
 class Axis:
@@ -36,6 +39,8 @@ class Axis:
         """Factor and unit in which numbers are shown."""
         if self.size == "large":
             return 1.0, typeset(self.unit)
+        if self.unit == "s" and self.high is not None and self.high < _SHORT_S:
+            return 1e3, "ms"
         return displayed(self.unit, self.size == "fine")
 
     @property
