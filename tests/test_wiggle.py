@@ -59,7 +59,7 @@ def log_of(play, *, rate=100.0, stiffness=300.0, servo=OUTPUT, inertia=LINK, mos
     """What the servo of a joint of such a play reports of its wiggle; its goals' acceleration is
     limited by `most`."""
     numbers = {"play": play, "stiffness": stiffness, "damping": 0.4, "link_friction": 0.03}
-    times, goals = wiggle_goal()
+    times, goals = wiggle_goal(servo.encoder)
     now = np.arange(0.0, times[-1] + 0.6, RECORD_S)
     goal = np.interp(now - 0.3, times, goals)
     passed = goal.copy()
@@ -73,8 +73,9 @@ def log_of(play, *, rate=100.0, stiffness=300.0, servo=OUTPUT, inertia=LINK, mos
     return ServoLog("elbow", read, np.interp(read - 0.3, times, goals), seen)
 
 
-def test_the_wiggle_is_small_and_lasts_from_4_to_10_seconds():
-    times, goals = wiggle_goal()
+@pytest.mark.parametrize("encoder", ["link", "motor"])
+def test_the_wiggle_is_small_and_lasts_from_4_to_10_seconds(encoder):
+    times, goals = wiggle_goal(encoder)
     assert 4.0 <= times[-1] <= 10.0
     assert (np.diff(times) > 0.0).all()
     assert np.abs(goals).max() == pytest.approx(np.radians(3.0))
@@ -166,7 +167,11 @@ def stepping(position):
         ({"position": lambda x: np.nan * x}, {}, "all finite"),
         ({"position": stepping}, {}, "no simulated joint moves as this log does"),
         ({}, {"load": 0.5}, "leans on one side"),
-        ({}, {"servo": replace(SERVO, encoder="motor")}, "inertia of 0.02 kg m^2 is below 1.2 times"),
+        (
+            {},
+            {"servo": replace(SERVO, encoder="motor")},
+            "0.02 kg m^2 is below 1.2 times",
+        ),
         ({}, {"link_inertia": 50.0 * ROTOR}, "link's inertia by the rotor's is outside"),
     ],
 )

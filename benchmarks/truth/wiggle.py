@@ -24,7 +24,7 @@ from common import Benchmark
 
 from jointplay.base.progress import ProgressBar
 from jointplay.estimate import wiggle
-from jointplay.estimate.servo_joint import RECORD_S, ServoJoint, limit
+from jointplay.estimate.servo_joint import RECORD_S, ServoJoint
 from jointplay.estimate.wiggle import EDGES, Known, ServoLog, Untold, features, wiggle_goal
 from jointplay.simulation.loads.drive import Servo
 
@@ -90,25 +90,25 @@ def member(
     return true, Known(believed, rotor * off(0.1), link * off(0.15), load)
 
 
-def sent(random: np.random.Generator, rate: float) -> np.ndarray:
-    """Goals as a servo gets them, a goal each `RECORD_S` [rad]."""
-    time, goal = wiggle_goal()
+def sent(
+    random: np.random.Generator, rate: float, smooth: float = 0.5, encoder: str = "link"
+) -> np.ndarray:
+    """Goals as the servo gets them, a goal each `RECORD_S` [rad]."""
+    time, goal = wiggle_goal(encoder)
     n = round((time[-1] + 2.0 * LEAD_S) / RECORD_S)
     now = np.arange(n) * RECORD_S
     held = np.floor(now * rate) / rate if random.random() < 0.7 else now
-    found: np.ndarray = np.interp(held - LEAD_S - random.uniform(0.0, 8e-3), time, goal)
-    return found
+    found = np.interp(held - LEAD_S - random.uniform(0.0, 8e-3), time, goal)
+    return smoothed(found, among(random, 3e-3, 6e-2)) if random.random() < smooth else found
 
 
-def passed(random: np.random.Generator, goal: np.ndarray) -> np.ndarray:
-    """Goals as firmware of the family passes them on: as they are, late, or softened [rad]."""
+def smoothed(goal: np.ndarray, lag: float) -> np.ndarray:
+    """A goal after a lag of the first order [s]."""
     from scipy.signal import lfilter
 
-    kind, part = random.random(), RECORD_S / (among(random, 3e-3, 6e-2) + RECORD_S)
-    softened = np.empty_like(goal)
-    limit(goal, among(random, 8.0, 300.0), softened)
-    late: np.ndarray = lfilter([part], [1.0, part - 1.0], goal)
-    return softened if kind < 0.4 else late if kind < 0.7 else goal
+    part = RECORD_S / (lag + RECORD_S)
+    found: np.ndarray = lfilter([part], [1.0, part - 1.0], goal)
+    return found
 
 
 def recorded(
@@ -116,7 +116,7 @@ def recorded(
     jitter: float = 2.5e-3,
 ) -> ServoLog:  # fmt: skip
     """The log of a joint whose encoder turned so."""
-    time, goal = wiggle_goal()
+    time, goal = wiggle_goal("motor" if joint.on_motor else "link")
     now = np.arange(len(angle)) * RECORD_S
     read = np.arange(0.0, now[-1] - 0.01, 1.0 / rate) + random.uniform(0.0, 5e-3)
     stamp = read + jitter * random.uniform(-1.0, 1.0, len(read)) * random.random()
@@ -132,7 +132,7 @@ def of_family(seed: int) -> tuple[float, np.ndarray] | None:
     random = np.random.default_rng([44, seed])
     joint, known = member(random)
     rate = among(random, 80.0, 250.0)
-    _, link = joint.move(passed(random, sent(random, rate)), random.uniform(-1.0, 1.0))
+    _, link = joint.move(sent(random, rate), random.uniform(-1.0, 1.0))
     try:
         found = features(recorded(random, rate, joint, link), known)
     except Untold:
@@ -190,7 +190,7 @@ def fresh(seed: int, encoder: str = "link") -> Fresh:
         "shake": some(0.3, 0.02, 0.3) * base.link_friction, "shake_hz": random.uniform(0.5, 6.0),
     }  # fmt: skip
     rate = among(random, 90.0, 220.0)
-    goal = sent(random, rate)
+    goal = sent(random, rate, 0.0, encoder)
     if random.random() < 0.5:
         goal = limited(goal, among(random, 10.0, 200.0), among(random, 1.5, 8.0))
     p = np.array([numbers[name] for name in other.PARTS])
@@ -303,7 +303,8 @@ def trained(plays: np.ndarray, seen: np.ndarray) -> dict[str, np.ndarray]:
     joints = [fresh(seed) for seed in ProgressBar(WIDENERS, "fresh joints", unit="joint")]
     aside = [(one.play, found) for one in joints if (found := usable(one)) is not None]
     fresh_plays, fresh_seen = (np.array(x) for x in zip(*aside, strict=True))
-    usual = wiggle.strangeness(fresh_seen, numbers) <= numbers["strange"]
+    usual = wiggle.inside(fresh_seen[:, -known:], numbers).all(axis=1)
+    usual &= wiggle.strangeness(fresh_seen, numbers) <= numbers["strange"]
     for above in TAILS:  # stiffness, belts and cables hide play: what is missed is more of it
         numbers["tails"] = np.array([TAIL, above])
         held, _ = judged(plays[cut:], seen[cut:], numbers)

@@ -150,7 +150,7 @@ def plan_wiggle(
         elif reason := refusal(known):
             refused[name] = reason
         else:
-            steps.append(Step(name, pose, known, *motion.wiggle(name, pose)))
+            steps.append(Step(name, pose, known, *motion.wiggle(name, pose, servo.encoder)))
     if not steps:
         whom = "; ".join(f"{name}: {why}" for name, why in refused.items())
         raise JointplayError(f"a wiggle tells no joint's play: {whom or 'no joint has a servo'}")
@@ -259,7 +259,7 @@ class _Motion:
         self._parts.append((self._now + time[new], position[new]))
         self._now += float(time[-1])
 
-    def wiggle(self, joint: str, pose: dict[str, float]) -> tuple[float, float]:
+    def wiggle(self, joint: str, pose: dict[str, float], encoder: str) -> tuple[float, float]:
         """Go to a pose, stand, wiggle a joint about it, stand; when the wiggle begins and ends."""
         end = np.array([pose[name] for name in self.names])
         if self.last is not None:
@@ -272,7 +272,7 @@ class _Motion:
         rest = np.array([0.0, REST_S]), np.tile(end, (2, 1))
         self._add(*rest)
         first = self._now
-        corners, goal = wiggle_goal()
+        corners, goal = wiggle_goal(encoder)
         time = np.union1d(np.arange(0.0, corners[-1], 1.0 / RATE).round(6), corners.round(6))
         moved = np.tile(end, (len(time), 1))
         moved[:, self.names.index(joint)] += np.interp(time, corners, goal)

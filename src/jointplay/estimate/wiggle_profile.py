@@ -74,7 +74,7 @@ class Profile:
     def __init__(self, log: ServoLog, known: Known) -> None:
         self.log, self.known = log, known
         self._now = np.arange(log.time[0], log.time[-1] + RECORD_S, RECORD_S)
-        self._since, self._wiggle = self._now - begin_of(log), wiggle_goal()
+        self._since, self._wiggle = self._now - begin_of(log, "motor"), wiggle_goal("motor")
         known_of = known.servo, known.rotor_inertia, known.link_inertia
         even = ServoJoint.of(*known_of, play=0.0, stiffness=1.0, load=known.load)
         self._usual = replace(even, resolution=0.0)
@@ -160,7 +160,7 @@ class Profile:
         Raises:
             Untold: the model fits at no play, or see `on_grid`.
         """
-        sent, seen = on_grid(self.log)
+        sent, seen = on_grid(self.log, "motor")
         self.search()
         off = float(np.std(self.left) / np.std(sent - seen))
         if off > UNFIT:
