@@ -92,15 +92,25 @@ def test_play_of_the_full_model_is_read_off_its_motion(arm):
     assert found["j gear compliance"].value == pytest.approx(1.0 / 4000.0, rel=0.1)
 
 
-def test_the_benchmarks_joints_are_held_by_their_intervals():
+@pytest.mark.parametrize("encoder", [False, True], ids=["gauge", "the servo's own encoder"])
+def test_the_benchmarks_joints_are_held_by_their_intervals(encoder):
     made = importlib.import_module("truth.gauge")
     robot, random, held = Mechanism("so101"), np.random.default_rng(99), 0
     for _ in range(40):
-        play, one = made.joint(random)
+        play, one = made.joint(random, encoder)
         told = identify_gauged(robot, one).estimates[0]
         low, high = told.interval if told.found else (0.0, told.upper)
         held += low <= play <= high
     assert held >= 36
+
+
+def test_readings_that_are_all_one_count_bound_the_play(arm, tmp_path):
+    table = tmp_path / "counts.csv"
+    rows = [f"j,{push},0.088" for push in (0.0, 0.2, 0.08, -0.2, -0.08)]
+    table.write_text("\n".join(["joint,torque [N*m],angle [deg]", *rows]) + "\n")
+    found = identify_gauged(arm, table)["j gear play"]
+    assert not found.found
+    assert 1e-4 < found.upper < np.radians(0.5)
 
 
 def test_a_joint_without_play_is_told_to_have_little(arm):

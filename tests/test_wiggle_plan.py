@@ -92,11 +92,14 @@ def test_a_joint_that_gravity_always_loads_is_refused_with_its_load(urdf):
         plan_wiggle(robot, {"j": SERVO})
 
 
-def test_an_encoder_on_the_motor_is_refused_before_anybody_records(so101):
+def test_with_encoders_on_the_motors_light_links_are_refused_before_anybody_records(so101, urdf):
     robot, servos = so101
     motors = {name: replace(one, encoder="motor") for name, one in servos.items()}
-    with pytest.raises(JointplayError, match="shoulder_pan: the encoder is on the motor"):
+    with pytest.raises(JointplayError, match=r"shoulder_pan: .* is below 1\.2 times the rotor's"):
         plan_wiggle(robot, motors)
+    arm = body("arm", mass=5.0, com="0.1 0 0")
+    heavy = geared(urdf(arm, joint("j", "base", "arm", axis="0 0 1"), tip("arm")))
+    assert [one.joint for one in plan_wiggle(heavy, {"j": motors["shoulder_pan"]}).steps] == ["j"]
 
 
 def test_ways_go_around_the_robot_itself(urdf):

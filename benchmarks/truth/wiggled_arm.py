@@ -1,12 +1,14 @@
 """An SO-101 in MuJoCo whose servos are wiggled: is its play told, by another simulator's log?
 
 Each joint is a motor and a link with play between them, which MuJoCo's soft limits keep; its servo
-sees the link's angle in whole counts. With --log the log of one plan is all that is made.
+sees the link's angle in whole counts, with `--encoder motor` the motor's, of lighter rotors, in a
+fiftieth of them. With --log the log of one plan is all that is made.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,14 +23,15 @@ from jointplay.simulation.loads.drive import Servo
 
 PLAY = {"shoulder_lift": 0.9, "elbow_flex": 0.2}
 """Of the tutorial's arm; other joints have 0.4 [deg]."""
-ROTOR, RECORD_S, LOOP_S, STEP_S = 0.0284, 5e-3, 1e-3, 5e-4
+ROTOR = {"link": 0.0284, "motor": 0.008}
+RECORD_S, LOOP_S, STEP_S = 5e-3, 1e-3, 5e-4
 SERVO = Servo.of(
     "STS3215", voltage=7.4, p_gain=38.6, dead_band_counts=1, resolution=2.0 * np.pi / 4096,
     encoder="link",
 )  # fmt: skip
 
 
-def model_of(play: Mapping[str, float], friction: float = 0.02):
+def model_of(play: Mapping[str, float], friction: float, rotor_inertia: float):
     """The arm with this play by joint [rad]; its model, joints, and places of links and motors."""
     import mujoco
 
@@ -38,7 +41,7 @@ def model_of(play: Mapping[str, float], friction: float = 0.02):
     for name in names:
         rotor = spec.worldbody.add_body(mass=1e-3, inertia=[1e-6] * 3, explicitinertial=True)
         motor = f"{name}_motor"
-        rotor.add_joint(name=motor, armature=ROTOR, frictionloss=SERVO.friction)
+        rotor.add_joint(name=motor, armature=rotor_inertia, frictionloss=SERVO.friction)
         link, half = spec.joint(name), play[name] / 2.0
         link.limited, link.frictionloss, link.armature = False, friction, 1e-4
         teeth = spec.add_tendon(limited=True, range=[-half, half], solref_limit=[0.01, 0.4])
@@ -51,25 +54,26 @@ def model_of(play: Mapping[str, float], friction: float = 0.02):
 
 def log_of(
     time: np.ndarray, goals: Mapping[str, np.ndarray], play: Mapping[str, float],
-    friction: float = 0.02,
+    friction: float = 0.02, servo: Servo = SERVO,
 ) -> ServoSignals:  # fmt: skip
     """What the servos log while they play a motion (n,) of goals by joint [rad]."""
     import mujoco
 
-    model, names, link, motor = model_of(play, friction)
-    data, count = mujoco.MjData(model), SERVO.resolution
+    model, names, link, motor = model_of(play, friction, ROTOR[servo.encoder])
+    data, count = mujoco.MjData(model), servo.resolution
+    read = motor if servo.encoder == "motor" else link
     data.qpos[link] = data.qpos[motor] = [goals[name][0] for name in names]
     stamps = np.arange(0.0, time[-1], RECORD_S)
     sent = np.column_stack([np.interp(stamps, time, goals[name]) for name in names])
     sent, seen = np.round(sent / count) * count, np.empty((len(stamps), len(names)))
     for row, goal in enumerate(sent):
-        seen[row] = np.round(data.qpos[link] / count) * count
+        seen[row] = np.round(data.qpos[read] / count) * count
         for _ in range(round(RECORD_S / LOOP_S)):
-            error = goal - np.round(data.qpos[link] / count) * count
-            error = np.sign(error) * np.maximum(np.abs(error) - SERVO.band, 0.0)
-            volts = np.clip(SERVO.p_gain * error, -SERVO.voltage, SERVO.voltage)
+            error = goal - np.round(data.qpos[read] / count) * count
+            error = np.sign(error) * np.maximum(np.abs(error) - servo.band, 0.0)
+            volts = np.clip(servo.p_gain * error, -servo.voltage, servo.voltage)
             speed = data.qvel[motor]
-            torque = SERVO.stall * volts - (SERVO.braking + SERVO.viscous) * speed
+            torque = servo.stall * volts - (servo.braking + servo.viscous) * speed
             data.qfrc_applied[motor] = torque
             mujoco.mj_step(model, data, round(LOOP_S / STEP_S))
     table = [dict(zip(names, x.T, strict=True)) for x in (sent, seen)]
@@ -87,6 +91,7 @@ def main() -> None:
     benchmark = Benchmark(
         "wiggled_arm", __doc__, runs=0, arms=(8, "that are drawn"), seed=(1, "of them"),
         plan=("", "CSV of --plan wiggle that is played"), log=("", "file for its log"),
+        encoder=("link", "its side: link or motor"),
     )  # fmt: skip
     args = benchmark.parse()
     try:
@@ -102,12 +107,18 @@ def main() -> None:
         write(log_of(motion.waypoints[0], goals, play), Path(args.log))
         print(f"written: {args.log}")
         return
-    drives = dict.fromkeys(robot.gears, SERVO)
+    servo = SERVO
+    if args.encoder == "motor":
+        servo = replace(SERVO, encoder="motor", resolution=SERVO.resolution / 50.0)
+        rotor = ROTOR["motor"]
+        gears = {name: replace(one, rotor_inertia=rotor) for name, one in robot.gears.items()}
+        robot = jp.Mechanism("so101", gears=gears)
+    drives = dict.fromkeys(robot.gears, servo)
     plan, random, rows = plan_wiggle(robot, drives), np.random.default_rng(args.seed), []
     goals = dict(zip(plan.joints, plan.position.T, strict=True))
     for _ in ProgressBar(range(1 if args.quick else args.arms), "arms", unit="arm"):
         play = {name: np.radians(1.4 * random.random()) for name in robot.gears}
-        log = log_of(plan.time, goals, play, float(random.uniform(0.005, 0.05)))
+        log = log_of(plan.time, goals, play, float(random.uniform(0.005, 0.05)), servo)
         for one in identify_wiggled(robot, log, drives).estimates:
             low, high = one.interval if one.found else (0.0, one.upper)
             true = play[one.joint]

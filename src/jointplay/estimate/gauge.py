@@ -319,16 +319,16 @@ def _problem(
     zeros = np.column_stack([setups == one for one in dict.fromkeys(setups)]).astype(float)
     side, largest = np.sign(push), float(np.abs(push).max())
     rough = np.linalg.lstsq(np.column_stack([zeros, side, push]), turned, rcond=None)[0]
-    give = max(float(rough[-1]), 0.05 * float(np.ptp(turned)) / largest)
+    span = max(float(np.ptp(turned)), float(readings.error[use].max()))
+    give = max(float(rough[-1]), 0.05 * span / largest)
     part = np.abs(push) / largest
     stiffening = side * give * largest * part * (1.0 - part)
     nuisance = np.column_stack([zeros, stiffening])
     spread = np.append(np.full(zeros.shape[1], np.inf), _STIFFENS)
-    way, span = ("m", float(np.ptp(turned))) if slides else ("rad", float(np.ptp(turned)))
-    soft = "m/N" if slides else "rad/(N*m)"
+    way, soft = ("m", "m/N") if slides else ("rad", "rad/(N*m)")
     rub = max(0.5 * friction, _RUBS * float(np.abs(push).min()))
     unknowns = (
-        Unknown(joint, "gear_play", way, np.nan, max(span, 1e-9), fine=slides, model_error=_LEVERS),
+        Unknown(joint, "gear_play", way, np.nan, span, fine=slides, model_error=_LEVERS),
         Unknown(
             joint, "gear_compliance", soft, np.nan, give, fine=slides, model_error=2.0 * _LEVERS
         ),

@@ -9,7 +9,7 @@ smoothed). tests/test_wiggle.py compares it with `Simulation`.
 from __future__ import annotations
 
 import math
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -76,9 +76,22 @@ class ServoJoint:
                 the first goal.
         """
         out = np.empty((2, len(goal)))
-        numbers = np.array(astuple(self), dtype=float)
+        numbers = np.array(list(vars(self).values()), dtype=float)
         run(numbers, np.ascontiguousarray(goal, dtype=float), float(start), out)
         return out[0], out[1]
+
+
+@compiled
+def limit(goal: np.ndarray, most: float, out: np.ndarray) -> float:
+    """Fill `out` with goals as firmware passes them on whose acceleration [rad/s^2] is limited."""
+    at, speed, change = goal[0], 0.0, most * RECORD_S
+    for i in range(len(goal)):
+        away = goal[i] - at
+        wanted = math.copysign(min(math.sqrt(2.0 * most * abs(away)), abs(away) / RECORD_S), away)
+        speed += min(max(wanted - speed, -change), change)
+        at += speed * RECORD_S
+        out[i] = at
+    return 0.0
 
 
 @compiled

@@ -23,9 +23,12 @@ from jointplay.simulation.loads.drive import Servo
 
 DATA = Path(__file__).parent / "data" / "wiggle.npz"
 """Numbers of the regression; its SHA-256 stands beside it."""
-TRIANGLES = ((3.0, 40.0, 3), (3.0, 20.0, 2), (2.0, 8.0, 1), (1.0, 8.0, 2), (0.4, 4.0, 2))
-"""Amplitude [deg], speed [deg/s] and number of each series of triangles."""
-SQUARES = (1.0, 100.0, 0.3, 3)
+TRIANGLES = {
+    "link": ((3.0, 40.0, 3), (3.0, 20.0, 2), (2.0, 8.0, 1), (1.0, 8.0, 2), (0.4, 4.0, 2)),
+    "motor": ((2.0, 60.0, 5), (1.0, 40.0, 6), (3.0, 30.0, 3), (3.0, 15.0, 1), (2.0, 8.0, 1)),
+}
+"""Amplitude [deg], speed [deg/s] and number of each series of triangles, by the encoder's side."""
+SQUARES = {"link": (1.0, 100.0, 0.3, 3), "motor": (2.0, 100.0, 0.2, 3)}
 """Amplitude [deg], speed [deg/s], rest at each side [s] and number of the squares that follow."""
 RATE_HZ, JITTER_S = 80.0, 4e-3
 """Least rate of records, and largest deviation of their intervals from the usual one."""
@@ -36,6 +39,8 @@ STIR = np.radians(0.5)
 REVERSES, LEAST_FRICTION = 2.0, 0.01
 """Gravity's torque by the motor's friction up to which a log is looked at; and what friction is at
 least, by the torque at stall."""
+HEAVY = 1.2
+"""Least inertia of a link, by the rotor's, that an encoder on the motor feels."""
 EDGES = np.radians(np.arange(34) * 0.05)
 """Of the bins in which play is told how likely it is [rad]."""
 LARGEST = float(EDGES[-1])
@@ -82,10 +87,11 @@ class ServoLog:
     """Largest motion of the other joints at each time [rad]; None: not recorded."""
 
 
-def wiggle_goal() -> tuple[np.ndarray, np.ndarray]:
+def wiggle_goal(encoder: str = "link") -> tuple[np.ndarray, np.ndarray]:
     """The motion about the pose: times [s] and goals [rad] of its corners, straight between.
 
     Triangles of 3 deg and less at several speeds, then small squares; it begins and ends at zero.
+    With the encoder on the "motor" it is faster, for there the link's inertia tells.
     """
     time, goal = [0.0], [0.0]
 
@@ -93,12 +99,12 @@ def wiggle_goal() -> tuple[np.ndarray, np.ndarray]:
         time.append(time[-1] + abs(where - goal[-1]) / speed)
         goal.append(where)
 
-    for amplitude, speed, number in TRIANGLES:
+    for amplitude, speed, number in TRIANGLES[encoder]:
         for _ in range(number):
             to(amplitude, speed)
             to(-amplitude, speed)
         to(0.0, speed)
-    amplitude, speed, rest, number = SQUARES
+    amplitude, speed, rest, number = SQUARES[encoder]
     for where in number * (amplitude, -amplitude):
         to(where, speed)
         time.append(time[-1] + rest)
@@ -141,7 +147,12 @@ def band(log: ServoLog, known: Known) -> tuple[float, float]:
         Untold: the log or the joint is refused.
         JointplayError: the numbers of the regression are damaged.
     """
-    check(log, known)
+    check_log(log)
+    check_joint(known)
+    if known.servo.encoder == "motor":
+        from jointplay.estimate.wiggle_profile import Profile
+
+        return rounded(*Profile(log, known).ends())
     numbers = regression()
     seen = features(log, known)
     if strangeness(seen, numbers) > numbers["strange"]:
@@ -165,8 +176,8 @@ def too_wide(low: float, high: float) -> bool:
     return bool(wide and low < half - hair and high > half + hair)
 
 
-def check(log: ServoLog, known: Known) -> None:
-    """Refuse logs and joints of which nothing can be told.
+def check_log(log: ServoLog) -> None:
+    """Refuse logs of which nothing can be told.
 
     Raises:
         Untold: with the reason.
@@ -193,7 +204,21 @@ def check(log: ServoLog, known: Known) -> None:
         raise Untold(
             f"other joints moved by {np.degrees(stir):.2g} deg, more than {np.degrees(STIR):.2g}"
         )
-    check_joint(known)
+
+
+def check_load(known: Known) -> None:
+    """Refuse joints that gravity may hold to one side.
+
+    Raises:
+        Untold: with the reason.
+    """
+    servo = known.servo
+    least = max(servo.friction, LEAST_FRICTION * servo.stall * servo.voltage)
+    if abs(known.load) > REVERSES * least:
+        raise Untold(
+            f"gravity's {abs(known.load):.2g} N m leans on one side: no reversal of torque is "
+            f"sure with friction of {least:.2g} N m"
+        )
 
 
 def check_joint(known: Known) -> None:
@@ -203,23 +228,18 @@ def check_joint(known: Known) -> None:
         Untold: with the reason.
         JointplayError: the numbers of the regression are damaged.
     """
-    servo = known.servo
-    least = max(servo.friction, LEAST_FRICTION * servo.stall * servo.voltage)
-    if abs(known.load) > REVERSES * least:
-        raise Untold(
-            f"gravity's {abs(known.load):.2g} N m leans on one side: no reversal of torque is "
-            f"sure with friction of {least:.2g} N m"
-        )
-    if servo.encoder == "motor":
-        raise Untold(
-            "the encoder is on the motor, before the play, and the regression is for encoders on "
-            "the output"
-        )
+    check_load(known)
+    if known.servo.encoder == "motor":
+        if known.link_inertia < HEAVY * known.rotor_inertia:
+            raise Untold(
+                f"the encoder is on the motor, and the link's inertia of {known.link_inertia:.2g} "
+                f"kg m^2 is below {HEAVY:g} times the rotor's: it does not feel the play"
+            )
+        return
     numbers = regression()
-    own = _known_features(known)
-    outside = (own < numbers["least"] - _BEYOND) | (own > numbers["most"] + _BEYOND)
-    if outside.any():
-        what = KNOWN[int(np.argmax(outside))]
+    within = inside(_known_features(known), numbers)
+    if not within.all():
+        what = KNOWN[int(np.argmin(within))]
         raise Untold(f"its {what} is outside those of the simulated family")
 
 
@@ -239,6 +259,12 @@ def regression() -> dict[str, np.ndarray]:
         raise JointplayError(f"{DATA} is damaged: its SHA-256 is not {wanted}; install it again")
     with np.load(io.BytesIO(content)) as file:
         return dict(file)
+
+
+def inside(own: np.ndarray, numbers: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Which of what is known, shape (..., n), is within the family."""
+    near = (own >= numbers["least"] - _BEYOND) & (own <= numbers["most"] + _BEYOND)
+    return np.asarray(near)
 
 
 def shares(seen: np.ndarray, numbers: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -286,11 +312,11 @@ _FLOOR = 2e-4
 def _segments() -> list[tuple[float, float, float]]:
     """Begin, end and period of each series of triangles and of the squares [s]."""
     found, begin = [], 0.0
-    for amplitude, speed, number in TRIANGLES:
+    for amplitude, speed, number in TRIANGLES["link"]:
         length = 4.0 * amplitude / speed
         found.append((begin, begin + number * length, length))
         begin += number * length
-    amplitude, speed, rest, number = SQUARES
+    amplitude, speed, rest, number = SQUARES["link"]
     length = 2.0 * (rest + 2.0 * amplitude / speed)
     return [*found, (begin, begin + number * length, length)]
 
@@ -353,10 +379,25 @@ def features(log: ServoLog, known: Known) -> np.ndarray:
     """What the regression sees of a log: shape (n,); the phase of fast motion is not in it.
 
     Raises:
+        Untold: see `on_grid`.
+    """
+    sent, seen = on_grid(log)
+    parts = [
+        _segment_features(sent[at], seen[at], period)
+        for first, last, period in _segments()
+        for at in (slice(round(first * GRID_HZ), round(last * GRID_HZ)),)
+    ]
+    return np.concatenate([*parts, _known_features(known)])
+
+
+def on_grid(log: ServoLog, encoder: str = "link") -> tuple[np.ndarray, np.ndarray]:
+    """Goals and positions about the first goal during the wiggle, at `GRID_HZ` [rad].
+
+    Raises:
         Untold: the goal is not that of `wiggle_goal`, or was not followed.
     """
-    time, goal = wiggle_goal()
-    begin = _begin(log)
+    time, goal = wiggle_goal(encoder)
+    begin = begin_of(log, encoder)
     even = np.arange(0.0, time[-1], 1.0 / GRID_HZ)
     if log.time[-1] < begin + time[-1] - 0.3 or log.time[0] > begin + 0.1:
         raise Untold(f"the log has not the whole wiggle of {time[-1]:.1f} s")
@@ -366,17 +407,12 @@ def features(log: ServoLog, known: Known) -> np.ndarray:
         raise Untold("its goals are not those of the wiggle test")
     if np.ptp(seen) < 0.2 * np.ptp(goal):
         raise Untold(f"the joint hardly followed: {np.degrees(np.ptp(seen)):.2g} deg in all")
-    parts = [
-        _segment_features(sent[at], seen[at], period)
-        for first, last, period in _segments()
-        for at in (slice(round(first * GRID_HZ), round(last * GRID_HZ)),)
-    ]
-    return np.concatenate([*parts, _known_features(known)])
+    return sent, seen
 
 
-def _begin(log: ServoLog) -> float:
+def begin_of(log: ServoLog, encoder: str = "link") -> float:
     """When the wiggle begins in the log's time, by its goals [s]."""
-    time, goal = wiggle_goal()
+    time, goal = wiggle_goal(encoder)
     away = np.abs(log.goal - log.goal[0]) > np.radians(0.3)
     if not away.any():
         raise Untold("its goals do not move")

@@ -254,6 +254,12 @@ def identify_wiggled(
             f"note: the log says no gains; taken are {few(untold)}: --set drives.JOINT.p_gain=... "
             "says others (LeRobot halves the P gain of an SO-101)"
         )
+    mute = [one.joint for one in found if one.reason and one.joint in servos]
+    if output := [name for name in mute if servos[name].encoder == "link"]:
+        notes.append(
+            f"note: the encoder of {few(output)} turns with the output, and is a dial gauge: with "
+            "the torque off, push softly to both sides, and give its angles to --plan dial's table"
+        )
     return Wiggled(
         estimates=tuple(found), mechanism=mechanism, source=log.source, notes=tuple(notes),
         logs={name: part for name, (part, _) in parts.items()}, servos=servos,

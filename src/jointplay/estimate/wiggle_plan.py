@@ -20,7 +20,7 @@ from jointplay.base.errors import JointplayError, MissingName
 from jointplay.base.tables import Table
 from jointplay.base.units import readable
 from jointplay.estimate.planning import free_poses
-from jointplay.estimate.wiggle import Known, Untold, check_joint, wiggle_goal
+from jointplay.estimate.wiggle import HEAVY, Known, Untold, check_joint, wiggle_goal
 from jointplay.model.collisions import SelfCollision
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.loads.drive import Drive, Servo
@@ -42,7 +42,8 @@ s]."""
 _WIGGLE = np.radians(3.0)
 _FAINT, _LIGHT = 1.0, 0.1
 """Gravity's torque over a wiggle, by the motor's friction, that counts as none; and the link's
-inertia, by the rotor's, below which a pose in which it is larger is preferred."""
+inertia, by the rotor's, below which a pose in which it is larger is preferred (with the encoder on
+the motor half as much again as is needed)."""
 _HOLDS = 10.0
 """Gravity's torque on another joint, by the motor's friction, from which on more is no better."""
 _CHECKED = 24
@@ -149,7 +150,7 @@ def plan_wiggle(
         elif reason := refusal(known):
             refused[name] = reason
         else:
-            steps.append(Step(name, pose, known, *motion.wiggle(name, pose)))
+            steps.append(Step(name, pose, known, *motion.wiggle(name, pose, servo.encoder)))
     if not steps:
         whom = "; ".join(f"{name}: {why}" for name, why in refused.items())
         raise JointplayError(f"a wiggle tells no joint's play: {whom or 'no joint has a servo'}")
@@ -193,14 +194,14 @@ class _Scene:
         """Poses with room for a wiggle: those of little gravity first, then those that give the
         link inertia, in which gravity holds the other joints in their play, and near a pose."""
         least = _FAINT * servo.friction
-
+        enough = 1.5 * HEAVY if servo.encoder == "motor" else _LIGHT
         others = [name for name in self.mechanism.gears if name != joint]
 
         def rank(one: tuple[Known, dict[str, float]]) -> tuple[float, ...]:
             known, pose = one
             sides = ({**pose, joint: pose[joint] + side * _WIGGLE} for side in (-1.0, 1.0))
             most = max(abs(self.gravity(joint, side)) for side in sides)
-            heavy = min(known.link_inertia / (_LIGHT * known.rotor_inertia), 1.0)
+            heavy = min(known.link_inertia / (enough * known.rotor_inertia), 1.0)
             far = max(abs(pose[name] - near[name]) for name in self.names)
             held = (min(abs(self.gravity(name, pose)), _HOLDS * servo.friction) for name in others)
             return (
@@ -258,7 +259,7 @@ class _Motion:
         self._parts.append((self._now + time[new], position[new]))
         self._now += float(time[-1])
 
-    def wiggle(self, joint: str, pose: dict[str, float]) -> tuple[float, float]:
+    def wiggle(self, joint: str, pose: dict[str, float], encoder: str) -> tuple[float, float]:
         """Go to a pose, stand, wiggle a joint about it, stand; when the wiggle begins and ends."""
         end = np.array([pose[name] for name in self.names])
         if self.last is not None:
@@ -271,7 +272,7 @@ class _Motion:
         rest = np.array([0.0, REST_S]), np.tile(end, (2, 1))
         self._add(*rest)
         first = self._now
-        corners, goal = wiggle_goal()
+        corners, goal = wiggle_goal(encoder)
         time = np.union1d(np.arange(0.0, corners[-1], 1.0 / RATE).round(6), corners.round(6))
         moved = np.tile(end, (len(time), 1))
         moved[:, self.names.index(joint)] += np.interp(time, corners, goal)
