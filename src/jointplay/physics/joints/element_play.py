@@ -44,6 +44,7 @@ class ElementPlay(Play):
     excess: float = 0.0
     """Part by which it was widened, see `widened`."""
 
+    @cached_property
     def widened(self) -> ElementPlay:
         """The set large enough for what a lean adds in its second order, r s^2 / 2 across."""
         if self.empty:
