@@ -159,10 +159,7 @@ def test_an_unknown_robot_is_answered_with_those_that_exist():
 
 
 def test_without_the_package_the_message_says_how_to_install_it(monkeypatch, tmp_path):
-    def missing(name):
-        raise robots.PackageNotFoundError(name)
-
-    monkeypatch.setattr(robots, "distribution", missing)
+    monkeypatch.setattr(sys, "path", [str(tmp_path)])
     monkeypatch.setattr(sys, "prefix", str(tmp_path))
     with pytest.raises(JointplayError, match=r"pip install '\.\[robots\]'"):
         robots.robot_urdf("ur5")

@@ -54,6 +54,8 @@ _BALANCED, _EXACT = 0.01, 1e-5
 coefficient of friction, and without any."""
 _ROUNDS, _DAMPED = 10, 5
 """How often friction is found from normal forces and these from friction; from when on halved."""
+_SETTLED = 1e-7
+"""Change of a load, relative to it, that moves nothing."""
 _NOTHING = 1e-9
 """Load of a joint relative to the machine's weight and the tool's load that presses nothing."""
 _OPEN = 1e-6
@@ -383,8 +385,8 @@ def _held_states(
     random = np.random.default_rng(0)
     sets = [loop_play.ended(play) for play in plays.plays]
     own = plays.load[:, 0]
-    given, points, contacts, tangents = [], [], [], []
-    for play, alone in zip(sets, own, strict=True):
+    given, points, contacts, rubs = [], [], [], []
+    for play, alone, coefficient in zip(sets, own, friction, strict=True):
         arm = _arm(play)
         size = np.linalg.norm(alone[:3]) + np.linalg.norm(alone[3:5]) / arm
         noise = random.normal(size=(STATES, 6)) * np.array([1.0] * 3 + [arm] * 3)
@@ -393,7 +395,7 @@ def _held_states(
         points.append(play.support(noise).point)
         contacts.append(play.pressed(load, play.support(load).point))
         k = 0 if contacts[-1] is None else len(contacts[-1].contact)
-        tangents.append(_directions(k, random))
+        rubs.append(coefficient * _directions(k, random))
     loads = [load.copy() for load in given]
     # Half of them follow the load as it turns with the tilt, which does not find the states that
     # this leads away from; the others, of loads as they are anywhere, are sorted out below.
@@ -407,30 +409,63 @@ def _held_states(
             now = contacts[j]
             if now is None:
                 continue
-            load = given[j] - falls[:, 6 * j : 6 * j + 6]
-            load += friction[j] * np.einsum("nk,nki,nkid->nd", now.force, tangents[j], now.across)
-            loads[j] = load if turn < _DAMPED else 0.5 * (loads[j] + load)
-            points[j] = play.support(loads[j]).point
-            contacts[j] = play.pressed(loads[j], points[j])
+            load = given[j] - falls[:, 6 * j : 6 * j + 6] + _rubbing(now, rubs[j])
+            load = load if turn < _DAMPED else 0.5 * (loads[j] + load)
+            scale = np.array([1.0] * 3 + [1.0 / _arm(play)] * 3)
+            away = np.linalg.norm((load - loads[j]) * scale, axis=1)
+            moves = away > _SETTLED * np.linalg.norm(load * scale, axis=1)
+            moves |= turn == 0  # from points that no load led to
+            if not moves.any():
+                continue
+            loads[j][moves] = load[moves]
+            points[j][moves] = play.support(load[moves]).point
+            if moved := play.pressed(load[moves], points[j][moves]):
+                contacts[j] = now.replaced(moves, moved)
     falls = np.concatenate(points, axis=1) @ curvature
     found: list[Pressed | None] = []
     for j, play in enumerate(sets):
         now = contacts[j]
         if now is not None:
-            kept = _balanced(own[j] - falls[:, 6 * j : 6 * j + 6], now, friction[j], _arm(play))
+            load = own[j] - falls[:, 6 * j : 6 * j + 6]
+            kept = _balanced(load, now, rubs[j], friction[j], _arm(play))
             # None is left if a tilt swings between two ends of what is nearly open.
             if not kept.any() and friction[j] > 0.0:
                 kept[follows] = True
             points[j] = points[j][kept]
-            now = now._replace(force=now.force[kept], normal=now.normal[kept])
+            now = now.subset(kept)
         found.append(now)
     return points, found
 
 
-def _balanced(loads: np.ndarray, contacts: Pressed, friction: float, arm: float) -> np.ndarray:
-    """Whether contacts within their cones of friction can balance loads (n, 6), shape (n,)."""
+def _rubbing(contacts: Pressed, rubs: np.ndarray) -> np.ndarray:
+    """What friction of parts `rubs` (n, k, 2) of the normal forces exerts, shape (n, 6)."""
+    n = len(rubs)
+    parts = (contacts.force[:, :, None] * rubs).reshape(n, 1, -1)
+    return np.asarray((parts @ contacts.across.reshape(n, -1, 6))[:, 0])
+
+
+def _balanced(
+    loads: np.ndarray, contacts: Pressed, rubs: np.ndarray, friction: float, arm: float
+) -> np.ndarray:
+    """Whether contacts within their cones of friction can balance loads (n, 6), shape (n,).
+
+    Where their own forces with the friction of parts `rubs` (n, k, 2) do not.
+    """
     rows = list(contacts.borne)
     weight = np.array([1.0] * 3 + [1.0 / arm] * 3)[rows]
+    right = loads[:, rows] * weight
+    most = (_BALANCED * friction + _EXACT) * np.maximum(np.linalg.norm(right, axis=1), 1e-300)
+    own = (contacts.force[:, None] @ contacts.normal)[:, 0] + _rubbing(contacts, rubs)
+    near = np.linalg.norm(right + own[:, rows] * weight, axis=1) <= most
+    other = np.flatnonzero(~near)
+    if len(other) and len(contacts.contact):
+        edges = -_cone_edges(contacts.subset(other), friction)[:, :, rows] * weight
+        near[other] = near_cones(edges, right[other], most[other])
+    return np.asarray(near & contacts.touching.any(axis=1))
+
+
+def _cone_edges(contacts: Pressed, friction: float) -> np.ndarray:
+    """Edges of the cones of friction of all contacts, zero of those that do not touch (n, m, 6)."""
     cones = contacts.normal[:, :, None] + friction * np.einsum(
         "ci,nkid->nkcd", _CORNERS if friction > 0.0 else np.zeros((1, 2)), contacts.across
     )
@@ -444,14 +479,8 @@ def _balanced(loads: np.ndarray, contacts: Pressed, friction: float, arm: float)
             columns = np.repeat(columns[:, None], len(places), axis=1)
             moments = np.cross(arms, contacts.normal[:, k, None, :3])
             columns[..., 3:] += (moments * contacts.touching[:, k, None, None])[:, :, None]
-        edges.append(columns.reshape(len(loads), -1, 6))
-    if not edges:
-        return np.zeros(len(loads), bool)
-    right = loads[:, rows] * weight
-    size = np.maximum(np.linalg.norm(right, axis=1), 1e-300)
-    most = (_BALANCED * friction + _EXACT) * size
-    near = near_cones(-np.concatenate(edges, axis=1)[:, :, rows] * weight, right, most)
-    return np.asarray(near & contacts.touching.any(axis=1))
+        edges.append(columns.reshape(len(cones), -1, 6))
+    return np.concatenate(edges, axis=1)
 
 
 def near_cones(edges: np.ndarray, points: np.ndarray, distance: np.ndarray) -> np.ndarray:

@@ -9,9 +9,7 @@ import csv
 import errno
 import io
 import os
-import secrets
 import shutil
-import socket
 import stat
 import tempfile
 import time
@@ -174,7 +172,7 @@ def writing(
     path = Path(path)
     if not path.name:
         raise JointplayError(f"{str(path)!r} is a folder; name a file")
-    part = path.with_name(f".{path.name[:40]}.{os.getpid()}-{secrets.token_hex(4)}.part")
+    part = path.with_name(f".{path.name[:40]}.{os.getpid()}-{os.urandom(4).hex()}.part")
     try:
         with system_errors(f"cannot write {str(path)!r}"):
             if not overwrite and os.path.lexists(path):
@@ -233,6 +231,8 @@ def temporary(what: str = "files") -> tempfile.TemporaryDirectory[str]:
     if place not in _swept:
         _swept.add(place)
         _sweep(Path(place))
+    import socket  # takes long to import
+
     made = tempfile.TemporaryDirectory(
         prefix=f"jointplay-{what}-{os.getpid()}-", ignore_cleanup_errors=True
     )
@@ -249,6 +249,8 @@ def temporary(what: str = "files") -> tempfile.TemporaryDirectory[str]:
 
 def _sweep(place: Path) -> None:
     """Delete the temporary folders of dead processes."""
+    import socket  # takes long to import
+
     for folder in place.glob("jointplay-*"):
         with suppress(OSError, ValueError), ExitStack() as stack:
             mark = (folder / MARK).lstat()

@@ -13,7 +13,6 @@ import re
 import sys
 from collections import defaultdict
 from functools import cache
-from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import NamedTuple
 
@@ -47,13 +46,9 @@ def share() -> Path:
     Raises:
         JointplayError: the package is not installed; the message says how to install it.
     """
-    folders = [Path(sys.prefix) / "share" / PACKAGE]  # conda, ROS
-    try:
-        wheel = distribution(PACKAGE).locate_file("cmeel.prefix")
-        folders.insert(0, Path(str(wheel)) / "share" / PACKAGE)
-    except PackageNotFoundError:
-        pass
-    for folder in folders:
+    wheels = [Path(one) / "cmeel.prefix" for one in sys.path]
+    for prefix in [*wheels, Path(sys.prefix)]:  # the last one of conda, ROS
+        folder = prefix / "share" / PACKAGE
         if (folder / "robots").is_dir():
             return folder
     raise JointplayError(

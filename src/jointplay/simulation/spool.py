@@ -9,7 +9,6 @@ them.
 from __future__ import annotations
 
 import os
-import secrets
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -108,7 +107,7 @@ class DiskRecords(Overflow):
         if self._file is not None:
             return self._file
         path, self.rows = self.path, self._workspace.kept_elsewhere
-        name = self.name or secrets.token_hex(8)
+        name = self.name or os.urandom(8).hex()
         self._head = head = RECORDS + name.encode() + b"\n"
         size = len(head) + self.rows * self._workspace.record.strides[0]
         files.check_own(path, RECORDS, "file of records")

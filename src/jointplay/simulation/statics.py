@@ -732,8 +732,9 @@ class StaticEquilibrium:
         bore by a moment alone), all states of a whole set are equilibria; a soft spring towards the
         start, taken away in the end, leads to the one nearest to it whatever the way.
 
-        `near`: a configuration (nq,) not far from it; None: joint by joint from the start, for what
-        the others do to a joint's load is of second order.
+        `near`: a configuration (nq,) not far from it; from where the search of all joints ends
+        there, or else from the start, it goes on joint by joint, for what the others do to a
+        joint's load is of second order.
         `places`: of another search (`Rest.places`), those of joints that bear about the same.
         """
         places = places or {}
@@ -743,7 +744,6 @@ class StaticEquilibrium:
         if near is not None:
             q, residual, load, trials = self._newton_descent(near, MOST_TRIALS)
         if residual > BALANCED * load:
-            q = self._start.copy()
             for name in places.keys() & self._blocks.keys():
                 q[self._blocks[name]] = places[name]
             for name, at in self._blocks.items():

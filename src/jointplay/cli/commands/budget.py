@@ -11,7 +11,7 @@ Example: jointplay budget panda --clearance "0.05 mm" --workspace 500 --out pand
     --friction MU  friction coefficient that may hold journals away from their frictionless rest
         position (default: the largest of each joint's friction law)
     --rest-everywhere  for budget.csv, find the position at rest at every pose, not only the worst
-        one (0.4 s per pose with one joint, up to 3.5 s with six)
+        one (0.1 s per pose with one joint, 0.4 s with six)
     --out DIR  folder for budget.csv (errors.csv) and the figures
     --detail
   robot:

@@ -18,12 +18,14 @@ _EXACT = 1e-6
 """Part of the largest by which a support function may fall short."""
 _STAGE, _STEPS, _SHORTER = 30.0, 40, 40
 """Factor of the objective from stage to stage; most Newton steps in one, halvings of a step."""
+_FACTORS = 8
+"""Distances whose product can be told, each 1e-30 at least."""
 
 
 @compiled
 def _height(walls, centres, rooms, aim, weight, y):
     """Barrier less the weighted aim; infinite outside."""
-    total = 0.0
+    total, product = 0.0, 1.0
     for i in range(WAYS):
         total -= weight * aim[i] * y[i]
     for n in range(walls.shape[0]):
@@ -39,8 +41,11 @@ def _height(walls, centres, rooms, aim, weight, y):
             left = rooms[n] * rooms[n] - u * u - w * w
         if not left > 0.0:
             return np.inf
-        total -= math.log(left)
-    return total
+        product *= left
+        if n % _FACTORS == 0:  # a logarithm takes as long as all else of a wall
+            total -= math.log(product)
+            product = 1.0
+    return total - math.log(product)
 
 
 @compiled
@@ -59,8 +64,8 @@ def _solve(matrix, right):
 
 
 @compiled
-def farthest(walls, centres, rooms, start, aims, points, forces):
-    """Points of the set farthest along some directions, and the forces of its walls there.
+def farthest(walls, centres, rooms, start, aims, points):
+    """Points of the set farthest along some directions.
 
     Args:
         walls: (k, m, 5), m two for cones and one for half spaces.
@@ -69,7 +74,6 @@ def farthest(walls, centres, rooms, start, aims, points, forces):
         start: a point inside, (5,).
         aims: (n, 5).
         points: (n, 5), for the points found.
-        forces: (n, k), for the walls' forces, whose sum balances each aim.
     """
     count = walls.shape[0]
     slope, bend, trial = np.zeros(WAYS), np.zeros((WAYS, WAYS)), np.zeros(WAYS)
@@ -92,11 +96,11 @@ def farthest(walls, centres, rooms, start, aims, points, forces):
                         left = rooms[n]
                         for i in range(WAYS):
                             left -= walls[n, 0, i] * y[i]
+                        inverse = 1.0 / left
                         for i in range(WAYS):
-                            own[i] = walls[n, 0, i] / left
+                            own[i] = walls[n, 0, i] * inverse
                             slope[i] += own[i]
-                        for i in range(WAYS):
-                            for j in range(WAYS):
+                            for j in range(i + 1):
                                 bend[i, j] += own[i] * own[j]
                         continue
                     u, w = centres[n, 0], centres[n, 1]
@@ -104,17 +108,19 @@ def farthest(walls, centres, rooms, start, aims, points, forces):
                         u += walls[n, 0, i] * y[i]
                         w += walls[n, 1, i] * y[i]
                     left = rooms[n] * rooms[n] - u * u - w * w
+                    inverse = 2.0 / left
                     for i in range(WAYS):
-                        own[i] = 2.0 * (u * walls[n, 0, i] + w * walls[n, 1, i]) / left
+                        a, b = walls[n, 0, i] * inverse, walls[n, 1, i] * inverse
+                        own[i] = u * a + w * b
                         slope[i] += own[i]
-                    for i in range(WAYS):
-                        for j in range(WAYS):
-                            a = walls[n, 0, i] * walls[n, 0, j] + walls[n, 1, i] * walls[n, 1, j]
-                            bend[i, j] += 2.0 * a / left + own[i] * own[j]
+                        for j in range(i + 1):
+                            bend[i, j] += a * walls[n, 0, j] + b * walls[n, 1, j] + own[i] * own[j]
                 before = _height(walls, centres, rooms, aim, weight, y)
                 gain = 0.0
                 for i in range(WAYS):
                     own[i] = slope[i]
+                    for j in range(i):
+                        bend[j, i] = bend[i, j]
                 _solve(bend, own)
                 for i in range(WAYS):
                     gain += slope[i] * own[i]
@@ -135,16 +141,24 @@ def farthest(walls, centres, rooms, start, aims, points, forces):
             if weight >= last:
                 break
             weight = min(_STAGE * weight, last)
-        for n in range(count):
-            if walls.shape[1] == 1:
-                left = rooms[n]
-                for i in range(WAYS):
-                    left -= walls[n, 0, i] * y[i]
-                forces[load, n] = 1.0 / (weight * left)
-            else:
-                u, w = centres[n, 0], centres[n, 1]
-                for i in range(WAYS):
-                    u += walls[n, 0, i] * y[i]
-                    w += walls[n, 1, i] * y[i]
-                left = rooms[n] * rooms[n] - u * u - w * w
-                forces[load, n] = 2.0 * math.sqrt(u * u + w * w) / (weight * left)
+
+
+def wall_forces(places: np.ndarray, rooms: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    """Forces of the walls at points that are farthest along some aims, which they balance.
+
+    By the slopes of the barrier, which needs no further search.
+
+    Args:
+        places: walls . y + centres of the points y, (n, k, m).
+        rooms: (k,).
+        sizes: of the aims, (n,).
+
+    Returns:
+        Shape (n, k).
+    """
+    if places.shape[2] == 1:
+        degree, slopes = 1, 1.0 / (rooms - places[:, :, 0])
+    else:
+        squares = (places**2).sum(axis=2)
+        degree, slopes = 2, 2.0 * np.sqrt(squares) / (rooms**2 - squares)
+    return np.asarray(slopes * sizes[:, None] * _EXACT / (degree * len(rooms)))

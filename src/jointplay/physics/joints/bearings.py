@@ -20,7 +20,7 @@ from abc import abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property
+from functools import cache, cached_property, lru_cache
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple, NoReturn, Self
 
@@ -68,6 +68,9 @@ BALL_FRICTION, ROLLER_FRICTION = 0.0015, 0.003
 """Friction torque over load and half of the bore, from memory of makers' tables."""
 STIFFNESS_DAMPING_S = 1e-5
 """Damping over stiffness of a rolling contact [s], from memory."""
+
+_element_play = lru_cache(maxsize=64)(ElementPlay)
+"""Equal bearings share what is found of theirs."""
 
 
 @cache
@@ -874,7 +877,7 @@ class RollingBearing(WholeLawJoint):
     @cached_property
     def _free_set(self) -> ElementPlay:
         d = self._numbers
-        return ElementPlay(
+        return _element_play(
             rows=self.row_places,
             count=self.count,
             cage=self.cage_angle,
@@ -885,7 +888,7 @@ class RollingBearing(WholeLawJoint):
         )
 
     def play(self, second_order: bool = True) -> Play:
-        return self._free_set.widened() if second_order else self._free_set
+        return self._free_set.widened if second_order else self._free_set
 
     def scaled(self, factor: float) -> RollingBearing:
         return replace(self, radial_clearance=factor * self.bought_clearance, clearance_class=None)

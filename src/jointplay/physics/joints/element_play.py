@@ -44,6 +44,7 @@ class ElementPlay(Play):
     excess: float = 0.0
     """Part by which it was widened, see `widened`."""
 
+    @cached_property
     def widened(self) -> ElementPlay:
         """The set large enough for what a lean adds in its second order, r s^2 / 2 across."""
         if self.empty:
@@ -132,37 +133,40 @@ class ElementPlay(Play):
                 cones.append(Cone(rows / room, np.zeros(WAYS), 1.0, centre / room))
         return Cones(spread, tuple(cones))
 
-    def _solve(self, loads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Coordinates (n, 5) farthest along loads (n, 6), and forces of the elements (n, k)."""
-        walls, centres, rooms = self._walls
-        aims = np.column_stack([loads[:, :3], loads[:, 4], -loads[:, 3]]) * self._units
-        size = np.linalg.norm(aims, axis=1, keepdims=True)
-        aims = np.divide(aims, size, out=np.zeros_like(aims), where=size > 0.0)
-        room = rooms[:1]
-        points, forces = np.zeros((len(loads), WAYS)), np.zeros((len(loads), len(walls)))
-        scaled = np.ascontiguousarray(walls * self._units / room[0])
-        start = self._start / np.where(self._units > 0.0, self._units, 1.0)
-        from jointplay.physics.geometry.cones import farthest  # not needed to check a scenario
-
-        farthest(scaled, centres / room[0], rooms / room[0], start, aims, points, forces)
-        return points * self._units, forces * size / room[0]
+    def _aims(self, loads: np.ndarray) -> np.ndarray:
+        """Loads (n, 6) on the five coordinates in their units, (n, 5) [J]."""
+        return np.column_stack([loads[:, :3], loads[:, 4], -loads[:, 3]]) * self._units
 
     def support(self, loads: np.ndarray) -> Support:
         loads = np.asarray(loads, float).reshape(-1, 6)
         point = np.zeros((len(loads), 6))
         if not self.empty:
-            y, _ = self._solve(loads)
+            from jointplay.physics.geometry.cones import farthest  # not needed to check a scenario
+
+            walls, centres, rooms = self._walls
+            aims, room = self._aims(loads), rooms[0]
+            size = np.linalg.norm(aims, axis=1, keepdims=True)
+            aims = np.divide(aims, size, out=np.zeros_like(aims), where=size > 0.0)
+            found = np.zeros((len(loads), WAYS))
+            scaled = np.ascontiguousarray(walls * self._units / room)
+            start = self._start / np.where(self._units > 0.0, self._units, 1.0)
+            farthest(scaled, centres / room, rooms / room, start, aims, found)
+            y = found * self._units
             point[:, :3], point[:, 4], point[:, 3] = y[:, :3], y[:, 3], -y[:, 4]
         return Support(np.einsum("ij,ij->i", loads, point), point)
 
     def pressed(self, loads: np.ndarray, point: np.ndarray) -> Pressed:
         loads = np.asarray(loads, float).reshape(-1, 6)
-        walls, centres, _ = self._walls
+        walls, centres, rooms = self._walls
         n, k = len(loads), len(walls)
         normal, forces = np.zeros((n, k, 6)), np.zeros((n, k))
         if not self.empty:
-            y, forces = self._solve(loads)
+            from jointplay.physics.geometry.cones import wall_forces
+
+            y = np.column_stack([point[:, :3], point[:, 4], -point[:, 3]])
             out = np.einsum("kai,ni->nka", walls, y) + centres
+            work = np.linalg.norm(self._aims(loads), axis=1)
+            forces = wall_forces(out, rooms, work)
             size = np.linalg.norm(out, axis=2, keepdims=True)
             way = np.ones_like(out) if self.rollers else out / size
             push = np.einsum("nka,kai->nki", way, walls)

@@ -21,11 +21,9 @@ from jointplay.physics.geometry import EDGE_ROUNDING_M
 if TYPE_CHECKING:
     from jointplay.physics.joints.base import Outline
 
-_SECTIONS, _SEARCHES = 10, 10
-"""Equal sections of which two remain, so often: they leave 1e-7 of the angle, and 1e-14 of the
-maximum."""
-_AT_ONCE = 2000
-"""Loads of which as many are searched at once: more do not fit into a processor's cache."""
+_SEARCHES, _EXACT, _ROUNDING = 60, 1e-8, 1e-12
+"""Most steps of a search; the last one's length, of which the square remains, and how near to its
+end it begins, relative to a bore's radius."""
 _NOTHING = 1e-9
 """Part of a load that is rounding."""
 DRAWS = 4000
@@ -81,6 +79,18 @@ class Pressed(NamedTuple):
     """Radius about the axis within which one may push, of a face that lies flat, (n, k) [m]."""
     borne: tuple[int, ...]
     """Components of a load that nothing but the contacts bears."""
+
+    def subset(self, rows: np.ndarray) -> Pressed:
+        """Some of the n."""
+        force, normal, across, touching, patch = (one[rows] for one in self[1:6])
+        return Pressed(self.contact, force, normal, across, touching, patch, self.borne)
+
+    def replaced(self, rows: np.ndarray, by: Pressed) -> Pressed:
+        """With others in the place of some of the n."""
+        made = self.subset(np.arange(len(self.force)))
+        for old, new in zip(made[1:6], by[1:6], strict=True):
+            old[rows] = new
+        return made
 
 
 class Play(ABC):
@@ -561,38 +571,35 @@ def _largest(near: np.ndarray, far: np.ndarray, hold: np.ndarray, most: np.ndarr
     """Half the angle between the rims, 0 to `most`, at which the load gains most, (n,) [rad].
 
     For a bore of radius one. What can be gained with the rims no farther apart than a length is a
-    concave function of it, so the sections about the best of some points hold its maximum; with
-    rims close together one of them may gain more inside the bore.
+    concave function of it. While one of them stays inside the bore it rises as that one's load;
+    beyond, by Newton's steps in brackets, it is followed to where it rises as `hold`.
     """
-    if len(hold) > _AT_ONCE:
-        parts = [slice(k, k + _AT_ONCE) for k in range(0, len(hold), _AT_ONCE)]
-        return np.concatenate([_largest(near[p], far[p], hold[p], most[p]) for p in parts])
-    dot = (near * far).sum(axis=1)[:, None]
-    cross = np.abs(near[:, 0] * far[:, 1] - near[:, 1] * far[:, 0])[:, None]
-    squares = ((near**2).sum(axis=1) + (far**2).sum(axis=1))[:, None]
-    sums = np.linalg.norm(near + far, axis=1)[:, None]
-    inside = []
-    for load in (near, far):
-        size = np.linalg.norm(load, axis=1)[:, None]
-        along = ((near + far) * load).sum(axis=1)[:, None]
-        fits = np.divide(-2.0 * along, sums * size, out=np.full_like(size, 2.0), where=sums > 0.0)
-        inside.append((size, fits))
-
-    def gain(apart: np.ndarray) -> np.ndarray:
-        sine = 0.5 * apart
-        cosine = np.sqrt(1.0 - sine * sine)
-        turned = 2.0 * (dot * (1.0 - 2.0 * sine * sine) + cross * 2.0 * sine * cosine)
-        gains = np.sqrt(np.maximum(squares + turned, 0.0))
-        for size, fits in inside:
-            gains = np.maximum(gains, np.where(apart <= fits, sums + apart * size, 0.0))
-        return gains - hold[:, None] * apart
-
-    farthest = 2.0 * np.sin(most)[:, None]
-    low, width = np.zeros_like(farthest), farthest
-    between = np.arange(1, _SECTIONS) / _SECTIONS
+    dot = (near * far).sum(axis=1)
+    cross = np.abs(near[:, 0] * far[:, 1] - near[:, 1] * far[:, 0])
+    sizes = (near**2).sum(axis=1), (far**2).sum(axis=1)
+    squares = sizes[0] + sizes[1]
+    sums = np.sqrt(np.maximum(squares + 2.0 * dot, 0.0))
+    low, high = np.zeros(len(hold)), 2.0 * np.sin(most)
+    for size in np.sqrt(sizes):
+        inside = -2.0 * (size**2 + dot)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            fits = np.where(inside > 0.0, inside / (sums * size), 0.0)
+        low = np.where(size > hold, np.maximum(low, np.minimum(fits, high)), low)
+    apart = (1.0 - _ROUNDING) * high
     for _ in range(_SEARCHES):
-        best = gain(low + between * width).argmax(axis=1)[:, None]
-        low, width = low + best / _SECTIONS * width, 2.0 / _SECTIONS * width
-    middle = low + 0.5 * width
-    middle = np.where(gain(farthest) >= gain(middle), farthest, middle)[:, 0]
-    return np.arcsin(np.minimum(0.5 * middle, 1.0))
+        cosine = np.sqrt(1.0 - 0.25 * apart * apart)
+        twice = 1.0 - 0.5 * apart * apart
+        along, aside = dot * twice + cross * apart * cosine, cross * twice - dot * apart * cosine
+        gain = np.sqrt(np.maximum(squares + 2.0 * along, 0.0))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            rise = aside / (cosine * gain)
+            fall = (along / gain - 0.25 * apart * rise) / cosine**2 + rise * rise / gain
+            there = apart + (rise - hold) / fall
+        on = rise > hold
+        low, high = np.where(on, apart, low), np.where(on, high, apart)
+        there = np.where(there >= low, there, low + 0.5 * _EXACT)  # where it may have to stay
+        there = np.where(there <= high, there, 0.5 * (low + high))
+        moved, apart = np.abs(there - apart).max(initial=0.0), there
+        if moved <= _EXACT:
+            break
+    return np.arcsin(np.minimum(0.5 * apart, 1.0))
