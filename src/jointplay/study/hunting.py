@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 from xml.sax.saxutils import quoteattr
@@ -20,12 +21,12 @@ import numpy as np
 
 from jointplay.base.errors import JointplayError, require_a, require_known, require_positive, within
 from jointplay.base.progress import ProgressBar
-from jointplay.base.tables import Column, Table, counted
+from jointplay.base.tables import Column, Table, counted, few
 from jointplay.model import urdf
 from jointplay.model.gear import Gearing
 from jointplay.model.impact import tooth_duration
 from jointplay.model.mechanism import Mechanism
-from jointplay.physics.kernel import WELL_RESOLVED_STEPS
+from jointplay.physics.kernel import JOINT_FRICTION_SPEED, WELL_RESOLVED_STEPS
 from jointplay.simulation.checks import joint_friction
 from jointplay.simulation.loads import Controller, Free, JointFriction, Servo, Wrench
 from jointplay.simulation.motion.reference import Motion
@@ -36,22 +37,21 @@ from jointplay.study.study import Study
 STARTS = (0.5, 2.0, 8.0)
 """How far joint and motor start from the goal, in plays of the gear."""
 
-DURATION_S = 1.5
-"""Of a run, unless it is not clear then whether it goes on."""
+LONGEST_S, PERIODS, MOST_S = 12.0, 12.0, 60.0
+"""A run that does not end before, because it is clear whether its swings last, lasts so long, or
+so many of the predicted periods, up to the third."""
 
-LONGEST = 4
-"""By how much a run is made longer at most until that is clear."""
+STEP_S, RECORD_S = 2e-4, 1e-3
+"""Longest step, and interval of records."""
 
-STEP_S = 2e-4
-"""Longest step."""
+FIRST_LOOK_S, LOOKS = 0.7, 1.5
+"""When a run is looked at first, and by how much later each time; it is a time of several swings
+of what is fast."""
 
-RECORDS = 1500
-"""Records of a run, about."""
-
-LASTS, STEADY, ENDS = 0.9, 0.02, 0.5
-"""Speed in the last third of a run over that in the second: a swing that keeps more than the first
-lasts; one that differs from 1 by less than the second is as it will be; what is no swing and keeps
-less than the third comes to rest."""
+STEADY, LASTS, ENDS = 0.02, 0.9, 0.5
+"""Speed in the later half of a run's last swings over that in the earlier. One that differs from 1
+by less than the first stays as it is; at the end of the longest run swings that keep more than the
+second last, and what keeps less than the third comes to rest; in between it is unclear."""
 
 LEAST_RAD = 2e-5
 """Half a swing below which nothing is said to hunt."""
@@ -75,6 +75,8 @@ class Swing(NamedTuple):
     """[Hz]; 0 if it comes to rest."""
     twist: float = 0.0
     """Half of what the gear turns in itself to and fro [rad or m]."""
+    unclear: bool = False
+    """Whether it still moves at the end of the longest run, but has not swung often enough."""
 
 
 QUIET = Swing(False, 0.0, 0.0)
@@ -188,7 +190,7 @@ class Axis:
             drive=self.drive,
             duration=duration,
             step=step,
-            record_every=max(round(duration / RECORDS / step), 1),
+            record_every=max(round(RECORD_S / step), 1),
             joint_friction={self.joint: self.friction},
             loads=loads if self.controller is None else loads | {"own": self.controller},
             start="centred",
@@ -218,52 +220,65 @@ class Trial:
     """How far joint and motor begin aside [rad or m]."""
     play: bool = True
     """Whether the gear has its play."""
-    duration: float = DURATION_S
-    longest: int = LONGEST
+    longest: float | None = None
+    """[s]; None: by the screen."""
 
 
 def swing(trial: Trial) -> Swing:
     """What a joint does in the end: it is run until its swings last or are over."""
-    times = 1
-    while True:
-        found, kept = _swing(trial, times * trial.duration)
-        settled = abs(kept - 1.0) < STEADY if found.hunts else kept < ENDS
-        if settled or found.amplitude < LEAST_RAD or times >= trial.longest:
-            return found if found.hunts and kept > LASTS else QUIET
-        times *= 2
-
-
-def _swing(trial: Trial, duration: float) -> tuple[Swing, float]:
-    """What it does in the last third of a run, and the speed there over that in the third before.
-
-    A link that floats through the play does not hunt: it must be seen to come back twice.
-    """
-    axis = trial.axis
+    axis, look, longest = trial.axis, FIRST_LOOK_S, trial.longest
+    if longest is None:
+        slow = predicted(axis, COARSE).frequency
+        longest = min(max(LONGEST_S, PERIODS / slow), MOST_S) if slow else LONGEST_S
     with within(axis.joint):
-        run = Run(axis.simulation(duration))
+        run = Run(axis.simulation(longest))
         run.workspace.q[:] = trial.start
         if not trial.play:
             run.workspace.gears["half_play"] = 0.0
-        result = run.finish(check_step=False, only=("q", "v")).completed(axis.joint)
-    time, (link, motor), speed = result.time, result["q"].values.T, result["v"].values[:, 0]
-    third = len(time) // 3
-    before, after = (np.sqrt(np.mean(part**2)) for part in (speed[third:-third], speed[-third:]))
+        for moment in run.steps(0.25 * FIRST_LOOK_S):
+            if moment.time >= look and (found := _seen(run, last=False)) is not None:
+                return found
+            look *= LOOKS if moment.time >= look else 1.0
+        found = _seen(run, last=True)
+    assert found is not None
+    return found
+
+
+def _seen(run: Run, last: bool) -> Swing | None:
+    """What the last two thirds of a run show; None before its end if that is not clear yet."""
+    result = run.result(only=("q", "v"))
+    if last:
+        result.completed(run.mechanism.joints[0])
+    third = len(result.time) // 3
+    time, speed = result.time[third:], result["v"].values[third:].T
+    link, motor = places = result["q"].values[third:].T
+    spans = np.ptp(places[:, third:], axis=1)
+    if spans[int(last) :].max() < 2.0 * LEAST_RAD:
+        return QUIET  # in the end a link may float in its play, beside a motor that stands
+    own = int(np.argmax(spans))  # the motor may swing within the play of a link that stands
+    rises = _rises(places[own], third)
+    half = (len(rises) - 1) // 2
+    cut = [0, third, len(time) - 1] if half < 1 else [*rises[-1 - 2 * half :: half]]
+    before, after = (np.sqrt(np.mean(speed[own, i:j] ** 2)) for i, j in pairwise(cut))
     kept = float(after / before) if before > 0.0 else 0.0
-    link, twist = link[-third:], (motor - link)[-third:]
-    amplitude, frequency = 0.5 * float(np.ptp(link)), _frequency(time[-third:], link)
-    hunts = amplitude >= LEAST_RAD and frequency > 0.0
-    return Swing(hunts, amplitude, frequency, 0.5 * float(np.ptp(twist))), kept
+    if not last and not (half > 2 and abs(kept - 1.0) < STEADY):
+        return None
+    if half < 1 or kept <= LASTS:  # friction that does not creep holds what is slower
+        creeps = half < 1 and np.sqrt(np.mean(speed[1, third:] ** 2)) < JOINT_FRICTION_SPEED
+        return QUIET._replace(unclear=kept >= ENDS and not creeps)
+    at = slice(*cut[1:])
+    frequency = half / float(time[cut[2]] - time[cut[1]])
+    amplitude, twist = (0.5 * float(np.ptp(one[at])) for one in (link, motor - link))
+    return Swing(True, amplitude, frequency, twist)
 
 
-def _frequency(time: np.ndarray, values: np.ndarray) -> float:
-    """Of the passages through the middle upwards, noise in between left out [Hz]."""
-    away = values - 0.5 * (values.max() + values.min())
-    side = np.sign(np.where(np.abs(away) > 0.25 * np.abs(away).max(), away, 0.0))
+def _rises(values: np.ndarray, late: int) -> np.ndarray:
+    """Where values pass the middle of the later ones upwards, noise left out."""
+    low, high = values[late:].min(), values[late:].max()
+    away = values - 0.5 * (low + high)
+    side = np.sign(np.where(np.abs(away) > 0.125 * (high - low), away, 0.0))
     at = np.flatnonzero(side)
-    rises = at[1:][(side[at[1:]] > 0.0) & (side[at[:-1]] < 0.0)]
-    if len(rises) < 3:
-        return 0.0  # slower than can be told
-    return (len(rises) - 1) / float(time[rises[-1]] - time[rises[0]])
+    return at[1:][(side[at[1:]] > 0.0) & (side[at[:-1]] < 0.0)]
 
 
 # The screen.
@@ -277,18 +292,22 @@ def describing_function(ratio: np.ndarray | float) -> np.ndarray:
     return np.asarray(1.0 - 2.0 / math.pi * (np.arcsin(r) + r * np.sqrt(1.0 - r * r)))
 
 
+COARSE = 500
+"""Frequencies of a prediction that is not printed."""
+
+
 def predicted(axis: Axis, motions: int = 2000) -> Swing:
     """The largest swing for which play, taken by its describing function, closes the loop.
 
     1 + (K + i w d) N(A) G(i w) = 0 with the twist's amplitude A; the motor's dry friction F counts
-    as a damper 4 F/(pi V) at its amplitude of speed V, sampling as a delay of half a period. No
-    load, dead band, counts, limit of the supply or friction with bristles is in it. Worst with an I
-    term (docs/drives.md).
+    as a damper F/hypot(pi V/4, v_s) at its amplitude of speed V (within 4 % the first harmonic of
+    F tanh(v/v_s)), sampling as a delay of half a period. No load, dead band, counts, limit of the
+    supply or friction with bristles is in it. Worst with an I term (docs/drives.md).
     """
     servo, gear = axis.drive, axis.gear
     if not isinstance(servo, Servo) or axis.controller is not None:
         return QUIET
-    s = 2j * math.pi * np.logspace(-1.0, 2.5, motions)
+    s = 2j * math.pi * np.logspace(-2.0, 2.5, motions)
     w = s.imag
     control = servo.stall * (servo.p_gain + servo.i_gain / s + servo.d_gain * s)
     control = control * np.exp(-0.5 * s * (servo.period or 0.0))
@@ -296,6 +315,7 @@ def predicted(axis: Axis, motions: int = 2000) -> Swing:
     link = axis.inertia * s * s + axis.friction.viscous * s
     viscous = servo.braking + servo.viscous + loss.viscous
     dry, half = servo.friction + loss.running, 0.5 * gear.play
+    creeps = 1e-9 if servo.presliding else JOINT_FRICTION_SPEED
     damper = np.zeros(motions)
     for _ in range(60):
         motor = gear.rotor_inertia * s * s + (viscous + damper) * s
@@ -304,7 +324,7 @@ def predicted(axis: Axis, motions: int = 2000) -> Swing:
         gain = -1.0 / (spring * (per_torque + 1.0 / link))
         ratio = _ratio_of(np.clip(gain.real, 1e-9, 1.0 - 1e-9))
         speed = w * np.abs(half / ratio * per_torque / (per_torque + 1.0 / link))
-        damper = 0.5 * (damper + 4.0 * dry / (math.pi * speed))
+        damper = 0.5 * (damper + dry / np.hypot(0.25 * math.pi * speed, creeps))
     at = np.flatnonzero((gain.imag[1:] > 0.0) != (gain.imag[:-1] > 0.0))
     at = at[(gain.real[at] > 1e-9) & (gain.real[at] < 1.0)]
     if not len(at):
@@ -344,28 +364,25 @@ class Hunting:
     @property
     def verdict(self) -> str:
         if not self.found.hunts:
-            return "quiet"
+            return "unclear" if self.found.unclear else "quiet"
         return "gains, not play" if self.control.hunts else "play"
 
 
 def _largest(swings: Sequence[Swing]) -> Swing:
-    return max(swings, key=lambda one: (one.hunts, one.amplitude))
+    return max(swings, key=lambda one: (one.hunts, one.unclear, one.amplitude))
 
 
 def _of_starts(
     axes: Sequence[Axis],
     play: bool,
-    duration: float,
+    longest: float | None,
     starts: Sequence[float],
     jobs: int | None,
     bar: ProgressBar,
-    longest: int = LONGEST,
 ) -> list[Swing]:
     """The largest swing of each axis."""
     trials = [
-        Trial(axis, start * axis.gear.play, play, duration, longest)
-        for axis in axes
-        for start in starts
+        Trial(axis, start * axis.gear.play, play, longest) for axis in axes for start in starts
     ]
     bar.total = (bar.total or 0) + len(trials)
     found = Study(trials, swing).run(jobs, bar)
@@ -378,7 +395,7 @@ def hunting(
     joints: Sequence[str] = (),
     pose: Mapping[str, float] | None = None,
     *,
-    duration: float = DURATION_S,
+    longest: float | None = None,
     starts: Sequence[float] = STARTS,
     jobs: int | None = None,
     progress: bool = False,
@@ -389,7 +406,8 @@ def hunting(
         simulation: see `Axis.of`.
         joints: which; none: all that have play and a servo or controller.
         pose: see `Axis.of`.
-        duration: of a run, of whose last third all is told [s]; slow swings need longer.
+        longest: run, if it is not clear before whether swings last [s]; None: `LONGEST_S`, or more
+            where slow swings are predicted.
         starts: how far aside runs begin, in plays of the gear.
         jobs: processes; None takes one for each core.
         progress: show a bar.
@@ -398,13 +416,14 @@ def hunting(
         JointplayError: no such joint; none has play, or a servo; a run that stops.
     """
     require_a("simulation", simulation, "Simulation")
-    require_positive("duration", duration, "s")
+    if longest is not None:
+        require_positive("longest run", longest, "s")
     axes = [Axis.of(simulation, name, pose or {}) for name in joints or able(simulation)]
     found = []
     with ProgressBar(disable=not progress, unit="run", total=0) as bar:
 
         def largest(these: Sequence[Axis], play: bool) -> list[Swing]:
-            return _of_starts(these, play, duration, starts, jobs, bar)
+            return _of_starts(these, play, longest, starts, jobs, bar)
 
         for axis in axes:
             with_play, control = largest([axis], True)[0], largest([axis], False)[0]
@@ -444,17 +463,18 @@ def _safe_gain(axis: Axis, largest: Any) -> tuple[float | None, float | None]:
     gains = [axis.drive.p_gain * 2.0**k for k in range(-REACH, REACH + 1)]  # type: ignore[union-attr]
     quiet: float | None = None
     hunts: float | None = None
+    below, clear = gains[0], True
     for _ in range(3):
-        for gain, one in zip(
-            gains, largest([axis.with_gains(p_gain=gain) for gain in gains], True), strict=True
-        ):
+        swings = largest([axis.with_gains(p_gain=gain) for gain in gains], True)
+        for gain, one in zip(gains, swings, strict=True):
             if one.hunts:
                 hunts = gain
                 break
-            quiet = gain
-        if quiet is None or hunts is None:
+            clear = clear and not one.unclear
+            below, quiet = gain, gain if clear else quiet
+        if hunts is None or hunts <= below:
             break
-        gains = list(np.geomspace(quiet, hunts, BETWEEN + 2)[1:-1])
+        gains = list(np.geomspace(below, hunts, BETWEEN + 2)[1:-1])
     return quiet, hunts
 
 
@@ -479,13 +499,17 @@ class GainMap:
     """Whether it hunts without play."""
     screen: np.ndarray
     """Whether the describing function says so."""
+    unclear: np.ndarray
+    """Whether it was not to be told in the longest run."""
 
     @property
     def sentence(self) -> str:
         hunts = self.amplitude > 0.0
         own = int((hunts & ~self.control).sum())
         text = f"{self.axis.joint} hunts at {int(hunts.sum())} of {hunts.size} pairs of gains"
-        return f"{text}, at {own} of them by its play" if hunts.any() else text
+        text += f", at {own} of them by its play" if hunts.any() else ""
+        unclear = int(self.unclear.sum())
+        return f"{text}; at {unclear} a longer --time must tell" if unclear else text
 
     @property
     def table(self) -> Table:
@@ -500,6 +524,7 @@ class GainMap:
                 Column("frequency", self.frequency.ravel(), "Hz"),
                 Column("without play", self.control.ravel().astype(int)),
                 Column("screen", self.screen.ravel().astype(int)),
+                Column("unclear", self.unclear.ravel().astype(int)),
             )
         )
 
@@ -509,7 +534,7 @@ def gain_map(
     first: Span,
     second: Span,
     *,
-    duration: float = DURATION_S,
+    longest: float | None = LONGEST_S,
     start: float = STARTS[1],
     jobs: int | None = None,
     progress: bool = False,
@@ -533,8 +558,7 @@ def gain_map(
     shape = len(second.values), len(first.values)
     with ProgressBar(disable=not progress, unit="run", total=0) as bar:
         loose, tight = (
-            _of_starts(axes, play, duration, [start], jobs, bar, longest=1)
-            for play in (True, False)
+            _of_starts(axes, play, longest, [start], jobs, bar) for play in (True, False)
         )
     return GainMap(
         axis,
@@ -543,7 +567,8 @@ def gain_map(
         np.array([one.amplitude for one in loose]).reshape(shape),
         np.array([one.frequency for one in loose]).reshape(shape),
         np.array([one.hunts for one in tight]).reshape(shape),
-        np.array([predicted(one, 500).hunts for one in axes]).reshape(shape),
+        np.array([predicted(one, COARSE).hunts for one in axes]).reshape(shape),
+        np.array([one.unclear for one in loose]).reshape(shape),
     )
 
 
@@ -581,10 +606,12 @@ def sentence(found: Sequence[Hunting]) -> str:
             too = "; without play as well: gains, not play" if one.control.hunts else ""
             how = f"+-{1e3 * one.found.amplitude:.3g} {unit} at {one.found.frequency:.3g} Hz"
             said.append(f"{one.axis.joint} {how}{too}")
+    slow = [one.axis.joint for one in found if one.verdict == "unclear"]
+    more = f"; a longer --time must tell of {few(slow)}" if slow else ""
     if not said:
-        return f"{counted(len(found), 'joint')} at rest: none hunts"
+        return f"{counted(len(found), 'joint')} at rest: none hunts{more}"
     hunts = "hunts" if len(said) == 1 else "hunt"
-    return f"{len(said)} of {counted(len(found), 'joint')} {hunts} at rest: {', '.join(said)}"
+    return f"{len(said)} of {counted(len(found), 'joint')} {hunts} at rest: {', '.join(said)}{more}"
 
 
 def notes(found: Sequence[Hunting]) -> list[str]:

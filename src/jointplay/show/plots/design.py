@@ -532,8 +532,9 @@ def gains(found: GainMap) -> Figure:
     rate = np.where(found.amplitude > 0.0, found.frequency, np.nan)
     places = [a.ravel() for a in np.meshgrid(x, y)]
     kinds = [
-        (found.screen, "predicted", ".", "white"),
-        (found.control, "without play, too", "x", COLOURS[1]),
+        (found.screen, "predicted by the describing function", ".", COLOURS[0]),
+        (found.control, "without play, too", "x", COLOURS[5]),
+        (found.unclear, "unclear: a longer run must tell", "*", COLOURS[2]),
     ]
     marks: list[Mark] = []
     for where, name, marker, colour in kinds:
@@ -541,13 +542,10 @@ def gains(found: GainMap) -> Figure:
             across_at, up_at = (one[where.ravel()] for one in places)
             look: dict[str, Any] = {"marker": marker, "size": 3.0, "order": 4.0}
             marks.append(Curve(across_at, up_at, name, colour, "", **look))
-    shown = [(size, Axis("swing", length), "best"), (rate, Axis("frequency", "Hz"), "")]
-    panels = [
-        Panel(across, up, [Map(values, scale, x, y), *marks], scale.label, legend=legend)
-        for values, scale, legend in shown
-    ]
-    note = "blank: quiet; half of the link's way to and fro; one start aside, see docs/drives.md"
-    return _row(panels, (9.0, 4.0), note=note, title=found.sentence)
+    shown = [(size, Axis("swing", length)), (rate, Axis("frequency", "Hz"))]
+    panels = [Panel(across, up, [Map(values, scale, x, y), *marks]) for values, scale in shown]
+    note = "blank: quiet; swing: half of the link's way to and fro"
+    return _row(panels, (9.0, 4.2), note=f"{found.sentence}; {note}", key=3)
 
 
 def _gain(name: str) -> str:

@@ -13,7 +13,8 @@ Example: jointplay study hunting so101 --preset --of elbow_flex
   hunting:
     --of JOINT ...  joint to look at (default: all that have play and a servo)
     --held JOINT=X,...  positions at which joints are held (default: where the motion begins)
-    --time TIME  length of a run (default 1.5); slow swings need more
+    --time TIME  longest run, if it is not clear before whether swings last (default: 12 s, or as
+        slow swings need that are predicted)
     --map GAIN=FROM:TO:COUNT ...  two of p_gain, i_gain and d_gain, such as p_gain=10:400:20
         d_gain=0:5:20: a map of the swings over both, of one joint; evenly by factors unless from 0
     --out DIR  folder for hunting.csv; for the map, gains.csv and gains.png
@@ -47,8 +48,7 @@ def run(options: argparse.Namespace) -> int:
 
     simulation = scenario_of(options).simulation(options.case)
     held = positions(simulation.mechanism, options.held or "", "--held")
-    how: dict[str, Any] = {"jobs": options.jobs, "progress": not options.quiet}
-    how["duration"] = options.time
+    how = {"longest": options.time, "jobs": options.jobs, "progress": not options.quiet}
     joints = options.of or hunting.able(simulation)
     if spans:
         if len(joints) > 1:
