@@ -501,3 +501,13 @@ def test_the_command_takes_intervals_unless_told_otherwise(level, tmp_path):
         assert done.returncode == 0, done.stderr
         rows = (tmp_path / f"out{corners}" / "corners.csv").read_text().splitlines()
         assert len(rows) == 1 + corners
+
+
+def test_a_clearance_alone_is_for_all_joints_as_in_a_budget(level, tmp_path):
+    motion = tmp_path / "m.csv"
+    motion.write_text("time_s,j\n0,0\n0.1,0.01\n")
+    command = [JOINTPLAY, "compensate", level, "--clearance", "0.1 mm", "--motion", motion]
+    command += ["--jobs", "1", "--quiet", "--detail", "--approach", "--force"]
+    done = subprocess.run(list(map(str, command)), capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("In simulation the corrected motion")
