@@ -22,6 +22,7 @@ from jointplay import (
     RevoluteClearance,
     Simulation,
     compensate,
+    shipped,
 )
 from jointplay.accuracy import compensation as module
 from jointplay.bridges import backlash, bag
@@ -143,6 +144,30 @@ def test_stops_approached_from_one_side_do_not_ask_how_large_friction_is(upright
     assert left[1] < 0.2 * left[0]
     short = replace(own, motion=Motion(["j"], [0.0, 0.4, 0.5, 0.9], [[0.0], [0.1], [0.1], [0.0]]))
     assert compensate(short, approach=True).approached == ()
+    places = [[0.0], [0.1], [0.1], [0.12], [0.12]]
+    soon = replace(own, motion=Motion(["j"], [0.0, 0.6, 1.2, 1.3, 2.3], places))
+    assert compensate(soon, approach=True).approached == ((0.6, "j"),)
+
+
+def test_one_approach_is_for_all_stops_until_the_joint_moves_again():
+    """The gantry's x stands while z goes and stops twice."""
+    play = 1e-4
+    belt = Gear(play=play, rotor_inertia=4.0, stiffness=2e6, damping=1500.0)
+    mechanism = Mechanism(shipped("gantry.urdf"), gears={"x": belt}, tool="gripper")
+    places = [[0.1, 0.0], [0.2, 0.0], [0.2, -0.02], [0.2, -0.02], [0.2, 0.0], [0.2, 0.0]]
+    motion = Motion(["x", "z"], [0.0, 0.5, 0.9, 1.2, 1.6, 2.0], places)
+    own = Simulation(
+        mechanism,
+        motion,
+        ComputedTorque(encoder="motor"),
+        joint_friction={"x": JointFriction(50.0)},
+    )
+    kept, found = compensate(own), compensate(own, approach=True)
+    assert [time for time, _ in found.approached] == [0.9, 1.6]
+    aside = np.abs(found.shift - kept.shift)[:, 0].max()
+    assert play < aside < 2.5 * play
+    last = found.times > 0.9
+    assert np.ptp(found.shift[last, 0]) < 1e-9
 
 
 def test_friction_of_journals_holds_teeth_as_that_of_the_joint_does(upright):
@@ -476,3 +501,13 @@ def test_the_command_takes_intervals_unless_told_otherwise(level, tmp_path):
         assert done.returncode == 0, done.stderr
         rows = (tmp_path / f"out{corners}" / "corners.csv").read_text().splitlines()
         assert len(rows) == 1 + corners
+
+
+def test_a_clearance_alone_is_for_all_joints_as_in_a_budget(level, tmp_path):
+    motion = tmp_path / "m.csv"
+    motion.write_text("time_s,j\n0,0\n0.1,0.01\n")
+    command = [JOINTPLAY, "compensate", level, "--clearance", "0.1 mm", "--motion", motion]
+    command += ["--jobs", "1", "--quiet", "--detail", "--approach", "--force"]
+    done = subprocess.run(list(map(str, command)), capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("In simulation the corrected motion")

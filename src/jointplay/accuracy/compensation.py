@@ -226,7 +226,7 @@ def compensate(
     approaches = []
     if approach:
         approaches = _approaches(simulation, times, gears, undecided, torque, inertia)
-    for one in approaches:
+    for one in {(each.k, each.arrival): each for each in approaches}.values():
         one.apply(simulation, times, shift, side, undecided)
     if mechanism.clearance:
         shift -= through_jacobian(simulation, times, displacement)
@@ -478,7 +478,7 @@ def _approaches(
     """Stops that can be approached from one side, that to which loads press the joint at them.
 
     So slowly that braking does not lift the teeth: a stop is left as it is where there is no
-    friction, or the joint stands too short.
+    friction, the joint stands too short, or it would have to go aside at the stop before.
     """
     motion, friction = simulation.motion, joint_friction(simulation)
     assert motion is not None
@@ -495,7 +495,8 @@ def _approaches(
             brakes = _BRAKES * OVERSHOOT * simulation.mechanism.gears[name].play * inertia[node, k]
             window = max(APPROACH_S, np.sqrt(brakes / (BRAKING * dry)) if dry else np.inf)
             arrival = max(times[moving[-1] + 1] if len(moving) else 0.0, window)
-            if arrival + window <= ends[time]:
+            before = max((end for end in ends.values() if end < arrival), default=0.0)
+            if before <= arrival - window and arrival + window <= ends[time]:
                 pressed = way * dry + torque[node, k]
                 found.append(_Approach(name, k, time, arrival, window, pressed))
     return sorted(found, key=lambda one: one.stop)
