@@ -291,6 +291,19 @@ def test_nothing_bears_load_within_the_free_set_and_something_beyond(clearance, 
     assert bearing.load(1.06 * point).loads.max() > 0.0
 
 
+@pytest.mark.parametrize("bearing", [DEEP, CROSSED])
+def test_elements_that_hold_a_ring_at_rest_balance_the_load(bearing):
+    play = bearing.play()
+    assert replace(bearing).play() is play  # what is found of it is found once
+    loads = np.random.default_rng(1).normal(size=(50, 6)) * ([1.0] * 3 + [0.02] * 3)
+    loads[:, 5] = 0.0
+    found = play.pressed(loads, play.support(loads).point)
+    left = loads + np.einsum("nk,nkd->nd", found.force, found.normal)
+    size = np.linalg.norm(loads * [1, 1, 1, 50, 50, 50], axis=1)
+    assert (np.abs(left * [1, 1, 1, 50, 50, 50]).max(axis=1) < 1e-4 * size).all()
+    assert (found.force >= 0.0).all()
+
+
 # Life and friction.
 
 

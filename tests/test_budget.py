@@ -20,7 +20,7 @@ from jointplay import (
     Simulation,
     shipped,
 )
-from jointplay.accuracy import poses
+from jointplay.accuracy import poses, rest
 from jointplay.accuracy.error_budget import budget
 from jointplay.cli import main
 from jointplay.model.robots import robot_urdf
@@ -501,3 +501,16 @@ def test_a_budget_says_what_its_columns_mean(arm):
     text = str(budget(Mechanism(arm, gears={"j": Gear(1e-3, 0.1, 1e4)}), {}).table())
     assert "alone: with play in this joint only" in text
     assert "at rest: under gravity" in text
+
+
+@pytest.mark.parametrize("bearing", ["plain", "rolling"])
+def test_states_that_have_settled_are_those_of_a_search_of_all(bearing, monkeypatch):
+    """Leaning by gravity, so that the loads change with the state."""
+    made = {
+        "plain": RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4),
+        "rolling": BallBearing(designation="6002", radial_clearance=2e-5),
+    }[bearing]
+    arm = Mechanism(robot_urdf("ur5"), {"elbow_joint": made, "wrist_1_joint": made})
+    found = budget(arm, {}, friction=0.3).rest_interval
+    monkeypatch.setattr(rest, "_SETTLED", 0.0)
+    assert found == pytest.approx(budget(arm, {}, friction=0.3).rest_interval, abs=1e-9)
