@@ -384,6 +384,31 @@ print(len(numbers), hashlib.sha256(b"".join(numbers)).hexdigest())
     assert done.stdout == usual.stdout != ""
 
 
+@compiled
+def _sum_of_lent(values, least):
+    total = 0.0
+    for value in values[1:]:
+        total += 2.0 * value if value > least else value
+    return total
+
+
+@compiled
+def _sum_of_made(n):
+    values = np.ones(n)
+    values[1] = 3.0
+    return _sum_of_lent(values, 2.0)
+
+
+def test_references_to_arrays_are_counted_only_where_arrays_are_made():
+    assert _sum_of_made(4) == 8.0
+    numba_inside.build(_sum_of_made.dispatcher, "(i)", objects.here())
+    counts = {
+        function.__name__: [made.library.counts for made in function.dispatcher.overloads.values()]
+        for function in (_sum_of_lent, _sum_of_made)
+    }
+    assert counts == {"_sum_of_lent": [False], "_sum_of_made": [True]}
+
+
 def test_what_is_used_inside_numba_is_there_and_used_in_two_modules():
     """A release of numba that moves it fails here: mend `numba_inside`, then raise the bound."""
     for kind, names in numba_inside.USED.items():

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 from jointplay.base import processes, signals, streams
 from jointplay.base.errors import JointplayError, MissingName
 from jointplay.base.files import claim, holds, refuse_present
+from jointplay.base.imports import spare_other_arrays
 from jointplay.base.progress import current, printing, whole
 from jointplay.base.signals import INTERRUPTED
 from jointplay.base.tables import Table, counted, few
@@ -81,6 +82,7 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     from jointplay.simulation.analysis.headline import HISTORIES
     from jointplay.study.certification import number_of_runs
 
+    spare_other_arrays()
     progress = not options.quiet
     items = {}
     lengths, simulations = {}, {}
