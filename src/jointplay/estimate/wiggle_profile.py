@@ -3,9 +3,8 @@
 While the teeth are parted the motor is rid of the link's friction and inertia, and its lag behind
 the goal shows it. A `ServoJoint` of which the frictions, elasticity, inertias, loop and the goal's
 limit of acceleration are unknown is fitted to the logged positions at each of several plays; the
-interval has the plays of which the best sum of squares is near the least one (profile likelihood:
-S. A. Murphy and A. W. van der Vaart, J. Am. Stat. Assoc. 95 (2000) 449-465, from memory). How near
-counts residuals that hang together as one, and allows for a joint that is not as modelled.
+interval has the plays of which the best sum of squares is near the least one (profile likelihood).
+How near counts residuals that hang together as one, and allows for a joint that is not as modelled.
 """
 
 from __future__ import annotations
