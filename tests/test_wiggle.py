@@ -56,10 +56,11 @@ OUTPUT = replace(SERVO, encoder="link", period=1e-3)
 KNOWN = Known(OUTPUT, ROTOR, LINK)
 
 
-def log_of(play, *, rate=100.0, stiffness=300.0, servo=OUTPUT, inertia=LINK, most=np.inf):
+def log_of(play, *, rate=100.0, stiffness=300.0, servo=OUTPUT, inertia=LINK, most=np.inf, load=0.0):
     """What the servo of a joint of such a play reports of its wiggle; its goals' acceleration is
     limited by `most`."""
     numbers = {"play": play, "stiffness": stiffness, "damping": 0.4, "link_friction": 0.03}
+    numbers["load"] = load
     times, goals = wiggle_goal(servo.encoder)
     now = np.arange(0.0, times[-1] + 0.6, RECORD_S)
     goal = np.interp(now - 0.3, times, goals)
@@ -130,6 +131,11 @@ def test_with_the_encoder_on_the_motor_a_log_that_no_joint_explains_is_refused()
     log = log_of(np.radians(0.5), servo=HEAVY.servo, inertia=2.5 * ROTOR)
     shaken = log.position + 0.02 * np.sin(40.0 * log.time)
     assert "no joint of the model moves" in play_of(replace(log, position=shaken), HEAVY).reason
+
+
+def test_with_the_encoder_on_the_motor_a_link_that_a_load_holds_to_one_side_is_refused():
+    log = log_of(np.radians(0.5), servo=HEAVY.servo, inertia=2.5 * ROTOR, load=0.08)
+    assert "leans on the link" in play_of(log, replace(HEAVY, load=0.08)).reason
 
 
 def test_a_softened_goal_arrives_late_but_arrives():
