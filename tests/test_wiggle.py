@@ -10,7 +10,8 @@ import jointplay as jp
 from jointplay.base.errors import JointplayError
 from jointplay.estimate import wiggle
 from jointplay.estimate.servo_joint import RECORD_S, ServoJoint, limit
-from jointplay.estimate.wiggle import Known, ServoLog, play_of, wiggle_goal
+from jointplay.estimate.wiggle import Known, ServoLog, wiggle_goal
+from jointplay.estimate.wiggle_logs import band, play_of
 from jointplay.simulation.loads import JointFriction, Servo
 
 SERVO = Servo.of(
@@ -55,10 +56,11 @@ OUTPUT = replace(SERVO, encoder="link", period=1e-3)
 KNOWN = Known(OUTPUT, ROTOR, LINK)
 
 
-def log_of(play, *, rate=100.0, stiffness=300.0, servo=OUTPUT, inertia=LINK, most=np.inf):
+def log_of(play, *, rate=100.0, stiffness=300.0, servo=OUTPUT, inertia=LINK, most=np.inf, load=0.0):
     """What the servo of a joint of such a play reports of its wiggle; its goals' acceleration is
     limited by `most`."""
     numbers = {"play": play, "stiffness": stiffness, "damping": 0.4, "link_friction": 0.03}
+    numbers["load"] = load
     times, goals = wiggle_goal(servo.encoder)
     now = np.arange(0.0, times[-1] + 0.6, RECORD_S)
     goal = np.interp(now - 0.3, times, goals)
@@ -87,7 +89,7 @@ def test_the_wiggle_is_small_and_lasts_from_4_to_10_seconds(encoder):
 def test_a_band_is_in_tenths_of_a_degree_and_holds_the_play():
     told = [play_of(log_of(np.radians(play)), KNOWN) for play in PLAYS]
     for play, one in zip(PLAYS, told, strict=True):
-        low, high = wiggle.band(log_of(np.radians(play)), KNOWN)
+        low, high = band(log_of(np.radians(play)), KNOWN)
         assert low <= np.radians(play) <= high
         for end in (low, high):
             assert np.isinf(end) or 10.0 * np.degrees(end) == pytest.approx(
@@ -102,7 +104,7 @@ def test_a_band_is_in_tenths_of_a_degree_and_holds_the_play():
 def test_where_the_joint_stands_and_when_its_log_begins_do_not_matter():
     log = log_of(np.radians(1.4))
     there = replace(log, time=log.time + 1e3, goal=log.goal + 0.7, position=log.position + 0.7)
-    assert wiggle.band(there, KNOWN) == pytest.approx(wiggle.band(log, KNOWN))
+    assert band(there, KNOWN) == pytest.approx(band(log, KNOWN))
 
 
 def test_small_play_is_bounded_above_and_large_play_below():
@@ -120,7 +122,7 @@ HEAVY = Known(replace(SERVO, resolution=SERVO.resolution / 100.0, period=1e-3), 
 def test_with_the_encoder_on_the_motor_a_heavy_link_shows_its_play(play, most):
     """Though the firmware softens the goals and half of what is known is a little off."""
     log = log_of(np.radians(play), servo=HEAVY.servo, inertia=2.6 * ROTOR, most=most)
-    low, high = wiggle.band(log, HEAVY)
+    low, high = band(log, HEAVY)
     assert low <= np.radians(play) <= high
     assert high - low <= np.radians(0.5)
 
@@ -129,6 +131,11 @@ def test_with_the_encoder_on_the_motor_a_log_that_no_joint_explains_is_refused()
     log = log_of(np.radians(0.5), servo=HEAVY.servo, inertia=2.5 * ROTOR)
     shaken = log.position + 0.02 * np.sin(40.0 * log.time)
     assert "no joint of the model moves" in play_of(replace(log, position=shaken), HEAVY).reason
+
+
+def test_with_the_encoder_on_the_motor_a_link_that_a_load_holds_to_one_side_is_refused():
+    log = log_of(np.radians(0.5), servo=HEAVY.servo, inertia=2.5 * ROTOR, load=0.08)
+    assert "leans on the link" in play_of(log, replace(HEAVY, load=0.08)).reason
 
 
 def test_a_softened_goal_arrives_late_but_arrives():

@@ -26,6 +26,7 @@ from jointplay.base.progress import ProgressBar
 from jointplay.estimate import wiggle
 from jointplay.estimate.servo_joint import RECORD_S, ServoJoint
 from jointplay.estimate.wiggle import EDGES, Known, ServoLog, Untold, features, wiggle_goal
+from jointplay.estimate.wiggle_logs import band
 from jointplay.simulation.loads.drive import Servo
 
 MEMBERS = 26_000
@@ -377,7 +378,7 @@ def main() -> None:
         one = fresh(seed, args.encoder)
         low, high, reason = np.nan, np.nan, ""
         try:
-            low, high = wiggle.band(one.log, one.known)
+            low, high = band(one.log, one.known)
         except Untold as error:
             reason = str(error)
         refused = bool(reason)

@@ -1,9 +1,9 @@
 """Play of a joint from what its own servo reports while it is wiggled.
 
 `wiggle_goal` is the motion, a `ServoLog` what was recorded, `Known` what is known of the joint
-beforehand. `play_of` answers with a band or a bound, or says why the log cannot tell. Features of
-the log that ignore the phase of hunting go through a small regression, trained on a broad family of
-simulated joints with the encoder on the output (benchmarks/truth/wiggle.py --train).
+beforehand; logs and joints of which nothing can be told are refused. With the encoder on the output
+features of the log that ignore the phase of hunting go through a small regression, trained on a
+broad family of simulated joints (benchmarks/truth/wiggle.py --train).
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from pathlib import Path
 import numpy as np
 
 from jointplay.base.errors import JointplayError
-from jointplay.estimate.unknowns import Estimate, Unknown
 from jointplay.simulation.loads.drive import Servo
 
 DATA = Path(__file__).parent / "data" / "wiggle.npz"
@@ -119,49 +118,6 @@ class Untold(Exception):
     """Why a log cannot tell, in words."""
 
 
-def play_of(log: ServoLog, known: Known) -> Estimate:
-    """The play of a joint's gear by a log of its wiggle [rad].
-
-    Its interval is a band in tenths of a degree, rounded outward; a band that begins at zero is an
-    upper bound (not `found`), one of a play beyond the family's largest has no upper end; and there
-    is a reason where the log cannot tell.
-    """
-    unknown = Unknown(log.joint, "gear_play", "rad", np.nan, in_degrees=True)
-    try:
-        low, high = band(log, known)
-    except Untold as error:
-        return Estimate(unknown, reason=str(error))
-    if too_wide(low, high):
-        ends = f"{np.degrees(low):.1f} to {np.degrees(min(high, LARGEST)):.1f} deg"
-        return Estimate(unknown, reason=f"plays from {ends} would look alike in this log")
-    middle = 0.5 * (low + high) if np.isfinite(high) else low
-    return Estimate(unknown, middle, ends=(low, high), upper=high, found=low > 0.0)
-
-
-def band(log: ServoLog, known: Known) -> tuple[float, float]:
-    """Ends of the play's interval, in tenths of a degree, rounded outward [rad], however wide.
-
-    The upper one is infinite where it reaches the family's largest play.
-
-    Raises:
-        Untold: the log or the joint is refused.
-        JointplayError: the numbers of the regression are damaged.
-    """
-    check_log(log)
-    check_joint(known)
-    if known.servo.encoder == "motor":
-        from jointplay.estimate.wiggle_profile import Profile
-
-        return rounded(*Profile(log, known).ends())
-    numbers = regression()
-    seen = features(log, known)
-    if strangeness(seen, numbers) > numbers["strange"]:
-        raise Untold(
-            "no simulated joint moves as this log does (one of 100 of the family is refused so)"
-        )
-    return rounded(*ends_of(shares(seen, numbers), numbers["tails"]))
-
-
 def rounded(low: float, high: float) -> tuple[float, float]:
     """An interval in tenths of a degree, rounded outward [rad]."""
     tenth = np.radians(0.1)
@@ -259,6 +215,22 @@ def regression() -> dict[str, np.ndarray]:
         raise JointplayError(f"{DATA} is damaged: its SHA-256 is not {wanted}; install it again")
     with np.load(io.BytesIO(content)) as file:
         return dict(file)
+
+
+def ends_by_family(log: ServoLog, known: Known) -> tuple[float, float]:
+    """Ends of the play's interval by the regression [rad].
+
+    Raises:
+        Untold: no joint of the family moves so, or see `on_grid`.
+        JointplayError: the numbers of the regression are damaged.
+    """
+    numbers = regression()
+    seen = features(log, known)
+    if strangeness(seen, numbers) > numbers["strange"]:
+        raise Untold(
+            "no simulated joint moves as this log does (one of 100 of the family is refused so)"
+        )
+    return ends_of(shares(seen, numbers), numbers["tails"])
 
 
 def inside(own: np.ndarray, numbers: Mapping[str, np.ndarray]) -> np.ndarray:

@@ -25,8 +25,19 @@ from jointplay.estimate import columns
 from jointplay.estimate.machine import OfJoints
 from jointplay.estimate.recordings import Recording
 from jointplay.estimate.unknowns import Estimate, Loop, Unknown
-from jointplay.estimate.wiggle import ServoLog, play_of
-from jointplay.estimate.wiggle_plan import known_of, refusal
+from jointplay.estimate.wiggle import (
+    LARGEST,
+    Known,
+    ServoLog,
+    Untold,
+    check_joint,
+    check_log,
+    ends_by_family,
+    rounded,
+    too_wide,
+)
+from jointplay.estimate.wiggle_plan import known_of
+from jointplay.estimate.wiggle_profile import Profile
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.loads.drive import Drive, Servo
 
@@ -201,6 +212,40 @@ def _loop(log: ServoLog) -> Loop:
     return Loop(log.joint, goal, "goal", "rad", off, nothing, "rad", branch)
 
 
+def play_of(log: ServoLog, known: Known) -> Estimate:
+    """The play of a joint's gear by a log of its wiggle [rad].
+
+    Its interval is a band in tenths of a degree, rounded outward; a band that begins at zero is an
+    upper bound (not `found`), one of a play beyond the family's largest has no upper end; and there
+    is a reason where the log cannot tell.
+    """
+    unknown = Unknown(log.joint, "gear_play", "rad", np.nan, in_degrees=True)
+    try:
+        low, high = band(log, known)
+    except Untold as error:
+        return Estimate(unknown, reason=str(error))
+    if too_wide(low, high):
+        ends = f"{np.degrees(low):.1f} to {np.degrees(min(high, LARGEST)):.1f} deg"
+        return Estimate(unknown, reason=f"plays from {ends} would look alike in this log")
+    middle = 0.5 * (low + high) if np.isfinite(high) else low
+    return Estimate(unknown, middle, ends=(low, high), upper=high, found=low > 0.0)
+
+
+def band(log: ServoLog, known: Known) -> tuple[float, float]:
+    """Ends of the play's interval, in tenths of a degree, rounded outward [rad], however wide.
+
+    The upper one is infinite where it reaches the family's largest play.
+
+    Raises:
+        Untold: the log or the joint is refused.
+        JointplayError: the numbers of the regression are damaged.
+    """
+    check_log(log)
+    check_joint(known)
+    motor = known.servo.encoder == "motor"
+    return rounded(*(Profile(log, known).ends() if motor else ends_by_family(log, known)))
+
+
 def identify_wiggled(
     mechanism: Mechanism, log: ServoSignals | str | Path | Recording, drives: Mapping[str, Drive]
 ) -> Wiggled:
@@ -245,10 +290,7 @@ def identify_wiggled(
             untold.append(f"{joint} {readable(servo.p_gain, 'V/rad', 3)}")
         servos[joint] = servo
         known = known_of(mechanism, servo, joint, {**middle(mechanism), **pose})
-        if reason := refusal(known):
-            found.append(Estimate(unknown, reason=reason))
-        else:
-            found.append(play_of(part, known))
+        found.append(play_of(part, known))
     if untold:
         notes.append(
             f"note: the log says no gains; taken are {few(untold)}: --set drives.JOINT.p_gain=... "

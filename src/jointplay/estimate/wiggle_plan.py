@@ -65,15 +65,6 @@ def known_of(mechanism: Mechanism, servo: Servo, joint: str, pose: Mapping[str, 
     return Known(servo, mechanism.gears[joint].rotor_inertia, inertia, load)
 
 
-def refusal(known: Known) -> str:
-    """Why a wiggle would tell nothing of a joint, before anybody records; empty if it would."""
-    try:
-        check_joint(known)
-    except Untold as reason:
-        return str(reason)
-    return ""
-
-
 @dataclass(frozen=True)
 class Step:
     """The wiggle of one joint."""
@@ -147,8 +138,11 @@ def plan_wiggle(
         known, pose = next(free, (None, begin))
         if known is None:
             refused[name] = "no pose within limits that the arm gets to without hitting itself"
-        elif reason := refusal(known):
-            refused[name] = reason
+            continue
+        try:
+            check_joint(known)
+        except Untold as reason:
+            refused[name] = str(reason)
         else:
             steps.append(Step(name, pose, known, *motion.wiggle(name, pose, servo.encoder)))
     if not steps:

@@ -3,9 +3,8 @@
 While the teeth are parted the motor is rid of the link's friction and inertia, and its lag behind
 the goal shows it. A `ServoJoint` of which the frictions, elasticity, inertias, loop and the goal's
 limit of acceleration are unknown is fitted to the logged positions at each of several plays; the
-interval has the plays of which the best sum of squares is near the least one (profile likelihood:
-S. A. Murphy and A. W. van der Vaart, J. Am. Stat. Assoc. 95 (2000) 449-465, from memory). How near
-counts residuals that hang together as one, and allows for a joint that is not as modelled.
+interval has the plays of which the best sum of squares is near the least one (profile likelihood).
+How near counts residuals that hang together as one, and allows for a joint that is not as modelled.
 """
 
 from __future__ import annotations
@@ -60,7 +59,7 @@ ENOUGH = 1e-3
 and more."""
 NEAR = 40.0
 """Chi square, by independent residuals, up to which a play is in the interval."""
-UNFIT = 0.1
+UNFIT = 0.07
 """Residuals by the lag (RMS) up to which a fit counts."""
 _USUAL, _DEVIATION = (np.array(one) for one in zip(*UNKNOWNS.values(), strict=True))
 _AT = {name: k for k, name in enumerate(UNKNOWNS)}
@@ -158,7 +157,7 @@ class Profile:
         """Ends of the play's interval [rad].
 
         Raises:
-            Untold: the model fits at no play, or see `on_grid`.
+            Untold: the model fits at no play, a load leans on the link, or see `on_grid`.
         """
         sent, seen = on_grid(self.log, "motor")
         self.search()
@@ -166,6 +165,12 @@ class Profile:
         if off > UNFIT:
             raise Untold(
                 f"no joint of the model moves as this log does: {off:.0%} of its lag is left over"
+            )
+        found = self.joint(self.best, self.fits[self.best].x)
+        if abs(found.load) > found.link_friction:
+            raise Untold(
+                f"a load of {abs(found.load):.2g} N m leans on the link, above its friction of "
+                f"{found.link_friction:.2g} N m: the torque on its teeth does not reverse"
             )
         return ends_of(*self.chi_square())
 
