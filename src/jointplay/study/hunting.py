@@ -3,8 +3,8 @@
 One joint is looked at, the others held: a motor, its gear, the link's inertia as Pinocchio has it
 at the pose, the torque of gravity, friction, and the servo or a controller of the user's own. The
 engine runs it from several starts aside, and the same without play. A describing function of the
-play is the screen beside it: gap and backlash as J. J. Slotine, W. Li, Applied Nonlinear Control
-(1991), chapter 5, treat them; not seen for this work, the formula is derived and tested.
+play, the first harmonic of what a gap makes of a sine, is the screen beside it; it is derived here,
+and tested by integration.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ QUIET = Swing(False, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class Axis:
-    """One joint of a robot at a pose, all others held.
+    """One joint of a robot at a pose, all others held; its position counts from the pose.
 
     Quantities of rotation stand for those of translation of a prismatic joint.
     """
@@ -118,9 +118,7 @@ class Axis:
             require_known("moving joint", other, robot.joints)
         gear, drive, controller = robot.gears.get(joint), *_control(simulation, joint)
         if gear is None or not gear.play > 0.0:
-            raise JointplayError(
-                f'{joint!r} has no gear with play: give --gear {joint}="10 arcmin"'
-            )
+            raise JointplayError(f"{joint!r} has no gear with play: {_give_gear(joint)}")
         if drive is None and controller is None:
             raise JointplayError(
                 f"{joint!r} has neither a servo nor a controller of its own: give --preset, or "
@@ -196,6 +194,11 @@ class Axis:
             start="centred",
             limits="ignore",
         )
+
+
+def _give_gear(joint: str) -> str:
+    numbers = "=... --set ".join(f"gears.{joint}.{one}" for one in ("rotor_inertia", "stiffness"))
+    return f'give --preset, or --gear {joint}="10 arcmin" --set {numbers}=...'
 
 
 def _control(simulation: Simulation, joint: str) -> tuple[Servo | None, Controller | None]:
@@ -418,7 +421,9 @@ def hunting(
     require_a("simulation", simulation, "Simulation")
     if longest is not None:
         require_positive("longest run", longest, "s")
-    axes = [Axis.of(simulation, name, pose or {}) for name in joints or able(simulation)]
+    axes = [
+        Axis.of(simulation, name, pose or {}) for name in dict.fromkeys(joints or able(simulation))
+    ]
     found = []
     with ProgressBar(disable=not progress, unit="run", total=0) as bar:
 
@@ -447,8 +452,7 @@ def able(simulation: Simulation) -> list[str]:
     robot = simulation.mechanism
     loose = [name for name, gear in robot.gears.items() if gear.play > 0.0]
     if not loose:
-        first = robot.joints[0]
-        raise JointplayError(f'no gear has play: give --preset, or --gear {first}="10 arcmin"')
+        raise JointplayError(f"no gear has play: {_give_gear(robot.joints[0])}")
     names = [name for name in loose if any(one is not None for one in _control(simulation, name))]
     if not names:
         raise JointplayError(
