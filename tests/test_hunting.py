@@ -59,6 +59,11 @@ def test_slow_swings_are_waited_for():
     assert not at(slow, play=False).unclear
 
 
+def test_what_sinks_slowly_onto_its_load_is_no_swing():
+    sinks = replace(axis(0.6, encoder="motor"), load=0.4)
+    assert at(sinks) == hunting.QUIET
+
+
 def test_the_screens_friction_is_the_first_harmonic_of_one_that_creeps():
     angle = np.linspace(0.0, 2.0 * np.pi, 10_001)[:-1]
     for speed in (0.1, 1.0, 3.0, 10.0):
