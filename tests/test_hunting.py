@@ -60,7 +60,7 @@ def test_slow_swings_are_waited_for():
 
 
 def test_what_sinks_slowly_onto_its_load_is_no_swing():
-    sinks = replace(axis(0.6, encoder="motor"), load=0.4)
+    sinks = replace(axis(0.6), load=0.06)
     assert at(sinks) == hunting.QUIET
 
 
