@@ -9,7 +9,14 @@ from scipy.optimize import minimize
 
 import jointplay as jp
 from jointplay import Gear, JointplayError, Mechanism, Motion, RevoluteClearance
-from jointplay.accuracy.allocation import LIMIT, PRELOADED, allocate, offers_of
+from jointplay.accuracy.allocation import (
+    COMPENSATION,
+    LIMIT,
+    PRELOADED,
+    Correction,
+    allocate,
+    offers_of,
+)
 from jointplay.accuracy.causes import CAUSES
 from jointplay.accuracy.cheapest import drawn
 from jointplay.accuracy.error_budget import budget
@@ -17,6 +24,8 @@ from jointplay.accuracy.error_model import play_model
 from jointplay.base.errors import MissingName
 from jointplay.cli import main
 from jointplay.show.plots.design import allocation
+from jointplay.simulation.loads import ComputedTorque
+from jointplay.study.corners import judge
 from jointplay.study.courses import dynamic_error, fitting_step
 
 later = pytest.mark.thorough
@@ -511,3 +520,66 @@ def test_the_command_line_spends_on_causes(tmp_path, capsys):
     )
     assert main(["allocate", str(path), "--whole", "--target", "1 mm"]) == 0
     assert "given: geometry: offset 0.0002 m (all joints)" in capsys.readouterr().out
+
+
+# Compensation, which one can buy as well.
+
+
+def corrected(mechanism, pose, **known):
+    offers = {COMPENSATION: [Correction(1.0, **known)]}
+    return allocate(mechanism, pose, 1e-3, causes=["play"], offers=offers).corrections[0]
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_what_compensation_leaves_is_what_runs_with_other_play_show(urdf, count):
+    """Play 30 % larger or smaller than the correction takes it to be, at the motion's last stop."""
+    names, above = ["j", "k"][:count], ["base", "j1"]
+    parts = [
+        part
+        for k, name in enumerate(names)
+        for part in (
+            body(f"j{k + 1}", 2.0 - k, f"{0.3 - 0.1 * k} 0 0"),
+            joint(name, above[k], f"j{k + 1}", axis="0 -1 0"),
+        )
+    ]
+    path = urdf(*parts, tip(f"j{count}"))
+    gears = {
+        name: Gear((4e-3, 2e-3)[k], (0.05, 0.03)[k], (800.0, 400.0)[k], 2.0 - k)
+        for k, name in enumerate(names)
+    }
+    arm = Mechanism(path, gears=gears, gravity=(0.0, 0.0, -9.81))
+    stop = [0.05, -0.4][:count]
+    motion = Motion(names, [0.0, 0.4, 0.8], [[0.0] * count, stop, stop])
+    drive = ComputedTorque(encoder="motor")
+    simulation = jp.Simulation(arm, motion, drive=drive, step="20 us", record_every=50)
+    corners = judge(jp.compensate(simulation), {"play": 0.3}, jobs=1).corners[1:]
+    shown = max(float(np.linalg.norm(one.after.values[-1])) for one in corners)
+    pose = dict(zip(names, stop, strict=True))
+    assert shown < corrected(arm, pose).error < 1.25 * shown
+    exactly = corrected(arm, pose, play=0.0).error
+    assert corrected(arm, pose).error - exactly == pytest.approx(shown, rel=0.15)
+    assert corrected(arm, pose, play=0.0, friction=0.5).error == pytest.approx(1.5 * exactly)
+
+
+def test_compensation_stands_beside_what_is_allocated(capsys, tmp_path):
+    options = ["allocate", "scara", "--clearance", "50 um", "--target", "0.2 mm", "--quiet"]
+    trust = ["--compensation", "20", "--trust", "play 20 %, friction 50 %"]
+    assert main([*options, *trust]) == 0
+    shown = capsys.readouterr().out
+    assert "sizes as given, compensated, do not" in shown.splitlines()[0]
+    assert "(price 20, play known to 20 %, friction to 50 %); allocated 0.2 mm" in shown
+    assert main([*options[:4], "--target", "3 mm", *options[6:], "--compensation", "20"]) == 0
+    assert "keep it, too, at rest" in capsys.readouterr().out.splitlines()[0]
+    for bad, words in [
+        (["--compensation", "-1"], "price of a compensation must not be negative, got -1"),
+        (["--trust", "play 20 %"], "give its price, --compensation"),
+        (["--compensation", "1", "--trust", "payload 20 %"], "only play and friction may be off"),
+    ]:
+        assert main([*options, *bad]) == 2
+        assert words in capsys.readouterr().err
+
+
+def test_a_target_that_sizes_cannot_keep_is_refused_with_what_compensation_leaves(three):
+    offers = {COMPENSATION: [Correction(1.0)]}
+    with pytest.raises(JointplayError, match=r"cannot be reached: .*; compensated .* at rest"):
+        allocate(robot(three), {}, 1e-6, offers=offers)

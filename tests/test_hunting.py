@@ -59,6 +59,11 @@ def test_slow_swings_are_waited_for():
     assert not at(slow, play=False).unclear
 
 
+def test_what_sinks_slowly_onto_its_load_is_no_swing():
+    sinks = replace(axis(0.6), load=0.06)
+    assert at(sinks) == hunting.QUIET
+
+
 def test_the_screens_friction_is_the_first_harmonic_of_one_that_creeps():
     angle = np.linspace(0.0, 2.0 * np.pi, 10_001)[:-1]
     for speed in (0.1, 1.0, 3.0, 10.0):
@@ -119,6 +124,36 @@ def test_a_controller_of_ones_own_hunts_as_the_servo_does(urdf):
     assert own.encoder == "link"
     assert at(own).hunts
     assert predicted(own) == hunting.QUIET
+
+
+class Sampled:
+    """A PD controller in Python, with a memory."""
+
+    def __init__(self, kp, kd):
+        self.kp, self.kd, self.calls = kp, kd, 0
+
+    def __call__(self, time, q, v):
+        self.calls += 1
+        return [-self.kp * q[0] - self.kd * v[0]]
+
+
+def held_by(disc, numbers, encoder="link"):
+    one = jp.loads.Controller(("a",), Sampled, numbers, period=1e-3, encoder=encoder)
+    robot = jp.Mechanism(disc, gears={"a": GEAR})
+    return jp.Simulation(robot, drive={}, loads={"own": one}, joint_friction={}, duration=1.0)
+
+
+def test_a_controller_in_python_hunts_by_its_play_and_has_no_gain_that_is_known(urdf):
+    disc = urdf(body("disc", 1.0, "0 0 0", 0.05), joint("a", "base", "disc", "continuous"))
+    (found,) = hunting.hunting(held_by(disc, (70.0, 0.5)), starts=(2.0,), jobs=1)
+    assert found.verdict == "play"
+    assert found.quiet is None
+    assert found.hunting is None
+    assert "hunts at rest: a +-" in hunting.sentence([found])
+    (quiet,) = hunting.hunting(held_by(disc, (70.0, 5.0), "motor"), starts=(2.0,), jobs=1)
+    assert quiet.verdict == "quiet"
+    with pytest.raises(jp.JointplayError, match="no servo whose gains"):
+        hunting.gain_map(found.axis, Span("p_gain", np.ones(2)), Span("d_gain", np.ones(2)))
 
 
 def test_a_map_shows_where_play_hunts_and_where_gains_do(tmp_path):

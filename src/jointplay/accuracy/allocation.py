@@ -24,6 +24,7 @@ from jointplay.accuracy.causes import (
     told_apart,
 )
 from jointplay.accuracy.cheapest import COSTS, Error, Key, Problem, Sizes
+from jointplay.accuracy.error_budget import KNOWN, budget
 from jointplay.accuracy.error_model import Contribution, ErrorModel, play_model
 from jointplay.accuracy.jacobians import configurations, force_on_tool
 from jointplay.accuracy.robot_errors import RobotErrors
@@ -43,6 +44,7 @@ from jointplay.base.units import readable
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import Clearance, RollingBearing
 from jointplay.physics.joints.bearings import PRELOADED
+from jointplay.simulation.loads.drive import ComputedTorque
 
 LEAST_M, MOST_M = 2e-6, 1e-3
 """Clearances that can be bought, unless others are given [m]."""
@@ -55,6 +57,8 @@ PRICES = {"C2": 1.3, "CN": 1.0, "C3": 1.0, "C4": 1.1, "CC0": 1.5, "C0": 1.0, "C1
 it is given: assumed, of no catalogue. Of a grade it is the tolerance of IT7 over its own."""
 PATIENCE_S = 2.0
 """What takes longer has a bar [s]."""
+COMPENSATION = "compensation"
+"""Under which `Correction`s are offered."""
 _MM = 1e3
 """Costs are of clearances in millimetres."""
 _RENEWALS = 12
@@ -81,6 +85,42 @@ class Offer:
         fit = self.joint.fitted
         joint = self.joint if fit is None else self.joint.at_clearance(fit.most)
         return joint.travel[way]
+
+
+@dataclass(frozen=True)
+class Correction:
+    """A motion corrected for the play of all joints (`compensate`), at a price."""
+
+    price: float = 1.0
+    play: float = KNOWN
+    """Part by which play may be off from what the correction takes it to be."""
+    friction: float = 0.0
+    """Likewise friction."""
+
+    def __post_init__(self) -> None:
+        require_non_negative("price of a compensation", self.price, "")
+        for name in ("play", "friction"):
+            require_non_negative(f"part by which {name} may be off", getattr(self, name), "")
+
+
+@dataclass(frozen=True)
+class Corrected:
+    """What a correction would leave of the error, with all sizes as they were given."""
+
+    offer: Correction
+    error: float
+    """Of the tool at rest, the largest of all poses [m]."""
+    before: float
+    """The worst case as it was [m]."""
+
+    @property
+    def words(self) -> str:
+        known = [f"play known to {100 * self.offer.play:g} %"]
+        if self.offer.friction:
+            known.append(f"friction to {100 * self.offer.friction:g} %")
+        left = readable(self.error, "m", 3)
+        part = f", {100 * self.error / self.before:.0f} % of the worst case as it is"
+        return f"compensated {left} at rest{part} (price {self.offer.price:g}, {', '.join(known)})"
 
 
 def offers_of(
@@ -176,6 +216,8 @@ class Allocation:
     """With these sizes and bearings; of causes the clearances alone."""
     notes: tuple[str, ...]
     """What was given and assumed, and what stays as it is, lines of text."""
+    corrections: tuple[Corrected, ...] = ()
+    """What corrected motions, which were offered, would leave instead."""
 
     def each(self, what: str) -> np.ndarray:
         """One of the fields of `Choice`, of all choices."""
@@ -210,7 +252,14 @@ class Allocation:
             sums = {head: self.each(what)[small].sum() for head, what in _SUMMED.items()}
             heads = [one.head for one in shown.columns if one.only != "data"]
             more = [(f"{sum(small)} more", *(sums.get(head) for head in heads[1:]))]
-        return replace(shown, totals=more, notes=[self._headline(), *self.notes])
+        return replace(shown, totals=more, notes=[self._headline(), *self._cures, *self.notes])
+
+    @property
+    def _cures(self) -> list[str]:
+        if not self.corrections:
+            return []
+        tighter = f"allocated {readable(self.error, 'm', 3)} (price {self.total:.5g})"
+        return [f"{', '.join(one.words for one in self.corrections)}; {tighter}"]
 
     def data(self) -> Table:
         """A row for each choice."""
@@ -257,7 +306,17 @@ class Allocation:
         return (
             f"These are the cheapest {' and '.join([*first, *kinds])} that keep the tool "
             f"{self.mechanism.tool!r} within {readable(self.target, 'm', 3)}{self._exchanged}"
+            f"{self._corrected}"
         )
+
+    @property
+    def _corrected(self) -> str:
+        """Whether a corrected motion keeps the target, too, to add to a sentence."""
+        if not self.corrections:
+            return ""
+        least = min(one.error for one in self.corrections)
+        keeps = "keep it, too, at rest" if least <= self.target else "do not"
+        return f"; sizes as given, compensated, {keeps}: {readable(least, 'm', 3)}"
 
     @property
     def _exchanged(self) -> str:
@@ -305,7 +364,7 @@ def allocate(
     statistical: bool = False,
     quantile: float | None = None,
     keep: Collection[str] = (),
-    offers: Mapping[str, Sequence[Offer]] | None = None,
+    offers: Mapping[str, Sequence[Offer | Correction]] | None = None,
     prices: Mapping[str, float] | None = None,
     weights: Mapping[str, float] | None = None,
     limits: Mapping[str, float] | None = None,
@@ -337,7 +396,9 @@ def allocate(
         keep: joints and causes that count but stay as they are.
         offers: bearings and fits for joints; of play alone `offers_of` all joints with such that
             are not named, as of a joint with an empty list. Of several causes, a joint's compliance
-            goes with its bearing, and is no size of its own.
+            goes with its bearing, and is no size of its own. Under `COMPENSATION` a `Correction`
+            or several, beside which the result is put: with sizes as given, it leaves the part of
+            the play's error at rest that is not known, what friction can hold, and other causes.
         prices: by class of bearing and grade, `PRICES` where not given; of halving a cause, by
             cause, 1 where not given.
         weights: of joints, which multiply the prices of their sizes; 1 where not given.
@@ -361,6 +422,8 @@ def allocate(
     prices, weights, limits = dict(prices or {}), dict(weights or {}), dict(limits or {})
     own = named(causes or ())
     _check(mechanism, own if whole else None, keep, prices, weights, limits)
+    bought: dict[str, Any] = dict(offers or {})
+    corrections: Sequence[Correction] = bought.pop(COMPENSATION, ())
     if quantile is not None:
         require_share("the quantile", quantile)
     given = RobotErrors() if errors is None else errors
@@ -372,7 +435,7 @@ def allocate(
     search = _Search(
         mechanism, configurations(mechanism, poses, driven), driven, own if whole else None,
         force_on_tool(force), given, kind,
-        _offers(mechanism, offers, classes, keep, whole, least), keep, make,
+        _offers(mechanism, bought, classes, keep, whole, least), keep, make,
     )  # fmt: skip
     keys = search.keys
     if whole:
@@ -392,9 +455,11 @@ def allocate(
     )
     with bar:
         try:
-            return search.allocated(target, bar, search.notes(prices, limits))
+            found = search.allocated(target, bar, search.notes(prices, limits))
         except cheapest.Unreachable as unreachable:
-            raise search.refusal(unreachable) from None
+            left = [one.words for one in search.corrected(corrections, progress)]
+            raise JointplayError("; ".join([str(search.refusal(unreachable)), *left])) from None
+    return replace(found, corrections=search.corrected(corrections, progress))
 
 
 @dataclass
@@ -444,6 +509,50 @@ class _Search:
         joints.update((name, joints[name].scaled(x)) for (name, _), x in remaining.items())
         other = self.mechanism.with_clearance(joints)
         return other, play_model(other, self.q, driven=self.driven, loops=True)
+
+    def corrected(self, offers: Sequence[Correction], progress: bool) -> tuple[Corrected, ...]:
+        """What is left of the error at rest by corrected motions, and of causes that are no play.
+
+        Of play what friction holds elsewhere, and the part that is not known of the way to where it
+        rests, or of its worst case if joints give way beyond that.
+
+        Raises:
+            JointplayError: closed loops, of which no motion is compensated; nothing has play; no
+                place of rest was found.
+        """
+        if not offers:
+            return ()
+        if self.mechanism.loops:
+            raise JointplayError("motions of closed loops are not compensated: leave it out")
+        model, gears = self.first, self.mechanism.gears
+        loose = [name for name, gear in gears.items() if gear.play > 0.0]
+        play = budget(
+            self.mechanism, self.q, force=self.force.tolist(), driven=self.driven,
+            drive={n: ComputedTorque(encoder="motor") for n in loose},  # which see no play of gears
+        )  # fmt: skip
+        others = [k for k, one in enumerate(model.contributions) if one.cause != "play"]
+        rest = model.subset(others).farthest().size if others else np.zeros(len(self.q))
+        left = np.zeros((len(offers), len(self.q)))
+        poses = ProgressBar(
+            range(len(self.q)),
+            "places of rest",
+            disable=not progress,
+            delay=PATIENCE_S,
+            leave=False,
+        )
+        for k in poses:
+            place = float(np.linalg.norm(play.rest_positions.at(k).whole[:3]))
+            for one, own in zip(offers, left, strict=True):
+                unknown = one.play * min(place, play.worst[k])  # what gives way stays
+                own[k] = rest[k] + play.compensated(k, 0.0, one.friction) + unknown
+        if np.isnan(left).any():
+            raise JointplayError(
+                "no place of rest was found: what compensation leaves is not known"
+            )
+        before = float(model.farthest().size.max())
+        return tuple(
+            Corrected(one, float(own.max()), before) for one, own in zip(offers, left, strict=True)
+        )
 
     def error(self, model: ErrorModel, x: np.ndarray) -> Error:
         return self.make(model, self.choice(model), x)  # type: ignore[no-any-return]

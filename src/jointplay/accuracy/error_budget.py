@@ -222,15 +222,17 @@ class PlayBudget(Budget):
         names = sorted(self.rest_positions.regulated)
         return f"; encoders behind their gears hold {few(names)} there" if names else ""
 
-    def compensated(self, pose: int, trust: float = KNOWN) -> float:
+    def compensated(self, pose: int, trust: float = KNOWN, friction: float = 0.0) -> float:
         """Largest error at rest of a motion that takes the play out (`compensate`) [m].
 
-        What friction may shift the tool from its place of rest, and the part `trust` of the way
-        there that is not known. NaN where no place of rest is found.
+        What friction, larger by a part `friction` than it is known, may shift the tool from its
+        place of rest, and the part `trust` of the way there that is not known. NaN where no place
+        of rest is found.
         """
         place, ends = self.rest_positions.at(pose).whole[:3], self.rest_positions.interval(pose)
         by_friction = np.abs(ends[:3] - place[:, None]).max(axis=1)
-        return float(np.linalg.norm(by_friction) + trust * np.linalg.norm(place))
+        shift = (1.0 + friction) * np.linalg.norm(by_friction)
+        return float(shift + trust * np.linalg.norm(place))
 
     def tighter(self, pose: int, part: float = 0.5) -> float:
         """Largest error at a pose if clearances were smaller by a factor, gears as they are [m]."""

@@ -3,8 +3,8 @@
 One joint is looked at, the others held: a motor, its gear, the link's inertia as Pinocchio has it
 at the pose, the torque of gravity, friction, and the servo or a controller of the user's own. The
 engine runs it from several starts aside, and the same without play. A describing function of the
-play is the screen beside it: gap and backlash as J. J. Slotine, W. Li, Applied Nonlinear Control
-(1991), chapter 5, treat them; not seen for this work, the formula is derived and tested.
+play, the first harmonic of what a gap makes of a sine, is the screen beside it; it is derived here,
+and tested by integration.
 """
 
 from __future__ import annotations
@@ -53,6 +53,9 @@ STEADY, LASTS, ENDS = 0.02, 0.9, 0.5
 by less than the first stays as it is; at the end of the longest run swings that keep more than the
 second last, and what keeps less than the third comes to rest; in between it is unclear."""
 
+ONE_WAY = 0.98
+"""Part of a motion that leads one way, so that it is no swing: it comes to rest, if slowly."""
+
 LEAST_RAD = 2e-5
 """Half a swing below which nothing is said to hunt."""
 
@@ -84,7 +87,7 @@ QUIET = Swing(False, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class Axis:
-    """One joint of a robot at a pose, all others held.
+    """One joint of a robot at a pose, all others held; its position counts from the pose.
 
     Quantities of rotation stand for those of translation of a prismatic joint.
     """
@@ -119,7 +122,8 @@ class Axis:
         gear, drive, controller = robot.gears.get(joint), *_control(simulation, joint)
         if gear is None or not gear.play > 0.0:
             raise JointplayError(
-                f'{joint!r} has no gear with play: give --gear {joint}="10 arcmin"'
+                f'{joint!r} has no gear with play: give --preset, or --gear {joint}="10 arcmin" '
+                f"--set gears.{joint}.rotor_inertia=... --set gears.{joint}.stiffness=..."
             )
         if drive is None and controller is None:
             raise JointplayError(
@@ -201,14 +205,15 @@ class Axis:
 def _control(simulation: Simulation, joint: str) -> tuple[Servo | None, Controller | None]:
     drive = simulation.drive
     given = drive.get(joint) if isinstance(drive, Mapping) else drive
+    servo = given if isinstance(given, Servo) else None
     for one in simulation.loads.values():
         if isinstance(one, Controller) and joint in one.joints:
             if one.joints != (joint,):
                 raise JointplayError(
                     f"the controller of {joint!r} sets {', '.join(one.joints)}: give each joint one"
                 )
-            return (given if isinstance(given, Servo) else None), one
-    return (given if isinstance(given, Servo) else None), None
+            return servo, one
+    return servo, None
 
 
 @dataclass(frozen=True)
@@ -263,9 +268,11 @@ def _seen(run: Run, last: bool) -> Swing | None:
     kept = float(after / before) if before > 0.0 else 0.0
     if not last and not (half > 2 and abs(kept - 1.0) < STEADY):
         return None
-    if half < 1 or kept <= LASTS:  # friction that does not creep holds what is slower
-        creeps = half < 1 and np.sqrt(np.mean(speed[1, third:] ** 2)) < JOINT_FRICTION_SPEED
-        return QUIET._replace(unclear=kept >= ENDS and not creeps)
+    if half < 1 or kept <= LASTS:
+        one_way = abs(places[own, -1] - places[own, 0]) > ONE_WAY * np.ptp(places[own])
+        slow = np.sqrt(np.mean(speed[1, third:] ** 2)) < JOINT_FRICTION_SPEED  # friction would hold
+        rests = half < 1 and (one_way or slow)
+        return QUIET._replace(unclear=kept >= ENDS and not rests)
     at = slice(*cut[1:])
     frequency = half / float(time[cut[2]] - time[cut[1]])
     amplitude, twist = (0.5 * float(np.ptp(one[at])) for one in (link, motor - link))
@@ -368,10 +375,6 @@ class Hunting:
         return "gains, not play" if self.control.hunts else "play"
 
 
-def _largest(swings: Sequence[Swing]) -> Swing:
-    return max(swings, key=lambda one: (one.hunts, one.unclear, one.amplitude))
-
-
 def _of_starts(
     axes: Sequence[Axis],
     play: bool,
@@ -387,7 +390,8 @@ def _of_starts(
     bar.total = (bar.total or 0) + len(trials)
     found = Study(trials, swing).run(jobs, bar)
     n = len(starts)
-    return [_largest(found[k : k + n]) for k in range(0, len(found), n)]
+    each = (found[k : k + n] for k in range(0, len(found), n))
+    return [max(own, key=lambda one: (one.hunts, one.unclear, one.amplitude)) for own in each]
 
 
 def hunting(
@@ -418,7 +422,9 @@ def hunting(
     require_a("simulation", simulation, "Simulation")
     if longest is not None:
         require_positive("longest run", longest, "s")
-    axes = [Axis.of(simulation, name, pose or {}) for name in joints or able(simulation)]
+    axes = [
+        Axis.of(simulation, name, pose or {}) for name in dict.fromkeys(joints or able(simulation))
+    ]
     found = []
     with ProgressBar(disable=not progress, unit="run", total=0) as bar:
 
@@ -446,15 +452,9 @@ def able(simulation: Simulation) -> list[str]:
     """
     robot = simulation.mechanism
     loose = [name for name, gear in robot.gears.items() if gear.play > 0.0]
-    if not loose:
-        first = robot.joints[0]
-        raise JointplayError(f'no gear has play: give --preset, or --gear {first}="10 arcmin"')
     names = [name for name in loose if any(one is not None for one in _control(simulation, name))]
     if not names:
-        raise JointplayError(
-            f"no joint with play has a servo or a controller of its own: give --preset, or --set "
-            f"'drives.{loose[0]}.kind=\"servo\"' and its numbers"
-        )
+        Axis.of(simulation, [*loose, *robot.joints][0], {})  # says what lacks
     return names
 
 
@@ -516,15 +516,14 @@ class GainMap:
         first, second = np.meshgrid(self.first.values, self.second.values)
         unit = {"p_gain": "V/rad", "i_gain": "V/(rad*s)", "d_gain": "V*s/rad"}
         length = "m" if self.axis.slides else "rad"
+        kinds = {"without play": self.control, "screen": self.screen, "unclear": self.unclear}
         return Table(
             (
                 Column(self.first.gain, first.ravel(), unit[self.first.gain]),
                 Column(self.second.gain, second.ravel(), unit[self.second.gain]),
                 Column("amplitude", self.amplitude.ravel(), length),
                 Column("frequency", self.frequency.ravel(), "Hz"),
-                Column("without play", self.control.ravel().astype(int)),
-                Column("screen", self.screen.ravel().astype(int)),
-                Column("unclear", self.unclear.ravel().astype(int)),
+                *(Column(name, which.ravel().astype(int)) for name, which in kinds.items()),
             )
         )
 
@@ -534,16 +533,19 @@ def gain_map(
     first: Span,
     second: Span,
     *,
-    longest: float | None = LONGEST_S,
+    longest: float | None = None,
     start: float = STARTS[1],
     jobs: int | None = None,
     progress: bool = False,
 ) -> GainMap:
     """Run a servo at all pairs of two gains, with play and without, once each from one start.
 
+    No run is longer than `longest`, `LONGEST_S` if that is None.
+
     Raises:
         JointplayError: no such gain, twice the same, or no servo.
     """
+    longest = require_positive("longest run", LONGEST_S if longest is None else longest, "s")
     for gain, _ in (first, second):
         require_known("gain", gain, GAINS)
     if first.gain == second.gain:
@@ -560,16 +562,14 @@ def gain_map(
         loose, tight = (
             _of_starts(axes, play, longest, [start], jobs, bar) for play in (True, False)
         )
-    return GainMap(
-        axis,
-        first,
-        second,
-        np.array([one.amplitude for one in loose]).reshape(shape),
-        np.array([one.frequency for one in loose]).reshape(shape),
-        np.array([one.hunts for one in tight]).reshape(shape),
-        np.array([predicted(one, COARSE).hunts for one in axes]).reshape(shape),
-        np.array([one.unclear for one in loose]).reshape(shape),
+    maps = (
+        [one.amplitude for one in loose],
+        [one.frequency for one in loose],
+        [one.hunts for one in tight],
+        [predicted(one, COARSE).hunts for one in axes],
+        [one.unclear for one in loose],
     )
+    return GainMap(axis, first, second, *(np.array(one).reshape(shape) for one in maps))
 
 
 def table(found: Sequence[Hunting]) -> Table:
@@ -618,8 +618,8 @@ def notes(found: Sequence[Hunting]) -> list[str]:
     """What was assumed, a line each."""
     loaded = [one.axis.joint for one in found if one.axis.load]
     lines = [
-        "others held; of the run's last third, the largest of the starts; screen: describing "
-        "function, without load, dead band, counts and limit of the supply"
+        "others held; the largest swing of all starts; predicted: by the describing function, "
+        "without load, dead band, counts and limit of the supply"
     ]
     if loaded:
         lines.append("a load that presses the teeth to one side calms: other poses may hunt")

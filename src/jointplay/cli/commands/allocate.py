@@ -16,6 +16,10 @@ Example: jointplay allocate ur5 --target "0.2 mm" --workspace 200
     --price NAME=X ...  price of a class of rolling bearings (C2, CN, C3, C4, CC0, C0, C1,
         preloaded) or of a grade of a fit (IT6), relative: joints given as NAME=BEARING or NAME=FIT
         are allocated by class and by fit; with --whole, of halving a cause
+    --compensation X  price of a motion corrected for play (jointplay compensate): put beside, with
+        what it leaves of the error at rest
+    --trust TEXT  how far play and friction may be off then, such as "play 30 %, friction 50 %"
+        (default: play 30 %)
     --verify [RUNS=3]  simulate the motion with the clearances found, in this many perturbed runs (3
         if no number is given)
     --out DIR  folder for allocation.csv and the figure
@@ -87,6 +91,7 @@ def run(options: argparse.Namespace) -> int:
     prices = numbers_by_name(options.price, f"--price {'CAUSE' if whole else 'CLASS'}=X")
     weights = numbers_by_name(options.weight, "--weight JOINT=X")
     limits = numbers_by_name(options.limit, "--limit CAUSE=X")
+    offers = {**more.pop("offers", {}), **_compensation(options)}
     out.claim()
     allotment = allocate(
         posed.mechanism,
@@ -98,17 +103,21 @@ def run(options: argparse.Namespace) -> int:
         prices=prices,
         weights=weights,
         limits=limits,
+        offers=offers,
         **more,
         **given(options, "cost", "least", "most"),
     )
-    notes = [note for note in posed.notes if whole or bought or not note.startswith("play:")]
+    counts = whole or bought or offers
+    notes = [note for note in posed.notes if counts or not note.startswith("play:")]
     table = allotment.table()
     first, *further = table.notes
+    shown = (first, *further[: bool(allotment.corrections)])
+    further = further[bool(allotment.corrections) :]
     if any(one.offer for one in allotment.choices) and not options.price:
         own = "--price CLASS=X (IT6=X, of a fit's grades)"
         further.insert(0, f"prices of the classes are assumed; give your own with {own}")
     notes = [f"at: {posed.poses.words}", *notes, *further]
-    body = replace(table, notes=(first,))
+    body = replace(table, notes=shown)
     print_answer(allotment.sentence, body, notes, options.detail)
     if options.verify is not None:
         _verify(options, posed, allotment)
@@ -118,6 +127,21 @@ def run(options: argparse.Namespace) -> int:
         figure = plots.allocation(allotment)
         out.write({"allocation.csv": allotment.data().csv(), "allocation.png": figure})
     return 0
+
+
+def _compensation(options: argparse.Namespace) -> dict[str, Any]:
+    """What a corrected motion is offered for."""
+    from jointplay.accuracy.allocation import COMPENSATION, Correction
+    from jointplay.study.corners import trust_of
+
+    if options.compensation is None:
+        if options.trust is not None:
+            raise JointplayError("--trust is of a corrected motion: give its price, --compensation")
+        return {}
+    trust = trust_of(options.trust or "")
+    if strange := [name for name in trust if name not in ("play", "friction")]:
+        raise JointplayError(f"--trust {strange[0]!r}: at rest only play and friction may be off")
+    return {COMPENSATION: [Correction(options.compensation, **trust)]}
 
 
 def _verify(options: argparse.Namespace, posed: PosedMachine, allotment: Any) -> None:

@@ -49,7 +49,7 @@ def run(options: argparse.Namespace) -> int:
     simulation = scenario_of(options).simulation(options.case)
     held = positions(simulation.mechanism, options.held or "", "--held")
     how = {"longest": options.time, "jobs": options.jobs, "progress": not options.quiet}
-    joints = options.of or hunting.able(simulation)
+    joints = list(dict.fromkeys(options.of or ())) or hunting.able(simulation)
     if spans:
         if len(joints) > 1:
             raise JointplayError(f"a map is of one joint: give --of, one of {', '.join(joints)}")
