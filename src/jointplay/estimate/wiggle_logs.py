@@ -276,10 +276,8 @@ def identify_wiggled(
     found, servos, notes = list[Estimate](), dict[str, Servo](), list(log.notes)
     untold = list[str]()
     for joint, (part, pose) in parts.items():
-        servo, unknown = (
-            drives.get(joint),
-            Unknown(joint, "gear_play", "rad", np.nan, in_degrees=True),
-        )
+        unknown = Unknown(joint, "gear_play", "rad", np.nan, in_degrees=True)
+        servo = drives.get(joint)
         if not isinstance(servo, Servo) or joint not in mechanism.gears:
             reason = "no servo with gains, motor and rotor is known of it"
             found.append(Estimate(unknown, reason=reason))

@@ -141,7 +141,8 @@ def _compensation(options: argparse.Namespace) -> dict[str, Any]:
     trust = trust_of(options.trust or "")
     if strange := [name for name in trust if name not in ("play", "friction")]:
         raise JointplayError(f"--trust {strange[0]!r}: at rest only play and friction may be off")
-    return {COMPENSATION: [Correction(options.compensation, **trust)]}
+    parts = {name: part for name, part in trust.items() if isinstance(part, float)}
+    return {COMPENSATION: [Correction(options.compensation, **parts)]}
 
 
 def _verify(options: argparse.Namespace, posed: PosedMachine, allotment: Any) -> None:
