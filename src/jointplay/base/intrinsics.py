@@ -119,9 +119,9 @@ def _opening(
         for factor, field in shape:
             size = ir.Constant(word, factor)
             sizes.append(size if field is None else builder.mul(size, whole(builder, value, field)))
-        stride = ir.Constant(word, context.get_abi_sizeof(context.get_data_type(array.dtype)))
-        made = context.make_array(array)(context, builder)
-        made.itemsize = stride
+        item = stride = ir.Constant(
+            word, context.get_abi_sizeof(context.get_data_type(array.dtype))
+        )
         strides: list[Any] = []
         for size in reversed(sizes):
             strides.insert(0, stride)
@@ -129,14 +129,22 @@ def _opening(
         count = sizes[0]
         for size in sizes[1:]:
             count = builder.mul(count, size)
-        made.nitems = count
-        made.shape = context.make_tuple(builder, types.UniTuple(types.intp, len(sizes)), sizes)
-        made.strides = context.make_tuple(builder, types.UniTuple(types.intp, len(sizes)), strides)
+        tuples = types.UniTuple(types.intp, len(sizes))
         pointer = context.get_value_type(types.CPointer(array.dtype))
-        made.data = builder.inttoptr(whole(builder, value, name), pointer)
-        made.meminfo = context.get_constant_null(types.MemInfoPointer(types.voidptr))
-        made.parent = context.get_constant_null(types.pyobject)
-        return made._getvalue()
+        parts = {
+            "meminfo": context.get_constant_null(types.MemInfoPointer(types.voidptr)),
+            "parent": context.get_constant_null(types.pyobject),
+            "nitems": count,
+            "itemsize": item,
+            "data": builder.inttoptr(whole(builder, value, name), pointer),
+            "shape": context.make_tuple(builder, tuples, sizes),
+            "strides": context.make_tuple(builder, tuples, strides),
+        }
+        model = context.data_model_manager[array]
+        made = ir.Constant(model.get_value_type(), ir.Undefined)
+        for part, own in parts.items():
+            made = builder.insert_value(made, own, model.get_field_position(part))
+        return made
 
     return lowered
 
