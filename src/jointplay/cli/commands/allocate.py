@@ -16,16 +16,17 @@ Example: jointplay allocate ur5 --target "0.2 mm" --workspace 200
     --price NAME=X ...  price of a class of rolling bearings (C2, CN, C3, C4, CC0, C0, C1,
         preloaded) or of a grade of a fit (IT6), relative: joints given as NAME=BEARING or NAME=FIT
         are allocated by class and by fit; with --whole, of halving a cause
-    --compensation X  price of a motion corrected for play (jointplay compensate): put beside, with
-        what it leaves of the error at rest
-    --trust TEXT  how far play and friction may be off then, such as "play 30 %, friction 50 %"
-        (default: play 30 %)
     --verify [RUNS=3]  simulate the motion with the clearances found, in this many perturbed runs (3
         if no number is given)
     --out DIR  folder for allocation.csv and the figure
     --jobs
     --detail
     --quiet
+  compensation:
+    --compensation X  price of a motion corrected for play (jointplay compensate): put beside, with
+        what it leaves of the error at rest
+    --trust TEXT  how far play and friction may be off then, such as "play 30 %, friction 50 %"
+        (default: play 30 %)
   bounds:
     --least LENGTH  smallest possible clearance (default: 2 um)
     --most LENGTH  largest possible clearance (default: 1 mm)
