@@ -22,6 +22,7 @@ RUNS = [
     ["run", "scara", *PLAY],
     ["run", "scara", *PLAY, "--set", "integration.integrator=semi-implicit-euler"],
     ["run", "ur5", "--joint", "elbow_joint=6204", "--preset", *SHORT],
+    ["run", "so101", "--preset", *SHORT],
     *(["run", str(ROOT / "urdf" / f"{name}.toml"), *SHORT]
       for name in ("scara_ab", "four_bar", "slider_crank", "delta", "three_rrr")),
     ["budget", "scara", "--joint", "joint_b=6204"],

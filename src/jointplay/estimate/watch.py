@@ -29,8 +29,6 @@ of their sizes. An assumption."""
 _REMEMBERED = 64
 """Predictions of a date that are kept: differences move one date at a time."""
 _DATE = re.compile(r"(?<!\d)(\d{4})[-_]?(\d\d)[-_]?(\d\d)(?!\d)")
-_START = 0.1
-"""Of a play that may be none, by its scale."""
 _SEEN = 100.0
 """Times the series' length up to which it is told when a target is missed."""
 TOOL = Unknown("", "error of the tool", "m", fine=False)
