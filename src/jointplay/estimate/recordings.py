@@ -57,8 +57,8 @@ _VECTORS = {
 _READ_FROM = {kind: [rosbag.STATE] for kind in _JOINT_FIELDS} | {
     kind: list(messages) for kind, messages in _VECTORS.items()
 }
-_READ_FROM["goal"].append(rosbag.TRAJECTORY)
 """Messages by kind of signal."""
+_READ_FROM["goal"].append(rosbag.TRAJECTORY)
 _GOAL_S = 5e-3
 """Interval in which the goals between a trajectory's points are taken [s]."""
 _IN_WORLD_AXES = ("tool", "force")

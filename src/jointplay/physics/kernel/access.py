@@ -7,7 +7,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from jointplay.base.compiler import address_of, calling, carray, compiled, open_arrays, pointer_to
+from jointplay.base.compiler import (
+    address_of,
+    calling,
+    carray,
+    compiled,
+    open_arrays,
+    place_of,
+    pointer_to,
+)
 from jointplay.physics.kernel.layout import ARRAYS, JOINT, RUN, term
 
 for _record, _arrays in ARRAYS.items():
@@ -56,7 +64,7 @@ addresses of run and joint, the joint's number, and what is to be done."""
 RUN_PART = "v(i,p,p,p,d,i)"
 """The same of parts of the whole run: of its address, three vectors, a number, and what to do."""
 
-call_part, call_run_part = calling(PART), calling(RUN_PART)
+call_part, _call_run_part = calling(PART), calling(RUN_PART)
 
 _run, _joint = pointer_to(RUN), pointer_to(JOINT)
 
@@ -71,3 +79,10 @@ def run_at(address):
 def joint_at(address):
     """The record of a joint at an address."""
     return carray(_joint(address), (1,))[0]
+
+
+@compiled
+def carry_out(part, run, one, other, third, number, what):
+    """Have a part of the whole run, by its address, do something with vectors and a number."""
+    vectors = address_of(one), address_of(other), address_of(third)
+    _call_run_part(part, (place_of(run), *vectors, number, what))

@@ -21,8 +21,8 @@ from __future__ import annotations
 
 import math
 
-from jointplay.base.compiler import address_of, carray, compiled, place_of, pointer_to
-from jointplay.physics.kernel.access import call_run_part, run_at
+from jointplay.base.compiler import carray, compiled, pointer_to
+from jointplay.physics.kernel.access import carry_out, run_at
 from jointplay.physics.kernel.constants import GEAR_BENDS, JOINT_FRICTION_SPEED
 from jointplay.physics.kernel.layout import GEAR, GEAR_ROW, GEAR_TORQUE
 
@@ -200,40 +200,35 @@ def gears(run, one, other, _third, _number, what):
 def place_gears(run, q):
     """Find all that depends on the coordinates alone."""
     if run.ng > 0:
-        at = address_of(q)
-        call_run_part(run.gear_part, (place_of(run), at, at, at, 0.0, _PLACE))
+        carry_out(run.gear_part, run, q, q, q, 0.0, _PLACE)
 
 
 @compiled
 def commit_gears(run):
     """Accept the state of the gears as one of the trajectory."""
     if run.ng > 0:
-        at = address_of(run.q)
-        call_run_part(run.gear_part, (place_of(run), at, at, at, 0.0, _COMMIT))
+        carry_out(run.gear_part, run, run.q, run.q, run.q, 0.0, _COMMIT)
 
 
 @compiled
 def apply_gears(run, v, tau):
     """Add the torques at the velocities v, after `place_gears`."""
     if run.ng > 0:
-        at, forces = address_of(v), address_of(tau)
-        call_run_part(run.gear_part, (place_of(run), at, forces, at, 0.0, _APPLY))
+        carry_out(run.gear_part, run, v, tau, tau, 0.0, _APPLY)
 
 
 @compiled
 def add_gear_slopes(run, v):
     """Add the derivatives of the torques by velocity to the slope."""
     if run.ng > 0:
-        at = address_of(v)
-        call_run_part(run.gear_part, (place_of(run), at, at, at, 0.0, _SLOPES))
+        carry_out(run.gear_part, run, v, v, v, 0.0, _SLOPES)
 
 
 @compiled
 def add_gear_losses(run, v):
     """Add the power dissipated at the velocities v."""
     if run.ng > 0:
-        at = address_of(v)
-        call_run_part(run.gear_part, (place_of(run), at, at, at, 0.0, _LOSSES))
+        carry_out(run.gear_part, run, v, v, v, 0.0, _LOSSES)
 
 
 _gear = pointer_to(GEAR_ROW)

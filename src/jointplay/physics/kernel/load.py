@@ -21,8 +21,8 @@ from __future__ import annotations
 
 import math
 
-from jointplay.base.compiler import address_of, calling, carray, compiled, place_of, pointer
-from jointplay.physics.kernel.access import call_run_part, record_failure, run_at
+from jointplay.base.compiler import address_of, calling, carray, compiled, pointer
+from jointplay.physics.kernel.access import carry_out, record_failure, run_at
 from jointplay.physics.kernel.constants import ALWAYS, IF_PRESSED, Status
 from jointplay.physics.kernel.frames import frame_twist, pose_of_frames, project_frame_slope
 from jointplay.physics.kernel.layout import LOAD_FORCE, LOAD_WORK
@@ -287,37 +287,32 @@ def evaluate_loads(run, q, v, marks):
     Coordinates on which the rest acts are marked. v are the extrapolated velocities.
     """
     if run.nl > 0:
-        vectors = address_of(q), address_of(v), address_of(marks)
-        call_run_part(run.load_part, (place_of(run), *vectors, 0.0, _EVALUATE))
+        carry_out(run.load_part, run, q, v, marks, 0.0, _EVALUATE)
 
 
 @compiled
 def apply_velocity_loads(run, v, tau):
     """Add the velocity-dependent part of the loads to tau."""
     if run.nl > 0:
-        speed, forces = address_of(v), address_of(tau)
-        call_run_part(run.load_part, (place_of(run), speed, speed, forces, 0.0, _APPLY))
+        carry_out(run.load_part, run, v, v, tau, 0.0, _APPLY)
 
 
 @compiled
 def add_load_slopes(run):
     """Add the loads' derivative by velocity to the slope, after `apply_velocity_loads`."""
     if run.nl > 0:
-        at = address_of(run.q)
-        call_run_part(run.load_part, (place_of(run), at, at, at, 0.0, _SLOPES))
+        carry_out(run.load_part, run, run.q, run.q, run.q, 0.0, _SLOPES)
 
 
 @compiled
 def find_load_powers(run, v):
     """Powers of the loads at velocities v; stops the run where a law has failed."""
     if run.nl > 0:
-        speed = address_of(v)
-        call_run_part(run.load_part, (place_of(run), speed, speed, speed, 0.0, _POWERS))
+        carry_out(run.load_part, run, v, v, v, 0.0, _POWERS)
 
 
 @compiled
 def apply_current_loads(run, q, v, time, tau):
     """Add the forces of all loads at state (q, v) to tau, and find their powers."""
     if run.nl > 0:
-        vectors = address_of(q), address_of(v), address_of(tau)
-        call_run_part(run.load_part, (place_of(run), *vectors, time, _CURRENT))
+        carry_out(run.load_part, run, q, v, tau, time, _CURRENT)

@@ -13,8 +13,8 @@ Compiled apart as `loops`, for runs that have some; what others call calls it.
 
 from __future__ import annotations
 
-from jointplay.base.compiler import address_of, carray, compiled, place_of
-from jointplay.physics.kernel.access import call_run_part, flat, run_at
+from jointplay.base.compiler import carray, compiled
+from jointplay.physics.kernel.access import carry_out, flat, run_at
 from jointplay.physics.kernel.bodies import (
     find_body_rates,
     matrix_times_vector,
@@ -160,12 +160,10 @@ def loops(run, q, v, _third, _number, what):
 @compiled
 def project_dynamics(run, q, v):
     """Find the closed mechanism's `found_minv` and `found_free` at the state (q, v)."""
-    at, speed = address_of(q), address_of(v)
-    call_run_part(run.loop_part, (place_of(run), at, speed, speed, 0.0, _PROJECT))
+    carry_out(run.loop_part, run, q, v, v, 0.0, _PROJECT)
 
 
 @compiled
 def correct_drift(run):
     """Correct the drift of the loops since the last macro step, in positions and velocities."""
-    at = address_of(run.q)
-    call_run_part(run.loop_part, (place_of(run), at, at, at, 0.0, _CORRECT))
+    carry_out(run.loop_part, run, run.q, run.q, run.q, 0.0, _CORRECT)

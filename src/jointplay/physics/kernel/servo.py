@@ -19,8 +19,8 @@ from __future__ import annotations
 
 import math
 
-from jointplay.base.compiler import address_of, carray, compiled, place_of
-from jointplay.physics.kernel.access import call_run_part, run_at
+from jointplay.base.compiler import carray, compiled
+from jointplay.physics.kernel.access import carry_out, run_at
 from jointplay.physics.kernel.drive import between_rows, reference_rows
 
 ROUNDING = 1e-9
@@ -119,13 +119,11 @@ def servos(run, one, other, third, number, what):
 def commit_servos(run):
     """Accept the state of continuous servos as one of the trajectory."""
     if run.ns > 0:
-        at = address_of(run.q)
-        call_run_part(run.servo_part, (place_of(run), at, at, at, 0.0, _COMMIT))
+        carry_out(run.servo_part, run, run.q, run.q, run.q, 0.0, _COMMIT)
 
 
 @compiled
 def apply_servos(run, q, v, time, tau):
     """Add what the voltages push to the drives' efforts and to tau; after `apply_drives`."""
     if run.ns > 0:
-        vectors = address_of(q), address_of(v), address_of(tau)
-        call_run_part(run.servo_part, (place_of(run), *vectors, time, _APPLY))
+        carry_out(run.servo_part, run, q, v, tau, time, _APPLY)
