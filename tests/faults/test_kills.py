@@ -96,7 +96,7 @@ def test_signals_end_all_processes_of_a_scenario_and_keep_their_runs(number, tmp
 
 
 def test_runs_are_kept_that_were_being_certified_when_told_to_stop(tmp_path):
-    path = scenario(tmp_path, "2 s")
+    path = scenario(tmp_path, "8 s")  # certified for seconds more
     process = start("run", path, "--certify", "--no-figures", "--out", tmp_path / "o", "--jobs", 2)
     until(process, "errors of 0")  # a case with clearance
     process.send_signal(signal.SIGINT)
