@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from jointplay.accuracy.poses import moving
-from jointplay.base.errors import JointplayError, MissingName, require_a
+from jointplay.base.errors import JointplayError, require_a, require_known
 from jointplay.base.schema import shortest
 from jointplay.base.tables import Table, few
 from jointplay.base.units import told
@@ -449,8 +449,7 @@ def _given(
             )
         friction |= dict(machine.joint_friction or {})
     friction |= dict(joint_friction or {})
-    if reference not in REFERENCES:
-        raise MissingName("reference", reference, REFERENCES)
+    require_known("reference", reference, REFERENCES)
     measured = _read(measured, mechanism, noise, progress)
     if drift < 0:
         raise JointplayError(f"the degree of the drift must not be negative, got {drift}")

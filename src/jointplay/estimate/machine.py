@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.optimize import brentq
 
-from jointplay.base.errors import JointplayError, MissingName
+from jointplay.base.errors import JointplayError, require_known
 from jointplay.base.tables import counted, few
 from jointplay.estimate.parts import (
     ALSO,
@@ -168,8 +168,7 @@ class Machine:
             )
         found: list[Unknown] = []
         for word in also:
-            if word not in ALSO:
-                raise MissingName("unknown to identify besides", word, ALSO)
+            require_known("unknown to identify besides", word, ALSO)
         for joint, bearing in mechanism.clearance.items():
             for part in bearing_parts(joint, bearing):
                 if not isinstance(part, Springs):
@@ -256,8 +255,7 @@ def compliances(mechanism: Mechanism, given: Given) -> dict[str, Unknown]:
     for label in sorted(given, key=lambda one: (one != ALL, " " in one)):
         entry = given[label]
         stiffness, part = entry if isinstance(entry, tuple) else (entry, 0.0)
-        if label not in labels(mechanism):
-            raise MissingName("stiffness", label, labels(mechanism))
+        require_known("stiffness", label, labels(mechanism))
         if not stiffness > 0.0 or not 0.0 <= part < math.inf:
             raise JointplayError(
                 f"stiffness of {label!r} must be positive: {stiffness!r}, {part!r}"

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jointplay.base import processes, signals, streams
-from jointplay.base.errors import JointplayError, MissingName
+from jointplay.base.errors import JointplayError, require_known
 from jointplay.base.files import claim, holds, refuse_present
 from jointplay.base.imports import spare_other_arrays
 from jointplay.base.progress import current, printing, whole
@@ -64,8 +64,7 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     from jointplay.show.plots.names import file_names as names_of_figures
 
     for case in options.case:
-        if case not in scenario.cases:
-            raise MissingName("case", case, scenario.cases)
+        require_known("case", case, scenario.cases)
     cases = [case for case in scenario.cases if not options.case or case in options.case]
     jobs = processes.number_of(options.jobs, cases)
     out, names = Path(options.out), file_names(cases)

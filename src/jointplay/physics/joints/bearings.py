@@ -26,7 +26,7 @@ from typing import Any, ClassVar, NamedTuple, NoReturn, Self
 
 import numpy as np
 
-from jointplay.base.errors import JointplayError, MissingName, within
+from jointplay.base.errors import JointplayError, MissingName, require_known, within
 from jointplay.base.roots import brentq
 from jointplay.base.schema import check_fields, choice, quantity
 from jointplay.base.units import readable
@@ -454,10 +454,7 @@ class RollingBearing(WholeLawJoint):
             for name, span in fitting[0].items()
             if isinstance(span, list) and name[0] == "C"
         }
-        if self.class_name not in classes:
-            raise MissingName(
-                "class of clearance", self.class_name, list(classes), where=("clearance_class",)
-            )
+        require_known("class of clearance", self.class_name, classes, where=("clearance_class",))
         low, high = classes[self.class_name]
         return 0.5e-6 * low, 0.5e-6 * high
 

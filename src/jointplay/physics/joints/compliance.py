@@ -16,7 +16,7 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from jointplay.base.errors import JointplayError, MissingName, require_a, within
+from jointplay.base.errors import JointplayError, require_a, require_known, within
 from jointplay.physics.contact import resultant
 from jointplay.physics.contact.law import ContactProperties, NormalForceLaw
 from jointplay.physics.joints.base import (
@@ -190,8 +190,7 @@ class CompliantMount(_Held):
         super().__post_init__()
         object.__setattr__(self, "locked", tuple(self.locked))
         for one in self.locked:
-            if one not in VIRTUAL_LINK:
-                raise MissingName("direction to lock", one, VIRTUAL_LINK, where=("locked",))
+            require_known("direction to lock", one, VIRTUAL_LINK, where=("locked",))
         if not self.freedoms:
             raise JointplayError("a mount must give way in some direction", where=("locked",))
 
