@@ -16,6 +16,7 @@ import time
 import weakref
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -366,6 +367,15 @@ def csv_rows(path: Path, what: str) -> list[tuple[int, list[str]]]:
     if not rows:
         raise JointplayError(f"the {what} {str(path)!r} is empty")
     return rows
+
+
+@cache
+def shipped_table(module: str, name: str) -> dict[str, Any]:
+    """What the file ``data/NAME.toml`` beside a module, given by its own file, says."""
+    import tomllib  # seldom needed
+
+    with (Path(module).parent / "data" / f"{name}.toml").open("rb") as file:
+        return tomllib.load(file)
 
 
 def check_new(path: str | Path) -> Path:
