@@ -278,7 +278,6 @@ class Identification:
 
     @property
     def sentence(self) -> str:
-        """The answer in plain words."""
         known = [f"{one.label} {one.words()[0]}" for one in self.sought if one.identified]
         told = f": {few(known)}" if known else ""
         return f"The measurement determines {len(known)} of {len(self.sought)} unknowns{told}"
@@ -311,7 +310,6 @@ class Identification:
         return data(self.sought)
 
     def describe(self) -> dict[str, Any]:
-        """As plain data [SI]."""
         sizes = {"misfit": float(self.misfit), "excess": float(self.excess)}
         return {
             "unknowns": [one.describe() for one in self.sought],

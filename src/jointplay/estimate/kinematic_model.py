@@ -239,7 +239,6 @@ class Poses:
         return len(self.q)
 
     def columns(self, term: Term) -> list[Column]:
-        """The coefficients of a term."""
         kind, made = TERM_KINDS[term.kind], []
         every = self.known if term.kind not in ("placement", "suspension") else self.names
         for joint in term.joints or every:

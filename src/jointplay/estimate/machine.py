@@ -96,7 +96,6 @@ class Machine:
         return parts.springs_of(self.mechanism)
 
     def compliance(self, label: str) -> Unknown:
-        """What is known of it."""
         return self.compliances.get(label) or compliance(label)
 
     def rigid(self, label: str) -> bool:
@@ -397,14 +396,12 @@ class OfJoints(Answer):
 
     @property
     def sentence(self) -> str:
-        """The answer in plain words."""
         plays = [one for one in self.estimates if one.unknown.name == "gear_play"]
         known = [f"{one.joint} {one.span}" for one in plays if one.identified]
         of = f"{len(known)} of {counted(len(plays), 'joint')}"
         return f"The readings tell the play of {of}{f': {few(known)}' if known else ''}"
 
     def describe(self) -> dict[str, Any]:
-        """As plain data [SI]."""
         rows = [one.describe() for one in self.estimates]
         return {"unknowns": rows, "notes": list(self.notes), "source": self.source}
 

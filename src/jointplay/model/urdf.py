@@ -152,7 +152,6 @@ class JointEntry:
 
     @property
     def turns(self) -> bool:
-        """Whether it turns about an axis."""
         return self.kind in ("revolute", "continuous")
 
     @property

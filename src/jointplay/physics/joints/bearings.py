@@ -354,7 +354,6 @@ class RollingBearing(WholeLawJoint):
 
     @cached_property
     def _entry(self) -> Mapping[str, Any]:
-        """The catalogue's line."""
         if self.designation is None:
             return {}
         lines, name = catalogue()[self.section], self._words[0]
