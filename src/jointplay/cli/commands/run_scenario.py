@@ -432,7 +432,7 @@ def is_judged(path: Path, simulation: Simulation) -> bool | None:
         JointplayError: it is of another simulation, or was interrupted and left no checkpoint.
     """
     from jointplay.physics.kernel import Status
-    from jointplay.simulation.checkpoint import first_difference
+    from jointplay.simulation.checkpoint import require_same
     from jointplay.simulation.result.result import Result
 
     check_own(path)
@@ -441,12 +441,7 @@ def is_judged(path: Path, simulation: Simulation) -> bool | None:
     with (result := Result.open(path)).dataset as dataset:
         was = json.loads(dataset.attrs["simulation"])
         judged = result.certificate is not None
-    now = json.loads(json.dumps(simulation.describe()))
-    if was != now:
-        raise JointplayError(
-            f"{str(path)!r} belongs to another run: {first_difference(was, now)}; choose another "
-            "folder, or undo the change"
-        )
+    require_same(path, was, simulation)
     if result.status == Status.INTERRUPTED:
         raise JointplayError(
             f"{str(path)!r} was interrupted and has no checkpoint; delete it to start again, or "
