@@ -20,6 +20,7 @@ from jointplay.base import files, streams
 from jointplay.base.errors import JointplayError, require_non_negative
 from jointplay.base.pairs import misread, name_and_number
 from jointplay.cli import commands
+from jointplay.scenario.overrides import Setting, parse, tree
 
 if TYPE_CHECKING:
     from jointplay.accuracy.poses import Poses
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from jointplay.model.urdf import Description
     from jointplay.physics.joints import Clearance
     from jointplay.scenario import Scenario
-    from jointplay.scenario.overrides import Setting
     from jointplay.scenario.presets import Preset
     from jointplay.simulation.motion.reference import Motion
     from jointplay.simulation.simulation import Simulation
@@ -285,7 +285,6 @@ def scenario_of(options: argparse.Namespace, still: bool = False, every: bool = 
         JointplayError: options that do not go together, or what they name is not there.
     """
     from jointplay.scenario import Scenario
-    from jointplay.scenario.overrides import Setting, parse, tree
     from jointplay.scenario.reading import merge
     from jointplay.scenario.robot import robot_scenario, settings_beyond
 
@@ -363,7 +362,6 @@ def _name_all_loose(options: argparse.Namespace) -> list[Setting]:
         Which tool was chosen before they had play, if it was.
     """
     from jointplay.physics.joints import replacing
-    from jointplay.scenario.overrides import Setting
 
     if "joints with clearance" not in options.groups or options.joint or not for_joints(options):
         return []
@@ -620,7 +618,6 @@ def _of_joints(options: argparse.Namespace) -> tuple[list[Setting], dict[str, st
     """Bearings and fits of joints given as NAME=BEARING or NAME=FIT, and clearances of others."""
     from jointplay.physics.joints.bearings import bearing_kind, is_catalogued
     from jointplay.physics.joints.fits import is_fit
-    from jointplay.scenario.overrides import Setting
 
     whole, lengths = [], {}
     for name, text in named_joints(options).items():
@@ -653,7 +650,6 @@ def _joint_settings(
     Raises:
         JointplayError: an option for a joint, and no joint.
     """
-    from jointplay.scenario.overrides import Setting
     from jointplay.scenario.robot import assumed_joint, class_of_joint, kind_of_joint
 
     tables = said.get("joints", {})
@@ -712,7 +708,6 @@ def _gear_settings(
     wanted: Sequence[Setting],
 ) -> list[Setting]:
     """What options say of gears: those of --gear, or else all; `ours` are the preset's."""
-    from jointplay.scenario.overrides import Setting
     from jointplay.scenario.robot import at_rest
 
     entries, plays = _value(options, "gear") or (), dict[str, float]()
@@ -735,8 +730,6 @@ def _gear_settings(
 
 
 def _other_settings(options: argparse.Namespace) -> list[Setting]:
-    from jointplay.scenario.overrides import Setting
-
     settings = [
         Setting(key, flag.read(_value(options, flag.attribute)), flag.name)
         for flag in _given(options)
