@@ -276,14 +276,16 @@ def is_folder(path: Path) -> bool:
     return os.path.isdir(path)
 
 
-def missing(path: Path, what: str) -> JointplayError:
-    """What to say where a file to be read is none: there is nothing, or another kind of thing."""
+def require_file(path: Path, what: str) -> None:
+    """Refuse what is no file to be read: there is nothing, or another kind of thing."""
+    if is_file(path):
+        return
     kinds = {stat.S_IFDIR: "folder", stat.S_IFIFO: "pipe", stat.S_IFSOCK: "socket",
              stat.S_IFCHR: "device", stat.S_IFBLK: "device"}  # fmt: skip
     kind = None
     with suppress(OSError, ValueError):
         kind = kinds.get(stat.S_IFMT(path.stat().st_mode))
-    return JointplayError(f"no {what} {str(path)!r}" + (f": it is a {kind}" if kind else ""))
+    raise JointplayError(f"no {what} {str(path)!r}" + (f": it is a {kind}" if kind else ""))
 
 
 def arrays(path: Path | BinaryIO) -> dict[str, np.ndarray]:

@@ -411,8 +411,7 @@ class Recording:
         else:
             place = _place(root, episode, parquet)
         file = root / layout.format(**place)
-        if not files.is_file(file):
-            raise files.missing(file, "file of the dataset")
+        files.require_file(file, "file of the dataset")
         files.check_plain(file, rosbag.MOST_BYTES)
         if files.begins(file, _LFS):
             raise JointplayError(

@@ -141,8 +141,7 @@ def _naming_checkpoint(path: Path) -> Iterator[None]:
 
 def read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     """Arrays of a checkpoint, and what else it says; refused if another version wrote it."""
-    if not files.is_file(path):
-        raise files.missing(path, "checkpoint")
+    files.require_file(path, "checkpoint")
     try:
         with path.open("rb") as file:
             if file.read(len(CHECKPOINT)) != CHECKPOINT:

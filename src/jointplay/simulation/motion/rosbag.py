@@ -150,8 +150,7 @@ def opened(path: Path) -> Iterator[Bag]:
     with extra("ros", "mcap-ros2-support"):
         from mcap.reader import make_reader
         from mcap_ros2.decoder import DecoderFactory
-    if not files.is_file(path):
-        raise files.missing(path, "bag")
+    files.require_file(path, "bag")
     try:
         files.check_plain(path, MOST_BYTES)
         with path.open("rb") as file, redirect_stderr(io.StringIO()):  # which the parser prints to
