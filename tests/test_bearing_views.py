@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from browsing import picture
 from conftest import body, joint
+from packed import unpack
 
 import jointplay as jp
 from jointplay import analysis
 from jointplay.base.errors import JointplayError, MissingName
 from jointplay.show import player
-from jointplay.show.player.tracks import unpack
 from jointplay.simulation.analysis.headline import headline
 
 BALLS = jp.BallBearing(designation="6010/C3")

@@ -5,13 +5,13 @@ import zlib
 import numpy as np
 import pytest
 from conftest import body, joint, tip
+from packed import unpack
 
 import jointplay as jp
 from jointplay.accuracy.ellipsoids import ellipsoids
 from jointplay.accuracy.error_budget import budget
 from jointplay.accuracy.error_model import play_model
 from jointplay.show import player
-from jointplay.show.player.tracks import unpack
 
 PLAY = 1e-4
 TIP = tip("one")

@@ -12,6 +12,7 @@ from browsing import picture, until
 from conftest import body, joint
 from hypothesis import given
 from hypothesis import strategies as st
+from packed import unpack, unpack_mesh
 from warm import JOINTPLAY
 
 import jointplay as jp
@@ -27,8 +28,6 @@ from jointplay.show.player.tracks import (
     peaks,
     select_records,
     strongest,
-    unpack,
-    unpack_mesh,
 )
 
 

@@ -164,7 +164,6 @@ class PlayBudget(Budget):
 
     @property
     def sentence(self) -> str:
-        """The answer in plain words."""
         at = self.worst_pose
         poses = len(self.worst)
         where = f" at the worst of {poses} poses" if poses > 1 else ""
@@ -545,7 +544,6 @@ class ErrorBudget(Budget):
 
     @property
     def sentence(self) -> str:
-        """The answer in plain words."""
         at = self.worst_pose
         where = f" at the worst of {len(self.worst)} poses" if len(self.worst) > 1 else ""
         causes = sorted(self.by("cause").items(), key=lambda one: -one[1][0])

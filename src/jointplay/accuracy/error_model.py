@@ -25,17 +25,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jointplay.accuracy import loop_play
-from jointplay.accuracy.jacobians import (
-    FELT,
-    GEAR,
-    LINK,
-    Jacobians,
-    check_body,
-    configurations,
-    force_on_tool,
-    jacobians,
-)
+from jointplay.accuracy import jacobians, loop_play
 from jointplay.base.errors import JointplayError, require_whole
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints.fits import Fit
@@ -168,7 +158,7 @@ class Contribution:
 
     @property
     def gear(self) -> bool:
-        return self.part == GEAR
+        return self.part == jacobians.GEAR
 
     @property
     def looseness(self) -> float:
@@ -239,24 +229,28 @@ class ErrorModel:
         cls,
         contributions: Sequence[Contribution],
         joints: Sequence[str],
-        found: Jacobians,
+        found: jacobians.Jacobians,
         scale: Sequence[float] | None = None,
     ) -> ErrorModel:
         at = [list(joints).index(one.joint) for one in contributions]
         move, tie = found.tool[at], found.tie[at]
         for i, (k, one) in enumerate(zip(at, contributions, strict=True)):
-            if one.part == LINK:
+            if one.part == jacobians.LINK:
                 move[i], tie[i] = 0.0, 0.0
                 move[i, :, :, 0], tie[i, :, :, 0] = found.growth[k], found.growth_tie[k]
         for own, one in zip(tie, contributions, strict=True):
-            if one.shift is not None and _opened(own, one.shift) > FELT * np.abs(one.shift).max():
+            if (
+                one.shift is not None
+                and _opened(own, one.shift) > jacobians.FELT * np.abs(one.shift).max()
+            ):
                 raise JointplayError(
                     f"{one.cause} of {one.joint!r} is statically indeterminate: joints of closed "
                     "loops hold each other against it; leave this cause out, or give the loops "
                     "joints that do not (kind 'planar', balls)"
                 )
         holds = any(
-            np.abs(own @ one.set.cones.spread).max(initial=0.0) > FELT * max(one.set.reach)
+            np.abs(own @ one.set.cones.spread).max(initial=0.0)
+            > jacobians.FELT * max(one.set.reach)
             for own, one in zip(tie, contributions, strict=True)
             if tie.shape[2] and one.set is not None
         )
@@ -541,7 +535,7 @@ def play_model(
     With `loops` mechanisms with loops are taken, too, whose plays may be tied to each other.
     """
     if relative_to is not None:
-        check_body(mechanism, relative_to)
+        jacobians.check_body(mechanism, relative_to)
     if mechanism.loops and not loops:
         raise JointplayError(
             f"loop {next(iter(mechanism.loops))!r}: this works only for robots without closed "
@@ -553,14 +547,14 @@ def play_model(
             'command: --clearance "0.1 mm" for all that move the tool, or --joint '
             'NAME="0.1 mm"); joints: ' + ", ".join([*mechanism.joints, *mechanism.loops])
         )
-    q = configurations(mechanism, poses, driven)
-    push = force_on_tool(force)
-    for name in {name + GEAR for name in mechanism.gears} & set(mechanism.clearance):
+    q = jacobians.configurations(mechanism, poses, driven)
+    push = jacobians.force_on_tool(force)
+    for name in {name + jacobians.GEAR for name in mechanism.gears} & set(mechanism.clearance):
         raise JointplayError(f"the joint {name!r} has the same name as the gear of another joint")
     contributions = [play_of_joint(mechanism, name, second_order) for name in mechanism.clearance]
     contributions += [play_of_gear(mechanism, name) for name in mechanism.gears]
     joints = list(dict.fromkeys([*mechanism.clearance, *mechanism.gears]))
-    found = jacobians(mechanism, q, joints, push, driven, relative_to)
+    found = jacobians.jacobians(mechanism, q, joints, push, driven, relative_to)
     return ErrorModel.of(contributions, joints, found)
 
 
@@ -582,4 +576,4 @@ def play_of_gear(mechanism: Mechanism, name: str) -> Contribution:
     """The backlash and hysteresis of a gear: the joint moves by its axis, the motor stands."""
     half, way = mechanism.gears[name].unloaded_range / 2.0, mechanism.description.joints[name].way
     backlash = Line(tuple(half if k == way else 0.0 for k in range(6)))
-    return Contribution(name, "play", backlash, origin=f"its{GEAR}", part=GEAR)
+    return Contribution(name, "play", backlash, origin=f"its{jacobians.GEAR}", part=jacobians.GEAR)

@@ -100,7 +100,6 @@ class Compiled:
 
     @cached_property
     def dispatcher(self) -> Any:
-        """numba's."""
         import numba
 
         make_lazy()
@@ -114,7 +113,6 @@ class Compiled:
         return self.dispatcher._numba_type_
 
     def __call__(self, *arguments: Any) -> Any:
-        """Call it from Python."""
         values: list[Any] = []
         signature = f"({','.join([_take(one, values) for one in arguments])})"
         call = self._calls.get(signature)
@@ -295,7 +293,6 @@ class Lazy:
 
     @cached_property
     def made(self) -> Any:
-        """It."""
         from jointplay.base import intrinsics
 
         return getattr(intrinsics, self._name)(*self._arguments)

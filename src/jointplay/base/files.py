@@ -16,6 +16,7 @@ import time
 import weakref
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -275,14 +276,16 @@ def is_folder(path: Path) -> bool:
     return os.path.isdir(path)
 
 
-def missing(path: Path, what: str) -> JointplayError:
-    """What to say where a file to be read is none: there is nothing, or another kind of thing."""
+def require_file(path: Path, what: str) -> None:
+    """Refuse what is no file to be read: there is nothing, or another kind of thing."""
+    if is_file(path):
+        return
     kinds = {stat.S_IFDIR: "folder", stat.S_IFIFO: "pipe", stat.S_IFSOCK: "socket",
              stat.S_IFCHR: "device", stat.S_IFBLK: "device"}  # fmt: skip
     kind = None
     with suppress(OSError, ValueError):
         kind = kinds.get(stat.S_IFMT(path.stat().st_mode))
-    return JointplayError(f"no {what} {str(path)!r}" + (f": it is a {kind}" if kind else ""))
+    raise JointplayError(f"no {what} {str(path)!r}" + (f": it is a {kind}" if kind else ""))
 
 
 def arrays(path: Path | BinaryIO) -> dict[str, np.ndarray]:
@@ -366,6 +369,15 @@ def csv_rows(path: Path, what: str) -> list[tuple[int, list[str]]]:
     if not rows:
         raise JointplayError(f"the {what} {str(path)!r} is empty")
     return rows
+
+
+@cache
+def shipped_table(module: str, name: str) -> dict[str, Any]:
+    """What the file ``data/NAME.toml`` beside a module, given by its own file, says."""
+    import tomllib  # seldom needed
+
+    with (Path(module).parent / "data" / f"{name}.toml").open("rb") as file:
+        return tomllib.load(file)
 
 
 def check_new(path: str | Path) -> Path:

@@ -16,14 +16,7 @@ import numpy as np
 
 from jointplay.base.imports import extra
 from jointplay.base.progress import ProgressBar
-from jointplay.bridges.trajectory import (
-    MESSAGE,
-    Trajectory,
-    encoders,
-    joint_trajectory,
-    message,
-    stamp,
-)
+from jointplay.bridges import trajectory
 from jointplay.simulation.motion.rosbag import definition
 from jointplay.simulation.result.result import AXES, Result
 
@@ -37,9 +30,9 @@ def mcap(result: Result, suffix: str, progress: bool) -> bytes:
     return written(_messages(result), progress)
 
 
-def of_trajectory(motion: Trajectory) -> bytes:
+def of_trajectory(motion: trajectory.Trajectory) -> bytes:
     """A bag with the one message of a trajectory, which `Motion.from_mcap` reads."""
-    return written([("/joint_trajectory", MESSAGE, 0.0, message(motion))])
+    return written([("/joint_trajectory", trajectory.MESSAGE, 0.0, trajectory.message(motion))])
 
 
 def written(messages: Iterable[Message], progress: bool = False) -> bytes:
@@ -61,10 +54,10 @@ def written(messages: Iterable[Message], progress: bool = False) -> bytes:
 def _messages(result: Result) -> Iterator[Message]:
     """All messages, by time."""
     topics = _topics(result)
-    motion = joint_trajectory(result) if encoders(result) else None
+    motion = trajectory.joint_trajectory(result) if trajectory.encoders(result) else None
     names = list(motion.joints) if motion is not None else []
     if motion is not None:
-        yield "/joint_trajectory", MESSAGE, 0.0, message(motion)
+        yield "/joint_trajectory", trajectory.MESSAGE, 0.0, trajectory.message(motion)
     for i, time in enumerate(result.time.tolist()):
         if motion is not None:
             state = {key: getattr(motion, key)[i].tolist() for key in _STATE}
@@ -115,4 +108,4 @@ def _nested(values: dict[str, Any], i: int) -> dict[str, Any]:
 
 
 def _header(time: float, frame: str) -> dict[str, Any]:
-    return {"stamp": stamp(time), "frame_id": frame}
+    return {"stamp": trajectory.stamp(time), "frame_id": frame}

@@ -16,6 +16,7 @@ from jointplay.bridges.own_mjcf import OwnRobot, is_own, own_robot
 from jointplay.bridges.reduced_formats import FORMATS
 from jointplay.bridges.reduced_mjcf import (
     CompiledRobot,
+    Followed,
     compile_robot,
     find_play,
     find_reach,
@@ -218,12 +219,7 @@ class ReducedRobot:
         mjcf = self._compiled.mjcf(self.reductions, encoder=self.encoder, servos=self.servos)
         for one in self.reductions:
             seen = follow(mjcf, one, self.meshes)
-            kept = "within" if seen.error <= one.angle_error else "beyond"
-            yield (
-                f"MuJoCo: {one.joint}: link's angle off by up to {1e6 * seen.error:.4g} µrad, "
-                f"{kept} the stated {1e6 * one.angle_error:.4g}; {1e6 * seen.step_seconds:.3g} µs "
-                f"a step of {1e3 * seen.step:.3g} ms"
-            )
+            yield f"MuJoCo: {one.joint}: {_angle_kept(seen, one)}"
             if seen.tilt_error is not None:
                 kept = "within" if seen.tilt_error <= one.tilt_error else "beyond"
                 yield (
@@ -263,15 +259,19 @@ class ReducedRobot:
                 continue
             _, play = reduced_files.actuator([one])
             seen = follow(robot, one, self._rigid.meshes, play)
-            kept = "within" if seen.error <= one.angle_error else "beyond"
-            yield (
-                f"MuJoCo: {one.joint} by its actuator: link's angle off by up to "
-                f"{1e6 * seen.error:.4g} µrad, {kept} the stated {1e6 * one.angle_error:.4g}; "
-                f"{1e6 * seen.step_seconds:.3g} µs a step of {1e3 * seen.step:.3g} ms"
-            )
+            yield f"MuJoCo: {one.joint} by its actuator: {_angle_kept(seen, one)}"
 
     def without_play(self) -> str:
         """MJCF of the robot for its play as an actuator: friction and damping, no dead bands."""
         text = self._rigid.mjcf(replace(one, dead_band=0.0) for one in self.reductions)
         step = reduced_files.actuator_step(self.mechanism, self.reductions, self.pose)
         return re.sub('timestep="[^"]*"', f'timestep="{step:.6g}"', text, count=1)
+
+
+def _angle_kept(seen: Followed, stated: Reduction) -> str:
+    kept = "within" if seen.error <= stated.angle_error else "beyond"
+    return (
+        f"link's angle off by up to {1e6 * seen.error:.4g} µrad, {kept} the stated "
+        f"{1e6 * stated.angle_error:.4g}; {1e6 * seen.step_seconds:.3g} µs a step of "
+        f"{1e3 * seen.step:.3g} ms"
+    )

@@ -26,15 +26,9 @@ from jointplay.cli.commands import (
     UNITS,
     Entry,
     in_unit,
+    inputs,
     listed,
     read_help,
-)
-from jointplay.cli.commands.inputs import (
-    ABOUT,
-    FRONT_OPTIONS,
-    INPUT_OPTIONS,
-    entries,
-    explain,
 )
 
 BAD_INPUT = 2
@@ -118,7 +112,7 @@ class _Parser(argparse.ArgumentParser):
         """The help, with every option, or on one screen those that are most often needed."""
         if self.prog == "jointplay":
             return f"{overview()}\n"
-        explain(self)
+        inputs.explain(self)
         if every:
             return self.format_help()
         formatter = argparse.HelpFormatter(self.prog, max_help_position=28)
@@ -126,7 +120,7 @@ class _Parser(argparse.ArgumentParser):
         formatter.add_text(self.description)
         formatter.start_section(None)
         shown = [one for one in self._actions if one.dest in self.front]
-        shown.sort(key=lambda one: (bool(one.option_strings), one.dest in INPUT_OPTIONS))
+        shown.sort(key=lambda one: (bool(one.option_strings), one.dest in inputs.INPUT_OPTIONS))
         formatter.add_arguments(map(in_short, shown))
         formatter.end_section()
         formatter.add_text(ALL.format(self.prog))
@@ -213,9 +207,9 @@ def _add_command(commands: Any, words: tuple[str, ...]) -> argparse.ArgumentPars
     for typed, about, group in found:
         if PLACE in typed:
             parser.add_argument(
-                "place", nargs="?" if typed[0] == "[" else None, metavar=PLACE, help=ABOUT
+                "place", nargs="?" if typed[0] == "[" else None, metavar=PLACE, help=inputs.ABOUT
             )
-            for one in entries(parser, about):
+            for one in inputs.entries(parser, about):
                 if one[0].partition(" ")[0] not in own:
                     _add_entry(parser, groups, *one)
         else:
@@ -260,7 +254,7 @@ def _add_entry(parser: Any, groups: dict[str, Any], words: str, about: str, grou
     if "const" in more and "type" in more:
         more["const"] = more["type"](more["const"])
     action = groups[group].add_argument(*name.split(","), help=about.replace("%", "%%"), **more)
-    if name in FRONT_OPTIONS or not (group or name in SHARED):
+    if name in inputs.FRONT_OPTIONS or not (group or name in SHARED):
         parser.front.add(action.dest)
 
 

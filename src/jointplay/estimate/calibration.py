@@ -23,17 +23,11 @@ from jointplay.accuracy.poses import moving
 from jointplay.base.errors import JointplayError, require_a
 from jointplay.base.progress import ProgressBar
 from jointplay.base.units import told
-from jointplay.estimate import planning
+from jointplay.estimate import planning, static_poses
 from jointplay.estimate.kinematic_model import COORDINATE, Poses, Term
 from jointplay.estimate.least_squares import LeastSquares
 from jointplay.estimate.planning import MeasurementPlan
 from jointplay.estimate.selection import Calibration, Problem, Selection, Step, held_back
-from jointplay.estimate.static_poses import (
-    StaticPoses,
-    nearest_rotation,
-    rotation_vectors,
-    rotations_of,
-)
 from jointplay.estimate.unknowns import NORMAL, Estimate, Unknown
 from jointplay.model.mechanism import Mechanism
 
@@ -126,7 +120,7 @@ class Placed(Problem):
             parts = [points.ravel(), np.linalg.norm(np.reshape(apart(points), (-1, 3)), axis=1)]
             if measured.orientation is not None and len(self.kinds) > 1:
                 off = measured.orientation[rows] @ np.swapaxes(rotations, 1, 2)
-                parts.insert(1, -rotation_vectors(off).ravel())
+                parts.insert(1, -static_poses.rotation_vectors(off).ravel())
             return np.concatenate(parts)
 
         def slopes(theta: np.ndarray) -> np.ndarray:
@@ -152,8 +146,8 @@ class Placed(Problem):
         every = np.zeros(12 + len(self.columns))
         every[6:9] = self._nominal
         every[self._free] = theta
-        base, grip = rotations_of(every[3:6]) @ self.turned[0], self.turned[1]
-        grip, reach = grip @ rotations_of(every[9:12]), every[6:9]
+        base, grip = static_poses.rotations_of(every[3:6]) @ self.turned[0], self.turned[1]
+        grip, reach = grip @ static_poses.rotations_of(every[9:12]), every[6:9]
         poses, moved = self.poses, self.features[rows] * every[12:]
         joints, targets = (
             np.array([getattr(one, name) for one in self.columns], int)
@@ -225,12 +219,12 @@ class Placed(Problem):
                 at, reach = solved[:3], solved[3:]
                 tip = origin + body @ reach
                 if seen is None:
-                    base = nearest_rotation(centred.T @ (tip - tip.mean(axis=0)))
+                    base = static_poses.nearest_rotation(centred.T @ (tip - tip.mean(axis=0)))
                     at = position.mean(axis=0) - base @ tip.mean(axis=0)
             cost = float(np.sum((position - at - tip @ base.T) ** 2)) / self.error[0] ** 2
             if seen is not None:
                 own = back @ base.T @ seen
-                grip = nearest_rotation(own.sum(axis=0))
+                grip = static_poses.nearest_rotation(own.sum(axis=0))
                 # Half of the Frobenius norm's square is the angle's, where that is small.
                 cost += 0.5 * float(np.sum((own - grip) ** 2)) / self.error[1] ** 2
             found.append((cost, at, base, reach, grip))
@@ -241,7 +235,7 @@ class Placed(Problem):
 
 def calibrate(
     mechanism: Mechanism | str | Path,
-    poses: StaticPoses | str | Path,
+    poses: static_poses.StaticPoses | str | Path,
     terms: Sequence[Term | str] = TERMS,
     *,
     always: Sequence[Term | str] = (),
@@ -284,7 +278,7 @@ def calibrate(
     require_a("poses", poses, "StaticPoses", "str", "Path")
     if not isinstance(mechanism, Mechanism):
         mechanism = Mechanism(mechanism)
-    if not isinstance(poses, StaticPoses):
+    if not isinstance(poses, static_poses.StaticPoses):
         poses = read_poses(mechanism, poses)
     if poses.position is None and poses.point is None:
         raise JointplayError(
@@ -346,7 +340,7 @@ def plan_calibration(
     names = tuple(moving(ideal))
     motor = free[:, [ideal.coordinate(name) for name in names]]
     n = len(motor)
-    still = StaticPoses(
+    still = static_poses.StaticPoses(
         names, motor, position=np.zeros((n, 3)), orientation=np.tile(np.eye(3), (n, 1, 1)),
         ordered=False,
     )  # fmt: skip
@@ -368,11 +362,11 @@ def plan_calibration(
     )
 
 
-def read_poses(mechanism: Mechanism, path: str | Path) -> StaticPoses:
+def read_poses(mechanism: Mechanism, path: str | Path) -> static_poses.StaticPoses:
     """Static poses of a mechanism from a CSV file, see `StaticPoses.from_csv`."""
     entries = mechanism.description.joints
     joints = {name: name in entries and entries[name].slides for name in mechanism.ideal().joints}
-    return StaticPoses.from_csv(path, joints)
+    return static_poses.StaticPoses.from_csv(path, joints)
 
 
 def _estimate_scatter(fits: Selection, terms: Sequence[Term]) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from jointplay.accuracy.poses import moving
-from jointplay.base.errors import JointplayError, MissingName, require_a
+from jointplay.base.errors import JointplayError, require_a, require_known
 from jointplay.base.schema import shortest
 from jointplay.base.tables import Table, few
 from jointplay.base.units import told
@@ -278,7 +278,6 @@ class Identification:
 
     @property
     def sentence(self) -> str:
-        """The answer in plain words."""
         known = [f"{one.label} {one.words()[0]}" for one in self.sought if one.identified]
         told = f": {few(known)}" if known else ""
         return f"The measurement determines {len(known)} of {len(self.sought)} unknowns{told}"
@@ -311,7 +310,6 @@ class Identification:
         return data(self.sought)
 
     def describe(self) -> dict[str, Any]:
-        """As plain data [SI]."""
         sizes = {"misfit": float(self.misfit), "excess": float(self.excess)}
         return {
             "unknowns": [one.describe() for one in self.sought],
@@ -449,8 +447,7 @@ def _given(
             )
         friction |= dict(machine.joint_friction or {})
     friction |= dict(joint_friction or {})
-    if reference not in REFERENCES:
-        raise MissingName("reference", reference, REFERENCES)
+    require_known("reference", reference, REFERENCES)
     measured = _read(measured, mechanism, noise, progress)
     if drift < 0:
         raise JointplayError(f"the degree of the drift must not be negative, got {drift}")

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from jointplay.base.errors import JointplayError, MissingName
+from jointplay.base.errors import JointplayError, require_known
 from jointplay.base.tables import counted
 from jointplay.estimate.parts import SPRINGS, WOUND, Elements, Springs, bearing_parts
 from jointplay.estimate.static_poses import StaticPoses, rotations_of
@@ -71,8 +71,7 @@ class Term:
     if empty, all but those that do what the joint's own offset does."""
 
     def __post_init__(self) -> None:
-        if self.kind not in TERM_KINDS:
-            raise MissingName("kind of term", self.kind, TERM_KINDS)
+        require_known("kind of term", self.kind, TERM_KINDS)
         widths = self.width.values() if isinstance(self.width, Mapping) else [self.width]
         for value in (*widths, self.transition):
             if value is not None and not (np.isfinite(value) and value > 0.0):
@@ -240,12 +239,10 @@ class Poses:
         return len(self.q)
 
     def columns(self, term: Term) -> list[Column]:
-        """The coefficients of a term."""
         kind, made = TERM_KINDS[term.kind], []
         every = self.known if term.kind not in ("placement", "suspension") else self.names
         for joint in term.joints or every:
-            if joint not in self.names:
-                raise MissingName("joint that moves the tool", joint, self.names)
+            require_known("joint that moves the tool", joint, self.names)
             j, asked = self.names.index(joint), bool(term.joints)
             idle = kind.by_load and not self.loaded(joint) and not asked
             features = [] if idle else kind.features(self, term, j, asked)
@@ -383,8 +380,7 @@ def _difference(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
 
 def _rail(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
     joints = poses.measured.joints
-    if term.by not in joints:
-        raise MissingName("joint", term.by, joints)
+    require_known("joint", term.by, joints)
     place = poses.measured.motor[:, joints.index(term.by)]
     turns = term.by in poses.names and poses.turns[poses.names.index(term.by)]
     unit, off = "rad/rad" if turns else "rad/m", place - place.mean()

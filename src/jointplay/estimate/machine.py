@@ -18,19 +18,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.optimize import brentq
 
-from jointplay.base.errors import JointplayError, MissingName
+from jointplay.base.errors import JointplayError, require_known
 from jointplay.base.tables import counted, few
-from jointplay.estimate.parts import (
-    ALSO,
-    LOAD_ERROR,
-    SOFTEST,
-    WOUND,
-    Springs,
-    Teeth,
-    bearing_parts,
-    springs_of,
-    with_values,
-)
+from jointplay.estimate import parts
 from jointplay.estimate.unknowns import PLAYS, Answer, Estimate, Unknown
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import Clearance
@@ -101,12 +91,11 @@ class Machine:
     """By label, see `compliances`."""
 
     @cached_property
-    def springs(self) -> dict[str, Springs]:
+    def springs(self) -> dict[str, parts.Springs]:
         """Springs and seats whose compliances are sought, unless they are given, by joint."""
-        return springs_of(self.mechanism)
+        return parts.springs_of(self.mechanism)
 
     def compliance(self, label: str) -> Unknown:
-        """What is known of it."""
         return self.compliances.get(label) or compliance(label)
 
     def rigid(self, label: str) -> bool:
@@ -168,27 +157,26 @@ class Machine:
             )
         found: list[Unknown] = []
         for word in also:
-            if word not in ALSO:
-                raise MissingName("unknown to identify besides", word, ALSO)
+            require_known("unknown to identify besides", word, parts.ALSO)
         for joint, bearing in mechanism.clearance.items():
-            for part in bearing_parts(joint, bearing):
-                if not isinstance(part, Springs):
+            for part in parts.bearing_parts(joint, bearing):
+                if not isinstance(part, parts.Springs):
                     found += part.unknowns(also)
                 elif joint in self.springs:
                     for one in part.unknowns(also):
                         way = one.name.removesuffix("_compliance")
                         own = self._compliance(joint, way, one.name, one.nominal)
-                        found += [replace(x, model_error=LOAD_ERROR) for x in own]
+                        found += [replace(x, model_error=parts.LOAD_ERROR) for x in own]
         rubs = any(one.name == "friction" for one in found)
         for joint, gear in mechanism.gears.items():
-            teeth = Teeth(joint, gear)
+            teeth = parts.Teeth(joint, gear)
             others = list(teeth.unknowns(also))
             own = self._compliance(joint, "torsional", "gear_compliance", 1.0 / teeth.stiffness[0])
             plays = [one for one in others if one.name == "gear_play"]
             mine = [*plays, *own, *(one for one in others if one not in plays)]
             if teeth.curved:
-                rough = LOAD_ERROR if joint in links else BENDS
-                mine = [replace(x, model_error=rough) if x.name in WOUND else x for x in mine]
+                rough = parts.LOAD_ERROR if joint in links else BENDS
+                mine = [replace(x, model_error=rough) if x.name in parts.WOUND else x for x in mine]
             found += mine
         wound = [joint for joint in self.wound if joint not in mechanism.gears]
         for joint in wound:
@@ -219,7 +207,7 @@ class Machine:
         if one.spread == 0.0:
             return []
         value = one.nominal or expected
-        most = SOFTEST * value
+        most = parts.SOFTEST * value
         return [Unknown(joint, name, WAYS[way], value, value, most, spread=one.spread)]
 
 
@@ -247,7 +235,7 @@ def compliances(mechanism: Mechanism, given: Given) -> dict[str, Unknown]:
     for name in mechanism.joints:
         spread = LINK
         if name in mechanism.gears:
-            teeth = Teeth(name, mechanism.gears[name])
+            teeth = parts.Teeth(name, mechanism.gears[name])
             give = 1.0 / teeth.stiffness[0]
             spread = BENDS * give if teeth.curved else max(LINK, give)
         known[f"{name} link"] = compliance(f"{name} link", spread=spread)
@@ -256,8 +244,7 @@ def compliances(mechanism: Mechanism, given: Given) -> dict[str, Unknown]:
     for label in sorted(given, key=lambda one: (one != ALL, " " in one)):
         entry = given[label]
         stiffness, part = entry if isinstance(entry, tuple) else (entry, 0.0)
-        if label not in labels(mechanism):
-            raise MissingName("stiffness", label, labels(mechanism))
+        require_known("stiffness", label, labels(mechanism))
         if not stiffness > 0.0 or not 0.0 <= part < math.inf:
             raise JointplayError(
                 f"stiffness of {label!r} must be positive: {stiffness!r}, {part!r}"
@@ -267,7 +254,7 @@ def compliances(mechanism: Mechanism, given: Given) -> dict[str, Unknown]:
             if not rigid:
                 raise JointplayError(f"stiffness of 'all' can only be inf (rigid): {stiffness!r}")
             soft = {f"{name} torsional" for name in mechanism.gears}
-            for name, springs in springs_of(mechanism).items():
+            for name, springs in parts.springs_of(mechanism).items():
                 soft |= {f"{name} {way}" for way in springs.compliances}
             meant = [name for name in labels(mechanism) if name not in soft]
         elif " " in label or label == TOOL:
@@ -301,13 +288,13 @@ def apply(mechanism: Mechanism, found: Sequence[Estimate]) -> Mechanism:
             values.setdefault(one.joint, {})[one.unknown.name] = one.value
     for joint, mine in values.items():
         if joint in joints:
-            joints[joint] = with_values(joint, joints[joint], mine)
+            joints[joint] = parts.with_values(joint, joints[joint], mine)
             if "restitution" in mine:  # what its law can deliver
                 nominal = nominal_of(joints[joint], mine["restitution"])
                 if math.isfinite(nominal):
                     joints[joint] = joints[joint].with_restitution(nominal)
         if joint in gears:
-            gears[joint] = Teeth(joint, gears[joint]).holding(mine)
+            gears[joint] = parts.Teeth(joint, gears[joint]).holding(mine)
     return mechanism.with_clearance(joints, gears)
 
 
@@ -409,14 +396,12 @@ class OfJoints(Answer):
 
     @property
     def sentence(self) -> str:
-        """The answer in plain words."""
         plays = [one for one in self.estimates if one.unknown.name == "gear_play"]
         known = [f"{one.joint} {one.span}" for one in plays if one.identified]
         of = f"{len(known)} of {counted(len(plays), 'joint')}"
         return f"The readings tell the play of {of}{f': {few(known)}' if known else ''}"
 
     def describe(self) -> dict[str, Any]:
-        """As plain data [SI]."""
         rows = [one.describe() for one in self.estimates]
         return {"unknowns": rows, "notes": list(self.notes), "source": self.source}
 

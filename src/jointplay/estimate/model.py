@@ -43,12 +43,12 @@ from jointplay.estimate.measurement import (
 from jointplay.estimate.parts import SPRINGS, WOUND, Elements, Journal, Teeth, friction_of
 from jointplay.estimate.unknowns import Unknown
 from jointplay.model.gear import Curve, Gear
-from jointplay.model.impact import elastic_energy
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import Clearance, RollingBearing
 from jointplay.physics.joints.play import BallPlay, JournalPlay
 from jointplay.simulation.loads.drive import JointFriction
 from jointplay.simulation.result.result import AXES
+from jointplay.simulation.statics import depths
 
 _LATERAL = [0, 1, 3, 4]
 _AXES = {"link": [5], "bush": [0, 1]} | {way: list(at) for way, at in SPRINGS.items()}
@@ -150,7 +150,7 @@ class _Bearing:
         play = joint.play(second_order=False)
         point = play.support(self.load).point
         if isinstance(play, JournalPlay | BallPlay):
-            depth = _depths(joint, self.rim)
+            depth = depths(joint, 0, self.rim)
             point[:, _LATERAL] *= (1.0 + depth / joint.radial_travel)[:, None]
         friction = values.get("friction")
         if friction is None:
@@ -878,17 +878,3 @@ def _sliding_part(joint: Clearance, speed: np.ndarray) -> np.ndarray:
     function, numbers = type(law).function, law.parameters()
     parts = [function(float(v), *numbers) / full for v in np.abs(speed) * hinge.radius]
     return np.clip(parts, 0.0, 1.0)
-
-
-def _depths(joint: Clearance, force: np.ndarray) -> np.ndarray:
-    """How far a radial contact gives way to forces [N], shape (n,) [m]."""
-    return np.asarray(np.interp(force, *_springs(joint)))
-
-
-@lru_cache(maxsize=256)
-def _springs(joint: Clearance) -> tuple[np.ndarray, np.ndarray]:
-    """Forces [N] and depths [m] of a radial contact."""
-    parameters = joint.normal.parameters(joint.contact_properties(0))
-    depths = np.geomspace(1e-10, joint.depth_limit, 600)
-    forces = np.gradient(elastic_energy(joint.normal, parameters, depths), depths)
-    return np.maximum.accumulate(forces), depths

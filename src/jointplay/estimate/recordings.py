@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from jointplay.base import files
-from jointplay.base.errors import JointplayError, MissingName, require_a
+from jointplay.base.errors import JointplayError, MissingName, require_a, require_known
 from jointplay.base.imports import extra
 from jointplay.base.progress import ProgressBar
 from jointplay.estimate.columns import SERVO_UNITS
@@ -246,8 +246,7 @@ class Recording:
                 raise MissingName("joint or axis", target, [*joints, "x", "y", "z"])
         recorded = dict.fromkeys(name for _, values in series.values() for name in values)
         for one in maps.values():
-            if one.name not in recorded:
-                raise MissingName("recorded name", one.name, recorded)
+            require_known("recorded name", one.name, recorded)
         found: dict[Key, tuple[np.ndarray, np.ndarray]] = {}
         for source in sources:
             if source.joint and source.joint not in joints:
@@ -349,8 +348,7 @@ class Recording:
                 and name.startswith(("observation", "action"))
             }  # fmt: skip
             for source in sources:
-                if source.name not in features:
-                    raise MissingName("feature", source.name, features)
+                require_known("feature", source.name, features)
             if not sources:
                 raise JointplayError(
                     f"{root}: say which feature is which signal (--source "
@@ -413,8 +411,7 @@ class Recording:
         else:
             place = _place(root, episode, parquet)
         file = root / layout.format(**place)
-        if not files.is_file(file):
-            raise files.missing(file, "file of the dataset")
+        files.require_file(file, "file of the dataset")
         files.check_plain(file, rosbag.MOST_BYTES)
         if files.begins(file, _LFS):
             raise JointplayError(

@@ -200,7 +200,6 @@ class Step:
         return tuple(float(np.sqrt(one.mean())) for one in sums)
 
     def describe(self) -> dict[str, Any]:
-        """As plain data [SI]."""
         names = ("added", "unknowns", "training", "held_back", "kept", "gain", "margin")
         numbers = {name: getattr(self, name) for name in names}
         return {"terms": [str(term) for term in self.terms], **numbers}
@@ -228,12 +227,10 @@ class Calibration:
     """With all candidates and everybody's play free, which `play` and `coefficients` are of."""
 
     def step(self) -> Step:
-        """The model that was kept."""
         return [one for one in self.steps if one.kept][-1]
 
     @property
     def mechanism(self) -> Mechanism:
-        """As it was given."""
         return self.step().fitted.problem.poses.mechanism
 
     @property
@@ -321,7 +318,6 @@ class Calibration:
 
     @property
     def sentence(self) -> str:
-        """The answer in plain words."""
         step, kinds = self.step(), self.kinds
         sizes = zip(kinds.values(), step.held_back, strict=True)
         errors = " and ".join(readable(float(size), unit, 3) for (unit, _), size in sizes)
@@ -376,7 +372,6 @@ class Calibration:
 
     @property
     def data(self) -> Table:
-        """Of the `rows`."""
         return data(self.rows)
 
     @property
@@ -395,7 +390,6 @@ class Calibration:
         return Table(columns)
 
     def describe(self) -> dict[str, Any]:
-        """All of it as plain data [SI]."""
         error = self.step().fitted.problem.error
         return {
             "joints": list(self.poses.joints),

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from jointplay.base.errors import JointplayError, MissingName
+from jointplay.base.errors import JointplayError, MissingName, require_known
 from jointplay.estimate import columns
 from jointplay.simulation.result.result import AXES
 
@@ -138,8 +138,7 @@ class StaticPoses:
         """
         motor = self.motor.copy()
         for name in joints:
-            if name not in self.joints:
-                raise MissingName("joint", name, self.joints)
+            require_known("joint", name, self.joints)
             column = self.joints.index(name)
             if self.link is None or np.isnan(self.link[:, column]).any():
                 raise self._wrong(f"{name} has no encoder on the link's side in every row")

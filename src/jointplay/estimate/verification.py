@@ -96,7 +96,6 @@ class Verification:
         return "\n".join(map(str, [*lines, Table.of_texts([head, *found]), verdict]))
 
     def describe(self) -> dict[str, Any]:
-        """As plain data [SI]."""
         checks = [{**vars(one), "agrees": one.agrees} for one in self.checks]
         return {"agrees": self.agrees, "runs": self.runs, "left_over": self.left, "checks": checks}
 

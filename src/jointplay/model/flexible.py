@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from jointplay.base.errors import JointplayError, MissingName, within
+from jointplay.base.errors import JointplayError, MissingName, require_known, within
 from jointplay.base.tables import counted, few
 from jointplay.base.units import readable
 from jointplay.model.beams import FlexibleLink, section
@@ -64,8 +64,7 @@ def cut_links(
         with within("flexible", name):
             if not isinstance(one, FlexibleLink):
                 raise JointplayError(f"link {name!r} needs a FlexibleLink, got {one!r}")
-            if name not in description.links:
-                raise MissingName("link", name, description.links)
+            require_known("link", name, description.links)
             cut = _cut(cut, name, one)
     return cut
 

@@ -9,17 +9,16 @@ docs/drives.md has the equations, what catalogues measure, and where numbers com
 from __future__ import annotations
 
 import math
-import tomllib
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
-from pathlib import Path
+from functools import cached_property
 from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
 from jointplay.base.errors import JointplayError
+from jointplay.base.files import shipped_table
 from jointplay.base.roots import brentq
 from jointplay.base.schema import Described, Family, check_fields, one_of, quantity, register
 from jointplay.physics.kernel.constants import GEAR_ORDERS
@@ -428,7 +427,7 @@ class _Catalogued(_Lossy):
     @classmethod
     def names(cls) -> list[str]:
         """Names that `of` knows."""
-        return list(_catalogue()[cls.kind])
+        return list(shipped_table(__file__, "gears")[cls.kind])
 
     def origins(self) -> dict[str, str]:
         if self.catalogue is None:
@@ -709,15 +708,9 @@ def _torsion_fields(curve: Curve, bristles: tuple[float, float]) -> dict[str, An
     return fields | dict(zip(("grip", "presliding"), bristles, strict=True))
 
 
-@cache
-def _catalogue() -> dict[str, Any]:
-    with (Path(__file__).parent / "data" / "gears.toml").open("rb") as file:
-        return tomllib.load(file)
-
-
 def _entry(kind: str, name: str) -> dict[str, dict[str, Any]]:
     """Numbers of a gear in the catalogue by field: value, origin, source."""
-    entries: dict[str, dict[str, dict[str, Any]]] = _catalogue()[kind]
+    entries: dict[str, dict[str, dict[str, Any]]] = shipped_table(__file__, "gears")[kind]
     if name not in entries:
         raise JointplayError(one_of(f"{kind} gear", name, entries), ("catalogue",))
     return entries[name]
@@ -725,5 +718,5 @@ def _entry(kind: str, name: str) -> dict[str, dict[str, Any]]:
 
 def _fraction(kind: str) -> float:
     """Part of the rated torque at which a kind's catalogues measure lost motion."""
-    said = _catalogue()["lost_motion"]
+    said = shipped_table(__file__, "gears")["lost_motion"]
     return float(said.get(kind, said["cycloidal"])["fraction"])

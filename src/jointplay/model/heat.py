@@ -16,7 +16,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from jointplay.base import files
-from jointplay.base.errors import JointplayError, MissingName, require_finite, within
+from jointplay.base.errors import JointplayError, require_finite, require_known, within
 from jointplay.base.schema import quantity
 from jointplay.base.tables import few
 from jointplay.base.units import plain_number
@@ -153,8 +153,7 @@ def warmed(
     hot = dict(joints)
     for name, one in heat.joints.items():
         with within("joints", name):
-            if name not in joints:
-                raise MissingName("joint with clearance", name, list(joints))
+            require_known("joint with clearance", name, joints)
             if joints[name].ideal or not (one.journal or one.bearing):
                 continue
             hot[name] = joints[name].warmed(one.journal, one.bearing)
@@ -192,8 +191,7 @@ def _growth(description: Description, heat: Heat) -> dict[str, float]:
     found = {}
     for link, one in heat.links.items():
         with within("links", link):
-            if link not in description.links:
-                raise MissingName("link", link, list(description.links))
+            require_known("link", link, description.links)
             found[link] = material(one.material or heat.material).growth(one.warmer)
     for link in description.links:  # what is fixed to a link is as warm as it is
         path = [link]

@@ -22,6 +22,7 @@ from jointplay.base.errors import (
     JointplayError,
     MissingName,
     Where,
+    require_known,
     require_names,
     require_table,
     require_vector,
@@ -87,8 +88,7 @@ def frame_index(
 def _gravity(given: Sequence[float] | str) -> tuple[float, float, float]:
     """Gravity by components or by word, checked."""
     if isinstance(given, str):
-        if given not in GRAVITY:
-            raise MissingName("gravity", given, GRAVITY, where=("gravity",))
+        require_known("gravity", given, GRAVITY, where=("gravity",))
         given = GRAVITY[given]
     return require_vector("gravity", given, "m/s^2", ("gravity",))
 
@@ -268,8 +268,7 @@ class Mechanism(Overview, Described):
 
     def _name_of_free_base(self) -> str | None:
         """Name of the base's coordinates; None if it is held."""
-        if self.base not in BASES:
-            raise MissingName("base", self.base, BASES, where=("base",))
+        require_known("base", self.base, BASES, where=("base",))
         if self.base == HELD:
             return None
         if self.loops:

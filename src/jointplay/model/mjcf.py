@@ -20,7 +20,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.base.errors import JointplayError
-from jointplay.base.files import is_file
+from jointplay.base.files import begins, is_file
 from jointplay.base.imports import extra
 from jointplay.base.tables import few
 from jointplay.model import urdf
@@ -120,14 +120,6 @@ def asset_path(spec: Any, path: Path, folder: str, file: str) -> Path:
     return Path(spec.modelfiledir or path.parent) / folder / name
 
 
-def _there(path: Path) -> bool:
-    """Whether a file is there with its content."""
-    if not is_file(path):
-        return False
-    with path.open("rb") as file:
-        return not file.read(len(_LFS)).startswith(_LFS)
-
-
 def _lighten(spec: Any, path: Path) -> list[tuple[Any, _Mesh]]:
     """Take out of a spec what gives no body its inertia: meshes, textures and the like.
 
@@ -151,7 +143,7 @@ def _lighten(spec: Any, path: Path) -> list[tuple[Any, _Mesh]]:
         if file is not None:
             shown.append((geom, name, _Mesh(str(file), np.array(mesh.scale), place)))
         if _gives_inertia(spec, geom):
-            if file is not None and not _there(file):
+            if file is not None and (not is_file(file) or begins(file, _LFS)):
                 raise JointplayError(
                     f"body {geom.parent.name!r} takes its inertia from the mesh {str(file)!r}, "
                     "which is missing: put it there, or give the body an <inertial>"
@@ -234,10 +226,13 @@ class _Reading:
         tops = [i for i in tops if model.body_mocapid[i] < 0]
         free = [i for i in tops if kinds.mjJNT_FREE in map(self.types.__getitem__, self._joints(i))]
         held = [i for i in tops if i not in free]
-        moving = any(model.jnt_type[j] != kinds.mjJNT_FREE and self._top(j) in held
-                     for j in range(model.njnt))  # fmt: skip
+        moving = any(
+            one != kinds.mjJNT_FREE and self._top_of(body) in held
+            for one, body in zip(self.types, model.jnt_bodyid, strict=True)
+        )
         self.floats = bool(free) and not moving
-        kept = [max(free, key=lambda top: self._size(top))] if self.floats else held
+        sizes = np.bincount(model.body_rootid, minlength=model.nbody)
+        kept = [max(free, key=lambda top: int(sizes[top]))] if self.floats else held
         self.bodies = [i for i in range(1, model.nbody) if self._top_of(i) in kept]
         if left := [self.body_names[i] for i in free if i not in kept]:
             self.said.append(f"left out, for they float freely: {few(left)}")
@@ -260,12 +255,6 @@ class _Reading:
 
     def _top_of(self, body: int) -> int:
         return int(self.model.body_rootid[body])
-
-    def _top(self, joint: int) -> int:
-        return self._top_of(self.model.jnt_bodyid[joint])
-
-    def _size(self, top: int) -> int:
-        return int(np.count_nonzero(self.model.body_rootid == top))
 
     def _turns(self, joint: int) -> bool:
         return bool(self.types[joint] == self.mujoco.mjtJoint.mjJNT_HINGE)

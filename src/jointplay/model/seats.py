@@ -13,16 +13,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from jointplay.model import elements
 from jointplay.model.builder import z_to
-from jointplay.model.elements import (
-    Element,
-    origin_of,
-    place_of,
-    put,
-    put_fixed,
-    put_inertial,
-    set_end,
-)
 from jointplay.model.loop import Loop
 from jointplay.model.urdf import NO_AXIS, Description, read_again
 from jointplay.physics.joints import Clearance, SeatParts
@@ -54,19 +46,19 @@ def seat_of_joint(
     bush, mount, bed = (f"{name}{part}" for part in (BUSH, SEAT, _BED))
     entry = description.joints[name]
     if joint.exchanged:
-        set_end(element, "child", bush)
+        elements.set_end(element, "child", bush)
         _put_bush(root, bush, parts, turn)
-        put(root, "link", name=bed)
-        put_fixed(root, mount, bush, bed, turn)
-        put_fixed(root, f"{name}{SEAT}{_BED}", bed, entry.child, turn.inverse())
+        elements.put(root, "link", name=bed)
+        elements.put_fixed(root, mount, bush, bed, turn)
+        elements.put_fixed(root, f"{name}{SEAT}{_BED}", bed, entry.child, turn.inverse())
     else:
-        place = place_of(element)
+        place = elements.place_of(element)
         for origin in element.findall("origin"):
             element.remove(origin)
         _put_bush(root, bush, parts)
-        put_fixed(root, mount, entry.parent, bush, place * turn)
-        set_end(element, "parent", bush)
-        element.append(origin_of(turn.inverse()))
+        elements.put_fixed(root, mount, entry.parent, bush, place * turn)
+        elements.set_end(element, "parent", bush)
+        element.append(elements.origin_of(turn.inverse()))
     return read_again(description, root, "seat", bush, mount, bed)
 
 
@@ -83,12 +75,14 @@ def seat_of_loop(
     side = "journal" if joint.exchanged else "bearing"
     link, place = getattr(loop, f"{side}_link"), getattr(loop, side)
     _put_bush(root, bush, parts)
-    put_fixed(root, mount, link, bush, place)
+    elements.put_fixed(root, mount, link, bush, place)
     zero = (0.0, 0.0, 0.0)
     changes: dict[str, Any] = {f"{side}_link": bush, f"{side}_xyz": zero, f"{side}_rpy": zero}
     return read_again(description, root, "seat", bush, mount), replace(loop, **changes)
 
 
-def _put_bush(root: Element, name: str, parts: SeatParts, axes: pin.SE3 | None = None) -> None:
+def _put_bush(
+    root: elements.Element, name: str, parts: SeatParts, axes: pin.SE3 | None = None
+) -> None:
     inertia = pin.Inertia(parts.mass, np.zeros(3), np.diag(parts.moments))
-    put_inertial(put(root, "link", name=name), inertia, axes)
+    elements.put_inertial(elements.put(root, "link", name=name), inertia, axes)

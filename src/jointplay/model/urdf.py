@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from jointplay.base.errors import JointplayError, MissingName, closest, require_a
+from jointplay.base.errors import JointplayError, MissingName, closest, require_a, require_known
 from jointplay.model.vocabulary import check_words, numbers
 
 if TYPE_CHECKING:
@@ -152,7 +152,6 @@ class JointEntry:
 
     @property
     def turns(self) -> bool:
-        """Whether it turns about an axis."""
         return self.kind in ("revolute", "continuous")
 
     @property
@@ -607,8 +606,7 @@ def read_again(
 def _link(joint: ElementTree.Element, end: str, links: Collection[str]) -> str:
     element = joint.find(end)
     name = "" if element is None else element.get("link", "")
-    if name not in links:
-        raise MissingName(f"link (the {end} of joint {joint.get('name', '')!r})", name, links)
+    require_known(f"link (the {end} of joint {joint.get('name', '')!r})", name, links)
     return name
 
 

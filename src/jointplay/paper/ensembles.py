@@ -17,16 +17,7 @@ from jointplay.base import files
 from jointplay.base.processes import Pool, number_of
 from jointplay.base.progress import current
 from jointplay.base.tables import Table
-from jointplay.paper.cases import (
-    CASES,
-    CONDITIONS,
-    METHODS,
-    Condition,
-    Found,
-    by_method,
-    length,
-    perturbed,
-)
+from jointplay.paper import cases
 from jointplay.physics.kernel.integrators import DEFAULT
 from jointplay.simulation.analysis.claims import ISOLATED, Measures, Verdict, judge
 from jointplay.simulation.initial import PERTURBATION
@@ -51,32 +42,32 @@ class Ensembles:
         self,
         runs: int,
         jobs: int | None = None,
-        condition: Condition = CONDITIONS[0],
+        condition: cases.Condition = cases.CONDITIONS[0],
         integrator: str = DEFAULT,
     ) -> None:
         self.runs, self.jobs = runs, number_of(jobs)
-        played = [label for label, clearance in CASES.items() if clearance is not None]
-        self.plan = list(product(CONDITIONS, played, range(runs)))
+        played = [label for label, clearance in cases.CASES.items() if clearance is not None]
+        self.plan = list(product(cases.CONDITIONS, played, range(runs)))
         self._methods = [
             (label, method)
-            for label in CASES
-            for method, options in METHODS.items()
+            for label in cases.CASES
+            for method, options in cases.METHODS.items()
             if options["integrator"] != integrator or "tolerance" in options
         ]
         plan: dict[Any, Callable[[], Any]]
-        plan = {key: partial(by_method, *key, condition) for key in self._methods}
-        plan |= {key: partial(perturbed, *key, integrator) for key in self.plan}
+        plan = {key: partial(cases.by_method, *key, condition) for key in self._methods}
+        plan |= {key: partial(cases.perturbed, *key, integrator) for key in self.plan}
         self._found = Memory[Any]()
         self._study: Study[Callable[[], Any], Any] = Study(plan, call, self._found)
-        self.to_simulate = len(plan) * length()  # what its runs simulate [s]
+        self.to_simulate = len(plan) * cases.length()  # what its runs simulate [s]
 
     @property
-    def measures(self) -> dict[tuple[Condition, str, int], Measures]:
+    def measures(self) -> dict[tuple[cases.Condition, str, int], Measures]:
         """Of the perturbed runs so far, by condition, case and seed."""
         return {key: self._found[key] for key in self.plan if key in self._found}
 
     @property
-    def others(self) -> dict[tuple[str, str], Found]:
+    def others(self) -> dict[tuple[str, str], cases.Found]:
         """What other methods found so far, by case and method."""
         return {key: self._found[key] for key in self._methods if key in self._found}
 
@@ -96,7 +87,7 @@ class Ensembles:
     def _collect(self, pool: Pool[Callable[[], Any], Any]) -> None:
         for _ in self._study.outcomes(workers=pool):
             if (bar := current()) is not None:
-                bar.update(length())
+                bar.update(cases.length())
 
     def wait(self, collecting: Future[None]) -> None:
         """Wait for the runs, those by the explicit method among them.
@@ -125,7 +116,7 @@ class Ensembles:
     def verdicts(self) -> list[Verdict]:
         """Claims under each condition for which at least two runs of each case are there."""
         verdicts, found = [], self.measures
-        for condition in CONDITIONS:
+        for condition in cases.CONDITIONS:
             small, large = (
                 [measures for key, measures in found.items() if key[:2] == (condition, label)]
                 for label in ("0.2 mm", "0.5 mm")
@@ -175,8 +166,8 @@ def filled(name: str, **values: Any) -> str:
 
 def summary(verdicts: Sequence[Verdict]) -> str:
     """Claims against conditions, for the terminal."""
-    rows = [("claim", *map(str, CONDITIONS))]
+    rows = [("claim", *map(str, cases.CONDITIONS))]
     for number, subject in sorted({(v.claim, v.subject) for v in verdicts}):
         answers = {v.condition: v.holds for v in verdicts if v.claim == number}
-        rows.append((f"{number} {subject}", *(answers.get(str(c), "-") for c in CONDITIONS)))
+        rows.append((f"{number} {subject}", *(answers.get(str(c), "-") for c in cases.CONDITIONS)))
     return str(Table.of_texts(rows))

@@ -14,7 +14,13 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.accuracy.robot_errors import RobotErrors, refuse_misfit
-from jointplay.base.errors import JointplayError, MissingName, require_positive, within
+from jointplay.base.errors import (
+    JointplayError,
+    MissingName,
+    require_known,
+    require_positive,
+    within,
+)
 from jointplay.base.schema import Draft, Preset, fields_of, unknown_key
 from jointplay.base.tables import few
 from jointplay.base.units import Measured, ask_degrees, expected, named, readable, toml_text
@@ -127,8 +133,7 @@ def made_by_joint(table: Any, mechanism: Mechanism, *place: str) -> dict[str, An
     found = {}
     for name, draft in drafts(table).items():
         path = (*place, name)
-        if name not in mechanism.joints:
-            raise MissingName("moving joint", name, mechanism.joints, where=path)
+        require_known("moving joint", name, mechanism.joints, where=path)
         own = of_joint(draft, path, partial(fit, mechanism, name))
         with within(*path):
             found[name] = own.make()

@@ -24,6 +24,7 @@ from jointplay.simulation.working_files import CHECKPOINT
 
 if TYPE_CHECKING:
     from jointplay.simulation.run import Run
+    from jointplay.simulation.simulation import Simulation
 
 _STATISTICS = "unjudged."
 
@@ -94,20 +95,23 @@ def continue_run(run: Run, path: Path) -> None:
             which is said.
     """
     arrays, head = read(path)
-    was, now = head["simulation"], json.loads(json.dumps(run.simulation.describe()))
-    if was != now:
-        raise JointplayError(
-            f"{str(path)!r} belongs to another run: {first_difference(was, now)}; choose another "
-            "folder, or undo the change"
-        )
+    require_same(path, head["simulation"], run.simulation)
     with _naming_checkpoint(path):
         _restore(run, arrays, head)
 
 
-def first_difference(was: Any, now: Any) -> str:
-    """The first thing in which two pieces of plain data differ, in a few words."""
-    place, before, after = next(differences(was, now))
-    return f"{place} is {short(after)} instead of {short(before)}"
+def require_same(path: Path, was: Any, simulation: Simulation) -> None:
+    """Refuse a file of another simulation, `was`, as its file describes it; the error says which.
+
+    Raises:
+        JointplayError: the two differ.
+    """
+    now = json.loads(json.dumps(simulation.describe()))
+    for place, before, after in differences(was, now):
+        raise JointplayError(
+            f"{str(path)!r} belongs to another run: {place} is {short(after)} instead of "
+            f"{short(before)}; choose another folder, or undo the change"
+        )
 
 
 def _restore(run: Run, arrays: dict[str, np.ndarray], head: dict[str, Any]) -> None:
@@ -137,8 +141,7 @@ def _naming_checkpoint(path: Path) -> Iterator[None]:
 
 def read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     """Arrays of a checkpoint, and what else it says; refused if another version wrote it."""
-    if not files.is_file(path):
-        raise files.missing(path, "checkpoint")
+    files.require_file(path, "checkpoint")
     try:
         with path.open("rb") as file:
             if file.read(len(CHECKPOINT)) != CHECKPOINT:

@@ -7,7 +7,12 @@ import warnings
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from jointplay.base.errors import JointplayError, MissingName, require_positive, require_whole
+from jointplay.base.errors import (
+    JointplayError,
+    require_known,
+    require_positive,
+    require_whole,
+)
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.kernel.integrators import DEFAULT, Integrator
 from jointplay.simulation.loads import limits as limits_of_joints
@@ -62,8 +67,7 @@ def joint_friction(simulation: Simulation) -> Mapping[str, JointFriction]:
     """Friction by joint: what is given, or the URDF's."""
     given, joints = simulation.joint_friction, simulation.mechanism.joints
     for name in given or ():
-        if name not in joints:
-            raise MissingName("moving joint", name, joints)
+        require_known("moving joint", name, joints)
     return urdf_friction(simulation.mechanism) if given is None else given
 
 

@@ -19,8 +19,8 @@ import pinocchio as pin
 from jointplay.base import signals
 from jointplay.base.errors import (
     JointplayError,
-    MissingName,
     require_a,
+    require_known,
     require_positive,
     require_vector,
     require_whole,
@@ -128,8 +128,7 @@ class Moment:
 
     def _joint(self, name: str) -> int:
         joints = list(self.mechanism.clearance)
-        if name not in joints:
-            raise MissingName("joint with clearance", name, joints)
+        require_known("joint with clearance", name, joints)
         return joints.index(name)
 
 

@@ -372,7 +372,6 @@ class Iso9283:
 
     @property
     def sentence(self) -> str:
-        """The answer in plain words."""
         parts = []
         for symbol, words in _ANSWERS.items():
             if having := self.having(symbol):

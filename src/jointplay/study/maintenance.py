@@ -22,15 +22,7 @@ from jointplay.base.tables import Column, Table, counted
 from jointplay.physics.joints import RollingBearing
 from jointplay.simulation.analysis.uncertainty import standard_error
 from jointplay.simulation.simulation import Simulation
-from jointplay.study.wear import (
-    Depths,
-    all_wearing,
-    check_blocks,
-    cycles_after,
-    first_profile,
-    wear_blocks,
-    with_worn,
-)
+from jointplay.study import wear
 
 _DEEPEST = 0.09
 """Part of its journal's radius beyond which a bore is none any more."""
@@ -152,10 +144,10 @@ def maintenance(
     """
     require_a("simulation", simulation, "Simulation")
     require_positive("target", target, "m")
-    check_blocks(blocks, runs, cycles_per_run, jobs)
+    wear.check_blocks(blocks, runs, cycles_per_run, jobs)
     if require_finite("the wear rates' factor", factor, "") < 1.0:
         raise JointplayError(f"the wear rates' factor must be >= 1, got {factor:g}")
-    wearing = all_wearing(simulation)
+    wearing = wear.all_wearing(simulation)
     if not wearing:
         joints = simulation.mechanism.clearance
         rolling = [name for name, one in joints.items() if isinstance(one, RollingBearing)]
@@ -172,11 +164,11 @@ def maintenance(
     if motion is None:
         raise JointplayError("nothing moves: the simulation has no motion, so nothing wears")
     poses = along_motion(simulation.mechanism, motion, _POSES, start_of(simulation))
-    begun = {name: first_profile(one) for name, one in wearing.items()}
+    begun = {name: wear.first_profile(one) for name, one in wearing.items()}
     deepest = {name: _DEEPEST * one.journal_radius for name, one in wearing.items()}
 
-    def error_of(worn: Depths) -> float:
-        mechanism = with_worn(simulation, worn).mechanism
+    def error_of(worn: wear.Depths) -> float:
+        mechanism = wear.with_worn(simulation, worn).mechanism
         return float(budget(mechanism, poses, driven=motion.joints).worst.max())
 
     first = error_of(begun)
@@ -186,7 +178,7 @@ def maintenance(
             f"{1e3 * target:.4g} mm is exceeded already (jointplay budget shows by which joint)"
         )
 
-    def cycles_until(part: float, worn: Depths, rates: Depths) -> float:
+    def cycles_until(part: float, worn: wear.Depths, rates: wear.Depths) -> float:
         """Cycles of this wear after which the tool's error is a part of the way to the target."""
         goal = first + (target - first) * part
         slides = [name for name in worn if rates[name].max() > 0.0]
@@ -212,7 +204,7 @@ def maintenance(
             high = min(4.0 * high, most)
         return float(optimize.brentq(missing, 0.0, high, xtol=1e-4 * high, rtol=1e-4))
 
-    done, whole = wear_blocks(
+    done, whole = wear.wear_blocks(
         simulation, cycles_until, blocks, runs, cycles_per_run, jobs, progress
     )
     states = [begun, *(block.worn for block in done)]
@@ -224,7 +216,7 @@ def maintenance(
     alone = np.array([error_of({**begun, name: states[-1][name]}) - first for name in begun])
     return Maintenance(
         tuple(begun),
-        cycles_after(done),
+        wear.cycles_after(done),
         np.array([[(worn[name] - begun[name]).max() for name in begun] for worn in states]),
         np.array([first, *map(error_of, states[1:])]),
         np.array(scatter),

@@ -82,7 +82,6 @@ class DynamicBudget:
 
     @property
     def sentence(self) -> str:
-        """The answer in plain words."""
         mean = dict(zip(self.joints, self.parts.mean(axis=0), strict=True))
         order = sorted(mean, key=lambda name: -mean[name])
         told = few([f"{name} {100 * mean[name]:.0f} %" for name in order])

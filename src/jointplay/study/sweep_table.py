@@ -11,7 +11,13 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from jointplay.base.errors import JointplayError, MissingName, require_a, require_share
+from jointplay.base.errors import (
+    JointplayError,
+    MissingName,
+    require_a,
+    require_known,
+    require_share,
+)
 from jointplay.base.tables import Column, Table, counted
 from jointplay.base.units import convert, handy
 from jointplay.simulation.analysis.uncertainty import (
@@ -153,8 +159,7 @@ def select(dataset: xr.Dataset, only: Mapping[str, str]) -> xr.Dataset:
         JointplayError: no such dimension or value.
     """
     for name, text in only.items():
-        if name not in dataset.attrs["sizes"]:
-            raise MissingName("dimension", name, dataset.attrs["sizes"])
+        require_known("dimension", name, dataset.attrs["sizes"])
         there = dataset[name].values if name in dataset.coords else np.arange(dataset.sizes[name])
         if name in dataset.coords and there.dtype.kind in "fi":
             unit = str(dataset[name].attrs.get("units", ""))
@@ -167,8 +172,7 @@ def select(dataset: xr.Dataset, only: Mapping[str, str]) -> xr.Dataset:
                 raise JointplayError(f"{name}: {error}") from None
         else:
             known = [str(value) for value in there]
-            if text not in known:
-                raise MissingName(f"value of {name}:", text, known)
+            require_known(f"value of {name}:", text, known)
             index = known.index(text)
         dataset = dataset.isel({name: [index]})
     return dataset

@@ -43,16 +43,7 @@ from dataclasses import replace
 from typing import Any
 
 from jointplay.base.errors import JointplayError
-from jointplay.cli.commands import Outputs, given, numbers_by_name, print_answer
-from jointplay.cli.commands.inputs import (
-    PosedMachine,
-    chosen_preset,
-    is_scenario,
-    load_on_tool,
-    named_joints,
-    posed_machine,
-    whole_errors,
-)
+from jointplay.cli.commands import Outputs, given, inputs, numbers_by_name, print_answer
 
 
 def run(options: argparse.Namespace) -> int:
@@ -61,14 +52,14 @@ def run(options: argparse.Namespace) -> int:
 
     _require_fitting(options)
     whole = options.whole is not None
-    chosen = chosen_preset(options)
+    chosen = inputs.chosen_preset(options)
     tables = () if chosen is None else (chosen.every, *chosen.ordered)
-    named = is_scenario(options) or any("bearing" in one for one in tables)
-    given_as = named_joints(options).values()
+    named = inputs.is_scenario(options) or any("bearing" in one for one in tables)
+    given_as = inputs.named_joints(options).values()
     named |= bool(given_as) and None not in given_as
     if options.clearance is None and not named and not whole:
         options.clearance = options.axial_clearance or 1e-4  # sizes are what is sought
-    posed = posed_machine(options)
+    posed = inputs.posed_machine(options)
     if options.verify is not None and posed.motion is None:
         raise JointplayError("--verify simulates a motion: give --motion CSV or a scenario")
     joints = [one for one in posed.mechanism.clearance.values() if one.clearances]
@@ -86,8 +77,8 @@ def run(options: argparse.Namespace) -> int:
             "statistical": options.statistical,
             "keep": options.keep or (),
             "offers": dict.fromkeys(options.by_class or (), ()),
-            "force": load_on_tool(options, posed.mechanism.gravity),
-            **whole_errors(options, posed.scenario),
+            "force": inputs.load_on_tool(options, posed.mechanism.gravity),
+            **inputs.whole_errors(options, posed.scenario),
         }
     prices = numbers_by_name(options.price, f"--price {'CAUSE' if whole else 'CLASS'}=X")
     weights = numbers_by_name(options.weight, "--weight JOINT=X")
@@ -146,7 +137,7 @@ def _compensation(options: argparse.Namespace) -> dict[str, Any]:
     return {COMPENSATION: [Correction(options.compensation, **parts)]}
 
 
-def _verify(options: argparse.Namespace, posed: PosedMachine, allotment: Any) -> None:
+def _verify(options: argparse.Namespace, posed: inputs.PosedMachine, allotment: Any) -> None:
     from jointplay.study.courses import dynamic_error
 
     assert posed.motion is not None

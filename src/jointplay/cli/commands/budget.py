@@ -27,13 +27,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from jointplay.base.errors import JointplayError
-from jointplay.cli.commands import Outputs, print_answer
-from jointplay.cli.commands.inputs import (
-    chosen_preset,
-    load_on_tool,
-    posed_machine,
-    whole_errors,
-)
+from jointplay.cli.commands import Outputs, inputs, print_answer
 
 if TYPE_CHECKING:
     import numpy as np
@@ -48,16 +42,16 @@ def run(options: argparse.Namespace) -> int:
     if options.causes is not None and options.whole is None:
         words = f"--causes {','.join(options.causes)} selects causes of the whole error"
         raise JointplayError(f"{words}: give --whole CLASS, too")
-    posed = posed_machine(options)
+    posed = inputs.posed_machine(options)
     mechanism, poses = posed.mechanism, posed.poses
-    force = load_on_tool(options, mechanism.gravity)
+    force = inputs.load_on_tool(options, mechanism.gravity)
     body = options.relative_to
     seen = [] if body is None else [f"seen from {body!r}, in its axes"]
     at = [f"at: {poses.words}", *seen, *posed.notes]
     if options.whole is not None:
         out.names.append("errors.png")
         out.claim()
-        about = whole_errors(options, posed.scenario)
+        about = inputs.whole_errors(options, posed.scenario)
         about |= {"force": force, "driven": poses.driven, "relative_to": body}
         whole = budget(mechanism, poses.q, **about)
         table, of_class = whole.table(), f"what nobody gave is that of class {about['kind']!r}"
@@ -114,7 +108,7 @@ def _at_ends(
     options: argparse.Namespace, mechanism: Mechanism, q: np.ndarray, about: Mapping[str, Any]
 ) -> list[str]:
     """The worst case with plays that were measured at both ends of their intervals, in words."""
-    own = chosen_preset(options)
+    own = inputs.chosen_preset(options)
     if own is None or not own.intervals:
         return []
     from jointplay.accuracy.error_budget import budget

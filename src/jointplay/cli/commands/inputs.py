@@ -19,15 +19,8 @@ from typing import TYPE_CHECKING, Any
 from jointplay.base import files, streams
 from jointplay.base.errors import JointplayError, require_non_negative
 from jointplay.base.pairs import misread, name_and_number
-from jointplay.cli.commands import (
-    UNITS,
-    Entry,
-    first_notes,
-    numbers_by_name,
-    quantity,
-    read_help,
-    vector,
-)
+from jointplay.cli import commands
+from jointplay.scenario.overrides import Setting, parse, tree
 
 if TYPE_CHECKING:
     from jointplay.accuracy.poses import Poses
@@ -36,7 +29,6 @@ if TYPE_CHECKING:
     from jointplay.model.urdf import Description
     from jointplay.physics.joints import Clearance
     from jointplay.scenario import Scenario
-    from jointplay.scenario.overrides import Setting
     from jointplay.scenario.presets import Preset
     from jointplay.simulation.motion.reference import Motion
     from jointplay.simulation.simulation import Simulation
@@ -183,7 +175,7 @@ HELP = """
 each is one setting, as if by ``--set KEY=VALUE``, which the scenario's tables read and explain.
 ``JOINT`` stands for each joint of --joint, ``GEAR`` for each of --gear."""
 
-ENTRIES = read_help(HELP)[1]
+ENTRIES = commands.read_help(HELP)[1]
 FLAGS = tuple(
     Flag(name, tuple(tuple(key.split(".")) for key in about[2:].split(" + ")), group)
     for name, about, group in ENTRIES
@@ -199,7 +191,7 @@ STATIC = ("poses", "load", "whole error")
 """Groups that only commands have that ask for them."""
 
 
-def entries(parser: argparse.ArgumentParser, about: str) -> Iterator[Entry]:
+def entries(parser: argparse.ArgumentParser, about: str) -> Iterator[commands.Entry]:
     """The options that say what a command looks at, of these groups, or all but `STATIC`."""
     every = dict.fromkeys(group for *_, group in ENTRIES if group not in STATIC)
     groups = about.split(", ") if about else list(every)
@@ -240,7 +232,7 @@ def explanation(flag: Flag) -> tuple[str, str]:
         text += f" [{' or '.join(units)}]"
     known = [default for key in flag.keys if (default := default_of(key))]
     text += f" (default {' '.join(dict.fromkeys(known))})" if known else ""
-    by_unit = {unit: word for word, unit in UNITS.items()}
+    by_unit = {unit: word for word, unit in commands.UNITS.items()}
     metavar = by_unit.get(field.units[0], "X") if field.units != ("",) else "X"
     if is_word(field.hint):
         metavar = "WORD" if choices else flag.keys[0][-1].upper()
@@ -293,7 +285,6 @@ def scenario_of(options: argparse.Namespace, still: bool = False, every: bool = 
         JointplayError: options that do not go together, or what they name is not there.
     """
     from jointplay.scenario import Scenario
-    from jointplay.scenario.overrides import Setting, parse, tree
     from jointplay.scenario.reading import merge
     from jointplay.scenario.robot import robot_scenario, settings_beyond
 
@@ -371,7 +362,6 @@ def _name_all_loose(options: argparse.Namespace) -> list[Setting]:
         Which tool was chosen before they had play, if it was.
     """
     from jointplay.physics.joints import replacing
-    from jointplay.scenario.overrides import Setting
 
     if "joints with clearance" not in options.groups or options.joint or not for_joints(options):
         return []
@@ -488,7 +478,7 @@ def positions(mechanism: Mechanism, text: str, option: str = "--pose") -> dict[s
 def _position(mechanism: Mechanism, joint: str, text: str, where: str) -> float:
     """Position of a joint [rad or m]; errors begin with `where`."""
     entry = mechanism.description.joints.get(joint)
-    return quantity(text, "m" if entry is not None and entry.slides else "rad", where)
+    return commands.quantity(text, "m" if entry is not None and entry.slides else "rad", where)
 
 
 def load_on_tool(
@@ -497,7 +487,7 @@ def load_on_tool(
     """Force on the tool in world axes [N]: what --force and --payload say."""
     force = (0.0, 0.0, 0.0)
     if options.force is not None:
-        force = vector(options.force, "N", "--force")
+        force = commands.vector(options.force, "N", "--force")
     require_non_negative("--payload", options.payload or 0.0, "kg")
     x, y, z = (f + (options.payload or 0.0) * g for f, g in zip(force, gravity, strict=True))
     return x, y, z
@@ -534,7 +524,7 @@ def simulation_of(options: argparse.Namespace, every: bool = False) -> Simulatio
     simulation = scenario.simulation(options.case)
     scenario.ready_run(options.case)  # says what cannot be, with its line
     lines = decisive(scenario, {options.case or scenario.cases[0]: simulation})
-    for line in first_notes(lines, getattr(options, "detail", True)):
+    for line in commands.first_notes(lines, getattr(options, "detail", True)):
         streams.note(line)
     time = simulation.duration or (simulation.motion and simulation.motion.duration)
     moves = simulation.motion is not None
@@ -628,7 +618,6 @@ def _of_joints(options: argparse.Namespace) -> tuple[list[Setting], dict[str, st
     """Bearings and fits of joints given as NAME=BEARING or NAME=FIT, and clearances of others."""
     from jointplay.physics.joints.bearings import bearing_kind, is_catalogued
     from jointplay.physics.joints.fits import is_fit
-    from jointplay.scenario.overrides import Setting
 
     whole, lengths = [], {}
     for name, text in named_joints(options).items():
@@ -661,7 +650,6 @@ def _joint_settings(
     Raises:
         JointplayError: an option for a joint, and no joint.
     """
-    from jointplay.scenario.overrides import Setting
     from jointplay.scenario.robot import assumed_joint, class_of_joint, kind_of_joint
 
     tables = said.get("joints", {})
@@ -720,7 +708,6 @@ def _gear_settings(
     wanted: Sequence[Setting],
 ) -> list[Setting]:
     """What options say of gears: those of --gear, or else all; `ours` are the preset's."""
-    from jointplay.scenario.overrides import Setting
     from jointplay.scenario.robot import at_rest
 
     entries, plays = _value(options, "gear") or (), dict[str, float]()
@@ -728,7 +715,7 @@ def _gear_settings(
     if entries or (still and ours):
         description = _description(options, wanted, file)
         units = {name: one.unit for name, one in description.joints.items() if one.kind != "fixed"}
-        plays = numbers_by_name(entries, "--gear JOINT=PLAY", units)
+        plays = commands.numbers_by_name(entries, "--gear JOINT=PLAY", units)
         if still:
             settings += at_rest([*plays, *ours], known, description)
     for name, angle in plays.items():
@@ -743,8 +730,6 @@ def _gear_settings(
 
 
 def _other_settings(options: argparse.Namespace) -> list[Setting]:
-    from jointplay.scenario.overrides import Setting
-
     settings = [
         Setting(key, flag.read(_value(options, flag.attribute)), flag.name)
         for flag in _given(options)

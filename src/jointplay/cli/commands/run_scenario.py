@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jointplay.base import processes, signals, streams
-from jointplay.base.errors import JointplayError, MissingName
+from jointplay.base.errors import JointplayError, require_known
 from jointplay.base.files import claim, holds, refuse_present
 from jointplay.base.imports import spare_other_arrays
 from jointplay.base.progress import current, printing, whole
@@ -64,8 +64,7 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     from jointplay.show.plots.names import file_names as names_of_figures
 
     for case in options.case:
-        if case not in scenario.cases:
-            raise MissingName("case", case, scenario.cases)
+        require_known("case", case, scenario.cases)
     cases = [case for case in scenario.cases if not options.case or case in options.case]
     jobs = processes.number_of(options.jobs, cases)
     out, names = Path(options.out), file_names(cases)
@@ -433,7 +432,7 @@ def is_judged(path: Path, simulation: Simulation) -> bool | None:
         JointplayError: it is of another simulation, or was interrupted and left no checkpoint.
     """
     from jointplay.physics.kernel import Status
-    from jointplay.simulation.checkpoint import first_difference
+    from jointplay.simulation.checkpoint import require_same
     from jointplay.simulation.result.result import Result
 
     check_own(path)
@@ -442,12 +441,7 @@ def is_judged(path: Path, simulation: Simulation) -> bool | None:
     with (result := Result.open(path)).dataset as dataset:
         was = json.loads(dataset.attrs["simulation"])
         judged = result.certificate is not None
-    now = json.loads(json.dumps(simulation.describe()))
-    if was != now:
-        raise JointplayError(
-            f"{str(path)!r} belongs to another run: {first_difference(was, now)}; choose another "
-            "folder, or undo the change"
-        )
+    require_same(path, was, simulation)
     if result.status == Status.INTERRUPTED:
         raise JointplayError(
             f"{str(path)!r} was interrupted and has no checkpoint; delete it to start again, or "

@@ -15,18 +15,17 @@ from __future__ import annotations
 import difflib
 import math
 import re
-import tomllib
 from abc import abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property, lru_cache
-from pathlib import Path
+from functools import cached_property, lru_cache, partial
 from typing import Any, ClassVar, NamedTuple, NoReturn, Self
 
 import numpy as np
 
-from jointplay.base.errors import JointplayError, MissingName, within
+from jointplay.base.errors import JointplayError, MissingName, require_known, within
+from jointplay.base.files import shipped_table
 from jointplay.base.roots import brentq
 from jointplay.base.schema import check_fields, choice, quantity
 from jointplay.base.units import readable
@@ -73,11 +72,8 @@ _element_play = lru_cache(maxsize=64)(ElementPlay)
 """Equal bearings share what is found of theirs."""
 
 
-@cache
-def catalogue() -> dict[str, Any]:
-    """What ``data/bearings.toml`` says, by section."""
-    with (Path(__file__).parent / "data" / "bearings.toml").open("rb") as file:
-        return tomllib.load(file)
+catalogue = partial(shipped_table, __file__, "bearings")
+"""What ``data/bearings.toml`` says, by section."""
 
 
 def parted(designation: str, section: str) -> tuple[str, str | None]:
@@ -358,7 +354,6 @@ class RollingBearing(WholeLawJoint):
 
     @cached_property
     def _entry(self) -> Mapping[str, Any]:
-        """The catalogue's line."""
         if self.designation is None:
             return {}
         lines, name = catalogue()[self.section], self._words[0]
@@ -454,10 +449,7 @@ class RollingBearing(WholeLawJoint):
             for name, span in fitting[0].items()
             if isinstance(span, list) and name[0] == "C"
         }
-        if self.class_name not in classes:
-            raise MissingName(
-                "class of clearance", self.class_name, list(classes), where=("clearance_class",)
-            )
+        require_known("class of clearance", self.class_name, classes, where=("clearance_class",))
         low, high = classes[self.class_name]
         return 0.5e-6 * low, 0.5e-6 * high
 

@@ -16,17 +16,10 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from jointplay.base.errors import JointplayError, MissingName, require_a, within
+from jointplay.base.errors import JointplayError, require_a, require_known, within
 from jointplay.physics.contact import resultant
 from jointplay.physics.contact.law import ContactProperties, NormalForceLaw
-from jointplay.physics.joints.base import (
-    RELATIVE,
-    VIRTUAL_LINK,
-    Clearance,
-    Outline,
-    SlidingClearance,
-    WholeLawJoint,
-)
+from jointplay.physics.joints import base
 from jointplay.physics.joints.elasticity import ABOUT_AXIS, ALONG_AXIS, Elasticity
 from jointplay.physics.joints.element_play import NO_PLAY
 from jointplay.physics.joints.play import Play
@@ -36,7 +29,7 @@ _LAWS = {ABOUT_AXIS: resultant.SPRINGS, ALONG_AXIS: resultant.GUIDE, None: resul
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Held(WholeLawJoint):
+class _Held(base.WholeLawJoint):
     """A joint without play that gives way wherever it holds: springs hold it."""
 
     clearance_fields: ClassVar[Mapping[str, str | None]] = {}
@@ -105,18 +98,18 @@ class _Held(WholeLawJoint):
         return NO_PLAY
 
     def directions(self) -> np.ndarray:
-        ways = [RELATIVE.index(one) for one in self.freedoms]
+        ways = [base.RELATIVE.index(one) for one in self.freedoms]
         ways = [row for row in ways if row != self.free]
         forces = [row for row in ways if row < 3]
         return np.eye(6)[forces] if forces else self.outline.size[0] * np.eye(6)[ways]
 
     @property
-    def outline(self) -> Outline:
+    def outline(self) -> base.Outline:
         """A disc to show, without room; its radius is that at which tilt is as stiff as axial."""
         _, _, along, tilt, _, _ = np.diag(self.elasticity.stiffness)
         radius = float(np.clip(math.sqrt(2.0 * tilt / along), 5e-3, 0.1))
         size = (radius, radius, self.thickness * radius)
-        return Outline("cylinder", size, (0.0, 0.0, 0.0), walls=True)
+        return base.Outline("cylinder", size, (0.0, 0.0, 0.0), walls=True)
 
     def scaled(self, factor: float) -> _Held:
         return self
@@ -156,11 +149,11 @@ class CompliantSlider(_Held):
     free: ClassVar[int | None] = ALONG_AXIS
 
     @property
-    def outline(self) -> Outline:
+    def outline(self) -> base.Outline:
         """A block to show, without room; where its sides are, torsion is as stiff as across."""
         across, _, _, _, _, torsion = np.diag(self.elasticity.stiffness)
         half = float(np.clip(math.sqrt(torsion / across), 5e-3, 0.1))
-        return Outline("block", (half, half, 2.0 * half), (0.0, 0.0, 0.0), walls=True)
+        return base.Outline("block", (half, half, 2.0 * half), (0.0, 0.0, 0.0), walls=True)
 
 
 _WAYS = ("along x", "along y", "along z", "about x", "about y", "about z")
@@ -190,21 +183,20 @@ class CompliantMount(_Held):
         super().__post_init__()
         object.__setattr__(self, "locked", tuple(self.locked))
         for one in self.locked:
-            if one not in VIRTUAL_LINK:
-                raise MissingName("direction to lock", one, VIRTUAL_LINK, where=("locked",))
+            require_known("direction to lock", one, base.VIRTUAL_LINK, where=("locked",))
         if not self.freedoms:
             raise JointplayError("a mount must give way in some direction", where=("locked",))
 
     @property
     def freedoms(self) -> tuple[str, ...]:
-        return tuple(one for one in VIRTUAL_LINK if one not in self.locked)
+        return tuple(one for one in base.VIRTUAL_LINK if one not in self.locked)
 
     @property
     def summary(self) -> str:
         if not self.locked:
             return super().summary
         diagonal = np.diag(self.elasticity.stiffness)
-        free = [RELATIVE.index(one) for one in self.freedoms]
+        free = [base.RELATIVE.index(one) for one in self.freedoms]
         parts = [
             f"{_WAYS[row]} {diagonal[row]:.3g} {'N/m' if row < 3 else 'N m/rad'}" for row in free
         ]
@@ -243,9 +235,9 @@ BUSH_DENSITY = 7850.0
 class SeatParts(NamedTuple):
     """What a joint in a seat consists of."""
 
-    joint: Clearance
+    joint: base.Clearance
     """The joint between the bush and the other body, without its seat."""
-    mount: Clearance
+    mount: base.Clearance
     """What holds the bush in the body that carries the bearing."""
     mass: float
     """Of the bush [kg]."""
@@ -253,7 +245,7 @@ class SeatParts(NamedTuple):
     """Of inertia about the bush's centre and the bearing's axes [kg m^2]."""
 
 
-def parts_of_seat(joint: Clearance) -> SeatParts | None:
+def parts_of_seat(joint: base.Clearance) -> SeatParts | None:
     """Bush and mount of a joint in a seat; None if it has none, or a law of its own for it.
 
     An ideal joint gives way no more than it has clearance.
@@ -261,7 +253,7 @@ def parts_of_seat(joint: Clearance) -> SeatParts | None:
     The bush is a body as long as the bearing with a wall of half the half width of its bore
     (`BUSH_WALL`), a tube, a hollow ball or a hollow block; `seat_mass` only scales it.
     """
-    if not isinstance(joint, SlidingClearance) or joint.seat is None or joint.ideal:
+    if not isinstance(joint, base.SlidingClearance) or joint.seat is None or joint.ideal:
         return None
     outline = joint.outline
     inner = np.add(outline.size, outline.room)
@@ -276,7 +268,7 @@ def parts_of_seat(joint: Clearance) -> SeatParts | None:
     return SeatParts(alone, CompliantMount(elasticity=joint.seat), float(mass), (x, y, z))
 
 
-def _solid(outline: Outline, half: np.ndarray) -> tuple[float, np.ndarray]:
+def _solid(outline: base.Outline, half: np.ndarray) -> tuple[float, np.ndarray]:
     """Volume [m^3] and moments of inertia at density 1 [m^5] of a body with these half extents."""
     x, y, z = half
     if outline.form == "ball":

@@ -9,15 +9,14 @@ from __future__ import annotations
 
 import math
 import re
-import tomllib
 from bisect import bisect_left
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import cache
-from pathlib import Path
+from functools import cache, partial
 from typing import Any, NamedTuple, NoReturn
 
 from jointplay.base.errors import JointplayError, closest
+from jointplay.base.files import shipped_table
 from jointplay.base.units import plain_number
 
 CLEARANCE, TRANSITION, INTERFERENCE = "clearance", "transition", "interference"
@@ -42,11 +41,8 @@ _FORM = re.compile(
 _EXAMPLE = '"20H7/g6"'
 
 
-@cache
-def tables() -> dict[str, Any]:
-    """What ``data/fits.toml`` says, by section."""
-    with (Path(__file__).parent / "data" / "fits.toml").open("rb") as file:
-        return tomllib.load(file)
+tables = partial(shipped_table, __file__, "fits")
+"""What ``data/fits.toml`` says, by section."""
 
 
 @cache

@@ -7,17 +7,13 @@ viscosity = jp.oil("ISO VG 46").viscosity(60.0)  # Pa s
 from __future__ import annotations
 
 import math
-import tomllib
 from dataclasses import dataclass
-from functools import cache
-from pathlib import Path
 from typing import Any
 
 from jointplay.base.errors import JointplayError, MissingName, require_a, require_finite
+from jointplay.base.files import shipped_table
 from jointplay.base.schema import check_fields, quantity
 from jointplay.physics.joints.base import Material
-
-_DATA = Path(__file__).parent / "data"
 
 ZERO_CELSIUS = 273.15
 """0 C in K."""
@@ -26,19 +22,13 @@ THINNEST = 2e-6
 """Kinematic viscosity below which ASTM D341 needs further terms [m^2/s]."""
 
 
-@cache
-def _table(name: str) -> dict[str, Any]:
-    with (_DATA / f"{name}.toml").open("rb") as file:
-        return tomllib.load(file)
-
-
 def _word(name: str) -> str:
     return name.strip().lower().replace(" ", "-").replace("_", "-")
 
 
 def _entry(name: str) -> tuple[str, dict[str, Any]]:
     """A material's word and numbers."""
-    table = _table("materials")
+    table = shipped_table(__file__, "materials")
     word = table["alias"].get(_word(name), _word(name))
     if word not in table["material"]:
         raise MissingName("material", name, materials(aliases=True))
@@ -47,7 +37,7 @@ def _entry(name: str) -> tuple[str, dict[str, Any]]:
 
 def materials(aliases: bool = False) -> list[str]:
     """Names that `material` knows, with or without other words for the same."""
-    table = _table("materials")
+    table = shipped_table(__file__, "materials")
     return [*table["material"], *(table["alias"] if aliases else ())]
 
 
@@ -92,7 +82,10 @@ class WearPair:
 
 def wear_pairs() -> list[tuple[str, str]]:
     """Pairs that `wear_pair` knows: the body that wears, the one it slides on."""
-    return [(first, second) for first, second in (p["bodies"] for p in _table("wear")["pair"])]
+    return [
+        (first, second)
+        for first, second in (p["bodies"] for p in shipped_table(__file__, "wear")["pair"])
+    ]
 
 
 def wear_pair(worn: str, counterface: str) -> WearPair:
@@ -101,7 +94,7 @@ def wear_pair(worn: str, counterface: str) -> WearPair:
     Raises:
         MissingName: no such pair; the message lists those there are.
     """
-    for pair in _table("wear")["pair"]:
+    for pair in shipped_table(__file__, "wear")["pair"]:
         if pair["bodies"] == [_word(worn), _word(counterface)]:
             first, second = pair["bodies"]
             return WearPair((first, second), pair["coefficient"], pair["hardness"])
@@ -173,7 +166,7 @@ class Oil:
 
 def oils() -> list[str]:
     """Names that `oil` knows."""
-    return [f"iso-vg-{grade}" for grade, _ in _table("oils")["grades"]]
+    return [f"iso-vg-{grade}" for grade, _ in shipped_table(__file__, "oils")["grades"]]
 
 
 def oil(name: str) -> Oil:
@@ -185,6 +178,6 @@ def oil(name: str) -> Oil:
     require_a("name", name, "str")
     if _word(name) not in oils():
         raise MissingName("oil", name, oils())
-    table = _table("oils")
+    table = shipped_table(__file__, "oils")
     grade, hot = table["grades"][oils().index(_word(name))]
     return Oil(_word(name), 1e-6 * grade, 1e-6 * hot, table["density"], table["expansion"])

@@ -15,21 +15,14 @@ from jointplay.base.units import readable
 from jointplay.physics import geometry
 from jointplay.physics.contact import ContactProperties, FilmLaw, FilmProperties
 from jointplay.physics.geometry import Shape
-from jointplay.physics.joints.base import (
-    VIRTUAL_LINK,
-    BoreWear,
-    Hinge,
-    Outline,
-    RoundClearance,
-    complete,
-)
+from jointplay.physics.joints import base
 
 LEAST_AZIMUTHS = 16
 """A worn profile must have at least this many azimuths."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class RevoluteClearance(RoundClearance):
+class RevoluteClearance(base.RoundClearance):
     """A journal of radius R_j and length L_j in a bearing of radius R_i and length L_i.
 
     Give the bearing and either the clearances or the journal; whatever is missing is derived
@@ -85,7 +78,7 @@ class RevoluteClearance(RoundClearance):
         # Zero is what was derived below when a result's description is read back.
         if self.walls or self.axial_clearance:
             given = self.axial_clearance, self.bearing_length, self.journal_length
-            lengths = complete(*given, 2.0, ("axial", "length"))
+            lengths = base.complete(*given, 2.0, ("axial", "length"))
         else:
             length = self.bearing_length if self.journal_length is None else self.journal_length
             require_positive("journal length", length, "m", ("journal_length",))
@@ -212,16 +205,16 @@ class RevoluteClearance(RoundClearance):
         return self.lubricant, FilmProperties(self.cr, self.rj, self.lj, len(self._worn_widths))
 
     @property
-    def hinge(self) -> Hinge:
+    def hinge(self) -> base.Hinge:
         axial = self.ca if self.walls else 0.0
-        return Hinge(self.rj, self.lj, not self.lock_tilt, self.cr, axial)
+        return base.Hinge(self.rj, self.lj, not self.lock_tilt, self.cr, axial)
 
     @property
-    def wear(self) -> BoreWear | None:
+    def wear(self) -> base.BoreWear | None:
         if self.wear_rate is None:
             return None
         profile = None if self.worn is None else np.array(self.worn)
-        return BoreWear(self.wear_rate, self.ri, self.rj, self._worn_widths, profile)
+        return base.BoreWear(self.wear_rate, self.ri, self.rj, self._worn_widths, profile)
 
     def with_worn(self, profile: np.ndarray) -> Self:
         return replace(self, worn=profile.tolist())
@@ -254,11 +247,11 @@ class RevoluteClearance(RoundClearance):
     @property
     def freedoms(self) -> tuple[str, ...]:
         locked = ("z",) * self.lock_axial + ("pitch", "roll") * self.lock_tilt
-        return tuple(name for name in VIRTUAL_LINK if name not in locked)
+        return tuple(name for name in base.VIRTUAL_LINK if name not in locked)
 
     @property
-    def outline(self) -> Outline:
-        return Outline(
+    def outline(self) -> base.Outline:
+        return base.Outline(
             "cylinder",
             (self.rj, self.rj, self.lj / 2),
             (self.cr, self.cr, 0.0 if self.lock_axial else self.ca),

@@ -189,11 +189,9 @@ class Panel:
         return replace(self, marks=marks)
 
     def with_marks(self, *marks: Mark) -> Panel:
-        """The same with further marks."""
         return replace(self, marks=[*self.marks, *marks])
 
     def renamed(self, name: str) -> Panel:
-        """The same with this name at its y axis."""
         return replace(self, y=replace(self.y, name=name))
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jointplay.base.errors import JointplayError, MissingName
+from jointplay.base.errors import JointplayError, MissingName, require_known
 from jointplay.base.units import round_below
 from jointplay.physics.geometry import Form, Mode
 from jointplay.show.plots.chart import Axis, Curve, Panel, Rule, Spans, outline
@@ -400,8 +400,7 @@ class Plots:
                 without clearance that turn, or if there are none those that slide.
             of: ``q`` [rad or m], ``v`` [rad/s or m/s] or ``drive`` [N m or N].
         """
-        if of not in _HISTORIES:
-            raise MissingName("history of coordinates", of, tuple(_HISTORIES))
+        require_known("history of coordinates", of, _HISTORIES)
         coordinates = (self.result[one].values for one in ("coordinate", "coordinate_unit"))
         unit = {str(name): str(one) for name, one in zip(*coordinates, strict=True)}
         if names is None:
@@ -409,8 +408,7 @@ class Plots:
             names = [name for name in plain if unit[name] == "rad"] or plain
         names = [names] if isinstance(names, str) else list(names)
         for name in names:
-            if name not in unit:
-                raise MissingName("coordinate", name, list(unit))
+            require_known("coordinate", name, unit)
         if len({unit[name] for name in names}) != 1:
             raise JointplayError(
                 f"coordinates {', '.join(names)} have different units, or there are none; draw "
@@ -467,8 +465,7 @@ class Plots:
             )
         if joint is None:
             return joints[0]
-        if joint not in joints:
-            raise MissingName("clearance joint", joint, joints)
+        require_known("clearance joint", joint, joints)
         return joint
 
     def _components(

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatterSciNotation
 
 from jointplay.base import files
-from jointplay.base.errors import MissingName
+from jointplay.base.errors import require_known
 
 _SMALL_PRINT, _LETTERS_AN_INCH = 6.5, 20
 """Size of footnotes [pt], and how many of their letters stand side by side."""
@@ -73,8 +73,7 @@ SIZES = {"screen": 1.0, "paper": 0.58}
 @contextmanager
 def style(name: str = "screen") -> Iterator[None]:
     """Use this package's look, leaving the user's own settings alone."""
-    if name not in STYLES:
-        raise MissingName("style", name, STYLES)
+    require_known("style", name, STYLES)
     own = STYLES[name]
     family = own.get("font.family", "sans-serif")
     settings: Any = {**own, "font.family": [family, *_fallbacks()]}

@@ -127,7 +127,9 @@ class Drawing:
                 "y": _axis(panel.y),
                 "title": panel.title,
                 "equal": bool(panel.equal),
-                "traces": [self._mark(mark, panel) for mark in panel.marks if _is_drawn(mark)],
+                "traces": [  # without lines across, which are the page's own
+                    self._mark(one, panel) for one in panel.marks if isinstance(one, Spans | Curve)
+                ],
             }
             for panel in panels
         ]
@@ -157,10 +159,6 @@ class Drawing:
 
     def _time(self, owner: Times, kept: np.ndarray) -> int:
         return self._pack.add(owner.steps(owner.time[kept]))
-
-
-def _is_drawn(mark: Any) -> bool:
-    return isinstance(mark, Spans | Curve)  # lines across are the page's own
 
 
 def _axis(axis: Axis) -> dict[str, Any]:

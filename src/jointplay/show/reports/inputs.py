@@ -20,17 +20,8 @@ from jointplay.physics.contact.film import FilmLaw
 from jointplay.physics.contact.law import FrictionLaw, NormalForceLaw
 from jointplay.physics.joints import Clearance, RollingBearing
 from jointplay.physics.joints.base import Material
+from jointplay.show.reports import html
 from jointplay.show.reports.cases import Case, dark
-from jointplay.show.reports.html import (
-    Cell,
-    Html,
-    Quantity,
-    by_case,
-    details,
-    joined,
-    markup,
-    table,
-)
 from jointplay.simulation import analysis
 from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.result.result import Result
@@ -38,7 +29,7 @@ from jointplay.simulation.result.result import Result
 # The text of users' own laws, as results bring it: it is shown, and never run.
 
 
-def own_laws(cases: Sequence[Case]) -> Html:
+def own_laws(cases: Sequence[Case]) -> html.Html:
     """Each law once, and where it is used."""
     users: dict[tuple[str, str], list[str]] = {}
     for case in cases:
@@ -48,8 +39,8 @@ def own_laws(cases: Sequence[Case]) -> Html:
                     user = f"{case.label}, {joint}" if len(cases) > 1 else joint
                     known = users.setdefault((str(law["function"]), str(law["source"])), [])
                     known += [] if user in known else [user]
-    return joined(
-        details(f"Law {name} ({'; '.join(where)})", markup("<pre>{}</pre>", text))
+    return html.joined(
+        html.details(f"Law {name} ({'; '.join(where)})", html.markup("<pre>{}</pre>", text))
         for (name, text), where in users.items()
     )
 
@@ -86,31 +77,31 @@ def _word(field: str) -> str:
     return _WORDS.get(field, field.replace("_", " "))
 
 
-def parameters(cases: Sequence[Case]) -> Html:
+def parameters(cases: Sequence[Case]) -> html.Html:
     """Every input, a column for each case, then motion and robot in full."""
-    named: list[dict[str, Quantity]] = [
+    named: list[dict[str, html.Quantity]] = [
         {_symbol(name): (one, "") for name, one in _parameters(case.result).items()}
         for case in cases
     ]
-    overview = by_case("parameter", [*map(dark, cases)], named, left=1 + len(cases))
-    return joined([overview, own_laws(cases), _motions(cases), _robots(cases)])
+    overview = html.by_case("parameter", [*map(dark, cases)], named, left=1 + len(cases))
+    return html.joined([overview, own_laws(cases), _motions(cases), _robots(cases)])
 
 
-def _symbol(name: str) -> Html:
+def _symbol(name: str) -> html.Html:
     """C_r as a symbol with an index, units with exponents."""
-    shown = markup("{}", name)
+    shown = html.markup("{}", name)
     for symbol in ("C_r", "C_a", "R_i", "L_i", "R_j", "L_j", "c_e"):
-        shown = shown.replace(symbol, markup("<i>{}</i><sub>{}</sub>", *symbol.split("_")))
+        shown = shown.replace(symbol, html.markup("<i>{}</i><sub>{}</sub>", *symbol.split("_")))
     for unit, power in (("m^1.5", "1.5"), ("s^2", "2")):
-        shown = shown.replace(unit, markup("{}<sup>{}</sup>", unit[0], power))
+        shown = shown.replace(unit, html.markup("{}<sup>{}</sup>", unit[0], power))
     return shown
 
 
-def _parameters(result: Result) -> dict[str, Cell]:
+def _parameters(result: Result) -> dict[str, html.Cell]:
     inputs = analysis.inputs(result)
     robot = inputs["mechanism"]
     known = {"mechanism", "motion", "drive", "duration", "step", "integrator", "record_every"}
-    cells: dict[str, Cell] = {
+    cells: dict[str, html.Cell] = {
         "robot (URDF)": robot.get("urdf"),
         "tool (frame)": robot.get("tool"),
         "gravity, world axes [m/s^2]": ", ".join(f"{g:g}" for g in robot.get("gravity", ())),
@@ -148,9 +139,9 @@ def _parameters(result: Result) -> dict[str, Cell]:
     family = family_of(Clearance)
     assert family is not None
     for joint, fields in analysis.clearance_inputs(result).items():
-        stiffness: Cell = f"from eq. 11, not computed: {unknown}" if unknown else "from eq. 11"
+        stiffness: html.Cell = f"from eq. 11, not computed: {unknown}" if unknown else "from eq. 11"
         if joint in derived:
-            stiffness = markup("{} (eq. 11)", derived[joint])
+            stiffness = html.markup("{} (eq. 11)", derived[joint])
         not_given = {"stiffness": stiffness, "axial_stiffness": "as radial"}
         kind = fields["kind"]
         units = fields_of(family.member(kind).kind) if kind in family.members else {}
@@ -233,7 +224,7 @@ def _grouped(cases: Sequence[Case], key: Callable[[dict[str, Any]], str]) -> dic
     return groups
 
 
-def _motions(cases: Sequence[Case]) -> Html:
+def _motions(cases: Sequence[Case]) -> html.Html:
     parts = []
     groups = _grouped(cases, lambda inputs: json.dumps(inputs["motion"], sort_keys=True))
     for text, those in groups.items():
@@ -245,8 +236,8 @@ def _motions(cases: Sequence[Case]) -> Html:
         units = _units(those[0].result)
         heads = [f"{name} [{units.get(name, 'rad or m')}]" for name in ("time", *motion.joints)]
         made = Table.of([(head, "") for head in heads], rows)
-        parts.append(details(f"Waypoints{of}", table(made, left=0)))
-    return joined(parts)
+        parts.append(html.details(f"Waypoints{of}", html.table(made, left=0)))
+    return html.joined(parts)
 
 
 def _units(result: Result) -> dict[str, str]:
@@ -257,11 +248,11 @@ def _units(result: Result) -> dict[str, str]:
     return {"time": "s", **units}
 
 
-def _robots(cases: Sequence[Case]) -> Html:
+def _robots(cases: Sequence[Case]) -> html.Html:
     groups = _grouped(cases, lambda inputs: inputs["mechanism"].get("urdf_text", ""))
     parts = []
     for source, those in groups.items():
         of = "" if len(groups) == 1 else f" of {', '.join(case.label for case in those)}"
         if source:
-            parts.append(details(f"Robot (URDF){of}", markup("<pre>{}</pre>", source)))
-    return joined(parts)
+            parts.append(html.details(f"Robot (URDF){of}", html.markup("<pre>{}</pre>", source)))
+    return html.joined(parts)

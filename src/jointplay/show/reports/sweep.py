@@ -25,18 +25,9 @@ from jointplay.show.reports import html
 from jointplay.show.reports.cases import Say
 from jointplay.show.reports.html import Cell, Html, by_case, joined, markup, paragraph, table
 from jointplay.simulation.analysis.uncertainty import IntervalEstimate
-from jointplay.study import open_sweep
+from jointplay.study import open_sweep, sweep_table
 from jointplay.study.journal import DONE, FAILED
 from jointplay.study.sweep_plan import SAMPLE
-from jointplay.study.sweep_table import (
-    columns_of,
-    coordinate_text,
-    grid,
-    label,
-    points,
-    scale,
-    uncertainty,
-)
 
 ROWS, MOST_FIRST = 20, 2  # points of the grid, and figures, that are not folded
 MOST_ROWS = 400  # points of the grid, and failed cases, that the tables show
@@ -100,9 +91,9 @@ def page(
 
 def _answers(dataset: xr.Dataset) -> Html:
     """From where to where the first measures go, and at which points."""
-    dims, over = grid(dataset)
+    dims, over = sweep_table.grid(dataset)
     said: list[Html | str] = []
-    for name, unit, factor in columns_of(dataset):
+    for name, unit, factor in sweep_table.columns_of(dataset):
         means = (factor * dataset[name]).mean([*over], skipna=True).transpose(*dims)
         if np.isfinite(means.values).any():
             ends = [_told(dataset, means, find, unit) for find in (np.nanargmin, np.nanargmax)]
@@ -116,7 +107,8 @@ def _told(
     """The mean that `find` finds, and at which point of the grid."""
     place = np.unravel_index(int(find(means.values)), means.shape)
     where = [
-        f"{d.replace('_', ' ')} {coordinate_text(dataset, d, int(k))} {scale(dataset, d)[1]}"
+        f"{d.replace('_', ' ')} {sweep_table.coordinate_text(dataset, d, int(k))} "
+        f"{sweep_table.scale(dataset, d)[1]}"
         for d, k in zip(map(str, means.dims), place, strict=True)
         if means.sizes[d] > 1
     ]
@@ -144,8 +136,8 @@ def _cases(dataset: xr.Dataset) -> Html:
 
     More than `ROWS` points are folded, but for the first ones.
     """
-    dims, over = grid(dataset)
-    made = points(dataset, MOST_ROWS, _with_error if over else lambda one: one.value)
+    dims, over = sweep_table.grid(dataset)
+    made = sweep_table.points(dataset, MOST_ROWS, _with_error if over else lambda one: one.value)
     caption = ""
     if over:
         runs = math.prod(dataset.sizes[d] for d in over)
@@ -181,13 +173,13 @@ def _with_error(one: IntervalEstimate) -> Cell:
 
 def _varied(dataset: xr.Dataset) -> list[str]:
     """Dimensions of the grid with more than one value, the longest first."""
-    dims = [d for d in grid(dataset)[0] if dataset.sizes[d] > 1]
+    dims = [d for d in sweep_table.grid(dataset)[0] if dataset.sizes[d] > 1]
     return sorted(dims, key=lambda d: -dataset.sizes[d])
 
 
 def _known(dataset: xr.Dataset) -> dict[str, str]:
     """Measures that have values, and what they are called."""
-    names = (name for name, _, _ in columns_of(dataset))
+    names = (name for name, _, _ in sweep_table.columns_of(dataset))
     return {n: n.replace("_", " ") for n in names if np.isfinite(dataset[n].values).any()}
 
 
@@ -209,7 +201,9 @@ def _maps(dataset: xr.Dataset) -> Iterator[Drawn]:
 
 
 def _samples(dataset: xr.Dataset) -> Iterator[Drawn]:
-    if not grid(dataset)[1] or _varied(dataset):  # a grid besides: the convergence of which point?
+    if not sweep_table.grid(dataset)[1] or _varied(
+        dataset
+    ):  # a grid besides: the convergence of which point?
         return
     for name, words in _known(dataset).items():
         for x in dataset.attrs["sampled"]:
@@ -220,7 +214,7 @@ def _samples(dataset: xr.Dataset) -> Iterator[Drawn]:
 
 def _words(dataset: xr.Dataset) -> Html:
     """What the samples say, and Sobol indices where the design gives them."""
-    said = [uncertainty(dataset, name, PRECISION) for name in _known(dataset)]
+    said = [sweep_table.uncertainty(dataset, name, PRECISION) for name in _known(dataset)]
     return joined([markup("<pre>{}</pre>", text) for text in said])
 
 
@@ -253,12 +247,12 @@ def _failed(dataset: xr.Dataset) -> Html:
     rows: list[list[Cell]] = []
     for place in places[:MOST_ROWS]:
         at = dict(zip(dims, map(int, place), strict=True))
-        row: list[Cell] = [coordinate_text(dataset, d, k) for d, k in at.items()]
+        row: list[Cell] = [sweep_table.coordinate_text(dataset, d, k) for d, k in at.items()]
         for name in drawn:
-            factor = scale(dataset, name)[0]
+            factor = sweep_table.scale(dataset, name)[0]
             row.append(f"{factor * float(dataset[name].values[at[SAMPLE]]):.4g}")
         rows.append([*row, str(errors[tuple(place)])])
-    head = [*(label(dataset, d) for d in (*dims, *drawn)), "error"]
+    head = [*(sweep_table.label(dataset, d) for d in (*dims, *drawn)), "error"]
     caption = f"{len(places)} of {errors.size} cases"
     return _table(head, rows, len(head), caption) + _more(len(places) - len(rows))
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from jointplay.base.errors import JointplayError, MissingName, require_finite
+from jointplay.base.errors import JointplayError, require_finite, require_known
 from jointplay.physics.joints import RollingBearing
 from jointplay.physics.kernel import JOINT_FRICTION_SPEED
 from jointplay.simulation.analysis.twins import journal_poses, rolls
@@ -33,8 +33,7 @@ def rolling_bearings(result: Result) -> dict[str, RollingBearing]:
 
 def bearing_of(result: Result, joint: str) -> RollingBearing:
     """The rolling bearing of a joint, refused if it has none."""
-    if joint not in result.joints:
-        raise MissingName("clearance joint", joint, result.joints)
+    require_known("clearance joint", joint, result.joints)
     bearings = rolling_bearings(result)
     if joint not in bearings:
         raise JointplayError(

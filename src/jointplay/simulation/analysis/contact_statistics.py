@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from jointplay.base.errors import MissingName, require_finite
+from jointplay.base.errors import require_finite, require_known
 from jointplay.physics.geometry import Form, Mode
 from jointplay.simulation.analysis.twins import places
 from jointplay.simulation.result.result import Result
@@ -81,11 +81,9 @@ def time_fractions(
     None: from when on the run is judged. By name, in the order of the enumeration; they sum to 1.
     Nothing for the forms of a joint that Figure 2 does not show.
     """
-    if joint not in result.joints:
-        raise MissingName("clearance joint", joint, result.joints)
+    require_known("clearance joint", joint, result.joints)
     kinds: dict[str, Any] = {"mode": Mode, "form": Form}
-    if of not in kinds:
-        raise MissingName("state", of, kinds)
+    require_known("state", of, kinds)
     start = result.judge_from if start is None else require_finite("start", start, "s")
     values = result[of].sel(joint=joint).values[result.time >= start]
     if len(values) and values.min() < 0:

@@ -85,12 +85,8 @@ def headline_texts(result: Result, ideal: Result | None) -> dict[str, str]:
     found: dict[str, str] = {}
     if ideal is not None and twins.has_play(result):
         with suppress(JointplayError):  # no records
-            error = ToolError(result, ideal)
-            found = {
-                "peak tool error": error.peak_text,
-                "RMS tool error": error.rms_text,
-                "peak tool turn": error.peak_turn_text,
-            }
+            found = ToolError(result, ideal)._texts()
+            del found["RMS tool turn"]
     if loose := [joint for joint in result.joints if joint not in twins.hinges(result)]:
         forces = result.forces.sel(joint=loose)
         sizes = forces.sel(time=forces["time"] >= result.judge_from).max("time").values
@@ -129,9 +125,6 @@ class ToolError:
         size.attrs = {"units": vectors.attrs["units"], "long_name": about}
         return size
 
-    def __dir__(self) -> list[str]:
-        return [name for name in super().__dir__() if not name.endswith("_text")]
-
     @property
     def peak(self) -> float:
         """Largest distance [m]."""
@@ -165,31 +158,19 @@ class ToolError:
         known = {one.name: one.error for one in (certificate.headline if certificate else ())}
         return {name: known[of] for name, of in _OF_TOOL.items() if of in known}
 
-    def _text(self, name: str, unit: str) -> str:
-        return shown(self._result.certificate, _OF_TOOL[name], getattr(self, name), unit)
-
-    @property
-    def peak_text(self) -> str:
-        return self._text("peak", "m")
-
-    @property
-    def rms_text(self) -> str:
-        return self._text("rms", "m")
-
-    @property
-    def peak_turn_text(self) -> str:
-        return self._text("peak_turn", "rad")
-
-    @property
-    def rms_turn_text(self) -> str:
-        return self._text("rms_turn", "rad")
+    def _texts(self) -> dict[str, str]:
+        """Its figures by what certificates call them, with their errors."""
+        units = zip(_OF_TOOL.items(), ("m", "m", "rad", "rad"), strict=True)
+        certificate = self._result.certificate
+        return {of: shown(certificate, of, getattr(self, name), u) for (name, of), u in units}
 
     def __str__(self) -> str:
         tool = self._result.simulation.mechanism.tool
+        peak, rms, peak_turn, rms_turn = self._texts().values()
         return (
-            f"{_cause(self._result)} puts the tool {tool!r} up to {self.peak_text} "
-            f"off{_since(self._result)} (at t = {self.time_of_peak:.4g} s), RMS {self.rms_text}, "
-            f"and turns it by up to {self.peak_turn_text}, RMS {self.rms_turn_text}, against the "
+            f"{_cause(self._result)} puts the tool {tool!r} up to {peak} "
+            f"off{_since(self._result)} (at t = {self.time_of_peak:.4g} s), RMS {rms}, "
+            f"and turns it by up to {peak_turn}, RMS {rms_turn}, against the "
             f"ideal mechanism{_ended(self._result, self.distance)}"
         )
 

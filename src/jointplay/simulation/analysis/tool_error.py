@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from jointplay.base.errors import JointplayError, MissingName, require_finite
+from jointplay.base.errors import JointplayError, require_finite, require_known
 from jointplay.model.frames import carried
 from jointplay.model.mechanism import frame_index
 from jointplay.simulation.analysis.twins import has_play, is_twin
@@ -98,8 +98,7 @@ def seen_from(result: Result, body: str) -> Result:
 
 def difference(result: Result, ideal: Result, of: str = "tool_position") -> xr.DataArray:
     """The same between any two runs; see `deviation`."""
-    if of not in TOOL_MOTIONS:
-        raise MissingName("tool motion", of, TOOL_MOTIONS)
+    require_known("tool motion", of, TOOL_MOTIONS)
     found = Reference(ideal).difference(result.dataset, of)
     found.attrs["judge_from"] = result.judge_from
     return found

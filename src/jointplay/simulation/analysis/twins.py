@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jointplay.base.errors import MissingName
+from jointplay.base.errors import require_known
 from jointplay.model.flexible import HINGE
 from jointplay.model.free_base import BASE, FREE
 from jointplay.physics.joints import (
@@ -123,8 +123,7 @@ def journal_poses(result: Result, joint: str) -> np.ndarray:
 
 def places(result: Result, joint: str) -> list[str]:
     """Names of the contacts of `joint`; other joints' contacts hold no numbers there."""
-    if joint not in result.joints:
-        raise MissingName("clearance joint", joint, result.joints)
+    require_known("clearance joint", joint, result.joints)
     gaps = result["gap"].sel(joint=joint)
     if not gaps.sizes["time"]:
         return [str(name) for name in gaps["contact"].values]

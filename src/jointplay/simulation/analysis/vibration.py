@@ -9,7 +9,12 @@ import numpy as np
 import xarray as xr
 from numpy.lib.stride_tricks import sliding_window_view
 
-from jointplay.base.errors import JointplayError, MissingName, require_finite, require_whole
+from jointplay.base.errors import (
+    JointplayError,
+    require_finite,
+    require_known,
+    require_whole,
+)
 from jointplay.base.tables import counted
 from jointplay.base.units import readable, typeset
 from jointplay.simulation.analysis.tool_error import COMPONENTS, deviation
@@ -50,8 +55,7 @@ def spectrum(
     Raises:
         JointplayError: too few even records.
     """
-    if of not in ("acceleration", "deviation"):
-        raise MissingName("spectrum", of, ("acceleration", "deviation"))
+    require_known("spectrum", of, ("acceleration", "deviation"))
     if of == "deviation":
         if ideal is None:
             raise JointplayError("the spectrum of the deviation needs the ideal run: ideal=...")

@@ -6,17 +6,15 @@ clearance). A drive acts on joints of the URDF; joints that close loops follow.
 
 from __future__ import annotations
 
-import tomllib
 from abc import ABC
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cache
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from jointplay.base.errors import JointplayError, MissingName, require_increasing
+from jointplay.base.files import shipped_table
 from jointplay.base.schema import (
     Described,
     Family,
@@ -328,17 +326,12 @@ _BESIDE = ("armature", "duty_gain")
 supply per error of position and number of the firmware's P gain [1/rad]."""
 
 
-@cache
-def _servos() -> dict[str, Any]:
-    with (Path(__file__).parent / "data" / "servos.toml").open("rb") as file:
-        return tomllib.load(file)
-
-
 def _servo(name: str) -> dict[str, Any]:
     """Numbers of a servo in the catalogue by field: value, origin, source."""
-    if name not in _servos():
-        raise JointplayError(one_of("servo", name, _servos()), ("catalogue",))
-    entry: dict[str, Any] = _servos()[name]
+    servos = shipped_table(__file__, "servos")
+    if name not in servos:
+        raise JointplayError(one_of("servo", name, servos), ("catalogue",))
+    entry: dict[str, Any] = servos[name]
     return entry
 
 

@@ -12,16 +12,7 @@ import numpy as np
 from jointplay.base.errors import JointplayError, require_increasing
 from jointplay.base.schema import quantity
 from jointplay.physics.kernel.constants import ALWAYS, IF_PRESSED, NEVER
-from jointplay.simulation.loads.base import (
-    WORLD,
-    OnFrame,
-    OnJoint,
-    Series,
-    Site,
-    Vector,
-    between,
-    frame,
-)
+from jointplay.simulation.loads import base
 
 if TYPE_CHECKING:
     from jointplay.model.mechanism import Mechanism
@@ -68,35 +59,35 @@ def _curve(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
 
 
 @dataclass(frozen=True)
-class _Between(OnFrame):
+class _Between(base.OnFrame):
     """What all springs between two points have in common."""
 
     stores: ClassVar[bool] = True
 
     _: KW_ONLY
-    other: str = WORLD
+    other: str = base.WORLD
     """Link or frame at its other end; ``world`` is the ground."""
-    other_at: Vector = quantity("m", default=(0.0, 0.0, 0.0))
+    other_at: base.Vector = quantity("m", default=(0.0, 0.0, 0.0))
     """Point in the axes of `other` [m]."""
     damping: float = quantity("N*s/m", default=0.0, least=0.0, label="spring damping")
     """[N s/m]."""
 
-    def site(self, mechanism: Mechanism) -> Site:
-        return between(
+    def site(self, mechanism: Mechanism) -> base.Site:
+        return base.between(
             mechanism,
-            frame(mechanism, self.other, self.other_at),
-            frame(mechanism, self.frame, self.at),
+            base.frame(mechanism, self.other, self.other_at),
+            base.frame(mechanism, self.frame, self.at),
         )
 
     def implicit(self) -> int:
         return ALWAYS if self.damping > 0.0 else NEVER
 
-    def record(self, x: np.ndarray, answers: np.ndarray) -> Sequence[Series]:
+    def record(self, x: np.ndarray, answers: np.ndarray) -> Sequence[base.Series]:
         """Length, and force: positive where it pulls the points together."""
         length = np.linalg.norm(x[:, :3], axis=1)
         along = np.einsum("nk,nk->n", x[:, :3], answers[:, :3])
         force = -along / np.maximum(length, _POINT_M)
-        return Series("length", length, "m"), Series("force", force, "N")
+        return base.Series("length", length, "m"), base.Series("force", force, "N")
 
 
 @dataclass(frozen=True)
@@ -189,7 +180,7 @@ def _stopped(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
 
 
 @dataclass(frozen=True)
-class _AtJoint(OnJoint):
+class _AtJoint(base.OnJoint):
     """What springs at a joint have in common."""
 
     stores: ClassVar[bool] = True

@@ -20,6 +20,7 @@ from jointplay.base.errors import (
     JointplayError,
     MissingName,
     require_finite,
+    require_known,
     require_numbers,
     within,
 )
@@ -594,8 +595,7 @@ def cartesian_path(
             joint would jump; joints between waypoints that lead the loops elsewhere; driven joints
             that do not determine the others; a ball joint in an open chain.
     """
-    if path not in PATHS:
-        raise MissingName("path", path, PATHS)
+    require_known("path", path, PATHS)
     moments, targets = _waypoints(times, positions, orientations)
     arm = Arm(mechanism, frame, start or {}, driven)
     arm.find_rank(orientations is not None)

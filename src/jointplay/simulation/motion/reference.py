@@ -13,9 +13,9 @@ import numpy as np
 from jointplay.base import files
 from jointplay.base.errors import (
     JointplayError,
-    MissingName,
     require_a,
     require_increasing,
+    require_known,
     require_numbers,
     require_positive,
 )
@@ -128,10 +128,7 @@ class Motion(Described):
                 needed = f"must be at times from {ends[0]:g} to {ends[1]:g} s"
                 raise JointplayError(f"given waypoints {needed}, got {self.given}", ("given",))
             require_increasing("given waypoints", self.given.tolist(), "s", ("given",))
-        if self.interpolation not in INTERPOLATIONS:
-            raise MissingName(
-                "interpolation", self.interpolation, INTERPOLATIONS, where=("interpolation",)
-            )
+        require_known("interpolation", self.interpolation, INTERPOLATIONS, where=("interpolation",))
 
     def _fit(self) -> Any:
         if self.interpolation == "rest-to-rest":

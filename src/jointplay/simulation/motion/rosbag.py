@@ -17,7 +17,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from jointplay.base import files
-from jointplay.base.errors import JointplayError, MissingName
+from jointplay.base.errors import JointplayError, require_known
 from jointplay.base.imports import extra
 
 TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
@@ -150,8 +150,7 @@ def opened(path: Path) -> Iterator[Bag]:
     with extra("ros", "mcap-ros2-support"):
         from mcap.reader import make_reader
         from mcap_ros2.decoder import DecoderFactory
-    if not files.is_file(path):
-        raise files.missing(path, "bag")
+    files.require_file(path, "bag")
     try:
         files.check_plain(path, MOST_BYTES)
         with path.open("rb") as file, redirect_stderr(io.StringIO()):  # which the parser prints to
@@ -222,8 +221,7 @@ def _check_schemas(schemas: Iterable[Any]) -> None:
 def _choose(topics: Mapping[str, str], path: Path, topic: str | None) -> tuple[str, str]:
     fit = {name: kind for name, kind in topics.items() if kind in (TRAJECTORY, STATE)}
     if topic is not None:
-        if topic not in fit:
-            raise MissingName("topic of joint positions", topic, fit)
+        require_known("topic of joint positions", topic, fit)
         return fit[topic], topic
     for kind in (TRAJECTORY, STATE):
         named = [name for name, one in fit.items() if one == kind]

@@ -281,8 +281,7 @@ class Result:
         from jointplay.simulation.result.stored import check
 
         path = Path(path)
-        if not files.is_file(path):
-            raise files.missing(path, "result file")
+        files.require_file(path, "result file")
         dataset = reader(path)
         found = dataset.attrs.get("jointplay_format")
         if found is None:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from jointplay.base.errors import JointplayError, MissingName, require_whole
+from jointplay.base.errors import JointplayError, require_known, require_whole
 from jointplay.base.tables import counted
 from jointplay.scenario import Scenario
 from jointplay.scenario.overrides import setting_texts
@@ -108,8 +108,7 @@ class Analysis:
             JointplayError: what does not go together, or a motion that does not repeat itself.
             MissingName: no such kind, case, joint or quantity.
         """
-        if kind not in TURNS:
-            raise MissingName("kind of study", kind, TURNS)
+        require_known("kind of study", kind, TURNS)
         if kind in OVER_VALUES and varied is None:
             raise JointplayError(f"{kind} needs --vary KEY=FROM:TO:COUNT")
         if varied is not None and kind not in (*OVER_VALUES, "lyapunov"):

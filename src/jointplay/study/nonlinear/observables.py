@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from jointplay.base.errors import JointplayError, MissingName
+from jointplay.base.errors import JointplayError, require_known
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.result.result import AXES, Result
 
@@ -30,8 +30,7 @@ def check(name: str, mechanism: Mechanism) -> None:
         JointplayError: it could be of the tool or of a joint of that name.
     """
     known = names(mechanism)
-    if name not in known:
-        raise MissingName("quantity", name, known)
+    require_known("quantity", name, known)
     if known.count(name) > 1:
         raise JointplayError(
             f"{name!r} is a quantity of the tool and of the joint {TOOL!r}; rename the joint"

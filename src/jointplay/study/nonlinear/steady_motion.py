@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from jointplay.base.errors import JointplayError, MissingName, require_whole
+from jointplay.base.errors import JointplayError, require_known, require_whole
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.result.result import Result
@@ -181,8 +181,7 @@ def start_travel(simulation: Simulation, joint: str) -> tuple[float, float]:
         JointplayError: no such joint with clearance, or one that cannot move in both directions.
     """
     clearance = simulation.mechanism.clearance
-    if joint not in clearance:
-        raise MissingName("joint with clearance", joint, clearance)
+    require_known("joint with clearance", joint, clearance)
     rooms = clearance[joint].start_travels
     x, y = rooms.get("x", 0.0), rooms.get("y", 0.0)
     if not (x > 0.0 and y > 0.0):

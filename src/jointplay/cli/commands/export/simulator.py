@@ -45,13 +45,7 @@ from jointplay.base import files
 from jointplay.base.errors import JointplayError, require_non_negative
 from jointplay.base.pairs import name_and_number
 from jointplay.bridges.reduced_formats import FORMATS, PARAMETERS, choose
-from jointplay.cli.commands import Outputs, given, print_answer
-from jointplay.cli.commands.inputs import (
-    PosedMachine,
-    chosen_preset,
-    named_joints,
-    posed_machine,
-)
+from jointplay.cli.commands import Outputs, given, inputs, print_answer
 
 
 def run(options: argparse.Namespace) -> int:
@@ -79,7 +73,7 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.bridges.reduction import reduce, reduce_all
 
     options.pose = [options.pose or ""]
-    posed = posed_machine(options)
+    posed = inputs.posed_machine(options)
     mechanism, pose = posed.mechanism, posed.poses.positions()
     if not (joint is None or options.joint or posed.simulation or joint in mechanism.gears):
         raise JointplayError("--clearance or --gear is missing: there is no play to reduce")
@@ -89,7 +83,7 @@ def run(options: argparse.Namespace) -> int:
     found = None
     if options.identified is not None:
         found = read_identified(options.identified, mechanism.joints)
-    elif count and (own := chosen_preset(options)) is not None:
+    elif count and (own := inputs.chosen_preset(options)) is not None:
         found = measured_intervals(own)
     out.claim()
     how = given(options, "amplitude", "period") | {"progress": not options.quiet}
@@ -158,13 +152,13 @@ def _joint(options: argparse.Namespace) -> str:
     if len(options.joint) != 1:
         number = len(options.joint) or "none"
         raise JointplayError(f"--joint must name one joint, got {number}; --all reduces every one")
-    ((joint, length),) = named_joints(options).items()
+    ((joint, length),) = inputs.named_joints(options).items()
     if length is None and options.clearance is None:
         options.joint = []  # its play is the scenario's, or its gear's alone
     return joint
 
 
-def _servos(posed: PosedMachine) -> dict[str, Any]:
+def _servos(posed: inputs.PosedMachine) -> dict[str, Any]:
     from jointplay.simulation.loads.drive import Drive, Servo
 
     drives = posed.poses.drive
@@ -173,7 +167,7 @@ def _servos(posed: PosedMachine) -> dict[str, Any]:
     return {name: one for name, one in drives.items() if isinstance(one, Servo)}
 
 
-def _require_whole_gears(options: argparse.Namespace, posed: PosedMachine) -> None:
+def _require_whole_gears(options: argparse.Namespace, posed: inputs.PosedMachine) -> None:
     """Refuse gears of --gear of which a reduction does not know enough."""
     found = posed.mechanism.description.beyond.tables.get("gears", {})
     known = [found.get(name_and_number(entry)[0], {}) for entry in options.gear]
