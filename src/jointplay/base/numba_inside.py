@@ -14,7 +14,7 @@ import gc
 import importlib
 import operator
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from functools import cache
 from typing import Any
@@ -417,8 +417,10 @@ _QUICKER = {
 """What does less than numba's own, to the same end: a third of what compiling takes."""
 
 
-def build(dispatcher: Any, signature: str, target: Target) -> tuple[bytes, str]:
-    """Object code of a function, and a letter for each number that it returns.
+def build(dispatcher: Any, signature: str, target: Target) -> tuple[Callable[[], bytes], str]:
+    """What makes object code of a function, and a letter for each number that it returns.
+
+    What it makes it of is typed, lowered and linked: what is left is LLVM's work.
 
     Args:
         dispatcher: of a `part`.
@@ -426,7 +428,7 @@ def build(dispatcher: Any, signature: str, target: Target) -> tuple[bytes, str]:
         target: the processor and system that it is made for.
 
     Raises:
-        Unresolved: it needs numba's own libraries.
+        Unresolved: by what makes it: it needs numba's own libraries.
     """
     quicker = _replaced(_remembering() | _QUICKER)
     with _without_collection(), global_compiler_lock, quicker:
@@ -447,10 +449,14 @@ def build(dispatcher: Any, signature: str, target: Target) -> tuple[bytes, str]:
         machine = _machine(target)
         whole.triple, whole.data_layout = target.triple, str(machine.target_data)
         library._final_module = whole
+
+    def translate() -> bytes:
         with _replaced({(library._codegen, "_tm"): machine}):
             CPUCodeLibrary._optimize_final_module(library)
         _check(library._final_module)
-        return machine.emit_object(library._final_module), returns
+        return machine.emit_object(library._final_module)  # type: ignore[no-any-return]
+
+    return translate, returns
 
 
 def _linked(library: Any, name: str) -> Any:

@@ -138,6 +138,14 @@ def one_thread() -> Iterator[None]:
         yield
 
 
+def _begin(process: BaseProcess) -> None:
+    with warnings.catch_warnings():  # Python 3.12: libraries have threads, none at work here
+        warnings.simplefilter("ignore", DeprecationWarning)
+        # Until it is set up the process has this one's handlers, which raise.
+        with _signals_wait():
+            process.start()
+
+
 class Pool(Generic[Item, Value]):
     """Processes that do the same work for one item after the other.
 
@@ -186,11 +194,7 @@ class Pool(Generic[Item, Value]):
         context: Any = multiprocessing.get_context("fork" if _FORKS else None)
         mine, theirs = context.Pipe()
         process = context.Process(target=self._target, args=(theirs,), daemon=True)
-        with warnings.catch_warnings():  # Python 3.12: libraries have threads, none at work here
-            warnings.simplefilter("ignore", DeprecationWarning)
-            # Until it is set up the process has this one's handlers, which raise.
-            with _signals_wait():
-                process.start()
+        _begin(process)
         theirs.close()
         self.processes[mine], self._queues[mine] = process, deque()
         if self._closed:  # by another thread
@@ -375,6 +379,25 @@ def _portable(error: BaseException) -> BaseException:
     except Exception:  # noqa: BLE001
         return RuntimeError(f"{type(error).__name__}: {error}")
     return error
+
+
+def beside(work: Callable[[], object]) -> BaseProcess | None:
+    """Have work done in a copy of this process, if there is a core for it; it ends with this one.
+
+    It tells nobody what comes of it, also not if it fails.
+    """
+    if not _FORKS or number_of(None) == 1:
+        return None
+
+    def serve() -> None:
+        begin()
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
+        with suppress(Exception):
+            work()
+
+    process = multiprocessing.get_context("fork").Process(target=serve, daemon=True)
+    _begin(process)
+    return process
 
 
 @contextmanager

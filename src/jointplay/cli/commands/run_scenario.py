@@ -90,7 +90,7 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     remarks: dict[str, list[str]] = {}  # cases by what is said of them
     for case, name in zip(cases, names, strict=True):  # before anything is written
         item = items[case] = CaseRun(case, out / name, _errors(scenario, case, options))
-        run = scenario.ready_run(case, progress, item.records)
+        run = scenario.ready_run(case, progress, item.records, ahead=True)
         simulations[case] = run.simulation
         runs = 1 + (number_of_runs(run.simulation, item.certified) if item.errors else 0)
         length = run.total_steps * run.simulation.step
