@@ -75,14 +75,6 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
         drawn = names_of_figures(all(map(is_paper_robot, robots)), pdf=options.pdf)
     if not options.resume:
         check_output_folder(out, names, drawn)
-    from jointplay.cli.commands import first_notes
-    from jointplay.physics.kernel import Status
-    from jointplay.scenario.assumptions import decisive
-    from jointplay.show import plots  # what comes now takes long to import
-    from jointplay.simulation.analysis.headline import HISTORIES
-    from jointplay.study.certification import number_of_runs
-
-    spare_other_arrays()
     progress = not options.quiet
     items = {}
     lengths, simulations = {}, {}
@@ -91,6 +83,9 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     for case, name in zip(cases, names, strict=True):  # before anything is written
         item = items[case] = CaseRun(case, out / name, _errors(scenario, case, options))
         run = scenario.ready_run(case, progress, item.records, ahead=True)
+        # What takes long to import is so while another process compiles, if one does.
+        from jointplay.study.certification import number_of_runs
+
         simulations[case] = run.simulation
         runs = 1 + (number_of_runs(run.simulation, item.certified) if item.errors else 0)
         length = run.total_steps * run.simulation.step
@@ -100,6 +95,14 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
             remarks.setdefault(line, []).append(case)
         ready = [run] if len(cases) == 1 else []
         del run  # and its arrays
+    from jointplay.cli.commands import first_notes
+    from jointplay.physics.kernel import Status
+    from jointplay.scenario.assumptions import decisive
+    from jointplay.show import plots
+    from jointplay.simulation.analysis.headline import HISTORIES
+
+    spare_other_arrays()
+    save = plots.save if drawn else None
     for line in [*first_notes(decisive(scenario, simulations), options.detail), *scenario.notes]:
         streams.note(line)
     for line, of in remarks.items():
@@ -137,8 +140,8 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
         summaries.finish()
     results = summaries.results
     drawable = {case: result for case, result in results.items() if len(result.time) > 1}
-    if drawn and drawable:
-        plots.save(drawable, out, options.pdf, summaries.ideals)
+    if save is not None and drawable:
+        save(drawable, out, options.pdf, summaries.ideals)
     print(summaries.ending(out))
     missing = [case for case in cases if case not in results]
     unjudged = [
