@@ -77,6 +77,11 @@ def number_of(jobs: int | None, items: object = None) -> int:
     return max(min(number, len(items)), 1) if isinstance(items, Sized) else number
 
 
+def copies(jobs: int | None = None, items: object = None) -> int:
+    """The same for work that cannot be sent: 1 where processes are no copies of this one."""
+    return number_of(jobs, items) if _FORKS else 1
+
+
 def begin(early: bool = False) -> None:
     """Set up a process that works for another: Ctrl-C and a closed terminal are its parent's.
 
@@ -386,7 +391,7 @@ def beside(work: Callable[[], object]) -> BaseProcess | None:
 
     It tells nobody what comes of it, also not if it fails.
     """
-    if not _FORKS or number_of(None) == 1:
+    if copies() == 1:
         return None
 
     def serve() -> None:
@@ -410,7 +415,7 @@ def in_parallel(work: Callable[[], Value]) -> Iterator[Callable[[], Value]]:
     Raises:
         JointplayError: by the function: the process was ended from outside.
     """
-    if not _FORKS or number_of(None) == 1:
+    if copies() == 1:
         yield work
         return
     with closing(Pool[None, Value](lambda _: work(), 1)) as pool:
