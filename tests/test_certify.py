@@ -3,6 +3,7 @@
 import json
 import math
 import signal
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 
 import jointplay as jp
 from jointplay import analysis, cli, paper
+from jointplay.base import processes
 from jointplay.paper import scara
 from jointplay.physics.kernel import Status
 from jointplay.show.reports import cases, sections
@@ -256,6 +258,16 @@ def test_a_figure_is_shown_in_one_unit_wherever_it_stands():
     assert str(away) == "2.30201 ± 0.00019 mm"
     turn = CertifiedFigure("peak tool turn", 5.2916e-3, 4e-7, "rad")
     assert str(turn) == "5.2916 ± 0.0004 mrad"
+
+
+def test_further_runs_of_several_processes_say_the_same(monkeypatch):
+    monkeypatch.setattr("jointplay.base.processes.cores", lambda: 2)
+    begun, begin = [], processes.Pool._start
+    monkeypatch.setattr(processes.Pool, "_start", lambda pool: begun.append(1) or begin(pool))
+    result = replace(scara(2e-4), duration=0.02).run(estimate=False)
+    apart = certify(result, strict=False, jobs=None)
+    assert len(begun) == 2 * (sys.platform == "linux")
+    assert apart == certify(result, strict=False)
 
 
 @pytest.mark.parametrize(

@@ -5,10 +5,13 @@ import ctypes
 import dataclasses
 import importlib
 import math
+import multiprocessing
 import os
 import re
+import signal
 import subprocess
 import sys
+import time
 from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
@@ -20,7 +23,7 @@ from numba import njit
 from numba.core.compiler import DefaultPassBuilder, Flags
 
 import jointplay as jp
-from jointplay.base import compiler, numba_inside, objects, progress
+from jointplay.base import compiler, numba_inside, objects, processes, progress
 from jointplay.base.compiler import compiled
 from jointplay.base.objects import Unresolved
 
@@ -407,6 +410,66 @@ def test_references_to_arrays_are_counted_only_where_arrays_are_made():
         for function in (_sum_of_lent, _sum_of_made)
     }
     assert counts == {"_sum_of_lent": [False], "_sum_of_made": [True]}
+
+
+@compiled
+def _ended_elsewhere(x):
+    return 2.0 * x + 1.0
+
+
+@compiled
+def _meanwhile(x):
+    return 3.0 * x + 1.0
+
+
+@pytest.fixture
+def slow_llvm(tmp_path, monkeypatch):
+    """LLVM ends when the file is there that this gives; the place where objects are kept is new."""
+    gate, build = tmp_path / "gate", numba_inside.build
+
+    def gated(dispatcher, *rest):
+        translate, returns = build(dispatcher, *rest)
+
+        def end():
+            while dispatcher is _ended_elsewhere.dispatcher and not gate.exists():
+                time.sleep(0.01)
+            return translate()
+
+        return end, returns
+
+    monkeypatch.setattr(numba_inside, "build", gated)
+    monkeypatch.setattr(objects, "folder", lambda: tmp_path)
+    monkeypatch.setattr(processes, "cores", lambda: 2)
+    monkeypatch.setattr(compiler, "_beside", None)
+    for function in (_ended_elsewhere, _meanwhile):
+        monkeypatch.setattr(function, "_natives", {})
+    return gate
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="processes cannot be copied")
+@pytest.mark.parametrize("killed", [False, True])
+def test_what_another_process_ends_is_waited_for_and_others_are_compiled_meanwhile(
+    killed, slow_llvm
+):
+    assert _ended_elsewhere.ahead("d(d)")
+    (other,) = multiprocessing.active_children()
+    assert _meanwhile.native("d(d)").ctypes(2.0) == 7.0
+    assert other.is_alive()
+    if killed:
+        other.kill()
+        other.join()
+    slow_llvm.touch()
+    assert _ended_elsewhere.native("d(d)").ctypes(2.0) == 5.0
+    other.join(60.0)
+    assert other.exitcode == (-signal.SIGKILL if killed else 0)
+    assert not _ended_elsewhere.ahead("d(d)")
+
+
+def test_where_there_is_one_core_what_is_begun_ahead_is_ended_at_once(slow_llvm, monkeypatch):
+    monkeypatch.setattr(processes, "cores", lambda: 1)
+    slow_llvm.touch()
+    assert not _ended_elsewhere.ahead("d(d)")
+    assert len([*slow_llvm.parent.glob("*_ended_elsewhere*.o")]) == 1
 
 
 def test_what_is_used_inside_numba_is_there_and_used_in_two_modules():

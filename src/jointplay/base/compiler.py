@@ -16,6 +16,7 @@ import sys
 import threading
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -78,6 +79,17 @@ targets: list[objects.Target] = []
 _turn = threading.RLock()
 """Of the threads, one compiles at a time."""
 
+_beside: tuple[int, Any, Compiled] | None = None
+"""This process, the one that it has end a function `ahead`, and that function."""
+
+
+def _held(function: Compiled) -> bool:
+    """Whether the lock is held for this process, which need not wait to compile `function`."""
+    if _beside is None:
+        return False
+    parent, process, other = _beside
+    return other is not function and parent == os.getpid() and process.is_alive()
+
 
 class Compiled:
     """A function that is compiled when it is first called for.
@@ -95,6 +107,7 @@ class Compiled:
         self.targetoptions = {"error_model": "numpy", **options}
         self.__doc__, self.__name__ = function.__doc__, function.__name__
         self.__module__, self.__wrapped__ = function.__module__, function
+        self._name = f"{self.__module__}.{function.__qualname__}"
         self._calls: dict[str, tuple[Any, str]] = {}
         self._natives: dict[str, Native] = {}
 
@@ -179,31 +192,67 @@ class Compiled:
         """Whether it has been compiled or loaded in this process."""
         return bool(self._calls or self._natives)
 
+    def ahead(self, signature: str) -> bool:
+        """Begin to compile it, if it is not kept; returns whether another process goes on with it.
+
+        That is a copy of this one, which ends when the code is kept: LLVM takes a third of the
+        time, and this process can do something else. Where there is none, this one does it.
+        """
+        global _beside
+        about = self._name, signature, self._fingerprint()
+
+        def needless() -> bool:
+            return any(objects.find(*about))
+
+        with _turn:
+            if self.made or targets or not about[-1] or _on("BOUNDSCHECK") or needless():
+                return False
+            if insides() is None:
+                return False
+            with progress.aside(), objects.alone():
+                if needless():
+                    return False
+                from jointplay.base import processes
+
+                end = self._begun(signature, objects.here())
+                process = processes.beside(end)  # it holds the lock, too, by its descriptor
+                if process is None:
+                    end()
+                else:
+                    _beside = os.getpid(), process, self
+                return process is not None
+
     def _object(self, signature: str) -> tuple[int, str] | None:
         """Address and returns (a letter each) of the object's function; None: compile plainly."""
         if _on("BOUNDSCHECK"):
             return None
         with _turn:
-            name = f"{self.__module__}.{self.py_func.__qualname__}"
-            fingerprint = self._fingerprint()
-            if fingerprint and (found := objects.loaded(name, signature, fingerprint)):
+            if (found := self._loaded(signature)) or insides() is None:
                 return found
-            if insides() is None:
-                return None
-            with objects.alone(), progress.aside():
-                if fingerprint and (found := objects.loaded(name, signature, fingerprint)):
+            with progress.aside(), nullcontext() if _held(self) else objects.alone():
+                if found := self._loaded(signature):
                     return found
-                made = []
-                for target in targets or [objects.here()]:
-                    code, returns = insides().build(self.dispatcher, signature, target)
-                    head = objects.Head(
-                        *(name, signature, fingerprint, target.system, target.features, returns)
-                    )
-                    made.append((head, code))
-                    if fingerprint:
-                        objects.keep(head, code, target.label)
+                made = [self._begun(signature, one)() for one in targets or [objects.here()]]
             head, code = made[0]
             return objects.load(code, head.symbol), head.returns
+
+    def _loaded(self, signature: str) -> tuple[int, str] | None:
+        fingerprint = self._fingerprint()
+        return objects.loaded(self._name, signature, fingerprint) if fingerprint else None
+
+    def _begun(self, signature: str, target: objects.Target) -> Callable[[], tuple[Any, bytes]]:
+        """Compile it as far as Python does; gives what does the rest, and keeps it."""
+        translate, returns = insides().build(self.dispatcher, signature, target)
+        about = self._name, signature, self._fingerprint(), target.system, target.features, returns
+        head = objects.Head(*about)
+
+        def end() -> tuple[objects.Head, bytes]:
+            code = translate()
+            if head.fingerprint:
+                objects.keep(head, code, target.label)
+            return head, code
+
+        return end
 
     def _fingerprint(self) -> str:
         """Hash of all that goes into its code; none of what is not known by its file."""

@@ -14,14 +14,14 @@ import gc
 import importlib
 import operator
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from functools import cache
 from typing import Any
 
 from llvmlite import binding, ir
 from numba import from_dtype, njit, types
-from numba.core import base, cgutils
+from numba.core import base, cgutils, errors, event
 from numba.core import ir as numba_ir
 from numba.core.analysis import compute_cfg_from_blocks, compute_use_defs, must_use_alloca
 from numba.core.base import BaseContext
@@ -66,6 +66,8 @@ USED = {
     cgutils._StructProxy: ("__init__", "__getitem__", "__getattr__", "_getvalue", "_make_refs"),
     arrayobj: ("make_array",),
     base: ("_has_loc",),
+    errors: ("termcolor",),
+    event: ("broadcast",),
 }
 """Attributes of numba's classes and modules that are called or replaced here."""
 
@@ -291,9 +293,19 @@ _PLAIN = frozenset({str, int, float, bool, type(None), numba_ir.Loc})
 
 def _variables(instruction: Any, value: Any) -> list[Any]:
     """Variables in a part of an instruction: most parts are words."""
-    if type(value) in _PLAIN:
-        return []
+    if type(value) is numba_ir.Var:
+        return [value]
+    if type(value) is dict:
+        parts = [one for one in value.values() if type(one) not in _PLAIN]
+        return [found for one in parts for found in _variables(instruction, one)]
     return _NUMBA[numba_ir.Inst, "_rec_list_vars"](instruction, value)  # type: ignore[no-any-return]
+
+
+class _NoColours:
+    """What marks texts of errors, thousands of which typing raises and nobody reads."""
+
+    def __getattr__(self, name: str) -> Callable[[str], str]:
+        return str
 
 
 def _post_process(processor: Any, emit_dels: bool = False, extend_lifetimes: bool = False) -> None:
@@ -403,6 +415,8 @@ def _array_structure(kind: Any) -> Any:
 
 
 _QUICKER = {
+    (errors, "termcolor"): _NoColours,
+    (event, "broadcast"): lambda happened: None,
     (types.Record, "__repr__"): lambda record: record.name,
     (numba_ir.Inst, "_rec_list_vars"): _variables,
     (PostProcessor, "run"): _post_process,
@@ -417,8 +431,10 @@ _QUICKER = {
 """What does less than numba's own, to the same end: a third of what compiling takes."""
 
 
-def build(dispatcher: Any, signature: str, target: Target) -> tuple[bytes, str]:
-    """Object code of a function, and a letter for each number that it returns.
+def build(dispatcher: Any, signature: str, target: Target) -> tuple[Callable[[], bytes], str]:
+    """What makes object code of a function, and a letter for each number that it returns.
+
+    What it makes it of is typed, lowered and linked: what is left is LLVM's work.
 
     Args:
         dispatcher: of a `part`.
@@ -426,7 +442,7 @@ def build(dispatcher: Any, signature: str, target: Target) -> tuple[bytes, str]:
         target: the processor and system that it is made for.
 
     Raises:
-        Unresolved: it needs numba's own libraries.
+        Unresolved: by what makes it: it needs numba's own libraries.
     """
     quicker = _replaced(_remembering() | _QUICKER)
     with _without_collection(), global_compiler_lock, quicker:
@@ -447,10 +463,14 @@ def build(dispatcher: Any, signature: str, target: Target) -> tuple[bytes, str]:
         machine = _machine(target)
         whole.triple, whole.data_layout = target.triple, str(machine.target_data)
         library._final_module = whole
+
+    def translate() -> bytes:
         with _replaced({(library._codegen, "_tm"): machine}):
             CPUCodeLibrary._optimize_final_module(library)
         _check(library._final_module)
-        return machine.emit_object(library._final_module), returns
+        return machine.emit_object(library._final_module)  # type: ignore[no-any-return]
+
+    return translate, returns
 
 
 def _linked(library: Any, name: str) -> Any:

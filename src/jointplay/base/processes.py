@@ -77,6 +77,11 @@ def number_of(jobs: int | None, items: object = None) -> int:
     return max(min(number, len(items)), 1) if isinstance(items, Sized) else number
 
 
+def copies(jobs: int | None = None, items: object = None) -> int:
+    """The same for work that cannot be sent: 1 where processes are no copies of this one."""
+    return number_of(jobs, items) if _FORKS else 1
+
+
 def begin(early: bool = False) -> None:
     """Set up a process that works for another: Ctrl-C and a closed terminal are its parent's.
 
@@ -138,6 +143,14 @@ def one_thread() -> Iterator[None]:
         yield
 
 
+def _begin(process: BaseProcess) -> None:
+    with warnings.catch_warnings():  # Python 3.12: libraries have threads, none at work here
+        warnings.simplefilter("ignore", DeprecationWarning)
+        # Until it is set up the process has this one's handlers, which raise.
+        with _signals_wait():
+            process.start()
+
+
 class Pool(Generic[Item, Value]):
     """Processes that do the same work for one item after the other.
 
@@ -186,11 +199,7 @@ class Pool(Generic[Item, Value]):
         context: Any = multiprocessing.get_context("fork" if _FORKS else None)
         mine, theirs = context.Pipe()
         process = context.Process(target=self._target, args=(theirs,), daemon=True)
-        with warnings.catch_warnings():  # Python 3.12: libraries have threads, none at work here
-            warnings.simplefilter("ignore", DeprecationWarning)
-            # Until it is set up the process has this one's handlers, which raise.
-            with _signals_wait():
-                process.start()
+        _begin(process)
         theirs.close()
         self.processes[mine], self._queues[mine] = process, deque()
         if self._closed:  # by another thread
@@ -377,6 +386,25 @@ def _portable(error: BaseException) -> BaseException:
     return error
 
 
+def beside(work: Callable[[], object]) -> BaseProcess | None:
+    """Have work done in a copy of this process, if there is a core for it; it ends with this one.
+
+    It tells nobody what comes of it, also not if it fails.
+    """
+    if copies() == 1:
+        return None
+
+    def serve() -> None:
+        begin()
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
+        with suppress(Exception):
+            work()
+
+    process = multiprocessing.get_context("fork").Process(target=serve, daemon=True)
+    _begin(process)
+    return process
+
+
 @contextmanager
 def in_parallel(work: Callable[[], Value]) -> Iterator[Callable[[], Value]]:
     """Have `work` done while the block runs; gives a function that waits for what it returns.
@@ -387,7 +415,7 @@ def in_parallel(work: Callable[[], Value]) -> Iterator[Callable[[], Value]]:
     Raises:
         JointplayError: by the function: the process was ended from outside.
     """
-    if not _FORKS or number_of(None) == 1:
+    if copies() == 1:
         yield work
         return
     with closing(Pool[None, Value](lambda _: work(), 1)) as pool:

@@ -221,7 +221,11 @@ class Scenario(Overview):
             return motion_of(self.model(case), mechanism, self.path.parent, {})
 
     def ready_run(
-        self, case: str | None = None, progress: bool = False, records: Path | None = None
+        self,
+        case: str | None = None,
+        progress: bool = False,
+        records: Path | None = None,
+        ahead: bool = False,
     ) -> Run:
         """A case made ready to step; see `simulation` and `Run`."""
         simulation = self.simulation(case)
@@ -229,7 +233,7 @@ class Scenario(Overview):
         from jointplay.simulation.run import Run  # what it takes to simulate, not to check
 
         try:
-            return Run(simulation, progress, records)
+            return Run(simulation, progress, records, ahead=ahead)
         except JointplayError as error:
             raise self.error(_place_of(error), str(error), case, True) from None
 

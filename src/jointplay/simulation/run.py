@@ -32,6 +32,7 @@ from jointplay.model.massless import require_inertia
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import Coordinate
 from jointplay.physics.kernel import Status
+from jointplay.physics.kernel import ahead as kernel_ahead
 from jointplay.physics.kernel.integrators import Integrator, integrator
 from jointplay.physics.kernel.sites import LoadSite
 from jointplay.physics.kernel.workspace import Workspace
@@ -50,7 +51,7 @@ from jointplay.simulation.base_chart import BaseChart
 from jointplay.simulation.loads.drive import Drive, JointFriction, Servo, assign
 from jointplay.simulation.loads.drive_tables import table_nodes, tabulate
 from jointplay.simulation.result.audit import Judgement
-from jointplay.simulation.result.histories import histories
+from jointplay.simulation.result.histories import compile_histories, histories
 from jointplay.simulation.result.variables import Phase, Records
 from jointplay.simulation.spool import DiskRecords, Overflow, PassedRecords
 from jointplay.simulation.statics import Rest, StaticLoads
@@ -153,6 +154,8 @@ class Run:
             memory.
         places: where journals of another run rested (`Rest.places`), of joints that are the same
             and bear the same: the search for rest begins there, and ends where it would without.
+        ahead: it is going to be stepped: if its kernel is not kept, begin to compile it before the
+            rest is made ready.
 
     Raises:
         JointplayError: a step, duration or record interval that makes no sense, a step too large
@@ -166,6 +169,7 @@ class Run:
         progress: bool = False,
         records: Path | Callable[[Records], None] | None = None,
         places: Mapping[str, np.ndarray] | None = None,
+        ahead: bool = False,
     ) -> None:
         require_a("simulation", simulation, "Simulation")
         self.simulation = simulation
@@ -206,6 +210,9 @@ class Run:
             speed=start.v,
         )
         start.move()
+        with _saying_if_long(progress and ahead):
+            # What else is compiled, by this process, is so while another one ends the kernel.
+            self._ahead = ahead and kernel_ahead(self.method.command)
         # The run's own, for payloads and prescribed motion change its inertias.
         self.model = mechanism.model.copy()
         for at, value in armature.items():
@@ -430,6 +437,8 @@ class Run:
         if workspace.steps == 0:
             self._origin = workspace.q.copy(), workspace.v.copy()
         with _saying_if_long(progress and not self._loop.compiled):
+            if self._ahead:
+                compile_histories(self)
             self._loop.compile()
         bar = Simulated(
             self.total_steps * self.simulation.step, progress, self.label, workspace.time

@@ -20,6 +20,7 @@ import numpy as np
 
 from jointplay.base import signals
 from jointplay.base.errors import JointplayError, require_a
+from jointplay.base.processes import copies
 from jointplay.physics.kernel import Status
 from jointplay.physics.kernel.integrators import DEFAULT
 from jointplay.simulation import spool
@@ -79,6 +80,7 @@ def certify(
     name: str = "",
     claims: bool = False,
     strict: bool = True,
+    jobs: int | None = 1,
 ) -> Certificate:
     """State the numerical error of every headline figure, from three further runs.
 
@@ -92,6 +94,7 @@ def certify(
         claims: certify what the paper's claims use, too, of a run of more than 0.3 s with one joint
             with clearance.
         strict: without, from two further runs, as after every run.
+        jobs: processes for these runs; None takes one for each core.
 
     Raises:
         KeyboardInterrupt: Ctrl-C.
@@ -122,7 +125,8 @@ def certify(
         of_run = figures.finish(run)
         return of_run | (claims_of(run.result(Status.COMPLETED), ideal) if with_claims else {})
 
-    outcomes = Study(enumerate(reversed(plans), 1), found).run(1)
+    numbered = [*enumerate(reversed(plans), 1)]
+    outcomes = Study(numbered, found).run(copies(jobs, numbered))
     notes = [one for one in outcomes if isinstance(one, str)]
     measured = [one for one in outcomes if not isinstance(one, str)]
     certified, sensitive = [], []
@@ -311,6 +315,7 @@ def add_certificate(
     strict: bool = True,
     claims: bool = False,
     name: str = "",
+    jobs: int | None = 1,
 ) -> None:
     """Certify a saved result, or estimate its errors, and add that to its file.
 
@@ -318,7 +323,7 @@ def add_certificate(
 
     Args:
         result, path: what `run_and_save` gave, and its file.
-        simulation, progress, strict, claims, name: see `certify`.
+        simulation, progress, strict, claims, name, jobs: see `certify`.
 
     Raises:
         JointplayError: the file cannot be written again; it is as it was.
@@ -326,7 +331,7 @@ def add_certificate(
     """
     if signals.stop_requested():
         return
-    told: dict[str, Any] = {"progress": progress, "claims": claims, "name": name}
+    told: dict[str, Any] = {"progress": progress, "claims": claims, "name": name, "jobs": jobs}
     given = result or Result.open(path)
     with closing(given.dataset):
         if given.status == Status.INTERRUPTED:

@@ -7,7 +7,7 @@ import json
 import math
 import shlex
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 STOPPED = 1
 _LONGEST_NAME = 100
 """Bytes of a file's name that are taken of its case's."""
+SHARED_S = 0.3
+"""Runs that take longer [s] have their further runs made by several processes."""
 IDLE, IDLE_S = 0.2, 1.0
 """More than this part of a run, and more than this [s], without motion is told of."""
 
@@ -74,14 +76,6 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
         drawn = names_of_figures(all(map(is_paper_robot, robots)), pdf=options.pdf)
     if not options.resume:
         check_output_folder(out, names, drawn)
-    from jointplay.cli.commands import first_notes
-    from jointplay.physics.kernel import Status
-    from jointplay.scenario.assumptions import decisive
-    from jointplay.show import plots  # what comes now takes long to import
-    from jointplay.simulation.analysis.headline import HISTORIES
-    from jointplay.study.certification import number_of_runs
-
-    spare_other_arrays()
     progress = not options.quiet
     items = {}
     lengths, simulations = {}, {}
@@ -89,7 +83,10 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     remarks: dict[str, list[str]] = {}  # cases by what is said of them
     for case, name in zip(cases, names, strict=True):  # before anything is written
         item = items[case] = CaseRun(case, out / name, _errors(scenario, case, options))
-        run = scenario.ready_run(case, progress, item.records)
+        run = scenario.ready_run(case, progress, item.records, ahead=True)
+        # What takes long to import is so while another process compiles, if one does.
+        from jointplay.study.certification import number_of_runs
+
         simulations[case] = run.simulation
         runs = 1 + (number_of_runs(run.simulation, item.certified) if item.errors else 0)
         length = run.total_steps * run.simulation.step
@@ -99,6 +96,14 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
             remarks.setdefault(line, []).append(case)
         ready = [run] if len(cases) == 1 else []
         del run  # and its arrays
+    from jointplay.cli.commands import first_notes
+    from jointplay.physics.kernel import Status
+    from jointplay.scenario.assumptions import decisive
+    from jointplay.show import plots
+    from jointplay.simulation.analysis.headline import HISTORIES
+
+    spare_other_arrays()
+    save = plots.save if drawn else None
     for line in [*first_notes(decisive(scenario, simulations), options.detail), *scenario.notes]:
         streams.note(line)
     for line, of in remarks.items():
@@ -132,12 +137,13 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     with whole(total, progress):
         for case in done:
             summaries.keep(case)
-        stopped = _run_all(scenario, left, jobs, progress, ready, made, summaries)
+        work = partial(_execute, scenario, options.jobs, progress, ready, made)
+        stopped = _run_all(work, left, jobs, summaries)
         summaries.finish()
     results = summaries.results
     drawable = {case: result for case, result in results.items() if len(result.time) > 1}
-    if drawn and drawable:
-        plots.save(drawable, out, options.pdf, summaries.ideals)
+    if save is not None and drawable:
+        save(drawable, out, options.pdf, summaries.ideals)
     print(summaries.ending(out))
     missing = [case for case in cases if case not in results]
     unjudged = [
@@ -333,11 +339,17 @@ def file_names(cases: Sequence[str]) -> list[str]:
 
 
 def _execute(
-    scenario: Scenario, progress: bool, ready: list[Run], made: dict[str, Result], item: CaseRun
+    scenario: Scenario,
+    jobs: int | None,
+    progress: bool,
+    ready: list[Run],
+    made: dict[str, Result],
+    item: CaseRun,
 ) -> None:
     """Run a case, save it with its scenario, find its errors.
 
     Args:
+        jobs: processes for further runs, if the run took long enough to share them.
         ready: the run, if it has been made ready.
         made: gets the result, if it is in memory.
 
@@ -366,24 +378,20 @@ def _execute(
     if result is not None:
         made[item.case] = result
     if item.errors:
-        add_certificate(result, item.path, run.simulation, progress, item.certified, name=item.case)
+        jobs = jobs if run.elapsed > SHARED_S else 1
+        add_certificate(
+            result, item.path, run.simulation, progress, item.certified, name=item.case, jobs=jobs
+        )
     if status == Status.INTERRUPTED or signals.stop_requested():
         raise KeyboardInterrupt
 
 
 def _run_all(
-    scenario: Scenario,
-    items: Sequence[CaseRun],
-    jobs: int,
-    progress: bool,
-    ready: list[Run],
-    made: dict[str, Result],
-    summaries: _Summaries,
+    work: Callable[[CaseRun], None], items: Sequence[CaseRun], jobs: int, summaries: _Summaries
 ) -> bool:
     """Run the cases; returns whether it was told to stop."""
     from jointplay.study import Study
 
-    work = partial(_execute, scenario, progress, ready, made)
     study = Study({item.case: item for item in items}, work, summaries, early=True)
     try:
         with closing(study.outcomes(jobs)) as outcomes:

@@ -83,6 +83,7 @@ def enter_single(address, command) -> int:
     return run.status
 
 
+_SIGNATURE = "i(i,i)"
 _SINGLE = (_BEGIN, _REFRESH, _EVALUATE_FORCES, _COMPLETE_STEP, _RECORD, _EULER, _RUNGE_KUTTA)
 
 
@@ -96,7 +97,12 @@ def compiled(command: Command = Command.ADVANCE) -> Callable[[int, int], int]:
 
     That takes the address of the run's record, and a command.
     """
-    return entry_of(command).caller("i(i,i)")  # type: ignore[no-any-return]
+    return entry_of(command).caller(_SIGNATURE)  # type: ignore[no-any-return]
+
+
+def ahead(command: Command) -> bool:
+    """Begin to compile the entry for a command, if need be; whether that goes on meanwhile."""
+    return entry_of(command).ahead(_SIGNATURE)  # type: ignore[no-any-return]
 
 
 _APART = {
