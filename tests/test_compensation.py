@@ -511,3 +511,18 @@ def test_a_clearance_alone_is_for_all_joints_as_in_a_budget(level, tmp_path):
     done = subprocess.run(list(map(str, command)), capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("In simulation the corrected motion")
+
+
+def test_a_motion_of_some_joints_leaves_the_others_where_they_start(tmp_path):
+    """Servos that the motion does not name hold their goals, as joints without drives do."""
+    motion, out = tmp_path / "motion.csv", tmp_path / "out"
+    motion.write_text("time_s,elbow_flex\n0,0.2\n0.3,0.25\n")
+    given = ["so101", "--preset", "--motion", motion, "--set", "start.wrist_flex=0.5", "--quiet"]
+    command = [JOINTPLAY, "compensate", *map(str, given), "--force", "--jobs=1", "--out", str(out)]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    corrected = Motion.from_csv(out / "motion.csv")
+    assert len(corrected.joints) == 6
+    at = dict(zip(corrected.joints, corrected.positions.T, strict=True))
+    assert np.abs(at["wrist_flex"] - 0.5).max() < 0.02
+    assert np.abs(at["shoulder_pan"]).max() < 0.02

@@ -10,7 +10,7 @@ from warm import JOINTPLAY
 
 import jointplay as jp
 from jointplay.study import hunting
-from jointplay.study.hunting import Axis, Span, Trial, describing_function, predicted, swing
+from jointplay.study.hunting import Axis, Span, Trial, describing_function, predicted
 
 GEAR = jp.Gear(play=8.7e-3, rotor_inertia=0.0284, stiffness=300.0, damping=1.0)
 
@@ -23,7 +23,8 @@ def axis(p_gain, rubs=None, **changes):
 
 
 def at(one, play=True, start=2.0, **options):
-    return swing(Trial(one, start * GEAR.play, play, **options))
+    (found,) = hunting.swings(Trial(one, start, play, **options))
+    return found
 
 
 def test_the_describing_function_is_the_first_harmonic_of_a_gap():
@@ -111,49 +112,134 @@ def test_the_safe_gain_lies_between_one_that_is_quiet_and_one_that_hunts(urdf):
 
 
 def push(time, q, v, p, out):
-    out[0] = -p[0] * q[0]
-
-
-def test_a_controller_of_ones_own_hunts_as_the_servo_does(urdf):
-    path = urdf(body("disc", 1.0, "0 0 0", 0.05), joint("a", "base", "disc", "continuous"))
-    servo = axis(150.0).drive
-    one = jp.loads.Controller(("a",), push, (servo.stall * 150.0,))
-    robot = jp.Mechanism(path, gears={"a": replace(GEAR, damping=1.0)})
-    simulation = jp.Simulation(robot, drive={}, loads={"own": one}, joint_friction={}, duration=1.0)
-    own = Axis.of(simulation, "a", {})
-    assert own.encoder == "link"
-    assert at(own).hunts
-    assert predicted(own) == hunting.QUIET
+    for k in range(2):
+        out[k] = p[0] * (p[2 + k] - q[k]) - p[1] * v[k]
 
 
 class Sampled:
-    """A PD controller in Python, with a memory."""
+    """A PID controller of two joints held at goals; with both encoders its D term is of motors."""
 
-    def __init__(self, kp, kd):
-        self.kp, self.kd, self.calls = kp, kd, 0
+    def __init__(self, kp, ki, kd, *goals):
+        self.gains, self.goals, self.sum = (kp, ki, kd), np.array(goals), 0.0
 
     def __call__(self, time, q, v):
-        self.calls += 1
-        return [-self.kp * q[0] - self.kd * v[0]]
+        kp, ki, kd = self.gains
+        error = self.goals - q[:2]
+        self.sum = self.sum + 1e-3 * ki * error
+        return kp * error + self.sum - kd * v[-2:]
 
 
-def held_by(disc, numbers, encoder="link"):
-    one = jp.loads.Controller(("a",), Sampled, numbers, period=1e-3, encoder=encoder)
-    robot = jp.Mechanism(disc, gears={"a": GEAR})
-    return jp.Simulation(robot, drive={}, loads={"own": one}, joint_friction={}, duration=1.0)
+ARM = ("joint_a", "joint_b")
+POSE = dict(zip(ARM, (0.3, 0.7), strict=True))
+RUBS = {"encoder": "both", "rubs": jp.loads.JointFriction(0.2, viscous=0.5)}
+STIFF = jp.Gear(play=5e-3, rotor_inertia=0.1, stiffness=2000.0, damping=2.0)
 
 
-def test_a_controller_in_python_hunts_by_its_play_and_has_no_gain_that_is_known(urdf):
+def arm(kp, ki=0.0, kd=3.0, encoder="link", function=Sampled, rubs=None):
+    """The SCARA, two joints behind gears under one controller, at a pose that is not zero."""
+    numbers = (kp, ki, kd) if function is Sampled else (kp, kd)
+    own = jp.loads.Controller(
+        ARM, function, (*numbers, *POSE.values()), period=1e-3 if function is Sampled else None,
+        encoder=encoder,
+    )  # fmt: skip
+    robot = jp.Mechanism(
+        jp.shipped("scara.urdf"), gears=dict.fromkeys(ARM, STIFF), gravity=(0.0, 0.0, 0.0)
+    )
+    friction = dict.fromkeys(ARM, rubs or jp.loads.JointFriction())
+    return jp.Simulation(robot, drive={}, loads={"own": own}, joint_friction=friction)
+
+
+def under_servos(own, kp, ki, kd):
+    """The same robot with a servo of these gains on each joint, whose motor has no back-EMF."""
+    servo = jp.loads.Servo(
+        voltage=1e6, p_gain=kp, i_gain=ki, d_gain=kd, torque_constant=1e-6, resistance=1e-6,
+        encoder="link", period=1e-3,
+    )  # fmt: skip
+    joints = own.whole.mechanism.joints
+    place = [POSE.get(name, 0.0) for name in joints]
+    drives = {name: servo if name in ARM else jp.loads.Prescribed() for name in joints}
+    motion = jp.Motion(joints, [0.0, 1e-2], [place, place])
+    return replace(own, whole=replace(own.whole, loads={}, drive=drives, motion=motion, state={}))
+
+
+def test_a_controller_of_several_joints_hunts_as_servos_of_its_gains_do():
+    (own,) = hunting.released(arm(2000.0, 300.0), pose=POSE)
+    assert own.gains == {"kp": 2000.0, "ki": 300.0, "kd": 3.0, "p3": 0.3, "p4": 0.7}
+    for play in (True, False):
+        mine = hunting.swings(Trial(own, 2.0, play))
+        servos = hunting.swings(Trial(under_servos(own, 2000.0, 300.0, 3.0), 2.0, play))
+        for one, other in zip(mine, servos, strict=True):
+            assert one.hunts == other.hunts == play
+            assert one.amplitude == pytest.approx(other.amplitude, rel=0.01)
+            assert one.frequency == pytest.approx(other.frequency, rel=0.01)
+
+
+@pytest.mark.thorough
+def test_a_controller_of_several_joints_has_a_safe_gain_by_name():
+    quick = {"starts": (2.0,), "jobs": 1, "longest": 3.0}
+    found = hunting.hunting(arm(400.0, kd=20.0, **RUBS), pose=POSE, gain="kp", **quick)
+    assert [one.axis.joint for one in found] == list(ARM)
+    quiet, hunts = found[0].quiet, found[0].hunting
+    assert 500.0 < quiet < hunts < 1.5 * quiet
+    assert hunts < 1000.0
+    for gain, any_hunts in ((quiet, False), (hunts, True)):
+        (own,) = hunting.released(arm(gain, kd=20.0, **RUBS), pose=POSE)
+        assert any(one.hunts for one in hunting.swings(Trial(own, 2.0, longest=3.0))) == any_hunts
+    assert f"{quiet:.3g}" in str(hunting.table(found, "kp"))
+    assert found[0].above == hunting.QUIET  # by play, not by gains
+
+
+def test_compiled_or_sampled_a_controller_hunts_alike_unless_its_encoders_are_on_motors():
+    (compiled,) = hunting.released(arm(2000.0, function=push), pose=POSE)
+    (sampled,) = hunting.released(arm(2000.0), pose=POSE)
+    assert compiled.gains == {"p0": 2000.0, "p1": 3.0, "p2": 0.3, "p3": 0.7}
+    mine, other = (hunting.swings(Trial(one, 2.0)) for one in (compiled, sampled))
+    assert [one.frequency for one in mine] == pytest.approx([x.frequency for x in other], rel=0.05)
+    (motors,) = hunting.released(arm(2000.0, kd=40.0, encoder="motor"), pose=POSE)
+    assert hunting.swings(Trial(motors, 2.0)) == [hunting.QUIET] * 2
+
+
+def test_what_diverges_with_and_without_play_is_said_to_be_by_gains():
+    found = hunting.hunting(arm(8000.0, kd=100.0), ("joint_b",), POSE, starts=(2.0,), jobs=1)
+    assert [one.verdict for one in found] == ["gains, not play"]
+    assert "joint_b without bounds" in hunting.sentence(found)
+
+
+def test_joints_that_no_controller_sets_are_held_where_they_are_asked_to_be():
+    (own,) = hunting.released(arm(100.0), pose=POSE | {"joint_c": 0.02})
+    result = own.simulation(0.05).run(estimate=False)
+    q, robot = result["q"].values, own.whole.mechanism
+    assert q[:, robot.coordinate("joint_c")] == pytest.approx(0.02, abs=1e-9)
+    assert [q[0, robot.coordinate(name)] for name in ARM] == pytest.approx([0.3, 0.7])
+
+
+def test_a_payload_in_hand_counts_from_the_start(urdf):
     disc = urdf(body("disc", 1.0, "0 0 0", 0.05), joint("a", "base", "disc", "continuous"))
-    (found,) = hunting.hunting(held_by(disc, (70.0, 0.5)), starts=(2.0,), jobs=1)
-    assert found.verdict == "play"
-    assert found.quiet is None
-    assert found.hunting is None
-    assert "hunts at rest: a +-" in hunting.sentence([found])
-    (quiet,) = hunting.hunting(held_by(disc, (70.0, 5.0), "motor"), starts=(2.0,), jobs=1)
-    assert quiet.verdict == "quiet"
-    with pytest.raises(jp.JointplayError, match="no servo whose gains"):
-        hunting.gain_map(found.axis, Span("p_gain", np.ones(2)), Span("d_gain", np.ones(2)))
+    robot = jp.Mechanism(disc, gears={"a": GEAR})
+    held = jp.Payload("disc", 1.0, inertia=(0.02, 0.02, 0.02))
+    later = replace(held, pick=0.5)
+    drive = {"a": axis(100.0).drive}
+    simulation = jp.Simulation(
+        robot, jp.Motion(["a"], [0, 1.0], [[0.0], [0.1]]), drive, payloads=(held, later)
+    )
+    assert hunting.released(simulation)[0].inertia == pytest.approx(0.07)
+
+
+@pytest.mark.parametrize(("gain", "words"), [("kv", "no gain 'kv'"), ("ki", "ki is 0: give a")])
+def test_a_gain_that_is_not_there_is_refused(gain, words):
+    with pytest.raises(jp.JointplayError, match=words):
+        hunting.hunting(arm(100.0), gain=gain)
+
+
+def test_a_map_is_over_parameters_of_a_controller_too():
+    (own,) = hunting.released(arm(100.0, **RUBS), ("joint_b",), POSE)
+    kp, kd = Span("kp", np.array([200.0, 1000.0])), Span("kd", np.array([20.0, 60.0]))
+    found = hunting.gain_map(own, kp, kd, jobs=1, longest=3.0)
+    assert (found.amplitude > 0.0).tolist() == [[False, True], [False, True]]
+    assert not found.control.any()
+    (both,) = hunting.released(arm(100.0), pose=POSE)
+    with pytest.raises(jp.JointplayError, match="a map is of one joint, got joint_a, joint_b"):
+        hunting.gain_map(both, kp, kd)
 
 
 def test_a_map_shows_where_play_hunts_and_where_gains_do(tmp_path):
@@ -167,6 +253,7 @@ def test_a_map_shows_where_play_hunts_and_where_gains_do(tmp_path):
     assert found.frequency[0, 1] == pytest.approx(7.3, rel=0.05)
     from jointplay.show.plots.design import gains
 
+    found.amplitude[1, 1] = np.inf  # as where it diverges
     gains(found).savefig(tmp_path / "gains.png")
     with pytest.raises(jp.JointplayError, match="over two gains"):
         hunting.gain_map(axis(1.0), Span("p_gain", np.ones(2)), Span("p_gain", np.ones(2)))
@@ -182,6 +269,7 @@ BAD = [
     (["so101", "--preset", "--of", "elbow"], "no moving joint 'elbow'"),
     (["so101", "--preset", "--map", "p_gain=1:2"], "--map must read GAIN=FROM:TO:COUNT"),
     (["so101", "--preset", "--map", "p_gain=1:2:3"], "give --map twice, got 1"),
+    (["so101", "--preset", "--gain", "kp"], "no gain 'kp'; available: p_gain, i_gain, d_gain"),
 ]
 
 

@@ -27,7 +27,7 @@ from jointplay.accuracy.jacobians import tool_place
 from jointplay.base.errors import JointplayError, require_a
 from jointplay.base.progress import ProgressBar
 from jointplay.base.tables import Column, Table, counted, few
-from jointplay.model.mechanism import Coordinate, Mechanism, frame_index
+from jointplay.model.mechanism import Coordinate, Mechanism, loaded
 from jointplay.physics.joints import Clearance
 from jointplay.simulation.analysis.tool_error import stops
 from jointplay.simulation.checks import joint_friction
@@ -323,16 +323,6 @@ def _is_behind(simulation: Simulation, joint: str) -> bool:
     return getattr(drives[joint], "encoder", "motor") == "motor"
 
 
-def _bodies(simulation: Simulation, mechanism: Mechanism, time: float) -> pin.Model:
-    """The mechanism's model with the payloads that are held at a time [s]."""
-    bodies = mechanism.model.copy()
-    for payload in simulation.payloads:
-        if payload.pick <= time and (payload.release is None or time < payload.release):
-            frame = bodies.frames[frame_index(bodies, payload.frame)]
-            bodies.inertias[frame.parentJoint] += frame.placement.act(payload.body)
-    return bodies
-
-
 def _torques(
     simulation: Simulation,
     times: np.ndarray,
@@ -352,7 +342,7 @@ def _torques(
     states[:, :, at] = motion(times)
     tau, held, inertia = np.zeros((3, len(times), len(gears)))
     for k, state in enumerate(states.transpose(1, 0, 2)):
-        bodies = _bodies(simulation, ideal, times[k])
+        bodies = loaded(ideal.model, simulation.payloads, times[k])
         data = bodies.createData()
         tau[k] = pin.rnea(bodies, data, *state)[at][own]
         inertia[k] = pin.crba(bodies, data, state[0]).diagonal()[at][own]
@@ -561,7 +551,7 @@ def _journals(
     for k in steps:
         q, v, a = states[:, k]
         balance = StaticEquilibrium(
-            mechanism, _bodies(simulation, mechanism, times[k]), q, v, drives, [], [],
+            mechanism, loaded(mechanism.model, simulation.payloads, times[k]), q, v, drives, [], [],
             np.zeros(0), friction, pushing, a,
         )  # fmt: skip
         rest = balance.settle(q + aside if k else None)
@@ -665,7 +655,7 @@ def _beyond(simulation: Simulation, motion: Motion) -> dict[tuple[str, str], str
         return found
     efforts = np.zeros((len(times), ideal.model.nv))
     for i, state in enumerate(states.transpose(1, 0, 2)):
-        bodies = _bodies(simulation, ideal, times[i])
+        bodies = loaded(ideal.model, simulation.payloads, times[i])
         efforts[i] = pin.rnea(bodies, bodies.createData(), *state)
     for name, k in zip(motion.joints, at, strict=True):
         gear, effort = mechanism.gears.get(name), limits.bounds(mechanism).get(name)

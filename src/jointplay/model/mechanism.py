@@ -47,6 +47,7 @@ from jointplay.model.frames import (
 from jointplay.model.free_base import BASE, BASES, HELD
 from jointplay.model.gear import GEARS, Gear, Gearing
 from jointplay.model.loop import Lock, Loop, refuse_name
+from jointplay.model.payload import Payload
 from jointplay.model.seats import SEAT, seat_of_joint, seat_of_loop
 from jointplay.model.tool import choose_tool
 from jointplay.model.tree import Tree
@@ -83,6 +84,16 @@ def frame_index(
         frames = (frame.name for frame in model.frames if frame.name != "universe")
         raise MissingName(noun, name, dict.fromkeys([*more, *frames]), where=where)
     return int(model.getFrameId(name))
+
+
+def loaded(model: pin.Model, payloads: Sequence[Payload], time: float) -> pin.Model:
+    """A model with the payloads that are held at a time [s]; a copy."""
+    bodies = model.copy()
+    for payload in payloads:
+        if payload.pick <= time and (payload.release is None or time < payload.release):
+            frame = bodies.frames[frame_index(bodies, payload.frame)]
+            bodies.inertias[frame.parentJoint] += frame.placement.act(payload.body)
+    return bodies
 
 
 def _gravity(given: Sequence[float] | str) -> tuple[float, float, float]:

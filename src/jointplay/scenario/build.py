@@ -355,24 +355,21 @@ def complete(
 ) -> tuple[Motion, list[str]]:
     """The motion with what it does not name held, or following; takes out of `start` what it uses.
 
-    Joints of which [drives], a controller in [loads] or [start_speed] says something are left
-    alone, and, where there are [drives] at all, those of which [start] does: they were meant to
-    move.
+    Drives that follow a motion hold theirs. Joints of which other [drives], a controller in [loads]
+    or [start_speed] say something are left alone, and, where there are [drives] at all, those of
+    which [start] does: they were meant to move.
     """
     shared: Any = model.drive
     if shared is not None and not shared.kind.follows:
         return motion, []
-    entries = mechanism.description.joints
     drives: dict[str, Any] = dict(model.drives)
-    followers = {name for name, entry in entries.items() if entry.mimic}
-    alone = {
-        name for name, draft in drives.items() if name not in followers or not draft.kind.follows
-    } | set(model.start_speed)
+    following = {name for name, draft in drives.items() if draft.kind.follows}
+    alone = (drives.keys() - following) | set(model.start_speed)
     loads: dict[str, Any] = dict(model.loads)
     for load in loads.values():
         alone |= set(load.fields.get("joints", ()))  # a controller's
     if drives:
-        alone |= set(start)
+        alone |= start.keys() - following
     added = complete_motion(mechanism, motion, start, alone)
     for name in added.held:
         start.pop(name, None)

@@ -1,10 +1,10 @@
 """Hunting: does a position servo with play in its gear oscillate at rest?
 
-One joint is looked at, the others held: a motor, its gear, the link's inertia as Pinocchio has it
-at the pose, the torque of gravity, friction, and the servo or a controller of the user's own. The
-engine runs it from several starts aside, and the same without play. A describing function of the
-play, the first harmonic of what a gap makes of a sine, is the screen beside it; it is derived here,
-and tested by integration.
+Of a servo one joint is looked at, the others held: a motor, its gear, the link's inertia as
+Pinocchio has it at the pose, the torque of gravity, friction. Joints that controllers of the user's
+own set move together, in the whole robot. The engine runs them from several starts aside, and the
+same without play. A describing function of the play, the first harmonic of what a gap makes of a
+sine, is the screen beside servos; it is derived here, and tested by integration.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
+import pinocchio as pin
 
 from jointplay.base.errors import JointplayError, require_a, require_known, require_positive, within
 from jointplay.base.progress import ProgressBar
@@ -25,10 +26,10 @@ from jointplay.base.tables import Column, Table, counted, few
 from jointplay.model import urdf
 from jointplay.model.gear import Gearing
 from jointplay.model.impact import tooth_duration
-from jointplay.model.mechanism import Mechanism
-from jointplay.physics.kernel import JOINT_FRICTION_SPEED, WELL_RESOLVED_STEPS
+from jointplay.model.mechanism import Mechanism, loaded
+from jointplay.physics.kernel import JOINT_FRICTION_SPEED, WELL_RESOLVED_STEPS, Status
 from jointplay.simulation.checks import joint_friction
-from jointplay.simulation.loads import Controller, Free, JointFriction, Servo, Wrench
+from jointplay.simulation.loads import Controller, Free, JointFriction, Prescribed, Servo, Wrench
 from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.run import Run
 from jointplay.simulation.simulation import Simulation
@@ -59,7 +60,8 @@ ONE_WAY = 0.98
 LEAST_RAD = 2e-5
 """Half a swing below which nothing is said to hunt."""
 
-GAINS = ("p_gain", "i_gain", "d_gain")
+UNITS = {"p_gain": "V/rad", "i_gain": "V/(rad*s)", "d_gain": "V*s/rad"}
+"""Of a servo's gains."""
 
 REACH = 6
 """Largest gain that is tried is so many times doubled, the smallest so many times halved."""
@@ -73,7 +75,7 @@ class Swing(NamedTuple):
 
     hunts: bool
     amplitude: float
-    """Half of the joint's way to and fro [rad or m]; 0 if it comes to rest."""
+    """Half of the joint's way to and fro [rad or m]; 0 if it comes to rest, inf if it diverges."""
     frequency: float
     """[Hz]; 0 if it comes to rest."""
     twist: float = 0.0
@@ -83,6 +85,10 @@ class Swing(NamedTuple):
 
 
 QUIET = Swing(False, 0.0, 0.0)
+DIVERGES = Swing(True, math.inf, 0.0)
+
+FINER = 4
+"""A run that diverges is made again with steps so many times shorter, which may be at fault."""
 
 
 @dataclass(frozen=True)
@@ -99,66 +105,22 @@ class Axis:
     load: float
     """Torque of gravity on the joint [N m]."""
     gear: Gearing
-    drive: Servo | Free
+    drive: Servo | Controller
     friction: JointFriction
-    controller: Controller | None = None
 
-    @classmethod
-    def of(cls, simulation: Simulation, joint: str, pose: Mapping[str, float]) -> Axis:
-        """The joint as a simulation has it.
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        return (self,)
 
-        Args:
-            simulation: a robot with its gears, drives, friction, and controllers among its loads.
-            joint: one with a gear that has play, and a servo or a controller.
-            pose: positions of joints [rad or m]; others are where the motion begins, or at zero.
-
-        Raises:
-            JointplayError: what lacks, and what to give.
-        """
-        robot = simulation.mechanism
-        require_known("moving joint", joint, robot.joints)
-        for other in pose:
-            require_known("moving joint", other, robot.joints)
-        gear, drive, controller = robot.gears.get(joint), *_control(simulation, joint)
-        if gear is None or not gear.play > 0.0:
-            raise JointplayError(
-                f'{joint!r} has no gear with play: give --preset, or --gear {joint}="10 arcmin" '
-                f"--set gears.{joint}.rotor_inertia=... --set gears.{joint}.stiffness=..."
-            )
-        if drive is None and controller is None:
-            raise JointplayError(
-                f"{joint!r} has neither a servo nor a controller of its own: give --preset, or "
-                f"--set 'drives.{joint}.kind=\"servo\"' and its numbers"
-            )
-        if robot.loops:
-            raise JointplayError("the other joints of a closed loop cannot be held: open it")
-        alone = robot.with_clearance({}, robot.gears)
-        q = np.zeros(alone.model.nq)
-        motion = simulation.motion
-        begin = {} if motion is None else dict(zip(motion.joints, motion.positions[0], strict=True))
-        for name, position in (begin | dict(pose)).items():
-            q[alone.coordinate(name)] = position
-        at = alone.coordinate(joint)
-        return cls(
-            joint,
-            robot.description.joints[joint].slides,
-            float(alone.mass_matrix(q)[at, at]),
-            -float(alone.gravity_forces(q)[at]),
-            gear,
-            Free() if drive is None else drive,
-            joint_friction(simulation).get(joint, JointFriction()),
-            controller,
-        )
+    @property
+    def gains(self) -> dict[str, float]:
+        """Those of the servo, by name."""
+        return {name: getattr(self.drive, name) for name in UNITS}
 
     def with_gains(self, **gains: float) -> Axis:
         """With other gains of the servo."""
         drive: Any = self.drive
         return replace(self, drive=replace(drive, **gains))
-
-    @property
-    def encoder(self) -> str:
-        one = self.drive if self.controller is None else self.controller
-        return str(one.encoder)  # type: ignore[union-attr]
 
     def mechanism(self) -> Mechanism:
         """A robot of this one joint."""
@@ -177,86 +139,224 @@ class Axis:
 
     def simulation(self, duration: float) -> Simulation:
         """Held at zero for so long [s]."""
-        mechanism = self.mechanism()
-        step = tooth_duration(mechanism, self.joint, np.zeros(2)) / WELL_RESOLVED_STEPS
-        step = min(STEP_S, float(f"{step:.1e}"))
-        one = self.drive if self.controller is None else self.controller
-        period = getattr(one, "period", None)
-        if period is not None:
-            step = period / math.ceil(period / step - 1e-9)
-        held = isinstance(self.drive, Servo)
+        assert isinstance(self.drive, Servo)
         way = (0.0, 0.0, self.load)
         push = Wrench("link", force=way) if self.slides else Wrench("link", moment=way)
-        loads = {} if self.load == 0.0 else {"gravity": push}
         return Simulation(
-            mechanism,
-            Motion([self.joint], [0.0, 1e-2], [[0.0], [0.0]]) if held else None,
+            self.mechanism(),
+            Motion([self.joint], [0.0, 1e-2], [[0.0], [0.0]]),
             drive=self.drive,
-            duration=duration,
-            step=step,
-            record_every=max(round(RECORD_S / step), 1),
             joint_friction={self.joint: self.friction},
-            loads=loads if self.controller is None else loads | {"own": self.controller},
-            start="centred",
-            limits="ignore",
+            loads={} if self.load == 0.0 else {"gravity": push},
+            **_at_rest(self.mechanism(), [self.drive], duration),
         )
 
 
-def _control(simulation: Simulation, joint: str) -> tuple[Servo | None, Controller | None]:
-    drive = simulation.drive
-    given = drive.get(joint) if isinstance(drive, Mapping) else drive
-    servo = given if isinstance(given, Servo) else None
-    for one in simulation.loads.values():
-        if isinstance(one, Controller) and joint in one.joints:
-            if one.joints != (joint,):
-                raise JointplayError(
-                    f"the controller of {joint!r} sets {', '.join(one.joints)}: give each joint one"
-                )
-            return servo, one
-    return servo, None
+@dataclass(frozen=True)
+class MultiAxis:
+    """Joints that controllers of the user's own set, all moving in the whole robot."""
+
+    axes: tuple[Axis, ...]
+    """Those that are looked at."""
+    whole: Simulation
+    """The robot, its other joints held."""
+
+    @property
+    def gains(self) -> dict[str, float]:
+        """Parameters of the controllers by name; of several ones ``LOAD.NAME``."""
+        own = _controllers(self.whole)
+        return {
+            gain if len(own) == 1 else f"{load}.{gain}": value
+            for load, one in own.items()
+            for gain, value in zip(one.names, one.parameters, strict=True)
+        }
+
+    def with_gains(self, **gains: float) -> MultiAxis:
+        """With other parameters of the controllers."""
+        values, loads = iter((self.gains | gains).values()), dict(self.whole.loads)
+        for name, one in _controllers(self.whole).items():
+            loads[name] = replace(one, parameters=tuple(next(values) for _ in one.parameters))
+        return replace(self, whole=replace(self.whole, loads=loads))
+
+    def simulation(self, duration: float) -> Simulation:
+        """Held at the pose, or where the controllers lead, for so long [s]."""
+        drives = self.whole.drive.values()  # type: ignore[union-attr]
+        sampled = [*_controllers(self.whole).values(), *drives]
+        return replace(self.whole, **_at_rest(self.whole.mechanism, sampled, duration))
+
+
+Released = Axis | MultiAxis
+"""What is released beside its goal."""
+
+
+def _at_rest(mechanism: Mechanism, sampled: Sequence[Any], duration: float) -> dict[str, Any]:
+    """How it is run for so long [s]: its gears resolved, and as drives are sampled."""
+    q = mechanism.configuration({})
+    step = min(tooth_duration(mechanism, name, q) for name in mechanism.gears) / WELL_RESOLVED_STEPS
+    step = min(STEP_S, float(f"{step:.1e}"))
+    periods = [period for one in sampled if (period := getattr(one, "period", None)) is not None]
+    if periods:
+        step = min(periods) / math.ceil(min(periods) / step - 1e-9)
+    every = max(round(RECORD_S / step), 1)
+    how = {"start": "centred", "limits": "ignore"}
+    return {"duration": duration, "step": step, "record_every": every, **how}
+
+
+def _controllers(simulation: Simulation) -> dict[str, Controller]:
+    """Those of the user's own, by the name of the load."""
+    return {name: one for name, one in simulation.loads.items() if isinstance(one, Controller)}
+
+
+def _drives(simulation: Simulation) -> dict[str, Servo | Controller]:
+    """What moves each joint: a controller of the user's own, or else its servo."""
+    drive, joints = simulation.drive, simulation.mechanism.joints
+    given = drive if isinstance(drive, Mapping) else dict.fromkeys(joints, drive)
+    own = {name: one for one in _controllers(simulation).values() for name in one.joints}
+    return {name: one for name, one in given.items() if isinstance(one, Servo)} | own
+
+
+def released(
+    simulation: Simulation, joints: Sequence[str] = (), pose: Mapping[str, float] | None = None
+) -> list[Released]:
+    """Joints as a simulation has them: servos' each alone, those of own controllers together.
+
+    Args:
+        simulation: a robot with its gears, drives, friction, payloads held from the start, and
+            controllers among its loads.
+        joints: with a gear that has play, and a servo or a controller; none: all of these.
+        pose: positions of joints [rad or m]; others are where the motion begins, or at zero.
+
+    Raises:
+        JointplayError: what lacks, and what to give.
+    """
+    require_a("simulation", simulation, "Simulation")
+    robot, drives = simulation.mechanism, _drives(simulation)
+    loose = [name for name, gear in robot.gears.items() if gear.play > 0.0]
+    for name in (*joints, *(pose or {})):
+        require_known("moving joint", name, robot.joints)
+    able = [name for name in loose if name in drives]
+    for name in joints or able or [*loose, *robot.joints][:1]:
+        if name not in loose:
+            raise JointplayError(
+                f'{name!r} has no gear with play: give --preset, or --gear {name}="10 arcmin" '
+                f"--set gears.{name}.rotor_inertia=... --set gears.{name}.stiffness=..."
+            )
+        if name not in drives:
+            raise JointplayError(
+                f"{name!r} has neither a servo nor a controller of its own: give --preset, or "
+                f"--set 'drives.{name}.kind=\"servo\"' and its numbers"
+            )
+    if robot.loops:
+        raise JointplayError("the other joints of a closed loop cannot be held: open it")
+    motion = simulation.motion
+    begin = {} if motion is None else dict(zip(motion.joints, motion.positions[0], strict=True))
+    at = dict.fromkeys(robot.joints, 0.0) | begin | dict(pose or {})
+    axes = [_axis(simulation, name, at) for name in dict.fromkeys(joints or able)]
+    found: list[Released] = [one for one in axes if isinstance(one.drive, Servo)]
+    own = tuple(one for one in axes if isinstance(one.drive, Controller))
+    return [*found, MultiAxis(own, _with_others_held(simulation, at))] if own else found
+
+
+def _axis(simulation: Simulation, joint: str, at: Mapping[str, float]) -> Axis:
+    """A joint at a pose."""
+    robot = simulation.mechanism
+    alone = robot.with_clearance({}, robot.gears)
+    bodies = loaded(alone.model, simulation.payloads, 0.0)
+    q, k, data = alone.configuration(at), alone.coordinate(joint), bodies.createData()
+    inertia = float(pin.crba(bodies, data, q)[k, k])
+    load = 0.0 - float(pin.computeGeneralizedGravity(bodies, data, q)[k])
+    friction = joint_friction(simulation).get(joint, JointFriction())
+    slides, drive = robot.description.joints[joint].slides, _drives(simulation)[joint]
+    return Axis(joint, slides, inertia, load, robot.gears[joint], drive, friction)
+
+
+def _with_others_held(simulation: Simulation, at: Mapping[str, float]) -> Simulation:
+    """The robot at a pose, with all joints held that no controller of the user's own sets."""
+    robot, drive = simulation.mechanism, simulation.drive
+    free = {name for one in _controllers(simulation).values() for name in one.joints}
+    servos = drive if isinstance(drive, Mapping) else dict.fromkeys(free, drive)
+    drives = {name: servos.get(name, Free()) if name in free else Prescribed() for name in at}
+    held = [name for name, one in drives.items() if one.follows]
+    place = [at[name] for name in held]
+    gears = {name: gear for name, gear in robot.gears.items() if name in free}
+    payloads = (replace(one, release=None) for one in simulation.payloads if one.pick == 0.0)
+    return Simulation(
+        robot.with_clearance({}, gears),
+        Motion(held, [0.0, 1e-2], [place, place]) if held else None,
+        drive=drives,
+        joint_friction=joint_friction(simulation),
+        payloads=tuple(payloads),
+        loads=simulation.loads,
+        state={name: at[name] for name in at if name not in held},
+    )
 
 
 @dataclass(frozen=True)
 class Trial:
-    """A run of one joint."""
+    """A run of what is released."""
 
-    axis: Axis
+    released: Released
     start: float
-    """How far joint and motor begin aside [rad or m]."""
+    """How far joints and motors begin aside, in plays of their gears."""
     play: bool = True
-    """Whether the gear has its play."""
+    """Whether gears have their play."""
     longest: float | None = None
     """[s]; None: by the screen."""
 
 
-def swing(trial: Trial) -> Swing:
-    """What a joint does in the end: it is run until its swings last or are over."""
-    axis, look, longest = trial.axis, FIRST_LOOK_S, trial.longest
+def swings(trial: Trial) -> list[Swing]:
+    """What each axis does in the end: run until its swings last or are over."""
+    axes, longest = trial.released.axes, trial.longest
     if longest is None:
-        slow = predicted(axis, COARSE).frequency
+        slow = min(
+            (one.frequency for axis in axes if (one := predicted(axis, COARSE)).hunts), default=0.0
+        )
         longest = min(max(LONGEST_S, PERIODS / slow), MOST_S) if slow else LONGEST_S
-    with within(axis.joint):
-        run = Run(axis.simulation(longest))
-        run.workspace.q[:] = trial.start
-        if not trial.play:
-            run.workspace.gears["half_play"] = 0.0
-        for moment in run.steps(0.25 * FIRST_LOOK_S):
-            if moment.time >= look and (found := _seen(run, last=False)) is not None:
+    with within(", ".join(axis.joint for axis in axes)):
+        simulation = trial.released.simulation(longest)
+        for finer in (1, FINER):
+            run = Run(replace(
+                simulation, step=simulation.step / finer,
+                record_every=simulation.record_every * finer,
+            ))  # fmt: skip
+            if (found := _watched(run, trial)) is not None:
                 return found
-            look *= LOOKS if moment.time >= look else 1.0
-        found = _seen(run, last=True)
-    assert found is not None
-    return found
+    return [DIVERGES] * len(axes)
 
 
-def _seen(run: Run, last: bool) -> Swing | None:
-    """What the last two thirds of a run show; None before its end if that is not clear yet."""
+def _watched(run: Run, trial: Trial) -> list[Swing] | None:
+    """What each axis does; None if it diverges."""
+    look, robot = FIRST_LOOK_S, run.mechanism
+    for name, gear in robot.gears.items():
+        run.workspace.q[[robot.coordinate(name), robot.motor(name)]] += trial.start * gear.play
+    if not trial.play:
+        run.workspace.gears["half_play"] = 0.0
+    for moment in run.steps(0.25 * FIRST_LOOK_S):
+        if moment.time >= look:
+            look *= LOOKS
+            if all(found := _seen(run, trial.released.axes, last=False)):
+                return [one for one in found if one]
     result = run.result(only=("q", "v"))
-    if last:
-        result.completed(run.mechanism.joints[0])
+    if result.status == Status.RUN_AWAY:
+        return None
+    result.completed(", ".join(axis.joint for axis in trial.released.axes))
+    return [one for one in _seen(run, trial.released.axes, last=True) if one]
+
+
+def _seen(run: Run, axes: Sequence[Axis], last: bool) -> list[Swing | None]:
+    """What the last two thirds of a run show of each axis; None before its end if not clear yet."""
+    result, robot = run.result(only=("q", "v")), run.mechanism
     third = len(result.time) // 3
-    time, speed = result.time[third:], result["v"].values[third:].T
-    link, motor = places = result["q"].values[third:].T
+    time, q, v = (one[third:] for one in (result.time, result["q"].values, result["v"].values))
+    places = [[robot.coordinate(axis.joint), robot.motor(axis.joint)] for axis in axes]
+    return [_swing(time, q[:, at].T, v[:, at].T, third, last) for at in places]
+
+
+def _swing(
+    time: np.ndarray, places: np.ndarray, speed: np.ndarray, third: int, last: bool
+) -> Swing | None:
+    """Likewise of one, from link and motor, (2, n)."""
+    link, motor = places
     spans = np.ptp(places[:, third:], axis=1)
     if spans[int(last) :].max() < 2.0 * LEAST_RAD:
         return QUIET  # in the end a link may float in its play, beside a motor that stands
@@ -312,7 +412,7 @@ def predicted(axis: Axis, motions: int = 2000) -> Swing:
     supply or friction with bristles is in it. Worst with an I term (docs/drives.md).
     """
     servo, gear = axis.drive, axis.gear
-    if not isinstance(servo, Servo) or axis.controller is not None:
+    if not isinstance(servo, Servo):
         return QUIET
     s = 2j * math.pi * np.logspace(-2.0, 2.5, motions)
     w = s.imag
@@ -361,8 +461,11 @@ class Hunting:
     control: Swing
     """Likewise without play."""
     screen: Swing
+    gain: float | None
+    """The one that was varied; None: none."""
     quiet: float | None
-    """Largest P gain at which no start of all gains tried up to it hunted [V/rad]; None: none."""
+    """Largest value of it at which no start of all tried up to it hunted; None: none. Of a
+    `MultiAxis` no joint that was looked at."""
     hunting: float | None
     """Smallest one at which one did; None: none up to the largest tried."""
     above: Swing = QUIET
@@ -375,23 +478,47 @@ class Hunting:
         return "gains, not play" if self.control.hunts else "play"
 
 
-def _of_starts(
-    axes: Sequence[Axis],
-    play: bool,
-    longest: float | None,
-    starts: Sequence[float],
-    jobs: int | None,
-    bar: ProgressBar,
-) -> list[Swing]:
-    """The largest swing of each axis."""
-    trials = [
-        Trial(axis, start * axis.gear.play, play, longest) for axis in axes for start in starts
-    ]
-    bar.total = (bar.total or 0) + len(trials)
-    found = Study(trials, swing).run(jobs, bar)
-    n = len(starts)
-    each = (found[k : k + n] for k in range(0, len(found), n))
-    return [max(own, key=lambda one: (one.hunts, one.unclear, one.amplitude)) for own in each]
+@dataclass(frozen=True)
+class _Search:
+    """Runs from several starts."""
+
+    starts: Sequence[float]
+    longest: float | None
+    jobs: int | None
+    bar: ProgressBar
+
+    def largest(self, these: Sequence[Released], play: bool) -> list[list[Swing]]:
+        """The largest swing of each axis of each that is released."""
+        trials = [Trial(one, start, play, self.longest) for one in these for start in self.starts]
+        self.bar.total = (self.bar.total or 0) + len(trials)
+        found = Study(trials, swings).run(self.jobs, self.bar)
+        n = len(self.starts)
+        each = (zip(*found[k : k + n], strict=True) for k in range(0, len(found), n))
+        return [[max(own, key=_size) for own in axes] for axes in each]
+
+    def safe_gain(self, one: Released, gain: str) -> tuple[float | None, float | None]:
+        """Largest value up to which all that were tried are quiet, and the next, which hunts."""
+        gains = [one.gains[gain] * 2.0**k for k in range(-REACH, REACH + 1)]
+        quiet: float | None = None
+        hunts: float | None = None
+        below, clear = gains[0], True
+        for _ in range(3):
+            for value, axes in zip(
+                gains, self.largest([one.with_gains(**{gain: x}) for x in gains], True), strict=True
+            ):
+                if any(each.hunts for each in axes):
+                    hunts = value
+                    break
+                clear = clear and not any(each.unclear for each in axes)
+                below, quiet = value, value if clear else quiet
+            if hunts is None or hunts == below:
+                break
+            gains = list(np.geomspace(below, hunts, BETWEEN + 2)[1:-1])
+        return quiet, hunts
+
+
+def _size(one: Swing) -> tuple[bool, bool, float]:
+    return one.hunts, one.unclear, one.amplitude
 
 
 def hunting(
@@ -399,17 +526,18 @@ def hunting(
     joints: Sequence[str] = (),
     pose: Mapping[str, float] | None = None,
     *,
+    gain: str | None = None,
     longest: float | None = None,
     starts: Sequence[float] = STARTS,
     jobs: int | None = None,
     progress: bool = False,
 ) -> list[Hunting]:
-    """Find which joints hunt at rest, and up to which P gain they do not.
+    """Find which joints hunt at rest, and up to which gain they do not.
 
     Args:
-        simulation: see `Axis.of`.
-        joints: which; none: all that have play and a servo or controller.
-        pose: see `Axis.of`.
+        simulation, joints, pose: see `released`.
+        gain: that is varied, of `UNITS` or a parameter of an own controller; None: the P gain of
+            servos, none of controllers.
         longest: run, if it is not clear before whether swings last [s]; None: `LONGEST_S`, or more
             where slow swings are predicted.
         starts: how far aside runs begin, in plays of the gear.
@@ -417,65 +545,38 @@ def hunting(
         progress: show a bar.
 
     Raises:
-        JointplayError: no such joint; none has play, or a servo; a run that stops.
+        JointplayError: no such joint or gain; none has play, or a servo; a run that stops.
     """
-    require_a("simulation", simulation, "Simulation")
     if longest is not None:
         require_positive("longest run", longest, "s")
-    axes = [
-        Axis.of(simulation, name, pose or {}) for name in dict.fromkeys(joints or able(simulation))
-    ]
-    found = []
+    these, found = released(simulation, joints, pose), []
+    for one in these if gain is not None else ():
+        _require_gain(one, gain := str(gain))
+        if one.gains[gain] == 0.0:
+            raise JointplayError(f"{gain} is 0: give a value that can be doubled and halved")
     with ProgressBar(disable=not progress, unit="run", total=0) as bar:
-
-        def largest(these: Sequence[Axis], play: bool) -> list[Swing]:
-            return _of_starts(these, play, longest, starts, jobs, bar)
-
-        for axis in axes:
-            with_play, control = largest([axis], True)[0], largest([axis], False)[0]
-            quiet = hunts = None
-            above = control
-            if isinstance(axis.drive, Servo) and axis.controller is None:
-                quiet, hunts = _safe_gain(axis, largest)
-                if hunts is not None:
-                    above = largest([axis.with_gains(p_gain=hunts)], False)[0]
-            screen = predicted(axis)
-            found.append(Hunting(axis, with_play, control, screen, quiet, hunts, above))
+        search = _Search(starts, longest, jobs, bar)
+        for one in these:
+            (loose,), (tight,) = (search.largest([one], play) for play in (True, False))
+            name, quiet, hunts, above = gain, None, None, tight
+            if name is None and isinstance(one, Axis):
+                name = "p_gain"
+            if name is not None:
+                quiet, hunts = search.safe_gain(one, name)
+            if name is not None and hunts is not None:
+                (above,) = search.largest([one.with_gains(**{name: hunts})], False)
+            varied = None if name is None else one.gains[name]
+            for axis, own, control, there in zip(one.axes, loose, tight, above, strict=True):
+                screen = predicted(axis)
+                found.append(Hunting(axis, own, control, screen, varied, quiet, hunts, there))
     return found
 
 
-def able(simulation: Simulation) -> list[str]:
-    """Joints with play in their gear, and a servo or a controller.
-
-    Raises:
-        JointplayError: there is none.
-    """
-    robot = simulation.mechanism
-    loose = [name for name, gear in robot.gears.items() if gear.play > 0.0]
-    names = [name for name in loose if any(one is not None for one in _control(simulation, name))]
-    if not names:
-        Axis.of(simulation, [*loose, *robot.joints][0], {})  # says what lacks
-    return names
-
-
-def _safe_gain(axis: Axis, largest: Any) -> tuple[float | None, float | None]:
-    """Largest P gain up to which all that were tried are quiet, and the next, which hunts."""
-    gains = [axis.drive.p_gain * 2.0**k for k in range(-REACH, REACH + 1)]  # type: ignore[union-attr]
-    quiet: float | None = None
-    hunts: float | None = None
-    below, clear = gains[0], True
-    for _ in range(3):
-        swings = largest([axis.with_gains(p_gain=gain) for gain in gains], True)
-        for gain, one in zip(gains, swings, strict=True):
-            if one.hunts:
-                hunts = gain
-                break
-            clear = clear and not one.unclear
-            below, quiet = gain, gain if clear else quiet
-        if hunts is None or hunts <= below:
-            break
-        gains = list(np.geomspace(below, hunts, BETWEEN + 2)[1:-1])
-    return quiet, hunts
+def _require_gain(one: Released, gain: str) -> None:
+    if not one.gains:
+        named = ", ".join(axis.joint for axis in one.axes)
+        raise JointplayError(f"the controller of {named} has no parameters that could be varied")
+    require_known("gain", gain, one.gains)
 
 
 class Span(NamedTuple):
@@ -487,7 +588,7 @@ class Span(NamedTuple):
 
 @dataclass(frozen=True)
 class GainMap:
-    """Swings over two gains of a joint's servo: arrays (second, first)."""
+    """Swings of a joint over two gains: arrays (second, first)."""
 
     axis: Axis
     first: Span
@@ -514,13 +615,12 @@ class GainMap:
     @property
     def table(self) -> Table:
         first, second = np.meshgrid(self.first.values, self.second.values)
-        unit = {"p_gain": "V/rad", "i_gain": "V/(rad*s)", "d_gain": "V*s/rad"}
         length = "m" if self.axis.slides else "rad"
         kinds = {"without play": self.control, "screen": self.screen, "unclear": self.unclear}
         return Table(
             (
-                Column(self.first.gain, first.ravel(), unit[self.first.gain]),
-                Column(self.second.gain, second.ravel(), unit[self.second.gain]),
+                Column(self.first.gain, first.ravel(), UNITS.get(self.first.gain, "")),
+                Column(self.second.gain, second.ravel(), UNITS.get(self.second.gain, "")),
                 Column("amplitude", self.amplitude.ravel(), length),
                 Column("frequency", self.frequency.ravel(), "Hz"),
                 *(Column(name, which.ravel().astype(int)) for name, which in kinds.items()),
@@ -529,7 +629,7 @@ class GainMap:
 
 
 def gain_map(
-    axis: Axis,
+    one: Released,
     first: Span,
     second: Span,
     *,
@@ -538,58 +638,59 @@ def gain_map(
     jobs: int | None = None,
     progress: bool = False,
 ) -> GainMap:
-    """Run a servo at all pairs of two gains, with play and without, once each from one start.
+    """Run a joint at all pairs of two gains, with play and without, once each from one start.
 
     No run is longer than `longest`, `LONGEST_S` if that is None.
 
     Raises:
-        JointplayError: no such gain, twice the same, or no servo.
+        JointplayError: no such gain, twice the same, or several joints.
     """
     longest = require_positive("longest run", LONGEST_S if longest is None else longest, "s")
     for gain, _ in (first, second):
-        require_known("gain", gain, GAINS)
+        _require_gain(one, gain)
     if first.gain == second.gain:
         raise JointplayError(f"a map is over two gains, got {first.gain!r} twice")
-    if not isinstance(axis.drive, Servo):
-        raise JointplayError(f"{axis.joint!r} has no servo whose gains could be varied")
-    axes = [
-        axis.with_gains(**{first.gain: float(a), second.gain: float(b)})
+    if len(one.axes) > 1:
+        raise JointplayError(f"a map is of one joint, got {', '.join(a.joint for a in one.axes)}")
+    all_of_them = [
+        one.with_gains(**{first.gain: float(a), second.gain: float(b)})
         for b in second.values
         for a in first.values
     ]
-    shape = len(second.values), len(first.values)
     with ProgressBar(disable=not progress, unit="run", total=0) as bar:
+        search = _Search([start], longest, jobs, bar)
         loose, tight = (
-            _of_starts(axes, play, longest, [start], jobs, bar) for play in (True, False)
+            [each for (each,) in search.largest(all_of_them, play)] for play in (True, False)
         )
     maps = (
-        [one.amplitude for one in loose],
-        [one.frequency for one in loose],
-        [one.hunts for one in tight],
-        [predicted(one, COARSE).hunts for one in axes],
-        [one.unclear for one in loose],
+        [each.amplitude for each in loose],
+        [each.frequency for each in loose],
+        [each.hunts for each in tight],
+        [predicted(each.axes[0], COARSE).hunts for each in all_of_them],
+        [each.unclear for each in loose],
     )
-    return GainMap(axis, first, second, *(np.array(one).reshape(shape) for one in maps))
+    shape = len(second.values), len(first.values)
+    return GainMap(one.axes[0], first, second, *(np.array(each).reshape(shape) for each in maps))
 
 
-def table(found: Sequence[Hunting]) -> Table:
-    """A row for each joint."""
+def table(found: Sequence[Hunting], gain: str | None = None) -> Table:
+    """A row for each joint; `gain` is the one that was varied, None: the P gain of servos."""
     axes = [one.axis for one in found]
-    servos = [one.drive if isinstance(one.drive, Servo) else None for one in axes]
+    name, unit = ("P gain", UNITS["p_gain"]) if gain is None else (gain, UNITS.get(gain, ""))
     return Table(
         (
             Column("joint", [one.joint for one in axes]),
             Column("play", [one.gear.play for one in axes], "rad", digits=3),
             Column("inertia", [one.inertia for one in axes], "kg*m^2", digits=3),
             Column("load", [one.load for one in axes], "N*m", digits=3),
-            Column("encoder", [one.encoder for one in axes]),
+            Column("encoder", [one.drive.encoder for one in axes]),
             Column("hunts by", [one.verdict for one in found]),
             Column("amplitude", [one.found.amplitude or None for one in found], "rad", digits=3),
             Column("frequency", [one.found.frequency or None for one in found], "Hz", digits=3),
             Column("predicted", [one.screen.frequency or None for one in found], "Hz", digits=3),
-            Column("P gain", [one and one.p_gain for one in servos], "V/rad", digits=3),
-            Column("quiet up to", [one.quiet for one in found], "V/rad", digits=3),
-            Column("hunts from", [one.hunting for one in found], "V/rad", digits=3),
+            Column(name, [one.gain for one in found], unit, digits=3),
+            Column("quiet up to", [one.quiet for one in found], unit, digits=3),
+            Column("hunts from", [one.hunting for one in found], unit, digits=3),
             Column(
                 "without play there", ["hunts" if one.above.hunts else "quiet" for one in found]
             ),
@@ -605,6 +706,7 @@ def sentence(found: Sequence[Hunting]) -> str:
             unit = "mm" if one.axis.slides else "mrad"
             too = "; without play as well: gains, not play" if one.control.hunts else ""
             how = f"+-{1e3 * one.found.amplitude:.3g} {unit} at {one.found.frequency:.3g} Hz"
+            how = "without bounds" if one.found == DIVERGES else how
             said.append(f"{one.axis.joint} {how}{too}")
     slow = [one.axis.joint for one in found if one.verdict == "unclear"]
     more = f"; a longer --time must tell of {few(slow)}" if slow else ""
@@ -617,10 +719,13 @@ def sentence(found: Sequence[Hunting]) -> str:
 def notes(found: Sequence[Hunting]) -> list[str]:
     """What was assumed, a line each."""
     loaded = [one.axis.joint for one in found if one.axis.load]
+    own = [one.axis.joint for one in found if isinstance(one.axis.drive, Controller)]
     lines = [
         "others held; the largest swing of all starts; predicted: by the describing function, "
         "without load, dead band, counts and limit of the supply"
     ]
+    if own:
+        lines.append(f"moving together under controllers of your own: {few(own)}")
     if loaded:
         lines.append("a load that presses the teeth to one side calms: other poses may hunt")
     return lines

@@ -38,7 +38,7 @@ from jointplay.show.plots.chart import (
 from jointplay.show.plots.draw import draw
 from jointplay.show.plots.palette import COLOURS, LINE, many
 from jointplay.study.corners import Judgement
-from jointplay.study.hunting import GainMap
+from jointplay.study.hunting import UNITS, GainMap
 from jointplay.study.iso9283 import Iso9283
 from jointplay.study.maintenance import Maintenance
 from jointplay.study.shares import DynamicBudget
@@ -523,18 +523,20 @@ def share_bars(budget: DynamicBudget) -> Figure:
 
 
 def gains(found: GainMap) -> Figure:
-    """Swings of a joint over two gains of its servo, and where play is not what makes them."""
+    """Swings of a joint over two gains, and where play is not what makes them."""
     (first, x), (second, y) = found.first, found.second
     across = Axis(_gain(first), log=bool(x[0] > 0.0))
     up = Axis(_gain(second), log=bool(y[0] > 0.0))
     length = "m" if found.axis.slides else "rad"
-    size = np.where(found.amplitude > 0.0, found.amplitude, np.nan)
-    rate = np.where(found.amplitude > 0.0, found.frequency, np.nan)
+    diverges = np.isinf(found.amplitude)
+    lasts = (found.amplitude > 0.0) & ~diverges
+    size, rate = (np.where(lasts, x, np.nan) for x in (found.amplitude, found.frequency))
     places = [a.ravel() for a in np.meshgrid(x, y)]
     kinds = [
         (found.screen, "predicted by the describing function", ".", COLOURS[0]),
         (found.control, "without play, too", "x", COLOURS[5]),
         (found.unclear, "unclear: a longer run must tell", "*", COLOURS[2]),
+        (diverges, "diverges", "^", COLOURS[3]),
     ]
     marks: list[Mark] = []
     for where, name, marker, colour in kinds:
@@ -549,5 +551,4 @@ def gains(found: GainMap) -> Figure:
 
 
 def _gain(name: str) -> str:
-    units = {"p_gain": "V/rad", "i_gain": "V/(rad s)", "d_gain": "V s/rad"}
-    return f"{name[0].upper()} gain [{units[name]}]"
+    return f"{name[0].upper()} gain [{UNITS[name]}]" if name in UNITS else name

@@ -101,6 +101,16 @@ class Controller(OfFunction, Load):
         super().__post_init__()
         self._keep_function(self.function)
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the parameters: as a class calls its own, else ``p0``, ``p1``, ..."""
+        told: list[str] = []
+        if inspect.isclass(self.function):
+            known = inspect.signature(self.function).parameters.values()
+            told = [one.name for one in known if one.kind is one.POSITIONAL_OR_KEYWORD]
+        told += [f"p{k}" for k in range(len(told), len(self.parameters))]
+        return tuple(told[: len(self.parameters)])
+
     def _check_arguments(self, function: Callable[..., Any]) -> None:
         if self.period is None:
             check_arguments(function, ("time", "q", "v", "p", "out"))

@@ -1,22 +1,24 @@
 """`jointplay study hunting`: do position servos oscillate at rest, because of play or their gains?
 
 Look at one joint at a time, all others held: its motor, gear with play, inertia and weight at the
-pose, friction, and its servo or a controller of your own ([loads]). The joint is released beside
-its goal, several times, with play and without; printed are the swing that lasts, if any, what the
-describing function of the play predicts, and up to which P gain all is quiet. Gears and servos come
-from a scenario, --preset, or --gear and --set; see docs/drives.md.
+pose, friction, and its servo. Joints that controllers of your own ([loads]) set move together. They
+are released beside their goal, several times, with play and without; printed are the swing that
+lasts, if any, what the describing function of the play predicts, and up to which gain all is quiet.
+Gears and servos come from a scenario, --preset, or --gear and --set; see docs/drives.md.
 
 Example: jointplay study hunting so101 --preset --of elbow_flex
 --set 'drives.elbow_flex.encoder="link"'
 
     [FILE | ROBOT]
   hunting:
-    --of JOINT ...  joint to look at (default: all that have play and a servo)
+    --of JOINT ...  joint to look at (default: all that have play and a servo or controller)
     --held JOINT=X,...  positions at which joints are held (default: where the motion begins)
     --time TIME  longest run, if it is not clear before whether swings last (default: 12 s, or as
         slow swings need that are predicted)
-    --map GAIN=FROM:TO:COUNT ...  two of p_gain, i_gain and d_gain, such as p_gain=10:400:20
-        d_gain=0:5:20: a map of the swings over both, of one joint; evenly by factors unless from 0
+    --gain GAIN  gain that is varied: p_gain, i_gain, d_gain, or a parameter of your controller, by
+        the name in its class or p0, p1, ... (default: p_gain of servos, none of controllers)
+    --map GAIN=FROM:TO:COUNT ...  two of them, such as p_gain=10:400:20 d_gain=0:5:20: a map of the
+        swings over both, of one joint; evenly by factors unless from 0
     --out DIR  folder for hunting.csv; for the map, gains.csv and gains.png
     --jobs
     --detail
@@ -49,14 +51,15 @@ def run(options: argparse.Namespace) -> int:
     simulation = scenario_of(options).simulation(options.case)
     held = positions(simulation.mechanism, options.held or "", "--held")
     how = {"longest": options.time, "jobs": options.jobs, "progress": not options.quiet}
-    joints = list(dict.fromkeys(options.of or ())) or hunting.able(simulation)
+    joints = options.of or ()
     if spans:
-        if len(joints) > 1:
-            raise JointplayError(f"a map is of one joint: give --of, one of {', '.join(joints)}")
-        axis = hunting.Axis.of(simulation, joints[0], held)
+        these = hunting.released(simulation, joints, held)
+        names = [axis.joint for one in these for axis in one.axes]
+        if len(names) > 1:
+            raise JointplayError(f"a map is of one joint: give --of, one of {', '.join(names)}")
         out.claim()
         streams.release()
-        found = hunting.gain_map(axis, *(hunting.Span(*one) for one in spans), **how)
+        found = hunting.gain_map(these[0], *(hunting.Span(*one) for one in spans), **how)
         print(found.sentence)
         if options.out:
             from jointplay.show.plots.design import gains
@@ -65,8 +68,8 @@ def run(options: argparse.Namespace) -> int:
         return 0
     out.claim()
     streams.release()
-    all_found = hunting.hunting(simulation, joints, held, **how)
-    table = hunting.table(all_found)
+    all_found = hunting.hunting(simulation, joints, held, gain=options.gain, **how)
+    table = hunting.table(all_found, options.gain)
     print_answer(hunting.sentence(all_found), table, hunting.notes(all_found), options.detail)
     if options.out:
         out.write({"hunting.csv": table.csv()})
