@@ -141,6 +141,17 @@ def test_prescribed_crank_at_constant_speed_never_lags(urdf, yaw):
     assert np.abs(result["v"].values[:, at] / 300.0 - 1.0).max() < 1e-9
 
 
+@pytest.mark.parametrize("options", [{}, {"tolerance": 0.01}, {"integrator": "rk4"}], ids=str)
+def test_prescribed_crank_turns_on_where_the_last_step_ends_after_the_duration(urdf, options):
+    motion = jp.Motion(["a"], [0, 1], [[0], [300.0]], "constant-speed")
+    result = jp.simulate(
+        rotor(urdf), motion, drive=Prescribed(), duration=6e-4, step=1.6e-5, **options
+    )
+    assert result.time[-1] == pytest.approx(6.08e-4)
+    assert np.abs(result["q"].values[:, 0] - 300.0 * result.time).max() < 1e-9
+    assert np.abs(result["v"].values[:, 0] - 300.0).max() < 1e-6
+
+
 # Given torques, and none
 
 

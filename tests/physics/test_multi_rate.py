@@ -174,6 +174,18 @@ def test_chosen_macro_steps_are_no_longer_than_accuracy_bears(led):
     assert max(errors) < 1e-5
 
 
+def test_macro_steps_follow_inertia_through_impacts_of_a_fast_machine():
+    """Measured: 8e-4; 0.05 where what velocities add to the acceleration stays after an impact."""
+    shipped = jp.Scenario.load(jp.shipped("slider_crank.toml"))
+    simulation = replace(
+        shipped.simulation("0.2 mm", {"integration": {"start": "centred"}}),
+        **{"step": 1e-6, "duration": 6e-4, "record_every": 10},
+    )
+    long, short = (replace(simulation, macro_step=span).run() for span in (2e-4, 2e-6))
+    assert short.audit.impacts == 3
+    assert largest(long, short, "journal_centre") < 4e-3 * 0.2e-3
+
+
 # Friction with bristles
 
 

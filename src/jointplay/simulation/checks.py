@@ -27,7 +27,10 @@ MOST_STEPS = 10**12
 
 
 def check_integration(simulation: Simulation, method: Integrator) -> tuple[float, float, int]:
-    """Refuse settings that make no sense; returns step, duration [s] and the number of steps."""
+    """Refuse settings that make no sense; returns step, end [s] and the number of steps.
+
+    The end is the duration, or that of the last step, if it is later.
+    """
     step = require_positive("step", simulation.step, "s", ("step",))
     for option, words, unit in (("macro_step", "macro step", "s"), ("tolerance", "tolerance", "")):
         value = getattr(simulation, option)
@@ -60,7 +63,8 @@ def check_integration(simulation: Simulation, method: Integrator) -> tuple[float
     if count < 1:
         said = f"duration {duration:g} s is shorter than the step {step:g} s"
         raise JointplayError(said, ("duration",))
-    return step, duration, count
+    end = count * step
+    return step, end if end > (1.0 + 1e-9) * duration else duration, count
 
 
 def joint_friction(simulation: Simulation) -> Mapping[str, JointFriction]:

@@ -183,6 +183,8 @@ def _find_path_error(run):
 def _fit_parabola(found, middle, slope, curve, value, known, lengths):
     """Draw the parabola through a new middle and the last two `known`; begin at the step's start.
 
+    If none is known, it is a line with the slope of the last one.
+
     `lengths`: half of the macro step, and how far apart the last two middles and those before are.
     """
     s, apart, before = -lengths[0], lengths[1], lengths[2]
@@ -192,8 +194,6 @@ def _fit_parabola(found, middle, slope, curve, value, known, lengths):
             rise = (found[i] - middle[i]) / apart
             bend = (rise - slope[i]) / (apart + before) if known > 1 else 0.0
             slope[i] = rise
-        else:
-            slope[i] = 0.0
         curve[i], middle[i] = bend, found[i]
         value[i] = found[i] + s * (slope[i] + bend * (s + apart))
 
@@ -203,7 +203,7 @@ def _accept_middle(run):
     """Take Pinocchio's answer at the predicted middle, and draw the parabola through the last ones.
 
     Where a contact has begun or ended in between, velocities have jumped, and the acceleration
-    without forces with them: its line is then level.
+    without forces with them: a new line then begins, its slope still that of the motion.
     """
     nv, span = run.nv, run.path_span
     now = run.path_start + 0.5 * span
