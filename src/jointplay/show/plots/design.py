@@ -321,8 +321,7 @@ def courses(watched: Watch) -> Figure:
         times = watched.times[-len(changes) :]
         seen = Curve(times, value, line="", marker="o", size=4.0, low=ends[0], high=ends[1])
         up = Axis("change since the first", changes[-1].unknown.unit, "fine")
-        words = " to ".join(map(changes[-1].unknown.shown, changes[-1].interval))
-        title = f"{label}\n{words}"
+        title = f"{label}\n{changes[-1].words()[1]}"
         panels.append(Panel(Axis(f"{watched.unit}s"), up, [Rule(0.0), seen], title=title))
     return _in_rows(panels, "statistical; bars: 95 % intervals")
 
