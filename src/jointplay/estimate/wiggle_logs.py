@@ -312,18 +312,10 @@ def ends_by(one: Wiggle) -> dict[str, tuple[float, float]]:
 
 
 def change_of(first: Wiggle, last: Wiggle, part: float = 1.0) -> tuple[float, float, float]:
-    """Of how much larger a joint's play is in the second of two logs: ends of its interval, and
-    what it surely is at least [rad].
-
-    See `change_by_family`; with the encoder on the motor the interval is as wide as both bands
-    together.
-
-    Args:
-        first, last: of the same joint.
-        part: of false alarms that are else allowed.
+    """See `change_by_family`; with the encoder on the motor the interval is as wide as both bands.
 
     Raises:
-        Untold: a log or the joint is refused.
+        Untold: a log or the joint is refused, or a play may be beyond the family's largest.
         JointplayError: the numbers of the regression are damaged.
     """
     both = first.checked(), last.checked()
@@ -392,10 +384,10 @@ def identify_wiggled(
     found, servos, mute, soft = list[Estimate](), dict[str, Servo](), list[str](), list[str]()
     for joint, one in parts.items():
         told = told_of(one)
-        for what in told:  # stiffness is told so seldom that its reasons would be all one reads
-            untold = what.unknown.name == "gear_compliance" and what.reason
-            soft += [joint] if untold else []
-            found += [] if untold else [what]
+        # Stiffness is told so seldom that its reasons would be all one reads.
+        kept = [x for x in told if x.identified or x.unknown.name != "gear_compliance"]
+        soft += [joint] * (len(told) - len(kept))
+        found += kept
         if one.known is not None:
             servos[joint] = one.known.servo
             if told[0].reason and one.known.servo.encoder == "link":
