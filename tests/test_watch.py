@@ -14,8 +14,12 @@ from jointplay.cli import main
 from jointplay.estimate.gauge import Readings, gauge_problems, identify_gauged
 from jointplay.estimate.identification import identify_problem
 from jointplay.estimate.measurement import Measurement
+from jointplay.estimate.servo_joint import RECORD_S, ServoJoint
 from jointplay.estimate.watch import Target, in_order, watch
+from jointplay.estimate.wiggle_plan import plan_wiggle
+from jointplay.scenario.presets import preset
 from jointplay.show.plots.design import courses
+from jointplay.simulation.loads.drive import Servo
 
 FORCES, ARM = np.array([0.0, 8.0, -8.0, 2.0, -2.0]), 0.1
 JOINTS = ("shoulder_pan", "elbow_flex")
@@ -174,6 +178,78 @@ def test_the_command_tells_a_scheduler(tmp_path, capsys):
     assert main([*order, "--against", str(still)]) == 0
 
 
+WIGGLED = ("shoulder_pan", "elbow_flex")
+LOGS = [f"servos-2026-{month:02d}-01.csv" for month in (1, 3, 5)]
+
+
+@pytest.fixture(scope="module")
+def plan():
+    robot = preset("so101").mechanism()
+    servo = Servo.of(
+        "STS3215", voltage=7.4, p_gain=38.6, dead_band_counts=1.0, resolution=math.tau / 4096,
+        encoder="link",
+    )  # fmt: skip
+    return plan_wiggle(robot, dict.fromkeys(robot.gears, servo), WIGGLED)
+
+
+def wiggled(path, plan, plays):
+    """What the servos of joints of such plays [deg] log of a plan."""
+    now = np.arange(0.0, plan.time[-1], RECORD_S)
+    goal = {
+        n: np.interp(now, plan.time, x) for n, x in zip(plan.joints, plan.position.T, strict=True)
+    }
+    seen = {name: x.copy() for name, x in goal.items()}
+    for one, play in zip(plan.steps, plays, strict=True):
+        at = slice(*np.searchsorted(now, [one.begin - 0.5, one.end + 0.5]))
+        joint = ServoJoint.of(
+            one.known.servo, one.known.rotor_inertia, one.known.link_inertia,
+            play=math.radians(play), stiffness=300.0, damping=0.4, link_friction=0.03,
+        )  # fmt: skip
+        seen[one.joint][at] = joint.move(goal[one.joint][at])[1]
+    count, rows = math.tau / 4096, slice(None, None, 5)
+    heads = ["time [s]", *(f"{n} {w} [rad]" for n in goal for w in ("goal", "position"))]
+    angles = (x[n] for n in goal for x in (goal, seen))
+    table = np.column_stack([now, *(count * np.round(x / count) for x in angles)])[rows]
+    np.savetxt(path, table, "%.6f", ",", header=",".join(heads), comments="")
+    return path
+
+
+def test_logs_of_servos_are_watched_like_readings(plan, tmp_path, capsys):
+    folder, out = tmp_path / "logs", tmp_path / "out"
+    folder.mkdir()
+    for name, grown in zip(LOGS, (0.0, 0.6, 1.2), strict=True):
+        wiggled(folder / name, plan, (0.2 + grown, 0.5))
+    order = ["identify", "so101", "--encoder", "output", "--against"]
+    assert main([*order, str(folder), "--out", str(out)]) == 3
+    said = capsys.readouterr().out
+    assert said.startswith("Alarm: shoulder_pan gear play has grown by")
+    told = json.loads((out / "watch.json").read_text())
+    assert told["unit"] == "day"
+    (first, last), still = (told["courses"][f"{name} gear play"] for name in WIGGLED)
+    assert first["low"] <= math.radians(0.6) <= first["high"]
+    assert 0.0 < last["low"] <= math.radians(1.2) <= last["high"]
+    assert all(one["low"] < 0.0 < one["high"] for one in still)
+    rate = next(one for one in told["unknowns"] if one["quantity"] == "gear_play per day")
+    assert rate["low"] == pytest.approx(last["low"] / told["times"][-1])
+    assert (out / "watch.png").stat().st_size > 10_000
+    limits = ["--limit", "shoulder_pan gear play change=1.6 deg"]
+    assert main([*order, *(str(folder / name) for name in LOGS[::2]), *limits]) == 0
+    assert "reaches 1.6 deg" in capsys.readouterr().out
+
+
+def test_a_log_that_cannot_tell_is_no_change(plan, tmp_path, capsys):
+    old, new = (wiggled(tmp_path / f"{k}.csv", plan, (0.4, 0.5)) for k in range(2))
+    rows = np.loadtxt(new, delimiter=",", skiprows=1)
+    rows[:, 0] *= 4.0
+    np.savetxt(new, rows, "%.6f", ",", header=old.read_text().split("\n")[0], comments="")
+    order = ["identify", "so101", "--encoder", "output", "--against", str(old), str(new)]
+    assert main(order) == 0
+    said = capsys.readouterr().out
+    assert "of shoulder_pan, elbow_flex no change can be told" in said
+    assert "records a second, and at least 80 are needed" in said
+    assert "nan" not in said
+
+
 def test_a_target_of_the_tool_is_alarmed_before_it_is_missed():
     """Of plays that grow in proportion, the tool's error too: by a line the time is known."""
     some = series(4e-4)
@@ -216,13 +292,15 @@ def test_the_command_tells_when_the_tool_misses_its_target(tmp_path, capsys):
     [
         ("--against {old}", "at least two measurements, got 1"),
         ("--against {folder}/none.csv {old}", "there is no file"),
-        ("--against {old} {moving}", "is no table of a dial gauge"),
+        ("--against {old} {moving}", "is a measurement in motion, and"),
         ("--against {folder} --limit 'knee gear play=1 deg'", "no play 'knee gear play'"),
         ("--against {folder} --limit 'elbow_flex gear play=1 mm'", "is not an angle"),
         ("--against {folder} --target 0", "--target must be positive"),
         ("--against {folder} --target '1 deg'", "is not a length"),
         ("--against {folder} --write-preset {folder}/my.toml", "--write-preset is of one"),
-        ("--against {servos} {servos}", "tells bands, too wide for changes"),
+        ("--against {servos} {servos}", "encoder sits nobody says"),
+        ("--against {servos} {servos} --encoder output --lag 0", "--lag is not for a wiggle"),
+        ("--against {servos} {old}", "is a table of a dial gauge, and"),
         ("--against {folder} --plan dial", "--plan is of one"),
         ("--against {empty}", "holds no measurements"),
         ("{old} --limit 'elbow_flex gear play=1 deg'", "--limit needs earlier measurements"),

@@ -1,6 +1,11 @@
 """Wiggle test: the two-inertia joint against `Simulation`, and what logs tell of play."""
 
+import os
+import platform
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +16,8 @@ from jointplay.base.errors import JointplayError
 from jointplay.estimate import wiggle
 from jointplay.estimate.servo_joint import RECORD_S, ServoJoint, limit
 from jointplay.estimate.wiggle import Known, ServoLog, wiggle_goal
-from jointplay.estimate.wiggle_logs import band, play_of
+from jointplay.estimate.wiggle_logs import FACTOR, Wiggle, change_of, ends_by, told_of
+from jointplay.estimate.wiggle_profile import Profile
 from jointplay.simulation.loads import JointFriction, Servo
 
 SERVO = Servo.of(
@@ -75,6 +81,14 @@ def log_of(play, *, rate=100.0, stiffness=300.0, servo=OUTPUT, inertia=LINK, mos
     return ServoLog("elbow", read, np.interp(read - 0.3, times, goals), seen)
 
 
+def play_of(log, known):
+    return told_of(Wiggle(log, known))[0]
+
+
+def band(log, known):
+    return ends_by(Wiggle(log, known))["gear_play"]
+
+
 @pytest.mark.parametrize("encoder", ["link", "motor"])
 def test_the_wiggle_is_small_and_lasts_from_4_to_10_seconds(encoder):
     times, goals = wiggle_goal(encoder)
@@ -115,6 +129,48 @@ def test_small_play_is_bounded_above_and_large_play_below():
     assert "inf" not in large.words()[0]
 
 
+@pytest.mark.parametrize("friction", [0.5, 1.0, 2.0])
+def test_the_motors_friction_is_told_and_what_is_too_wide_is_not(friction):
+    servo = replace(OUTPUT, friction=friction * OUTPUT.friction)
+    _, rubs, gives = told_of(Wiggle(log_of(np.radians(0.4), servo=servo), KNOWN))
+    assert rubs.label == "elbow servo friction"
+    assert rubs.low <= servo.friction <= rubs.high
+    assert gives.low <= 1.0 / 300.0 <= gives.high
+    for one in (rubs, gives):
+        assert bool(one.reason) == (one.high > FACTOR * one.low)
+        assert one.reason == "" or "would look alike in this log" in str(one)
+
+
+def change(before, after, known=KNOWN, **changes):
+    logs = [log_of(np.radians(play), **changes) for play in (before, after)]
+    return np.degrees(change_of(*(Wiggle(log, known) for log in logs)))
+
+
+@pytest.mark.parametrize(("before", "after"), [(0.1, 1.4), (1.4, 0.1), (0.6, 0.6), (0.2, 0.9)])
+def test_a_change_of_play_is_told_by_two_logs_together(before, after):
+    low, high, least = change(before, after)
+    assert low <= after - before <= high
+    assert change(after, before)[:2] == pytest.approx([-high, -low])
+    assert low <= least <= high
+    assert (least > 0.0) == (after > before)  # it is told that there is growth, not how much
+    if abs(after - before) > 1.0:
+        assert low * high > 0.0
+
+
+def test_a_change_is_told_closer_than_by_two_bands():
+    bands = [np.degrees(band(log_of(np.radians(play)), KNOWN)) for play in (0.6, 0.9)]
+    low, high, _ = change(0.6, 0.9)
+    widest = min(bands[1][1], 1.65) - bands[0][0] - (bands[1][0] - min(bands[0][1], 1.65))
+    assert high - low < 0.8 * widest
+
+
+def test_joints_of_which_nothing_is_known_tell_nothing():
+    one = Wiggle(log_of(0.01))
+    assert "no servo with gains" in told_of(one)[0].reason
+    with pytest.raises(wiggle.Untold, match="no servo with gains"):
+        change_of(one, one)
+
+
 HEAVY = Known(replace(SERVO, resolution=SERVO.resolution / 100.0, period=1e-3), ROTOR, 2.5 * ROTOR)
 
 
@@ -125,6 +181,15 @@ def test_with_the_encoder_on_the_motor_a_heavy_link_shows_its_play(play, most):
     low, high = band(log, HEAVY)
     assert low <= np.radians(play) <= high
     assert high - low <= np.radians(0.5)
+
+
+def test_with_the_encoder_on_the_motor_a_change_is_as_wide_as_both_bands(monkeypatch):
+    found = iter([(0.002, 0.006), (0.009, 0.015), (0.002, 0.006), (0.009, wiggle.LARGEST)])
+    monkeypatch.setattr(Profile, "ends", lambda _: next(found))
+    one = Wiggle(log_of(0.005, servo=HEAVY.servo, inertia=2.5 * ROTOR), HEAVY)
+    assert np.degrees(change_of(one, one)) == pytest.approx((0.5 - 0.4, 0.9 - 0.1, 0.1))
+    with pytest.raises(wiggle.Untold, match=r"beyond 1\.6"):
+        change_of(one, one)
 
 
 def test_with_the_encoder_on_the_motor_a_log_that_no_joint_explains_is_refused():
@@ -193,6 +258,38 @@ def test_half_a_wiggle_is_refused():
     half = slice(len(log.time) // 2)
     part = ServoLog("elbow", log.time[half], log.goal[half], log.position[half])
     assert "has not the whole wiggle" in play_of(part, KNOWN).reason
+
+
+TRAINED = """
+import hashlib, sys
+import numpy as np
+sys.path.insert(0, "benchmarks")
+from truth import wiggle as benchmark
+
+benchmark.WIDENERS, benchmark.EPOCHS = range(24), 1
+members = [one for k in range(160) if (one := benchmark.of_family(k)) is not None]
+numbers = benchmark.trained(*(np.array(x) for x in zip(*members)))
+print("numbers", hashlib.sha256(b"".join(x.tobytes() for x in numbers.values())).hexdigest())
+other = np.linspace(0.1, 3.0, 4000).reshape(40, 100)
+print("others", hashlib.sha256(np.exp(other @ other.T / 1e3).tobytes()).hexdigest())
+"""
+OLD = {"OPENBLAS_CORETYPE": "Prescott", "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4"}
+
+
+@pytest.mark.thorough
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="imitates an older x86")
+def test_training_gives_the_same_numbers_on_another_processor():
+    said = [
+        subprocess.run(
+            [sys.executable, "-W", "ignore", "-c", TRAINED], check=True, text=True,
+            capture_output=True, env=os.environ | more, cwd=Path(__file__).parents[1],
+        ).stdout.splitlines()
+        for more in ({}, OLD)
+    ]  # fmt: skip
+    here, there = (dict(line.split() for line in one if line.count(" ") == 1) for one in said)
+    if here["others"] == there["others"]:
+        pytest.skip("this processor's libraries round as the old one's")
+    assert here["numbers"] == there["numbers"]
 
 
 def test_numbers_that_are_damaged_are_noticed(tmp_path, monkeypatch):

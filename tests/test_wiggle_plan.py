@@ -496,7 +496,9 @@ def test_the_command_writes_the_plan(tmp_path, capsys):
     order = ["identify", "so101", "--plan", "wiggle", "--encoder", "output", "--quiet"]
     out = tmp_path / "plan"
     assert main([*order, "--gear", "elbow_flex=0.5 deg", "--out", str(out)]) == 0
-    assert "Record goal and position of every joint" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "Record goal and position of every joint" in said
+    assert "the encoder of elbow_flex turns with the output, and is a dial gauge" in said
     motion = Motion.from_csv(out / "wiggle.csv")
     assert "elbow_flex" in motion.joints
     assert '"XL' not in (out / "wiggle_lerobot.py").read_text()
@@ -564,7 +566,14 @@ def test_a_log_is_answered_in_a_table_with_figure_and_preset(
     goal = {name: plan.position[:, at] for name, at in zip(so101[1], k, strict=True)}
     seen = {name: 0.01 + np.roll(x, 5) for name, x in goal.items()}
     path, out, mine = as_csv(tmp_path / "log.csv", plan.time, goal, seen), tmp_path / "o", "my.toml"
-    monkeypatch.setattr(wiggle_logs, "play_of", lambda log, known: told(log.joint))
+    rubs = Estimate(Unknown("elbow_flex", "servo_friction", "N*m"), 0.04, ends=(0.03, 0.06))
+    gives = Unknown("elbow_flex", "gear_compliance", "rad/(N*m)")
+
+    def told_of(one):
+        more = (rubs, Estimate(gives, 0.01, reason="all look alike"))
+        return told(one.log.joint), *(more if one.log.joint == "elbow_flex" else ())
+
+    monkeypatch.setattr(wiggle_logs, "told_of", told_of)
     order = ["identify", "so101", str(path), "--encoder", "output", "--out", str(out)]
     assert main([*order, "--write-preset", str(tmp_path / mine)]) == 0
     said = capsys.readouterr().out
@@ -572,6 +581,9 @@ def test_a_log_is_answered_in_a_table_with_figure_and_preset(
     assert "wrist_flex gear play: it jitters" in said
     assert re.search(r"^shoulder_lift +gear play +10 mrad +5 mrad to 15 mrad", said, re.M)
     assert "note: the log says no gains" in said
+    assert re.search(r"^elbow_flex +servo friction +0.04 N m +0.03 N m to 0.06 N m", said, re.M)
+    assert "does not tell the stiffness of elbow_flex" in said
+    assert "compliance" not in said
     found = json.loads((out / "identified.json").read_text())
     assert {row["joint"] for row in found["unknowns"]} == set(so101[1]) - {"wrist_roll"}
     assert (out / "loops.png").stat().st_size > 10_000
@@ -579,4 +591,6 @@ def test_a_log_is_answered_in_a_table_with_figure_and_preset(
     assert kept.named["elbow_flex"]["drive"]["encoder"] == "link"
     assert kept.named["elbow_flex"]["drive"]["p_gain"] == pytest.approx(38.6)
     assert kept.named["elbow_flex"]["gear"]["play"] == pytest.approx(0.01)
+    assert kept.named["elbow_flex"]["drive"]["friction"] == pytest.approx(0.04)
+    assert kept.intervals["elbow_flex", "servo_friction"] == (0.03, 0.06)
     assert main(["budget", "so101", "--preset", str(tmp_path / mine)]) == 0

@@ -7,8 +7,10 @@ sags, counts that give the D part, loads and gains that are off, stamps that jit
 The last line counts: of the joints that are not refused the share whose 95 % interval holds the
 play; of all joints the share that was told a band which does not hold it; and the share that is
 told to be above or below 0.5 deg, of those whose torque reverses (link's friction above the load),
-with `--encoder motor` of those not refused. `--train` draws the family, trains, and writes the
-numbers for encoders on the output into the package.
+with `--encoder motor` of those not refused. `--changes` wiggles each joint at two dates, and counts
+what is told of its change. `--train` draws the family, trains, and writes the numbers for encoders
+on the output into the package; they are the same where BLAS and numpy round as on older x86-64
+processors (tried with numpy 2.4).
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ from __future__ import annotations
 import hashlib
 import io
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -25,24 +28,42 @@ from common import Benchmark
 from jointplay.base.progress import ProgressBar
 from jointplay.estimate import wiggle
 from jointplay.estimate.servo_joint import RECORD_S, ServoJoint
-from jointplay.estimate.wiggle import EDGES, Known, ServoLog, Untold, features, wiggle_goal
-from jointplay.estimate.wiggle_logs import band
+from jointplay.estimate.watch import SAME
+from jointplay.estimate.wiggle import (
+    LARGEST,
+    Known,
+    ServoLog,
+    Untold,
+    features,
+    wiggle_goal,
+)
+from jointplay.estimate.wiggle_logs import FACTOR, Wiggle, change_of, ends_by
 from jointplay.simulation.loads.drive import Servo
 
-MEMBERS = 26_000
-"""Of the family, from which the shipped numbers are."""
+MEMBERS = 16_000
+"""Of the family, from which the shipped numbers are; each has logs of two dates."""
 LEAD_S = 0.4
 """How long the joint stands before and after the wiggle [s]."""
 
 
 def among(random: np.random.Generator, low: float, high: float) -> float:
     """Evenly drawn in the logarithm."""
-    return float(np.exp(random.uniform(np.log(low), np.log(high))))
+    return plain(np.exp(random.uniform(np.log(low), np.log(high))))
+
+
+def near(random: np.random.Generator, size: float) -> float:
+    """A factor near one, of such a standard deviation of its logarithm."""
+    return plain(np.exp(size * random.normal()))
+
+
+def plain(x: float) -> float:
+    """Six digits: the same number on machines whose libraries round otherwise."""
+    return float(f"{x:.6g}")
 
 
 def some_play(random: np.random.Generator) -> float:
     """[rad]; none in one of twelve."""
-    return 0.0 if random.random() < 1 / 12 else float(np.radians(1.6 * random.random() ** 1.3))
+    return 0.0 if random.random() < 1 / 12 else plain(np.radians(1.6 * random.random() ** 1.3))
 
 
 def member(
@@ -83,24 +104,27 @@ def member(
         excess=random.uniform(0.0, 0.8), stribeck_speed=among(random, 0.02, 0.5),
         viscous=servo.braking * random.uniform(0.0, 0.4),
     )  # fmt: skip
-    off = lambda size: float(np.exp(size * random.normal()))  # noqa: E731
-    believed = replace(servo, p_gain=p_gain * off(0.04), resistance=servo.resistance * off(0.04))
+    believed = replace(
+        servo, p_gain=p_gain * near(random, 0.04),
+        resistance=servo.resistance * near(random, 0.04),
+    )  # fmt: skip
     if random.random() < unseen:
         true = replace(true, load=true.load + servo.friction * random.uniform(-1.0, 1.0))
-    load = load * off(0.1) + 0.1 * servo.friction * random.normal()
-    return true, Known(believed, rotor * off(0.1), link * off(0.15), load)
+    load = load * near(random, 0.1) + 0.1 * servo.friction * random.normal()
+    inertias = rotor * near(random, 0.1), link * near(random, 0.15)
+    return true, Known(believed, *inertias, load)
 
 
 def sent(
-    random: np.random.Generator, rate: float, smooth: float = 0.5, encoder: str = "link"
+    random: np.random.Generator, rate: float, lag: float = 0.0, encoder: str = "link"
 ) -> np.ndarray:
-    """Goals as the servo gets them, a goal each `RECORD_S` [rad]."""
+    """Goals as the servo gets them, a goal each `RECORD_S` [rad], after a lag [s]."""
     time, goal = wiggle_goal(encoder)
     n = round((time[-1] + 2.0 * LEAD_S) / RECORD_S)
     now = np.arange(n) * RECORD_S
     held = np.floor(now * rate) / rate if random.random() < 0.7 else now
     found = np.interp(held - LEAD_S - random.uniform(0.0, 8e-3), time, goal)
-    return smoothed(found, among(random, 3e-3, 6e-2)) if random.random() < smooth else found
+    return smoothed(found, lag) if lag else found
 
 
 def smoothed(goal: np.ndarray, lag: float) -> np.ndarray:
@@ -128,17 +152,46 @@ def recorded(
     return ServoLog("j", stamp, np.interp(stamp - LEAD_S, time, goal), seen)
 
 
-def of_family(seed: int) -> tuple[float, np.ndarray] | None:
-    """Play and features of a member."""
+def another_play(random: np.random.Generator, play: float) -> float:
+    """That of the same joint at another date [rad]."""
+    kind = random.random()
+    if kind < 0.25:
+        return play
+    if kind < 0.75:
+        return float(np.clip(play + np.radians(random.uniform(-0.8, 0.8)), 0.0, LARGEST))
+    return some_play(random)
+
+
+def later(random: np.random.Generator, joint: ServoJoint) -> ServoJoint:
+    """The same joint at another date: with another play, and what else differs by `SAME`."""
+    sizes = {"friction": SAME["friction"], "link_friction": SAME["friction"]}
+    sizes |= {"viscous": SAME["friction"], "stiffness": SAME[""], "damping": SAME[""]}
+    changed = {name: getattr(joint, name) * near(random, size) for name, size in sizes.items()}
+    load = joint.load + SAME[""] * joint.friction * random.normal()
+    return replace(joint, play=another_play(random, joint.play), load=load, **changed)
+
+
+def truth(joint: ServoJoint, known: Known) -> np.ndarray:
+    """What is told of a joint, by `wiggle.NETWORKS`, in the terms of `wiggle.EDGES`."""
+    most = known.servo.stall * known.servo.voltage
+    return np.array([joint.play, np.log(joint.friction / most), np.log(most / joint.stiffness)])
+
+
+def of_family(seed: int) -> tuple[np.ndarray, np.ndarray] | None:
+    """What is true of a member at two dates, and the features of its logs."""
     random = np.random.default_rng([44, seed])
     joint, known = member(random)
     rate = among(random, 80.0, 250.0)
-    _, link = joint.move(sent(random, rate), random.uniform(-1.0, 1.0))
-    try:
-        found = features(recorded(random, rate, joint, link), known)
-    except Untold:
-        return None
-    return joint.play, found
+    smooth = among(random, 3e-3, 6e-2) if random.random() < 0.5 else 0.0
+    dates = joint, later(random, joint)
+    seen = []
+    for one in dates:
+        _, link = one.move(sent(random, rate, smooth), random.uniform(-1.0, 1.0))
+        try:
+            seen.append(features(recorded(random, rate, one, link), known))
+        except Untold:
+            return None
+    return np.array([truth(one, known) for one in dates]), exact(np.array(seen), INPUT)
 
 
 # ---- Joints by another model ---------------------------------------------------------------------
@@ -146,16 +199,18 @@ def of_family(seed: int) -> tuple[float, np.ndarray] | None:
 
 @dataclass(frozen=True)
 class Fresh:
-    """A joint of the benchmark: its truth, what its owner has."""
+    """A joint of the benchmark at one or two dates: its truth, what its owner has."""
 
-    play: float
+    true: np.ndarray
+    """By date, see `truth`."""
     reverses: bool
     """Whether the link's friction is above its load."""
     known: Known
-    log: ServoLog
+    logs: tuple[ServoLog, ...]
+    """By date."""
 
 
-def fresh(seed: int, encoder: str = "link") -> Fresh:
+def fresh(seed: int, encoder: str = "link", dates: int = 1) -> Fresh:
     """A joint by the model of `peer_engines.servo`, wiggled as real firmware does it."""
     from truth.peer_engines import servo as other
 
@@ -166,7 +221,7 @@ def fresh(seed: int, encoder: str = "link") -> Fresh:
         count = base.resolution / turns  # of an encoder that turns so often as the joint does
         base = replace(base, link_inertia=link, resolution=count, band=base.band / turns)
         known = replace(
-            known, link_inertia=link * float(np.exp(0.1 * random.normal())),
+            known, link_inertia=link * near(random, 0.1),
             servo=replace(known.servo, resolution=count),
         )  # fmt: skip
     some = lambda share, low, high: among(random, low, high) * (random.random() < share)  # noqa: E731
@@ -190,14 +245,24 @@ def fresh(seed: int, encoder: str = "link") -> Fresh:
         "cable": some(0.4, 0.01, 0.5) * most, "cable_at": 0.02 * random.normal(),
         "shake": some(0.3, 0.02, 0.3) * base.link_friction, "shake_hz": random.uniform(0.5, 6.0),
     }  # fmt: skip
-    rate = among(random, 90.0, 220.0)
-    goal = sent(random, rate, 0.0, encoder)
-    if random.random() < 0.5:
-        goal = limited(goal, among(random, 10.0, 200.0), among(random, 1.5, 8.0))
-    p = np.array([numbers[name] for name in other.PARTS])
-    angles = other.run(p, goal, RECORD_S, random.uniform(-1.0, 1.0))
-    log = recorded(random, rate, base, angles[0 if base.on_motor else 1], 3e-3)
-    return Fresh(base.play, abs(base.load) < base.link_friction, known, log)
+    rate, held = among(random, 90.0, 220.0), random.random() < 0.5
+    most, fastest = among(random, 10.0, 200.0), among(random, 1.5, 8.0)
+    dates = [base] if dates == 1 else [base, later(random, base)]
+    logs = []
+    for one in dates:
+        drift = {
+            "half": 0.5 * one.play, "stiffness": one.stiffness, "damping": one.damping,
+            "dry": one.friction, "link_dry": one.link_friction, "viscous": one.viscous,
+            "load": one.load, "shake_hz": random.uniform(0.5, 6.0),
+            "cable_at": numbers["cable_at"] + 2e-3 * random.normal(),
+        }  # fmt: skip
+        goal = sent(random, rate, 0.0, encoder)
+        goal = limited(goal, most, fastest) if held else goal
+        p = np.array([(numbers | drift)[name] for name in other.PARTS])
+        angles = other.run(p, goal, RECORD_S, random.uniform(-1.0, 1.0))
+        logs.append(recorded(random, rate, one, angles[0 if one.on_motor else 1], 3e-3))
+    true = np.array([truth(one, known) for one in dates])
+    return Fresh(true, abs(base.load) < base.link_friction, known, tuple(logs))
 
 
 def limited(goal: np.ndarray, most: float, fastest: float) -> np.ndarray:
@@ -215,135 +280,212 @@ def limited(goal: np.ndarray, most: float, fastest: float) -> np.ndarray:
 
 # ---- Training ------------------------------------------------------------------------------------
 
-HIDDEN, EPOCHS, RATE, BATCH, NOISE, DROPPED, NETWORKS = (128, 64), 60, 2e-3, 128, 0.2, 0.2, 2
-"""Of the networks and their training by Adam: noise on scaled features, share of dropped units."""
+HIDDEN, EPOCHS, RATE, BATCH, NOISE, DROPPED, NETWORKS = (128, 64), 15, 2e-3, 128, 0.35, 0.2, 2
+"""Of the networks and their training by Adam: largest noise on scaled features, share of dropped
+units."""
+INPUT, WEIGHT, OUTPUT = 12, 16, 20
+"""Bits after the point of what is multiplied in training, so few that sums of products are exact in
+any order, on any machine."""
+SMEARED = {"gear_play": 0.075, "servo_friction": 0.15, "gear_compliance": 0.15, "change": 0.05}
+"""Standard deviations by which what is true is smeared over bins [deg, or of logarithms]."""
 FIRST_MEMBER = 10_000
 """Seed of the first member."""
 WIDENERS = range(600)
 """Seeds of the fresh joints by which intervals are widened; no figure is of these."""
-TAIL = 0.03
-"""Likelihood left below an interval; above it as much of these as holds the aims."""
-TAILS = (0.05, 0.04, 0.03, 0.02, 0.015, 0.01, 0.007, 0.005, 0.003, 0.002, 0.001, 0.0005)
+INNER = 0.05
+"""Likelihood left below a play's interval."""
+TAILS = (
+    *(0.15, 0.1, 0.08, 0.06, 0.05, 0.04, 0.03, 0.025, 0.02, 0.015, 0.01, 0.007, 0.005),
+    *(0.003, 0.002, 0.001, 0.0005),
+)
+"""Likelihood left else on a side, or for no growth: as much as holds the aims."""
+HELD, MISSED, FALSE = 0.96, 0.008, 0.025
+"""Aims of family and fresh: share of intervals that hold, of those that are told and do not, and of
+plays that are the same and told to have grown."""
 
 
-def fitted(seen: np.ndarray, plays: np.ndarray, seed: int) -> list[np.ndarray]:
+def exact(x: np.ndarray, bits: int) -> np.ndarray:
+    """With so many bits after the point."""
+    return np.round(x * 2.0**bits) * 2.0**-bits
+
+
+def smeared(true: np.ndarray, name: str) -> np.ndarray:
+    """What is wanted of a network, shape (n, bins), by what is true (n,)."""
+    size = SMEARED[name]
+    size = np.radians(size) if name in ("gear_play", "change") else size
+    edges = wiggle.EDGES[name]
+    found = np.exp(-0.5 * ((true[:, None] - 0.5 * (edges[1:] + edges[:-1])) / size) ** 2)
+    return exact(found / found.sum(axis=1, keepdims=True), OUTPUT)
+
+
+def fitted(seen: np.ndarray, wanted: np.ndarray, kind: str, seed: int) -> list[np.ndarray]:
     """Weights and offsets of a network: cross entropy of the bins, a little smeared, by Adam."""
     random = np.random.default_rng(seed)
-    middle = 0.5 * (EDGES[1:] + EDGES[:-1])
-    wanted = np.exp(-0.5 * ((plays[:, None] - middle) / np.radians(0.075)) ** 2)
-    wanted = (wanted / wanted.sum(axis=1, keepdims=True)).astype(np.float32)
-    sizes = (seen.shape[1], *HIDDEN, len(middle))
+    sizes = (seen.shape[1], *HIDDEN, wanted.shape[1])
     weights = [random.normal(size=(a, b)) * np.sqrt(2.0 / a) for a, b in pairwise(sizes)]
     weights[-1] *= 0.1
-    all_of = [x.astype(np.float32) for x in (*weights, *(np.zeros(b) for b in sizes[1:]))]
+    all_of = [exact(x, OUTPUT) for x in (*weights, *(np.zeros(b) for b in sizes[1:]))]
     first, second = ([np.zeros_like(x) for x in all_of] for _ in range(2))
-    count, total = 0, EPOCHS * (len(plays) // BATCH)
+    left, total, one_less, other_less = 1.0, EPOCHS * (len(seen) // BATCH), 1.0, 1.0
     for _ in range(EPOCHS):
-        order = random.permutation(len(plays))
-        for k in range(len(plays) // BATCH):
+        order = random.permutation(len(seen))
+        for k in range(len(seen) // BATCH):
             at = order[k * BATCH : (k + 1) * BATCH]
-            x = seen[at] + NOISE * random.standard_normal((BATCH, sizes[0]), dtype=np.float32)
-            slopes = slopes_of(all_of, x, wanted[at], random)
-            count += 1
-            pace = 0.5 * RATE * (1.0 + np.cos(np.pi * count / total)) + 1e-5
+            noise = NOISE * (2.0 * random.random((BATCH, sizes[0]), dtype=np.float32) - 1.0)
+            slopes = slopes_of(all_of, exact(seen[at] + noise, INPUT), wanted[at], kind, random)
+            one_less, other_less, left = 0.9 * one_less, 0.999 * other_less, left - 1.0 / total
+            pace = RATE * left / (1.0 - one_less)
             for one, slope, m, v in zip(all_of, slopes, first, second, strict=True):
                 m += 0.1 * (slope - m)
-                v += 1e-3 * (slope**2 - v)
-                even = np.sqrt(v / (1.0 - 0.999**count)) + 1e-8
-                one -= (pace / (1.0 - 0.9**count) * m / even).astype(np.float32)
+                v += 1e-3 * (slope * slope - v)
+                one -= pace * m / (np.sqrt(v / (1.0 - other_less)) + 1e-8)
     return all_of
 
 
 def slopes_of(
-    all_of: list[np.ndarray], x: np.ndarray, wanted: np.ndarray, random: np.random.Generator
-) -> list[np.ndarray]:
+    all_of: list[np.ndarray], x: np.ndarray, wanted: np.ndarray, kind: str,
+    random: np.random.Generator,
+) -> list[np.ndarray]:  # fmt: skip
     """Slopes of the mean cross entropy by weights and offsets."""
     n = len(all_of) // 2
-    weights, offsets = all_of[:n], all_of[n:]
+    weights, offsets = [exact(one, WEIGHT) for one in all_of[:n]], all_of[n:]
     inputs, masks = [x], []
     for weight, offset in zip(weights[:-1], offsets[:-1], strict=True):
         sums = inputs[-1] @ weight + offset
-        kept = (random.random(sums.shape, dtype=np.float32) > DROPPED) / np.float32(1.0 - DROPPED)
-        masks.append((np.where(sums > 0.0, 1.0, 0.1) * kept).astype(np.float32))
-        inputs.append(sums * masks[-1])
+        kept = (random.random(sums.shape, dtype=np.float32) > DROPPED) / (1.0 - DROPPED)
+        masks.append(np.where(sums > 0.0, 1.0, 0.1) * kept)
+        inputs.append(exact(sums * masks[-1], INPUT))
     sums = inputs[-1] @ weights[-1] + offsets[-1]
-    likely = np.exp(sums - sums.max(axis=1, keepdims=True))
-    back = (likely / likely.sum(axis=1, keepdims=True) - wanted) / np.float32(len(x))
+    likely = [wiggle.softmax(one) for one in np.split(sums, wiggle.cuts(kind), axis=1)]
+    back = exact(np.concatenate(likely, axis=1) - wanted, OUTPUT)
     by_weight, by_offset = [], []
     for layer in range(n - 1, -1, -1):
-        by_weight.append(inputs[layer].T @ back + 1e-4 * weights[layer])
-        by_offset.append(back.sum(axis=0))
+        by_weight.append(inputs[layer].T @ back / len(x) + 1e-4 * all_of[layer])
+        by_offset.append(back.sum(axis=0) / len(x))
         if layer:
-            back = (back @ weights[layer].T) * masks[layer - 1]
+            back = exact((back @ weights[layer].T) * masks[layer - 1], OUTPUT)
     return by_weight[::-1] + by_offset[::-1]
 
 
-def trained(plays: np.ndarray, seen: np.ndarray) -> dict[str, np.ndarray]:
-    """The numbers of `wiggle.regression`; a fifth of the members is for the intervals alone."""
-    cut = len(plays) * 4 // 5
-    own = seen[:cut]
-    known = len(wiggle.KNOWN)
+def trained(true: np.ndarray, seen: np.ndarray) -> dict[str, np.ndarray]:
+    """The numbers of `wiggle.regression`; a fifth of the members is for the intervals alone.
+
+    Args:
+        true: of each member at two dates, shape (n, 2, quantities), see `truth`.
+        seen: features, shape (n, 2, features).
+    """
+    cut, known = len(true) * 4 // 5, len(wiggle.KNOWN)
+    own, values = seen[:cut].reshape(-1, seen.shape[2]), true[:cut].reshape(-1, true.shape[2])
     numbers = {
-        "mean": own.mean(axis=0), "spread": own.std(axis=0) + 1e-3,
+        "mean": exact(own.mean(axis=0), INPUT), "spread": exact(own.std(axis=0), INPUT) + 2.0**-10,
         "least": own[:, -known:].min(axis=0), "most": own[:, -known:].max(axis=0),
         "networks": np.array(NETWORKS),
     }  # fmt: skip
-    scaled = (own - numbers["mean"]) / numbers["spread"]
-    near = np.clip(scaled, -wiggle._FAR, wiggle._FAR).astype(np.float32)
-    for k in ProgressBar(range(NETWORKS), "networks", unit="network"):
-        found = fitted(near, plays[:cut], k)
-        for layer in range(3):
-            numbers[f"weight_{k}_{layer}"] = found[layer].astype(np.float16)
-            numbers[f"offset_{k}_{layer}"] = found[3 + layer]
-    odd = np.clip(scaled, -wiggle._ODD, wiggle._ODD)
-    values, axes = np.linalg.eigh(odd.T @ odd / len(odd))
-    numbers["axes"] = axes[:, -30:].astype(np.float32)
-    numbers["along"], numbers["left"] = np.sqrt(values[-30:]), values[:-30].mean()
-    numbers = {name: np.asarray(x) for name, x in numbers.items()}
-    numbers["strange"] = np.quantile(wiggle.strangeness(seen[cut:], numbers), 0.99)
-    joints = [fresh(seed) for seed in ProgressBar(WIDENERS, "fresh joints", unit="joint")]
-    aside = [(one.play, found) for one in joints if (found := usable(one)) is not None]
-    fresh_plays, fresh_seen = (np.array(x) for x in zip(*aside, strict=True))
-    usual = wiggle.inside(fresh_seen[:, -known:], numbers).all(axis=1)
-    usual &= wiggle.strangeness(fresh_seen, numbers) <= numbers["strange"]
-    for above in TAILS:  # stiffness, belts and cables hide play: what is missed is more of it
-        numbers["tails"] = np.array([TAIL, above])
-        held, _ = judged(plays[cut:], seen[cut:], numbers)
-        there, missed = judged(fresh_plays[usual], fresh_seen[usual], numbers)
-        print(
-            f"tail {above:g}: family holds {held:.3f}, fresh {there:.3f}, told wrong {missed:.4f}"
-        )
-        if min(held, there) >= 0.95 and missed <= 0.008:
+    numbers |= principal(own, numbers)
+    numbers["strange"] = np.quantile(wiggle.strangeness(seen[cut:, 0], numbers), 0.99).round(3)
+    wanted = [smeared(x, name) for x, name in zip(values.T, wiggle.NETWORKS["value"], strict=True)]
+    both = np.concatenate([seen[:cut], seen[:cut, ::-1]])
+    change = np.diff(np.concatenate([true[:cut, :, 0], true[:cut, ::-1, 0]]), axis=1)[:, 0]
+    for kind, x, aim in (
+        ("value", wiggle.scaled(own, numbers), np.concatenate(wanted, axis=1)),
+        ("change", wiggle.paired(both, numbers), smeared(change, "change")),
+    ):
+        for k in ProgressBar(range(NETWORKS), f"networks of {kind}", unit="network"):
+            found = fitted(x, aim, kind, k)
+            for layer in range(3):
+                numbers[f"{kind}_weight_{k}_{layer}"] = found[layer].astype(np.float16)
+                numbers[f"{kind}_offset_{k}_{layer}"] = found[3 + layer].astype(np.float16)
+    joints = [fresh(seed, dates=2) for seed in ProgressBar(WIDENERS, "fresh joints", unit="joint")]
+    aside = [(one.true, found) for one in joints if (found := usable(one, numbers)) is not None]
+    others = tuple(np.array(x) for x in zip(*aside, strict=True))
+    return calibrated(numbers, ((true[cut:], seen[cut:]), others))
+
+
+def calibrated(
+    numbers: dict[str, np.ndarray], parts: Sequence[tuple[np.ndarray, np.ndarray]]
+) -> dict[str, np.ndarray]:
+    """With tails by which intervals hold, and raise few alarms, for family and fresh."""
+    numbers["tails"] = np.full((len(wiggle.EDGES), 2), INNER)
+    for k, name in enumerate(wiggle.EDGES):
+        tails = numbers["tails"][k]
+        for tail in TAILS:  # stiffness, belts and cables hide play: what is missed is more of it
+            tails[int(name == "gear_play") :] = tail
+            held, missed = zip(*(judged(name, *part, numbers) for part in parts), strict=True)
+            if min(held) >= HELD and max(missed) <= MISSED:
+                break
+        print(f"{name}, tail {tail:g}: holds {np.round(held, 3)}, told wrong {np.round(missed, 4)}")
+    for tail in TAILS:
+        alarms = [false_alarms(*part, numbers, tail) for part in parts]
+        if max(alarms) <= FALSE:
             break
+    print(f"growth, tail {tail:g}: seen where there is none in {np.round(alarms, 3)}")
+    numbers["alarm"] = np.array(tail)
     return numbers
 
 
-def usable(one: Fresh) -> np.ndarray | None:
+def principal(seen: np.ndarray, numbers: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Principal components of the family's features."""
+    odd = np.clip((seen - numbers["mean"]) / numbers["spread"], -wiggle._ODD, wiggle._ODD)
+    odd = exact(odd, INPUT)
+    values, axes = np.linalg.eigh(odd.T @ odd / len(odd))
+    axes = axes[:, -30:]
+    axes = axes * np.sign(axes[np.abs(axes).argmax(axis=0), range(30)])
+    along, left = np.sqrt(values[-30:]), values[:-30].mean()
+    return {"axes": exact(axes, INPUT).astype(np.float32), "along": along.round(6),
+            "left": left.round(6)}  # fmt: skip
+
+
+def usable(one: Fresh, numbers: dict[str, np.ndarray]) -> np.ndarray | None:
+    """Features of a joint's logs, unless one is refused."""
     try:
-        wiggle.check_log(one.log)
         wiggle.check_load(one.known)
-        return features(one.log, one.known)
+        for log in one.logs:
+            wiggle.check_log(log)
+        seen = np.array([features(log, one.known) for log in one.logs])
     except Untold:
         return None
+    usual = wiggle.inside(seen[:, -len(wiggle.KNOWN) :], numbers).all()
+    return (
+        seen if usual and (wiggle.strangeness(seen, numbers) <= numbers["strange"]).all() else None
+    )
+
+
+def inferred(
+    name: str, true: np.ndarray, seen: np.ndarray, numbers: dict[str, np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """What is true (n,), and the ends of intervals (n, 2)."""
+    if name == "change":
+        aims, likely = true[:, 1, 0] - true[:, 0, 0], wiggle.change_shares(seen, numbers)
+    else:
+        aims = true[:, 0, wiggle.NETWORKS["value"].index(name)]
+        likely = wiggle.shares(seen[:, 0], numbers)[name]
+    ends = [wiggle.ends_of(name, one, numbers["tails"]) for one in likely]
+    return aims, np.array([wiggle.rounded(*x) for x in ends] if name == "gear_play" else ends)
 
 
 def judged(
-    plays: np.ndarray, seen: np.ndarray, numbers: dict[str, np.ndarray]
+    name: str, true: np.ndarray, seen: np.ndarray, numbers: dict[str, np.ndarray]
 ) -> tuple[float, float]:
-    """Share whose interval holds, and share that is told one that does not."""
-    held, missed = 0, 0
-    for play, likely in zip(plays, wiggle.shares(seen, numbers), strict=True):
-        ends = wiggle.rounded(*wiggle.ends_of(likely, numbers["tails"]))
-        right = ends[0] <= play + 1e-9 and play <= ends[1] + 1e-9
-        held += right
-        missed += not right and not wiggle.too_wide(*ends)
-    return held / len(plays), missed / len(plays)
+    """Share whose interval holds, and share that is told a band of play which does not."""
+    aims, ends = inferred(name, true, seen, numbers)
+    right = (ends[:, 0] <= aims + 1e-9) & (aims <= ends[:, 1] + 1e-9)
+    told = [name == "gear_play" and not wiggle.too_wide(*both) for both in ends]
+    return float(right.mean()), float(np.mean(~right & told))
+
+
+def false_alarms(
+    true: np.ndarray, seen: np.ndarray, numbers: dict[str, np.ndarray], tail: float
+) -> float:
+    """Share of joints whose play is the same, and is told to have grown; either log is first."""
+    likely = wiggle.change_shares(seen[true[:, 1, 0] == true[:, 0, 0]], numbers)
+    less = likely[:, : likely.shape[1] // 2].sum(axis=1)
+    return 0.5 * float(np.mean(less < tail) + np.mean(less > 1.0 - tail))
 
 
 def write(numbers: dict[str, np.ndarray]) -> None:
     """Put the numbers into the package, with their hash."""
     content = io.BytesIO()
-    np.savez_compressed(content, **numbers)
+    np.savez(content, **numbers)  # not compressed: libraries differ in how
     path = wiggle.DATA
     path.parent.mkdir(exist_ok=True)
     path.write_bytes(content.getvalue())
@@ -355,8 +497,8 @@ def write(numbers: dict[str, np.ndarray]) -> None:
 def train(number: int) -> None:
     seeds = range(FIRST_MEMBER, FIRST_MEMBER + number)
     found = [of_family(seed) for seed in ProgressBar(seeds, "members of the family", unit="joint")]
-    plays, seen = zip(*(one for one in found if one is not None), strict=True)
-    write(trained(np.array(plays), np.array(seen)))
+    true, seen = zip(*(one for one in found if one is not None), strict=True)
+    write(trained(np.array(true), np.array(seen)))
 
 
 # ---- The benchmark -------------------------------------------------------------------------------
@@ -368,37 +510,63 @@ def main() -> None:
         seed=(2_000_000, "of the first joint"), train=(False, "the regression anew, and write it"),
         members=(MEMBERS, "of the family, with --train"),
         encoder=("link", "its side: link, or motor, where the link is heavy"),
+        changes=(False, "of play between two logs of each joint, in the place of plays"),
     )  # fmt: skip
     args = benchmark.parse()
     if args.train:
         return train(args.members)
     number = min(args.joints, 12) if args.quick else args.joints
+    seeds = range(args.seed, args.seed + number)
+    if args.changes:
+        return changes(benchmark, seeds, args.encoder)
     rows, why, half = [], Counter(), np.radians(wiggle.HALF)
-    for seed in ProgressBar(range(args.seed, args.seed + number), "joints", unit="joint"):
+    for seed in ProgressBar(seeds, "joints", unit="joint"):
         one = fresh(seed, args.encoder)
-        low, high, reason = np.nan, np.nan, ""
+        play, friction, wind_up = one.true[0]
+        most = one.known.servo.stall * one.known.servo.voltage
+        others = {
+            "servo_friction": most * np.exp(friction),
+            "gear_compliance": np.exp(wind_up) / most,
+        }
+        ends, reason = {"gear_play": (np.nan, np.nan)}, ""
         try:
-            low, high = band(one.log, one.known)
+            ends = ends_by(Wiggle(one.logs[0], one.known))
         except Untold as error:
             reason = str(error)
+        low, high = ends["gear_play"]
         refused = bool(reason)
         if not refused and wiggle.too_wide(low, high):
             reason = "plays would look alike"
-        holds = low <= one.play + 1e-9 and one.play <= high + 1e-9
+        holds = low <= play + 1e-9 and play <= high + 1e-9
         decided = not reason and (low >= half - 1e-9 or high <= half + 1e-9)
         why[" ".join(reason.split()[:4])] += bool(reason)
-        rows.append(
-            {
-                "play_deg": np.degrees(one.play), "low_deg": np.degrees(low),
-                "high_deg": np.degrees(high), "refused": int(refused), "told": int(not reason),
-                "holds": int(holds), "reverses": int(one.reverses), "decided": int(decided),
-                "wrong": int(decided and (low >= half - 1e-9) != (one.play >= half)),
-            }
-        )  # fmt: skip
+        row = {
+            "play_deg": np.degrees(play), "low_deg": np.degrees(low),
+            "high_deg": np.degrees(high), "refused": int(refused), "told": int(not reason),
+            "holds": int(holds), "reverses": int(one.reverses), "decided": int(decided),
+            "wrong": int(decided and (low >= half - 1e-9) != (play >= half)),
+        }  # fmt: skip
+        for name, true in others.items():
+            low, high = ends.get(name, (np.nan, np.nan))
+            row |= {name: true, f"{name}_low": low, f"{name}_high": high}
+        rows.append(row)
     table = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     for words, count in why.most_common():
         if count:
             print(f"{count} cannot be told: {words} ...")
+    for name in others:
+        low, high, true = (table[f"{name}{end}"] for end in ("_low", "_high", ""))
+        known = np.isfinite(low)
+        if known.any():
+            low, high, true = low[known], high[known], true[known]
+            holds, wide, away = (low <= true) & (true <= high), high / low, low * high / true**2
+            told = wide <= FACTOR
+            print(
+                f"{name}: {holds.mean():.1%} of {known.sum()} hold; ends a factor "
+                f"{np.median(wide):.2g} apart (median), the middle off by "
+                f"{np.exp(0.5 * np.median(np.abs(np.log(away)))):.2g}; told of {told.sum()}, of "
+                f"which {holds[told].sum()} hold"
+            )
     shown = []
     for name, use in (
         ("all", table["refused"] >= 0), ("torque reverses", table["reverses"] == 1),
@@ -417,6 +585,41 @@ def main() -> None:
     held, missed = shown[0][3], shown[0][5]
     decided = shown[1 if args.encoder == "link" else 3][6]
     print(f"joints {number} held {held} misses {missed} decided {decided}")
+
+
+BANDS_DEG = (-2.0, -0.2, 0.2, 0.4, 0.6, 0.8, 2.0)
+"""Ends of the bands of changes that are counted."""
+
+
+def changes(benchmark: Benchmark, seeds: range, encoder: str) -> None:
+    """Count what is told of changes by two logs of each joint."""
+    rows = []
+    for seed in ProgressBar(seeds, "joints", unit="joint"):
+        one, told, refused = fresh(seed, encoder, 2), (np.nan,) * 3, False
+        try:
+            told = change_of(*(Wiggle(log, one.known) for log in one.logs))
+        except Untold:
+            refused = True
+        angles = one.true[1, 0] - one.true[0, 0], one.true[0, 0], *told
+        names = ("change_deg", "play_deg", "low_deg", "high_deg", "least_deg")
+        rows.append(dict(zip(names, np.degrees(angles), strict=True)) | {"refused": refused})
+    use = [row for row in rows if not row["refused"]]
+    change, low, high, least = (
+        np.array([row[f"{name}_deg"] for row in use]) for name in ("change", "low", "high", "least")
+    )
+    shown = []
+    for first, last in pairwise(BANDS_DEG):
+        mine = (change >= first) & (change < last)
+        seen = f"{np.mean(least[mine] > 0.0):.0%}" if mine.any() else "-"
+        wide = f"{np.median((high - low)[mine]):.2f} deg" if mine.any() else "-"
+        shown.append([f"{first:g} to {last:g} deg", str(mine.sum()), seen, wide])
+    benchmark.name = "wiggle_changes"
+    benchmark.finish(["change", "joints", "growth is told of", "width"], shown, rows)
+    still, held = change == 0.0, np.mean((low <= change) & (change <= high))
+    print(
+        f"changes {len(rows)} refused {len(rows) - len(use)} held {held:.1%} false alarms "
+        f"{np.sum(least[still] > 0.0)} of {still.sum()}"
+    )
 
 
 if __name__ == "__main__":

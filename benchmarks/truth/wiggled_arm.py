@@ -120,20 +120,24 @@ def main() -> None:
         play = {name: np.radians(1.4 * random.random()) for name in robot.gears}
         log = log_of(plan.time, goals, play, float(random.uniform(0.005, 0.05)), servo)
         for one in identify_wiggled(robot, log, drives).estimates:
+            true = {"gear_play": play[one.joint], "servo_friction": servo.friction}.get(
+                one.unknown.name
+            )
+            if true is None:  # how soft limits give way in MuJoCo is no stiffness
+                continue
             low, high = one.interval if one.found else (0.0, one.upper)
-            true = play[one.joint]
             rows.append(
                 {
-                    "joint": one.joint, "play_deg": np.degrees(true), "told": one.identified,
+                    "joint": one.label, "true": one.unknown.shown(true), "told": one.identified,
                     "held": bool(low <= true <= high), "interval": one.words()[1],
                     "reason": one.reason,
                 }
             )  # fmt: skip
     told = [row for row in rows if row["told"]]
-    shown = [[r["joint"], f"{r['play_deg']:.2f}", r["interval"], r["reason"]] for r in rows]
-    benchmark.finish(["joint", "play [deg]", "told", "why not"], shown, rows)
+    shown = [[r["joint"], r["true"], r["interval"], r["reason"]] for r in rows]
+    benchmark.finish(["joint", "true", "told", "why not"], shown, rows)
     held = sum(row["held"] for row in told)
-    print(f"joints {len(rows)} told {len(told)} held {held}")
+    print(f"unknowns {len(rows)} told {len(told)} held {held}")
 
 
 if __name__ == "__main__":

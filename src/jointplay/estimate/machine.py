@@ -407,7 +407,8 @@ class OfJoints(Answer):
 
     def preset(self, robot: str | Path | None = None) -> Preset:
         """The robot's joints with what was found; see `Identification.preset`."""
-        turning = [one for one in self.estimates if one.unknown.unit.startswith("rad")]
+        units = ("rad", "N*m")
+        turning = [one for one in self.estimates if one.unknown.unit.startswith(units)]
         return preset_found(self.mechanism, turning, self.source, robot, self._tables)
 
     @property

@@ -98,7 +98,8 @@ class Estimate:
     @property
     def interval(self) -> tuple[float, float]:
         """95 % interval within what can be."""
-        low, high = self.ends or (self.value - self.half_width, self.value + self.half_width)
+        middle = 0.0 if math.isnan(self.value) else self.value
+        low, high = self.ends or (middle - self.half_width, middle + self.half_width)
         return max(low, self.unknown.least), min(high, self.unknown.most)
 
     @property

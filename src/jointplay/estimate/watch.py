@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from scipy.optimize import brentq
@@ -22,7 +22,19 @@ from jointplay.base.errors import JointplayError, MissingName
 from jointplay.base.tables import counted, few
 from jointplay.estimate.least_squares import CONFIDENCE, Fit, LeastSquares, search
 from jointplay.estimate.unknowns import PLAYS, Answer, Estimate, Unknown
+from jointplay.estimate.wiggle import Untold
+from jointplay.estimate.wiggle_logs import (
+    ServoSignals,
+    Wiggle,
+    change_of,
+    told_of,
+    unknown_of,
+    wiggles,
+)
+from jointplay.model.mechanism import Mechanism
+from jointplay.simulation.loads.drive import Drive
 
+T = TypeVar("T")
 SAME = {"friction": 0.3, "": 0.1}
 """By how much friction, and all else but play, differs between dates: standard deviations, as parts
 of their sizes. An assumption."""
@@ -83,6 +95,8 @@ class Watch(Answer):
         of = counted(len(grown), "joint")
         sure = [one.joint for one in grown if one.interval[0] > 0.0]
         words = f"; it may have grown in {few(sure)}" if sure else ""
+        if untold := [one.joint for one in grown if one.reason]:
+            words += f"; of {few(untold)} no change can be told"
         return f"No alarm: the play of {of} over {len(self.dates)} measurements{words}"
 
     def describe(self) -> dict[str, Any]:
@@ -117,33 +131,18 @@ def watch(
         JointplayError: fewer than two measurements; none of a play in two of them.
         MissingName: a limit of no play.
     """
-    if len(dates) < 2:
-        raise JointplayError(f"a change needs at least two measurements, got {len(dates)}")
     names = tuple(name for name, _ in dates)
     times, unit = _times(names)
-    series: dict[tuple[str, ...], list[tuple[float, LeastSquares]]] = {}
-    for time, (_, problems) in zip(times, dates, strict=True):
-        for one in problems:
-            key = tuple(unknown.label for unknown in one.unknowns)
-            series.setdefault(key, []).append((time, one))
-    known = {key: some for key, some in series.items() if len(some) > 1}
-    notes = [
-        f"note: {few([*key])}: measured once, no change is told"
-        for key, some in series.items() if len(some) == 1
-    ]  # fmt: skip
-    plays = [
-        (k, i) for k, some in known.items() for i in _plays(some[0][1].unknowns)
-    ]  # fmt: skip
-    if not plays:
-        raise JointplayError(f"no play was measured twice in {', '.join(names)}")
-    labels = [known[k][0][1].unknowns[i].label for k, i in plays]
-    for label in limits or {}:
-        if label.removesuffix(" change") not in labels:
-            raise MissingName("play", label, [*labels, *(f"{one} change" for one in labels)])
-    found: list[Estimate] = []
-    course: list[tuple[Estimate, Estimate]] = []
-    courses, alarms = dict[str, tuple[Estimate, ...]](), list[str]()
-    sure = 1.0 - (1.0 - CONFIDENCE) / len(plays)
+    by_labels = [
+        {", ".join(unknown.label for unknown in one.unknowns): one for one in problems}
+        for _, problems in dates
+    ]
+    known, once = _series(times, by_labels)
+    labels = [
+        some[0][1].unknowns[i].label for some in known.values() for i in _plays(some[0][1].unknowns)
+    ]
+    _require_plays(names, labels, limits)
+    sure, courses = 1.0 - (1.0 - CONFIDENCE) / len(labels), list[Course]()
     for some in known.values():
         when, problems = np.array([time for time, _ in some]), [one for _, one in some]
         free = search(*_stacked(problems, np.eye(len(some))[:, 1:], ["change"] * (len(some) - 1)))
@@ -154,23 +153,135 @@ def watch(
         count = len(problems[0].unknowns)
         for j, i in enumerate(_plays(problems[0].unknowns)):
             at = [count + j * (len(some) - 1) + k for k in range(len(some) - 1)]
-            changes = [_told(free, k) for k in at]
+            changes = tuple(_told(free, k) for k in at)
             value, rate = replace(_told(last, i), reason=""), _told(steady, count + j)
-            found += [value, changes[-1], rate]
-            course.append((value, rate))
-            courses[value.label] = tuple(changes)
-            half = wider[at[-1]] * changes[-1].half_width
-            told = value, changes[-1], changes[-1].value - half, rate
-            alarms += _alarms(told, limits, target is not None, ahead, unit, notes)
-    if target is not None:
-        alarms += _missed(course, target, _SEEN * times[-1], ahead, unit, notes)
-    notes.append(
+            least = changes[-1].value - wider[at[-1]] * changes[-1].half_width
+            courses.append(Course(value, changes, least, rate))
+    note = (
         f"assumed: between measurements compliances differ by {100.0 * SAME['']:g} %, friction by "
         f"{100.0 * SAME['friction']:g} % (standard deviations); growth: if it is steady"
     )
+    return _answer(names, times, unit, courses, once, [note], limits, ahead, target)
+
+
+def watch_wiggled(
+    mechanism: Mechanism,
+    drives: Mapping[str, Drive],
+    dates: Sequence[tuple[str, ServoSignals]],
+    limits: Mapping[str, float] | None = None,
+    ahead: float = 0.0,
+    target: Target | None = None,
+) -> Watch:
+    """As `watch`, by what servos logged while their joints were wiggled.
+
+    A change, and so growth, is told by the first log of a joint and a later one together.
+
+    Args:
+        mechanism, drives: see `identify_wiggled`.
+        dates: name and log of each date, oldest first; dates in the names count.
+        limits, ahead, target: see `watch`.
+
+    Raises:
+        JointplayError: fewer than two logs; no joint was wiggled twice; see `wiggles`.
+        MissingName: a limit of no play.
+    """
+    names = tuple(name for name, _ in dates)
+    times, unit = _times(names)
+    parts, said = zip(*(wiggles(mechanism, log, drives) for _, log in dates), strict=True)
+    known, once = _series(times, parts)
+    _require_plays(names, [unknown_of(joint).label for joint in known], limits)
+    courses = [_course(joint, some, unit, 1.0 / len(known)) for joint, some in known.items()]
+    note = (
+        f"assumed: between logs friction differs by {100.0 * SAME['friction']:g} %, stiffness and "
+        f"load by {100.0 * SAME['']:g} % (standard deviations); growth: if it is steady"
+    )
+    notes = [*dict.fromkeys(one for some in said for one in some), note]
+    return _answer(names, times, unit, courses, once, notes, limits, ahead, target)
+
+
+@dataclass(frozen=True)
+class Course:
+    """What a series tells of one play."""
+
+    value: Estimate
+    """In the newest measurement."""
+    changes: tuple[Estimate, ...]
+    """Since the first, at each later one."""
+    least: float
+    """Which the last of them surely is at least, of all plays of the machine [SI]; below `low` of
+    it, or above, where growth is told earlier than its size."""
+    rate: Estimate
+    """Growth by unit of time."""
+
+
+def _course(joint: str, some: Sequence[tuple[float, Wiggle]], unit: str, part: float) -> Course:
+    """Of one joint by its wiggles and their times, with a part of false alarms."""
+    (begin, first), (end, last) = some[0], some[-1]
+    value, least = told_of(last)[0], -np.inf
+    changes, unknown = list[Estimate](), replace(value.unknown, least=-np.inf, nominal=0.0)
+    grown = replace(unknown, name=f"{unknown.name} change")
+    for _, one in some[1:]:
+        try:
+            low, high, least = change_of(first, one, part)
+        except Untold as reason:
+            changes.append(Estimate(grown, reason=str(reason)))
+            continue
+        changes.append(Estimate(grown, 0.5 * (low + high), 0.5 * (high - low)))
+    long, newest = end - begin, changes[-1]
+    rate = replace(
+        newest, unknown=replace(unknown, name=f"{unknown.name} per {unit}"),
+        value=newest.value / long, half_width=newest.half_width / long,
+    )  # fmt: skip
+    return Course(value, tuple(changes), -np.inf if newest.reason else least, rate)
+
+
+def _series(
+    times: np.ndarray, dates: Sequence[Mapping[str, T]]
+) -> tuple[dict[str, list[tuple[float, T]]], list[str]]:
+    """Times and parts of what has some at several dates, by its name; names of all else."""
+    pairs = list(zip(map(float, times), dates, strict=True))
+    every = {
+        name: [(time, some[name]) for time, some in pairs if name in some]
+        for name in dict.fromkeys(name for some in dates for name in some)
+    }
+    known = {name: some for name, some in every.items() if len(some) > 1}
+    return known, [name for name in every if name not in known]
+
+
+def _require_plays(
+    names: Sequence[str], labels: Sequence[str], limits: Mapping[str, float] | None
+) -> None:
+    if len(names) < 2:
+        raise JointplayError(f"a change needs at least two measurements, got {len(names)}")
+    if not labels:
+        raise JointplayError(f"no play was measured twice in {', '.join(names)}")
+    for label in limits or {}:
+        if label.removesuffix(" change") not in labels:
+            raise MissingName("play", label, [*labels, *(f"{one} change" for one in labels)])
+
+
+def _answer(
+    names: tuple[str, ...],
+    times: np.ndarray,
+    unit: str,
+    courses: Sequence[Course],
+    once: Sequence[str],
+    said: Sequence[str],
+    limits: Mapping[str, float] | None,
+    ahead: float,
+    target: Target | None,
+) -> Watch:
+    """What the courses of plays say; `once` were measured once, `said` is what was assumed."""
+    notes = [f"note: {few(one.split(', '))}: measured once, no change is told" for one in once]
+    alarms = list[str]()
+    for one in courses:
+        alarms += _alarms(one, limits, target is not None, ahead, unit, notes)
+    if target is not None:
+        alarms += _missed(courses, target, _SEEN * times[-1], ahead, unit, notes)
     return Watch(
-        estimates=tuple(found), notes=tuple(notes), dates=names, times=times, unit=unit,
-        courses=courses, alarms=tuple(alarms),
+        estimates=tuple(e for one in courses for e in (one.value, one.changes[-1], one.rate)),
+        notes=(*notes, *said), dates=names, times=times, unit=unit,
+        courses={one.value.label: one.changes for one in courses}, alarms=tuple(alarms),
     )  # fmt: skip
 
 
@@ -185,22 +296,23 @@ def _told(fit: Fit, i: int) -> Estimate:
 
 
 def _alarms(
-    told: tuple[Estimate, Estimate, float, Estimate],
+    course: Course,
     limits: Mapping[str, float] | None,
     tolerated: bool,
     ahead: float,
     unit: str,
     notes: list[str],
 ) -> list[str]:
-    """Of one play: its value, its change, what that is at least, its growth; notes are added."""
-    value, change, least, rate = told
+    """Of one play; notes are added."""
+    value, change, least, rate = course.value, course.changes[-1], course.least, course.rate
     if not limits:
-        words = f"{value.label} has grown by {change.span}"
+        grown = change.span if change.low > 0.0 else f"at most {change.unknown.shown(change.high)}"
+        words = f"{value.label} has grown by {grown}"
         return [words] if least > 0.0 and not tolerated else []
     made = list[str]()
-    for one, low in ((value, value.low), (change, least)):
+    for one, low in ((value, value.low), (change, min(least, change.low))):
         limit = limits.get(one.label)
-        if limit is None:
+        if limit is None or np.isnan(one.value):
             continue
         times = tuple(
             _until(limit - x, growth)
@@ -212,7 +324,7 @@ def _alarms(
 
 
 def _missed(
-    course: Sequence[tuple[Estimate, Estimate]],
+    courses: Sequence[Course],
     target: Target,
     most: float,
     ahead: float,
@@ -220,8 +332,8 @@ def _missed(
     notes: list[str],
 ) -> list[str]:
     """Of the tool, by values and growth of all plays that are told; notes are added."""
-    known = [both for both in course if np.isfinite(both[0].half_width)]
-    if untold := [value.label for value, _ in course if not np.isfinite(value.half_width)]:
+    known = [(one.value, one.rate) for one in courses if np.isfinite(one.value.high)]
+    if untold := [one.value.label for one in courses if not np.isfinite(one.value.high)]:
         notes.append(f"note: not in the error of the tool, as they cannot be told: {few(untold)}")
     keys = [(value.joint, value.unknown.name) for value, _ in known]
     ends, times = list[float](), list[float]()

@@ -3,14 +3,15 @@
 `wiggle_goal` is the motion, a `ServoLog` what was recorded, `Known` what is known of the joint
 beforehand; logs and joints of which nothing can be told are refused. With the encoder on the output
 features of the log that ignore the phase of hunting go through a small regression, trained on a
-broad family of simulated joints (benchmarks/truth/wiggle.py --train).
+broad family of simulated joints (benchmarks/truth/wiggle.py --train); those of two logs of a joint
+go through another, which tells by how much its play differs.
 """
 
 from __future__ import annotations
 
 import hashlib
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -40,9 +41,20 @@ REVERSES, LEAST_FRICTION = 2.0, 0.01
 least, by the torque at stall."""
 HEAVY = 1.2
 """Least inertia of a link, by the rotor's, that an encoder on the motor feels."""
-EDGES = np.radians(np.arange(34) * 0.05)
-"""Of the bins in which play is told how likely it is [rad]."""
-LARGEST = float(EDGES[-1])
+BIN = 0.05
+"""Of play and its change [deg]."""
+EDGES = {
+    "gear_play": np.radians(np.arange(34) * BIN),
+    "servo_friction": np.linspace(np.log(0.003), np.log(0.11), 26),
+    "gear_compliance": np.linspace(np.log(1.5e-3), np.log(0.11), 30),
+    "change": np.radians(np.arange(-32, 33) * BIN),
+}
+"""Of the bins in which is told how likely is: a play [rad], the logarithm of the motor's friction
+by its torque at stall, that of how far the teeth wind up under this [rad], a play's change
+[rad]."""
+NETWORKS = {"value": ("gear_play", "servo_friction", "gear_compliance"), "change": ("change",)}
+"""What each kind of network tells."""
+LARGEST = float(EDGES["gear_play"][-1])
 """Play of the family [rad]."""
 HALF, WIDEST = 0.5, 0.8
 """A band wider than `WIDEST` is told only if it is all on one side of `HALF` [deg]."""
@@ -118,11 +130,17 @@ class Untold(Exception):
     """Why a log cannot tell, in words."""
 
 
+def outward(ends: tuple[float, float], step: float | np.ndarray) -> tuple[float, float]:
+    """An interval rounded outward to multiples of a step, or of one for each end."""
+    low, high = np.array(ends) / step
+    low, high = step * np.array([np.floor(low + 1e-9), np.ceil(high - 1e-9)])
+    return float(low), float(high)
+
+
 def rounded(low: float, high: float) -> tuple[float, float]:
-    """An interval in tenths of a degree, rounded outward [rad]."""
+    """An interval of play in tenths of a degree, rounded outward [rad]."""
     tenth = np.radians(0.1)
-    above = np.inf if high > LARGEST - tenth else tenth * np.ceil(high / tenth - 1e-9)
-    return float(tenth * np.floor(low / tenth + 1e-9)), float(above)
+    return outward((low, np.inf if high > LARGEST - tenth else high), tenth)
 
 
 def too_wide(low: float, high: float) -> bool:
@@ -217,20 +235,60 @@ def regression() -> dict[str, np.ndarray]:
         return dict(file)
 
 
-def ends_by_family(log: ServoLog, known: Known) -> tuple[float, float]:
-    """Ends of the play's interval by the regression [rad].
+def ends_by_family(log: ServoLog, known: Known) -> dict[str, tuple[float, float]]:
+    """Ends of intervals by the regression: of play, friction and compliance [SI].
+
+    Raises:
+        Untold: no joint of the family moves so, or see `on_grid`.
+        JointplayError: the numbers of the regression are damaged.
+    """
+    numbers, most = regression(), known.servo.stall * known.servo.voltage
+    likely = shares(seen_of(log, known), numbers)
+    ends = {name: ends_of(name, one, numbers["tails"]) for name, one in likely.items()}
+    (first, last), (soft, softer) = (np.exp(ends[k]) for k in NETWORKS["value"][1:])
+    return ends | {
+        "servo_friction": (most * first, most * last),
+        "gear_compliance": (soft / most, softer / most),
+    }
+
+
+def change_by_family(
+    both: Sequence[tuple[ServoLog, Known]], part: float = 1.0
+) -> tuple[float, float, float]:
+    """Of how much larger a joint's play is in the second of two logs: ends of its interval, rounded
+    outward to the bins', and what it surely is at least [rad].
+
+    That there is growth is told earlier than how much: of joints whose play stays as it is one of
+    forty is told to have grown by something.
+
+    Args:
+        both: of the same joint, with what is known of it at each.
+        part: of these false alarms.
 
     Raises:
         Untold: no joint of the family moves so, or see `on_grid`.
         JointplayError: the numbers of the regression are damaged.
     """
     numbers = regression()
-    seen = features(log, known)
+    seen = np.array([seen_of(*one) for one in both])
+    likely = change_shares(seen, numbers)
+    below = np.concatenate([[0.0], np.cumsum(likely)])
+    least = float(np.interp(part * numbers["alarm"], below, EDGES["change"]))
+    return *outward(ends_of("change", likely, numbers["tails"]), np.radians(BIN)), least
+
+
+def seen_of(log: ServoLog, known: Known) -> np.ndarray:
+    """Features of a log that is like those of the family, shape (n,).
+
+    Raises:
+        Untold: it is not, or see `on_grid`.
+    """
+    seen, numbers = features(log, known), regression()
     if strangeness(seen, numbers) > numbers["strange"]:
         raise Untold(
             "no simulated joint moves as this log does (one of 100 of the family is refused so)"
         )
-    return ends_of(shares(seen, numbers), numbers["tails"])
+    return seen
 
 
 def inside(own: np.ndarray, numbers: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -239,26 +297,73 @@ def inside(own: np.ndarray, numbers: Mapping[str, np.ndarray]) -> np.ndarray:
     return np.asarray(near)
 
 
-def shares(seen: np.ndarray, numbers: Mapping[str, np.ndarray]) -> np.ndarray:
-    """How likely play is in each bin: shape (..., bins), of features of shape (..., n).
+def scaled(seen: np.ndarray, numbers: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Features by the family's mean and spread, near it."""
+    return np.asarray(np.clip((seen - numbers["mean"]) / numbers["spread"], -_FAR, _FAR))
 
-    The mean of several networks with leaking rectifiers, each with softmax over the bins.
+
+def shares(
+    seen: np.ndarray, numbers: Mapping[str, np.ndarray], kind: str = "value"
+) -> dict[str, np.ndarray]:
+    """How likely each bin is of what a kind of networks tells: shape (..., bins).
+
+    The mean of several networks with leaking rectifiers, with softmax over the bins of each.
+
+    Args:
+        seen: features, shape (..., n); for "change" see `paired`.
+        numbers: of `regression`.
+        kind: of `NETWORKS`.
     """
-    scaled = np.clip((seen - numbers["mean"]) / numbers["spread"], -_FAR, _FAR)
     found = []
     for k in range(int(numbers["networks"])):
-        x = scaled
+        x = scaled(seen, numbers) if kind == "value" else seen
         for layer in range(3):
-            x = x @ numbers[f"weight_{k}_{layer}"] + numbers[f"offset_{k}_{layer}"]
-            x = np.maximum(x, 0.1 * x) if layer < 2 else x - x.max(axis=-1, keepdims=True)
-        found.append(np.exp(x) / np.exp(x).sum(axis=-1, keepdims=True))
-    return np.asarray(np.mean(found, axis=0), dtype=float)
+            x = x @ numbers[f"{kind}_weight_{k}_{layer}"] + numbers[f"{kind}_offset_{k}_{layer}"]
+            x = np.maximum(x, 0.1 * x) if layer < 2 else x
+        found.append([softmax(part) for part in np.split(x, cuts(kind), axis=-1)])
+    means = (np.mean(one, axis=0) for one in zip(*found, strict=True))
+    return dict(zip(NETWORKS[kind], means, strict=True))
 
 
-def ends_of(likely: np.ndarray, tails: np.ndarray) -> tuple[float, float]:
-    """Ends of a play's interval [rad] that leave so much of the likelihood below and above."""
+def cuts(kind: str) -> np.ndarray:
+    """Where a network's outputs of the next of what it tells begin."""
+    return np.cumsum([len(EDGES[name]) - 1 for name in NETWORKS[kind]])[:-1]
+
+
+def softmax(x: np.ndarray) -> np.ndarray:
+    """Likelihoods (..., bins) by the networks' outputs."""
+    found = np.exp(x - x.max(axis=-1, keepdims=True))
+    return np.asarray(found / found.sum(axis=-1, keepdims=True))
+
+
+def paired(seen: np.ndarray, numbers: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Of two logs' features, shape (..., 2, n), their mean and, of logs, their difference."""
+    first, last = seen[..., 0, :], seen[..., 1, :]
+    differ = np.clip(2.0 * (last - first) / numbers["spread"], -_FAR, _FAR)
+    mean = 0.5 * (scaled(first, numbers) + scaled(last, numbers))
+    return np.concatenate([mean, differ[..., : -len(KNOWN)]], axis=-1)
+
+
+def change_shares(seen: np.ndarray, numbers: Mapping[str, np.ndarray]) -> np.ndarray:
+    """How likely each change of play is by two logs' features (..., 2, n), in both orders."""
+    there, back = (
+        shares(paired(one, numbers), numbers, "change")["change"]
+        for one in (seen, seen[..., ::-1, :])
+    )
+    return np.asarray(0.5 * (there + back[..., ::-1]))
+
+
+def ends_of(name: str, likely: np.ndarray, tails: np.ndarray) -> tuple[float, float]:
+    """Ends of an interval that leaves so much of the likelihood below and above.
+
+    Args:
+        name: of what is told, of `EDGES`.
+        likely: by bin.
+        tails: below and above, a row for each of `EDGES`.
+    """
     below = np.concatenate([[0.0], np.cumsum(likely)])
-    low, high = np.interp([tails[0], below[-1] - tails[1]], below, EDGES)
+    least, most = tails[list(EDGES).index(name)]
+    low, high = np.interp([least, below[-1] - most], below, EDGES[name])
     return float(low), float(high)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -30,17 +30,23 @@ from jointplay.estimate.wiggle import (
     Known,
     ServoLog,
     Untold,
+    change_by_family,
     check_joint,
     check_log,
     ends_by_family,
+    outward,
     rounded,
     too_wide,
 )
-from jointplay.estimate.wiggle_plan import known_of
+from jointplay.estimate.wiggle_plan import dial_note, known_of
 from jointplay.estimate.wiggle_profile import Profile
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.loads.drive import Drive, Servo
 
+QUANTITIES = {"gear_play": "rad", "servo_friction": "N*m", "gear_compliance": "rad/(N*m)"}
+"""What is told of a joint, and its unit."""
+FACTOR = 4.0
+"""Between the ends of an interval of friction or compliance, above which it is not told."""
 _PAUSE_S = 0.7
 """Longest time within a wiggle in which its goal stands, and how long a part lasts beyond it."""
 _STILL = 1e-4
@@ -107,6 +113,14 @@ class ServoSignals:
             for one in columns.SERVO_UNITS
         )
         return cls(numbers["time", ""], goal, position, str(path), _gains(path))
+
+    @classmethod
+    def of(cls, log: ServoSignals | str | Path | Recording, mechanism: Mechanism) -> ServoSignals:
+        """A log of a robot, read if it is not yet; see `read`."""
+        if isinstance(log, ServoSignals):
+            return log
+        entries = mechanism.description.joints
+        return cls.read(log, {name: entries[name].slides for name in moving(mechanism)})
 
     @classmethod
     def _of_recording(cls, log: Recording, joints: Mapping[str, bool]) -> ServoSignals:
@@ -199,7 +213,11 @@ class Wiggled(OfJoints):
 
     @property
     def _tables(self) -> Mapping[str, Mapping[str, Any]]:
-        return {"drive": {name: shortest(Drive, one) for name, one in self.servos.items()}}
+        servos = dict(self.servos)
+        for one in self.estimates:
+            if one.unknown.name == "servo_friction" and one.identified:
+                servos[one.joint] = replace(servos[one.joint], friction=one.value)
+        return {"drive": {name: shortest(Drive, one) for name, one in servos.items()}}
 
 
 def _loop(log: ServoLog) -> Loop:
@@ -212,44 +230,145 @@ def _loop(log: ServoLog) -> Loop:
     return Loop(log.joint, goal, "goal", "rad", off, nothing, "rad", branch)
 
 
-def play_of(log: ServoLog, known: Known) -> Estimate:
-    """The play of a joint's gear by a log of its wiggle [rad].
+@dataclass(frozen=True)
+class Wiggle:
+    """One joint's part of a log, and what is known of the joint."""
 
-    Its interval is a band in tenths of a degree, rounded outward; a band that begins at zero is an
-    upper bound (not `found`), one of a play beyond the family's largest has no upper end; and there
-    is a reason where the log cannot tell.
+    log: ServoLog
+    known: Known | None = None
+    """None: nothing of its servo."""
+
+    def checked(self) -> tuple[ServoLog, Known]:
+        """Both, unless nothing can be told of them.
+
+        Raises:
+            Untold: with the reason.
+            JointplayError: the numbers of the regression are damaged.
+        """
+        if self.known is None:
+            raise Untold("no servo with gains, motor and rotor is known of it")
+        check_log(self.log)
+        check_joint(self.known)
+        return self.log, self.known
+
+
+def told_of(one: Wiggle) -> tuple[Estimate, ...]:
+    """What a log of its wiggle tells of a joint: the play of its gear [rad] and, with the encoder
+    on the output, the motor's friction [N m] and the gear's compliance [rad/(N m)].
+
+    The play's interval is a band in tenths of a degree, rounded outward; a band that begins at zero
+    is an upper bound (not `found`), one of a play beyond the family's largest has no upper end; and
+    there is a reason where the log cannot tell, of friction and compliance beyond a factor.
     """
-    unknown = Unknown(log.joint, "gear_play", "rad", np.nan, in_degrees=True)
+    joint = one.log.joint
+    play = unknown_of(joint)
     try:
-        low, high = band(log, known)
+        ends = ends_by(one)
     except Untold as error:
-        return Estimate(unknown, reason=str(error))
-    if too_wide(low, high):
-        ends = f"{np.degrees(low):.1f} to {np.degrees(min(high, LARGEST)):.1f} deg"
-        return Estimate(unknown, reason=f"plays from {ends} would look alike in this log")
+        return (Estimate(play, reason=str(error)),)
+    low, high = ends.pop("gear_play")
     middle = 0.5 * (low + high) if np.isfinite(high) else low
-    return Estimate(unknown, middle, ends=(low, high), upper=high, found=low > 0.0)
+    found = Estimate(play, middle, ends=(low, high), upper=high, found=low > 0.0)
+    if too_wide(low, high):
+        words = f"{np.degrees(low):.1f} to {np.degrees(min(high, LARGEST)):.1f} deg"
+        found = replace(found, reason=f"plays from {words} would look alike in this log")
+    return found, *(_factor(joint, name, *both) for name, both in ends.items())
 
 
-def band(log: ServoLog, known: Known) -> tuple[float, float]:
-    """Ends of the play's interval, in tenths of a degree, rounded outward [rad], however wide.
+def unknown_of(joint: str, name: str = "gear_play") -> Unknown:
+    """What is sought of a joint."""
+    return Unknown(
+        joint, name, QUANTITIES[name], np.nan, fine=False, in_degrees=name == "gear_play"
+    )
 
-    The upper one is infinite where it reaches the family's largest play.
+
+def _factor(joint: str, name: str, low: float, high: float) -> Estimate:
+    """A positive quantity by the ends of its interval, unless these are too far apart."""
+    unknown, reason = unknown_of(joint, name), ""
+    if high > FACTOR * low:
+        words = f"{unknown.shown(low)} to {unknown.shown(high)}"
+        reason = f"{words} would look alike in this log, a factor of more than {FACTOR:g}"
+    middle = float(f"{np.sqrt(low * high):.2g}")
+    return Estimate(unknown, middle, ends=(low, high), reason=reason)
+
+
+def ends_by(one: Wiggle) -> dict[str, tuple[float, float]]:
+    """Ends of the intervals of what a log tells [SI], however wide, by `QUANTITIES`.
+
+    They are rounded outward, those of play to tenths of a degree, else to two digits; the upper one
+    of play is infinite where it reaches the family's largest.
 
     Raises:
         Untold: the log or the joint is refused.
         JointplayError: the numbers of the regression are damaged.
     """
-    check_log(log)
-    check_joint(known)
+    log, known = one.checked()
     motor = known.servo.encoder == "motor"
-    return rounded(*(Profile(log, known).ends() if motor else ends_by_family(log, known)))
+    ends = {"gear_play": Profile(log, known).ends()} if motor else ends_by_family(log, known)
+    play = rounded(*ends.pop("gear_play"))
+    return {"gear_play": play} | {
+        name: outward(both, 10.0 ** (np.floor(np.log10(both)) - 1.0)) for name, both in ends.items()
+    }
+
+
+def change_of(first: Wiggle, last: Wiggle, part: float = 1.0) -> tuple[float, float, float]:
+    """See `change_by_family`; with the encoder on the motor the interval is as wide as both bands.
+
+    Raises:
+        Untold: a log or the joint is refused, or a play may be beyond the family's largest.
+        JointplayError: the numbers of the regression are damaged.
+    """
+    both = first.checked(), last.checked()
+    if both[0][1].servo.encoder == "link":
+        return change_by_family(both, part)
+    (low, high), (least, most) = (ends_by(one)["gear_play"] for one in (first, last))
+    if np.isinf([high, most]).any():
+        raise Untold(f"a play may be beyond {np.degrees(LARGEST):.3g} deg, and so any change")
+    return least - high, most - low, least - high
+
+
+def wiggles(
+    mechanism: Mechanism, log: ServoSignals, drives: Mapping[str, Drive]
+) -> tuple[dict[str, Wiggle], list[str]]:
+    """The wiggle of each joint that a log has one of, and notes on what was assumed.
+
+    Raises:
+        JointplayError: no joint is wiggled alone.
+        MissingName: a joint that the robot has not.
+    """
+    names = moving(mechanism)
+    for name in log.goal:
+        if name not in names:
+            raise MissingName("joint that moves", name, names)
+    parts = log.logs()
+    if not parts:
+        raise JointplayError(
+            f"{log.source}: no joint's goal goes to and fro while the others stand: "
+            f"{few(list(log.goal))}; --plan wiggle writes such a motion"
+        )
+    found, assumed = dict[str, Wiggle](), list[str]()
+    for joint, (part, pose) in parts.items():
+        servo, known = drives.get(joint), None
+        if isinstance(servo, Servo) and joint in mechanism.gears:
+            if joint in log.gains and servo.catalogue is not None:
+                servo = servo.with_gain(*log.gains[joint])
+            else:
+                assumed.append(f"{joint} {readable(servo.p_gain, 'V/rad', 3)}")
+            known = known_of(mechanism, servo, joint, {**middle(mechanism), **pose})
+        found[joint] = Wiggle(part, known)
+    notes = list(log.notes)
+    if assumed:
+        notes.append(
+            f"note: the log says no gains; taken are {few(assumed)}: --set drives.JOINT.p_gain=... "
+            "says others (LeRobot halves the P gain of an SO-101)"
+        )
+    return found, notes
 
 
 def identify_wiggled(
     mechanism: Mechanism, log: ServoSignals | str | Path | Recording, drives: Mapping[str, Drive]
 ) -> Wiggled:
-    """Play of single joints from what their servos report while they are wiggled.
+    """What is told of single joints by what their servos report while they are wiggled.
 
     Args:
         mechanism: the robot, with the gears of the joints.
@@ -260,47 +379,26 @@ def identify_wiggled(
         JointplayError: no joint is wiggled alone; see `ServoSignals.read`.
         MissingName: a joint that the robot has not.
     """
-    names = moving(mechanism)
-    if not isinstance(log, ServoSignals):
-        slides = {name: mechanism.description.joints[name].slides for name in names}
-        log = ServoSignals.read(log, slides)
-    for name in log.goal:
-        if name not in names:
-            raise MissingName("joint that moves", name, names)
-    parts = log.logs()
-    if not parts:
-        raise JointplayError(
-            f"{log.source}: no joint's goal goes to and fro while the others stand: "
-            f"{few(list(log.goal))}; --plan wiggle writes such a motion"
-        )
-    found, servos, notes = list[Estimate](), dict[str, Servo](), list(log.notes)
-    untold = list[str]()
-    for joint, (part, pose) in parts.items():
-        unknown = Unknown(joint, "gear_play", "rad", np.nan, in_degrees=True)
-        servo = drives.get(joint)
-        if not isinstance(servo, Servo) or joint not in mechanism.gears:
-            reason = "no servo with gains, motor and rotor is known of it"
-            found.append(Estimate(unknown, reason=reason))
-            continue
-        if joint in log.gains and servo.catalogue is not None:
-            servo = servo.with_gain(*log.gains[joint])
-        else:
-            untold.append(f"{joint} {readable(servo.p_gain, 'V/rad', 3)}")
-        servos[joint] = servo
-        known = known_of(mechanism, servo, joint, {**middle(mechanism), **pose})
-        found.append(play_of(part, known))
-    if untold:
+    signals = ServoSignals.of(log, mechanism)
+    parts, notes = wiggles(mechanism, signals, drives)
+    found, servos, mute, soft = list[Estimate](), dict[str, Servo](), list[str](), list[str]()
+    for joint, one in parts.items():
+        told = told_of(one)
+        # Stiffness is told so seldom that its reasons would be all one reads.
+        kept = [x for x in told if x.identified or x.unknown.name != "gear_compliance"]
+        soft += [joint] * (len(told) - len(kept))
+        found += kept
+        if one.known is not None:
+            servos[joint] = one.known.servo
+            if told[0].reason and one.known.servo.encoder == "link":
+                mute.append(joint)
+    if soft:
         notes.append(
-            f"note: the log says no gains; taken are {few(untold)}: --set drives.JOINT.p_gain=... "
-            "says others (LeRobot halves the P gain of an SO-101)"
+            f"note: the log does not tell the stiffness of {few(soft)} to a factor of {FACTOR:g}"
         )
-    mute = [one.joint for one in found if one.reason and one.joint in servos]
-    if output := [name for name in mute if servos[name].encoder == "link"]:
-        notes.append(
-            f"note: the encoder of {few(output)} turns with the output, and is a dial gauge: with "
-            "the torque off, push softly to both sides, and give its angles to --plan dial's table"
-        )
+    if mute:
+        notes.append(dial_note(mute))
     return Wiggled(
-        estimates=tuple(found), mechanism=mechanism, source=log.source, notes=tuple(notes),
-        logs={name: part for name, (part, _) in parts.items()}, servos=servos,
+        estimates=tuple(found), mechanism=mechanism, source=signals.source, notes=tuple(notes),
+        logs={name: one.log for name, one in parts.items()}, servos=servos,
     )  # fmt: skip

@@ -17,7 +17,7 @@ import pinocchio as pin
 
 from jointplay.accuracy.poses import middle, moving
 from jointplay.base.errors import JointplayError, MissingName
-from jointplay.base.tables import Table
+from jointplay.base.tables import Table, few
 from jointplay.base.units import readable
 from jointplay.estimate.planning import free_poses
 from jointplay.estimate.wiggle import HEAVY, Known, Untold, check_joint, wiggle_goal
@@ -52,6 +52,15 @@ RECORD = (
     "Record goal and position of every joint, 100 times a second or more, each with the time at "
     "which it was read (to 2 ms), and the servos' gains. Nothing may touch the arm."
 )
+
+
+def dial_note(joints: list[str]) -> str:
+    """The other way to measure joints whose encoder is on the output."""
+    return (
+        f"note: the encoder of {few(joints)} turns with the output, and is a dial gauge, which "
+        "tells more often than a wiggle: with the torque off, push softly to both sides, and give "
+        "its angles to --plan dial's table"
+    )
 
 
 def known_of(mechanism: Mechanism, servo: Servo, joint: str, pose: Mapping[str, float]) -> Known:
@@ -149,6 +158,9 @@ def plan_wiggle(
         whom = "; ".join(f"{name}: {why}" for name, why in refused.items())
         raise JointplayError(f"a wiggle tells no joint's play: {whom or 'no joint has a servo'}")
     time, position = motion.points()
+    servos = [(name, drives.get(name)) for name in joints or able]
+    if on := [n for n, one in servos if isinstance(one, Servo) and one.encoder == "link"]:
+        notes = [*notes, dial_note(on)]
     return WigglePlan(tuple(names), time, position, tuple(steps), refused, tuple(notes))
 
 

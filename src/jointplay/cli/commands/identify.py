@@ -83,6 +83,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -120,11 +121,15 @@ OF_JOINTS = ["identified.csv", "identified.json", LOOPS]
 WATCHED = ("limit", "target", "ahead")
 ALARM = 3
 """Exit status."""
+DIAL, WIGGLE, MOTION = (
+    *("a table of a dial gauge", "a servos' log of a wiggle", "a measurement in motion"),
+)
+"""What can be watched."""
 
 
 def run(options: argparse.Namespace) -> int:
     from jointplay.base import processes
-    from jointplay.estimate.columns import is_readings, is_servo_log
+    from jointplay.estimate.columns import is_readings
 
     processes.number_of(options.jobs)
     if options.against:
@@ -147,8 +152,7 @@ def run(options: argparse.Namespace) -> int:
         one_of("--plan", options.plan, PLANS)
     if options.plan == "dial" or (options.data is not None and is_readings(options.data)):
         return _gauge(options)
-    goals = any(text.partition("=")[0].split()[-1:] == ["goal"] for text in options.source)
-    if options.plan == "wiggle" or goals or (options.data and is_servo_log(options.data)):
+    if options.plan == "wiggle" or (options.data and _is_wiggle(options, options.data)):
         return _wiggle(options)
     if options.encoder is not None:
         raise JointplayError("--encoder is for --plan wiggle, and for logs of servos")
@@ -223,10 +227,18 @@ def _about(options: argparse.Namespace) -> tuple[dict[str, Any], float | None]:
     return shared, lag
 
 
+def _is_wiggle(options: argparse.Namespace, path: str | Path) -> bool:
+    """Whether a measurement is what servos logged of a wiggle."""
+    from jointplay.estimate.columns import is_servo_log
+
+    goals = any(text.partition("=")[0].split()[-1:] == ["goal"] for text in options.source)
+    return goals or is_servo_log(path)
+
+
 def _watch(options: argparse.Namespace) -> int:
     """Compare measurements of the same machine."""
-    from jointplay.estimate.columns import is_readings, is_servo_log
-    from jointplay.estimate.watch import in_order, watch
+    from jointplay.estimate.columns import is_readings
+    from jointplay.estimate.watch import in_order, watch, watch_wiggled
 
     for name in ("plan", *OUTPUTS, "runs", "verify"):
         if getattr(options, name) is not None:
@@ -238,32 +250,35 @@ def _watch(options: argparse.Namespace) -> int:
     for path in paths:
         if not path.exists():
             raise JointplayError(f"there is no file {str(path)!r}")
-    if logs := [path for path in paths if is_servo_log(path)]:
-        raise JointplayError(
-            f"{logs[0]}: what servos log of a wiggle tells bands, too wide for changes of play; a "
-            "dial gauge, a tracker or second encoders tell these"
-        )
-    gauge = [is_readings(path) for path in paths]
-    if any(gauge) and not all(gauge):
-        one, other = (paths[gauge.index(kind)] for kind in (True, False))
-        raise JointplayError(f"{other} is no table of a dial gauge, and {one} is")
+    kinds = [
+        DIAL if is_readings(path) else WIGGLE if _is_wiggle(options, path) else MOTION
+        for path in paths
+    ]
+    for path, kind in zip(paths, kinds, strict=True):
+        if kind != kinds[0]:
+            raise JointplayError(f"{path} is {kind}, and {paths[0]} is {kinds[0]}")
     limits = {}
     for text in options.limit:
         label, value = pair(text, '--limit PLAY=X, such as "elbow gear play=0.2 deg"')
         unit = "m" if "clearance" in label else "rad"
         limits[label] = quantity(value, unit, f"--limit {label}")
-    posed = _gauged(options) if all(gauge) else posed_machine(options)
-    problems = (_gauge_series if all(gauge) else _series)(options, posed, paths)
+    posed = {DIAL: _gauged, WIGGLE: _with_servos, MOTION: posed_machine}[kinds[0]](options)
+    told: Any = watch
+    if kinds[0] == WIGGLE:
+        _refuse(options, NOT_OF_A_WIGGLE, "a wiggle of servos")
+        told = partial(watch_wiggled, posed.mechanism, _servos(options, posed))
+    series = {DIAL: _gauge_series, WIGGLE: _wiggle_series, MOTION: _series}[kinds[0]]
+    parts = series(options, posed, paths)
     out.claim()
-    dates = [(path.name, next(problems)) for path in paths]
-    found = watch(dates, limits, options.ahead or 0.0, _target(options, posed))
+    dates = [(path.name, next(parts)) for path in paths]
+    found = told(dates, limits, options.ahead or 0.0, _target(options, posed))
     notes = [*found.notes, *([f"tool at: {posed.poses.words}"] if options.target else [])]
     print_answer(found.sentence, replace(found, notes=()), notes, options.detail)
     if options.out:
         from jointplay.show.plots.design import courses
 
-        told = json.dumps(found.describe(), indent=1) + "\n"
-        out.write({"watch.csv": found.data.csv(), "watch.json": told, "watch.png": courses(found)})
+        data = json.dumps(found.describe(), indent=1) + "\n"
+        out.write({"watch.csv": found.data.csv(), "watch.json": data, "watch.png": courses(found)})
     return ALARM if found.alarms else 0
 
 
@@ -335,6 +350,24 @@ def _series(
         yield [identify_problem(machine, _recording(options), **about, **shared)]
 
 
+def _wiggle_series(
+    options: argparse.Namespace, posed: PosedMachine, paths: Sequence[Path]
+) -> Iterator[Any]:
+    """What servos logged at each date."""
+    from jointplay.estimate.wiggle_logs import ServoSignals
+
+    for path in paths:
+        options.data = str(path)
+        yield ServoSignals.of(_recording(options), posed.mechanism)
+
+
+def _with_servos(options: argparse.Namespace) -> PosedMachine:
+    """The machine, by default with what is known of the robot's servos."""
+    if options.preset is None and not is_scenario(options):
+        options.preset = _preset_with_servos(str(options.place))
+    return posed_machine(options)
+
+
 def _gauge(options: argparse.Namespace) -> int:
     """Plan or take readings of a dial gauge."""
     from jointplay.estimate.gauge import identify_gauged, plan_gauge
@@ -364,9 +397,7 @@ def _wiggle(options: argparse.Namespace) -> int:
     _refuse(options, NOT_OF_A_WIGGLE, "a wiggle of servos")
     planned = ["plan.txt", "wiggle.csv", "wiggle.yaml", "wiggle_lerobot.py"]
     out = Outputs(options.out, planned if options.plan else OF_JOINTS)
-    if options.preset is None and not is_scenario(options):
-        options.preset = _preset_with_servos(str(options.place))
-    posed = posed_machine(options)
+    posed = _with_servos(options)
     drives = _servos(options, posed)
     log = None if options.plan else _recording(options)
     out.claim()

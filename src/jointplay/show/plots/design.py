@@ -313,16 +313,17 @@ def _reversal_loop(loop: Loop, estimates: Sequence[Estimate]) -> Panel:
 
 
 def courses(watched: Watch) -> Figure:
-    """How each play changed since the first measurement, and its growth."""
+    """How each play changed since the first measurement."""
     panels: list[Panel | None] = []
     for label, changes in watched.courses.items():
-        ends = np.array([one.interval for one in changes]).T
-        value = np.array([one.value for one in changes])
+        told = [(one.value, *one.interval) for one in changes]
+        degrees = changes[-1].unknown.in_degrees
+        value, low, high = np.array(told).T / (np.radians(1.0) if degrees else 1.0)
         times = watched.times[-len(changes) :]
-        seen = Curve(times, value, line="", marker="o", size=4.0, low=ends[0], high=ends[1])
-        up = Axis("change since the first", changes[-1].unknown.unit, "fine")
-        words = " to ".join(map(changes[-1].unknown.shown, changes[-1].interval))
-        title = f"{label}\n{words}"
+        seen = Curve(times, value, line="", marker="o", size=4.0, low=low, high=high)
+        unit = ("deg", "large") if degrees else (changes[-1].unknown.unit, "fine")
+        up = Axis("change since the first", *unit)
+        title = f"{label}\n{changes[-1].words()[1]}"
         panels.append(Panel(Axis(f"{watched.unit}s"), up, [Rule(0.0), seen], title=title))
     return _in_rows(panels, "statistical; bars: 95 % intervals")
 
