@@ -5,9 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
+import jointplay as jp
 from jointplay import JointplayError, Result
 from jointplay.paper import scara
 from jointplay.simulation.result import FORMAT, netcdf
+from jointplay.simulation.result.histories import compile_histories
 
 
 @pytest.fixture(scope="module")
@@ -109,3 +111,14 @@ def test_the_orientation_says_its_convention_and_agrees_with_the_angular_velocit
     rate = np.hstack([-(omega * v).sum(axis=1, keepdims=True), w * omega + np.cross(omega, v)]) / 2
     slope = np.gradient(turn.values, result.time, axis=0)
     assert np.abs(slope - rate)[1:-1].mean() < 0.02 * np.abs(rate).max()
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("name", ["scara", "four_bar", "gantry"])
+def test_histories_that_are_compiled_ahead_leave_no_trace(name):
+    scenario = jp.Scenario.load(jp.shipped(f"{name}.toml"))
+    simulation = dataclasses.replace(scenario.simulation(scenario.cases[-1]), duration=2e-3)
+    ahead = jp.Run(simulation)
+    compile_histories(ahead)
+    found = [run.finish(check_step=False).dataset for run in (ahead, jp.Run(simulation))]
+    assert found[0].drop_attrs().identical(found[1].drop_attrs())
