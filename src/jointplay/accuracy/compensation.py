@@ -23,7 +23,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.accuracy.compensator import STILL
-from jointplay.accuracy.jacobians import tool_place
+from jointplay.accuracy.jacobians import taken_up, tool_place
 from jointplay.base.errors import JointplayError, require_a
 from jointplay.base.progress import ProgressBar
 from jointplay.base.tables import Column, Table, counted, few
@@ -41,11 +41,6 @@ NODE_S = 0.02
 """Interval at which sides are found, and at every other places of rest [s]; commands change so."""
 SAMPLE_S = 0.01
 """Interval of the corrected motion's points [s]."""
-ARM_M = 0.1
-"""Arm on which a turn of the tool counts as much as its displacement [m]."""
-DAMPING = 1e-2
-"""Of the least squares, relative to the largest singular value of the Jacobian: near singular poses
-it spares joints long ways for little."""
 STANDS_S = 1.0
 """How long a machine is taken to stand before its motion and after it [s]."""
 NEAR = 0.05
@@ -266,20 +261,10 @@ def through_jacobian(
     """Displacements of the joints of the motion, (n, j), that move the ideal tool so (n, 6)."""
     ideal, motion = simulation.mechanism.ideal(), simulation.motion
     assert motion is not None
-    at = [ideal.coordinate(name) for name in motion.joints]
-    weight = np.array([1.0] * 3 + [ARM_M] * 3)
-    found = np.zeros((len(times), len(at)))
+    found = np.zeros((len(times), len(motion.joints)))
     for k, position in enumerate(motion(times)[0]):
-        q = ideal.configuration(dict(zip(motion.joints, position.tolist(), strict=True)))
-        pin.computeJointJacobians(ideal.model, ideal.data, q)
-        pin.updateFramePlacements(ideal.model, ideal.data)
-        moves = pin.getFrameJacobian(
-            ideal.model, ideal.data, ideal.tool_frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        )
-        moves = weight[:, None] * moves.reshape(6, -1)[:, at]
-        size = DAMPING * np.linalg.norm(moves, 2)
-        square = moves.T @ moves + size**2 * np.eye(len(at))
-        found[k] = np.linalg.solve(square, moves.T @ (weight * displacement[k]))
+        at = dict(zip(motion.joints, position.tolist(), strict=True))
+        found[k], _ = taken_up(ideal, at, displacement[k])
     return found
 
 
