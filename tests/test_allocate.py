@@ -23,8 +23,9 @@ from jointplay.accuracy.error_budget import budget
 from jointplay.accuracy.error_model import play_model
 from jointplay.base.errors import MissingName
 from jointplay.cli import main
+from jointplay.model.robots import robot_urdf
 from jointplay.show.plots.design import allocation
-from jointplay.simulation.loads import ComputedTorque
+from jointplay.simulation.loads import ComputedTorque, JointFriction
 from jointplay.study.corners import judge
 from jointplay.study.courses import dynamic_error, fitting_step
 
@@ -559,6 +560,51 @@ def test_what_compensation_leaves_is_what_runs_with_other_play_show(urdf, count)
     exactly = corrected(arm, pose, play=0.0).error
     assert corrected(arm, pose).error - exactly == pytest.approx(shown, rel=0.15)
     assert corrected(arm, pose, play=0.0, friction=0.5).error == pytest.approx(1.5 * exactly)
+
+
+def moving_scara():
+    joints = {"joint_b": RevoluteClearance(radial_clearance=2e-4, axial_clearance=2e-4)}
+    robot = Mechanism(jp.shipped("scara.urdf"), joints, gravity=(0.0, 0.0, -9.81))
+    places = [[0.0, 0.4, 0.0, 0.0], [0.3, -0.4, 0.0, 0.0]]  # stretched between
+    return jp.Simulation(robot, Motion(robot.joints, [0.0, 0.8, 1.0], [*places, places[1]]))
+
+
+def moving_ur5():
+    path = robot_urdf("ur5")
+    names = Mechanism(path).joints
+    bearing = RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4)
+    places = [[0.0, -1.2, 1.5, -1.9, -1.57, 0.0], [0.4, -1.0, 1.6, -2.2, -1.57, 0.4]]
+    motion = Motion(names, [0.0, 1.5, 2.0], [*places, places[1]])  # it swings after a fast stop
+    return jp.Simulation(Mechanism(path, dict.fromkeys(names, bearing)), motion)
+
+
+def moving_gantry():
+    gears = {"x": Gear(1e-4, 4.0, 2e6, 1500.0), "z": Gear(5e-5, 16.0, 2e7, 5000.0)}
+    robot = Mechanism(jp.shipped("gantry.urdf"), gears=gears, tool="gripper")
+    places = [[0.1, 0.0], [0.25, -0.03]]
+    return jp.Simulation(
+        robot, Motion(("x", "z"), [0.0, 0.5, 0.7], [*places, places[1]]),
+        ComputedTorque(encoder="motor"), joint_friction={"x": JointFriction(coulomb=5.0)},
+    )  # fmt: skip
+
+
+@later
+@pytest.mark.parametrize("machine", [moving_scara, moving_ur5, moving_gantry])
+def test_no_run_leaves_more_at_a_stop_than_compensation_is_said_to(machine):
+    """Play 30 % larger or smaller; of the stretched SCARA neither on the way."""
+    simulation = machine()
+    motion, robot = simulation.motion, simulation.mechanism
+    corners = judge(jp.compensate(simulation), {"play": 0.3}, jobs=1).corners
+    for time in (motion.duration, *((0.4,) if machine is moving_scara else ())):
+        pose = dict(zip(motion.joints, motion(np.array([time]))[0][0].tolist(), strict=True))
+        shown = [np.linalg.norm(x.after.values, axis=1) for x in corners]
+        shown = [one[np.abs(x.after.times - time) <= 1e-2].max()
+                 for one, x in zip(shown, corners, strict=True)]  # fmt: skip
+        said = corrected(robot, pose).error, corrected(robot, pose, play=0.0).error
+        assert max(shown) < said[0]
+        assert shown[0] < said[1]
+        if time == 0.4:
+            assert shown[0] > 0.6 * said[1]  # what the stretched arm cannot take back
 
 
 def test_compensation_stands_beside_what_is_allocated(capsys, tmp_path):

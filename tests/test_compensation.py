@@ -27,6 +27,7 @@ from jointplay import (
 from jointplay.accuracy import compensation as module
 from jointplay.bridges import backlash, bag
 from jointplay.bridges.trajectory import content, of_motion
+from jointplay.model.gear import GearStage, GearTrain
 from jointplay.model.payload import Payload
 from jointplay.physics.contact import Coulomb
 from jointplay.scenario.presets import preset
@@ -295,6 +296,17 @@ def test_factors_change_what_they_name(level):
     assert (gear.play, gear.stiffness) == (2.0 * PLAY, 5.0 * STIFFNESS)
     assert new.mechanism.clearance["j"].radial_clearance == 2e-4
     assert (new.joint_friction["j"].coulomb, new.payloads[0].mass) == (6.0, 4.0)
+
+
+def test_the_play_of_a_train_of_gears_is_varied_in_proportion(level):
+    stages = (GearStage(ratio=5.0, backlash=1e-3), GearStage(ratio=4.0, backlash=2e-3))
+    train = GearTrain(rotor_inertia=0.05, stages=stages, stiffness=STIFFNESS)
+    simulation = simulated(Mechanism(level, gears={"j": train}))
+    for changes in ({"play": 1.3}, {"j.gear.play": 1.3 * train.play}):
+        gear = varied(simulation, changes).mechanism.gears["j"]
+        assert gear.play == pytest.approx(1.3 * train.play)
+        assert gear.stages[0].backlash == pytest.approx(1.3e-3)
+    assert varied(simulation, {"stiffness": 0.5}).mechanism.gears["j"].stiffness == STIFFNESS / 2.0
 
 
 def test_what_cannot_be_compensated_is_refused_in_a_line(level, upright):

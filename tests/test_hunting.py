@@ -225,6 +225,24 @@ def test_a_payload_in_hand_counts_from_the_start(urdf):
     assert hunting.released(simulation)[0].inertia == pytest.approx(0.07)
 
 
+def still(time, q, v, p, out):
+    out[0] = -100.0 * q[0]
+
+
+def test_gains_of_several_controllers_have_the_names_of_their_loads():
+    simulation = arm(100.0)
+    one = jp.loads.Controller(ARM[:1], push, (7.0, 1.0))
+    two = jp.loads.Controller(ARM[1:], Sampled, (5.0, 0.0, 1.0, 0.7), period=1e-3)
+    (own,) = hunting.released(replace(simulation, loads={"one": one, "two": two}))
+    assert list(own.gains) == ["one.p0", "one.p1", "two.kp", "two.ki", "two.kd", "two.p3"]
+    other = own.with_gains(**{"two.kp": 9.0}).whole.loads
+    assert other["one"].parameters == one.parameters
+    assert other["two"].parameters == (9.0, 0.0, 1.0, 0.7)
+    bare = replace(simulation, loads={"own": jp.loads.Controller(ARM[:1], still)})
+    with pytest.raises(jp.JointplayError, match="controller of joint_a has no parameters"):
+        hunting.hunting(bare, gain="kp")
+
+
 @pytest.mark.parametrize(("gain", "words"), [("kv", "no gain 'kv'"), ("ki", "ki is 0: give a")])
 def test_a_gain_that_is_not_there_is_refused(gain, words):
     with pytest.raises(jp.JointplayError, match=words):

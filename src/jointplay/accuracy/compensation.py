@@ -16,14 +16,15 @@ is found is a model's answer: `study.corners` has the engine judge it.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
 
 from jointplay.accuracy.compensator import STILL
-from jointplay.accuracy.jacobians import tool_place
+from jointplay.accuracy.jacobians import taken_up, tool_place
 from jointplay.base.errors import JointplayError, require_a
 from jointplay.base.progress import ProgressBar
 from jointplay.base.tables import Column, Table, counted, few
@@ -41,11 +42,6 @@ NODE_S = 0.02
 """Interval at which sides are found, and at every other places of rest [s]; commands change so."""
 SAMPLE_S = 0.01
 """Interval of the corrected motion's points [s]."""
-ARM_M = 0.1
-"""Arm on which a turn of the tool counts as much as its displacement [m]."""
-DAMPING = 1e-2
-"""Of the least squares, relative to the largest singular value of the Jacobian: near singular poses
-it spares joints long ways for little."""
 STANDS_S = 1.0
 """How long a machine is taken to stand before its motion and after it [s]."""
 NEAR = 0.05
@@ -93,14 +89,11 @@ class Compensation:
     """Stops that are approached from one side: from when on [s], and by which gear."""
     learned: int = 0
     """Passes learned from own runs."""
-    _motion: list[Motion] = field(default_factory=list, repr=False, compare=False)
 
-    @property
+    @cached_property
     def motion(self) -> Motion:
         """The corrected motion, a spline through points of `SAMPLE_S`."""
-        if not self._motion:
-            self._motion.append(corrected_motion(self.simulation, self.times, self.shift)[0])
-        return self._motion[0]
+        return corrected_motion(self.simulation, self.times, self.shift)[0]
 
     @property
     def crossings(self) -> np.ndarray:
@@ -266,20 +259,10 @@ def through_jacobian(
     """Displacements of the joints of the motion, (n, j), that move the ideal tool so (n, 6)."""
     ideal, motion = simulation.mechanism.ideal(), simulation.motion
     assert motion is not None
-    at = [ideal.coordinate(name) for name in motion.joints]
-    weight = np.array([1.0] * 3 + [ARM_M] * 3)
-    found = np.zeros((len(times), len(at)))
+    found = np.zeros((len(times), len(motion.joints)))
     for k, position in enumerate(motion(times)[0]):
-        q = ideal.configuration(dict(zip(motion.joints, position.tolist(), strict=True)))
-        pin.computeJointJacobians(ideal.model, ideal.data, q)
-        pin.updateFramePlacements(ideal.model, ideal.data)
-        moves = pin.getFrameJacobian(
-            ideal.model, ideal.data, ideal.tool_frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        )
-        moves = weight[:, None] * moves.reshape(6, -1)[:, at]
-        size = DAMPING * np.linalg.norm(moves, 2)
-        square = moves.T @ moves + size**2 * np.eye(len(at))
-        found[k] = np.linalg.solve(square, moves.T @ (weight * displacement[k]))
+        at = dict(zip(motion.joints, position.tolist(), strict=True))
+        found[k], _ = taken_up(ideal, at, displacement[k])
     return found
 
 
@@ -323,6 +306,23 @@ def _is_behind(simulation: Simulation, joint: str) -> bool:
     return getattr(drives[joint], "encoder", "motor") == "motor"
 
 
+def _efforts(
+    simulation: Simulation, motion: Motion, times: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Efforts of the joints of a motion of the ideal robot [N m or N], and inertias, (n, j)."""
+    ideal = simulation.mechanism.ideal()
+    at = [ideal.coordinate(name) for name in motion.joints]
+    states = np.zeros((3, len(times), ideal.model.nv))
+    states[:, :, at] = motion(times)
+    efforts, inertia = np.zeros((2, len(times), len(at)))
+    for k, state in enumerate(states.transpose(1, 0, 2)):
+        bodies = loaded(ideal.model, simulation.payloads, times[k])
+        data = bodies.createData()
+        efforts[k] = pin.rnea(bodies, data, *state)[at]
+        inertia[k] = pin.crba(bodies, data, state[0]).diagonal()[at]
+    return efforts, inertia
+
+
 def _torques(
     simulation: Simulation,
     times: np.ndarray,
@@ -334,21 +334,14 @@ def _torques(
     A side is left open by friction of a joint that stands, which may have either sign. That of
     journals is `rubbing`, as `_journals` has it.
     """
-    ideal, motion = simulation.mechanism.ideal(), simulation.motion
+    motion = simulation.motion
     assert motion is not None
-    at = [ideal.coordinate(name) for name in motion.joints]
     own = [motion.joints.index(name) for name in gears]
-    states = np.zeros((3, len(times), ideal.model.nv))
-    states[:, :, at] = motion(times)
-    tau, held, inertia = np.zeros((3, len(times), len(gears)))
-    for k, state in enumerate(states.transpose(1, 0, 2)):
-        bodies = loaded(ideal.model, simulation.payloads, times[k])
-        data = bodies.createData()
-        tau[k] = pin.rnea(bodies, data, *state)[at][own]
-        inertia[k] = pin.crba(bodies, data, state[0]).diagonal()[at][own]
+    tau, inertia = (one[:, own] for one in _efforts(simulation, motion, times))
+    speeds, held = motion(times)[1][:, own], np.zeros_like(tau)
     friction = joint_friction(simulation)
     for k, name in enumerate(gears):
-        losses, speed = friction.get(name, JointFriction()), states[1, :, at[own[k]]]
+        losses, speed = friction.get(name, JointFriction()), speeds[:, k]
         still = np.abs(speed) < STILL
         journal = rubbing.get(name, np.zeros((2, len(times))))
         tau[:, k] += np.where(still, 0.0, losses.torque(speed) + journal[0])
@@ -640,32 +633,20 @@ def _within_limits(
 
 def _beyond(simulation: Simulation, motion: Motion) -> dict[tuple[str, str], str]:
     """Limits of speed and effort that a motion exceeds: joint and what, in words."""
-    mechanism, ideal = simulation.mechanism, simulation.mechanism.ideal()
+    mechanism, friction = simulation.mechanism, joint_friction(simulation)
     times = np.linspace(0.0, motion.duration, max(round(motion.duration / SAMPLE_S), 12) + 1)
-    states = np.zeros((3, len(times), ideal.model.nv))
-    at = [ideal.coordinate(name) for name in motion.joints]
-    states[:, :, at] = motion(times)
-    entries, friction = mechanism.description.joints, joint_friction(simulation)
+    _, speed, acceleration = motion(times)
+    bounded = bool(limits.bounds(mechanism))
+    efforts = _efforts(simulation, motion, times)[0] if bounded else np.zeros_like(speed)
     found: dict[tuple[str, str], str] = {}
-    for name, k in zip(motion.joints, at, strict=True):
-        fastest, limit = np.abs(states[1, :, k]).max(), entries[name].speed
-        if limit is not None and fastest > limit * (1.0 + limits.MARGIN):
-            found[name, "speed"] = f"joint {name!r} has a speed of {fastest:.4g}, above {limit:g}"
-    if not limits.bounds(mechanism):
-        return found
-    efforts = np.zeros((len(times), ideal.model.nv))
-    for i, state in enumerate(states.transpose(1, 0, 2)):
-        bodies = loaded(ideal.model, simulation.payloads, times[i])
-        efforts[i] = pin.rnea(bodies, bodies.createData(), *state)
-    for name, k in zip(motion.joints, at, strict=True):
-        gear, effort = mechanism.gears.get(name), limits.bounds(mechanism).get(name)
-        if effort is None:
-            continue
-        own = efforts[:, k] + friction.get(name, JointFriction()).torque(states[1, :, k])
-        own = own + (0.0 if gear is None else gear.rotor_inertia * states[2, :, k])
-        if np.abs(own).max() > effort * (1.0 + limits.MARGIN):
-            words = f"joint {name!r} has an effort of {np.abs(own).max():.4g}, above {effort:g}"
-            found[name, "effort"] = words
+    for k, name in enumerate(motion.joints):
+        gear, entry = mechanism.gears.get(name), mechanism.description.joints[name]
+        own = efforts[:, k] + friction.get(name, JointFriction()).torque(speed[:, k])
+        own += 0.0 if gear is None else gear.rotor_inertia * acceleration[:, k]
+        for what, values in (("speed", speed[:, k]), ("effort", own)):
+            most, limit = np.abs(values).max(), getattr(entry, what)
+            if limit is not None and most > limit * (1.0 + limits.MARGIN):
+                found[name, what] = f"the {what} of joint {name!r} is {most:.4g}, above {limit:g}"
     return found
 
 
@@ -692,5 +673,5 @@ def with_shift(compensation: Compensation, more: np.ndarray) -> Compensation:
     )
     return replace(
         compensation, shift=shift, smoothed=smoothed, clipped=clipped,
-        learned=compensation.learned + 1, _motion=[],
+        learned=compensation.learned + 1,
     )  # fmt: skip

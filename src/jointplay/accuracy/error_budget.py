@@ -20,6 +20,7 @@ from jointplay.accuracy.jacobians import (
     configurations,
     displaced,
     force_on_tool,
+    taken_up,
     tool_place,
 )
 from jointplay.accuracy.rest import AGREES_M, RestPositions
@@ -225,13 +226,25 @@ class PlayBudget(Budget):
         """Largest error at rest of a motion that takes the play out (`compensate`) [m].
 
         What friction, larger by a part `friction` than it is known, may shift the tool from its
-        place of rest, and the part `trust` of the way there that is not known. NaN where no place
-        of rest is found.
+        place of rest, the part `trust` of the way there that is not known, and what the joints
+        cannot take back of what journals do, as where an arm is stretched. NaN where no place of
+        rest is found, and of loops.
         """
-        place, ends = self.rest_positions.at(pose).whole[:3], self.rest_positions.interval(pose)
+        if self.mechanism.loops:
+            return float("nan")
+        rest = self.rest_positions.at(pose)
+        place, ends = rest.whole[:3], self.rest_positions.interval(pose)
         by_friction = np.abs(ends[:3] - place[:, None]).max(axis=1)
         shift = (1.0 + friction) * np.linalg.norm(by_friction)
-        return float(shift + trust * np.linalg.norm(place))
+        own = [not one.gear for one in self.rest_positions.model.contributions]
+        q, robot = self.rest_positions.q[pose], self.mechanism
+        at = {name: float(q[robot.coordinate(name)]) for name in robot.joints}
+        _, left = taken_up(self._ideal, at, rest.parts[own].sum(axis=0))
+        return float(shift + trust * np.linalg.norm(place) + np.linalg.norm(left[:3]))
+
+    @cached_property
+    def _ideal(self) -> Mechanism:
+        return self.mechanism.ideal()
 
     def tighter(self, pose: int, part: float = 0.5) -> float:
         """Largest error at a pose if clearances were smaller by a factor, gears as they are [m]."""

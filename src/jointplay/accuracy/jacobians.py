@@ -230,6 +230,39 @@ def tool_place(mechanism: Mechanism, q: np.ndarray, relative_to: str | None = No
     return mechanism.data.oMf[frame_index(mechanism.model, relative_to)].actInv(tool)
 
 
+ARM_M = 0.1
+"""Arm on which a turn of the tool counts as much as its displacement [m]."""
+DAMPING = 1e-2
+"""Of the least squares, relative to the largest singular value of the Jacobian: near singular poses
+it spares joints long ways for little."""
+
+
+def taken_up(
+    ideal: Mechanism, at: Mapping[str, float], displacement: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """How far joints move to displace the tool, by damped least squares, and what they cannot do.
+
+    Args:
+        ideal: a robot without loops.
+        at: positions of the joints that move [rad or m].
+        displacement: of the tool, world axes, shape (6,) [m, rad].
+
+    Returns:
+        Of each joint, shape (len(at),) [rad or m], and what is left, shape (6,).
+    """
+    pin.computeJointJacobians(ideal.model, ideal.data, ideal.configuration(at))
+    pin.updateFramePlacements(ideal.model, ideal.data)
+    moves = pin.getFrameJacobian(
+        ideal.model, ideal.data, ideal.tool_frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    ).reshape(6, -1)[:, [ideal.coordinate(name) for name in at]]
+    weight = np.array([1.0] * 3 + [ARM_M] * 3)
+    weighted = weight[:, None] * moves
+    square = weighted.T @ weighted
+    square += (DAMPING * np.linalg.norm(weighted, 2)) ** 2 * np.eye(len(at))
+    ways = np.linalg.solve(square, weighted.T @ (weight * displacement))
+    return ways, displacement - moves @ ways
+
+
 def _of_joint(
     mechanism: Mechanism,
     at: tuple[int, pin.SE3],

@@ -250,9 +250,7 @@ class Teeth(Part):
         own, changes = cast(Any, self.own), dict[str, Any]()
         if "gear_play" in values:
             if isinstance(own, GearTrain):
-                part = values["gear_play"] / own.play
-                stages = [replace(one, backlash=part * one.backlash) for one in own.stages]
-                changes["stages"] = tuple(stages)
+                own = own.with_play(values["gear_play"])
             else:
                 changes["play"] = values["gear_play"]
         softer = (

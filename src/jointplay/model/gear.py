@@ -131,6 +131,11 @@ class Gearing(Described, ABC):
         """The same without kinematic error."""
         return self
 
+    def with_play(self, play: float) -> Self:
+        """The same with another play [rad or m]; the stages of a train in proportion."""
+        changes: dict[str, Any] = {"play": play}
+        return replace(self, **changes)  # type: ignore[type-var]
+
     @property
     def losses(self) -> Losses:
         """Friction on the motor."""
@@ -680,6 +685,11 @@ class GearTrain(_Lossy):
             total += stage.backlash / behind
             behind *= stage.ratio
         return total
+
+    def with_play(self, play: float) -> Self:
+        part = play / self.play if self.play else 1.0
+        stages = (replace(one, backlash=part * one.backlash) for one in self.stages)
+        return replace(self, stages=tuple(stages))
 
     def curve(self) -> Curve:
         return Curve.of([(self.stiffness, math.inf)])

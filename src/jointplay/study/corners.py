@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
@@ -26,7 +26,7 @@ from jointplay.accuracy.compensation import (
 from jointplay.base.errors import JointplayError, MissingName
 from jointplay.base.tables import Column, Table
 from jointplay.base.units import readable
-from jointplay.model.gear import Gearing, GearTrain
+from jointplay.model.gear import Gearing
 from jointplay.simulation.analysis.tool_error import difference, stops
 from jointplay.simulation.analysis.twins import COMPARED, ideal_simulation, tool_motion
 from jointplay.simulation.checks import joint_friction
@@ -410,6 +410,8 @@ def varied(simulation: Simulation, changes: Mapping[str, float]) -> Simulation:
         one = held[part][joint]
         if number in getattr(one, "clearances", ()):
             held[part][joint] = one.with_clearances({number: value})
+        elif number == "play":
+            held[part][joint] = one.with_play(value)
         else:
             classless = {"clearance_class": None} if hasattr(one, "clearance_class") else {}
             held[part][joint] = replace(one, **{number: value}, **classless)
@@ -427,17 +429,9 @@ def varied(simulation: Simulation, changes: Mapping[str, float]) -> Simulation:
 
 
 def _gear(gear: Gearing, play: float, stiffness: float) -> Gearing:
-    own = {one.name for one in fields(gear)}  # type: ignore[arg-type]
-    changes: dict[str, Any] = {
-        name: stiffness * getattr(gear, name)
-        for name in _STIFFNESSES
-        if name in own and getattr(gear, name) is not None
-    }
-    if isinstance(gear, GearTrain):
-        changes["stages"] = tuple(replace(s, backlash=play * s.backlash) for s in gear.stages)
-    elif "play" in own and gear.play is not None:
-        changes["play"] = play * gear.play
-    return replace(gear, **changes)  # type: ignore[type-var]
+    own = {name: getattr(gear, name, None) for name in _STIFFNESSES}
+    changes: dict[str, Any] = {name: stiffness * x for name, x in own.items() if x is not None}
+    return replace(gear.with_play(play * gear.play), **changes)  # type: ignore[type-var]
 
 
 def _mm(value: float) -> str:
