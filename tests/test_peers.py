@@ -159,6 +159,23 @@ def test_cost_is_that_of_the_cheapest_setting_with_all_finer_ones_good():
     assert np.isnan(work.cost(1e-4)[0])
 
 
+def test_the_error_of_a_setting_is_that_of_its_worst_start():
+    """By an engine whose journal stands still, off by the setting where its start is displaced."""
+    starts = tuple(peers.displaced(slider_crank(mu=0.0), 3))
+    assert [one.start[0][2] < starts[1].start[0][2] for one in starts] == [True, False, False]
+
+    def run(task, setting, duration, every):
+        q = starts[1].start[0].copy()
+        q[2] += setting * task.clearance * (task is starts[2])
+        time = np.linspace(0.0, duration, 3)
+        return Trace(time, np.tile(q, (3, 1)), np.zeros((3, 3)), np.zeros(3), 1.0, 2)
+
+    ladder = peers.Ladder(run, (0.5, 0.25), ("half", "quarter"), 0.0, steps=False)
+    work = peers.work_precision({"still": ladder}, starts, 1e-3, 1e-3)["still"]
+    assert work.errors == pytest.approx([0.5, 0.25])
+    assert work.cost(0.3)[1] == "quarter"
+
+
 def test_mujoco_has_the_torques_of_the_ideal_robot():
     engine("mujoco")
     assert peers.ideal_torques() < 1e-9

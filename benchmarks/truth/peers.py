@@ -17,7 +17,7 @@ import platform
 import re
 import sys
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -49,23 +49,27 @@ EULER = "jointplay, semi-implicit Euler"
 ONSET = "MuJoCo, law with Exudyn's d'_0"
 """The applied law, but d'_0 the speed at the onset: what Exudyn's contact should be."""
 
-OWN = ("jointplay", "jointplay, error-controlled", "jointplay, rk4")
+LONG = "jointplay, macro steps of 0.1 ms"
+OWN = ("jointplay", LONG, "jointplay, error-controlled", "jointplay, rk4")
 
+STARTS = 8
+"""Of ensembles and of paths whose errors count."""
 ROUNDS = 8
 """Times that a cost is measured."""
 ONCE_S = 0.5
-"""CPU time from which on a cost is measured once only."""
-STEPS = (1.6e-5, 8e-6, 4e-6, 2e-6, 1e-6, 5e-7, 2.5e-7)
+"""CPU time from which on a tenth of a run is measured; once only, if that takes as long."""
+STEPS = tuple(1e-6 * us for us in (15, 12, 8, 6, 4, 3, 2, 1.5, 1, 0.75, 0.5, 0.375, 0.25))
 """Of the cost at equal error [s]."""
 BY_ERROR = (
-    (1e-1, None, 1.6e-5),
-    (4e-2, 1e-4, 1.6e-5),
-    (3e-2, None, 1.6e-5),
-    (2e-2, 1e-4, 1.6e-5),
-    (1e-2, None, 4e-6),
-    (1e-3, None, 4e-6),
-    (1e-4, 8e-6, 4e-6),
-    (1e-5, 4e-6, 4e-6),
+    (4e-2, 3e-4, 1.5e-5),
+    (2.5e-2, 3e-4, 1.5e-5),
+    (2e-2, 3e-4, 1.5e-5),
+    (1e-2, 1e-4, 1.5e-5),
+    (3e-3, None, 6e-6),
+    (1e-3, None, 2e-6),
+    (3e-4, None, 2e-6),
+    (1e-4, 1.6e-5, 2e-6),
+    (1e-5, 4e-6, 2e-6),
     (1e-6, 2e-6, 2e-6),
 )
 """Tolerances of the error-controlled run, macro steps and times between records, there [s]."""
@@ -216,13 +220,19 @@ def figures(trace: Trace, task: Problem, rigid: bool) -> dict[str, float]:
     }
 
 
-def ensemble(run: Callable[[Problem], Trace], task: Problem, count: int, rigid: bool = False):
-    """Means and standard deviations over starts displaced by up to 0.4 C_r, and the first trace."""
-    every, kept = [], None
+def displaced(task: Problem, count: int) -> Iterator[Problem]:
+    """The same with starts displaced by up to 0.4 C_r."""
     for part in np.linspace(-0.4, 0.4, count):
         q = task.start[0].copy()
         q[2] += part * task.clearance
-        trace = run(task.with_start(q))
+        yield task.with_start(q)
+
+
+def ensemble(run: Callable[[Problem], Trace], task: Problem, count: int, rigid: bool = False):
+    """Means and standard deviations over displaced starts, and the first trace."""
+    every, kept = [], None
+    for one in displaced(task, count):
+        trace = run(one)
         kept = trace if kept is None else kept
         every.append(figures(trace, task, rigid))
     numbers = {name: [one[name] for one in every] for name in every[0]}
@@ -284,28 +294,39 @@ class Work:
 
 
 def work_precision(
-    ladders: dict[str, Ladder], task: Problem, duration: float, cost_duration: float
+    ladders: dict[str, Ladder], starts: Sequence[Problem], duration: float, cost_duration: float
 ) -> dict[str, Work]:
     """What accuracy costs each engine.
 
     The error is the largest distance of the journal's centre from that of the same engine at its
-    finest setting, relative to C_r, at 60 times.
+    finest setting, relative to C_r, at 60 times of each start: with a constant step it depends on
+    where in a step contacts begin. The cost is that of the first start.
     """
+    task = starts[0]
     times = np.linspace(0.0, 0.98 * duration, 60)
     failures = (JointplayError, RuntimeError, ValueError)  # of steps that are too large
+
+    def cost(one: Ladder, setting: Any, span: float) -> float:
+        with contextlib.suppress(*failures):
+            return one.run(task, setting, span, 10).seconds / span
+        return np.inf
+
+    costs, spans = {}, {}
+    for name, one in ladders.items():
+        first = np.array([cost(one, setting, 0.1 * cost_duration) for setting in one.settings])
+        fast = first * cost_duration < ONCE_S
+        spans[name] = np.where(fast, 1.0, 0.1) * cost_duration
+        costs[name] = np.where(fast, ONCE_S / cost_duration, first)
     # In turns, and the fastest of each: what else the machine does then hits all alike.
-    seconds = {name: np.full(len(one.settings), np.inf) for name, one in ladders.items()}
-    for turn in range(ROUNDS):
+    for _ in range(ROUNDS):
         for name, one in ladders.items():
-            for i, setting in enumerate(one.settings):
-                if turn and not seconds[name][i] < ONCE_S:
-                    continue
-                with contextlib.suppress(*failures):
-                    spent = one.run(task, setting, cost_duration, 10).seconds
-                    seconds[name][i] = min(seconds[name][i], spent)
+            for i, (setting, span) in enumerate(zip(one.settings, spans[name], strict=True)):
+                if costs[name][i] * span <= ONCE_S:
+                    costs[name][i] = min(costs[name][i], cost(one, setting, span))
 
     def path(one: Ladder, setting: Any) -> np.ndarray:
-        return offset(task, one.run(task, setting, duration, 1).at(times)) / task.clearance
+        traces = [one.run(start, setting, duration, 1) for start in starts]
+        return np.array([offset(task, trace.at(times)) for trace in traces]) / task.clearance
 
     found, limit = {}, None
     for name, one in ladders.items():
@@ -315,10 +336,9 @@ def work_precision(
         for i, setting in enumerate(one.settings):
             with contextlib.suppress(*failures):
                 errors[i] = np.abs(path(one, setting) - best).max()
-        costs = seconds[name] / cost_duration
-        per_step = 1e-6 * costs[one.settings.index(1e-6)] if one.steps else np.nan
+        per_step = 1e-6 * costs[name][one.settings.index(1e-6)] if one.steps else np.nan
         apart = float(np.abs(best - limit).max())
-        found[name] = Work(errors, costs, one.labels, per_step, apart)
+        found[name] = Work(errors, costs[name], one.labels, per_step, apart)
     return found
 
 
@@ -403,7 +423,7 @@ def compare(engines: Engines, quick: bool, images: Path) -> dict[str, object]:
     out["model_first"] = first_impacts(met)
 
     say("five turns, ensembles")
-    turns, count = (0.006, 2) if quick else (0.06, 8)
+    turns, count = (0.006, 2) if quick else (0.06, STARTS)
     stats, orbits = {}, {}
     for name, run in models.items():
         stats[name], orbits[name] = ensemble(
@@ -428,6 +448,7 @@ def compare(engines: Engines, quick: bool, images: Path) -> dict[str, object]:
     finest = 2e-7 if quick else 2e-8
     law = {
         "jointplay": ladder(models["jointplay"], finest),
+        LONG: ladder(partial(run_jointplay, macro_step=1e-4), finest),
         "jointplay, error-controlled": Ladder(
             lambda t, how, T, n: run_jointplay(
                 t, how[2], T, n, tolerance=how[0], macro_step=how[1]
@@ -458,7 +479,8 @@ def compare(engines: Engines, quick: bool, images: Path) -> dict[str, object]:
             )
     horizon = 6e-4
     out["horizon"] = horizon
-    out["work"] = work_precision(law, smooth, horizon, 2e-3 if quick else 6e-3)
+    starts = tuple(displaced(smooth, count))
+    out["work"] = work_precision(law, starts, horizon, 2e-3 if quick else 3e-2)
     draw_work(out["work"], images / "work.png")
 
     say("SCARA, same law")

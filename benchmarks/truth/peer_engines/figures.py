@@ -11,7 +11,7 @@ from truth.peer_engines.trace import Trace, offset
 
 COLOURS = {
     **{"jointplay": "#0072B2", "jointplay, rk4": "#56B4E9"},
-    **{"jointplay, error-controlled": "#003A5C"},
+    **{"jointplay, error-controlled": "#003A5C", "jointplay, macro steps of 0.1 ms": "#004C8C"},
     **{"MuJoCo, same law": "#D55E00", "MuJoCo, own limit": "#E69F00"},
     **{"MuJoCo, own limit, implicitfast": "#F0C060", "MuJoCo, own limit, discrete": "#8C6100"},
     **{"Exudyn, own contact": "#009E73", "Exudyn, same law": "#009E73", "Siconos": "#CC79A7"},
