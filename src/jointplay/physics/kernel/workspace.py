@@ -438,6 +438,7 @@ class Workspace:
             **dict.fromkeys(("active", "factored"), last + 1.0),
             **dict.fromkeys(("known_middles", "known_free", "stage"), 3.0),
             "known_a": 2.0,
+            "pushed_bends": 1.0,
             **dict.fromkeys(("suggested", "macro"), max(longest, 1.0)),
             "status": float(max(Status)),
             "bad_contact": float(max(spots - 1, 0)),
