@@ -9,8 +9,8 @@ in time along the parabola through this macro step's middle and the last two:
 
 The leapfrog method in positions: symplectic for elastic forces, second order; what depends on
 velocity is taken at v_n, half way between the two half-step velocities, so that the work of every
-force in a step is dt times its power at v_n, exactly. Records hold the state (q_n, v_n) and the
-forces at it.
+force in a step is dt times its power at v_n, as exactly as v_n is solved for. Records hold the
+state (q_n, v_n) and the forces at it.
 """
 
 from __future__ import annotations

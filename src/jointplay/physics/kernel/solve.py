@@ -345,8 +345,9 @@ def _refine(run, n):
     """Take a last Newton step without evaluating what it leaves, which is less than there was.
 
     Guesses of the next velocities are extrapolated from those found, and enlarge their errors. Not
-    where coordinates are left out: these would go on as the forces say that were evaluated last,
-    and impulses would not be those of one force.
+    for one joint: impulses are exactly those of the forces evaluated last then, which they are
+    within the tolerance otherwise. Nor where coordinates are left out, for these would go on as
+    those forces say.
     """
     trial = run.trial
     _newton_step(run, n)
@@ -387,7 +388,8 @@ def solve_velocity(run, q, base, v, h):
             part *= 0.5
             error, trials = _take_step(run, q, v, h, part), trials + 1
         old = error < CONTRACTION * CONTRACTION * least
-    if n == run.nv == run.factored and REFINED * REFINED * limit < error <= limit:
+    several = n > SINGLE and n == run.nv == run.factored
+    if several and REFINED * REFINED * limit < error <= limit:
         _refine(run, n)
     run.solves += 1
     run.iterations += trials
