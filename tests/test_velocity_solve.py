@@ -9,7 +9,7 @@ import jointplay as jp
 from jointplay.base.compiler import compiled
 from jointplay.physics.kernel import Command, layout
 from jointplay.physics.kernel.access import run_at
-from jointplay.physics.kernel.solve import find_velocity_forces, solve_velocity
+from jointplay.physics.kernel.solve import TOLERANCE, find_velocity_forces, solve_velocity
 
 
 @compiled
@@ -28,6 +28,7 @@ class Coordinates:
     def __init__(self, nv, listed, rng):
         self.run = np.zeros(1, layout.RUN)
         names = (*self.SQUARE, "q", "v", "half", "scratch", "velocity_forces", "load_forces")
+        names += ("inertia",)
         self.arrays = {name: np.zeros((nv, nv) if name in self.SQUARE else nv) for name in names}
         self.arrays["trial"] = np.zeros((layout.TRIAL_ROWS, nv))
         self.arrays |= {name: np.zeros(nv, np.int64) for name in ("touched", "place", "exchanged")}
@@ -39,6 +40,7 @@ class Coordinates:
         self.run["nv"], self.run["nf"] = nv, len(listed)
         root = rng.normal(size=(nv, nv))
         self.arrays["minv"][:] = root @ root.T
+        self.arrays["inertia"][:] = 1.0 / np.diag(self.arrays["minv"])
         self.arrays["scratch"][:] = rng.normal(size=nv)
 
     def __getattr__(self, name):
@@ -92,10 +94,27 @@ def test_velocities_are_those_that_the_forces_make(loose):
         w.execute(Command.SYNCHRONIZE)
         base, h = numbers(w.run, "scratch", nv), 0.5 * float(w.run["dt_before"][0])
         forces = numbers(w.run, "velocity_forces", nv)
-        expected = base + h * numbers(w.run, "minv", nv, nv) @ forces
-        np.testing.assert_allclose(w.v, expected, rtol=1e-9, atol=1e-12)
+        minv = numbers(w.run, "minv", nv, nv)
+        off = w.v - base - h * minv @ forces
+        # A last Newton step is taken without new forces, where all coordinates take part.
+        tolerance = 2.0 * TOLERANCE if w.run["active"][0] == nv else 1e-12
+        assert np.sqrt(np.mean(off**2 / np.diag(minv))) < tolerance
         touching.add(int(w.run["touching"][0]))
         w.v[:] = speeds
     assert w.run["unsolved"][0] == 0
     assert 0 in touching
     assert len(touching) > 1
+
+
+def test_what_was_found_before_tells_the_next_velocities():
+    """Errors of earlier solves do not grow so much by extrapolation that each is solved anew."""
+    size = {"radial_clearance": 1e-4, "axial_clearance": 1e-4}
+    bearing = jp.RevoluteClearance(**size, bearing_radius=30e-3, bearing_length=60e-3)
+    robot = jp.Mechanism("ur5", {f"{name}_joint": bearing for name in ("elbow", "shoulder_lift")})
+    motion = jp.Motion(list(robot.joints), [0.0, 1.0], [np.zeros(6), np.full(6, 0.3)])
+    run = jp.Run(jp.Simulation(robot, motion, duration=0.05))
+    run.begin()
+    assert run.advance(run.total_steps)
+    found = run.workspace.run[0]
+    assert found["solves"] > 1000
+    assert found["iterations"] < 1.1 * found["solves"]

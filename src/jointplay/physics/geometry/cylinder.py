@@ -24,7 +24,8 @@ def deepest_rim_direction(pt: float, pn: float, sin_tilt: float, cos_tilt: float
 
         sin(delta) = kappa sin(2 alpha + 2 delta),   kappa = R sin(tilt)^2 / (2 |(x, y)|)
 
-    which Newton's method solves, its slope kept. Where kappa is not small the root is bisected.
+    which Newton's method solves, its slope kept, from where the equation's third order leads. Where
+    kappa is not small the root is bisected.
 
     Returns (cos phi, sin phi).
     """
@@ -42,15 +43,18 @@ def deepest_rim_direction(pt: float, pn: float, sin_tilt: float, cos_tilt: float
     kappa = 0.5 * bulge * inverse
     if kappa < 0.05:
         twice_sin, twice_cos = 2.0 * kappa * s * c, 2.0 * kappa * (c * c - s * s)
-        relief = 1.0 / (1.0 - twice_cos)
+        relief = 1.0 + twice_cos + twice_cos * twice_cos  # of 1 / (1 - twice_cos)
         turn = twice_sin * relief
+        cubic = turn * turn * (2.0 * twice_sin + 0.5 * twice_cos * turn)
+        turn -= relief * (cubic - twice_sin * twice_cos * twice_cos * twice_cos)
+        across = 1.0
         for _ in range(12):
             across = math.sqrt(1.0 - turn * turn)
             wrong = turn - twice_sin * (1.0 - 2.0 * turn * turn) - twice_cos * turn * across
+            across += turn * wrong * relief
             turn -= wrong * relief
             if abs(wrong) * kappa * kappa < 1e-18:  # an iteration leaves about 4 kappa^2 of it
                 break
-        across = math.sqrt(1.0 - turn * turn)
         c, s = c * across - s * turn, s * across + c * turn
     else:
         low = 0.0

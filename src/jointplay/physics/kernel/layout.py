@@ -421,10 +421,12 @@ RUN = _record(
     a=_floats("nv", changes=True),  # accelerations; for single-rate methods Pinocchio's
     tau=_floats("nv", changes=True),
     angular=_floats("nv"),  # 1 for angles, 0 for lengths
+    inertia=_floats("nv"),  # of each coordinate alone, as of the last middle
     weights=_floats("nv"),  # 0 for prescribed coordinates, whose inertia is no real one
     drive=_floats("nv", changes=True),  # efforts of the drives
     velocity_forces=_floats("nv", changes=True),  # of what depends on velocity
-    pushed=_floats(3, "nv", changes=True),  # accelerations by these; how fast they changed; before
+    # Accelerations by these; how fast they changed; those before; half of how fast that changed.
+    pushed=_floats(4, "nv", changes=True),
     load_forces=_floats("nv", changes=True),  # of the loads' part that does not
     # Inverse of the mass matrix, and acceleration without any of the forces reckoned here:
     minv=_floats("nv", "nv", changes=True),  # now
@@ -537,6 +539,8 @@ RUN = _record(
     known_a=_INT,  # states of `earlier_a` since accelerations jumped, up to 2
     iterations=_INT,
     solves=_INT,
+    pushed_bends=_INT,  # whether their parabola was nearer to the last ones than their line
+    pushed_dt=_FLOAT,  # between the last two [s]
     time=_FLOAT,
     bent_at=_FLOAT,  # time at which bristles are kept [s]: half a step after the last state
     evaluated_at=_FLOAT,  # time of the state that the multi-rate method evaluated last [s]

@@ -427,7 +427,7 @@ class Workspace:
     def _state_numbers(self) -> dict[str, dict[str, float]]:
         """Whole numbers that steps change, each with the largest value that it can have."""
         last, longest, spots = len(self.q) - 1, float(self.run["longest"][0]), self.contacts.size
-        flags = ("fresh", "pending", "commit", "refused", "averaged")
+        flags = ("fresh", "pending", "commit", "refused", "averaged", "pushed_bends")
         counts = (
             *("until", "step", "row", "macros", "touching", "events", "unsolved"),
             *("iterations", "solves", "unresolved"),
