@@ -50,7 +50,7 @@ def series(growth, months=MONTHS):
 
 def test_a_change_is_told_where_values_are_not_yet_apart():
     found = watch(series(4e-4))
-    last = found.courses["shoulder_pan gear play"][-1]
+    last = found.courses["shoulder_pan gear play"].changes[-1]
     assert last.low <= 5 * 4e-4 <= last.high
     assert last.half_width < 1.2e-3
     ends = [
@@ -61,7 +61,7 @@ def test_a_change_is_told_where_values_are_not_yet_apart():
     assert ends[0].half_width > 3.0 * last.half_width
     assert len(found.alarms) == 1
     assert "shoulder_pan gear play has grown by" in found.alarms[0]
-    other = found.courses["elbow_flex gear play"][-1]
+    other = found.courses["elbow_flex gear play"].changes[-1]
     assert other.low <= 0.0 <= other.high
     assert not watch(series(0.0)).alarms
 
@@ -109,8 +109,8 @@ def test_what_differs_from_date_to_date_is_not_taken_for_play():
         for k in range(2)
     ]
     found = watch(some)
-    (changes,) = found.courses.values()
-    assert changes[-1].low <= 0.0 <= changes[-1].high
+    (course,) = found.courses.values()
+    assert course.changes[-1].low <= 0.0 <= course.changes[-1].high
     assert not found.alarms
     assert "compliances differ by 10 %" in str(found)
 
@@ -141,7 +141,7 @@ def test_motions_are_watched_like_readings(tmp_path):
             lagging(tmp_path / f"{k}.csv", 2e-3 + 1e-4 * k, seed=k) for k in range(2)
         )
     ]  # fmt: skip
-    (change,) = watch(some).courses["shoulder_pan gear play"]
+    (change,) = watch(some).courses["shoulder_pan gear play"].changes
     assert change.low <= 1e-4 <= change.high
     assert change.half_width < 1e-4
 
@@ -166,7 +166,7 @@ def test_the_command_tells_a_scheduler(tmp_path, capsys):
     said = capsys.readouterr().out
     assert said.startswith("Alarm: shoulder_pan gear play has grown by")
     told = json.loads((out / "watch.json").read_text())
-    assert len(told["courses"]["elbow_flex gear play"]) == 5
+    assert len(told["courses"]["elbow_flex gear play"]["changes"]) == 5
     assert {one.name for one in out.iterdir()} == {"watch.csv", "watch.json", "watch.png"}
     # The newest in its own place, also behind the option, says the same as both behind options.
     both = ["--against", new, "--against", old]
@@ -225,7 +225,7 @@ def test_logs_of_servos_are_watched_like_readings(plan, tmp_path, capsys):
     assert said.startswith("Alarm: shoulder_pan gear play has grown by")
     told = json.loads((out / "watch.json").read_text())
     assert told["unit"] == "day"
-    (first, last), still = (told["courses"][f"{name} gear play"] for name in WIGGLED)
+    (first, last), still = (told["courses"][f"{name} gear play"]["changes"] for name in WIGGLED)
     assert first["low"] <= math.radians(0.6) <= first["high"]
     assert 0.0 < last["low"] <= math.radians(1.2) <= last["high"]
     assert all(one["low"] < 0.0 < one["high"] for one in still)
@@ -340,3 +340,13 @@ def test_the_figure_has_each_play_with_its_changes():
     assert [axes.get_title().partition("\n")[0] for axes in figure.axes[:2]] == [
         "shoulder_pan gear play", "elbow_flex gear play"
     ]  # fmt: skip
+
+
+def test_a_joint_that_the_last_log_lacks_is_drawn_where_it_was_measured():
+    some = series(4e-4)
+    some[-1] = some[-1][0], some[-1][1][:1]
+    found = watch(some)
+    lacking = found.courses["elbow_flex gear play"]
+    assert [*lacking.times] == [*found.times[1:-1]]
+    drawn = courses(found).axes[1].lines[-1].get_xdata()
+    assert max(drawn) == found.times[-2]

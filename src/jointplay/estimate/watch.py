@@ -82,8 +82,8 @@ class Watch(Answer):
     """Of these, counted from the first [unit]."""
     unit: str
     """``day``, or ``recording`` where nothing says when they were taken."""
-    courses: Mapping[str, tuple[Estimate, ...]]
-    """By the label of a play: its changes since the first, at each later date."""
+    courses: Mapping[str, Course]
+    """By the label of a play."""
     alarms: tuple[str, ...] = ()
 
     @property
@@ -101,7 +101,10 @@ class Watch(Answer):
 
     def describe(self) -> dict[str, Any]:
         """As plain data [SI]."""
-        courses = {k: [one.describe() for one in some] for k, some in self.courses.items()}
+        courses = {
+            label: {"times": one.times.tolist(), "changes": [e.describe() for e in one.changes]}
+            for label, one in self.courses.items()
+        }
         return {
             "dates": list(self.dates), "times": self.times.tolist(), "unit": self.unit,
             "alarms": list(self.alarms), "unknowns": [one.describe() for one in self.estimates],
@@ -156,7 +159,7 @@ def watch(
             changes = tuple(_told(free, k) for k in at)
             value, rate = replace(_told(last, i), reason=""), _told(steady, count + j)
             least = changes[-1].value - wider[at[-1]] * changes[-1].half_width
-            courses.append(Course(value, changes, least, rate))
+            courses.append(Course(value, when[1:], changes, least, rate))
     note = (
         f"assumed: between measurements compliances differ by {100.0 * SAME['']:g} %, friction by "
         f"{100.0 * SAME['friction']:g} % (standard deviations); growth: if it is steady"
@@ -205,8 +208,10 @@ class Course:
 
     value: Estimate
     """In the newest measurement."""
+    times: np.ndarray
+    """Of the measurements of it after the first, as those of `Watch`."""
     changes: tuple[Estimate, ...]
-    """Since the first, at each later one."""
+    """Since the first, at each of them."""
     least: float
     """Which the last of them surely is at least, of all plays of the machine [SI]; below `low` of
     it, or above, where growth is told earlier than its size."""
@@ -232,7 +237,8 @@ def _course(joint: str, some: Sequence[tuple[float, Wiggle]], unit: str, part: f
         newest, unknown=replace(unknown, name=f"{unknown.name} per {unit}"),
         value=newest.value / long, half_width=newest.half_width / long,
     )  # fmt: skip
-    return Course(value, tuple(changes), -np.inf if newest.reason else least, rate)
+    times, least = np.array([time for time, _ in some[1:]]), -np.inf if newest.reason else least
+    return Course(value, times, tuple(changes), least, rate)
 
 
 def _series(
@@ -281,7 +287,7 @@ def _answer(
     return Watch(
         estimates=tuple(e for one in courses for e in (one.value, one.changes[-1], one.rate)),
         notes=(*notes, *said), dates=names, times=times, unit=unit,
-        courses={one.value.label: one.changes for one in courses}, alarms=tuple(alarms),
+        courses={one.value.label: one for one in courses}, alarms=tuple(alarms),
     )  # fmt: skip
 
 

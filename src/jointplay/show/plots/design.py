@@ -315,12 +315,12 @@ def _reversal_loop(loop: Loop, estimates: Sequence[Estimate]) -> Panel:
 def courses(watched: Watch) -> Figure:
     """How each play changed since the first measurement."""
     panels: list[Panel | None] = []
-    for label, changes in watched.courses.items():
+    for label, course in watched.courses.items():
+        changes = course.changes
         told = [(one.value, *one.interval) for one in changes]
         degrees = changes[-1].unknown.in_degrees
         value, low, high = np.array(told).T / (np.radians(1.0) if degrees else 1.0)
-        times = watched.times[-len(changes) :]
-        seen = Curve(times, value, line="", marker="o", size=4.0, low=low, high=high)
+        seen = Curve(course.times, value, line="", marker="o", size=4.0, low=low, high=high)
         unit = ("deg", "large") if degrees else (changes[-1].unknown.unit, "fine")
         up = Axis("change since the first", *unit)
         title = f"{label}\n{changes[-1].words()[1]}"
