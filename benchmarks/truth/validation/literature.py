@@ -300,7 +300,8 @@ def _begin_nudged(run, transient: int, nudge: float) -> None:
 
 def _runs(quick: bool, clearance: float, **changes: float) -> list[Turns]:
     """The runs of an ensemble."""
-    runs, turns, transient = (2, 3, 2) if quick else (8, 20, TRANSIENT)
+    # Impacts of chaotic motion: fewer turns do not tell one clearance from the next.
+    runs, turns, transient = (6, 12, 3) if quick else (8, 20, TRANSIENT)
     if quick and "viscosity" in changes:  # soon periodic, whatever the start
         runs, turns = 1, 2
     return [_turning(clearance, seed, turns, transient, **changes) for seed in range(runs)]
