@@ -54,7 +54,6 @@ from jointplay.physics.kernel.record import is_due, write_record
 from jointplay.physics.kernel.rolling import advance_cages
 from jointplay.physics.kernel.servo import apply_servos, commit_servos
 from jointplay.physics.kernel.solve import (
-    LEAST_COMPLIANCE,
     TOLERANCE,
     evaluate_velocity_forces,
     find_velocity_forces,
@@ -90,6 +89,9 @@ LEAST_APART = 0.3
 CHORD_STEPS = 4
 """Micro steps over which a chord stands for the parabola of the inverse mass matrix: the parabola
 itself is more memory than the nearest cache has beside what the velocity solve needs there."""
+
+LEAST_COMPLIANCE = 1e-14
+"""Inverse inertia of a coordinate that is held, relative to the largest: it must not be zero."""
 
 CHORD_PART = 0.25
 """Longest chord, relative to the macro step."""

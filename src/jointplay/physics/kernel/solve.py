@@ -52,9 +52,6 @@ kinetic energy [kg^0.5 m/s]."""
 RELATIVE_TOLERANCE = 1e-11
 """The same relative to the state's own."""
 
-LEAST_COMPLIANCE = 1e-14
-"""Inverse inertia of a coordinate that is held, relative to the largest: it must not be zero."""
-
 MOST_LISTED = 0.75
 """Where more than this part of all coordinates take part, all do: their rows lie there already."""
 
