@@ -103,11 +103,12 @@ def rows_of(seed: int, found: Watch, truth: dict[str, list[float]], more: dict) 
     return [
         {
             "case": seed, "label": label, "worn": bool(seed % 2), "alarm": bool(found.alarms),
-            "change": (change := truth[label][-1] - truth[label][0]), "low": changes[-1].low,
-            "high": changes[-1].high, "holds": changes[-1].low <= change <= changes[-1].high,
+            "change": (change := truth[label][-1] - truth[label][0]), "low": last.low,
+            "high": last.high, "holds": last.low <= change <= last.high,
             "play": truth[label][0], **more,
         }
-        for label, changes in found.courses.items()
+        for label, course in found.courses.items()
+        for last in [course.changes[-1]]
     ]  # fmt: skip
 
 
