@@ -4,6 +4,7 @@ import argparse
 import ast
 import copy
 import errno
+import gc
 import importlib
 import inspect
 import re
@@ -258,6 +259,10 @@ def _add_entry(parser: Any, groups: dict[str, Any], words: str, about: str, grou
         parser.front.add(action.dest)
 
 
+_GARBAGE = (50_000, 20, 50)
+"""When garbage is collected: by Python's own thresholds it takes a tenth of a short run."""
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit status.
 
@@ -268,6 +273,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     with streams.forgiving():
         try:
             words = sys.argv[1:] if arguments is None else arguments
+            if arguments is None:  # a process of our own
+                gc.set_threshold(*_GARBAGE)
             made = parser(next((one for one in words if not one.startswith("-")), ""))
             options = made.parse_args(words)
             with signals.listening():

@@ -179,8 +179,8 @@ def _of_robot(
         if not scara:
             choices = f"revolute joints of {path}: {', '.join(description.revolute) or 'none'}"
             raise JointplayError(
-                "no joint has clearance: give one by --set joints.NAME.radial_clearance=LENGTH, or "
-                f"where a command takes joints with play by name; {choices}"
+                "no joint has clearance: give one by --set joints.NAME.radial_clearance=LENGTH, "
+                f"or, in `run` and most other commands, by --joint NAME; {choices}"
             )
         joints = (SCARA_JOINT,)
     for name in joints:

@@ -15,7 +15,7 @@ import hashlib
 import io
 import math
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
@@ -50,8 +50,26 @@ _SEALED = len(SEAL) + 64 + 1
 
 def pack(dataset: xr.Dataset) -> bytes:
     """The file that holds `dataset`, compressed and sealed."""
-    content = bytes(dataset.to_netcdf(None, engine="h5netcdf", encoding=compression(dataset)))
-    return seal(content)
+    return seal(_netcdf(dataset, compression(dataset)))
+
+
+def _netcdf(
+    dataset: xr.Dataset, encoding: Mapping[str, Mapping[str, Any]], growing: Sequence[str] = ()
+) -> bytes:
+    """The file that holds `dataset`; some dimensions of it may be `growing`.
+
+    As `Dataset.to_netcdf` makes it, which imports dask, where that is installed, to ask whether it
+    is at work: a quarter of a second.
+    """
+    from xarray.backends import H5NetCDFStore
+
+    content = io.BytesIO()
+    store = H5NetCDFStore.open(content, mode="w", lock=False)
+    try:
+        dataset.dump_to_store(store, encoding=encoding, unlimited_dims=growing)
+    finally:
+        store.close()
+    return content.getvalue()
 
 
 def compression(dataset: xr.Dataset) -> dict[str, dict[str, Any]]:
@@ -169,10 +187,7 @@ class GrowingDataset:
             if variable.dims[:1] == ("time",):
                 sizes = (CHUNK, *variable.shape[1:])
                 encoding.setdefault(str(name), {})["chunksizes"] = sizes
-        content = first.to_netcdf(
-            None, engine="h5netcdf", encoding=encoding, unlimited_dims=["time"]
-        )
-        file.write(content)
+        file.write(_netcdf(first, encoding, growing=["time"]))
         file.flush()
         self._rows = first.sizes["time"]
         self._disk = _CheckedFile(file)
