@@ -155,6 +155,7 @@ def test_a_run_with_compiled_code_at_hand_imports_no_compiler(folder):
 
 UNUSED = (
     *("numba", "fontTools.subset", "trimesh", "yourdfpy", "zarr", "meshcat", "pint", "dask.array"),
+    "distributed",
     *(f"scipy.{name}" for name in ("interpolate", "optimize", "signal", "spatial", "stats")),
 )
 """What takes long to import, and a run that draws its figures does not need."""

@@ -58,8 +58,8 @@ def _netcdf(
 ) -> bytes:
     """The file that holds `dataset`; some dimensions of it may be `growing`.
 
-    As `Dataset.to_netcdf` makes it, which imports dask, where that is installed, to ask whether it
-    is at work: a quarter of a second.
+    As `Dataset.to_netcdf` makes it, which imports dask's schedulers, where they are installed, to
+    ask whether one is at work: a quarter of a second.
     """
     from xarray.backends import H5NetCDFStore
 
