@@ -444,7 +444,7 @@ def test_that_a_base_is_held_is_said_of_what_is_no_arm(tmp_path, capsys):
 def test_a_robot_without_play_is_told_how_to_give_it_some(words, capsys):
     status, _, error = command([*words[:2], "ur5", *words[2:]], capsys)
     assert status == 2
-    assert "give one by --set joints.NAME.radial_clearance=LENGTH" in error
+    assert "give one by --set joints.NAME.radial_clearance=LENGTH, or by --joint NAME" in error
     assert "elbow_joint" in error
     assert error.count("\n") == 1
 

@@ -70,6 +70,14 @@ def wait(page):
         page.wait_for_timeout(10)
 
 
+def medians(rows):
+    """The middle of each time; where no part of the motion came first, the cycle's is taken."""
+    return {
+        key: statistics.median(row.get(key, row[_INSTEAD.get(key, key)]) for row in rows)
+        for key in ("budget", "budgetCpu", "motion", "motionCpu", "cycle", "cycleCpu", "fine")
+    }
+
+
 def main():
     own = {"moves": (30, "of sliders"), "all": (False, "further robots")}
     options = command(__doc__, "the SCARA alone, two moves", **own).parse_args()
@@ -108,11 +116,3 @@ def main():
             for key in ("budget", "motion")
         )
         print(f"live {view}: budget {budget:.0f} ms, motion {motion:.0f} ms")
-
-
-def medians(rows):
-    """The middle of each time; where no part of the motion came first, the cycle's is taken."""
-    return {
-        key: statistics.median(row.get(key, row[_INSTEAD.get(key, key)]) for row in rows)
-        for key in ("budget", "budgetCpu", "motion", "motionCpu", "cycle", "cycleCpu", "fine")
-    }

@@ -180,7 +180,7 @@ def _of_robot(
             choices = f"revolute joints of {path}: {', '.join(description.revolute) or 'none'}"
             raise JointplayError(
                 "no joint has clearance: give one by --set joints.NAME.radial_clearance=LENGTH, "
-                f"or, in `run` and most other commands, by --joint NAME; {choices}"
+                f"or by --joint NAME where the command has it; {choices}"
             )
         joints = (SCARA_JOINT,)
     for name in joints:
