@@ -4,8 +4,8 @@ Opens `jointplay live` for the SCARA and for the UR5 (clearance in its elbow; wi
 joints, too), moves sliders in turn, and measures in the page from the input event until the answer
 has been painted: the first budget, the first part of the motion, and its first cycle. Beside it the
 processor time that the answering process took, which a busy machine does not lengthen. Chromium
-draws here without a graphics card: each robot is measured without its 3D picture, and once more
-with it, drawn by the processor that computes the answers.
+draws here without a graphics card: each robot is measured without its 3D picture (curves and
+numbers alone), and once more with it, drawn by the processor that computes the answers.
 
 Usage: python benchmarks live [--moves 30] [--all] [--quick]
 """
