@@ -406,6 +406,73 @@ def test_what_is_not_computed_yet_says_what_it_will_be(tab):
     assert tab.locator(".coming").count() == 0  # once all is answered
 
 
+WATCHED = """async () => {
+    const live = window.jointplay, seen = {order: [], sizes: new Set(), rows: new Set(), old: 0};
+    const {drawCharts, showPicture, showTable} = live, pane = live.view.viewer.renderer.domElement;
+    live.drawCharts = () => { seen.order.push("curves"); drawCharts.call(live); };
+    live.showPicture = tracks => {
+        seen.order.push(live.charts.error.svg.getBoundingClientRect().height > 0 ? "picture" : "early");
+        showPicture.call(live, tracks);
+    };
+    live.showTable = () => {
+        showTable.call(live);
+        seen.rows.add(live.table.querySelectorAll("tr").length);
+        seen.old = Math.max(seen.old, live.table.querySelectorAll("td.stale").length);
+    };
+    const frame = () => new Promise(done => requestAnimationFrame(done));
+    live.values["joint_b.radial_clearance"] = 0.27;
+    live.ask();
+    while (!live.timing.ended) {
+        await frame();
+        seen.sizes.add(`${pane.clientWidth}x${pane.clientHeight}`);
+    }
+    seen.left = live.table.querySelectorAll("td.stale").length;
+    Object.assign(live, {drawCharts, showPicture, showTable});
+    return {...seen, sizes: [...seen.sizes], rows: [...seen.rows]};
+}"""
+
+
+def test_a_question_moves_nothing_and_has_its_curves_before_its_picture(tab):
+    """Figures from before stand, dimmed, until there are new ones."""
+    seen = tab.evaluate(WATCHED)
+    assert len(seen["sizes"]) == 1
+    assert len(seen["rows"]) == 1
+    assert seen["old"] > 3
+    assert seen["left"] == 0
+    assert seen["order"].count("picture") >= 1
+    assert seen["order"][0] == "curves"
+    assert "early" not in seen["order"]
+
+
+FARTHEST = """() => {
+    const {view} = window.jointplay, {camera, scene} = view.viewer;
+    scene.updateMatrixWorld(true);
+    let most = 0;
+    for (const {node, twin} of view.shown.bodies) if (twin) node.traverse(part => {
+        if (!part.geometry) return;
+        part.geometry.computeBoundingBox();
+        const {min, max} = part.geometry.boundingBox;
+        for (const x of [min.x, max.x]) for (const y of [min.y, max.y]) for (const z of [min.z, max.z]) {
+            const at = min.clone().set(x, y, z).applyMatrix4(part.matrixWorld).project(camera);
+            most = Math.max(most, Math.abs(at.x), Math.abs(at.y));
+        }
+    });
+    return most;
+}"""
+"""How far from the middle of the picture the machine reaches: 1 is the edge."""
+
+
+def test_the_whole_machine_is_in_view_whatever_the_shape_of_the_picture(tab):
+    for height in (340, 1100, 500):
+        tab.evaluate(
+            "height => { window.jointplay.pane.parentElement.style.flex = `0 0 ${height}px`; }",
+            height,
+        )
+        until(tab, f"() => window.jointplay.pane.querySelector('canvas').clientHeight === {height}")
+        until(tab, f"() => ({FARTHEST})() < 1.0")
+        assert tab.evaluate(FARTHEST) > 0.2
+
+
 def test_the_picture_moves(tab):
     tab.evaluate("() => window.jointplay.seek(0)")
     places = "() => window.jointplay.view.shown.bodies.map(body => [...body.node.matrix.elements])"

@@ -144,6 +144,7 @@ class Live {
         this.kept = [];
         this.joint = contents.joints[0] || null;
         this.answer = {};         // to the newest question, as far as it is there
+        this.before = null;       // the run that is shown until the next one is there
         this.timing = {};
         this.errorOfQuick = null;
         this.joined = Promise.resolve();
@@ -279,13 +280,13 @@ class Live {
         joints.onchange = () => { this.joint = joints.value; this.redraw(); };
         const choice = element("label", {}, "joint ", joints);
         choice.hidden = this.contents.joints.length < 2;
-        this.runIs = element("p", {class: "soft"});
+        this.runIs = element("p", {class: "soft run"});
         this.table = element("div", {class: "scroll", tabindex: 0, role: "region", "aria-label": "figures of all cases"});
-        const figures = card("figures", "tool error, forces and impacts", element("h2", {}, "Figures"), this.runIs, this.table);
+        const figures = card("figures", "tool error, forces and impacts", element("h2", {}, "Figures"), this.table, this.runIs);
         const orbit = card("orbit", "where the journal goes in its bearing: follows with the run", choice, this.charts.orbit.figure);
         robot.classList.add("machine");
         orbit.classList.add("orbit");
-        this.cards = {robot, budget, figures, orbit,
+        this.cards = {robot, budget, orbit, figures,
             error: card("tool error", "the tool's error over time: follows with the run", this.charts.error.figure),
             force: card("contact force", "the contact force over time: follows with the run", this.charts.force.figure),
             energy: card("energy", "energy and what is lost of it: follows with the run", this.charts.energy.figure)};
@@ -352,19 +353,21 @@ class Live {
             if (answer.cycle && !answer.cycle.quick && head.quick) return;
             head.compared = !head.quick && Boolean(answer.cycle?.quick) && !answer.cycle.part;
             if (head.compared) this.errorOfQuick = this.difference(answer.cycle, head);
-            answer.cycle = head;
+            answer.cycle = this.before = head;
             answer.quick = head.quick;
             this.results.classList.remove("waiting");
-            this.showCycle(tracks);
+            this.showCycle();
             done(head.part ? "motion" : head.quick ? "cycle" : "fine");
             if (!("motionCpu" in timing)) timing.motionCpu = 1e3 * head.cpu_s;
             if (!head.part && !("cycleCpu" in timing)) timing.cycleCpu = 1e3 * head.cpu_s;
             if (!head.quick && !("cycle" in timing)) done("cycle");
+            // The picture takes longest where no graphics card draws it: not before the curves.
+            if (tracks) painted(() => { if (this.answer.cycle === head) this.showPicture(tracks); });
             this.say(head.part ? "the first part of a quick answer" : head.quick ? "quick answer; the exact one is being computed \u2026" : "");
         } else if (head.kind === "end") {
             painted(() => { timing.ended = true; });
             if (head.superseded) this.say("another page has asked since; change a value to ask again", true);
-            else if (!this.failed && !answer.cycle) { this.results.classList.add("refused"); this.say("no answer"); }
+            else if (!this.failed && !answer.cycle) { this.results.classList.add("refused"); this.before = null; this.showTable(); this.say("no answer"); }
             else if (!this.failed) this.say(answer.cycle.quick ? "no answer" : "exact answer");
             this.failed = false;
         }
@@ -419,10 +422,12 @@ class Live {
 
     colour(k) { return getComputedStyle(this.root).getPropertyValue(COLOURS[k % COLOURS.length]).trim(); }
 
-    // What is now and what was kept, each with its look.
+    // What is now and what was kept, each with its look. Figures of the run before stand until there
+    // are new ones: a table that shrank and grew with each question would move all below it.
     cases() {
-        const now = {label: "now", ...this.answer, k: 0};
-        return [...this.kept, ...(this.answer.cycle || this.answer.budget ? [now] : [])];
+        const {cycle, budget} = this.answer, old = !cycle && this.before;
+        const now = {label: "now", ...this.answer, k: 0, ...(old ? {cycle: old, old: true} : {})};
+        return [...this.kept, ...(cycle || budget ? [now] : [])];
     }
 
     showBudget() {
@@ -453,7 +458,7 @@ class Live {
         this.budgetWhere.textContent = words;
     }
 
-    showCycle(tracks) {
+    showCycle() {
         const {cycle} = this.answer;
         const off = this.errorOfQuick;
         const known = off ? `; on the last question it was off by at most ${inUnits(100 * off.part, "%", 2)} (${off.name})`
@@ -467,17 +472,19 @@ class Live {
         this.showTable();
         this.drawCharts();
         if (!cycle.picture || !this.view) this.cards.robot.classList.remove("coming");
-        if (tracks) {
-            this.cards.robot.classList.remove("coming");
-            const factor = this.view.show(tracks, cycle.picture, this.colour(0), Number(this.factor.value));
-            this.factorIs.textContent = `drawn \u00d7 ${factor}`;
-            this.duration = cycle.picture.end;
-            this.seek(Math.min(this.time || 0, this.duration));
-        }
+    }
+
+    showPicture(tracks) {
+        const {picture} = this.answer.cycle;
+        this.cards.robot.classList.remove("coming");
+        const factor = this.view.show(tracks, picture, this.colour(0), Number(this.factor.value));
+        this.factorIs.textContent = `drawn \u00d7 ${factor}`;
+        this.duration = picture.end;
+        this.seek(Math.min(this.time || 0, this.duration));
     }
 
     drawCharts() {
-        const {joint} = this, lost = this.kept.length || !this.answer.cycle;
+        const {joint} = this, lost = this.kept.length || !(this.answer.cycle || this.before);
         const look = k => ({colour: this.colour(k), dash: DASHES[k % DASHES.length]});
         const ofCase = (mark, one) => ({...mark, name: one.label, ...look(one.k), ...(mark.frame ? {dash: "1 3"} : {})});
         const show = (name, pick, title, toSeries = (marks, one) => marks.map(mark => ofCase(mark, one))) => {
@@ -511,13 +518,14 @@ class Live {
             if (one.id) cell.append(" ", element("button", {type: "button", onclick: () => this.drop(one.id), "aria-label": `remove case ${one.label}`}, "\u00d7"));
             return cell;
         }));
-        const row = (name, value) => element("tr", {}, element("th", {scope: "row"}, name), ...cases.map(one => element("td", {}, value(one))));
+        const row = (name, value) => element("tr", {}, element("th", {scope: "row"}, name), ...cases.map(one => element("td", {class: one.old && name !== known ? "stale" : null}, value(one))));
+        const known = "free travel, at most (contacts rigid)";  // with the budget, before the run
         const bound = of => one => {
             const {free, gives, drives} = bounds(one);
             return inUnits(of(free, gives, drives), "m", 4);
         };
         const rows = [
-            row("free travel, at most (contacts rigid)", bound(free => free)),
+            row(known, bound(free => free)),
             ...(cases.some(one => bounds(one).gives !== undefined) ? [
                 row("contacts give way, at most", bound((free, gives) => gives)),
                 row("drives give way, at most", bound((free, gives, drives) => drives)),

@@ -11,7 +11,8 @@ class RobotView {
         viewer.gui.domElement.remove();
         viewer.renderer.domElement.setAttribute("aria-hidden", "true");
         for (const name of ["Axes", "Grid"]) viewer.set_property([name], "visible", false);
-        new ResizeObserver(() => { viewer.set_3d_pane_size(); viewer.set_dirty(); }).observe(pane);
+        new ResizeObserver(() => { viewer.set_3d_pane_size(); if (!this.turned) this.aim(); }).observe(pane);
+        viewer.controls.addEventListener("start", () => { this.turned = true; });  // by the user
         this.bodies = bodies;
         this.surfaces = bodies.surfaces.map(entry => surfaceOf(block, entry));
         this.shown = null;
@@ -43,7 +44,7 @@ class RobotView {
         };
         this.shown.moveTo(new THREE.Vector3());
         this.shown.drawTraces(this.view.deviation);
-        if (!this.placed) { this.aim(); this.placed = true; }
+        if (!this.box) this.aim();
         this.seek(this.t);
         return this.view.deviation;
     }
@@ -56,26 +57,32 @@ class RobotView {
         return this.view.deviation;
     }
 
+    // Have the whole motion in view, in the pane as it is.
     aim() {
-        const {viewer, shown} = this, box = new THREE.Box3();
-        for (let i = 0; i <= 12; i++) {
-            this.seek(shown.entry.start + i / 12 * (shown.entry.end - shown.entry.start));
-            viewer.scene.updateMatrixWorld(true);
-            for (const {node, twin} of shown.bodies) if (twin) box.expandByObject(node);
+        const {viewer, shown} = this, {t} = this;
+        if (!shown) return;
+        if (!this.box) {
+            this.box = new THREE.Box3();
+            for (let i = 0; i <= 12; i++) {
+                this.seek(shown.entry.start + i / 12 * (shown.entry.end - shown.entry.start));
+                viewer.scene.updateMatrixWorld(true);
+                for (const {node, twin} of shown.bodies) if (twin) this.box.expandByObject(node);
+            }
+            this.seek(t);
         }
-        if (box.isEmpty()) return;
-        const size = box.getSize(new THREE.Vector3()), centre = box.getCenter(new THREE.Vector3());
+        if (this.box.isEmpty()) return;
+        const size = this.box.getSize(new THREE.Vector3()), centre = this.box.getCenter(new THREE.Vector3());
         const {camera, controls} = viewer;  // whose axes have y up, like those of the box
         camera.near = this.bodies.reach / 200;
         camera.far = this.bodies.reach * 500;
         camera.fov = 32;
         const pane = viewer.renderer.domElement, aspect = Math.min(1, pane.clientWidth / Math.max(pane.clientHeight, 1));
-        const distance = 0.52 * size.length() / Math.tan(16 * Math.PI / 180) / Math.max(aspect, 0.6);
+        const distance = 0.52 * size.length() / Math.tan(16 * Math.PI / 180) / Math.max(aspect, 0.1);
         camera.position.copy(new THREE.Vector3(-0.35, 0.5, 1).normalize().multiplyScalar(distance).add(centre));
         controls.target.copy(centre);
         camera.updateProjectionMatrix();
         controls.update();
-        this.t = shown.entry.start;
+        viewer.set_dirty();
     }
 
     seek(t) {

@@ -27,7 +27,9 @@ function surfaceOf(block, entry) {
     for (let i = 1; i < around.length; i++) around[i] += around[i - 1];
     const next = around.slice(), touching = new Uint32Array(corners.length);
     for (let i = 0; i < corners.length; i++) touching[next[corners[i]]++] = Math.floor(i / 3);
-    const positions = new Float32Array(3 * corners.length), normals = new Float32Array(3 * corners.length);
+    // Corners with the same point and normal are one vertex: all else would be computed for each triangle.
+    const positions = [], normals = [], index = new Uint32Array(corners.length);
+    const latest = new Int32Array(points.length / 3).fill(-1), earlier = [];  // vertices at each point
     for (let i = 0; i < corners.length; i++) {
         const own = 3 * Math.floor(i / 3), at = corners[i];
         let x = 0, y = 0, z = 0;
@@ -36,12 +38,23 @@ function surfaceOf(block, entry) {
             if (unit[own] * unit[g] + unit[own + 1] * unit[g + 1] + unit[own + 2] * unit[g + 2] < CREASE) continue;
             x += whole[g]; y += whole[g + 1]; z += whole[g + 2];
         }
-        a.set(x, y, z).normalize().toArray(normals, 3 * i);
-        for (let k = 0; k < 3; k++) positions[3 * i + k] = points[3 * at + k];
+        a.set(x, y, z).normalize();
+        let vertex = latest[at];
+        while (vertex >= 0 && (normals[3 * vertex] !== a.x || normals[3 * vertex + 1] !== a.y || normals[3 * vertex + 2] !== a.z))
+            vertex = earlier[vertex];
+        if (vertex < 0) {
+            vertex = earlier.length;
+            earlier.push(latest[at]);
+            latest[at] = vertex;
+            normals.push(a.x, a.y, a.z);
+            positions.push(points[3 * at], points[3 * at + 1], points[3 * at + 2]);
+        }
+        index[i] = vertex;
     }
     const geometry = new THREE.BufferGeometry();
-    geometry.setAttribute("position", new THREE.BufferAttribute(positions, 3));
-    geometry.setAttribute("normal", new THREE.BufferAttribute(normals, 3));
+    geometry.setAttribute("position", new THREE.Float32BufferAttribute(positions, 3));
+    geometry.setAttribute("normal", new THREE.Float32BufferAttribute(normals, 3));
+    geometry.setIndex(new THREE.BufferAttribute(index, 1));
     return geometry;
 }
 
