@@ -484,6 +484,13 @@ def test_the_picture_moves(tab):
     tab.get_by_role("button", name="pause").click()
 
 
+def test_a_robot_with_gears_alone_shows_no_orbit(browser):
+    options = ("so101", "--preset", "--duration", "0.05")
+    with served(*options) as (url, _), opened(browser, url) as page:
+        titles = [one for one in page.locator("figcaption").all() if one.is_visible()]
+        assert [one.inner_text() for one in titles] == ["Tool error", "Energy since the start"]
+
+
 def test_a_loop_at_constant_speed_and_a_case_of_a_file(browser):
     options = ("--case", "0.05 mm", "--duration", "0.004")
     with served(SLIDER_CRANK, *options) as (url, _), opened(browser, url) as page:
