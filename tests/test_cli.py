@@ -229,6 +229,30 @@ def test_any_robot_by_name_moves_and_says_what_came_out(tmp_path):
     assert "joints.wrist_1_joint.axial_clearance" in result.dataset.attrs["settings"]
 
 
+def test_a_single_case_has_an_overview_and_all_figures_when_asked(tmp_path, capsys):
+    line = ["run", "ur5", "--joint", "elbow_joint", "--duration", "2 ms", "--no-error-estimate"]
+    for name, options, drawn in (("short", [], 1), ("all", ["--figures"], 8)):
+        assert main([*line, "--quiet", *options, "--out", str(tmp_path / name)]) == 0
+        names = {path.name for path in (tmp_path / name).glob("*.png")}
+        assert len(names) == drawn
+        assert "overview.png" in names
+    bearing = ["--joint", "wrist_1_joint=6004 C3"]
+    assert main([*line, *bearing, "--quiet", "--out", str(tmp_path / "rolling")]) == 0
+    names = {path.name for path in (tmp_path / "rolling").glob("*.png")}
+    assert names == {"overview.png", "bearing_loads.png"}
+    capsys.readouterr()
+    both = (*line, "--figures", "--no-figures", "--out", tmp_path / "both")
+    assert "exclude each other" in refused(capsys, *both)
+
+
+def test_a_robot_whose_play_is_in_gears_alone_has_all_its_figures(tmp_path):
+    line = ["run", "so101", "--preset", "--duration", "2 ms", "--no-error-estimate", "--quiet"]
+    assert main([*line, "--out", str(tmp_path)]) == 0
+    names = {path.name for path in tmp_path.glob("*.png")}
+    assert "overview.png" not in names
+    assert {"tool_displacement.png", "tool_velocity.png"} <= names
+
+
 def test_settings_count_more_than_a_scenario_and_its_cases(tmp_path):
     done = jointplay(
         *("run", "jointplay:scara.toml", "--case", "0.5 mm", "--out", tmp_path, *SHORT),

@@ -142,7 +142,7 @@ class Output(RecordSettings):
     """What is recorded."""
 
     figures: bool = True
-    """Whether figures that compare the cases are drawn."""
+    """Whether figures that compare the cases are drawn; the overview, if there is one case."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,8 +1,8 @@
 """`jointplay run`: simulate one robot, or the cases of a scenario file.
 
 Simulate all cases of a scenario file, or one robot with clearance in the joints named, and draw
-figures that compare the cases. Without FILE or ROBOT: the SCARA arm under gravity, 0.2 mm in joint
-B, 3 s. Options override FILE.
+figures that compare the cases, or an overview of one. Without FILE or ROBOT: the SCARA arm under
+gravity, 0.2 mm in joint B, 3 s. Options override FILE.
 
 DIR receives result.nc, or a .nc for each case (read it with jointplay.Result.load or any NetCDF
 reader), and the figures as .png.
@@ -16,6 +16,7 @@ reader), and the figures as .png.
     --no-error-estimate  leave out the further run that estimates the numerical errors of the
         headline figures
     --resume  continue the interrupted runs in DIR, bit for bit; finished ones are kept
+    --figures  draw all figures of a single case, too: the tool's motion and path, orbits, forces
     --no-figures  do not draw figures
     --pdf  draw each figure as .pdf, too
     --jobs

@@ -65,6 +65,8 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     from jointplay.show.plots.names import MARK, is_paper_robot
     from jointplay.show.plots.names import file_names as names_of_figures
 
+    if options.figures and options.no_figures:
+        raise JointplayError("--figures and --no-figures exclude each other: give one")
     for case in options.case:
         require_known("case", case, scenario.cases)
     cases = [case for case in scenario.cases if not options.case or case in options.case]
@@ -143,7 +145,8 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     results = summaries.results
     drawable = {case: result for case, result in results.items() if len(result.time) > 1}
     if save is not None and drawable:
-        save(drawable, out, options.pdf, summaries.ideals)
+        short = len(cases) == 1 and not options.figures
+        save(drawable, out, options.pdf, summaries.ideals, short)
     print(summaries.ending(out))
     missing = [case for case in cases if case not in results]
     unjudged = [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
 from itertools import chain
@@ -18,7 +19,7 @@ from jointplay.base.processes import in_parallel
 from jointplay.model.mechanism import Mechanism
 from jointplay.show.plots.chart import Axis, Chart, Curve, Panel, Rule, overlaid
 from jointplay.show.plots.draw import draw
-from jointplay.show.plots.names import MARK, PAPER, is_paper_robot, kinds
+from jointplay.show.plots.names import MARK, PAPER, SHORT, is_paper_robot, kinds
 from jointplay.show.plots.palette import COLOURS, GREY, Cases, colours, reference
 from jointplay.simulation import analysis
 from jointplay.simulation.analysis.headline import reference as ideal_run
@@ -368,11 +369,13 @@ _NEEDS: dict[str, Callable[[Cases], Any]] = {
 
 
 def _charts(
-    cases: Cases, known: Mapping[str, Result | None] | None = None
+    cases: Cases, known: Mapping[str, Result | None] | None = None, short: bool = False
 ) -> Iterator[tuple[str, Chart]]:
-    for name, describe in CHARTS.items():
-        if name not in _NEEDS or _NEEDS[name](cases):
-            yield name, overview(cases, known) if name == "overview" else describe(cases)
+    names = [name for name in CHARTS if name not in _NEEDS or _NEEDS[name](cases)]
+    if short and "overview" in names:
+        names = [name for name in names if name in SHORT]
+    for name in names:
+        yield name, overview(cases, known) if name == "overview" else CHARTS[name](cases)
 
 
 def save(
@@ -380,6 +383,7 @@ def save(
     folder: str | Path,
     pdf: bool = False,
     ideals: Mapping[str, Result | None] | None = None,
+    short: bool = False,
 ) -> list[Path]:
     """Draw all figures into `folder` as PNG; the paper's under their numbers.
 
@@ -391,6 +395,7 @@ def save(
         folder: where the files go.
         pdf: draw each as PDF, too.
         ideals: see `overview`.
+        short: only the overview, and the loads of rolling bearings; all if there is none.
 
     Returns:
         The files written.
@@ -398,10 +403,12 @@ def save(
     Raises:
         JointplayError: another file has the name of one, or it cannot be written.
     """
-    charts, written = list(_charts(cases, ideals)), []
+    charts, written = list(_charts(cases, ideals, short)), []
     paper = is_paper(cases)
-    half = (len(charts) + 1) // 2
-    with in_parallel(partial(_drawn, charts[half:], pdf)) as others:
+    half = (len(charts) + 1) // 2 if len(charts) > 2 else len(charts)  # a process costs a figure
+    with ExitStack() as stack:
+        rest = partial(_drawn, charts[half:], pdf)
+        others = stack.enter_context(in_parallel(rest)) if charts[half:] else list
         for shown, kind, content in chain(_drawn(charts[:half], pdf), others()):
             path = Path(folder) / f"{PAPER.get(shown, shown) if paper else shown}.{kind}"
             written.append(files.write_picture(path, content, mark=MARK))

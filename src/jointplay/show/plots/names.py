@@ -23,6 +23,9 @@ NAMES = (
 )
 """Figures that compare cases, in order."""
 
+SHORT = ("overview", "bearing_loads")
+"""Those of a single case that are drawn unless all are wanted."""
+
 PAPER = {name: f"fig{9 + k:02d}" for k, name in enumerate(NAMES[:-2])}
 """Names of the paper's figures."""
 
