@@ -409,9 +409,14 @@ def test_what_is_not_computed_yet_says_what_it_will_be(tab):
 WATCHED = """async () => {
     const live = window.jointplay, seen = {order: [], sizes: new Set(), rows: new Set(), old: 0};
     const {drawCharts, showPicture, showTable} = live, pane = live.view.viewer.renderer.domElement;
-    live.drawCharts = () => { seen.order.push("curves"); drawCharts.call(live); };
+    let frames = 0, drawn = 0;
+    live.drawCharts = () => {
+        seen.order.push("curves");
+        drawn = frames;
+        drawCharts.call(live);
+    };
     live.showPicture = tracks => {
-        seen.order.push(live.charts.error.svg.getBoundingClientRect().height > 0 ? "picture" : "early");
+        seen.order.push(frames > drawn ? "picture" : "early");
         showPicture.call(live, tracks);
     };
     live.showTable = () => {
@@ -424,6 +429,7 @@ WATCHED = """async () => {
     live.ask();
     while (!live.timing.ended) {
         await frame();
+        frames++;
         seen.sizes.add(`${pane.clientWidth}x${pane.clientHeight}`);
     }
     seen.left = live.table.querySelectorAll("td.stale").length;
@@ -452,7 +458,8 @@ FARTHEST = """() => {
         if (!part.geometry) return;
         part.geometry.computeBoundingBox();
         const {min, max} = part.geometry.boundingBox;
-        for (const x of [min.x, max.x]) for (const y of [min.y, max.y]) for (const z of [min.z, max.z]) {
+        for (let k = 0; k < 8; k++) {
+            const [x, y, z] = ["x", "y", "z"].map((axis, i) => (k >> i & 1 ? max : min)[axis]);
             const at = min.clone().set(x, y, z).applyMatrix4(part.matrixWorld).project(camera);
             most = Math.max(most, Math.abs(at.x), Math.abs(at.y));
         }

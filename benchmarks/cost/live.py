@@ -33,7 +33,8 @@ MOVE = """([k]) => {
     slider.dispatchEvent(new Event("change"));
 }"""
 WATCH = """() => {
-    const live = window.jointplay, {viewer} = live.view, gl = viewer.renderer.getContext(), shown = live.showPicture, render = viewer.render;
+    const live = window.jointplay, {viewer} = live.view, gl = viewer.renderer.getContext();
+    const shown = live.showPicture, render = viewer.render;
     let awaited = false;
     live.showPicture = (...tracks) => { awaited = true; shown.apply(live, tracks); };
     viewer.render = () => {
@@ -43,8 +44,9 @@ WATCH = """() => {
         const {timing} = live, fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
         gl.flush();
         const look = () => {
-            if (gl.getSyncParameter(fence, gl.SYNC_STATUS) !== gl.SIGNALED) { setTimeout(look, 5); return; }
-            if (!("picture" in timing)) timing.picture = performance.now() - timing.asked;
+            const over = gl.getSyncParameter(fence, gl.SYNC_STATUS) === gl.SIGNALED;
+            if (!over) setTimeout(look, 5);
+            else if (!("picture" in timing)) timing.picture = performance.now() - timing.asked;
         };
         look();
     };
