@@ -496,6 +496,16 @@ def test_a_robot_with_gears_alone_shows_no_orbit(browser):
     with served(*options) as (url, _), opened(browser, url) as page:
         titles = [one for one in page.locator("figcaption").all() if one.is_visible()]
         assert [one.inner_text() for one in titles] == ["Tool error", "Energy since the start"]
+        before = page.evaluate("() => window.jointplay.answer.budget.worst")
+        type_in(page, "shoulder_lift.play", 1.5)
+        answered(page)
+        assert page.evaluate("() => window.jointplay.answer.budget.worst") > 1.2 * before
+        type_in(page, "shoulder_lift.play", -1)
+        answered(page)
+        assert (
+            "gear play must not be negative, got -1 deg"
+            in page.locator("[id$='-shoulder_lift.play-wrong']").inner_text()
+        )
 
 
 def test_a_loop_at_constant_speed_and_a_case_of_a_file(browser):
@@ -613,6 +623,31 @@ def test_controls_are_those_of_the_machine():
         assert one.low <= one.value <= one.high
     radial = state.controls["joint_b.radial_clearance"]
     assert (radial.value, radial.unit, radial.logarithmic) == (0.2, "mm", True)
+
+
+def test_gears_have_their_play():
+    """Of a servo that turns, and of a screw; a train has it in its stages, which have none."""
+    from jointplay.scenario.overrides import parse
+
+    given = [parse(f"integration.duration={DURATION}")]
+    gear = 'gears.{}={{kind="backlash",play="{}",stiffness="{}",rotor_inertia="{}"}}'
+    turns = gear.format("joint_a", "0.4 deg", "2000 N*m/rad", "0.1 kg*m^2")
+    slides = gear.format("stroke", "30 um", "1e6 N/m", "2 kg")
+    state = state_of(robot_scenario(None, ["joint_b"], [*given, parse(turns), parse(slides)]))
+    shown = [state.controls[f"{name}.play"] for name in ("joint_a", "stroke")]
+    assert [(one.group, one.value, one.unit) for one in shown] == [
+        ("joint_a", pytest.approx(0.4), "deg"),
+        ("stroke", pytest.approx(0.03), "mm"),
+    ]
+    assert all(one.low < one.value < one.high for one in shown)
+    values = {"joint_a.play": 0.9, "stroke.play": 0.05}
+    made = Machine(state).simulation(values).mechanism.gears
+    assert made["joint_a"].play == pytest.approx(np.deg2rad(0.9))
+    assert made["stroke"].play == pytest.approx(5e-5)
+    stage = "{ratio=50.0,backlash=0.01,efficiency=0.9}"
+    train = f'gears.joint_a={{kind="train",stages=[{stage}],rotor_inertia=0.1,stiffness=2e3}}'
+    stages = state_of(robot_scenario(None, ["joint_b"], [*given, parse(train)]))
+    assert "joint_a.play" not in stages.controls
 
 
 def test_a_rolling_bearing_has_its_temperature():

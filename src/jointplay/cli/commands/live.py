@@ -1,9 +1,10 @@
 """`jointplay live`: sliders for clearance, friction, payload, speed in the browser.
 
 Serve a page on this machine that has a slider for the clearances, friction and restitution of each
-joint with play, for payload, speed of the motion, gravity and the temperature of rolling bearings.
-When one is moved, the static error budget follows, then a quick run of the motion, then the run as
-jointplay run makes it: the robot in motion, the orbits of its journals, tool error, forces, energy.
+joint with play, for the play of each gear, for payload, speed of the motion, gravity and the
+temperature of rolling bearings. When one is moved, the static error budget follows, then a quick
+run of the motion, then the run as jointplay run makes it: the robot in motion, the orbits of its
+journals, tool error, forces, energy.
 Without FILE or ROBOT: the SCARA arm.
 
 Only this machine reaches the page, and only by the address that is printed: it ends in a random

@@ -25,6 +25,7 @@ from jointplay.scenario.overrides import as_toml
 from jointplay.scenario.reading import Scenario, merge
 
 if TYPE_CHECKING:
+    from jointplay.model.gear import Gearing
     from jointplay.simulation.simulation import Simulation
 
 WHOLE = "the machine"  # group of what no single joint has
@@ -41,6 +42,7 @@ _PARTS = {
 
 _TIMES = 20.0  # a clearance goes from its value divided by this to its value times this
 _WIDEST = 0.2  # clearance at most, part of the bearing's radius
+_MOST_PLAY = 5.0  # of a gear at most [deg, mm of a screw]
 _LARGEST = {"temperature_difference": 60.0, "restitution": 0.99, "mu_d": 0.6}
 _FASTEST = 3.0  # factor of the speed: up to this, and down to its inverse
 _HEAVIEST = 0.3  # payload at most, part of the mass of the machine
@@ -159,6 +161,9 @@ def _controls(data: Mapping[str, Any], simulation: Simulation) -> Iterator[Contr
     for name, joint in simulation.mechanism.given_joints.items():
         if not joint.ideal:
             yield from _of_joint(name, joint)
+    for name, gear in simulation.mechanism.gears.items():
+        if name in data.get("gears", {}) and "play" in {one.name for one in fields(gear)}:
+            yield _of_gear(name, gear, simulation.mechanism.description.joints[name].slides)
 
 
 def _of_machine(data: Mapping[str, Any], simulation: Simulation) -> Iterator[Control]:
@@ -222,8 +227,17 @@ def _of_joint(name: str, joint: Clearance) -> Iterator[Control]:
         )
 
 
+def _of_gear(name: str, gear: Gearing, slides: bool) -> Control:
+    unit, words = "mm" if slides else "deg", " ".join(explanations(type(gear))["play"].split())
+    shown = float(f"{gear.play / COMMON[unit][1]:.12g}")
+    span = _clearances(shown, _MOST_PLAY)
+    return Control(
+        f"{name}.play", name, "play of the gear", unit, shown, *span, words, ("gears", name, "play")
+    )
+
+
 def _clearances(value: float, widest: float) -> tuple[float, float, bool]:
-    """Range of a clearance that has this value, and whether it is logarithmic [mm]."""
+    """Range of a clearance that has this value, and whether it is logarithmic [mm or deg]."""
     if value <= 0.0:
         return min(value, 0.0), _nice(min(0.5, widest)), False
     high = max(min(_nice(value * _TIMES), _nice(widest)), value)
