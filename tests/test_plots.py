@@ -11,6 +11,8 @@ from matplotlib.colors import to_hex
 from jointplay import analysis
 from jointplay.paper import scara
 from jointplay.physics.geometry import Mode
+from jointplay.scenario.overrides import parse
+from jointplay.scenario.robot import robot_scenario
 from jointplay.show import plots
 from jointplay.show.plots import figures
 from jointplay.show.plots.chart import Axis, Chart, Curve, Panel
@@ -60,7 +62,8 @@ def test_a_single_runs_overview_shows_its_tool_error(cases):
     figure = figure_of("overview", {"0.5 mm": cases["0.5 mm"]})
     titles = [axes.get_title() for axes in figure.axes]
     assert "contact force at joint_b" in titles
-    assert "journal centre in its bearing, joint_b, 0.5 mm" in titles
+    assert "journal centre in its bearing, joint_b" in titles
+    assert not figure.legends
     error = next(axes for axes in figure.axes if axes.get_ylabel() == "tool error [mm]")
     (line,) = error.get_lines()
     expected = analysis.deviation(cases["0.5 mm"], cases["ideal"]).values
@@ -230,6 +233,23 @@ def test_paper_style_has_serifs_and_its_own_width(cases):
     assert figure.get_size_inches()[0] < 4.0
     with pytest.raises(ValueError, match="style"):
         cases["0.2 mm"].plot.orbit(style="comic")
+
+
+def test_a_single_runs_overview_has_the_forces_of_all_its_joints():
+
+    joints = ["elbow_joint", "wrist_1_joint"]
+    settings = [parse("integration.duration=2 ms")]
+    result = robot_scenario("ur5", joints, settings).simulation("result").run(estimate=False)
+    figure = figure_of("overview", {"result": result})
+    force = next(axes for axes in figure.axes if axes.get_title() == "contact forces")
+    assert [line.get_label() for line in force.get_lines()] == joints
+    for line, joint in zip(force.get_lines(), joints, strict=True):
+        peak = np.linalg.norm(result["joint_force_peak"].sel(joint=joint).values, axis=1)
+        assert np.allclose(line.get_ydata(), peak)
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == joints
+    shown = {axes.get_title() or axes.get_ylabel(): colours(axes) for axes in figure.axes}
+    assert shown["tool error [mm]"] == ["#000000"]
+    assert shown["contact forces"][0] in shown["journal centre in its bearing, elbow_joint"]
 
 
 def test_an_ideal_run_has_no_orbit_to_plot(cases):

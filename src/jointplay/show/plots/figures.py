@@ -20,7 +20,7 @@ from jointplay.model.mechanism import Mechanism
 from jointplay.show.plots.chart import Axis, Chart, Curve, Panel, Rule, overlaid
 from jointplay.show.plots.draw import draw
 from jointplay.show.plots.names import MARK, PAPER, SHORT, is_paper_robot, kinds
-from jointplay.show.plots.palette import COLOURS, GREY, Cases, colours, reference
+from jointplay.show.plots.palette import COLOURS, GREY, Cases, colours, many, reference
 from jointplay.simulation import analysis
 from jointplay.simulation.analysis.headline import reference as ideal_run
 from jointplay.simulation.analysis.vibration import TooShort
@@ -284,10 +284,15 @@ def plane_of(cases: Cases) -> str:
 def overview(cases: Cases, known: Mapping[str, Result | None] | None = None) -> Chart:
     """The robot from above, its tool's error (or the tilt), the journal's orbit, the force.
 
+    Of a single case the forces of all joints, which the legend names; of several, of the first.
+
     `known`: the ideal mechanism's run by case, as `headline.reference` gives it; None: it is
     simulated, where it can be, if it is none of the cases.
     """
     every, ideals = coloured(cases), ideals_of(cases)
+    alone = every[0][1].joints if len(every) == 1 else []  # colours tell them apart, if several
+    if len(alone) > 1:
+        every = [(label, one, "black") for label, one, _ in every]
     shown = [item for item in every[::-1] if item[1].joints]  # these have errors and contacts
     if not ideals:
         if known is None:
@@ -304,7 +309,7 @@ def overview(cases: Cases, known: Mapping[str, Result | None] | None = None) -> 
     ]
     paths = (
         one.plot.panel("path", plane).styled(
-            colour=tone, width=1.0, name=label if one.joints else ""
+            colour=tone, width=1.0, name=label if one.joints and not alone else ""
         )
         for label, one, tone in every
     )
@@ -323,11 +328,21 @@ def overview(cases: Cases, known: Mapping[str, Result | None] | None = None) -> 
     joint = result.joints[0]
     ring = analysis.rolls(result, joint)
     what = "inner ring in the outer one" if ring else "journal centre in its bearing"
+    place = joint if alone else f"{joint}, {label}"
+    if len(alone) > 1:
+        tones = many(len(alone))
+        colour = tones[0]
+        forces = [
+            result.plot.panel("forces", "total", one).styled(colour=tone, name=one)
+            for one, tone in zip(alone, tones, strict=True)
+        ]
+    else:
+        forces = [one.plot.panel("forces", "total").styled(colour=tone) for _, one, tone in shown]
     orbit = result.plot.panel("orbit").styled(colour=colour)
-    forces = (one.plot.panel("forces", "total").styled(colour=tone) for _, one, tone in shown)
+    orbit = replace(orbit, title=f"{what}, {place}")
     force = overlaid(forces).renamed("contact force")
-    force = replace(force, title=f"contact force at {joint}")
-    rows = [[plan, error], [replace(orbit, title=f"{what}, {joint}, {label}"), force]]
+    title = "contact forces" if len(alone) > 1 else f"contact force at {joint}"
+    rows = [[plan, error], [orbit, replace(force, title=title)]]
     return Chart(rows, (9.0, 6.2), key=_LEGEND_COLUMNS, wide=(1.0, 1.5))
 
 
