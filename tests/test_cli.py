@@ -245,10 +245,12 @@ def test_a_single_case_has_an_overview_and_all_figures_when_asked(tmp_path, caps
     assert "exclude each other" in refused(capsys, *both)
 
 
-def test_a_robot_whose_play_is_in_gears_alone_has_all_its_figures(tmp_path):
-    line = ["run", "so101", "--preset", "--duration", "2 ms", "--no-error-estimate", "--quiet"]
-    assert main([*line, "--out", str(tmp_path)]) == 0
-    names = {path.name for path in tmp_path.glob("*.png")}
+def test_a_robot_whose_play_is_in_gears_alone_has_an_overview_an_ideal_one_all_figures(tmp_path):
+    short = ["--duration", "2 ms", "--no-error-estimate", "--quiet", "--out"]
+    for name, options in (("gears", ["so101", "--preset"]), ("ideal", ["ur5", "--ideal"])):
+        assert main(["run", *options, *short, str(tmp_path / name)]) == 0
+    assert {path.name for path in (tmp_path / "gears").glob("*.png")} == {"overview.png"}
+    names = {path.name for path in (tmp_path / "ideal").glob("*.png")}
     assert "overview.png" not in names
     assert {"tool_displacement.png", "tool_velocity.png"} <= names
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 from itertools import chain
@@ -23,6 +23,7 @@ from jointplay.show.plots.names import MARK, PAPER, SHORT, is_paper_robot, kinds
 from jointplay.show.plots.palette import COLOURS, GREY, Cases, colours, many, reference
 from jointplay.simulation import analysis
 from jointplay.simulation.analysis.headline import reference as ideal_run
+from jointplay.simulation.analysis.twins import has_play
 from jointplay.simulation.analysis.vibration import TooShort
 from jointplay.simulation.result.result import AXES, Result
 
@@ -285,13 +286,15 @@ def overview(cases: Cases, known: Mapping[str, Result | None] | None = None) -> 
     """The robot from above, its tool's error (or the tilt), the journal's orbit, the force.
 
     Of a single case the forces of all joints, which the legend names; of several, of the first.
+    Where play is in gears alone, there is neither orbit nor force.
 
     `known`: the ideal mechanism's run by case, as `headline.reference` gives it; None: it is
     simulated, where it can be, if it is none of the cases.
     """
     every, ideals = coloured(cases), ideals_of(cases)
-    alone = every[0][1].joints if len(every) == 1 else []  # colours tell them apart, if several
-    if len(alone) > 1:
+    single = len(every) == 1
+    several = single and len(every[0][1].joints) > 1  # then colours are theirs
+    if several:
         every = [(label, one, "black") for label, one, _ in every]
     shown = [item for item in every[::-1] if item[1].joints]  # these have errors and contacts
     if not ideals:
@@ -309,7 +312,7 @@ def overview(cases: Cases, known: Mapping[str, Result | None] | None = None) -> 
     ]
     paths = (
         one.plot.panel("path", plane).styled(
-            colour=tone, width=1.0, name=label if one.joints and not alone else ""
+            colour=tone, width=1.0, name=label if has_play(one) and not single else ""
         )
         for label, one, tone in every
     )
@@ -320,30 +323,34 @@ def overview(cases: Cases, known: Mapping[str, Result | None] | None = None) -> 
         for label, one, tone in every[::-1]
         if label in ideals
     ]
+    error: Panel | None = None
     if errors:
         error = overlaid(errors).renamed("tool error")
-    else:
+    elif shown:
         error = overlaid(one.plot.panel("tilt").styled(colour=tone) for _, one, tone in shown)
+    around: dict[str, Any] = {"key": _LEGEND_COLUMNS, "wide": (1.0, 1.5)}
+    if not shown:
+        return Chart([[plan, error]], (9.0, 3.4), **around)
     label, result, colour = shown[0]
     joint = result.joints[0]
     ring = analysis.rolls(result, joint)
     what = "inner ring in the outer one" if ring else "journal centre in its bearing"
-    place = joint if alone else f"{joint}, {label}"
-    if len(alone) > 1:
-        tones = many(len(alone))
-        colour = tones[0]
+    forces: list[Any] = [(None, one, tone, "") for _, one, tone in shown]
+    title = f"contact force at {joint}"
+    if several:
+        tones = many(len(result.joints))
         forces = [
-            result.plot.panel("forces", "total", one).styled(colour=tone, name=one)
-            for one, tone in zip(alone, tones, strict=True)
+            (name, result, tone, name) for name, tone in zip(result.joints, tones, strict=True)
         ]
-    else:
-        forces = [one.plot.panel("forces", "total").styled(colour=tone) for _, one, tone in shown]
+        title, colour = "contact forces", tones[0]
+    force = overlaid(
+        one.plot.panel("forces", "total", name).styled(colour=tone, name=words)
+        for name, one, tone, words in forces
+    ).renamed("contact force")
     orbit = result.plot.panel("orbit").styled(colour=colour)
-    orbit = replace(orbit, title=f"{what}, {place}")
-    force = overlaid(forces).renamed("contact force")
-    title = "contact forces" if len(alone) > 1 else f"contact force at {joint}"
-    rows = [[plan, error], [orbit, replace(force, title=title)]]
-    return Chart(rows, (9.0, 6.2), key=_LEGEND_COLUMNS, wide=(1.0, 1.5))
+    orbit = replace(orbit, title=f"{what}, {joint}" + ("" if single else f", {label}"))
+    rows: list[list[Panel | None]] = [[plan, error], [orbit, replace(force, title=title)]]
+    return Chart(rows, (9.0, 6.2), **around)
 
 
 def bearings_of(cases: Cases) -> list[tuple[str, str, Result, str]]:
@@ -377,7 +384,7 @@ CHARTS: dict[str, Callable[[Cases], Chart]] = {
 }
 _NEEDS: dict[str, Callable[[Cases], Any]] = {
     "journal_orbit": joints_of,
-    "overview": joints_of,
+    "overview": lambda cases: any(map(has_play, cases.values())),
     "tool_path": lambda cases: not is_straight(cases),
     "bearing_loads": bearings_of,
 }
@@ -402,7 +409,8 @@ def save(
 ) -> list[Path]:
     """Draw all figures into `folder` as PNG; the paper's under their numbers.
 
-    Orbits and overview are left out if no case has clearance, the path if it is a straight line.
+    Orbits are left out if no case has clearance, the overview if none has play, the path if it is a
+    straight line.
     Figures drawn earlier are replaced.
 
     Args:
@@ -410,7 +418,7 @@ def save(
         folder: where the files go.
         pdf: draw each as PDF, too.
         ideals: see `overview`.
-        short: only the overview, and the loads of rolling bearings; all if there is none.
+        short: only the overview, and the loads of rolling bearings; all where nothing has play.
 
     Returns:
         The files written.
@@ -421,9 +429,8 @@ def save(
     charts, written = list(_charts(cases, ideals, short)), []
     paper = is_paper(cases)
     half = (len(charts) + 1) // 2 if len(charts) > 2 else len(charts)  # a process costs a figure
-    with ExitStack() as stack:
-        rest = partial(_drawn, charts[half:], pdf)
-        others = stack.enter_context(in_parallel(rest)) if charts[half:] else list
+    rest = partial(_drawn, charts[half:], pdf)
+    with in_parallel(rest) if charts[half:] else nullcontext(list) as others:
         for shown, kind, content in chain(_drawn(charts[:half], pdf), others()):
             path = Path(folder) / f"{PAPER.get(shown, shown) if paper else shown}.{kind}"
             written.append(files.write_picture(path, content, mark=MARK))
