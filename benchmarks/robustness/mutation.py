@@ -34,13 +34,20 @@ from jointplay.base.files import temporary
 PACKAGE = ROOT / "src" / "jointplay"
 EXPLAINED = Path(__file__).with_name("mutation_survivors.toml")
 
-LAWS = ("tests/contact/test_restitution.py", "tests/contact/test_line_contact.py",
-        "tests/test_contact_laws.py", "tests/contact/test_validity.py")  # fmt: skip
+LAWS = (
+    "tests/physics/contact/test_restitution.py",
+    "tests/physics/contact/test_line_contact.py",
+    "tests/physics/contact/test_contact_laws.py",
+    "tests/physics/contact/test_validity.py",
+)
 QUICK = "geometry"
 TARGETS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "geometry": (
         ("physics/geometry/cylinder.py", "physics/geometry/contacts.py"),
-        ("tests/test_geometry.py", "tests/test_geometry_properties.py"),
+        (
+            "tests/physics/geometry/test_geometry.py",
+            "tests/physics/geometry/test_geometry_properties.py",
+        ),
     ),
     "laws": (
         (
@@ -53,22 +60,22 @@ TARGETS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "friction": (
         ("physics/contact/friction.py", "physics/contact/bristle.py"),
         (
-            "tests/test_contact_laws.py",
-            "tests/contact/test_friction.py",
+            "tests/physics/contact/test_contact_laws.py",
+            "tests/physics/contact/test_friction.py",
             "tests/physics/test_bristles.py",
         ),
     ),
-    "film": (("physics/contact/film.py",), ("tests/test_film.py",)),
+    "film": (("physics/contact/film.py",), ("tests/physics/contact/test_film.py",)),
     "audit": (
         ("simulation/result/audit.py",),
-        ("tests/test_audit_figures.py", "tests/test_audit.py"),
+        ("tests/simulation/result/test_audit_figures.py", "tests/simulation/result/test_audit.py"),
     ),
     "solver": (
         ("physics/kernel/solve.py",),
         (
-            "tests/physics/test_multi_rate.py",
+            "tests/physics/kernel/test_multi_rate.py",
             "tests/physics/test_oil.py",
-            "tests/loads/test_loads_together.py",
+            "tests/simulation/loads/test_loads_together.py",
         ),
     ),
 }

@@ -17,8 +17,8 @@ from pathlib import Path
 
 import pytest
 from conftest import body, joint, tip
+from estimate.test_identify import MASS, REACH, seen
 from sweep_scenario import SCENARIO
-from test_identify import MASS, REACH, seen
 from test_kills import gone, needs_proc
 from test_sweep_kills import descendants
 from warm import JOINTPLAY, PATIENCE_S, PYTHON, Process, end, start

@@ -3,7 +3,7 @@
 The same servo as `simulation.loads.drive.Servo` and the same teeth as `model.gear.Gear`, for one
 joint whose neighbours stand, where thousands of runs are wanted. Friction is dry with Stribeck's
 excess, of both inertias, by the impulse that stops them at most (no speed below which it is
-smoothed). tests/test_wiggle.py compares it with `Simulation`.
+smoothed). tests/estimate/test_wiggle.py compares it with `Simulation`.
 """
 
 from __future__ import annotations

@@ -460,7 +460,7 @@ def react(bodies, q, v, effort, first, end, wanted, carriers, places, acted, giv
 # Pinocchio does one state per call, and what it leaves must be fetched array by array:
 # microseconds, of which the arithmetic is a few tenths. Here all states of a run are one call of
 # a compiled loop. Every joint is split into joints of one coordinate, with bodies of no mass
-# between them; everything is in world axes. tests/test_tree.py holds it against Pinocchio.
+# between them; everything is in world axes. tests/model/test_tree.py holds it against Pinocchio.
 
 
 class Bodies(NamedTuple):
