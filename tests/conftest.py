@@ -51,7 +51,6 @@ settings.load_profile("jointplay")
 FIXTURES = {
     "browser": ("playwright",),
     "filmable": ("playwright", "imageio", "imageio_ffmpeg"),
-    "shown": ("anywidget",),
 }
 
 

@@ -17,7 +17,6 @@ from jointplay.base.schema import (
 )
 from jointplay.model.beams import FlexibleLink
 from jointplay.model.gear import Gearing
-from jointplay.model.heat import Heat, JointHeat, LinkHeat
 from jointplay.physics.contact.film import FilmLaw
 from jointplay.physics.contact.law import FrictionLaw, NormalForceLaw
 from jointplay.physics.joints import Clearance
@@ -34,7 +33,7 @@ from jointplay.simulation.loads.drive import Drive, JointFriction
 
 KINDS = (
     *(Robot, LoopEnds, Clearance, NormalForceLaw, FrictionLaw, FilmLaw, MotionTable, Drive),
-    *(JointFriction, Gearing, Heat, JointHeat, LinkHeat, FlexibleLink, Load, HeldPayload),
+    *(JointFriction, Gearing, FlexibleLink, Load, HeldPayload),
     *(RobotErrors, JointErrors, IntegrationTable, Output),
 )
 """Classes whose keys have a table on the page."""

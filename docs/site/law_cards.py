@@ -170,7 +170,7 @@ $$
             f"""# Law cards
 
 What each contact law does, alone and in two mechanisms beside the paper's laws. Measured by
-`python benchmarks law_cards`; [the data](../data/law_cards.json) has every run.
+`python benchmarks laws`; [the data](../data/law_cards.json) has every run.
 
 - **SCARA**: joint B with C_r = C_a = 0.2 mm, weight balanced, {data["cycle"]}, step 10 µs;
   restitution 0.9, friction 0.1. Figures are judged from 0.15 s on, when the journal has fallen.

@@ -74,8 +74,6 @@ from .study.ensemble import EnsembleInterrupted as EnsembleInterrupted
 from .study.ensemble import ensemble as ensemble
 from .study.hunting import hunting as hunting
 from .study.iso9283 import iso9283 as iso9283
-from .study.maintenance import maintenance as maintenance
-from .study.shares import shares as shares
 from .study.sweep_table import uncertainty as uncertainty
 from .study.wear import wear as wear
 

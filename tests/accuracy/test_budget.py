@@ -388,8 +388,8 @@ def test_the_table_says_whether_friction_decides_where_the_tool_rests(urdf):
 
 
 def loose_joints(name):
-    """A case of benchmarks/truth/friction_at_rest.py, with what looks at its journals."""
-    from truth import friction_at_rest as brute
+    """A case of benchmarks/truth/statics.py, with what looks at its journals."""
+    from truth import statics as brute
 
     case = (brute.CASES | brute.PAIRS)[name]
     mechanism, q = case.build()

@@ -2,23 +2,19 @@
 
 import dataclasses
 import io
-import json
 import sys
 from contextlib import suppress
-from xml.etree import ElementTree
 
 import hypothesis
 import hypothesis.strategies as st
 import numpy as np
 import pandas as pd
-import pinocchio as pin
 import pytest
 import yaml
 from conftest import body, joint
 
 import jointplay as jp
 from jointplay import JointplayError, Motion, Result, cli
-from jointplay.bridges import layouts
 from jointplay.paper import scara
 from jointplay.physics.joints import SphericalClearance
 from jointplay.simulation.motion import rosbag
@@ -236,69 +232,6 @@ def test_a_giant_bag_is_not_read(tmp_path):
         Motion.from_mcap(tmp_path)
 
 
-def layout_curves(result):
-    """Topic, fields and index of all curves, as each of the programs writes them, by tab."""
-    xml = ElementTree.fromstring(layouts.plotjuggler(result, ".xml", False))
-    assert xml.tag == "root"
-    (window,) = xml.findall("tabbed_widget[@parent='main_window']")
-    jugglers = {}
-    for tab in window.findall("Tab"):
-        for splitter in tab.iter("DockSplitter"):
-            assert (
-                len(splitter) == int(splitter.get("count")) == len(splitter.get("sizes").split(";"))
-            )
-        curves = list(tab.iter("curve"))
-        found = [curve.get(key) for curve in curves for key in ("name", "curve_x", "curve_y")]
-        jugglers[tab.get("tab_name")] = {name for name in found if name and name.startswith("/")}
-    layout = json.loads(layouts.foxglove(result, ".json", False))
-    panels = layout["configById"]
-    glove = {}
-    for tab in panels[layout["layout"]]["tabs"]:
-        waiting, paths = [tab["layout"]], []
-        while waiting:
-            node = waiting.pop()
-            if isinstance(node, dict):
-                assert 0.0 < node["splitPercentage"] < 100.0
-                waiting += [node["first"], node["second"]]
-                continue
-            panel = panels[node]
-            paths += [one["value"] for one in (*panel["paths"], panel.get("xAxisPath", {})) if one]
-        glove[tab["title"]] = set(paths)
-    return jugglers, glove
-
-
-def numbers_of_bag(path):
-    """Names of all numbers of a bag as PlotJuggler and Foxglove call them."""
-    juggled, gloved = set(), set()
-
-    def walk(prefix, value):
-        if isinstance(value, float):
-            juggled.add("/".join(prefix))
-            gloved.add(".".join(prefix))
-        for name in getattr(value, "__slots__", ()):
-            walk([*prefix, name], getattr(value, name))
-
-    for topic, messages in bag(path).items():
-        message = messages[0][1]
-        if hasattr(message, "effort"):
-            for field in ("position", "velocity", "effort"):
-                for i, name in enumerate(message.name):
-                    assert isinstance(getattr(message, field)[i], float)
-                    juggled.add(f"{topic}/{name}/{field}")
-                    gloved.add(f"{topic}.{field}[{i}]")
-        walk([topic], message)
-    return juggled, gloved
-
-
-def test_layouts_show_numbers_that_the_bag_has(result, bagged):
-    for curves, numbers in zip(layout_curves(result), numbers_of_bag(bagged), strict=True):
-        assert list(curves) == ["machine", "joint_b"]
-        for shown in curves.values():
-            assert len(shown) > 5
-            assert shown <= numbers
-        assert any("stroke" in name or "effort[" in name for name in curves["machine"])
-
-
 def written(path, *messages):
     """A bag of the given topics, kinds and contents, one each second."""
     from mcap_ros2.writer import Writer
@@ -400,43 +333,6 @@ def test_a_scenario_takes_a_bag_for_its_motion(result, tmp_path):
     assert jp.Scenario.load(scenario).simulation().motion.interpolation == "rest-to-rest"
 
 
-@pytest.mark.needs("rerun")
-def test_rerun_recordings_hold_the_robot_and_all_numbers(result, tmp_path):
-    from rerun import chunk
-
-    path = result.export(tmp_path / "r.rrd", every=100)
-    found = {}
-    for one in chunk.RrdReader(path).store().stream().to_chunks():
-        found.setdefault(str(one.entity_path), []).append(one.to_record_batch())
-
-    def column(entity, name):
-        for batch in found[entity]:
-            for field, values in zip(batch.schema.names, batch.columns, strict=True):
-                if field == name:
-                    return values
-        raise AssertionError(f"{entity} has no {name}")
-
-    force = column("/force/joint_b", "Arrows3D:vectors").to_pylist()
-    thin = result.thinned(100)
-    work = column("/histories/drive_work", "Scalars:scalars").to_pylist()
-    assert [value[0] for value in work] == thin["drive_work"].values.tolist()
-    times = column("/histories/drive_work", "time").cast("int64").to_numpy()
-    assert np.abs(1e-9 * times - thin.time).max() < 1e-9
-    assert column("/histories/drive_work", "SeriesLines:names").to_pylist() == [["drive_work [J]"]]
-    size = np.linalg.norm(np.array(force)[:, 0], axis=1)
-    expected = np.linalg.norm(thin["joint_force_peak"].values[:, 0], axis=1)
-    assert size / size.max() == pytest.approx(expected / expected.max(), abs=1e-6)
-    model = result.simulation.mechanism.model
-    links = [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY]
-    moved = column(f"/robot/{links[-1]}", "Transform3D:translation").to_pylist()
-    data = model.createData()
-    pin.framesForwardKinematics(model, data, thin.q[-1])
-    at = data.oMf[model.getFrameId(links[-1], pin.FrameType.BODY)].translation
-    assert moved[-1][0] == pytest.approx(at, abs=1e-6)  # single precision
-    shapes = [entity for entity in found if entity.startswith("/robot/") and entity.count("/") == 3]
-    assert len(shapes) == result.simulation.mechanism.visual_model.ngeoms
-
-
 def test_the_command_writes_and_says_what(saved, tmp_path, capsys):
     out = tmp_path / "r.csv"
     assert cli.main(["export", "result", str(saved), "--out", str(out), "--every", "100"]) == 0
@@ -460,7 +356,6 @@ def test_the_command_writes_and_says_what(saved, tmp_path, capsys):
         ("r.parquet", "pyarrow.parquet", "tables"),
         ("r.yaml", "yaml", "ros"),
         ("r.mcap", "mcap_ros2.writer", "ros"),
-        ("r.rrd", "rerun", "rerun"),
     ],
 )
 def test_a_missing_library_is_named_with_its_remedy(

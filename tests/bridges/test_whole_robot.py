@@ -1,6 +1,5 @@
 """Whole robots with play, written for other simulators and read by their own readers."""
 
-import csv
 import json
 import sys
 import xml.etree.ElementTree as ElementTree
@@ -12,7 +11,6 @@ import yourdfpy
 from conftest import body, joint
 
 from jointplay.base.errors import JointplayError
-from jointplay.bridges.random_copies import draw, drawn, intervals
 from jointplay.bridges.reduced_files import reach, to_sdf, to_urdf
 from jointplay.bridges.reduced_mjcf import compile_robot, find_play, find_reach
 from jointplay.bridges.reduction import Reduction, reduce_all
@@ -20,7 +18,6 @@ from jointplay.cli import main
 from jointplay.model.gear import Gear
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import RevoluteClearance
-from jointplay.simulation.loads.drive import Servo
 
 PLAYS = {"a": 6e-3, "b": 4e-3}
 EVERY_FORMAT = pytest.mark.needs("mujoco", "pxr", "newton_usd_schemas")
@@ -228,104 +225,24 @@ def test_usd_has_the_play_in_newtons_attributes(mechanism, reductions):
         assert ends[0] == pytest.approx(ends[1], abs=1e-6)
 
 
-def test_values_are_drawn_within_the_intervals_and_seeds_repeat(mechanism, reductions):
-    servo = Servo(voltage=9.0, p_gain=40.0, torque_constant=1.2, resistance=2.7, friction=0.05)
-    ranges = intervals(mechanism, reductions, 0.2, servos={"a": servo})
-    values = draw(ranges, 200, 3)
-    low, high = np.array([[one.low, one.high] for one in ranges]).T
-    assert ((values >= low) & (values <= high)).all()
-    assert np.ptp(values, axis=0) == pytest.approx(high - low, rel=0.1)
-    assert (draw(ranges, 200, 3) == values).all()
-    assert (draw(ranges, 200, 4) != values).any()
-    at = [(one.joint, one.quantity) for one in ranges]
-    assert ("a", "motor_friction") in at
-    assert ("b", "motor_friction") not in at
-    first = drawn(reductions, ranges, values[0])[0]
-    assert 0.5 * first.dead_band == values[0, at.index(("a", "half_play"))]
-
-
-def identified(**row):
-    return {"unknowns": [{"joint": "a", "expected": 5e-3} | row]}
-
-
-def test_identified_intervals_replace_the_spread(mechanism, reductions):
-    found = identified(quantity="gear_play", low=4e-3, high=5e-3)
-    found["unknowns"] += identified(quantity="gear_compliance", low=1e-3, high=2e-3)["unknowns"]
-    found["unknowns"].append({"joint": "b", "quantity": "gear_play", "reason": "never reverses"})
-    ranges = {(x.joint, x.quantity): x for x in intervals(mechanism, reductions, 0.1, found)}
-    play, stiff = ranges["a", "half_play"], ranges["a", "stiffness"]
-    assert (play.low, play.high, play.origin) == (2e-3, 2.5e-3, "identified")
-    assert (stiff.low, stiff.high) == (500.0, 1000.0)
-    assert ranges["b", "half_play"].origin == "assumed"
-    assert ranges["b", "half_play"].high == pytest.approx(1.1 * 2e-3)
-
-
 OPTIONS = ["--gear", "a=6 mrad", "--gear", "b=4 mrad", "--gear-stiffness", "2000"]
 OPTIONS += ["--rotor-inertia", "0.05", "--gear-damping", "2", "--period", "0.4", "--quiet"]
 
 
 @pytest.mark.needs("mujoco")
-def test_the_command_writes_the_whole_robot_and_its_copies(path, tmp_path, capsys):
-    import mujoco
-
+def test_the_command_writes_the_whole_robot(path, tmp_path, capsys):
     out = tmp_path / "out"
-    found = tmp_path / "identified.json"
-    found.write_text(json.dumps(identified(quantity="gear_play", low=4e-3, high=5e-3)))
-    order = [
-        "export",
-        "simulator",
-        str(path),
-        "--all",
-        *OPTIONS,
-        "--batch",
-        "3",
-        "--seed",
-        "1",
-        "--check",
-    ]
-    order += ["--identified", str(found), "--spread", "20%", "--out", str(out)]
+    order = ["export", "simulator", str(path), "--all", *OPTIONS, "--check"]
+    order += ["--spread", "20%", "--out", str(out)]
     assert main(order) == 0
     said = capsys.readouterr().out
     assert "a turns freely by 6 mrad (written: 6)" in said
-    assert "3 random copies, uniform within the intervals of a half_play [rad]" in said
-    rows = list(csv.DictReader((out / "batch.csv").open()))
-    assert [row["copy"] for row in rows] == ["robot_1", "robot_2", "robot_3"]
-    for row in rows:
-        half = float(row["a half_play [rad]"])
-        assert 2e-3 <= half <= 2.5e-3
-        model = mujoco.MjModel.from_xml_path(str(out / f"{row['copy']}.xml"))
-        assert model.tendon_lengthspring[model.tendon("a.play").id] == pytest.approx([-half, half])
-        robot = yourdfpy.URDF.load(str(out / f"{row['copy']}.urdf"), load_meshes=False)
-        assert robot.joint_map["a_play"].limit.upper == pytest.approx(half)
+    robot = yourdfpy.URDF.load(str(out / "robot.urdf"), load_meshes=False)
+    assert robot.joint_map["a_play"].limit.upper == pytest.approx(3e-3)
     written = json.loads((out / "robot.json").read_text())["joints"]
     assert [one["joint"] for one in written] == ["a", "b"]
     assert main(order) == 2
     assert "robot.xml" in capsys.readouterr().err
-
-
-def test_copies_are_drawn_from_the_intervals_of_ones_own_preset(tmp_path, capsys):
-    """With nothing else said, and likewise where the preset is named as what was identified."""
-    own = tmp_path / "my.toml"
-    own.write_text(
-        "[joint.elbow_flex.gear]\nplay = 5e-3\nstiffness = 100.0\n"
-        '[joint.elbow_flex.drive]\nkind = "computed-torque"\nencoder = "motor"\n'
-        '[[origin]]\nkey = "elbow_flex.gear.play"\nvalue = "5 mrad"\norigin = "measured"\n'
-        'source = "a dial gauge"\ninterval = [4e-3, 5.2e-3]\n'
-    )
-    order = ["export", "simulator", "so101", "--all", "--preset", str(own), "--quiet"]
-    order += ["--batch", "5", "--format", "json", "--spread", "0.3"]
-    rows = []
-    for number, more in enumerate(([], ["--identified", str(own)])):
-        out = tmp_path / f"out{number}"
-        assert main([*order, *more, "--out", str(out)]) == 0, capsys.readouterr().err
-        assert "within the intervals of elbow_flex half_play" in capsys.readouterr().out
-        rows.append(list(csv.DictReader((out / "batch.csv").open())))
-    assert rows[0] == rows[1]
-    assert all(2e-3 <= float(row["elbow_flex half_play [rad]"]) <= 2.6e-3 for row in rows[0])
-    bare = tmp_path / "bare.toml"
-    bare.write_text(own.read_text().replace("interval = [4e-3, 5.2e-3]\n", ""))
-    assert main([*order, "--identified", str(bare), "--out", str(tmp_path / "no")]) == 2
-    assert "no unknown in the file has an interval" in capsys.readouterr().err
 
 
 @pytest.mark.needs("mujoco")
@@ -345,14 +262,9 @@ def test_the_tilt_of_the_axes_moves_mujocos_tool_as_far_as_the_budget_says(path)
     assert written > 0.9 * own.worst[0]
     found = find_reach(text, {}, "slider", pose, own.direction[0])
     assert found == pytest.approx(written, rel=0.02)
-    ranges = intervals(mechanism, made, 0.3, tilting=tilting)
-    assert [one.quantity for one in ranges] == ["tilt", "tilt"]
-    values = draw(ranges, 2, 0)
-    assert np.ptp(values) > 0.0
-    copies = drawn(made, ranges, values[1])
-    model = mujoco.MjModel.from_xml_string(compile_robot(mechanism, made, pose, True).mjcf(copies))
-    for name, value in zip(tilting, values[1], strict=True):
-        assert model.tendon_range[model.tendon(f"{name}.rim").id, 1] == pytest.approx(arm * value)
+    model = mujoco.MjModel.from_xml_string(text)
+    for name in tilting:
+        assert model.tendon_range[model.tendon(f"{name}.rim").id, 1] == pytest.approx(arm * tilt)
 
 
 @pytest.mark.needs("mujoco")
@@ -379,11 +291,7 @@ def test_shapes_go_with_the_mjcf(path, tmp_path):
     ("options", "message"),
     [
         (["--all"], "no joint has play; joints that could have it: a, b, c"),
-        (["--all", *OPTIONS, "--batch", "0"], "--batch must be at least 1, got 0"),
-        (["--all", *OPTIONS, "--batch", "2", "--seed", "-1"], "--seed must not be negative"),
-        (["--all", *OPTIONS, "--seed", "1"], "--seed is for random copies"),
-        (["--all", *OPTIONS, "--batch", "2", "--spread", "100%"], "below 100 %"),
-        (["--all", *OPTIONS, "--batch", "2", "--identified", "none.json"], "none.json"),
+        (["--all", *OPTIONS, "--spread", "-1"], "--spread must not be negative"),
         (["--all", *OPTIONS, "--gear", "zz=1 mrad"], "zz"),
         (["--all", *OPTIONS, "--tilt", "--format", "sdf"], "--format sdf with --tilt"),
         pytest.param(
@@ -392,7 +300,7 @@ def test_shapes_go_with_the_mjcf(path, tmp_path):
             marks=EVERY_FORMAT,
         ),
         pytest.param(
-            ["--all", "--joint", "a=0.1 mm", "--format", "mjcf", "--batch", "2"],
+            ["--all", "--joint", "a=0.1 mm", "--format", "mjcf"],
             "--tilt",
             marks=pytest.mark.needs("mujoco"),
         ),
@@ -407,34 +315,6 @@ def test_shapes_go_with_the_mjcf(path, tmp_path):
 )
 def test_the_command_refuses_what_cannot_be(path, tmp_path, capsys, options, message):
     assert main(["export", "simulator", str(path), *options, "--out", str(tmp_path / "o")]) == 2
-    assert message in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        ("{", "is no JSON"),
-        ("[1]", "no list 'unknowns'"),
-        ('{"unknowns": []}', "nothing was identified"),
-        (json.dumps(identified(joint="q", quantity="gear_play", low=1.0, high=2.0)), "'q'"),
-        (json.dumps(identified(quantity="restitution", low=0.1, high=0.2)), "is drawn for"),
-    ],
-)
-def test_files_that_identify_did_not_write_are_refused(path, tmp_path, capsys, content, message):
-    found = tmp_path / "identified.json"
-    found.write_text(content)
-    order = [
-        "export",
-        "simulator",
-        str(path),
-        "--all",
-        *OPTIONS,
-        "--batch",
-        "1",
-        "--format",
-        "urdf",
-    ]
-    assert main([*order, "--identified", str(found), "--out", str(tmp_path / "o")]) == 2
     assert message in capsys.readouterr().err
 
 

@@ -31,7 +31,7 @@ from jointplay.show.player import movie
 from jointplay.show.player.server import Server
 from jointplay.show.reports.sections import claim_rows
 from jointplay.simulation.analysis import uncertainty
-from jointplay.study import axes, courses, shares
+from jointplay.study import axes, courses
 from jointplay.study.nonlinear import lyapunov, observables, poincare
 
 JOINTPLAY = str(Path(sys.executable).parent / "jointplay")
@@ -200,8 +200,6 @@ def test_nothing_but_numbers_passes_for_a_number_of_a_function(wrong):
         lambda: axes.points("random", wrong, 2, 1),
         lambda: movie.Shot(begin=wrong),
         lambda: Server(b"", port=wrong),
-        lambda: shares.sensitivity(scara(2e-4), spread=wrong),
-        lambda: shares.sensitivity(scara(2e-4), samples=wrong),
         lambda: courses.traces([], jobs=wrong),
         lambda: jp.oil("ISO VG 32").viscosity(wrong),
     ]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pictures import law_cards
+from pictures import laws
 from PIL import Image
 
 from jointplay.physics.contact import FILM_LAWS, FRICTION_LAWS, NORMAL_LAWS
@@ -56,11 +56,11 @@ def written(tmp_path_factory):
     """Quick cards of one law of each family."""
     folder = tmp_path_factory.mktemp("cards")
     with pytest.MonkeyPatch.context() as patch:
-        words = ["law_cards.py", "--quick", "--jobs", "1", "--out", str(folder)]
+        words = ["laws.py", "--quick", "--jobs", "1", "--out", str(folder)]
         for family, name in CHOSEN.items():
             words += ["--law", f"{family}:{name}"]
         patch.setattr(sys, "argv", words)
-        law_cards.main()
+        laws.main()
     return Cards(folder / "law_cards.json")
 
 

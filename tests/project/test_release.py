@@ -52,7 +52,7 @@ def test_the_oldest_versions_that_are_allowed_work(tmp_path):
     jointplay = str(tmp_path / "old/bin/jointplay")
     does(jointplay, "run", "--duration", "0.05", "--quiet", "--out", "run")
     does(jointplay, "report", "run")
-    for suffix in ("parquet", "mcap", "yaml", "rrd", "fmu"):
+    for suffix in ("parquet", "mcap", "yaml"):
         does(jointplay, "export", "result", "run/result.nc", "--out", f"result.{suffix}")
     does(jointplay, "budget", "ur5", "--clearance", "0.05 mm")
     reduce = (

@@ -73,7 +73,7 @@ def folder(tmp_path_factory):
     (tmp_path / "unit.toml").write_text(SCENARIO.format(more='bearing_radius = "10 s"'))
     (tmp_path / "full").mkdir()
     taken = ("result.nc", "good.nc", "case1_0.2mm.nc", "budget.csv", "allocation.png")
-    for name in (*taken, "iso9283.csv", "shares.csv", "maintenance.csv", "plan.txt", "j.sdf"):
+    for name in (*taken, "iso9283.csv", "plan.txt", "j.sdf"):
         (tmp_path / "full" / name).write_bytes(b"something")
     (tmp_path / "a.zarr").mkdir()
     (tmp_path / "a.zarr" / "zarr.json").write_text("{}")
@@ -101,11 +101,6 @@ REFUSALS = [
     (["allocate", "ur5", "--target", "1e-4", "--out", "full"], "(allocation.png)"),
     (["export", "simulator", "ur5", "--joint", "j", "--out", "full"], "(j.sdf)"),
     (["study", "iso9283", "good.toml", "--out", "full"], "(iso9283.csv)"),
-    (["study", "shares", "good.toml", "--out", "full"], "(shares.csv)"),
-    (
-        ["study", "maintenance", "good.toml", "--target", "1e-4", "--out", "full"],
-        "(maintenance.csv)",
-    ),
     (["identify", "good.toml", "--plan", "--out", "full"], "(plan.txt)"),
     (["calibrate", "ur5", "poses.csv", "--folds", "some"], "--folds must be a number"),
     (["calibrate", "ur5", "poses.csv", "--scatter", "0 mm"], "--scatter must be positive"),

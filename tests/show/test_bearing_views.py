@@ -262,24 +262,12 @@ def test_reduced_bearings_have_their_own_friction_and_stiffness(robot, name):
 
 
 def test_bearings_do_not_wear(robot):
-    from jointplay.study.maintenance import maintenance
     from jointplay.study.wear import wear
 
     mechanism = jp.Mechanism(robot, {"balls": BALLS}, tool="tip")
     simulation = jp.Simulation(mechanism, duration=0.01, limits="ignore")
     with pytest.raises(JointplayError, match="rating life L10"):
         wear(simulation, "balls", 1e-6)
-    with pytest.raises(JointplayError, match=r"rolling bearings \(balls\) have a rating life"):
-        maintenance(simulation, 1e-3)
-
-
-def test_sensitivity_varies_no_preloaded_bearing(robot):
-    from jointplay.study.shares import _inputs
-
-    mechanism = jp.Mechanism(robot, {"balls": BALLS, "pair": PAIR}, tool="tip")
-    simulation = jp.Simulation(mechanism, duration=0.01, limits="ignore")
-    names = list(_inputs(simulation, 2.0, 1.0, 0.0))
-    assert names == ["clearance balls"]
 
 
 def test_a_scenario_says_what_is_estimated(robot):

@@ -1,4 +1,4 @@
-"""The live page: in a real browser, over its server, and as a widget."""
+"""The live page: in a real browser, and over its server."""
 
 import http.client
 import json
@@ -176,9 +176,9 @@ def test_an_older_answer_is_not_shown_for_a_newer_question(tab):
     """The first answer is held back, and handed over after the second."""
     shown = tab.evaluate(
         """async () => {
-            const live = window.jointplay, ask = live.transport.ask, late = [];
+            const live = window.jointplay, ask = live.server.ask, late = [];
             let first = true;
-            live.transport.ask = (values, receive) => {
+            live.server.ask = (values, receive) => {
                 if (!first) return ask(values, receive);
                 first = false;
                 ask(values, (head, block) => late.push([head, block, receive]));
@@ -197,7 +197,7 @@ def test_an_older_answer_is_not_shown_for_a_newer_question(tab):
             const worst = live.answer.budget.worst;
             for (const [head, block, receive] of late) receive(head, block);
             await new Promise(go => setTimeout(go, 300));
-            live.transport.ask = ask;
+            live.server.ask = ask;
             const old = late.find(([head]) => head.kind === "budget")[0].worst;
             return [worst, live.answer.budget.worst, old, live.budgetBody.innerText];
         }"""
@@ -759,80 +759,3 @@ def test_a_saved_scenario_finds_its_files_from_any_folder(tmp_path):
     again = Scenario.load(tmp_path / "b.toml").simulation()
     assert again.mechanism.clearance["joint_b"].axial_clearance == 0.3e-3
     assert again.mechanism.clearance["joint_b"].radial_clearance == 0.2e-3
-
-
-# The widget.
-
-
-@pytest.fixture
-def shown():
-    from jointplay.show.live.widget import widget
-
-    made = widget(scenario())
-    made.sent, made.ended = [], threading.Event()
-
-    def send(head, buffers=None):
-        made.sent.append((head, buffers or []))
-        if head["kind"] in ("end", "scenario"):
-            made.ended.set()
-
-    made.send = send
-    yield made
-    made.close()
-
-
-def asked(shown, message):
-    shown.sent.clear()
-    shown.ended.clear()
-    shown._handle_custom_msg(message, [])
-    assert shown.ended.wait(900)
-    return list(shown.sent)
-
-
-def test_the_widget_answers_over_its_comm(shown):
-    values = {"joint_b.radial_clearance": 0.3}
-    answers = asked(shown, {"what": "ask", "to": 7, "values": values})
-    assert all(head["to"] == 7 for head, _ in answers)
-    assert any(head["kind"] == "cycle" and not head["quick"] for head, _ in answers)
-    ((head, _),) = asked(shown, {"what": "scenario", "to": 8, "values": values})
-    assert 'radial_clearance = "0.3 mm"' in head["text"]
-    refused = asked(shown, {"what": "ask", "to": 9, "values": {"nothing": 1}})
-    assert "nothing" in refused[0][0]["error"]
-
-
-def test_the_widget_shows_the_same_front_end(shown, browser):
-    """Its module in a browser; messages go to the widget and back."""
-    import base64
-
-    def answer(message):
-        return [
-            [head, [base64.b64encode(bytes(one)).decode() for one in buffers]]
-            for head, buffers in asked(shown, message)
-        ]
-
-    with browsing.opened(browser, "about:blank") as page:
-        page.expose_function("toPython", answer)
-        page.set_content("<!doctype html><div id=out></div>")
-        page.evaluate(
-            """async ([module, contents, block]) => {
-                const codes = text => Uint8Array.from(atob(text), one => one.charCodeAt(0));
-                const bytes = text => new DataView(codes(text).buffer);
-                const url = URL.createObjectURL(new Blob([module], {type: "text/javascript"}));
-                const {default: widget} = await import(url), told = [];
-                const model = {
-                    get: name => ({contents, block: bytes(block)})[name],
-                    on: (what, act) => told.push(act),
-                    send: async message => {
-                        for (const [head, buffers] of await window.toPython(message)) {
-                            for (const act of told) act(head, buffers.map(bytes));
-                        }
-                    },
-                };
-                widget.render({model, el: document.getElementById("out")});
-                window.jointplay = document.querySelector(".jp-live").live;
-            }""",
-            [shown._esm, shown.contents, base64.b64encode(shown.block).decode()],
-        )
-        answered(page)
-        assert figures(page)["peak force, joint_b"] > 0.0
-        assert page.evaluate("() => window.jointplay.view.shown.bodies.length") > 0

@@ -1,7 +1,6 @@
 """Figures of ISO 9283: points with known figures, and small runs."""
 
 import os
-import re
 from dataclasses import replace
 from itertools import pairwise
 
@@ -18,10 +17,8 @@ from jointplay.study.iso9283 import (
     Cycles,
     cube_motion,
     cube_poses,
-    drift,
     figures,
     iso9283,
-    what_drifts,
 )
 
 TIME = np.linspace(0.0, 3.0, 3001)
@@ -111,165 +108,29 @@ def test_path_figures_are_the_largest_across_the_path():
     assert at == pytest.approx(0.5, abs=0.02)
 
 
-def test_one_pose_from_two_directions_has_a_variation():
-    motion = Motion(["a"], [0.0, 1.0, 2.0, 3.0], [[0.0], [1.0], [2.0], [1.0]])
-    ideal = course(motion=motion)
-
-    def backlash(scatter):
-        error = np.where(TIME < 2.0, -1e-4, 1e-4) + scatter
-        return Trace(TIME, ideal.position + error[:, None] * [1, 0, 0], ideal.velocity)
-
-    found = figures([backlash(s) for s in (-1e-6, 0.0, 1e-6)], ideal, motion)
-    (one,) = found.having("vAP_p")
-    assert one.times == pytest.approx((1.0, 3.0))
-    assert one.figures["vAP_p"].value == pytest.approx(2e-4)
-
-
-def test_a_pose_reached_from_one_side_only_has_no_variation():
-    motion = Motion(["a"], [0.0, 0.5, 1.0, 2.0, 3.0], [[0.0], [1.0], [0.0], [1.0], [1.0]])
-    found = figures(cycles(1e-4 * SQUARE, motion=motion), course(motion=motion), motion)
-    assert not found.having("vAP_p")
-
-
-def test_a_ringing_tool_settles_when_its_envelope_is_within_the_band():
-    motion = there_and_back()
-    ideal = course(motion=motion)
-    after = np.clip(TIME - 1.0, 0.0, None)
-    ring = np.where(TIME >= 1.0, 1e-3 * np.exp(-after / 0.05) * np.sin(2 * np.pi * 40 * after), 0)
-    runs = [Trace(TIME, ideal.position + ring[:, None] * [1, 0, 0], ideal.velocity)] * 3
-    found = figures(runs, ideal, motion, band=1e-4).poses[0].figures
-    # From the first crossing of the band on; the envelope is within it after 0.05 ln 10.
-    place = motion(TIME)[0][:, 0]
-    crossing = TIME[np.flatnonzero(np.abs(place - 1.0) <= 1e-4)[0]]
-    settled = crossing + found["t_stabilization"].value
-    assert settled == pytest.approx(1.0 + 0.05 * np.log(10.0), abs=0.0125)
-    assert found["OV"].value == pytest.approx(np.abs(ring).max(), rel=1e-6)
-
-
-def test_a_tool_that_comes_to_rest_without_ringing_has_no_overshoot():
-    found = figures([course()] * 3, course(), there_and_back(), band=1e-4)
-    assert [found.poses[0].figures[one].value for one in ("t_stabilization", "OV")] == [0.0, 0.0]
-    assert not found.having("CR")  # a way back on itself
-    assert "no corner" in str(found)
-
-
-def test_distance_figures_are_the_mean_excess_and_three_standard_deviations():
-    # Two stops a metre apart along x; the first is attained exactly, the second off along x.
-    motion, ideal = there_and_back(), course()
-    excess = 1e-4 * np.array([1.0, 2.0, 3.0, 6.0])
-    runs = []
-    for x in excess:
-        off = np.where(TIME > 0.5, x, 0.0)  # at 1 m until 2 s, and back at the start at 3 s
-        off = np.where(TIME > 2.5, 0.0, off)
-        runs.append(Trace(TIME, ideal.position + off[:, None] * [1, 0, 0], ideal.velocity))
-    found = figures(runs, ideal, motion)
-    (one,) = found.having("AD_p")
-    # From 1 m (+ excess) back to 0: the distance is 1 + excess, its x component -1 - excess.
-    assert one.head.endswith("1000 mm")
-    spread = 3.0 * np.std(excess, ddof=1)
-    for symbol, value in {
-        "AD_p": 3e-4,
-        "RD_p": spread,
-        "AD_x": -3e-4,
-        "RD_x": spread,
-        "AD_y": 0.0,
-    }.items():
-        assert one.figures[symbol].value == pytest.approx(value, abs=1e-15)
-    assert any(row.startswith("AD_p,7.3,2 3,0.0003,") for row in found.table.csv(6).splitlines())
-    assert re.search("AD_p +distance accuracy +0.3 mm", str(found))
-
-
-def around_a_corner():
-    """One metre along x in a second, at once one metre along y; its joints, and its tool."""
-    motion = Motion(["a", "b"], [0.0, 1.0, 2.0], [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
-    place, speed, _ = motion(TIME)
-    still = np.zeros((len(TIME), 1))
-    return motion, Trace(TIME, np.hstack([place, still]), np.hstack([speed, still]))
-
-
-def test_a_rounded_corner_is_missed_by_what_its_arc_leaves_out():
-    motion, ideal = around_a_corner()
-    radius = 0.01
-    position = ideal.position.copy()
-    middle = np.array([1.0 - radius, radius, 0.0])
-    inside = (position[:, 0] > 1.0 - radius) & (position[:, 1] < radius)
-    towards = position[inside] - middle
-    # Points of the corner are drawn to the arc of a circle about `middle`.
-    arc = middle + radius * towards / np.linalg.norm(towards, axis=1, keepdims=True)
-    position[inside] = arc
-    (corner,) = figures([Trace(TIME, position, ideal.velocity)] * 3, ideal, motion).having("CR")
-    assert corner.times == pytest.approx((1.0,))
-    assert corner.head.startswith("corner of 90 deg")
-    assert corner.figures["CR"].value == pytest.approx(radius * (np.sqrt(2.0) - 1.0), rel=1e-3)
-    assert corner.figures["CO"].value == pytest.approx(0.0, abs=1e-9)  # inside is no overshoot
-
-
-def test_a_tool_that_goes_on_after_a_corner_overshoots_by_as_much():
-    motion, ideal = around_a_corner()
-    after = np.clip(TIME - 1.0, 0.0, None)
-    runs = []
-    for size in (1e-4, 3e-4, 2e-4):
-        on = size * np.exp(-0.5 * ((after - 0.3) / 0.05) ** 2) * (TIME > 1.0)
-        back = -5e-4 * np.exp(-0.5 * ((after - 0.7) / 0.05) ** 2)  # on the inner side
-        wave = (on + back * (TIME > 1.0))[:, None] * [1, 0, 0]
-        runs.append(Trace(TIME, ideal.position + wave, ideal.velocity))
-    found = figures(runs, ideal, motion)
-    (corner,) = found.having("CO")
-    assert corner.figures["CO"].value == pytest.approx(3e-4, rel=1e-3)
-    assert corner.figures["CR"].value == pytest.approx(0.0, abs=1e-9)
-    assert re.search("CO +cornering overshoot +0.3 mm", str(found))
-
-
-def test_drift_is_the_change_of_accuracy_and_repeatability():
-    square = 1e-4 * SQUARE
-    attained = np.stack([np.add(square, [3e-4, 0, 4e-4]), np.add(2 * square, [0, 0, 1e-4])])
-    found, courses = drift([0.0, 8 * 3600.0], attained)
-    assert courses[:, 0] == pytest.approx([5e-4, 1e-4])
-    scatter = np.sqrt(2.0) * 1e-4
-    changes = {"dAP_p": 4e-4, "dRP_l": scatter, "dAP_x": 3e-4, "dAP_y": 0.0, "dAP_z": 3e-4}
-    assert {name: one.value for name, one in found.items()} == pytest.approx(changes)
-
-
-@pytest.mark.parametrize(
-    ("times", "shape", "says"),
-    [([0.0, 0.0], (2, 4, 3), "two increasing times"), ([0.0, 1.0], (3, 4, 3), r"\(2, cycles, 3\)"),
-     ([0.0, 1.0], (2, 2, 3), "at least 3 cycles")],
-)  # fmt: skip
-def test_a_drift_of_nothing_is_refused(times, shape, says):
-    with pytest.raises(JointplayError, match=says):
-        drift(times, np.zeros(shape))
-
-
 def test_the_standard_asks_for_other_cycles_for_each_kind_of_figure():
     asked = Cycles()
-    assert (asked.pose, asked.path, asked.settling, asked.cornering) == (30, 10, 3, 3)
-    assert Cycles.up_to(40) == Cycles(40, 10, 3, 3)
-    assert Cycles.up_to(5) == Cycles(5, 5, 3, 3)
+    assert (asked.pose, asked.path) == (30, 10)
+    assert Cycles.up_to(40) == Cycles(40, 10)
+    assert Cycles.up_to(5) == Cycles(5, 5)
     assert asked.fewer == []
     assert Cycles.up_to(5).fewer == ["30 for pose", "10 for path"]
-    with pytest.raises(JointplayError, match="settling = 0"):
-        Cycles(settling=0)
+    with pytest.raises(JointplayError, match="path = 2"):
+        Cycles(path=2)
 
 
 def test_each_figure_is_of_its_own_number_of_cycles():
-    # Later cycles are worse; path and settling figures look at the first ones only.
+    # Later cycles are worse; path figures look at the first ones only.
     sizes = 1e-4 * np.arange(1, 7)
-    motion, ideal = there_and_back(), course()
-    after = np.clip(TIME - 1.0, 0.0, None)
-    ring = np.where(TIME >= 1.0, np.exp(-after / 0.05) * np.sin(2 * np.pi * 40 * after), 0)
-    runs = [
-        Trace(TIME, ideal.position + np.outer(ring, [s, 0, 0]) + [0, 0, s], ideal.velocity)
-        for s in sizes
-    ]
-    found = figures(runs, ideal, motion, band=1e-6, cycles=Cycles(6, 4, 2, 1))
+    ideal = course()
+    runs = cycles([(0.0, 0.0, s) for s in sizes])
+    found = figures(runs, ideal, there_and_back(), cycles=Cycles(6, 4))
     assert found.poses[0].attained.shape == (6, 3)
     assert found.poses[0].figures["AP_p"].value == pytest.approx(sizes.mean())
     assert found.path["AT_p"].value == pytest.approx(sizes[:4].mean())
-    overshoot = found.poses[0].figures["OV"].value
-    assert overshoot == pytest.approx(sizes[1] * np.abs(ring).max(), rel=1e-6)
-    assert "6 for poses and distances, 4 for the path, 2 for" in str(found)
+    assert "6 for poses, 4 for the path" in str(found)
     with pytest.raises(JointplayError, match="6 cycles are requested, but there are only 3"):
-        figures(runs[:3], ideal, motion, cycles=Cycles(6, 3, 1, 1))
+        figures(runs[:3], ideal, there_and_back(), cycles=Cycles(6, 3))
 
 
 def test_the_poses_of_the_test_lie_on_the_diagonals_of_a_diagonal_plane():
@@ -325,30 +186,12 @@ def test_a_pendulum_hangs_in_its_bearing_by_its_clearance(arm):
     assert "simulated cycles" in str(found)
     assert "asks for 30 for pose, 10 for path" in str(found)
     assert "conditions: load: none" in str(found)
-    assert "nothing in this model drifts" in str(found)
 
 
 def test_speed_and_load_are_conditions_of_the_test(arm):
     found = iso9283(pendulum(arm, clearance=True), 3, speed=0.5, load=2.0)
-    assert found.poses[0].times == pytest.approx((0.6,))  # twice as late
+    assert found.poses[0].time == pytest.approx(0.6)  # twice as late
     assert "2 kg at 'tool' (taken for 100 %); speed: 50 %" in found.conditions
-
-
-@pytest.mark.thorough
-def test_a_bore_that_wears_lets_the_pose_drift(arm):
-    play = RevoluteClearance.planar(radial_clearance=PLAY, wear_rate=1e-12)
-    simulation = replace(pendulum(arm), mechanism=Mechanism(arm, {"a": play}, tool="tool"))
-    assert "wear of 'a'" in what_drifts(simulation)
-    found = iso9283(simulation, 3, drift_time=3600.0)
-    # It hangs in its bearing: worn, the bore lets it hang lower.
-    change = {symbol: one.value for symbol, one in found.having("dAP_p")[-1].figures.items()}
-    along = np.linalg.norm([change[f"dAP_{axis}"] for axis in "xyz"])
-    assert 1e-7 < change["dAP_p"] <= along
-    assert "dAP_p" in str(found)
-    with pytest.raises(JointplayError, match="nothing in this model drifts"):
-        iso9283(pendulum(arm), 3, drift_time=3600.0)
-    with pytest.raises(JointplayError, match=r"at most 3\.2e"):
-        iso9283(pendulum(arm), 3, drift_time=1e20)
 
 
 def test_runs_that_are_kept_are_not_done_again(arm, tmp_path, monkeypatch):
@@ -440,7 +283,6 @@ def test_the_robot_of_a_cube_is_driven_to_the_limit_of_its_speed(urdf):
         (["--payload", "-1"], "--payload must not be negative"),
         (["--path-cycles", "2"], "path = 2"),
         (["--cycles", "1"], "at least 3 cycles"),
-        (["--drift-time", "8 h"], "nothing in this model drifts"),
         (["--cube", "0.1 m", "--cube-centre", "1,2"], "three numbers"),
     ],
 )

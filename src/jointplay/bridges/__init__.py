@@ -1,4 +1,4 @@
-"""Results and mechanisms out to other programs: tables, bags, FMU, simulators.
+"""Results and mechanisms out to other programs: tables, bags, simulators.
 
 Each kind of file is an `ExportKind` of one function that turns a result into bytes; `export` names
 it, thins the records and writes the file whole or not at all. Libraries that only one kind needs
@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from jointplay.base import files
 from jointplay.base.errors import JointplayError, require_a, require_known
@@ -42,16 +42,6 @@ EXPORT_KINDS = {
         "joint positions: ROS 2 JointTrajectory (YAML), or a CSV that is a motion",
     ),
     "mcap": ExportKind("bag:mcap", (".mcap",), "ROS 2 bag: joint states, trajectory, tool, forces"),
-    "plotjuggler": ExportKind(
-        "layouts:plotjuggler", (".xml",), "layout of charts of the bag for PlotJuggler 3"
-    ),
-    "foxglove": ExportKind(
-        "layouts:foxglove", (".json",), "layout of charts of the bag for Foxglove"
-    ),
-    "fmu": ExportKind(
-        "fmu:fmu", (".fmu",), "FMI 3 co-simulation unit of the run's simulation, no code"
-    ),
-    "rerun": ExportKind("rerun_log:rrd", (".rrd",), "rerun.io recording: robot and histories"),
 }
 
 
@@ -63,7 +53,6 @@ def export(
     every: int = 1,
     overwrite: bool = False,
     progress: bool = False,
-    **options: Any,
 ) -> Path:
     """Write a result for other programs; the file.
 
@@ -71,7 +60,6 @@ def export(
         path: the file; its ending must be one of the kind's.
         to: one of `EXPORT_KINDS`; None tells it by the file's ending (.csv is the table).
         every: only each n-th record and the last; peaks keep what lies between.
-        options: of the kind: ``inputs`` and ``period`` of an fmu (`bridges.fmu.fmu`).
 
     Raises:
         JointplayError: no such kind, a wrong ending, the file exists or cannot be written, or a
@@ -81,10 +69,7 @@ def export(
     kind = check(path, to, overwrite)
     module, _, name = EXPORT_KINDS[kind].maker.partition(":")
     maker: Maker = getattr(import_module(f"jointplay.bridges.{module}"), name)
-    given = {name: value for name, value in options.items() if value is not None}
-    if given and kind != "fmu":
-        raise JointplayError(f"{', '.join(given)}: only an fmu has that, got a {kind} file")
-    content = maker(result.thinned(every), Path(path).suffix.lower(), progress, **given)
+    content = maker(result.thinned(every), Path(path).suffix.lower(), progress)
     return files.write(path, content, overwrite=overwrite)
 
 

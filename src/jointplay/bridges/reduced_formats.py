@@ -18,8 +18,6 @@ FORMATS = {
     "py": ("_dead_band.py",),
 }
 """Endings of the files of each format."""
-PARAMETERS = (".yaml", ".json", "_dead_band.py")
-"""Those that random copies have not: their table has the numbers."""
 _NEEDS = {
     "mjcf": ("mujoco", "MuJoCo compiles the URDF"),
     "usd": ("newton_usd_schemas", "Newton's schemas and OpenUSD write USD"),

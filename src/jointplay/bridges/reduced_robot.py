@@ -1,4 +1,4 @@
-"""A robot whose joints' play is reduced: the files of all simulators, random copies, a check."""
+"""A robot whose joints' play is reduced: the files of all simulators, and a check."""
 
 from __future__ import annotations
 
@@ -6,12 +6,11 @@ import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
 
 from jointplay.accuracy.error_budget import PlayBudget
 from jointplay.base.errors import JointplayError
 from jointplay.base.tables import Column, Table
-from jointplay.bridges import random_copies, reduced_files
+from jointplay.bridges import reduced_files
 from jointplay.bridges.own_mjcf import OwnRobot, is_own, own_robot
 from jointplay.bridges.reduced_formats import FORMATS
 from jointplay.bridges.reduced_mjcf import (
@@ -128,8 +127,21 @@ class ReducedRobot:
 
     def files(self, stem: str) -> dict[str, str]:
         """Texts of the files by their names."""
-        texts = {f"{stem}{e}": text for e, text in self._simulated(self.reductions, self.servos)}
+        texts = {}
+        if "sdf" in self.formats:
+            texts[f"{stem}.sdf"] = reduced_files.to_sdf(self.mechanism, *self.reductions)
+        if "mjcf" in self.formats:
+            texts[f"{stem}.xml"] = self._compiled.mjcf(
+                self.reductions, encoder=self.encoder, servos=self.servos
+            )
+        if "usd" in self.formats:
+            from jointplay.bridges.usd import to_usd
+
+            texts[f"{stem}.usda"] = to_usd(self.mechanism, *self.reductions)
         if "urdf" in self.formats:
+            texts[f"{stem}.urdf"] = reduced_files.to_urdf(
+                self.mechanism, *self.reductions, plugin=self.plugin
+            )
             texts[f"{stem}.yaml"] = reduced_files.to_yaml(self.reductions, self.encoder)
         if "json" in self.formats:
             text = reduced_files.to_json(self.reductions, self.encoder, self.spread)
@@ -138,50 +150,6 @@ class ReducedRobot:
             text = reduced_files.to_python(self.mechanism, self.reductions, self.pose)
             texts[f"{stem}{FORMATS['py'][0]}"] = text
         return texts
-
-    def _simulated(
-        self, ones: Sequence[Reduction], servos: Mapping[str, Servo]
-    ) -> Iterator[tuple[str, str]]:
-        """Texts of simulators' files with these numbers, by ending."""
-        if "sdf" in self.formats:
-            yield ".sdf", reduced_files.to_sdf(self.mechanism, *ones)
-        if "urdf" in self.formats:
-            yield ".urdf", reduced_files.to_urdf(self.mechanism, *ones, plugin=self.plugin)
-        if "mjcf" in self.formats:
-            yield ".xml", self._compiled.mjcf(ones, encoder=self.encoder, servos=servos)
-        if "usd" in self.formats:
-            from jointplay.bridges.usd import to_usd
-
-            yield ".usda", to_usd(self.mechanism, *ones)
-
-    def copies(
-        self, names: Sequence[str], seed: int = 0, identified: Mapping[str, Any] | None = None
-    ) -> tuple[dict[str, str], Table, str]:
-        """Copies whose numbers are drawn at random; see `random_copies`.
-
-        Args:
-            names: of the copies.
-            seed: of the random numbers.
-            identified: what `random_copies.intervals` takes.
-
-        Returns:
-            Texts of their files by name, a table of the numbers, and from where to where they are
-            drawn, in words.
-        """
-        tilting = self.tilting if "mjcf" in self.formats else ()
-        ranges = random_copies.intervals(
-            self.mechanism, self.reductions, self.spread, identified, self.servos, tilting
-        )
-        values, texts = random_copies.draw(ranges, len(names), seed), dict[str, str]()
-        for name, row in zip(names, values, strict=True):
-            ones = random_copies.drawn(self.reductions, ranges, row)
-            servos = random_copies.drawn_servos(self.servos, ranges, row)
-            texts |= {f"{name}{ending}": text for ending, text in self._simulated(ones, servos)}
-        known = [one.label for one in ranges if one.origin == "identified"]
-        words = f"within +-{100.0 * self.spread:g} %, assumed"
-        if known:
-            words = f"within the intervals of {', '.join(known)}, all others {words}"
-        return texts, random_copies.table(ranges, values, names), words
 
     @cached_property
     def reach(self) -> tuple[float, PlayBudget]:

@@ -1,7 +1,7 @@
 """Mechanisms: a description (URDF) and its joints with clearance as a Pinocchio model.
 
 A joint with clearance becomes a virtual link of six coordinates, a closed loop is cut where it
-meets again; gears, flexible links, payloads and heat are added. Nothing here knows of time: of
+meets again; gears, flexible links and payloads are added. Nothing here knows of time: of
 motions, drives, runs or results.
 """
 

@@ -153,7 +153,6 @@ class Mechanism(Overview, Described):
             One with a seat stands here without it, and its mount ``JOINT_seat`` beside it; a
             flexible link as its hinges ``LINK_hinge_1``, ....
         clearance: those of them that have clearance.
-        warm: what heat has changed, a line each (`heat.warmed`).
         free_base: name of the free base's coordinates; None if the base is held.
         description, loops: as given, with the bushes of seats, links ``JOINT_bush``, and the pieces
             of flexible links, ``LINK_2``, ....
@@ -220,7 +219,6 @@ class Mechanism(Overview, Described):
         for name, gear in self.gears.items():
             if not isinstance(gear, Gearing):
                 raise JointplayError(f"joint {name!r} needs a Gear, got {gear!r}", ("gears", name))
-        self.warm: tuple[str, ...] = ()
         self.tool_reason = ""
         if tool is None:
             tool, self.tool_reason = choose_tool(

@@ -1,6 +1,6 @@
 """What there is to see: bodies on links, joints that are marked, and where the links are.
 
-Pictures, the player, the live page and recordings of rerun show this, each in its own way.
+Pictures, the player and the live page show this, each in its own way.
 """
 
 from __future__ import annotations

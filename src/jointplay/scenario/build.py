@@ -28,7 +28,6 @@ from jointplay.model.beams import FlexibleLink
 from jointplay.model.fixing import with_fixed
 from jointplay.model.flexible import end_of_tool
 from jointplay.model.formats import read
-from jointplay.model.heat import warmed
 from jointplay.model.loop import Loop, refuse_name
 from jointplay.model.mechanism import Mechanism
 from jointplay.model.payload import Payload
@@ -406,7 +405,7 @@ def build(model: Model, folder: Path, built: Built) -> tuple[Simulation, list[st
     notes: list[str] = []
     if motion is not None:
         motion, notes = complete(model, mechanism, motion, start)
-    notes += [*mechanism.description.astray, *mechanism.warm, *_of_play_left(mechanism)]
+    notes += [*mechanism.description.astray, *_of_play_left(mechanism)]
     notes += [mechanism.base_words] if mechanism.base_words else []
     notes += [*_of_zero(model, mechanism), *_of_wide_clearances(mechanism)]
     notes += _of_falling(model, mechanism, motion)
@@ -500,7 +499,7 @@ def mechanism_of(model: Model, folder: Path, built: Built) -> Mechanism:
         description = read(robot.urdf, robot.allow_unphysical, folder, robot.xacro)
     with within("robot"):
         description = with_fixed(description, robot.fix)
-    parts = model.loops, model.joints, model.gears, model.heat, model.links
+    parts = model.loops, model.joints, model.gears, model.links
     inputs = (robot, *parts, folder)
     key = (str(description.path), description.text, *map(repr, inputs))
     made = built.pop(key, None) or _built_anew(model, description, folder)
@@ -539,10 +538,6 @@ def _built_anew(model: Model, description: Description, folder: Path) -> Mechani
             draft = of_joint(draft, ("gears", name), partial(fit_entry, entry))
         with within("gears", name):
             gears[name] = draft.make()
-    with within("heat"):
-        curve = model.heat.curve
-        heat = model.heat.at_its_time(None if curve is None else resolve(curve, folder))
-        description, joints, loops, warm = warmed(description, joints, loops, heat)
     flexible: dict[str, FlexibleLink] = {}
     tables: Mapping[str, Any] = model.links
     for name, table in tables.items():
@@ -560,7 +555,6 @@ def _built_anew(model: Model, description: Description, folder: Path) -> Mechani
             tool=tool, allow_unphysical=robot.allow_unphysical, fix=robot.fix, base=robot.base,
         )  # fmt: skip
     mechanism.tool_reason = reason
-    mechanism.warm = tuple(warm)
     return mechanism
 
 

@@ -13,7 +13,6 @@ from jointplay.base.schema import choice, quantity
 from jointplay.model.beams import FlexibleLink
 from jointplay.model.free_base import BASES, HELD
 from jointplay.model.gear import Gearing
-from jointplay.model.heat import Heat
 from jointplay.model.payload import Payload, Vector
 from jointplay.model.urdf import GRAVITY, STANDARD_GRAVITY
 from jointplay.physics.joints import Clearance
@@ -169,8 +168,6 @@ class Model:
     """Joints with clearance, by the name of a joint of the URDF or of a loop."""
     gears: dict[str, Gearing] = field(default_factory=dict)
     """Gears between motors and joints, by joint."""
-    heat: Heat = field(default_factory=Heat)
-    """How warm links and joints are."""
     links: dict[str, LinkTable] = field(default_factory=dict)
     """Flexible links, by the name of a link of the URDF."""
     drive: Drive | None = None

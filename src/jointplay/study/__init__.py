@@ -1,7 +1,7 @@
 """Many runs: a plan of variations, measures of each, and a store that loses nothing.
 
-Sweeps, ensembles, shares and Sobol indices, ISO 9283, wear and maintenance, and certificates of the
-numerical error are plans with measures; `nonlinear` has sections, exponents and bifurcations.
+Sweeps, ensembles, ISO 9283, wear, and certificates of the numerical error are plans with measures;
+`nonlinear` has sections, exponents and bifurcations.
 Modules are loaded when a name is first used: workers need neither the store nor statistics. Nothing
 here draws.
 """

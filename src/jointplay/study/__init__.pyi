@@ -3,7 +3,6 @@ from .certification import certify as certify
 from .corners import Judgement as Judgement
 from .corners import judge as judge
 from .corners import learn as learn
-from .shares import sensitivity as sensitivity
 from .store import open_sweep as open_sweep
 from .study import Measure as Measure
 from .study import Memory as Memory

@@ -12,9 +12,9 @@ equal cycles, between which the bore's shape is brought up to date; the outcome 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -103,77 +103,6 @@ def with_worn(simulation: Simulation, worn: Depths) -> Simulation:
     return replace(simulation, mechanism=simulation.mechanism.with_clearance(joints))
 
 
-class Block(NamedTuple):
-    """Cycles that are taken for equal."""
-
-    cycles: float
-    """How many."""
-    before: Depths
-    worn: Depths
-    """After them."""
-    rates: Sequence[Depths]
-    """Depths worn off by one cycle, of each run."""
-
-
-def wear_blocks(
-    simulation: Simulation,
-    cycles_until: Callable[[float, Depths, Depths], float],
-    blocks: int,
-    runs: int = 1,
-    cycles_per_run: float = 1.0,
-    jobs: int | None = 1,
-    progress: bool = False,
-) -> tuple[list[Block], bool]:
-    """Run each block with the bores as they are, and take its wear for that of all its cycles.
-
-    Args:
-        simulation: one run, of one or a few cycles of the machine.
-        cycles_until: after how many cycles of a wear a part of the way to the end is done: the
-            part, the profiles before, the mean wear of a cycle.
-        blocks: how many times the bores' shapes are brought up to date.
-        runs: of each block, perturbed at the start by different seeds if there are several.
-        cycles_per_run: cycles that one run holds.
-        jobs: processes; None takes one for each core.
-        progress: show a bar on standard error.
-
-    Returns:
-        The blocks, and whether these are all: interrupted, those so far.
-
-    Raises:
-        JointplayError: a run that fails, what `cycles_until` raises.
-    """
-    worn: Depths = {name: first_profile(one) for name, one in all_wearing(simulation).items()}
-    first = simulation.seed or 0
-    seeds = [simulation.seed] if runs == 1 else range(first + 1, first + runs + 1)
-    measure = Measure(worn_depths, "a run with worn bores", check_step=True)
-    done: list[Block] = []
-    with ProgressBar(total=blocks * runs, disable=not progress, unit="run", desc="wear") as bar:
-        while len(done) < blocks:
-            machine = with_worn(simulation, worn)
-            try:
-                depths = Study([replace(machine, seed=s) for s in seeds], measure).run(jobs, bar)
-                rates = [{name: one[name] / cycles_per_run for name in worn} for one in depths]
-                mean = {name: np.mean([one[name] for one in rates], axis=0) for name in worn}
-                count = cycles_until((len(done) + 1) / blocks, worn, mean)
-            except KeyboardInterrupt:
-                return done, False
-            before, worn = worn, {name: worn[name] + count * mean[name] for name in worn}
-            done.append(Block(count, before, worn, rates))
-    return done, True
-
-
-def cycles_after(blocks: Sequence[Block]) -> np.ndarray:
-    """Cycles done after each block, the first entry 0, shape (blocks + 1,)."""
-    return np.cumsum([0.0, *(block.cycles for block in blocks)])
-
-
-def check_blocks(blocks: int, runs: int, cycles_per_run: float, jobs: int | None) -> None:
-    """Raise a JointplayError on numbers that `wear_blocks` cannot take."""
-    check_numbers(runs, jobs)
-    require_positive("cycles per run", cycles_per_run, "")
-    require_whole("blocks", blocks, 1, MOST_RUNS)
-
-
 @dataclass(frozen=True)
 class WearLife:
     """How a bore wears with the cycles: an estimate, for each block is taken for equal cycles."""
@@ -240,14 +169,20 @@ def wear(
 ) -> WearLife:
     """Estimate the cycles until the clearance of `joint` has grown by `growth`.
 
-    As many cycles are taken together as wear the deepest place by a further 1/`blocks` of `growth`.
+    As many cycles are taken together as wear the deepest place by a further 1/`blocks` of `growth`;
+    each block is run with the bores as they are, and its wear taken for that of all its cycles.
     Other joints with a wear rate wear along.
 
     Args:
+        simulation: one run, of one or a few cycles of the machine.
         joint: whose clearance is to grow; it must have a `wear_rate`.
         growth: depth at the most worn place [m].
-        simulation, blocks, cycles_per_run, runs, jobs, progress: see `wear_blocks`; more blocks are
-            more exact, and the scatter of several runs tells how well their mean is known.
+        blocks: how many times the bores' shapes are brought up to date; more are more exact.
+        cycles_per_run: cycles that one run holds.
+        runs: of each block, perturbed at the start by different seeds if there are several; their
+            scatter tells how well their mean is known.
+        jobs: processes; None takes one for each core.
+        progress: show a bar on standard error.
 
     Returns:
         The estimate; interrupted by Ctrl-C, what is known so far.
@@ -257,23 +192,45 @@ def wear(
     """
     require_a("simulation", simulation, "Simulation")
     require_positive("growth", growth, "m")
-    check_blocks(blocks, runs, cycles_per_run, jobs)
+    check_numbers(runs, jobs)
+    require_positive("cycles per run", cycles_per_run, "")
+    require_whole("blocks", blocks, 1, MOST_RUNS)
     begun = first_profile(_bore(simulation, joint))
-
-    def cycles_until(part: float, worn: Depths, rates: Depths) -> float:
-        rate = rates[joint]
-        if rate.max() <= 0.0:
-            raise JointplayError(
-                f"the journal of {joint!r} does not slide under load: its clearance does not grow"
-            )
-        wears = rate > 0.0
-        return float((((growth * part) - (worn[joint] - begun))[wears] / rate[wears]).min())
-
-    done, whole = wear_blocks(
-        simulation, cycles_until, blocks, runs, cycles_per_run, jobs, progress
+    worn: Depths = {name: first_profile(one) for name, one in all_wearing(simulation).items()}
+    first = simulation.seed or 0
+    seeds = [simulation.seed] if runs == 1 else range(first + 1, first + runs + 1)
+    measure = Measure(worn_depths, "a run with worn bores", check_step=True)
+    cycles, scatter, profiles = [0.0], [0.0], [begun]
+    with ProgressBar(total=blocks * runs, disable=not progress, unit="run", desc="wear") as bar:
+        for block in range(1, blocks + 1):
+            machine = with_worn(simulation, worn)
+            try:
+                depths = Study([replace(machine, seed=s) for s in seeds], measure).run(jobs, bar)
+            except KeyboardInterrupt:
+                break
+            mean = {
+                name: np.mean([one[name] for one in depths], axis=0) / cycles_per_run
+                for name in worn
+            }
+            rate = mean[joint]
+            if rate.max() <= 0.0:
+                raise JointplayError(
+                    f"the journal of {joint!r} does not slide under load: its clearance does not "
+                    "grow"
+                )
+            wears = rate > 0.0
+            left = growth * block / blocks - (worn[joint] - begun)
+            count = float((left[wears] / rate[wears]).min())
+            worn = {name: worn[name] + count * mean[name] for name in worn}
+            totals = np.array([one[joint].sum() for one in depths])
+            cycles.append(cycles[-1] + count)
+            scatter.append(standard_error(totals) / totals.mean() * count)
+            profiles.append(worn[joint])
+    return WearLife(
+        joint,
+        np.array(cycles),
+        np.array(profiles) - begun,
+        np.array(scatter),
+        growth,
+        len(cycles) > blocks,
     )
-    totals = [np.array([one[joint].sum() for one in block.rates]) for block in done]
-    known = zip(totals, done, strict=True)
-    scatter = [standard_error(each) / each.mean() * block.cycles for each, block in known]
-    profiles = np.array([begun, *(block.worn[joint] for block in done)]) - begun
-    return WearLife(joint, cycles_after(done), profiles, np.array([0.0, *scatter]), growth, whole)

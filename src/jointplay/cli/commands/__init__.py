@@ -38,18 +38,7 @@ GROUPS = {
 """Commands by what they are for, each a module, in the order of the help."""
 
 KINDS = {
-    "study": (
-        *(
-            "sweep",
-            "iso9283",
-            "shares",
-            "uncertainty",
-            "wear",
-            "maintenance",
-            "dynamics",
-            "hunting",
-        ),
-    ),
+    "study": ("sweep", "iso9283", "uncertainty", "wear", "dynamics", "hunting"),
     "export": ("result", "simulator", "urdf"),
 }
 """Commands of several kinds: packages with a module for each."""

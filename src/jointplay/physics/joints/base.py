@@ -104,8 +104,6 @@ class Material(Described):
     """rho [kg/m^3]; None leaves the speed of impacts unchecked."""
     yield_strength: float | None = quantity("Pa", default=None, above=0.0, label="yield strength")
     """Yield strength [Pa]; None leaves the pressure of contacts unchecked."""
-    expansion: float | None = quantity("1/K", default=None, label="thermal expansion")
-    """Linear expansion [1/K]; None: how clearances change with temperature is not known."""
     name: str | None = None
     """What the material is called."""
 
@@ -121,27 +119,14 @@ class Material(Described):
         """sigma = (1 - nu^2) / (pi E) of eq. 12 [1/Pa]."""
         return (1.0 - self.poisson**2) / (math.pi * self.young)
 
-    def growth(self, warmer: float) -> float:
-        """Relative growth of lengths when `warmer` by so much [K].
-
-        Raises:
-            JointplayError: the expansion is not known.
-        """
-        if warmer and self.expansion is None:
-            raise JointplayError(
-                f"the thermal expansion of {self.name or 'the material'} is not known: name a "
-                "material, such as carbon-steel, or give its expansion"
-            )
-        return (self.expansion or 0.0) * warmer
-
     @property
     def wave_speed(self) -> float:
         """Speed of longitudinal waves in a rod, sqrt(E/rho) [m/s]; infinite without a density."""
         return math.inf if self.density is None else math.sqrt(self.young / self.density)
 
 
-PAPER_STEEL = Material(expansion=11.7e-6)
-"""Of the paper's Table 3, which gives no expansion: that of plain carbon steel."""
+PAPER_STEEL = Material()
+"""Of the paper's Table 3."""
 
 
 @dataclass(frozen=True)
@@ -338,14 +323,6 @@ class Clearance(Described, ABC):
     def _limits(self) -> str:
         """A fit and its limits, to add to its clearance in a line of text."""
         return "" if self.fitted is None else f" ({self.fitted}: {self.fitted.range})"
-
-    def warmed(self, journal: float, bearing: float) -> Self:
-        """The joint with halves that are warmer by so much [K].
-
-        Raises:
-            JointplayError: the joint seizes, or nothing in it changes with temperature.
-        """
-        raise JointplayError(f"a {self.kind} joint has no clearance that heat changes")
 
     @property
     def play_words(self) -> str:
@@ -574,23 +551,6 @@ class SlidingClearance(Clearance):
     thick as its bore's half width (`compliance.parts_of_seat`).
     """
 
-    def _growths(self, journal: float, bearing: float) -> tuple[float, float]:
-        """Relative growth of journal and bearing, warmer by so much [K]."""
-        halves = ("journal_material", journal), ("bearing_material", bearing)
-        grown = []
-        for where, warmer in halves:
-            with within(where):
-                grown.append(getattr(self, where).growth(warmer))
-        return grown[0], grown[1]
-
-    @staticmethod
-    def _require_clearance(name: str, cold: float, hot: float) -> None:
-        if hot <= 0.0:
-            raise JointplayError(
-                f"the {name} of {readable(cold, 'm')} becomes {readable(hot, 'm')}: the joint "
-                "seizes"
-            )
-
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.fit is not None:
@@ -771,19 +731,6 @@ class RoundClearance(SlidingClearance):
         play, radius = complete(*given, 1.0, ("radial", "radius"))
         object.__setattr__(self, "radial_clearance", play)
         object.__setattr__(self, "journal_radius", radius)
-
-    def warmed(self, journal: float, bearing: float) -> Self:
-        inner, outer = self._growths(journal, bearing)
-        radius, bore = self.rj * (1.0 + inner), self.ri * (1.0 + outer)
-        self._require_clearance("radial clearance", self.cr, bore - radius)
-        return replace(
-            self, bearing_radius=bore, journal_radius=radius, radial_clearance=None, fit=None,
-            **self._warmed_lengths(1.0 + inner, 1.0 + outer),
-        )  # fmt: skip
-
-    def _warmed_lengths(self, journal: float, bearing: float) -> dict[str, Any]:
-        """Fields along the axis, of halves longer by these factors."""
-        return {}
 
     @property
     def ri(self) -> float:

@@ -885,10 +885,6 @@ class RollingBearing(WholeLawJoint):
     def scaled(self, factor: float) -> RollingBearing:
         return replace(self, radial_clearance=factor * self.bought_clearance, clearance_class=None)
 
-    def warmed(self, journal: float, bearing: float) -> Self:
-        more = journal - bearing
-        return replace(self, temperature_difference=self.temperature_difference + more)
-
     @property
     def has_play(self) -> bool:
         return not self.preloaded

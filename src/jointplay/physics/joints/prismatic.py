@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -78,21 +78,6 @@ class PrismaticClearance(SlidingClearance):
                     f"{readable(side, 'm')}",
                     where=(name,),
                 )
-
-    def warmed(self, journal: float, bearing: float) -> Self:
-        inner, outer = self._growths(journal, bearing)
-        grown: dict[str, Any] = {
-            name: getattr(self, name) * (1.0 + inner) for name in ("length", "width", "height")
-        }
-        for name, play, side in (
-            ("clearance", self.cx, self.width),
-            ("clearance_y", self.cy, self.height),
-        ):
-            if play:
-                room = 0.5 * ((side + 2.0 * play) * (1.0 + outer) - side * (1.0 + inner))
-                self._require_clearance(name, play, room)
-                grown[name] = room
-        return replace(self, **grown, fit=None)
 
     def at_clearance(self, size: float) -> Self:
         same = [name for name, own in self.clearances.items() if own == self.cx]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -115,14 +115,6 @@ class RevoluteClearance(base.RoundClearance):
                 f"a rim would touch both sides of the bore; it must exceed {shortest:.3g} m",
                 where=("journal_length",),
             )
-
-    def _warmed_lengths(self, journal: float, bearing: float) -> dict[str, Any]:
-        length, between = self.lj * journal, self.li * bearing
-        if self.walls:
-            self._require_clearance("axial clearance", self.ca, 0.5 * (between - length))
-            return {"bearing_length": between, "journal_length": length, "axial_clearance": None}
-        # As long as each other, where nothing limits the journal along the axis.
-        return {"bearing_length": between, "journal_length": min(length, between)}
 
     def _checked_profile(self, worn: object) -> tuple[tuple[float, ...], ...]:
         """The worn profile, checked: one row if the journal cannot tilt, else two."""

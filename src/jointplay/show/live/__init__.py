@@ -1,5 +1,5 @@
 """A machine that answers while one turns its knobs: budget and one run, at once, then exactly.
 
 `state` says what can be changed and by how much, `answer` computes, `workers` has it computed in
-processes of their own, `server` offers the page, `widget` the same page in a notebook.
+processes of their own, `server` offers the page.
 """

@@ -32,7 +32,7 @@ def own(name: str) -> str:
 def front() -> str:
     """The front end: a function of meshcat's viewer that gives ``mount``."""
     parts = "\n".join((components(), static("chart.js"), own("robot.js"), own("live.js")))
-    body = f'"use strict";\nconst {{THREE}} = MeshCat;\n{parts}\nreturn {{mount, overHttp}};'
+    body = f'"use strict";\nconst {{THREE}} = MeshCat;\n{parts}\nreturn {{mount}};'
     return f"function jointplayLive(MeshCat) {{\n{body}\n}}"
 
 
@@ -59,7 +59,7 @@ def page(said: Mapping[str, Any], block: bytes) -> bytes:
     start = (
         'window.jointplay = jointplayLive(MeshCat).mount(document.getElementById("live"), '
         'JSON.parse(document.getElementById("contents").textContent), '
-        'document.getElementById("block").textContent, null);'
+        'document.getElementById("block").textContent);'
     )
     package, more = "jointplay.show.live", "'self' data: blob:"
     run = [viewer(), f"{front()}\n{start}"]

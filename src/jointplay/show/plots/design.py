@@ -1,8 +1,7 @@
-"""Figures of budgets, allocations, identifications, ISO 9283, wear, reduction, shares, hunting."""
+"""Figures of budgets, allocations, identifications, ISO 9283, reduction, hunting."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -40,8 +39,6 @@ from jointplay.show.plots.palette import COLOURS, LINE, many
 from jointplay.study.corners import Judgement
 from jointplay.study.hunting import UNITS, GainMap
 from jointplay.study.iso9283 import Iso9283
-from jointplay.study.maintenance import Maintenance
-from jointplay.study.shares import DynamicBudget
 
 if TYPE_CHECKING:
     from jointplay.bridges.reduction import Reduction
@@ -413,7 +410,7 @@ MOST_POSES = 6  # stops that are drawn: the worst
 def poses(performance: Iso9283) -> Figure:
     """Attained poses of each cycle about their barycentre, seen along z and y, by stop."""
     worst = sorted(performance.poses, key=lambda pose: -pose.figures["AP_p"].value)[:MOST_POSES]
-    shown = sorted(worst, key=lambda pose: pose.times)
+    shown = sorted(worst, key=lambda pose: pose.time)
     angle = np.linspace(0.0, 2.0 * np.pi, 181)
     rows: list[list[Panel | None]] = [[], []]
     for pose in shown:
@@ -421,7 +418,7 @@ def poses(performance: Iso9283) -> Figure:
         centre = pose.attained.mean(axis=0)
         points = pose.attained - centre
         arrow = -0.8 * rp * centre / max(float(np.linalg.norm(centre)), 1e-300)
-        title = f"t = {pose.times[0]:.4g} s\nAP_p {1e3 * ap:.3g} mm, RP_l {1e6 * rp:.3g} µm"
+        title = f"t = {pose.time:.4g} s\nAP_p {1e3 * ap:.3g} mm, RP_l {1e6 * rp:.3g} µm"
         way = "direction to the command pose (length not to scale)"
         for row, (i, j) in zip(rows, ((0, 1), (0, 2)), strict=True):
             dot: dict[str, Any] = {"line": "", "marker": "o", "size": 2.5}
@@ -459,27 +456,6 @@ def _note(performance: Iso9283) -> str:
     return "; ".join(parts[:half]) + ";\n" + "; ".join(parts[half:])
 
 
-def wear_course(estimate: Maintenance) -> Figure:
-    """The tool's error up to its tolerance, and each joint's growth of clearance."""
-    aside = 2.0 * np.sqrt(np.cumsum(np.nan_to_num(estimate.scatter) ** 2))
-    course = Curve(estimate.cycles, estimate.error, "worst case, static", COLOURS[0], marker="o")
-    tolerance = Rule(estimate.target, "y", "tolerance", "black", "--", 0.9)
-    errors: list[Mark] = [replace(course, aside=aside), tolerance]
-    joints = zip(estimate.joints, estimate.growth.T, many(len(estimate.joints)), strict=False)
-    depths = [Curve(estimate.cycles, d, name, colour, marker="o") for name, d, colour in joints]
-    cycles, (low, high) = Axis("cycles"), estimate.spread
-    panels = [
-        Panel(cycles, Axis("error of the tool", "m", low=0.0), errors, legend="best"),
-        Panel(cycles, Axis("growth of clearance, deepest", "m", "fine"), depths, legend="best"),
-    ]
-    note = (
-        "an estimate from simulated cycles; bars: two standard errors of the perturbed runs; "
-        f"{low:.2g} to {high:.2g} cycles if wear rates are known to a factor of "
-        f"{estimate.factor:g}"
-    )
-    return _row(panels, (7.5, 3.4), note=note)
-
-
 def reversals(reduction: Reduction) -> Figure:
     """The lag of the link behind the motor in time, and over the motor's angle (hysteresis)."""
     past, half = reduction.history, 0.5 * reduction.dead_band
@@ -500,27 +476,6 @@ def reversals(reduction: Reduction) -> Figure:
         f"RMS difference {1e6 * reduction.angle_rms:.3g} µrad; dotted: the dead band"
     )
     return _row(panels, (8.5, 3.4), note=note, key=2)
-
-
-def share_bars(budget: DynamicBudget) -> Figure:
-    """Errors of each source alone and of all together; shares with the interaction."""
-    names = [*budget.joints, "all together"]
-    rms = [*budget.alone_rms.mean(axis=0), budget.rms.mean()]
-    peak = [*budget.alone_peak.max(axis=0), budget.peak.max()]
-    parts = 100.0 * np.column_stack([budget.parts, budget.interaction])
-    known = parts.std(axis=0, ddof=1) / math.sqrt(len(parts)) if len(parts) > 1 else None
-    zero = Rule(0.0, "x")
-    sizes = [
-        Bars(peak, "peak", shift=-0.2, height=0.38),
-        Bars(rms, "RMS", COLOURS[0], shift=0.2, height=0.38),
-    ]
-    shares = Bars(parts.mean(axis=0), colour=COLOURS[0], error=known)
-    share = Axis("share of the mean square of the error", "%")
-    panels = [
-        Panel(Axis("error of the tool", "m"), Axis(rows=names), [*sizes, zero], legend="best"),
-        Panel(share, Axis(rows=[*budget.joints, "interaction"]), [shares, zero]),
-    ]
-    return _row(panels, (8.5, 1.8 + 0.45 * len(names)), note=budget.validity)
 
 
 def gains(found: GainMap) -> Figure:

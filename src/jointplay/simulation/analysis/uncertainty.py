@@ -180,16 +180,14 @@ class SobolIndices:
     """Half-width of its interval, shape (d,)."""
 
     @property
-    def columns(self) -> tuple[Column, ...]:
-        return (
-            Column("input", self.names),
-            Column("first-order", self.first, digits=3, errors=self.first_confidence),
-            Column("total", self.total, digits=3, errors=self.total_confidence),
-        )
-
-    @property
     def table(self) -> Table:
-        return Table(self.columns)
+        return Table(
+            (
+                Column("input", self.names),
+                Column("first-order", self.first, digits=3, errors=self.first_confidence),
+                Column("total", self.total, digits=3, errors=self.total_confidence),
+            )
+        )
 
 
 def salib() -> Any:

@@ -167,12 +167,12 @@ class Result:
         return frame
 
     def export(self, path: str | Path, to: str | None = None, **options: Any) -> Path:
-        """Write a file for other programs: table, trajectory, ROS 2 bag, rerun recording.
+        """Write a file for other programs: table, trajectory, ROS 2 bag.
 
         Args:
             path: the file.
-            to: ``csv``, ``parquet``, ``trajectory``, ``mcap`` or ``rerun``; None tells it by the
-                file's ending.
+            to: ``csv``, ``parquet``, ``trajectory`` or ``mcap``; None tells it by the file's
+                ending.
             options, errors: see `jointplay.bridges.export`.
         """
         written: Path = provided("export")(self, path, to, **options)

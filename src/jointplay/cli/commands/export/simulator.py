@@ -5,7 +5,7 @@ by reversals about a pose, and write it as MJCF (MuJoCo), SDF (Gazebo), URDF and
 (Newton, Isaac), a Python actuator for robots without play, JSON with ranges for domain
 randomisation. The dead band about the axis comes from the gear; the bearing contributes friction
 and tilt, which --tilt writes. --joint names the joint. With --all: the play of all joints in one
-file of each format. --batch adds random copies. See docs/simulator.md.
+file of each format. See docs/simulator.md.
 
 Example: jointplay export simulator ur5 --joint elbow_joint --clearance "0.05 mm" --gear
 elbow_joint="2 arcmin" --gear-stiffness 2e4 --rotor-inertia 0.5 --out elbow
@@ -21,17 +21,12 @@ elbow_joint="2 arcmin" --gear-stiffness 2e4 --rotor-inertia 0.5 --out elbow
     --for {mujoco,newton,genesis,isaac}  what this simulator takes and nothing else; says which
         parts of the play it has, and what is lost
     --format {mjcf,sdf,urdf,json,usd,py} ...  file format; by default all
-    --spread SHARE  JSON and --batch: relative half width of ranges without measured values, such as
+    --spread SHARE  JSON: relative half width of ranges without measured values, such as
         20% (default: 0.3)
     --check  run the MJCF in MuJoCo and compare it with the full model
     --out DIR  folder for the files (required)
-  whole robot, random copies:
+  whole robot:
     --all  write all joints with play into one file of each format
-    --batch N  write N copies besides, their play, friction and stiffness random
-    --seed N  seed of the random numbers (default: 0)
-    --identified FILE  draw from the 95 % intervals that jointplay identify or calibrate found
-        (their JSON, or the preset that they wrote; by default that of --preset), and within
-        --spread where they found none
     --plugin NAME  URDF: hardware of ros2_control's tags (default: gz_ros2_control/GazeboSimSystem)
     --detail
     --quiet
@@ -44,13 +39,12 @@ from typing import Any
 from jointplay.base import files
 from jointplay.base.errors import JointplayError, require_non_negative
 from jointplay.base.pairs import name_and_number
-from jointplay.bridges.reduced_formats import FORMATS, PARAMETERS, choose
+from jointplay.bridges.reduced_formats import FORMATS, choose
 from jointplay.cli.commands import Outputs, given, inputs, print_answer
 
 
 def run(options: argparse.Namespace) -> int:
     spread = None if options.spread is None else _share(options.spread)
-    count = _copies(options, spread)
     joint = None if options.all else _joint(options)
     stem = "robot" if joint is None else joint.replace("/", "_")
     formats, notes = choose(options.format, options.tilt, getattr(options, "for"))
@@ -59,16 +53,11 @@ def run(options: argparse.Namespace) -> int:
             "--check runs the MJCF in MuJoCo: it needs --format mjcf or --for mujoco, and mujoco"
         )
     endings = [ending for one in formats for ending in FORMATS[one]]
-    width = len(str(count))
-    copies = [f"{stem}_{i:0{width}d}" for i in range(1, count + 1)]
-    names = [f"{stem}{ending}" for ending in endings]
-    names += [f"{one}{ending}" for one in copies for ending in endings if ending not in PARAMETERS]
-    names += ["batch.csv"] * bool(count) + ["reversals.png"] * (joint is not None)
+    names = [f"{stem}{ending}" for ending in endings] + ["reversals.png"] * (joint is not None)
     from jointplay.model.meshes import FOLDER
 
     out = Outputs(options.out, names + [FOLDER] * ("mjcf" in formats))
     from jointplay.bridges.own_mjcf import is_own
-    from jointplay.bridges.random_copies import measured_intervals, read_identified
     from jointplay.bridges.reduced_robot import ReducedRobot, refuse_without_play
     from jointplay.bridges.reduction import reduce, reduce_all
 
@@ -80,11 +69,6 @@ def run(options: argparse.Namespace) -> int:
     _require_whole_gears(options, posed)
     play = [*mechanism.clearance, *mechanism.gears] if joint is None else [joint]
     refuse_without_play(mechanism, play, formats, options.tilt)
-    found = None
-    if options.identified is not None:
-        found = read_identified(options.identified, mechanism.joints)
-    elif count and (own := inputs.chosen_preset(options)) is not None:
-        found = measured_intervals(own)
     out.claim()
     how = given(options, "amplitude", "period") | {"progress": not options.quiet}
     if joint is None:
@@ -103,10 +87,6 @@ def run(options: argparse.Namespace) -> int:
     contents: dict[str, Any] = {**robot.files(stem)}
     sentence, *coverage = robot.coverage
     notes += coverage
-    if count:
-        texts, table, words = robot.copies(copies, options.seed or 0, found)
-        contents |= {**texts, "batch.csv": table.csv(None)}
-        notes.append(f"{count} random copies, uniform {words}")
     if joint is not None:
         from jointplay.show.plots.design import reversals
 
@@ -131,20 +111,6 @@ def _share(text: str) -> float:
     except ValueError:
         raise JointplayError(f"--spread must be a number or a percentage, got {text!r}") from None
     return require_non_negative("--spread", part, "")
-
-
-def _copies(options: argparse.Namespace, spread: float | None) -> int:
-    count: int = 0 if options.batch is None else options.batch
-    if options.batch is not None and count < 1:
-        raise JointplayError(f"--batch must be at least 1, got {count}")
-    if options.seed is not None and options.seed < 0:
-        raise JointplayError(f"--seed must not be negative, got {options.seed}")
-    for option in ("seed", "identified"):
-        if getattr(options, option) is not None and not count:
-            raise JointplayError(f"--{option} is for random copies: add --batch N")
-    if count and spread == 0.0 and options.identified is None:
-        raise JointplayError("--spread 0 makes all copies alike: give one above 0, or --identified")
-    return count
 
 
 def _joint(options: argparse.Namespace) -> str:

@@ -1,27 +1,21 @@
 """`jointplay study iso9283`: accuracy and repeatability by ISO 9283, from perturbed cycles.
 
 Simulate the cycle of a scenario or robot many times, with journals displaced at random at the
-start, and print pose accuracy AP and repeatability RP at each stop, distance accuracy AD and
-repeatability RD between stops, multi-directional variation vAP, stabilization time, overshoot, path
-accuracy AT and repeatability RT, cornering deviations CR and CO, and drift by wear, with confidence
-intervals. All input options of jointplay run are accepted too. docs/iso9283.md explains the
-figures.
+start, and print pose accuracy AP and repeatability RP at each stop, and path accuracy AT and
+repeatability RT, with confidence intervals. All input options of jointplay run are accepted too.
+docs/iso9283.md explains the figures.
 
 Example: jointplay study iso9283 ur5 --joint "elbow_joint=0.05 mm" --duration 2.2 --out ur5
 
     [FILE | ROBOT]
   cycles:
-    --cycles N  cycles for poses and distances (default 30)
+    --cycles N  cycles for poses (default 30)
     --path-cycles N  cycles for the path (default: 10, at most --cycles)
-    --settling-cycles N  cycles for stabilization and overshoot (default: 3)
-    --cornering-cycles N  cycles for corners (default: 3)
     --speed PERCENT ...  percentage of the motion's speed, which is taken as the rated speed; the
         standard asks for 100, 50 and 10 (default: 100)
     --payload MASS  mass at the tool: the rated load, 100 % (default 0)
     --cube LENGTH  visit the five poses in a cube with this edge length instead
     --cube-centre X,Y,Z  centre of the cube, world axes [m]
-    --drift-time TIME  compute the drift by wear over this time, "8 h" in the standard
-    --band LENGTH  limit band of stabilization (default: the repeatability)
     --out DIR  folder for the table, the figures and, during the run, finished cycles: with the same
         folder, an interrupted command continues
     --jobs
@@ -35,13 +29,11 @@ from typing import Any
 
 from jointplay.base import streams
 from jointplay.base.errors import JointplayError, require_non_negative, require_positive
-from jointplay.cli.commands import Outputs, given, print_answer, vector
+from jointplay.cli.commands import Outputs, print_answer, vector
 from jointplay.cli.commands.inputs import simulation_of
 
 FILES = ("iso9283.csv", "poses.png", "path.png")
 """What is written into --out; at a part of the speed, its per cent stand before the dot."""
-CYCLE_KINDS = ("path", "settling", "cornering")
-"""Kinds of figures that have their own number of cycles."""
 
 
 def run(options: argparse.Namespace) -> int:
@@ -52,15 +44,14 @@ def run(options: argparse.Namespace) -> int:
     }
     out = Outputs(options.out, [name for several in names.values() for name in several])
     from jointplay.study.courses import check_numbers
-    from jointplay.study.iso9283 import check, iso9283
+    from jointplay.study.iso9283 import Cycles, check, iso9283
 
-    counts = _cycles(options)
+    counts = Cycles.up_to(options.cycles)
+    if options.path_cycles is not None:
+        counts = replace(counts, path=options.path_cycles)
     check_numbers(counts.most, options.jobs)
     for percent in names:
         require_positive("--speed", percent, "%")
-    for name, unit in (("band", "m"), ("drift_time", "s")):
-        if getattr(options, name) is not None:
-            require_positive(f"--{name.replace('_', '-')}", getattr(options, name), unit)
     require_non_negative("--payload", options.payload, "kg")
     simulation, poses = _in_cube(options, simulation_of(options))
     for percent in names:
@@ -71,10 +62,8 @@ def run(options: argparse.Namespace) -> int:
         performance = iso9283(
             simulation,
             counts,
-            band=options.band,
             speed=percent / 100.0,
             load=options.payload,
-            drift_time=options.drift_time,
             poses=poses,
             jobs=options.jobs,
             keep=None if folder is None else folder / "cycles",
@@ -95,16 +84,6 @@ def run(options: argparse.Namespace) -> int:
                 contents[along] = plots.path(performance)
             out.write(contents, f"; runs in {options.out}/cycles")
     return 0
-
-
-def _cycles(options: argparse.Namespace) -> Any:
-    """How many cycles are asked for; what is not given is the standard's, or fewer."""
-    from jointplay.study.iso9283 import Cycles
-
-    own = given(options, *(f"{kind}_cycles" for kind in CYCLE_KINDS))
-    return replace(
-        Cycles.up_to(options.cycles), **{name.removesuffix("_cycles"): n for name, n in own.items()}
-    )
 
 
 def _in_cube(options: argparse.Namespace, simulation: Any) -> tuple[Any, str]:

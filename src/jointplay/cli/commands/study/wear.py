@@ -20,7 +20,6 @@ Begin with --blocks 1. docs/wear.md explains the numbers.
 """
 
 import argparse
-from typing import Any
 
 from jointplay.base import files
 from jointplay.base.signals import INTERRUPTED
@@ -29,19 +28,22 @@ from jointplay.cli.commands import print_answer
 from jointplay.cli.commands.inputs import simulation_of
 
 
-def cycles(options: argparse.Namespace) -> dict[str, Any]:
-    """What the options say of the extrapolation over blocks of cycles."""
-    names = ("blocks", "runs", "cycles_per_run", "jobs")
-    return {name: getattr(options, name) for name in names} | {"progress": not options.quiet}
-
-
 def run(options: argparse.Namespace) -> int:
     from jointplay.study.wear import wear
 
     if options.out:
         files.check_new(options.out)
     simulation = simulation_of(options)
-    life = wear(simulation, options.joint, options.growth, **cycles(options))
+    life = wear(
+        simulation,
+        options.joint,
+        options.growth,
+        blocks=options.blocks,
+        runs=options.runs,
+        cycles_per_run=options.cycles_per_run,
+        jobs=options.jobs,
+        progress=not options.quiet,
+    )
     columns = [Column("cycles", life.cycles)]
     columns += [Column(name, getattr(life, name), "m", fine=True) for name in ("deepest", "mean")]
     print_answer(str(life), Table(columns), (), options.detail)

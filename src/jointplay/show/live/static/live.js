@@ -1,8 +1,4 @@
-// The front end: controls that ask, and what shows the answers. One for pages and notebooks; how
-// questions travel is the transport's.
-//
-// A transport has `ask(values, receive)`, which returns a function that gives up waiting, and
-// `scenario(values)`, which promises the text of a file.
+// The front end: controls that ask the server, and what shows the answers.
 
 const STEPS = 300;          // of a slider
 const DIGITS = 3;           // that a slider's value has
@@ -12,17 +8,15 @@ const COLOURS = ["--k0", "--k1", "--k2", "--k3", "--k4", "--k5"];
 const DASHES = ["", "6 3", "2 3", "8 3 2 3", "4 4", "1 3"];
 const FACTORS = [["automatic", 0], ["1", 1], ["10", 10], ["100", 100], ["1000", 1000]];
 
-let mounted = 0;
-
-// Questions over HTTP, to the server that the page comes from.
-function overHttp(root) {
+// The server that the page comes from: `ask(values, receive)` returns a function that gives up
+// waiting, `scenario(values)` promises the text of a file.
+function askedServer() {
     const page = Array.from(crypto.getRandomValues(new Uint32Array(2)), one => one.toString(36)).join("");
     let number = 0;  // requests may overtake each other: the server goes by this
-    const post = (name, values, signal) => fetch(`${root}${name}`, {
+    const post = (name, values, signal) => fetch(name, {
         method: "POST", headers: {"Content-Type": "application/json"},
         body: JSON.stringify({values, page, number: ++number}), signal});
     return {
-        linked: true,
         ask(values, receive) {
             const giveUp = new AbortController();
             (async () => {
@@ -68,8 +62,8 @@ function painted(then) {
     requestAnimationFrame(() => { const channel = new MessageChannel(); channel.port1.onmessage = then; channel.port2.postMessage(0); });
 }
 
-function mount(root, contents, block, transport) {
-    return new Live(root, contents, block, transport || overHttp(""));
+function mount(root, contents, block) {
+    return new Live(root, contents, block);
 }
 
 // How far the tool can go by play alone, and what contacts and drives that give way as in the run add to it.
@@ -133,8 +127,8 @@ class AnswerChart extends Chart {
 }
 
 class Live {
-    constructor(root, contents, block, transport) {
-        Object.assign(this, {root, contents, transport, id: `jp${mounted++}`});
+    constructor(root, contents, block) {
+        Object.assign(this, {root, contents, server: askedServer()});
         this.first = Object.fromEntries(contents.controls.map(one => [one.name, one.value]));
         this.values = {...this.first};
         this.history = [{...this.values}];
@@ -155,7 +149,7 @@ class Live {
         this.scheme.addEventListener("change", () => { this.view?.theme(this.scheme.matches); this.redraw(); });
         this.ready = this.makeView(block);
         root.addEventListener("keydown", event => this.shortcut(event));
-        if (transport.linked) window.addEventListener("hashchange", () => { if (this.fromLink()) { this.remember(); this.ask(); } });
+        window.addEventListener("hashchange", () => { if (this.fromLink()) { this.remember(); this.ask(); } });
         this.ask();
     }
 
@@ -179,7 +173,6 @@ class Live {
         this.keepButton = button("Keep as case", () => this.keep(), "show these results beside later ones");
         this.saveButton = button("Save as scenario", () => this.save(), "a file for jointplay run");
         this.linkButton = button("Copy link", () => this.copyLink(), "a link that holds these values");
-        this.linkButton.hidden = !this.transport.linked;
         this.status = element("p", {class: "status", role: "status", "aria-live": "polite"});
         const header = element("header", {}, element("h1", {}, contents.title), this.undoButton, this.redoButton,
             this.resetButton, this.keepButton, this.saveButton, this.linkButton, this.status);
@@ -205,7 +198,7 @@ class Live {
     }
 
     makeControl(control) {
-        const {name, label, unit, help} = control, id = `${this.id}-${name}`;
+        const {name, label, unit, help} = control, id = `jp-${name}`;
         const words = unit ? `${label} [${unit.replace("^2", "\u00b2")}]` : label;
         const slider = element("input", {type: "range", min: 0, max: STEPS, step: 1, id: `${id}-slider`,
             "aria-label": `${words}, ${control.group}, slider`});
@@ -312,7 +305,7 @@ class Live {
         this.say("computing \u2026");
         this.toLink();
         this.showButtons();
-        this.cancel = this.transport.ask(this.changed(), (head, block) => {
+        this.cancel = this.server.ask(this.changed(), (head, block) => {
             if (number === this.number) this.receive(number, head, block);
         });
     }
@@ -650,7 +643,7 @@ class Live {
 
     async save() {
         try {
-            const text = await this.transport.scenario(this.changed());
+            const text = await this.server.scenario(this.changed());
             const link = element("a", {href: URL.createObjectURL(new Blob([text], {type: "application/toml"})), download: "live.toml"});
             link.click();
             setTimeout(() => URL.revokeObjectURL(link.href), 1000);
@@ -661,7 +654,6 @@ class Live {
     }
 
     toLink() {
-        if (!this.transport.linked) return;
         const words = new URLSearchParams(Object.entries(this.changed()).map(([name, value]) => [name, String(value)])).toString();
         this.fragment = words;
         history.replaceState(null, "", words ? `#${words}` : location.pathname);
@@ -670,7 +662,6 @@ class Live {
     // Take the values that the address holds; says whether they are others than now.
     fromLink() {
         for (const name of Object.keys(this.values)) this.showValue(name);
-        if (!this.transport.linked) return false;
         const words = location.hash.slice(1);
         if (words === (this.fragment || "")) return false;
         const values = {...this.first}, unknown = [];
