@@ -47,7 +47,7 @@ def benchmark():
 @pytest.mark.parametrize(
     "part",
     [
-        "deflections",
+        pytest.param("deflections", marks=pytest.mark.thorough),
         "distributions",
         pytest.param("free_sets", marks=pytest.mark.thorough),
         "energies",
