@@ -531,7 +531,8 @@ def corrected(mechanism, pose, **known):
     return allocate(mechanism, pose, 1e-3, causes=["play"], offers=offers).corrections[0]
 
 
-@pytest.mark.parametrize("count", [1, pytest.param(2, marks=pytest.mark.thorough)])
+@pytest.mark.thorough
+@pytest.mark.parametrize("count", [1, 2])
 def test_what_compensation_leaves_is_what_runs_with_other_play_show(urdf, count):
     """Play 30 % larger or smaller than the correction takes it to be, at the motion's last stop."""
     names, above = ["j", "k"][:count], ["base", "j1"]

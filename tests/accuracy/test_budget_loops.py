@@ -178,6 +178,7 @@ def test_one_leaning_pin_in_a_plane_loop_is_held_upright(four_bar_path):
     assert found.axis_worst[0, 0, 2] == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.thorough
 def test_pins_that_lean_together_lift_the_coupler_as_far_as_the_loop_reaches(four_bar_path):
     names = ("rocker_end", "rocker_pin", "crank_pin", "coupler_pin")
     mechanism = four_bar(four_bar_path, {name: bearing() for name in names})

@@ -271,6 +271,7 @@ def test_the_engine_finds_the_tool_nearer_by_the_corrected_motion(level, kind):
     assert judged.firmware.rms > judged.nominal.after.rms
 
 
+@pytest.mark.thorough
 def test_the_error_left_is_that_of_the_models_mistake(level):
     """With play wrong by a part, half of it is left at the arm's end."""
     own = simulated(machine(level), to=1e-6)
@@ -529,6 +530,7 @@ def test_a_clearance_alone_is_for_all_joints_as_in_a_budget(level, tmp_path):
     assert done.stdout.startswith("In simulation the corrected motion")
 
 
+@pytest.mark.thorough
 def test_a_motion_of_some_joints_leaves_the_others_where_they_start(tmp_path):
     """Servos that the motion does not name hold their goals, as joints without drives do."""
     motion, out = tmp_path / "motion.csv", tmp_path / "out"

@@ -524,6 +524,7 @@ def test_loads_beyond_the_limits_of_effort_are_not_proposed(arm):
     assert all(one.force is None or one.force[1] for one in plan.experiments)  # along the axis
 
 
+@pytest.mark.thorough
 def test_a_robot_that_hits_itself_is_told_and_links_that_always_touch_are_left_out():
     arm = SelfCollision(Mechanism("ur5"))
     assert not arm.hits({})

@@ -343,8 +343,11 @@ def test_an_output_that_takes_nothing_is_an_error_of_one_line(tmp_path):
 @pytest.mark.parametrize(
     "closed",
     [
-        *(pytest.param(text, marks=pytest.mark.thorough) for text in ("2>&-", ">&-")),
-        *("2>&- >&- <&-", "2>/dev/full"),
+        *(
+            pytest.param(text, marks=pytest.mark.thorough)
+            for text in ("2>&-", ">&-", "2>/dev/full")
+        ),
+        "2>&- >&- <&-",
     ],
 )
 def test_runs_do_without_anyone_to_tell(closed, tmp_path):

@@ -186,6 +186,7 @@ def test_a_payload_taken_by_a_locked_link_does_not_turn_it(urdf):
     assert result.audit.warnings == []
 
 
+@pytest.mark.thorough
 def test_a_locked_loop_is_saved_and_run_again(urdf, tmp_path):
     result = thrown(cut_at_the_slider(urdf), duration=2e-3)
     loaded = jp.Result.load(result.save(tmp_path / "locked.nc"))

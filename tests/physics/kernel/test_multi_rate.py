@@ -120,6 +120,7 @@ def shipped(name, **options):
     return replace(simulation, **options)
 
 
+@pytest.mark.thorough
 def test_four_bar_loses_what_finer_steps_find_wherever_its_journal_starts():
     """Its rebounds magnify errors: coarser macro steps add or drop impacts, and 2 % of the loss."""
 
