@@ -39,7 +39,7 @@ def draw(cases, found):
 def main():
     benchmark = Benchmark("friction_restitution", __doc__, clearance=(0.2, "C_r = C_a [mm]"))
     args = benchmark.parse()
-    every = 2 if args.quick else 1
+    every = 4 if args.quick else 1
     clearance = 1e-3 * args.clearance
     cases = [
         Case(clearance, clearance, friction=mu, restitution=c_e)

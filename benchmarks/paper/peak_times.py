@@ -109,8 +109,8 @@ def rms(values: np.ndarray) -> float:
 def main() -> None:
     benchmark = Benchmark("peak_times", __doc__, runs=0, jobs=(2, "processes"))
     args = benchmark.parse()
-    drawn, generations, parents = (4, 1, 2) if args.quick else (200, 6, 10)
-    children, finalists = (2, 2) if args.quick else (24, 4)
+    drawn, generations, parents = (2, 1, 1) if args.quick else (200, 6, 10)
+    children, finalists = (1, 1) if args.quick else (24, 4)
     judged_by = JUDGED[:2] if args.quick else JUDGED
     random = np.random.default_rng(2211)
     each = len(LABELS) * len(SEARCHED)

@@ -531,6 +531,7 @@ def corrected(mechanism, pose, **known):
     return allocate(mechanism, pose, 1e-3, causes=["play"], offers=offers).corrections[0]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("count", [1, 2])
 def test_what_compensation_leaves_is_what_runs_with_other_play_show(urdf, count):
     """Play 30 % larger or smaller than the correction takes it to be, at the motion's last stop."""
@@ -607,6 +608,7 @@ def test_no_run_leaves_more_at_a_stop_than_compensation_is_said_to(machine):
             assert shown[0] > 0.6 * said[1]  # what the stretched arm cannot take back
 
 
+@pytest.mark.thorough
 def test_compensation_stands_beside_what_is_allocated(capsys, tmp_path):
     options = ["allocate", "scara", "--clearance", "50 um", "--target", "0.2 mm", "--quiet"]
     trust = ["--compensation", "20", "--trust", "play 20 %, friction 50 %"]

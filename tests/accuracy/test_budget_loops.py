@@ -149,6 +149,7 @@ def test_a_door_leans_as_far_as_its_two_hinges_allow_each_other(door):
     assert budget(make({"lower": hinge}), {}).worst[0] == pytest.approx(0.0, abs=1e-12)
 
 
+@pytest.mark.thorough
 def test_two_hinges_of_a_door_bear_in_the_budget_what_a_run_finds_at_rest(door):
     make, height = door
     hinges = {"lower": bearing(), "upper": bearing(open_ends=True)}
@@ -177,6 +178,7 @@ def test_one_leaning_pin_in_a_plane_loop_is_held_upright(four_bar_path):
     assert found.axis_worst[0, 0, 2] == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.thorough
 def test_pins_that_lean_together_lift_the_coupler_as_far_as_the_loop_reaches(four_bar_path):
     names = ("rocker_end", "rocker_pin", "crank_pin", "coupler_pin")
     mechanism = four_bar(four_bar_path, {name: bearing() for name in names})
@@ -343,7 +345,8 @@ def test_deflections_that_a_loop_holds_are_refused():
         budget(mechanism, q, causes=["elasticity"])
 
 
-@pytest.mark.parametrize("tied", [pytest.param(False, marks=pytest.mark.thorough), True])
+@pytest.mark.thorough
+@pytest.mark.parametrize("tied", [False, True])
 def test_causes_of_a_loop_are_allocated_within_the_target(door, tied):
     mechanism, q, causes = door[0]({}), np.zeros((1, 1)), ["geometry"]
     if not tied:

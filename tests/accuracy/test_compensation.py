@@ -127,6 +127,7 @@ def test_the_command_crosses_the_play_as_long_as_teeth_hardly_leave(upright):
     assert slow >= 2 * fast > 0
 
 
+@pytest.mark.thorough
 def test_stops_approached_from_one_side_do_not_ask_how_large_friction_is(upright):
     """Braking outdoes the friction of the model, and not that of the joint, or the other way."""
     motion = Motion(["j"], [0.0, 0.4, 1.2, 1.6, 2.4], [[0.0], [0.1], [0.1], [0.0], [0.0]])
@@ -248,7 +249,7 @@ def test_a_compensator_takes_microseconds_and_nothing_but_numpy():
     assert done.stdout.split() == ["[2.5]", "[]"]
 
 
-@pytest.mark.parametrize("kind", ["gear", "journal"])
+@pytest.mark.parametrize("kind", [pytest.param("gear", marks=pytest.mark.thorough), "journal"])
 def test_the_engine_finds_the_tool_nearer_by_the_corrected_motion(level, kind):
     own = simulated(machine(level))
     if kind == "journal":
@@ -270,6 +271,7 @@ def test_the_engine_finds_the_tool_nearer_by_the_corrected_motion(level, kind):
     assert judged.firmware.rms > judged.nominal.after.rms
 
 
+@pytest.mark.thorough
 def test_the_error_left_is_that_of_the_models_mistake(level):
     """With play wrong by a part, half of it is left at the arm's end."""
     own = simulated(machine(level), to=1e-6)
@@ -440,6 +442,7 @@ def test_the_command_writes_what_improves_and_refuses_what_it_cannot_do(level, t
         assert not (tmp_path / "other" / "motion.csv").exists()
 
 
+@pytest.mark.thorough
 def test_what_makes_the_error_larger_is_said_and_not_written(level, tmp_path, monkeypatch):
     from jointplay.cli import main
 
@@ -464,6 +467,7 @@ def test_what_makes_the_error_larger_is_said_and_not_written(level, tmp_path, mo
     assert (tmp_path / "b" / "motion.csv").exists()
 
 
+@pytest.mark.thorough
 def test_corners_are_the_ends_of_a_presets_intervals(level, tmp_path):
     held = f"play = {PLAY}\nstiffness = {STIFFNESS}\nrotor_inertia = 0.05\ndamping = 2.0\n"
     text = f"[joint.j.gear]\nkind = 'backlash'\n{held}"
@@ -497,6 +501,7 @@ def test_corners_are_the_ends_of_a_presets_intervals(level, tmp_path):
     assert trust_of("exact") == {}
 
 
+@pytest.mark.thorough
 def test_the_command_takes_intervals_unless_told_otherwise(level, tmp_path):
     motion, mine = tmp_path / "m.csv", tmp_path / "mine.toml"
     motion.write_text("time_s,j\n0,0\n0.4,0.05\n0.8,0\n")
@@ -525,6 +530,7 @@ def test_a_clearance_alone_is_for_all_joints_as_in_a_budget(level, tmp_path):
     assert done.stdout.startswith("In simulation the corrected motion")
 
 
+@pytest.mark.thorough
 def test_a_motion_of_some_joints_leaves_the_others_where_they_start(tmp_path):
     """Servos that the motion does not name hold their goals, as joints without drives do."""
     motion, out = tmp_path / "motion.csv", tmp_path / "out"

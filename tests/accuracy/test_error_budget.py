@@ -33,9 +33,8 @@ def whole(robot):
     return budget(robot, POSE, causes=CAUSES)
 
 
-@pytest.mark.parametrize(
-    "kind", [pytest.param("calibrated-industrial", marks=pytest.mark.thorough), "industrial"]
-)
+@pytest.mark.thorough
+@pytest.mark.parametrize("kind", ["calibrated-industrial", "industrial"])
 def test_worst_case_and_variance_against_random_states_of_the_exact_kinematics(robot, kind):
     found = budget(robot, POSE, kind=kind, force=(20.0, 0.0, -50.0), causes=CAUSES)
     drawn = found.sample(20_000)

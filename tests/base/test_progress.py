@@ -138,7 +138,7 @@ def test_nothing_is_shown_unless_asked_for(monkeypatch):
 def test_a_run_of_several_cases_has_one_bar_and_answers_as_they_come(jobs, tmp_path):
     """In a terminal; into a pipe go the answers and no bar."""
     command = [JOINTPLAY, "run", "jointplay:scara.toml", "--no-figures", "--jobs", jobs]
-    short = ["--set", "integration.duration=0.05"]
+    short = ["--set", "integration.duration=0.01"]
     ours, theirs = pty.openpty()
     fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 30, 110, 0, 0))
     shown = bytearray()

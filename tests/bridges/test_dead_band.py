@@ -181,6 +181,7 @@ def test_the_command_writes_for_genesis_what_it_takes(path, tmp_path, capsys):
     assert "genesis: *_dead_band.py has motor" in text
 
 
+@pytest.mark.thorough
 @pytest.mark.needs("pxr", "newton_usd_schemas")
 def test_isaacs_usd_has_friction_by_physxs_schema(path, tmp_path):
     out = tmp_path / "out"

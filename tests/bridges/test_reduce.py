@@ -284,8 +284,16 @@ def servo_runs(path, servo, gear, goal, end):
 @pytest.mark.parametrize(
     ("changes", "goal"),
     [
-        ({"friction": 0.05, "viscous": 0.02}, lambda t: 0.5 * np.sin(6.0 * t) ** 3),
-        ({"d_gain": 0.8, "friction": 0.05}, lambda t: 0.5 * np.sin(6.0 * t) ** 3),
+        pytest.param(
+            {"friction": 0.05, "viscous": 0.02},
+            lambda t: 0.5 * np.sin(6.0 * t) ** 3,
+            marks=pytest.mark.thorough,
+        ),
+        pytest.param(
+            {"d_gain": 0.8, "friction": 0.05},
+            lambda t: 0.5 * np.sin(6.0 * t) ** 3,
+            marks=pytest.mark.thorough,
+        ),
         ({"voltage": 2.0}, lambda t: 0.9 * np.sin(8.0 * t)),
     ],
 )

@@ -229,22 +229,38 @@ def test_any_robot_by_name_moves_and_says_what_came_out(tmp_path):
     assert "joints.wrist_1_joint.axial_clearance" in result.dataset.attrs["settings"]
 
 
-def test_a_single_case_has_an_overview_and_all_figures_when_asked(tmp_path, capsys):
-    line = ["run", "ur5", "--joint", "elbow_joint", "--duration", "2 ms", "--no-error-estimate"]
-    for name, options, drawn in (("short", [], 1), ("all", ["--figures"], 8)):
-        assert main([*line, "--quiet", *options, "--out", str(tmp_path / name)]) == 0
-        names = {path.name for path in (tmp_path / name).glob("*.png")}
-        assert len(names) == drawn
-        assert "overview.png" in names
-    bearing = ["--joint", "wrist_1_joint=6004 C3"]
-    assert main([*line, *bearing, "--quiet", "--out", str(tmp_path / "rolling")]) == 0
-    names = {path.name for path in (tmp_path / "rolling").glob("*.png")}
-    assert names == {"overview.png", "bearing_loads.png"}
-    capsys.readouterr()
-    both = (*line, "--figures", "--no-figures", "--out", tmp_path / "both")
+ONE_JOINT = ["run", "ur5", "--joint", "elbow_joint", "--duration", "2 ms", "--no-error-estimate"]
+
+
+@pytest.mark.parametrize(
+    ("options", "drawn"),
+    [
+        ([], {"overview.png"}),
+        pytest.param(
+            ["--joint", "wrist_1_joint=6004 C3"], {"overview.png", "bearing_loads.png"},
+            marks=pytest.mark.thorough,
+        ),
+    ],
+)  # fmt: skip
+def test_a_single_case_has_an_overview(options, drawn, tmp_path):
+    assert main([*ONE_JOINT, *options, "--quiet", "--out", str(tmp_path / "a")]) == 0
+    assert {path.name for path in (tmp_path / "a").glob("*.png")} == drawn
+
+
+@pytest.mark.thorough
+def test_a_single_case_has_all_figures_when_asked(tmp_path):
+    assert main([*ONE_JOINT, "--quiet", "--figures", "--out", str(tmp_path / "a")]) == 0
+    names = {path.name for path in (tmp_path / "a").glob("*.png")}
+    assert len(names) == 8
+    assert "overview.png" in names
+
+
+def test_figures_cannot_be_asked_for_and_not(tmp_path, capsys):
+    both = (*ONE_JOINT, "--figures", "--no-figures", "--out", tmp_path / "both")
     assert "exclude each other" in refused(capsys, *both)
 
 
+@pytest.mark.thorough
 def test_a_robot_whose_play_is_in_gears_alone_has_an_overview_an_ideal_one_all_figures(tmp_path):
     short = ["--duration", "2 ms", "--no-error-estimate", "--quiet", "--out"]
     for name, options in (("gears", ["so101", "--preset"]), ("ideal", ["ur5", "--ideal"])):
@@ -407,6 +423,7 @@ def test_a_robot_that_cannot_move_is_refused(urdf, tmp_path, capsys):
     assert "2 links, fixed to each other, and no joint that moves" in error
 
 
+@pytest.mark.thorough
 def test_a_robot_of_a_package_is_drawn_here_under_its_own_name(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main(["check", "ur5", "--joint", "elbow_joint"]) == 0

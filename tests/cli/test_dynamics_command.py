@@ -40,6 +40,7 @@ def test_each_kind_writes_its_table_and_figure(kind, more, says, tmp_path, capsy
     assert (tmp_path / f"{kind}.png").read_bytes()[:4] == b"\x89PNG"
 
 
+@pytest.mark.thorough
 def test_what_is_done_is_not_run_again_whoever_did_it_but_for_half_a_line(tmp_path, capsys):
     assert dynamics("bifurcation", tmp_path, *SPEEDS) == 0
     kept, table = tmp_path / "bifurcation.runs", tmp_path / "bifurcation.csv"

@@ -191,6 +191,7 @@ period = "1 ms"
 """
 
 
+@pytest.mark.thorough
 def test_gears_of_every_kind_run_from_a_scenario(tmp_path):
     path = tmp_path / "geared.toml"
     (tmp_path / "scara.urdf").write_text(shipped("scara.urdf").read_text())

@@ -156,6 +156,7 @@ def test_intervals_hold_the_truth_in_95_of_100_cases(arm):
     assert 0.92 <= seen / (25 * 40) <= 0.98  # regions predicted for held-back positions
 
 
+@pytest.mark.thorough
 def test_play_is_found_with_its_friction_and_told_from_compliance(arm):
     truth = Truth(arm, 3).offset(elbow=0.02).compliance(shoulder=4e-4)
     truth.play(friction=1.0, transition=0.4, elbow=4e-3)
@@ -196,6 +197,7 @@ def test_intervals_of_play_cover_frictions_and_transitions_that_nobody_gave():
     assert not [row for row in found if row["wrong"]]
 
 
+@pytest.mark.thorough
 def test_eccentric_encoders_are_not_taken_for_play(arm):
     truth = Truth(arm, 4).eccentricity(elbow=(2e-3, -1e-3))
     fit = calibrate(arm, truth.measured(), ["offset", "play", "eccentricity"])
@@ -204,6 +206,7 @@ def test_eccentric_encoders_are_not_taken_for_play(arm):
     assert fit["elbow eccentricity sin"].low < 2e-3 < fit["elbow eccentricity sin"].high
 
 
+@pytest.mark.thorough
 def test_a_cause_that_is_not_there_is_kept_no_more_often_than_chance_allows(arm):
     kept = 0
     for seed in range(5):
@@ -447,6 +450,7 @@ def test_the_corrected_urdf_has_the_tool_where_the_fit_has_it(tmp_path, capsys):
     assert "--urdf needs measured poses" in capsys.readouterr().err
 
 
+@pytest.mark.thorough
 def test_what_a_urdf_and_a_preset_cannot_have_is_said(arm, tmp_path, capsys):
     truth = Truth(arm, 12).play(elbow=4e-3, transition=0.3).offset(elbow=0.01)
     path = table(truth.measured(), tmp_path / "poses.csv")
@@ -469,6 +473,7 @@ def test_what_a_urdf_and_a_preset_cannot_have_is_said(arm, tmp_path, capsys):
     assert not urdf.read_text().count("nan")
 
 
+@pytest.mark.thorough
 def test_the_command_tells_of_the_encoders_alone(arm, tmp_path, capsys):
     truth = Truth(arm, 13, n=30).play(elbow=4e-3, transition=0.3)
     head = [f"{j} motor [rad]" for j in JOINTS] + ["elbow link [rad]"]

@@ -92,7 +92,13 @@ def test_play_of_the_full_model_is_read_off_its_motion(arm):
     assert found["j gear compliance"].value == pytest.approx(1.0 / 4000.0, rel=0.1)
 
 
-@pytest.mark.parametrize("encoder", [False, True], ids=["gauge", "the servo's own encoder"])
+@pytest.mark.parametrize(
+    "encoder",
+    [
+        pytest.param(False, id="gauge"),
+        pytest.param(True, id="the servo's own encoder", marks=pytest.mark.thorough),
+    ],
+)
 def test_the_benchmarks_joints_are_held_by_their_intervals(encoder):
     made = importlib.import_module("truth.gauge")
     robot, random, held = Mechanism("so101"), np.random.default_rng(99), 0
@@ -272,6 +278,7 @@ def test_plans_of_arms_that_people_have():
     assert main(["identify", "so101", "--plan", "dail"]) == 2
 
 
+@pytest.mark.thorough
 @pytest.mark.needs("mujoco")
 def test_the_play_found_is_a_dead_band_in_mujoco(tmp_path, capsys):
     import mujoco

@@ -114,6 +114,7 @@ def test_clearance_and_friction_are_recovered_from_passing_and_pushing(arm):
     assert found.misfit < 1.5
 
 
+@pytest.mark.thorough
 def test_intervals_cover_the_truth_as_often_as_they_say(arm):
     mechanism = Mechanism(arm, {"j": planar(5e-5, 0.1)})
     wanted = np.array([CLEARANCE, FRICTION])
@@ -257,6 +258,7 @@ def test_what_is_identified_is_a_preset_for_other_commands(geared, tmp_path, cap
     assert "already exists" in capsys.readouterr().err
 
 
+@pytest.mark.thorough
 def test_a_clearance_that_is_identified_goes_into_the_urdf(arm, tmp_path, capsys):
     data, out = tmp_path / "seen.csv", tmp_path / "worn.urdf"
     data.write_text(seen().csv())
@@ -277,6 +279,7 @@ def test_play_and_compliance_are_not_told_apart_without_another_load(geared):
     assert found.estimates[0].identified
 
 
+@pytest.mark.thorough
 def test_gravity_that_keeps_the_teeth_on_one_side_hides_the_play(arm):
     gear = Gear(play=1e-3, rotor_inertia=0.1, stiffness=1e5)
     found = identify(Mechanism(arm, {"j": planar()}, gears={"j": gear}), seen(stops=False))
@@ -521,6 +524,7 @@ def test_loads_beyond_the_limits_of_effort_are_not_proposed(arm):
     assert all(one.force is None or one.force[1] for one in plan.experiments)  # along the axis
 
 
+@pytest.mark.thorough
 def test_a_robot_that_hits_itself_is_told_and_links_that_always_touch_are_left_out():
     arm = SelfCollision(Mechanism("ur5"))
     assert not arm.hits({})

@@ -149,6 +149,7 @@ def test_a_stiffness_that_is_given_is_used_and_printed(arm):
     assert "+- 30 %" in str(roughly)
 
 
+@pytest.mark.thorough
 def test_backlash_is_found_whatever_stiffness_the_gear_is_said_to_have(arm):
     joints = links(play=2e-3, torsional=1e-6, dry=0.5)
     measured = seen(elastic.Arm(joints, False), THREE, links_too=("shoulder",))
@@ -160,6 +161,7 @@ def test_backlash_is_found_whatever_stiffness_the_gear_is_said_to_have(arm):
         assert abs(value - 2e-3) < half < 1e-4
 
 
+@pytest.mark.thorough
 def test_friction_is_asked_of_joints_that_have_some_and_unsure_visits_do_not_count(arm):
     measured = seen(elastic.Arm(links(clearance=60e-6, torsional=1e-6), False), THREE)
     found = identify(expected(arm, 60e-6), measured)

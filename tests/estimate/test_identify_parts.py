@@ -34,7 +34,10 @@ def arm(bearings=None, gears=None):
     return serial(LINKS, (0.2, 0, 0), bearings or {}, gears=gears)
 
 
-@pytest.mark.parametrize("bearing", [BALL, PAIR, CROSSED, replace(BALL, seat=SEAT)])
+@pytest.mark.parametrize(
+    "bearing",
+    [BALL, PAIR, CROSSED, pytest.param(replace(BALL, seat=SEAT), marks=pytest.mark.thorough)],
+)
 def test_many_rests_are_those_of_each(bearing):
     random = np.random.default_rng(1)
     loads = random.normal(size=(6, 6)) * [50.0, 50.0, 20.0, 2.0, 2.0, 0.0]
@@ -100,7 +103,7 @@ def test_what_was_found_is_put_into_the_mechanism():
         machine.unknowns([], True, ["preload"])
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2, 5, 7])
+@pytest.mark.parametrize("seed", [0, 1, 2, pytest.param(5, marks=pytest.mark.thorough), 7])
 def test_the_static_model_is_that_of_the_parts(seed, monkeypatch):
     """With true values it shows what another solver found, of arms that are rigid otherwise."""
     kept, statics = {}, parts.statics
@@ -132,13 +135,16 @@ def test_the_static_model_is_that_of_the_parts(seed, monkeypatch):
     assert np.sqrt(np.mean(off[model.certain] ** 2)) < 1e-2 * size
 
 
-@pytest.mark.parametrize("seed", [1, 2, 5])
+@pytest.mark.parametrize(
+    "seed", [*(pytest.param(n, marks=pytest.mark.thorough) for n in (1, 2)), 5]
+)
 def test_intervals_hold_the_truth(seed):
     rows = rows_of(part_machine(seed), seed)
     assert any(row["told"] for row in rows)
     assert not any(row["wrong"] for row in rows)
 
 
+@pytest.mark.thorough
 def test_a_load_that_never_reverses_does_not_show_a_clearance():
     one = part_machine(8)
     time = one.measured.time
@@ -153,6 +159,7 @@ def test_a_load_that_never_reverses_does_not_show_a_clearance():
     assert "push" in told.reason
 
 
+@pytest.mark.thorough
 def test_a_stiffness_is_not_told_that_no_torque_reaches():
     one = part_machine(7)
     strong = replace(one.believed.gears["shoulder"], torque_2=400.0, rated_torque=600.0)

@@ -130,6 +130,7 @@ def test_a_bag_of_topics_with_times_of_their_own_is_identified(arm, recorded):
     assert all(one.identified for one in found.estimates[:2])
 
 
+@pytest.mark.thorough
 def test_a_tracker_that_is_late_does_not_pass_for_play(arm, tmp_path):
     measured = seen(seed=7)
     time, late = measured.time, 3e-3

@@ -322,6 +322,7 @@ def shell(command, folder, **variables):
     )  # fmt: skip
 
 
+@pytest.mark.thorough
 def test_a_terminal_that_knows_ascii_only_is_no_obstacle(tmp_path):
     done = shell(f"{JOINTPLAY} check jointplay:scara.toml --no-picture", tmp_path,
                  PYTHONIOENCODING="ascii", PYTHONUTF8="0")  # fmt: skip
@@ -337,7 +338,16 @@ def test_an_output_that_takes_nothing_is_an_error_of_one_line(tmp_path):
     assert (tmp_path / "o" / "result.nc").is_file()
 
 
-@pytest.mark.parametrize("closed", ["2>&-", ">&-", "2>&- >&- <&-", "2>/dev/full"])
+@pytest.mark.parametrize(
+    "closed",
+    [
+        *(
+            pytest.param(text, marks=pytest.mark.thorough)
+            for text in ("2>&-", ">&-", "2>/dev/full")
+        ),
+        "2>&- >&- <&-",
+    ],
+)
 def test_runs_do_without_anyone_to_tell(closed, tmp_path):
     if "full" in closed and not Path("/dev/full").exists():
         pytest.skip("no /dev/full")

@@ -170,7 +170,11 @@ def lawful(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "command", [["play", "--html", "o.html"], ["report", "-o", "o.html", "--no-pdf"]]
+    "command",
+    [
+        ["play", "--html", "o.html"],
+        pytest.param(["report", "-o", "o.html", "--no-pdf"], marks=pytest.mark.thorough),
+    ],
 )
 def test_a_result_imports_nothing_that_was_not_named(command, lawful):
     call = [JOINTPLAY, command[0], "r.nc", *command[1:], "--quiet"]
@@ -186,6 +190,7 @@ def test_a_result_imports_nothing_that_was_not_named(command, lawful):
     assert (lawful / "ran").exists()
 
 
+@pytest.mark.thorough
 def test_in_python_too_a_result_imports_nothing_unasked(lawful, monkeypatch):
     monkeypatch.chdir(lawful)
     monkeypatch.syspath_prepend(str(lawful))
@@ -484,6 +489,7 @@ def test_the_visualizer_is_for_its_own_page_on_this_machine(visualizer):
     assert answer(port, Host=evil, Origin=f"http://{evil}", **UPGRADE) == 421
 
 
+@pytest.mark.thorough
 def test_the_visualizer_ends_with_a_parent_that_is_killed(visualizer):
     shown, server, _, folder = visualizer
     shown.kill()

@@ -329,6 +329,7 @@ def test_check_says_what_is_made_of_a_link(tmp_path, capsys):
     assert "hinge" not in said
 
 
+@pytest.mark.thorough
 def test_check_shows_the_matrix_and_locks_of_a_mount(tmp_path, capsys):
     path = tmp_path / "ur5.toml"
     rows = [[2e6 * (i == j) for j in range(6)] for i in range(6)]
@@ -402,6 +403,7 @@ def test_a_link_that_carries_several_joints_asks_at_which_it_ends(tmp_path):
     assert robot.description.joints["to_left"].parent == "arm_4"
 
 
+@pytest.mark.thorough
 def test_the_rod_of_a_slider_crank_bends_within_its_loop(tmp_path):
     scenario = jp.Scenario.load("jointplay:slider_crank.toml")
     rod = {"rod": {"flexible": {

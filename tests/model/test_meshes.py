@@ -118,7 +118,16 @@ def points_of(form):
     return trimesh.creation.uv_sphere(form.radius, count=[24, 24]).vertices
 
 
-@pytest.mark.parametrize("name", ["ur5", "panda", "kinova", "talos_left_arm", "z1", "tiago"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("ur5", "talos_left_arm"),
+        *(
+            pytest.param(name, marks=pytest.mark.thorough)
+            for name in ("panda", "kinova", "z1", "tiago")
+        ),
+    ],
+)
 def test_shapes_stand_where_pinocchio_sees_them(name):
     """Units, axes and all parts of meshes: the room each link takes is what coal's loader finds."""
     mechanism = survey(name).mechanism

@@ -417,6 +417,7 @@ def test_without_play_ones_own_file_moves_as_before(own, tmp_path):
     assert swung(model, 0.1) == pytest.approx(swung(plain, 0.1), abs=1e-6)
 
 
+@pytest.mark.thorough
 def test_play_that_is_there_is_changed_and_tilt_is_refused(loose, own, tmp_path, capsys):
     import mujoco
 

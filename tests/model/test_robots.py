@@ -165,6 +165,7 @@ def test_without_the_package_the_message_says_how_to_install_it(monkeypatch, tmp
         robots.robot_urdf("ur5")
 
 
+@pytest.mark.thorough
 def test_every_robot_is_surveyed():
     found = {name: survey(name) for name in robots.robots()}
     for name, robot in found.items():

@@ -216,6 +216,7 @@ def test_budgets_have_play_and_elasticity_of_a_seat(arm):
     assert (found.model.jacobian[at, 0] @ seat.shift[0]) == pytest.approx(away, rel=1e-9, abs=1e-15)
 
 
+@pytest.mark.thorough
 def test_a_pin_in_a_seat_closes_a_loop():
     """The rod bears push / cos(rod), its mount gives way along it, the slider by 1 / cos(rod)."""
     loops = Scenario.load("jointplay:slider_crank.toml").simulation("ideal").mechanism.loops

@@ -42,6 +42,7 @@ def call(*arguments):
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
+@pytest.mark.thorough
 def test_a_slider_moves_as_another_method_says(lift):
     times, forces = (0.0, 0.05, 0.1, 0.15), (0.0, 90.0, -60.0, 20.0)
 

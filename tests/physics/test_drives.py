@@ -368,7 +368,11 @@ def test_bristles_hold_a_load_below_breakaway(urdf, integrator):
     assert np.ptp(held[1e-3][len(held[1e-3]) // 4 :]) < 1e-6
 
 
-@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize(
+    "integrator",
+    [pytest.param(name, marks=() if name == "multi-rate" else pytest.mark.thorough)
+     for name in INTEGRATORS],
+)  # fmt: skip
 def test_what_is_pulled_slowly_by_a_spring_sticks_and_slips(urdf, integrator):
     """Times of the slips against Radau of the same law (LuGre)."""
     pull = Servo(voltage=1e3, p_gain=8.0, torque_constant=1e-2, resistance=1e-2)

@@ -75,7 +75,9 @@ def run(mechanism, motion=None, **more):
     return Simulation(mechanism, motion, **given).run(estimate=False, check_step=False)
 
 
-@pytest.mark.parametrize("state", [{}, TUMBLING | {"base.x": (0.0, 0.4)}])
+@pytest.mark.parametrize(
+    "state", [{}, pytest.param(TUMBLING | {"base.x": (0.0, 0.4)}, marks=pytest.mark.thorough)]
+)
 def test_momentum_is_kept_whatever_bearings_and_drives_do_within(walker, state):
     result = run(walker(LOOSE), swing(), state=state, integrator="rk4", step=5e-6)
     linear, angular, centre = momenta(result)
@@ -187,6 +189,7 @@ def test_checkpoint_amid_tumbling_continues_bit_for_bit(walker, tmp_path):
     assert np.array_equal(again.v, whole.v)
 
 
+@pytest.mark.thorough
 def test_records_on_disk_are_those_in_memory(walker, tmp_path, monkeypatch):
     simulation = Simulation(walker(LOOSE), swing(), state=TUMBLING, duration=0.03, record_every=1)
     whole = simulation.run(estimate=False, check_step=False)
@@ -197,7 +200,7 @@ def test_records_on_disk_are_those_in_memory(walker, tmp_path, monkeypatch):
     assert np.array_equal(disk["v"].values, whole.v)
 
 
-@pytest.mark.parametrize("state", [{}, TUMBLING])
+@pytest.mark.parametrize("state", [pytest.param({}, marks=pytest.mark.thorough), TUMBLING])
 def test_drives_follow_the_motion_though_the_base_gives_way(walker, state):
     result = run(walker(gravity="loaded"), swing(), state=state, integrator="rk4", step=5e-5)
     wanted = swing()(result.time)[0]
@@ -226,6 +229,7 @@ def test_reaction_of_the_ground_that_is_given_carries_the_robot(walker):
     assert np.abs(run(mechanism, still, drive=lock).q[-1, 2] + 0.5 * 9.81 * 0.2**2) < 1e-6
 
 
+@pytest.mark.thorough
 def test_payload_that_a_tumbling_robot_picks_brings_its_energy(walker):
     stone = Payload("shank", mass=0.3, pick=0.08, release=0.15)
     result = run(
@@ -239,6 +243,7 @@ def test_payload_that_a_tumbling_robot_picks_brings_its_energy(walker):
     assert np.abs(result["energy_residual"].values).max() < 1e-3 * scale
 
 
+@pytest.mark.thorough
 def test_error_is_seen_from_a_body(walker):
     result = run(walker(LOOSE), swing(), state=TUMBLING)
     ideal = analysis.twin(result)
@@ -378,6 +383,7 @@ def test_run_command_frees_the_base_and_says_so(walker, tmp_path, capsys):
     assert "is held fast, as if bolted to the ground; --base free" in capsys.readouterr().out
 
 
+@pytest.mark.thorough
 def test_player_moves_the_free_base(walker):
     result = run(walker(LOOSE, gravity="loaded"), swing(), state=TUMBLING)
     at = [0, 900, 2000]

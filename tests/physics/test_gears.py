@@ -287,6 +287,7 @@ def test_a_budget_counts_play_and_hysteresis(pendulum):
         assert (rest[:3] <= interval[:3, 1] + 1e-12 * arm).all()
 
 
+@pytest.mark.thorough
 def test_reduce_takes_every_kind(pendulum):
     damped = replace(WAVE, damping=5.0)
     for gear in (damped, replace(TRAIN, damping=1.0)):

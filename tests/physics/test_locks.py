@@ -50,6 +50,7 @@ def apart(one, other, name="tool_position"):
     return float(np.abs(one[name].values - other[name].values).max())
 
 
+@pytest.mark.thorough
 def test_a_slider_that_closes_a_loop_is_the_one_in_the_tree(urdf):
     options = {"integrator": "rk4", "step": 5e-6, "duration": 0.1}
     loop = thrown(cut_at_the_slider(urdf), **options)
@@ -62,7 +63,9 @@ def test_a_slider_that_closes_a_loop_is_the_one_in_the_tree(urdf):
     assert list(loop["loop_drift"]["loop"].values) == ["slide (lock)"]
 
 
-@pytest.mark.parametrize("macro_step", [None, 5e-6, 2e-5])
+@pytest.mark.parametrize(
+    "macro_step", [None, *(pytest.param(step, marks=pytest.mark.thorough) for step in (5e-6, 2e-5))]
+)
 def test_by_the_multi_rate_method_too(macro_step, urdf):
     """Contact beside constraints, at every length of macro step."""
     options = {"step": 5e-6, "macro_step": macro_step}
@@ -183,6 +186,7 @@ def test_a_payload_taken_by_a_locked_link_does_not_turn_it(urdf):
     assert result.audit.warnings == []
 
 
+@pytest.mark.thorough
 def test_a_locked_loop_is_saved_and_run_again(urdf, tmp_path):
     result = thrown(cut_at_the_slider(urdf), duration=2e-3)
     loaded = jp.Result.load(result.save(tmp_path / "locked.nc"))

@@ -45,7 +45,12 @@ def squeezed(mass, viscosity, times):
 
 
 @pytest.mark.parametrize(
-    ("integrator", "order"), [("multi-rate", 2), ("semi-implicit-euler", 1), ("rk4", 2)]
+    ("integrator", "order"),
+    [
+        ("multi-rate", 2),
+        pytest.param("semi-implicit-euler", 1, marks=pytest.mark.thorough),
+        pytest.param("rk4", 2, marks=pytest.mark.thorough),
+    ],
 )
 def test_journal_sinks_in_oil_as_an_independent_integration_says(urdf, integrator, order):
     """At 1e-5 s the film soon is too stiff to be followed explicitly: dt C/m passes 100.

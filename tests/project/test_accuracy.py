@@ -4,6 +4,7 @@ import types
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from truth import accuracy
 from truth import random_cases as cases
 
@@ -19,6 +20,7 @@ def test_every_mechanism_and_law_is_drawn_about_as_often_as_any_other():
         assert max(counts) <= 200 // len(choices) + 1
 
 
+@pytest.mark.thorough
 def test_a_case_hangs_on_its_seed_and_number_alone():
     several = [cases.drawn(5, number) for number in range(len(cases.KINDS))]
     assert {case.kind for case in several} == set(cases.KINDS)

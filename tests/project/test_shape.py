@@ -2,10 +2,16 @@
 
 import ast
 import collections
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2] / "src"
 SOURCES = sorted((ROOT / "jointplay").rglob("*.py"))
+
+
+@cache
+def parsed(path):
+    return ast.parse(path.read_text(encoding="utf-8"))
 
 
 def name_of(path, root):
@@ -46,7 +52,7 @@ def circle(root, paths):
     files = {name_of(path, root): path for path in paths}
     modules = collections.defaultdict(dict, {n: homes(path, root) for n, path in files.items()})
     needs = {
-        name: sorted(set(imported(ast.parse(path.read_text()).body, modules)) & set(files))
+        name: sorted(set(imported(parsed(path).body, modules)) & set(files))
         for name, path in files.items()
     }
     done = set()
@@ -95,9 +101,7 @@ def test_nobody_outside_joints_tells_kinds_of_joint_apart():
             "model/urdf.py",
         ):
             continue
-        lines = kinds_told_apart(
-            ast.parse(path.read_text(encoding="utf-8")), classes, set(JOINT_KINDS)
-        )
+        lines = kinds_told_apart(parsed(path), classes, set(JOINT_KINDS))
         asking += [f"{place}:{line}" for line in lines]
     assert asking == []
     text = "isinstance(x, A)\njp.A()\nx.kind == 'a'\nx.kind in ('b', 'a')\nx.kind == 'b'\n"

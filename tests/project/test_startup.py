@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from warm import call
 
 import jointplay as jp
 
@@ -141,13 +142,6 @@ def test_a_check_without_a_picture_needs_no_library_of_results_and_figures(folde
     assert not {"xarray", "pandas", "matplotlib", "zarr"} & set(slow)
 
 
-def test_a_run_with_compiled_code_at_hand_imports_no_compiler(folder):
-    run = ["run", "good.toml", "--duration", "1 ms"]
-    first, then = outcomes([[*run, "--out", name] for name in ("first", "then")], folder)
-    assert (first[0], then[0]) == (0, 0), then[1]
-    assert "numba" not in then[2]
-
-
 UNUSED = (
     *("numba", "fontTools.subset", "trimesh", "yourdfpy", "zarr", "meshcat", "pint", "dask.array"),
     "distributed",
@@ -163,9 +157,9 @@ def test_a_run_imports_what_it_needs_alone(folder):
         "status = main(json.loads(sys.argv[1]))\n"
         f"sys.exit(status or ', '.join(name for name in {UNUSED!r} if name in sys.modules) or 0)"
     )
-    for out in ("once", "again"):  # the first one may compile
-        command = [sys.executable, "-c", program, json.dumps([*robot, out])]
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    call(*robot, "once", cwd=folder)  # may compile
+    command = [sys.executable, "-c", program, json.dumps([*robot, "again"])]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert "next: jointplay play" in done.stdout
     assert {path.suffix for path in (folder / "again").iterdir()} == {".nc", ".png"}
@@ -187,22 +181,26 @@ DECISIONS = [
     ["robots"],
     ["export", "urdf", "scara", "--clearance", "0.1 mm", "--out", "clone.urdf"],
 ]
+QUICK = DECISIONS[2], DECISIONS[4]
 
 
-@pytest.mark.parametrize("line", DECISIONS, ids=" ".join)
+@pytest.mark.parametrize(
+    "line",
+    [pytest.param(line, marks=() if line in QUICK else pytest.mark.thorough) for line in DECISIONS],
+    ids=" ".join,
+)
 def test_decisions_import_neither_a_compiler_nor_figures(line, folder, monkeypatch):
     """Statics of joints call a few compiled functions, which are at hand after the first time."""
     monkeypatch.chdir(folder)
-    first = subprocess.run(
-        [sys.executable, "-m", "jointplay", *line], capture_output=True, check=False
-    )
+    first = call(*line)
     assert first.returncode == 0, first.stderr
     for made in folder.glob("clone*"):
         made.unlink()
     again = subprocess.run(
-        [sys.executable, "-c", WITHOUT_NUMBA, json.dumps(line)], capture_output=True, check=False
-    )
-    assert (again.returncode, again.stdout) == (0, first.stdout), again.stderr.decode()
+        [sys.executable, "-c", WITHOUT_NUMBA, json.dumps(line)],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert (again.returncode, again.stdout) == (0, first.stdout), again.stderr
 
 
 def test_the_ideal_mechanism_of_a_run_is_not_simulated_for_its_figures(folder, monkeypatch):
@@ -243,6 +241,7 @@ def test_packages_have_all_that_their_stubs_name(front):
         module.nothing  # noqa: B018
 
 
+@pytest.mark.thorough
 def test_a_budget_at_a_pose_does_not_import_statistics(tmp_path):
     program = (
         "import sys; from jointplay.cli import main\n"

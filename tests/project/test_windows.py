@@ -93,6 +93,7 @@ def test_nothing_of_unix_is_imported(windows):
     assert windows.start("-c", "import fcntl").wait() == 1
 
 
+@pytest.mark.thorough
 def test_commands_run(windows):
     assert "joint_b" in windows(*COMMAND, "budget", "jointplay:scara.toml", "--case", "0.2 mm")
     short = ("--duration", "0.01", "--no-figures")

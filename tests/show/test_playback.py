@@ -188,6 +188,7 @@ def test_wrong_input_is_named(arguments, text, cases, tmp_path):
     assert len(done.stderr.strip().splitlines()) == 1
 
 
+@pytest.mark.thorough
 def test_a_mesh_is_packed_once_however_often_it_is_shown():
     robot = jp.Mechanism(robot_urdf("panda"), tool="panda_hand")
     motion = jp.Motion(robot.joints, [0.0, 0.02], np.zeros((2, len(robot.joints))))

@@ -71,6 +71,7 @@ def test_a_single_runs_overview_shows_its_tool_error(cases):
     assert np.allclose(line.get_ydata(), expected, atol=1e-3 * expected.max())
 
 
+@pytest.mark.thorough
 def test_a_tool_on_a_straight_line_has_no_path_and_one_row(coarse, tmp_path):
     import jointplay as jp
 
@@ -198,7 +199,7 @@ def coarse(monkeypatch):
     monkeypatch.setattr(figures.files, "drawn", drawn)
 
 
-@pytest.mark.parametrize("label", ["0.2 mm", "ideal"])
+@pytest.mark.parametrize("label", [pytest.param("0.2 mm", marks=pytest.mark.thorough), "ideal"])
 def test_a_single_case_can_be_drawn_without_orbit_if_it_is_ideal(cases, label, coarse, tmp_path):
     written = {path.name for path in plots.save({label: cases[label]}, tmp_path)}
     assert ("fig12.png" in written) == (label != "ideal")
@@ -279,6 +280,7 @@ def test_legends_are_read_in_the_order_of_the_cases(number):
     assert [name for *_, name in sorted(places)] == names
 
 
+@pytest.mark.thorough
 def test_ticks_of_orbits_do_not_overlap_however_small(cases):
     figure = figure_of("journal_orbit", {f"{i}": cases["0.2 mm"] for i in range(6)})
     figure.canvas.draw()

@@ -72,7 +72,13 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=() if name in ("clearance", "tolerance") else pytest.mark.thorough)
+        for name in CASES
+    ],
+)
 def test_histories_on_disk_are_those_in_memory_bit_for_bit(name, small_portions, tmp_path):
     one = CASES[name]()
     found = one.run_to(tmp_path / "long.nc")
@@ -121,6 +127,7 @@ def test_errors_of_a_run_on_disk_are_those_of_one_in_memory(tmp_path, monkeypatc
         assert one.error == pytest.approx(other.error, rel=1e-2), one.name
 
 
+@pytest.mark.thorough
 def test_no_damage_is_sealed_with_a_certificate(tmp_path):
     path = tmp_path / "r.nc"
     simulation(duration=0.005).run_to(path).dataset.close()
@@ -172,6 +179,7 @@ def test_errors_whose_search_was_interrupted_are_found_by_resuming(
     assert found.certificate["peak joint force"].error > 0.0
 
 
+@pytest.mark.thorough
 def test_size_and_idle_time_are_said_before_a_run(tmp_path, monkeypatch, capsys):
     (tmp_path / "move.csv").write_text("time_s,joint_a,joint_b\n0,0,0\n0.05,0.1,0.1\n")
     text = FINE.replace("jointplay:scara_motion.csv", "move.csv")
@@ -204,6 +212,7 @@ def stepped(run, until):
     raise AssertionError("the run is shorter")
 
 
+@pytest.mark.thorough
 def test_a_run_is_continued_bit_for_bit_wherever_it_was_stopped(small_portions, tmp_path):
     one = simulation(duration=0.06, judge_from=0.02, seed=1)
     whole = one.run_to(tmp_path / "whole.nc")
@@ -241,7 +250,7 @@ def test_a_checkpoint_of_another_run_is_refused_with_the_difference(tmp_path):
         simulation(duration=0.02).run_to(tmp_path / "r.nc")
 
 
-@pytest.mark.parametrize("loops", [True, False])
+@pytest.mark.parametrize("loops", [pytest.param(True, marks=pytest.mark.thorough), False])
 def test_a_motion_in_blocks_drives_as_a_whole_table_does(loops, monkeypatch, tmp_path):
     one = simulation(duration=0.13)
     if loops:
@@ -261,6 +270,7 @@ def test_a_motion_in_blocks_drives_as_a_whole_table_does(loops, monkeypatch, tmp
     same(again.finish(check_step=False), one.run(check_step=False))
 
 
+@pytest.mark.thorough
 def test_a_file_is_read_as_if_it_had_been_recorded_less_often(tmp_path):
     one = simulation(duration=0.05, seed=2)
     one.run_to(tmp_path / "r.nc")

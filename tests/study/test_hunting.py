@@ -60,6 +60,7 @@ def test_slow_swings_are_waited_for():
     assert not at(slow, play=False).unclear
 
 
+@pytest.mark.thorough
 def test_what_sinks_slowly_onto_its_load_is_no_swing():
     sinks = replace(axis(0.6), load=0.06)
     assert at(sinks) == hunting.QUIET
@@ -97,6 +98,7 @@ def test_stiction_and_an_integral_hunt_where_friction_that_creeps_does_not():
     assert not at(axis(20.0, jp.loads.JointFriction(viscous=0.1), **how), play=False, **long).hunts
 
 
+@pytest.mark.thorough
 def test_the_safe_gain_lies_between_one_that_is_quiet_and_one_that_hunts(urdf):
     path = urdf(body("disc", 1.0, "0 0 0", 0.05), joint("a", "base", "disc", "continuous"))
     robot = jp.Mechanism(path, gears={"a": GEAR})
@@ -162,6 +164,7 @@ def under_servos(own, kp, ki, kd):
     return replace(own, whole=replace(own.whole, loads={}, drive=drives, motion=motion, state={}))
 
 
+@pytest.mark.thorough
 def test_a_controller_of_several_joints_hunts_as_servos_of_its_gains_do():
     (own,) = hunting.released(arm(2000.0, 300.0), pose=POSE)
     assert own.gains == {"kp": 2000.0, "ki": 300.0, "kd": 3.0, "p3": 0.3, "p4": 0.7}
@@ -189,6 +192,7 @@ def test_a_controller_of_several_joints_has_a_safe_gain_by_name():
     assert found[0].above == hunting.QUIET  # by play, not by gains
 
 
+@pytest.mark.thorough
 def test_compiled_or_sampled_a_controller_hunts_alike_unless_its_encoders_are_on_motors():
     (compiled,) = hunting.released(arm(2000.0, function=push), pose=POSE)
     (sampled,) = hunting.released(arm(2000.0), pose=POSE)
@@ -249,6 +253,7 @@ def test_a_gain_that_is_not_there_is_refused(gain, words):
         hunting.hunting(arm(100.0), gain=gain)
 
 
+@pytest.mark.thorough
 def test_a_map_is_over_parameters_of_a_controller_too():
     (own,) = hunting.released(arm(100.0, **RUBS), ("joint_b",), POSE)
     kp, kd = Span("kp", np.array([200.0, 1000.0])), Span("kd", np.array([20.0, 60.0]))
@@ -260,6 +265,7 @@ def test_a_map_is_over_parameters_of_a_controller_too():
         hunting.gain_map(both, kp, kd)
 
 
+@pytest.mark.thorough
 def test_a_map_shows_where_play_hunts_and_where_gains_do(tmp_path):
     found = hunting.gain_map(
         axis(100.0), Span("p_gain", np.array([20.0, 300.0])), Span("d_gain", np.array([0.0, 8.0])),

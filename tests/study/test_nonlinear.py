@@ -71,6 +71,7 @@ def test_interval_of_confidence_holds_the_truth_as_often_as_it_says():
     assert 0.86 < np.mean([one.low <= 0.0 <= one.high for one in found]) < 0.94
 
 
+@pytest.mark.thorough
 def test_a_weakly_driven_duffing_ends_in_two_wells_and_a_strongly_driven_one_nowhere():
     starts = [(1.0, 0.0), (-1.0, 0.0), (1.2, 0.1), (-0.8, 0.1)]
     sections = [duffing(0.1, 12, start, settle=60) for start in starts]

@@ -269,6 +269,7 @@ def test_wrong_laws_are_refused_with_the_right_signature():
         NormalForceLaw.from_description(nowhere)
 
 
+@pytest.mark.thorough
 def test_a_law_that_does_not_compile_is_named(free_mass):
     with pytest.raises(JointplayError, match="'uncompilable' does not compile"):
         free_mass(normal=jp.contact.CustomNormalForce(uncompilable))

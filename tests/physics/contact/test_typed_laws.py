@@ -69,6 +69,7 @@ def test_a_module_that_was_imported_has_the_law_under_its_name(folder):
     assert (again["q"].values == stored["q"].values).all()
 
 
+@pytest.mark.thorough
 def test_the_commands_show_the_result_and_say_what_a_repetition_needs(folder, monkeypatch, capsys):
     monkeypatch.chdir(folder)
     assert main(["report", "own.nc", "-o", "plain.html", "--no-pdf"]) == 0

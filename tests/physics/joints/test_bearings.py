@@ -47,7 +47,7 @@ def benchmark():
 @pytest.mark.parametrize(
     "part",
     [
-        "deflections",
+        pytest.param("deflections", marks=pytest.mark.thorough),
         "distributions",
         pytest.param("free_sets", marks=pytest.mark.thorough),
         "energies",
@@ -61,6 +61,7 @@ def test_reference_numbers_are_met_within_their_limits(benchmark, part):
     assert cases.worst < 1.0, str(cases)
 
 
+@pytest.mark.thorough
 def test_what_turns_without_loss_keeps_its_energy_while_the_cage_goes_around(benchmark):
     cases = benchmark.Cases()
     benchmark.moving_cage(cases, 0.2)

@@ -172,6 +172,7 @@ def arm(part=None, **changes):
     return jp.Mechanism("ur5", joints)
 
 
+@pytest.mark.thorough
 def test_budgets_bound_and_average_parts_at_random():
     found, random = jp.budget(arm(), POSE), np.random.default_rng(2)
     drawn = [jp.budget(arm(lambda fit: fit.quantile(random.uniform())), POSE) for _ in range(60)]

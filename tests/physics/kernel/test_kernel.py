@@ -207,6 +207,7 @@ print(len(files), {end for end in ends})
 """
 
 
+@pytest.mark.thorough
 def test_what_is_damaged_is_compiled_again_and_what_is_kept_needs_no_numba(tmp_path):
     program = tmp_path / "kept.py"
     program.write_text(KEPT)
@@ -349,7 +350,9 @@ def without_insides(what, code, folder):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("what", MOVED)
+@pytest.mark.parametrize(
+    "what", ["an attribute", pytest.param("a class", marks=pytest.mark.thorough)]
+)
 def test_where_numba_is_another_inside_the_same_is_compiled_plainly(what, tmp_path):
     code = """
 from jointplay.base.compiler import compiled

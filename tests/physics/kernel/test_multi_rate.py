@@ -36,7 +36,13 @@ def largest(a, b, name):
 # Against rk4
 
 
-@pytest.fixture(scope="module", params=[0.2e-3, 0.5e-3], ids=["0.2 mm", "0.5 mm"])
+@pytest.fixture(
+    scope="module",
+    params=[
+        pytest.param(0.2e-3, id="0.2 mm"),
+        pytest.param(0.5e-3, id="0.5 mm", marks=pytest.mark.thorough),
+    ],
+)
 def start_up(request):
     """Clearance, and the first 0.1 s by rk4 at 1 us: converged to 1 nm, eight contacts or more."""
     clearance = request.param
@@ -114,6 +120,7 @@ def shipped(name, **options):
     return replace(simulation, **options)
 
 
+@pytest.mark.thorough
 def test_four_bar_loses_what_finer_steps_find_wherever_its_journal_starts():
     """Its rebounds magnify errors: coarser macro steps add or drop impacts, and 2 % of the loss."""
 

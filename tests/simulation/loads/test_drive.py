@@ -47,7 +47,10 @@ def test_feed_forward_holds_the_robot_against_gravity(urdf):
     assert result["drive"].values[-1] == pytest.approx(weights)
 
 
-@pytest.mark.parametrize(("integrator", "error"), [("semi-implicit-euler", 4e-6), ("rk4", 1e-7)])
+@pytest.mark.parametrize(
+    ("integrator", "error"),
+    [("semi-implicit-euler", 4e-6), pytest.param("rk4", 1e-7, marks=pytest.mark.thorough)],
+)
 def test_ideal_robot_tracks_its_reference(integrator, error):
     simulation = dataclasses.replace(scara(None), duration=1.5, integrator=integrator)
     result = simulation.run()

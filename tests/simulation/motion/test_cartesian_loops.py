@@ -138,6 +138,7 @@ def test_a_run_begins_as_the_path_is_assembled(five_bar):
         assert tool[-1] == pytest.approx(places[1], abs=1e-6)
 
 
+@pytest.mark.thorough
 def test_joints_that_follow_keep_the_loops_closed_in_speed(delta):
     """Along a line: closed by Newton at each time, differentiated by differences."""
     places = [[-0.2, 0.1, -1.05], [0.2, -0.05, -1.15]]
@@ -224,6 +225,7 @@ def test_a_waypoint_beyond_all_lengths_is_refused_at_once(delta, path, monkeypat
         assert "the tool comes no nearer to it than 1073 m" in message
 
 
+@pytest.mark.thorough
 def test_components_that_cannot_be_led_are_named(five_bar, delta):
     start = legs(*HOME)
     assert "its z stays 0 m" in refused(five_bar, [(*HOME, 0.1), (*HOME, 0)], start=start)
@@ -286,6 +288,7 @@ def test_a_wrist_beside_the_loops_is_named_or_driven(urdf):
         jp.simulate(robot, two, state=found.start, step=1e-4)
 
 
+@pytest.mark.thorough
 def test_limits_hold_in_loops_too(delta):
     """The arms of the delta end at 80 degrees: straight down it comes no lower."""
     upper, rod = 0.524, 1.244
@@ -380,6 +383,7 @@ def test_a_mimic_that_stands_for_a_loop_leaves_it_to_the_loop(urdf):
     assert complete_motion(robot, motion).motion.joints == ("crank",)
 
 
+@pytest.mark.thorough
 def test_platform_on_a_ball_joint_with_play_is_assembled():
     """The ball that carries the platform turns about all axes, play or not."""
     mechanism = jp.Scenario.load("jointplay:delta.toml").simulation("0.1 mm").mechanism
@@ -404,6 +408,7 @@ def test_scenarios_name_the_place_of_what_is_wrong(tmp_path):
         jp.Scenario.load(place).simulation("ideal")
 
 
+@pytest.mark.thorough
 def test_iso_cube_of_a_delta_and_its_mirror_image(delta):
     """Its platform may hang below the arms or stand above: the drives alone lead to the first."""
     motion = cube_motion(delta, (0.0, 0.0, -1.1), 0.2)

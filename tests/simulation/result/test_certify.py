@@ -84,7 +84,10 @@ def test_errors_of_runs_with_bristles_are_covered(law, options):
         assert abs(figure.value - truth) <= 1.02 * figure.error < 0.12 * truth
 
 
-@pytest.fixture(scope="module", params=["multi-rate", "semi-implicit-euler"])
+@pytest.fixture(
+    scope="module",
+    params=["multi-rate", pytest.param("semi-implicit-euler", marks=pytest.mark.thorough)],
+)
 def jam(request):
     return jammed(integrator=request.param).run()
 

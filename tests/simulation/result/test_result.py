@@ -91,6 +91,7 @@ def test_a_result_of_another_format_is_refused_with_both_formats(result, tmp_pat
         Result.load(other)
 
 
+@pytest.mark.thorough
 def test_orientations_of_another_convention_are_refused(result, tmp_path):
     swapped = Result(result.dataset.assign_coords(quaternion=["x", "y", "z", "w"]))
     with pytest.raises(JointplayError, match=r"quaternions are \['x', 'y', 'z', 'w'\], not w, x"):
