@@ -22,27 +22,33 @@ class Terminal(io.StringIO):
         return True
 
 
+def stopped(monkeypatch):
+    """A clock that a test turns [s]."""
+    now = [0.0]
+    for clock in ("time.time", "tqdm.std.time"):
+        monkeypatch.setattr(clock, lambda: now[0])
+    return now
+
+
 def test_what_is_left_is_told_without_the_start_that_compiles(monkeypatch):
     """A minute of compiling, then 1 s of work in each second: 90 s are left after 10."""
     monkeypatch.setenv("JOINTPLAY_PROGRESS_S", "0")
-    now = [0.0]
-    monkeypatch.setattr(ProgressBar, "_clock", staticmethod(lambda: now[0]))
-    file = io.StringIO()
-    bar = ProgressBar(total=100, unit="run", file=file)
+    now, file = stopped(monkeypatch), io.StringIO()
+    monkeypatch.setattr("sys.stderr", file)
+    bar = ProgressBar(total=100, unit="run")
     now[0] = 60.0
     for _ in range(10):
         now[0] += 1.0
         bar.update()
     first, *_, last = file.getvalue().splitlines()
     assert first.endswith("? left")
-    assert last.endswith("0:01:30 left")
+    assert last.endswith("01:30 left")
 
 
 def test_a_run_is_as_fast_as_it_is_once_it_moves(monkeypatch):
     """The start, which compiles and finds the rest, does not count."""
     monkeypatch.setenv("JOINTPLAY_PROGRESS_S", "0")
-    now, file = [0.0], io.StringIO()
-    monkeypatch.setattr(ProgressBar, "_clock", staticmethod(lambda: now[0]))
+    now, file = stopped(monkeypatch), io.StringIO()
     monkeypatch.setattr("sys.stderr", file)
     bar = progress.Simulated(2.0)
     now[0] = 60.0
@@ -58,8 +64,7 @@ def test_a_run_is_as_fast_as_it_is_once_it_moves(monkeypatch):
 def test_what_is_compiled_in_between_does_not_slow_a_run(monkeypatch):
     """What a finished run is made into is compiled after it, while the bar of all runs is up."""
     monkeypatch.setenv("JOINTPLAY_PROGRESS_S", "0")
-    now, file = [0.0], io.StringIO()
-    monkeypatch.setattr("time.perf_counter", lambda: now[0])
+    now, file = stopped(monkeypatch), io.StringIO()
     monkeypatch.setattr("sys.stderr", file)
     bar = progress.Simulated(2.0)
     for reached in (0.5, 1.0, 1.5):
@@ -69,25 +74,27 @@ def test_what_is_compiled_in_between_does_not_slow_a_run(monkeypatch):
                 now[0] += 20.0
         now[0] += 1.0
         bar.reach(reached)
-    assert file.getvalue().splitlines()[-1].endswith("0.50 x real time, 0:00:01 left")
+    assert file.getvalue().splitlines()[-1].endswith("0.50 x real time, 00:01 left")
 
 
 def test_into_a_file_go_whole_lines_and_seldom(monkeypatch):
     monkeypatch.delenv("JOINTPLAY_PROGRESS_S", raising=False)
     file = io.StringIO()
-    list(ProgressBar(range(100), "wear", file=file))
+    monkeypatch.setattr("sys.stderr", file)
+    list(ProgressBar(range(100), "wear"))
     assert file.getvalue() == ""  # it took no ten seconds
     monkeypatch.setenv("JOINTPLAY_PROGRESS_S", "0")
-    list(ProgressBar(range(4), "wear", unit="run", file=file))
+    list(ProgressBar(range(4), "wear", unit="run"))
     lines = file.getvalue().splitlines()
     assert len(lines) == len(set(lines)) == 4
     assert lines[1].startswith("wear  50%, 2/4 run, ")
     assert not {"|", "\r"} & set(file.getvalue())
 
 
-def test_a_terminal_has_a_bar():
+def test_a_terminal_has_a_bar(monkeypatch):
     file = Terminal()
-    with ProgressBar(total=2, file=file) as bar:
+    monkeypatch.setattr("sys.stderr", file)
+    with ProgressBar(total=2) as bar:
         bar.update(2)
     assert "100%|##" in file.getvalue()
 

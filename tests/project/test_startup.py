@@ -145,7 +145,7 @@ def test_a_check_without_a_picture_needs_no_library_of_results_and_figures(folde
 UNUSED = (
     *("numba", "fontTools.subset", "trimesh", "yourdfpy", "zarr", "meshcat", "pint", "dask.array"),
     "distributed",
-    *(f"scipy.{name}" for name in ("interpolate", "optimize", "signal", "spatial", "stats")),
+    *("scipy.signal", "scipy.stats"),
 )
 """What takes long to import, and a run that draws its figures does not need."""
 
@@ -167,7 +167,7 @@ def test_a_run_imports_what_it_needs_alone(folder):
 
 WITHOUT_NUMBA = """
 import json, sys
-sys.modules.update(dict.fromkeys(("numba", "matplotlib", "xarray", "scipy.interpolate")))
+sys.modules.update(dict.fromkeys(("numba", "matplotlib", "xarray")))
 from jointplay.cli import main
 sys.exit(main(json.loads(sys.argv[1])))
 """

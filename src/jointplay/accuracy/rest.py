@@ -62,8 +62,6 @@ _OPEN = 1e-6
 """Part of a load that is added at random, so that all ends of what it leaves open are found."""
 _DIRECTIONS = half_sphere(180, whole=True)
 """In which the farthest tool is sought, (180, 3)."""
-_ROUNDING, _FLAT = 1e-14, 1e-9
-"""Part of a length that rounding may leave; by how much a plane between may lean into a cone."""
 _SMALL = 1e-6
 """Displacement by which coordinates are found [m or rad]."""
 
@@ -460,7 +458,10 @@ def _balanced(
     other = np.flatnonzero(~near)
     if len(other) and len(contacts.contact):
         edges = -_cone_edges(contacts.subset(other), friction)[:, :, rows] * weight
-        near[other] = near_cones(edges, right[other], most[other])
+        from scipy.optimize import nnls  # takes long to import
+
+        for i, spanned in zip(other, edges, strict=True):  # how far it is from the cones
+            near[i] = nnls(spanned.T, right[i])[1] <= most[i]
     return np.asarray(near & contacts.touching.any(axis=1))
 
 
@@ -481,79 +482,6 @@ def _cone_edges(contacts: Pressed, friction: float) -> np.ndarray:
             columns[..., 3:] += (moments * contacts.touching[:, k, None, None])[:, :, None]
         edges.append(columns.reshape(len(cones), -1, 6))
     return np.concatenate(edges, axis=1)
-
-
-def near_cones(edges: np.ndarray, points: np.ndarray, distance: np.ndarray) -> np.ndarray:
-    """Whether points are within a distance of the cones that edges span, of many at once.
-
-    Active sets as in `scipy.optimize.nnls`, which is asked only of points for which neither
-    coefficients that are not negative nor a plane between cone and point prove the answer found
-    here: asking it of each of thousands of points, and importing it, takes longer than all else.
-
-    Args:
-        edges: shape (n, m, r), r at most 6; edges of zero do not count.
-        points: shape (n, r).
-        distance: shape (n,).
-
-    Returns:
-        Shape (n,).
-    """
-    long = np.linalg.norm(edges, axis=2, keepdims=True)
-    unit = np.divide(edges, long, out=np.zeros_like(edges), where=long > 0.0)
-    count, rank = points.shape
-    every = np.arange(count)
-    slots = np.zeros((count, rank), int)
-    taken = np.zeros((count, rank), bool)
-    share = np.zeros((count, rank))
-    near, far = np.zeros(count, bool), np.zeros(count, bool)
-    for _ in range(3 * rank):
-        if not len(every):
-            break
-        chosen = unit[every[:, None], slots[every]] * taken[every, :, None]
-        left = points[every] - np.einsum("ns,nsr->nr", share[every], chosen)
-        apart = np.linalg.norm(left, axis=1)
-        gains = (unit[every] @ left[:, :, None])[:, :, 0]
-        best = gains.argmax(axis=1)
-        gain = gains[np.arange(len(every)), best]
-        near[every] = apart <= distance[every]
-        # No point of the cone is nearer than the plane through its apex, across what is left.
-        beyond = (left * points[every]).sum(axis=1) > distance[every] * apart
-        far[every] = ~near[every] & beyond & (gain <= _FLAT * apart)
-        goes_on = ~(near | far)[every] & (gain > _FLAT * apart) & ~taken[every].all(axis=1)
-        every, best = every[goes_on], best[goes_on]
-        free = taken[every].argmin(axis=1)
-        slots[every, free], taken[every, free], share[every, free] = best, True, 0.0
-        _shorten(unit, points, every, slots, taken, share)
-    for i in np.flatnonzero(~(near | far)):
-        from scipy.optimize import nnls  # takes long to import
-
-        near[i] = nnls(edges[i].T, points[i])[1] <= distance[i]
-    return near
-
-
-def _shorten(
-    unit: np.ndarray, points: np.ndarray, every: np.ndarray, slots: np.ndarray,
-    taken: np.ndarray, share: np.ndarray,
-) -> None:  # fmt: skip
-    """Least squares over the edges taken; those whose coefficients would be negative are left."""
-    for _ in range(points.shape[1]):
-        if not len(every):
-            return
-        own = taken[every]
-        chosen = unit[every[:, None], slots[every]] * own[:, :, None]
-        normal = chosen @ chosen.swapaxes(1, 2) + np.eye(own.shape[1]) * (~own + _ROUNDING)[:, None]
-        right = np.einsum("nsr,nr->ns", chosen, points[every])
-        best = np.linalg.solve(normal, right[..., None])[..., 0]
-        bad = own & (best < 0.0)
-        now = share[every]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            steps = np.where(bad, now / (now - best), 1.0)
-        step = steps.min(axis=1, keepdims=True)
-        now += step * (best - now)
-        leaves = bad & (steps <= step)
-        taken[every] = own & ~leaves
-        share[every] = np.where(leaves | ~own, 0.0, now)
-        every = every[bad.any(axis=1)]
 
 
 def _arm(play: Play) -> float:

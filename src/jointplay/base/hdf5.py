@@ -10,6 +10,7 @@ This file is also the program of that process, which must start quickly: it impo
 jointplay.
 """
 
+import codecs
 import math
 import os
 import signal
@@ -110,6 +111,7 @@ def _main(path: str, allowed: str, room: str) -> None:
     import h5netcdf
     import h5py
 
+    codecs.lookup("ascii")  # which h5py would open a file for
     try:
         with h5py.File(path, "r") as file:
             with _confined(float(room)):
@@ -140,78 +142,48 @@ def _confined(room: float) -> Iterator[None]:
 
 
 def _check(h5py: Any, file: Any) -> None:
-    root = file["/"].id
-    _check_attributes(h5py, root, "/")
-    for name in root:
-        shown = name.decode("utf-8", "replace")
-        kind = root.links.get_info(name).type
-        if kind != h5py.h5l.TYPE_HARD:
-            words = {h5py.h5l.TYPE_SOFT: "a soft link", h5py.h5l.TYPE_EXTERNAL: "an external link"}
-            raise _Refused(f"{shown!r} is {words.get(kind, 'a link of an unknown kind')}")
-        dataset = h5py.h5o.open(root, name)
-        if not isinstance(dataset, h5py.h5d.DatasetID):
-            raise _Refused(f"{shown!r} is not a dataset")
-        _check_storage(h5py, dataset, shown)
-        _check_attributes(h5py, dataset, shown)
+    """Refuse what no result has: all of its numbers and texts are plainly in the file."""
+    _check_attributes(h5py, file)
+    for name in file:
+        link = type(file.get(name, getlink=True)).__name__
+        if link != "HardLink":
+            words = {"SoftLink": "a soft link", "ExternalLink": "an external link"}
+            raise _Refused(f"{name!r} is {words.get(link, 'a link of an unknown kind')}")
+        dataset = file[name]
+        if not isinstance(dataset, h5py.Dataset):
+            raise _Refused(f"{name!r} is not a dataset")
+        if dataset.external:
+            raise _Refused(f"{name!r} is stored in another file (external storage)")
+        if dataset.is_virtual:
+            raise _Refused(f"{name!r} is a virtual dataset, of other files")
+        made = dataset.id.get_create_plist()
+        for code in (made.get_filter(number)[0] for number in range(made.get_nfilters())):
+            if code not in _FILTERS:
+                known = ", ".join(_FILTERS.values())
+                raise _Refused(f"{name!r} has the filter {code}; known are {known}")
+        if not _plain(h5py, dataset.dtype):
+            raise _Refused(f"{name!r} holds neither numbers nor text")
+        if dataset.nbytes > _SMALL + _MOST_PACKED * dataset.id.get_storage_size():
+            claimed = f"claims {dataset.nbytes:.3g} bytes, which the file does not hold"
+            raise _Refused(f"{name!r} {claimed}")
+        _check_attributes(h5py, dataset)
 
 
-def _check_storage(h5py: Any, dataset: Any, name: str) -> None:
-    """Refuse a dataset whose numbers are not plainly in the file."""
-    made = dataset.get_create_plist()
-    if made.get_external_count():
-        raise _Refused(f"{name!r} is stored in another file (external storage)")
-    if made.get_layout() == h5py.h5d.VIRTUAL:
-        raise _Refused(f"{name!r} is a virtual dataset, of other files")
-    if made.get_layout() not in (h5py.h5d.COMPACT, h5py.h5d.CONTIGUOUS, h5py.h5d.CHUNKED):
-        raise _Refused(f"{name!r} has an unknown layout")
-    for number in range(made.get_nfilters()):
-        code = made.get_filter(number)[0]
-        if code not in _FILTERS:
-            known = ", ".join(_FILTERS.values())
-            raise _Refused(f"{name!r} has the filter {code}; known are {known}")
-    kind = dataset.get_type()
-    if not _plain(h5py, kind):
-        raise _Refused(f"{name!r} holds neither numbers nor text")
-    claimed = math.prod(dataset.shape) * kind.get_size()
-    if claimed > _SMALL + _MOST_PACKED * dataset.get_storage_size():
-        raise _Refused(f"{name!r} claims {claimed:.3g} bytes, which the file does not hold")
-
-
-def _check_attributes(h5py: Any, one: Any, name: str) -> None:
-    for number in range(h5py.h5a.get_num_attrs(one)):
-        attribute = h5py.h5a.open(one, index=number)
-        label, kind = attribute.name.decode("utf-8", "replace"), attribute.get_type()
-        if not (_plain(h5py, kind) or _list_of_dimensions(h5py, label, kind)):
+def _check_attributes(h5py: Any, one: Any) -> None:
+    pairs = {"DIMENSION_LIST", "REFERENCE_LIST"}  # these join datasets to their dimensions
+    for label in one.attrs:
+        kind = one.attrs.get_id(label).dtype
+        inner = [h5py.check_vlen_dtype(kind) or kind] if not kind.names else [kind[0], kind[1]]
+        refers = label in pairs and h5py.check_ref_dtype(inner[0]) is h5py.Reference
+        if not (_plain(h5py, kind) or (refers and all(_plain(h5py, n) for n in inner[1:]))):
+            name = one.name.lstrip("/") or "/"
             raise _Refused(f"the attribute {label!r} of {name!r} holds neither numbers nor text")
 
 
 def _plain(h5py: Any, kind: Any) -> bool:
     """Whether it is a type of numbers that numpy has, or of text."""
-    numbers = (h5py.h5t.INTEGER, h5py.h5t.FLOAT)
-    if kind.committed():
-        return False
-    return kind.get_class() == h5py.h5t.STRING or (
-        kind.get_class() in numbers and kind.get_size() in (1, 2, 4, 8)
-    )
-
-
-def _list_of_dimensions(h5py: Any, label: str, kind: Any) -> bool:
-    """Whether it is one of the two lists that join datasets to their dimensions."""
-
-    def leads_to_an_object(kind: Any) -> bool:
-        return bool(kind.equal(h5py.h5t.STD_REF_OBJ))
-
-    if kind.committed():
-        return False
-    if label == "DIMENSION_LIST" and kind.get_class() == h5py.h5t.VLEN:
-        return leads_to_an_object(kind.get_super())
-    if label == "REFERENCE_LIST" and kind.get_class() == h5py.h5t.COMPOUND:
-        return (
-            kind.get_nmembers() == 2
-            and leads_to_an_object(kind.get_member_type(0))
-            and kind.get_member_type(1).get_class() == h5py.h5t.INTEGER
-        )
-    return False
+    numbers = kind.kind in "iuf" and kind.itemsize <= 8
+    return numbers or h5py.check_string_dtype(kind) is not None
 
 
 def _read(opened: Any) -> None:

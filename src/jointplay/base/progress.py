@@ -1,12 +1,16 @@
-"""Progress of what takes longer than a moment: a bar in a terminal, at times a line in a file."""
+"""Progress of what takes longer than a moment, drawn by tqdm: what simulations tell a bar.
+
+In a terminal it is a bar, in a file at times a line. Several runs, those of other processes too,
+move one bar, and neither speed nor time left counts what comes once, as to compile.
+"""
 
 import os
-import shutil
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sized
 from contextlib import contextmanager, suppress
-from datetime import timedelta
+from functools import cache
+from threading import RLock
 from typing import Any, NamedTuple, Self
 
 LINE_EVERY_S = 10.0
@@ -16,14 +20,12 @@ environment replaces it."""
 _DRAWN_EVERY_S = 0.2
 """Interval at which a bar is drawn at most [s]."""
 
-_EARLY_S, _EARLY = 60.0, 0.02
-"""How long [s], and up to which part of the work, nothing is said of the time that is left."""
-
-_OF_TOTAL = "{desc} {part:4.0%}|{bar}| {n:.10g}/{total:.10g} {unit}{postfix}, {left} left"
-_COUNT = "{desc} {n:.10g} {unit}{postfix}, {gone} gone"
-_SIMULATED = "{desc} {part:4.0%}|{bar}| {n:.3f}/{total:.3f} s simulated{postfix}, {left} left"
+_OF_TOTAL = (
+    "{desc}{percentage:3.0f}%|{bar}| {n:.10g}/{total:.10g} {unit}{postfix}, {remaining} left"
+)
+_COUNT = "{desc}{n:.10g} {unit}{postfix}, {elapsed} gone"
+_SIMULATED = _OF_TOTAL.replace(":.10g", ":.3f").replace("{unit}", "s simulated")
 _IN_ALL = _SIMULATED.replace("s simulated", "s simulated in all runs")
-
 
 _aside_s = 0.0
 """What `aside` took so far [s]."""
@@ -31,15 +33,51 @@ _aside_s = 0.0
 
 @contextmanager
 def aside() -> Iterator[None]:
-    """Within the block time stands still for bars: it comes once, as to compile, and would be
-    reckoned into every speed and into the time that is left.
-    """
+    """Within the block time stands still for bars: it comes once, as to compile."""
     global _aside_s
-    began, before = time.perf_counter(), _aside_s
+    began, before = time.time(), _aside_s
     try:
         yield
     finally:
-        _aside_s = before + time.perf_counter() - began
+        _aside_s = before + time.time() - began
+
+
+class _Output:
+    """Standard error as bars need it: whole lines for a file, and nothing said if it fails."""
+
+    def __init__(self, file: Any) -> None:
+        self._file, self._said, self.terminal = file, "", False
+        with suppress(AttributeError, ValueError):  # none at all, or closed
+            self.terminal = bool(file.isatty())
+
+    def write(self, text: str) -> None:
+        if not self.terminal:
+            text = text.strip()
+            if text in ("", self._said):
+                return
+            self._said, text = text, f"{text}\n"
+        with suppress(OSError, ValueError, AttributeError):  # closed, full, or none
+            self._file.write(text)
+            self._file.flush()
+
+    def flush(self) -> None:
+        """It is, at each writing."""
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._file, name)
+
+
+@cache
+def _tqdm() -> Any:
+    from tqdm import tqdm  # refusals need none
+
+    class Bar(tqdm):
+        """Without a thread that watches it, and a lock between processes, which only we draw."""
+
+        monitor_interval = 0
+
+    Bar.set_lock(RLock())
+    return Bar
 
 
 class ProgressBar:
@@ -47,47 +85,34 @@ class ProgressBar:
 
     Args:
         items: that are gone through, each of which moves the bar by one; `update` moves it, too.
-        desc: what is being done.
         total: how much there is to do, if it is known; by default the number of items.
-        unit: what is counted.
-        initial: how much has been done before.
         delay: time for which nothing is shown [s].
-        leave: whether the bar stays when all is done.
+        shown: as tqdm takes it: `unit`, `initial`, `leave`.
     """
 
-    def __init__(
-        self,
-        items: Iterable[Any] = (),
-        desc: str = "",
-        *,
-        total: float | None = None,
-        unit: str = "it",
-        disable: bool = False,
-        initial: float = 0.0,
-        delay: float = 0.0,
-        leave: bool = True,
-        layout: str = _OF_TOTAL,
-        file: Any = None,
-    ) -> None:
-        self.items, self.desc, self.unit, self.n = items, desc, unit, initial
-        self.total = total or (len(items) if isinstance(items, Sized) else 0)
-        self.disable, self.postfix = disable or isinstance(_whole, Elsewhere), ""
-        self._leave, self._layout = leave, layout if self.total else _COUNT
-        self._file = sys.stderr if file is None else file
-        self._drawn, self._every = _is_terminal(self._file), _DRAWN_EVERY_S
-        if not self._drawn:
-            self._layout, self._every = self._layout.replace("%}|{bar}|", "%},"), LINE_EVERY_S
-            with suppress(KeyError, ValueError):
-                self._every = float(os.environ["JOINTPLAY_PROGRESS_S"])
-            delay = max(delay, self._every)
-        self._start = self._clock()
-        self._next = self._start + delay
-        self._first: tuple[float, float] | None = None  # before, kernels are loaded
-        self._said, self._shown = "", False
+    postfix = ""
 
-    @staticmethod
-    def _clock() -> float:
-        return time.perf_counter() - _aside_s
+    def __init__(
+        self, items: Iterable[Any] = (), desc: str = "", *, total: float | None = None,
+        disable: bool = False, delay: float = 0.0, layout: str = _OF_TOTAL, **shown: Any,
+    ) -> None:  # fmt: skip
+        self.items, self.n = items, shown.get("initial", 0.0)
+        self.total = total or (len(items) if isinstance(items, Sized) else 0)
+        self._aside, self._moved, self._bar = _aside_s, False, None
+        if disable or isinstance(_whole, Elsewhere):
+            return
+        output, every = _Output(sys.stderr), _DRAWN_EVERY_S
+        layout = layout if self.total else _COUNT
+        if not output.terminal:
+            layout, every = layout.replace("%|{bar}|", "%,"), LINE_EVERY_S
+            with suppress(KeyError, ValueError):
+                every = float(os.environ["JOINTPLAY_PROGRESS_S"])
+            delay = max(delay, every, sys.float_info.min)  # 0: a line at the start
+        self._bar = _tqdm()(
+            desc=f"{desc.strip()} ".lstrip(), total=self.total or None, delay=delay, file=output,
+            mininterval=every, miniters=0, smoothing=0, bar_format=layout, dynamic_ncols=True,
+            ascii=" #", position=0, **shown,
+        )  # fmt: skip
 
     def __enter__(self) -> Self:
         return self
@@ -103,64 +128,27 @@ class ProgressBar:
 
     def update(self, more: float = 1) -> None:
         self.n += more
-        if not self.disable and self._clock() >= self._next:
-            self.refresh()
-        if self._first is None and more:
-            self._first = self._clock(), self.n
+        if (bar := self._bar) is None:
+            return
+        gone, self._aside = _aside_s - self._aside, _aside_s
+        bar.start_t, bar.last_print_t = bar.start_t + gone, bar.last_print_t + gone
+        bar.total, bar.postfix = self.total or None, self.postfix
+        if more and not self._moved:  # before, kernels are loaded
+            self._moved, bar.initial = True, self.n
+            bar.unpause()
+        bar.update(more)
 
     def refresh(self) -> None:
-        text = "" if self.disable else self._text()
-        self._next = self._clock() + self._every
-        if text != self._said:
-            self._write(f"\r{text:<{len(self._said)}}" if self._drawn else f"{text}\n")
-            self._said, self._shown = text, True
-
-    def close(self) -> None:
-        """End it; a bar stays as it is, and of lines there is a last one if there was any."""
-        if self._shown and not self._leave:
-            self.clear()
-        elif self._shown:  # again if text was printed since
-            self.refresh()
-            self._write("\n" if self._drawn else "")
-        self.disable, self._said, self._shown = True, "", False
+        if self._bar is not None:
+            self._bar.refresh()
 
     def clear(self) -> None:
-        if self._drawn and self._said:
-            self._write(f"\r{' ' * len(self._said)}\r")
-            self._said = ""
+        if self._bar is not None:
+            self._bar.clear()
 
-    def _write(self, text: str) -> None:
-        with suppress(OSError, ValueError, AttributeError):  # closed, full, or none
-            self._file.write(text)
-            self._file.flush()
-
-    def _text(self) -> str:
-        now, part = self._clock(), min(self.n / self.total, 1.0) if self.total else 0.0
-        since, done = self._first or (now, self.n)
-        left = "?"
-        if self.n > done and now > since and (now - self._start > _EARLY_S or part > _EARLY):
-            left = _words((self.total - self.n) * (now - since) / (self.n - done))
-        postfix = f", {self.postfix}" if self.postfix else ""
-        about = vars(self) | {"part": part, "postfix": postfix, "left": left, "bar": ""}
-        about["gone"] = _words(now - self._start)
-        plain = self._layout.format(**about).strip()
-        if not self._drawn:
-            return plain
-        room = shutil.get_terminal_size().columns - 1
-        width = max(room - len(plain), 0)
-        about["bar"] = f"{'#' * round(width * part):<{width}}"
-        return self._layout.format(**about).strip()[:room]
-
-
-def _is_terminal(stream: Any) -> bool:
-    try:
-        return bool(stream.isatty())
-    except (AttributeError, ValueError):  # none at all, or closed
-        return False
-
-
-def _words(seconds: float) -> str:
-    return str(timedelta(seconds=round(max(seconds, 0.0))))
+    def close(self) -> None:
+        if self._bar is not None:
+            self._bar.close()
 
 
 class Simulated(ProgressBar):
@@ -170,13 +158,9 @@ class Simulated(ProgressBar):
     """
 
     def __init__(
-        self,
-        total: float,
-        show: bool = True,
-        desc: str = "",
-        begin: float = 0.0,
+        self, total: float, show: bool = True, desc: str = "", begin: float = 0.0,
         layout: str = _SIMULATED,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self._whole = _whole if show else None
         shown = show and self._whole is None
         super().__init__(desc=desc, total=total, initial=begin, disable=not shown, layout=layout)
@@ -195,16 +179,17 @@ class Simulated(ProgressBar):
         if self._whole is not None:
             self._whole.update(more)
             return
+        more = max(more, 0.0)
         self.total = max(self.total, self.n + more)
-        self.postfix = self._words.removesuffix(", ")
-        if self._first is not None:
-            since, done = self._first
-            speed = (self.n + more - done) / max(self._clock() - since, 1e-9)
-            self.postfix = f"{self._words}{speed:.2f} x real time"
-        super().update(max(more, 0.0))
+        speed = ""
+        if self._bar is not None and self._moved:
+            gone = self._bar.format_dict["elapsed"] - (_aside_s - self._aside)
+            speed = f"{(self.n + more - self._bar.initial) / max(gone, 1e-9):.2f} x real time"
+        self.postfix = ", ".join(filter(None, (self._words, speed)))
+        super().update(more)
 
     def say(self, words: str) -> None:
-        self._words = f"{words}, " if words else ""
+        self._words = words
 
 
 class Moved(NamedTuple):

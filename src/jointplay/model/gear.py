@@ -19,7 +19,6 @@ import numpy as np
 
 from jointplay.base.errors import JointplayError
 from jointplay.base.files import shipped_table
-from jointplay.base.roots import brentq
 from jointplay.base.schema import Described, Family, check_fields, one_of, quantity, register
 from jointplay.physics.kernel.constants import GEAR_ORDERS
 
@@ -458,6 +457,8 @@ class _Catalogued(_Lossy):
                 "rad",
                 ("stated_lost_motion",),
             )
+        from scipy.optimize import brentq  # takes long to import
+
         most = self._pieces()[0][0]
         if least >= stated:
             return self._beginning(most)

@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, TypeVar
 
 from jointplay.base.errors import JointplayError
-from jointplay.base.roots import brentq
 from jointplay.base.schema import quantity
 from jointplay.physics.contact.law import ContactProperties, NormalForceLaw
 
@@ -70,7 +69,9 @@ def exact_factor(restitution: float) -> float:
 
 
 def _root(function: Callable[[float], float], low: float, high: float) -> float:
-    return brentq(function, low, high, xtol=1e-15)
+    from scipy.optimize import brentq  # takes long to import
+
+    return float(brentq(function, low, high, xtol=1e-15))
 
 
 def elastic_limits(

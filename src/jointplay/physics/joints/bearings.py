@@ -26,7 +26,6 @@ import numpy as np
 
 from jointplay.base.errors import JointplayError, MissingName, require_known, within
 from jointplay.base.files import shipped_table
-from jointplay.base.roots import brentq
 from jointplay.base.schema import check_fields, choice, quantity
 from jointplay.base.units import readable
 from jointplay.physics.contact import resultant
@@ -941,6 +940,7 @@ def point_contact_stiffness(
     Returns:
         K [N/m^1.5], and the ratio of the ellipse's axes.
     """
+    from scipy.optimize import brentq  # takes long to import
     from scipy.special import ellipe, ellipk
 
     def misfit(ratio: float) -> float:
@@ -1102,6 +1102,8 @@ class BallBearing(RollingBearing):
         """C_r at which the rows of a pair press against each other with a force [N]."""
         if force == 0.0:
             return 0.0
+        from scipy.optimize import brentq  # takes long to import
+
         reach, a = self.distance * math.cos(self.alpha), self.distance
 
         def surplus(up: float) -> float:
@@ -1240,6 +1242,8 @@ class CrossedRollerBearing(RollingBearing):
         static = self.static_rating or float(self._entry.get("static", 0.0))
         if not static:
             return 0.3 * (self.d_outside - self.d_bore)
+        from scipy.optimize import brentq  # takes long to import
+
         pitch = 1e3 * self.d_pitch
 
         def surplus(d: float) -> float:

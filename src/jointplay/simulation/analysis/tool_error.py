@@ -87,7 +87,7 @@ def seen_from(result: Result, body: str) -> Result:
     turn = rotations(own.orientation).inv()
     arm = tool.tool[:, :3] - own.tool[:, :3]
     speed = tool.tool[:, 3:] - own.tool[:, 3:] - np.cross(own.spin, arm)
-    orientation = (turn * rotations(tool.orientation)).as_quat()[:, [3, 0, 1, 2]]
+    orientation = (turn * rotations(tool.orientation)).as_quat(scalar_first=True)
     values = (turn.apply(arm), turn.apply(speed), orientation, turn.apply(tool.spin - own.spin))
     dataset = result.dataset
     for name, found in zip(TOOL_MOTIONS, values, strict=True):
@@ -153,10 +153,6 @@ def rotations(quaternions: np.ndarray) -> Rotation:
     """Orientations that are recorded with the scalar first, (n, 4); refused if they are none."""
     from scipy.spatial.transform import Rotation  # takes long to import
 
-    return Rotation.from_quat(_units(quaternions)[:, [1, 2, 3, 0]])
-
-
-def _units(quaternions: np.ndarray) -> np.ndarray:
     size = np.linalg.norm(quaternions, axis=1)
     wrong = np.flatnonzero(size < 0.5)
     if wrong.size:
@@ -164,17 +160,12 @@ def _units(quaternions: np.ndarray) -> np.ndarray:
             f"record {wrong[0] + 1} has no orientation of the tool: its quaternion has the length "
             f"{size[wrong[0]]:g}; the run went wrong, or its records have changed since"
         )
-    return quaternions / size[:, None]
+    return Rotation.from_quat(quaternions, scalar_first=True)
 
 
 def _turns(ours: np.ndarray, reference: np.ndarray) -> np.ndarray:
     """Rotation vectors that turn a reference into ours, both as they are recorded, (n, 3)."""
-    (a, u), (b, v) = ((one[:, :1], one[:, 1:]) for one in map(_units, (ours, reference)))
-    cosine = a * b + (u * v).sum(axis=1, keepdims=True)
-    sine = np.copysign(1.0, cosine) * (b * u - a * v - np.cross(u, v))
-    size = np.linalg.norm(sine, axis=1, keepdims=True)
-    angle = 2.0 * np.arctan2(size, np.abs(cosine))
-    return sine * np.divide(angle, size, out=np.full_like(size, 2.0), where=size > 0.0)
+    return np.asarray((rotations(ours) * rotations(reference).inv()).as_rotvec())
 
 
 def _between(ideal: Result, of: str) -> Callable[[np.ndarray], Any]:
@@ -183,7 +174,7 @@ def _between(ideal: Result, of: str) -> Callable[[np.ndarray], Any]:
 
     if of == "tool_orientation":
         curve = RotationSpline(ideal.time, rotations(ideal[of].values))
-        return lambda time: curve(time).as_quat()[:, [3, 0, 1, 2]]
+        return lambda time: curve(time).as_quat(scalar_first=True)
     if of == "tool_angular_velocity":
         return CubicSpline(ideal.time, ideal[of].values)  # type: ignore[no-any-return]
     path = CubicHermiteSpline(

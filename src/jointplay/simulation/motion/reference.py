@@ -22,7 +22,6 @@ from jointplay.base.errors import (
 from jointplay.base.schema import Described, quantity
 from jointplay.base.tables import counted, few
 from jointplay.base.units import plain_number
-from jointplay.simulation.motion.piecewise import Piecewise
 
 INTERPOLATIONS = ("rest-to-rest", "spline", "constant-speed", "speed-ramps")
 
@@ -131,11 +130,12 @@ class Motion(Described):
         require_known("interpolation", self.interpolation, INTERPOLATIONS, where=("interpolation",))
 
     def _fit(self) -> Any:
-        if self.interpolation == "rest-to-rest":
-            return Piecewise.rest_to_rest(self.times, self.positions)
-        if self.interpolation == "spline":
-            from scipy.interpolate import make_interp_spline  # takes long to import
+        from scipy.interpolate import BPoly, PPoly, make_interp_spline  # takes long to import
 
+        if self.interpolation == "rest-to-rest":
+            corners = [self.positions[:-1]] * 3 + [self.positions[1:]] * 3
+            return PPoly.from_bernstein_basis(BPoly(np.stack(corners), self.times))
+        if self.interpolation == "spline":
             rest = [(order, np.zeros(len(self.joints))) for order in (1, 2)]
             return make_interp_spline(self.times, self.positions, k=5, bc_type=(rest, rest))
         spans = np.diff(self.times)[:, None]
@@ -146,7 +146,7 @@ class Motion(Described):
                     "constant-speed needs the same speed between all waypoints, got "
                     f"{means[:, np.ptp(means, axis=0).argmax()]} rad/s or m/s"
                 )
-            return Piecewise(np.stack([means[:1], self.positions[:1]]), self.times[[0, -1]])
+            return PPoly(np.stack([means[:1], self.positions[:1]]), self.times[[0, -1]])
         # Parabolas whose speeds meet; after them a straight line.
         speeds = [means[0]]
         for mean in means:
@@ -154,7 +154,7 @@ class Motion(Described):
         bends = np.diff(speeds, axis=0) / (2.0 * spans)
         pieces = [np.vstack([bends, 0.0 * means[:1]]), np.array(speeds), self.positions]
         ends = np.append(self.times, 2.0 * self.times[-1] - self.times[-2])
-        return Piecewise(np.stack(pieces), ends)
+        return PPoly(np.stack(pieces), ends)
 
     @property
     def waypoints(self) -> tuple[np.ndarray, np.ndarray]:
