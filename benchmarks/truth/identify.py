@@ -1,23 +1,15 @@
 """Does identification find what is there, with the intervals stated, and say when it cannot?
 
-Elastic machines: random arms whose joints, gears, links and tools give way, with stiction, thermal
-drift, offsets of encoders and geometry that is off, by a static solver of their own (`elastic.py`);
-`jointplay.identify` is given no stiffness but of some. Counted: machines with an interval that
-misses the truth, and machines of which a play cannot be told.
-
-Dynamic machines (`--cases`) are run by the full dynamic model (contacts, friction, drives), and
-instruments with noise look at them; identification knows their stiffness and that nothing drifts,
-but neither the values (the scenario's are off by up to a factor of 2.5) nor where the robot's
-geometry is off. Some are measured badly, too (drowned in noise, one way only, never pushed, slow,
-full of holes, with a load cell that is off). Then measurements of real machines
-(benchmarks/truth/validation/data, sources on top of each file).
+Random arms by static solvers of their own; `jointplay.identify` is given no stiffness but of some.
+Elastic ones (`elastic.py`): joints, gears, links and tools give way, with stiction, thermal drift,
+offsets of encoders and geometry that is off. With parts (`parts.py`): rolling bearings, seats and
+gears. Counted: machines with an interval that misses the truth, and machines of which a play cannot
+be told. With `--real`: what measurements of real machines say (benchmarks/truth/validation/data,
+sources on top of each file).
 """
 
 from __future__ import annotations
 
-import argparse
-import math
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -36,11 +28,6 @@ from jointplay.estimate.identification import identify
 DATA = Path(__file__).parent / "validation" / "data"
 SPEED = 0.4
 """At which joints pass [rad/s]."""
-PUSH_S = 0.8
-"""For which a push holds [s]."""
-KINDS = ("lying", "standing", "two", "geared")
-"""A joint about y, about z, one of each, one about z with a gear."""
-PLAIN = "as measured"
 
 
 @dataclass(frozen=True)
@@ -58,20 +45,14 @@ class Machine:
     """Of its pushes."""
 
 
-def rows_of(one: Machine, seed: int, measurement: str = PLAIN) -> list[dict]:
+def rows_of(one: Machine, seed: int) -> list[dict]:
     """A row for each unknown that is asked of a machine."""
-    begin, error = perf_counter(), ""
-    try:
-        found = identify(one.believed, one.measured, **one.options)
-        told = [estimate for estimate in found.estimates if estimate.unknown.sought]
-    except jp.JointplayError as refused:
-        if measurement == PLAIN:
-            raise
-        told, error = [], str(refused)
-    common = {"case": seed, "measurement": measurement, "kind": one.kind, "sizes": one.sizes}
+    begin = perf_counter()
+    found = identify(one.believed, one.measured, **one.options)
+    common = {"case": seed, "kind": one.kind, "sizes": one.sizes}
     common["seconds"] = perf_counter() - begin
     rows = []
-    for estimate in told:
+    for estimate in found.sought:
         unknown, truth = estimate.unknown, one.truth[estimate.label]
         row = {
             "unknown": unknown.label,
@@ -87,81 +68,7 @@ def rows_of(one: Machine, seed: int, measurement: str = PLAIN) -> list[dict]:
             "why_not": estimate.reason,
         }
         rows.append(common | row)
-    if error:
-        names = ("unknown", "name", "play", "truth", "told", "wrong", "why_not")
-        for label, truth in one.truth.items():
-            row = (label, "", False, truth, False, False, error)
-            rows.append(common | dict(zip(names, row, strict=True)))
     return rows
-
-
-def bearing(random: np.random.Generator) -> jp.RevoluteClearance:
-    radial = random.uniform(2e-5, 1.5e-4)
-    return jp.RevoluteClearance(
-        bearing_radius=random.uniform(8e-3, 20e-3),
-        bearing_length=random.uniform(30e-3, 60e-3),
-        radial_clearance=radial,
-        axial_clearance=radial * random.uniform(0.7, 2.0),
-        friction=jp.contact.Ambrosio(random.uniform(0.05, 0.25)),
-        restitution=random.uniform(0.3, 0.8),
-    )
-
-
-def guess(random: np.random.Generator, joint: jp.RevoluteClearance) -> jp.RevoluteClearance:
-    """What somebody expects before the measurement."""
-    off = random.uniform(0.4, 2.5, 3)
-    return replace(
-        joint,
-        radial_clearance=joint.cr * off[0],
-        journal_radius=None,
-        axial_clearance=joint.ca * off[1],
-        journal_length=None,
-        friction=jp.contact.Ambrosio(joint.friction.mu_d * off[2]),
-    )
-
-
-def course(
-    random: np.random.Generator, joints: list[str], mass: float
-) -> tuple[jp.Motion, jp.loads.WrenchOverTime]:
-    """There and back twice; once under a push and once under its opposite; pushes at two poses."""
-    ends = random.uniform(0.3, 0.6, len(joints))
-    centre = random.uniform(-0.3, 0.3, len(joints))
-    leg = 2.0 * float(ends.max()) / SPEED
-    strength = random.uniform(1.5, 2.5) * 9.81 * mass
-    times, places = [0.0, 0.3], [centre - ends, centre - ends]
-    push_times, pushes = [0.0], [np.zeros(3)]
-
-    def push(begin: float, end: float, force: np.ndarray) -> None:
-        push_times.extend([begin, begin + 0.1, end - 0.1, end])
-        pushes.extend([np.zeros(3), force, force, np.zeros(3)])
-
-    def pass_by() -> None:
-        for way in (1.0, -1.0):
-            times.extend([times[-1] + leg, times[-1] + leg + 0.1])
-            places.extend([centre + way * ends] * 2)
-
-    pass_by()
-    pass_by()
-    axis = np.eye(3)[random.integers(3)]
-    for side in (1.0, -1.0):
-        times[-1] += 0.6
-        begin = times[-1] - 0.5
-        pass_by()
-        push(begin, times[-1], side * strength * axis)
-    for part in (-0.4, 0.5):
-        place = centre + part * ends
-        begin = times[-1] + 1.7
-        times += [times[-1] + 1.0, begin]
-        places += [place, place]
-        for axis in np.eye(3):
-            for side in (1.0, -1.0):
-                push(begin, begin + PUSH_S, side * strength * axis)
-                begin += PUSH_S + 0.2
-        times[-1] = begin
-    motion = jp.Motion(joints, times, places)
-    rows = tuple(tuple(float(x) for x in row) for row in pushes)
-    wrench = jp.loads.WrenchOverTime(frame="tool", times=tuple(push_times), forces=rows)
-    return motion, wrench
 
 
 def off(random: np.random.Generator, measured: Measurement) -> Measurement:
@@ -174,89 +81,6 @@ def off(random: np.random.Generator, measured: Measurement) -> Measurement:
                 a, b = random.uniform(-1e-3, 1e-3, 2)
                 signals[key] = signals[key] + a * np.sin(values) + b * np.cos(values)
     return Measurement(measured.time, signals, source="the simulated measurement")
-
-
-def dynamic_machine(seed: int) -> tuple[Machine, jp.Simulation]:
-    """One of the dynamic machines, and the run that was measured."""
-    random = np.random.default_rng(seed)
-    kind = KINDS[seed % len(KINDS)]
-    axes = {"lying": ["0 1 0"], "two": ["0 0 1", "0 1 0"]}.get(kind, ["0 0 1"])
-    links, reach = [], 0.0
-    for i, axis in enumerate(axes):
-        centre, mass = random.uniform(0.1, 0.3), random.uniform(2, 6)
-        links.append((f"j{i}", axis, (reach, 0, 0), mass, (centre, 0, 0)))
-        reach = random.uniform(0.2, 0.4)
-    joints, tip = [link[0] for link in links], (reach, 0, 0)
-    true = {name: bearing(random) for name in joints}
-    believed = {name: guess(random, joint) for name, joint in true.items()}
-    gears, truth = {}, {}
-    if kind == "geared":
-        play = random.uniform(0.3e-3, 3e-3)
-        gears = {"j0": jp.Gear(play, rotor_inertia=0.3, stiffness=2e4, damping=20.0)}
-        truth = {"j0 gear play": play, "j0 dry friction": 0.5}
-    guessed = {n: replace(g, play=g.play * random.uniform(0.4, 2.5)) for n, g in gears.items()}
-    for name, joint in true.items():
-        truth |= {f"{name} radial clearance": joint.cr, f"{name} axial clearance": joint.ca}
-        truth[f"{name} friction"] = joint.friction.mu_d
-    motion, wrench = course(random, joints, 4.0 * len(joints))
-    simulation = jp.Simulation(
-        serial(links, tip, true, gears=gears),
-        motion,
-        jp.loads.ComputedTorque(encoder="motor"),
-        loads={"push": wrench},
-        record_every=500,
-        joint_friction={name: jp.loads.JointFriction(coulomb=0.5) for name in gears},
-        limits="ignore",
-    )
-    noise = {"tool": 10 ** random.uniform(-6.0, -4.6), "motor": 1e-5, "link": 1e-5}
-    link = ("link",) if gears and random.random() < 0.5 else ()
-    kinds = ("tool", "motor", "force", *link)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", RuntimeWarning)
-        result = simulation.run()
-    measured = Measurement.from_result(result, noise=noise, kinds=kinds, seed=seed)
-    stiffness = {"all": math.inf} | {name: gear.stiffness for name, gear in gears.items()}
-    theirs = replace(simulation, mechanism=serial(links, tip, believed, gears=guessed))
-    measured = off(np.random.default_rng(seed), measured)
-    options = {"stiffness": stiffness, "drift": 0}
-    return Machine(kind, truth, theirs, measured, options), simulation
-
-
-def dynamic_case(seed: int, worsened: range) -> list[dict]:
-    """What is found of one machine, by its measurement and, if `worsened`, by hostile ones."""
-    one, simulation = dynamic_machine(seed)
-    rows = rows_of(one, seed)
-    if seed in worsened:
-        for name, worse in hostile(one.measured, seed, float(simulation.motion.times[2])).items():
-            rows += rows_of(replace(one, measured=worse), seed, name)
-    return rows
-
-
-def hostile(measured: Measurement, seed: int, leg: float) -> dict[str, Measurement]:
-    """The same measurement made worse, by name; the motion first turns at `leg` [s]."""
-    random = np.random.default_rng(seed)
-    time, signals = measured.time, measured.signals
-    pushed = np.any([signals["force", axis] != 0.0 for axis in "xyz"], axis=0)
-    first = time[pushed][0] - 0.3
-
-    def changed(kind: str, how: Callable[[np.ndarray], np.ndarray]) -> Measurement:
-        return replace(
-            measured, signals={key: how(v) if key[0] == kind else v for key, v in signals.items()}
-        )
-
-    def kept(chosen: np.ndarray) -> Measurement:
-        return Measurement(time[chosen], {key: v[chosen] for key, v in signals.items()})
-
-    return {
-        "noise of 0.3 mm": changed("tool", lambda v: v + 3e-4 * random.standard_normal(len(v))),
-        "one way only": kept(time < leg),
-        "never pushed": kept(time < first),
-        "10 records a second": kept(np.arange(len(time)) % 10 == 0),
-        "half of the records lost": changed(
-            "tool", lambda v: np.where(random.random(len(v)) < 0.5, np.nan, v)
-        ),
-        "load cell off by 30 %": changed("force", lambda v: 1.3 * v),
-    }
 
 
 RAMP_S = 0.3
@@ -367,16 +191,10 @@ def elastic_machine(seed: int) -> Machine:
 
 
 def elastic_seen(
-    random: np.random.Generator,
-    arm: elastic.Arm,
-    strength: float,
-    count: int,
-    links: tuple[str, ...] | None = None,
+    random: np.random.Generator, arm: elastic.Arm, strength: float, count: int
 ) -> Measurement:
-    """What instruments see of an arm that is pushed with so many sizes of force [N].
-
-    `links` have an encoder behind their gear; by default about half of those with play.
-    """
+    """What instruments see of an arm that is pushed with so many sizes of force [N]; about half of
+    the gears with play have an encoder behind them."""
     motor, force, moves = slow_course(random, strength, count)
     rate = np.sign(np.round(np.gradient(motor, axis=0), 9))
     way = np.zeros_like(rate)
@@ -405,8 +223,7 @@ def elastic_seen(
     for k, name in enumerate(("shoulder", "elbow")):
         records = motor[:, k] + offset[k] + 1e-6 * random.standard_normal(len(time))
         signals["motor", name] = records
-        has = arm.joints[k].play and random.random() < 0.5 if links is None else name in links
-        if has:
+        if arm.joints[k].play and random.random() < 0.5:
             records = motor[:, k] + twist[:, k] + 1e-5 * random.standard_normal(len(time))
             signals["link", name] = records + random.uniform(-1e-3, 1e-3)
     return off(random, Measurement(time, signals))
@@ -479,12 +296,13 @@ def part_machine(seed: int) -> Machine:
     return Machine(kind, truth, believed, seen, options, 3)
 
 
-def part_case(seed: int) -> list[dict]:
-    return rows_of(part_machine(seed), seed)
-
-
-def elastic_case(seed: int) -> list[dict]:
-    return rows_of(elastic_machine(seed), seed)
+def case(number: tuple[Callable[[int], Machine], int], cell: float) -> list[dict]:
+    """What is found of a machine, whose load cell is off by a factor."""
+    make, seed = number
+    one = make(seed)
+    pairs = one.measured.signals.items()
+    signals = {key: cell * values if key[0] == "force" else values for key, values in pairs}
+    return rows_of(replace(one, measured=replace(one.measured, signals=signals)), seed)
 
 
 def main() -> None:
@@ -493,58 +311,38 @@ def main() -> None:
         __doc__ or "",
         runs=0,
         machines=(100, "elastic machines; --quick: 5"),
-        cases=(0, "in their place, machines that are run by the full dynamic model, and the real "
-               "ones, minutes each; --quick: at most 4"),
-        parts=(0, "in their place, machines with rolling bearings, seats and gears; --quick: 2"),
-        seed=(0, "number of the first of them"),
+        parts=(40, "machines with rolling bearings, seats and gears; --quick: 2"),
+        seed=(0, "number of the first of each"),
         jobs=(1, "processes"),
-        hostile=(8, "machines that are measured badly, too"),
-    )  # fmt: skip
+        cell=(1.0, "factor by which load cells are off"),
+        real=(False, "measurements of real machines in their place"),
+    )
     args = benchmark.parse()
-    if args.cases:
-        benchmark.name = "identify_dynamic"
-        dynamic(benchmark, args)
-        real()
-    elif args.parts:
-        benchmark.name = "identify_parts"
-        elastic_machines(
-            benchmark, args, part_case, min(args.parts, 2 if args.quick else args.parts)
-        )
-    else:
-        elastic_machines(benchmark, args, elastic_case, 5 if args.quick else args.machines)
-
-
-def elastic_machines(
-    benchmark: Benchmark,
-    args: argparse.Namespace,
-    case: Callable[[int], list[dict]],
-    count: int,
-) -> None:
-    """How many intervals miss, and where nothing can be told, by kind of machine and of pushes."""
-    numbers = range(args.seed, args.seed + count)
-    found = jp.Study(numbers, case).run(args.jobs, progress=True, unit="machine")
+    if args.real:
+        return real()
+    numbers = list[tuple[Callable[[int], Machine], int]]()
+    for make, asked, few in ((elastic_machine, args.machines, 5), (part_machine, args.parts, 2)):
+        count = min(asked, few) if args.quick else asked
+        numbers += [(make, args.seed + k) for k in range(count)]
+    study = jp.Study(numbers, partial(case, cell=args.cell))
+    found = study.run(args.jobs, progress=True, unit="machine")
     groups: dict[str, list[list[dict]]] = {}
     for rows in found:
         kind, sizes = rows[0]["kind"], rows[0]["sizes"]
-        names = [f"play in: {kind}", f"pushes of {sizes} sizes", "all"]
-        for name in names + ([f"of three sizes: {kind}"] if sizes == 3 else []):
+        for name in (kind, f"pushes of {sizes} sizes", "all"):
             groups.setdefault(name, []).append(rows)
     table = []
     for name in sorted(groups, key=lambda one: (one == "all", one)):
         rows = [row for one in groups[name] for row in one]
         plays = [row["half_width"] / row["found"] for row in rows if row["play"] and row["told"]]
         wrong, silent = counts(groups[name])
+        told, missed = (sum(row[what] for row in rows) for what in ("told", "wrong"))
         table.append(
             [
-                name,
-                str(len(groups[name])),
-                str(wrong),
-                str(silent),
-                f"{sum(row['told'] for row in rows)} of {len(rows)}",
-                str(sum(row["wrong"] for row in rows)),
-                f"{100 * np.median(plays):.2g} %" if plays else "-",
+                name, str(len(groups[name])), str(wrong), str(silent), f"{told} of {len(rows)}",
+                str(missed), f"{100 * np.median(plays):.2g} %" if plays else "-",
             ]
-        )
+        )  # fmt: skip
     header = (
         "machines", "number", "wrong: an interval without the truth",
         "cannot tell: a play that is not told", "unknowns told", "intervals without the truth",
@@ -580,43 +378,6 @@ def drawn(rows: list[dict], names: list[str]):
         panel.set_xlabel(f"true {name.replace('_', ' ')}{unit}")
     axes[0][0].set_ylabel("identified, 95 % interval")
     return figure
-
-
-def dynamic(benchmark: Benchmark, args: argparse.Namespace) -> None:
-    """Machines that are run by the full dynamic model; rigid but for contacts and known gears."""
-    numbers = range(args.seed, args.seed + min(args.cases, 4 if args.quick else args.cases))
-    measure = partial(dynamic_case, worsened=range(args.seed, args.seed + args.hostile))
-    found = jp.Study(numbers, measure).run(args.jobs, progress=True, unit="machine")
-    every = [row for one in found for row in one]
-    plain = [row for row in every if row["measurement"] == PLAIN]
-    names = list(dict.fromkeys(row["name"] for row in plain))
-    groups = {name.replace("_", " "): [r for r in plain if r["name"] == name] for name in names}
-    groups["all"] = plain
-    for row in every:
-        if row["measurement"] != PLAIN:
-            groups.setdefault(row["measurement"], []).append(row)
-            groups["all, hostile included"] = every
-    table = []
-    for name, mine in groups.items():
-        told = [row for row in mine if row["told"]]
-        right = sum(not row["wrong"] for row in told)
-        off_by = [abs(row["found"] - row["truth"]) / row["truth"] for row in told]
-        wide = [row["half_width"] / row["truth"] for row in told]
-        said = (
-            [
-                f"{right} ({100 * right / len(told):.0f} %)",
-                f"{100 * np.median(wide):.2g} %",
-                f"{100 * np.median(off_by):.2g} %",
-            ]
-            if told
-            else ["-"] * 3
-        )
-        table.append([name, str(len(mine)), str(len(told)), *said])
-    header = (
-        "unknown", "sought", "told", "truth within the 95 % interval", "half width (median)",
-        "off by (median)",
-    )  # fmt: skip
-    benchmark.finish(header, table, every, drawn(plain, names))
 
 
 def lever(joint: str, gear: jp.Gear) -> jp.Mechanism:

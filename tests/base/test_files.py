@@ -367,7 +367,6 @@ ELSEWHERE = {
     "text, or standard output": "bridges/trajectory cli/commands/check base/streams",
     "in temporary folders and the user's cache": "model/viewer model/meshes model/builder "
     "show/player/movie study/case base/locks",
-    "a log on the arm's own computer, line by line, in a file that is new": "bridges/lerobot_bus",
     "pieces whose seals or checksums tell what is whole": "base/objects simulation/spool "
     "study/journal study/sealed study/store",
 }

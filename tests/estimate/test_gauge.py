@@ -103,7 +103,7 @@ def test_the_benchmarks_joints_are_held_by_their_intervals(encoder):
     made = importlib.import_module("truth.gauge")
     robot, random, held = Mechanism("so101"), np.random.default_rng(99), 0
     for _ in range(40):
-        play, one = made.joint(random, encoder)
+        (play,), (one,) = made.joint(random, encoder)
         told = identify_gauged(robot, one).estimates[0]
         low, high = told.interval if told.found else (0.0, told.upper)
         held += low <= play <= high
@@ -260,7 +260,7 @@ def test_tables_that_cannot_be_are_refused(arm, tmp_path, capsys, change, said):
     assert err.count("\n") == 1
 
 
-@pytest.mark.parametrize("option", ["--known friction", "--stiffness all=inf", "--lag 0", "--runs"])
+@pytest.mark.parametrize("option", ["--known friction", "--stiffness all=inf", "--lag 0"])
 def test_options_of_motions_are_refused(arm, tmp_path, capsys, option):
     path = table(tmp_path / "dial.csv")
     order = ["identify", str(arm.description.path), str(path), "--tool", "tool"]

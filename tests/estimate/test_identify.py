@@ -28,7 +28,6 @@ from jointplay.estimate.identification import reason
 from jointplay.estimate.least_squares import Fit, LeastSquares, minimum
 from jointplay.estimate.measurement import resolution, scatter, turns
 from jointplay.estimate.unknowns import Unknown
-from jointplay.estimate.verification import verify
 from jointplay.model.collisions import SelfCollision
 from jointplay.physics.contact import Ambrosio
 from jointplay.scenario.presets import preset
@@ -286,6 +285,14 @@ def test_gravity_that_keeps_the_teeth_on_one_side_hides_the_play(arm):
     assert "j gear play: not observable: the load keeps the gear's teeth on one side" in str(found)
 
 
+def test_loops_are_refused(tmp_path, capsys):
+    path = tmp_path / "seen.csv"
+    rows = [f"{0.01 * k:g},{k},0" for k in range(30)]
+    path.write_text("\n".join(["time [s],crank_pin motor [deg],tool x [mm]", *rows]) + "\n")
+    assert main(["identify", "jointplay:slider_crank.toml", str(path), "--case", "0.1 mm"]) == 2
+    assert "identify is for robots without closed loops" in capsys.readouterr().err
+
+
 @pytest.mark.thorough
 def test_a_simulated_machine_is_identified_from_what_instruments_see(arm):
     bearing = RevoluteClearance(
@@ -309,8 +316,6 @@ def test_a_simulated_machine_is_identified_from_what_instruments_see(arm):
     value, half = about(found["j radial clearance"])
     assert abs(value - 8e-5) < max(half, 0.03 * 8e-5)
     assert half < 0.3 * 8e-5
-    checked = verify(replace(simulation, mechanism=found.mechanism), found, runs=3)
-    assert checked.left["simulated"]["tool"] < 0.3 * checked.left["without_play"]["tool"]
 
 
 JOINTS = {"j": False}

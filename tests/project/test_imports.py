@@ -9,14 +9,13 @@ from pathlib import Path
 import jointplay
 
 SOURCE = Path(jointplay.__file__).parent
-PROJECT = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["project"]
+PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
 DISTRIBUTIONS = {
     "git": "gitpython",
     "mcap_ros2": "mcap-ros2-support",
     "mpl_toolkits": "matplotlib",
     "pinocchio": "pin",
     "pxr": "usd-core",
-    "rerun": "rerun-sdk",
     "yaml": "pyyaml",
 }
 """Names to install by, where they are not those to import by."""

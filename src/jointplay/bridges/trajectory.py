@@ -7,8 +7,6 @@ out, as are motors behind gears.
 
 from __future__ import annotations
 
-import inspect
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,19 +16,15 @@ from jointplay import bridges
 from jointplay.base.errors import JointplayError
 from jointplay.base.imports import extra
 from jointplay.base.tables import Column, Table
-from jointplay.estimate.wiggle_plan import Step
 from jointplay.model.free_base import BASE, FREE
 from jointplay.physics.joints import MOTOR, Coordinate, class_of
 from jointplay.simulation.analysis.twins import inputs
-from jointplay.simulation.loads.drive import Drive, Servo
 from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.result.result import Result
 from jointplay.simulation.result.stored import stored_coordinates
 
 POINT_S = 0.01
 """Interval of the points of a motion that is written [s]."""
-_BUSES = {"STS": "feetech", "SCS": "feetech", "XL": "dynamixel", "XM": "dynamixel"}
-"""LeRobot's buses, by how the names of their servos begin."""
 MESSAGE = "trajectory_msgs/msg/JointTrajectory"
 _NANO = 1_000_000_000
 _BLOCK = 500
@@ -50,12 +44,6 @@ class Trajectory:
     """The same, per second."""
     effort: np.ndarray
     """Of the drives (n, joints) [N m or N]; (n, 0) where they are not known."""
-
-    @classmethod
-    def through(cls, time: np.ndarray, joints: Sequence[str], position: np.ndarray) -> Trajectory:
-        """Through points, with speeds from one to the next."""
-        velocity = np.gradient(position, time, axis=0)
-        return cls(time, tuple(joints), position, velocity, np.empty((len(time), 0)))
 
 
 def encoders(result: Result) -> dict[str, int]:
@@ -142,34 +130,3 @@ def content(motion: Trajectory, suffix: str, progress: bool = False) -> bytes:
     for block in bridges.in_blocks(len(points), _BLOCK, "points", progress):
         parts.append(yaml.dump(points[block], Dumper=dumper, **options))
     return "".join(parts).encode()
-
-
-def lerobot_script(drives: Mapping[str, Drive], steps: Sequence[Step]) -> str:
-    """A script that plays a wiggle on LeRobot's bus; empty if servos are not known to be on one.
-
-    Numbers on the bus are those of LeRobot, from 1 at the base on.
-    """
-    from jointplay.bridges import lerobot_bus
-
-    models = {
-        joint: one.catalogue
-        for joint, one in drives.items()
-        if isinstance(one, Servo) and one.catalogue
-    }
-    buses = {next((b for k, b in _BUSES.items() if m.startswith(k)), "") for m in models.values()}
-    if len(buses) != 1 or buses == {""} or len(models) < len(drives):
-        return ""
-    rows = [
-        f"    {joint!r}: ({k}, {model.lower()!r}, 1, 0.0),"
-        for k, (joint, model) in enumerate(models.items(), 1)
-    ]
-    tests = [f"    ({one.joint!r}, {one.begin:.2f}, {one.end:.2f})," for one in steps]
-    lines = [
-        inspect.getsource(lerobot_bus),
-        "# Joint: its number on the bus, model, 1 or -1 if LeRobot counts against the description,",
-        "# and the joint's angle in the description where LeRobot has its zero [deg]: check these!",
-        "MOTORS: Motors = {", *rows, "}",
-        "STEPS: Steps = [", *tests, "]",
-        f"if __name__ == '__main__':\n    sys.exit(main({buses.pop()!r}, MOTORS, STEPS))",
-    ]  # fmt: skip
-    return "\n".join(lines) + "\n"

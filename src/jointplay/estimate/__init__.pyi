@@ -19,12 +19,3 @@ from .selection import Calibration as Calibration
 from .static_poses import StaticPoses as StaticPoses
 from .unknowns import Estimate as Estimate
 from .unknowns import Unknown as Unknown
-from .wiggle import Known as Known
-from .wiggle import ServoLog as ServoLog
-from .wiggle import wiggle_goal as wiggle_goal
-from .wiggle_logs import ServoSignals as ServoSignals
-from .wiggle_logs import Wiggle as Wiggle
-from .wiggle_logs import Wiggled as Wiggled
-from .wiggle_logs import identify_wiggled as identify_wiggled
-from .wiggle_logs import told_of as told_of
-from .wiggle_plan import plan_wiggle as plan_wiggle

@@ -17,8 +17,6 @@ from jointplay.base.units import convert, plain_number
 
 Key = tuple[str, str]
 """``("tool", "x")``, ``("link", "elbow")``: kind of a signal, then its axis or joint."""
-SERVO_UNITS = {"goal": ("rad", "m"), "position": ("rad", "m")}
-"""What a servo reports of a joint, and the units for one that turns and one that slides."""
 _BRACKETS = re.compile(r"^(.*?)\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\))\s*$")
 _SHOWN = 60
 
@@ -77,21 +75,10 @@ def read(
 
 def is_readings(path: str | Path) -> bool:
     """Whether a file is a table of readings of a dial gauge: it has a column ``joint``."""
-    return "joint" in _titles(path)
-
-
-def is_servo_log(path: str | Path) -> bool:
-    """Whether a file is a log of servos: it has a column such as ``elbow goal [deg]``."""
-    names = [_BRACKETS.match(title) for title in _titles(path)]
-    return any(re.search(r"[ _.]goal$", one[1].strip()) for one in names if one)
-
-
-def _titles(path: str | Path) -> list[str]:
-    """Heads of a CSV's columns; none if it is no CSV."""
     path = Path(path)
     if path.suffix.lower() != ".csv" or not files.is_file(path):
-        return []
-    return [cell.strip() for cell in files.csv_rows(path, "measurement")[0][1]]
+        return False
+    return "joint" in [cell.strip() for cell in files.csv_rows(path, "measurement")[0][1]]
 
 
 def split_title(title: str, path: Path) -> tuple[str, str]:
@@ -101,7 +88,7 @@ def split_title(title: str, path: Path) -> tuple[str, str]:
         return match[1].strip(), (match[2] or match[3] or "").strip()
     name, _, unit = title.rpartition("_")
     try:
-        convert(f"1 {unit}", "s", "m", "rad", "N", "N*m", "m/s^2")
+        convert(f"1 {unit}", "s", "m", "rad", "N", "N*m")
     except ValueError:
         name = ""
     if not name:

@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -22,15 +23,19 @@ import pinocchio as pin
 from jointplay.accuracy.poses import moving, over_workspace
 from jointplay.base import files
 from jointplay.base.errors import JointplayError, MissingName, require_known, require_positive
+from jointplay.base.tables import counted, few
 from jointplay.base.units import readable, told
 from jointplay.estimate import columns
 from jointplay.estimate.least_squares import Fit, LeastSquares, search
-from jointplay.estimate.machine import OfJoints
+from jointplay.estimate.machine import preset_found
 from jointplay.estimate.measurement import resolution
 from jointplay.estimate.planning import PUSH_N, free_poses
-from jointplay.estimate.unknowns import Estimate, Loop, Unknown
+from jointplay.estimate.unknowns import Answer, Estimate, Loop, Unknown
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.loads.drive import urdf_friction
+
+if TYPE_CHECKING:
+    from jointplay.scenario.presets import Preset
 
 GAUGE_M, ANGLE = 10e-6, 1e-3
 """Standard deviations of a reading of a gauge, and of an angle, unless said otherwise [m, rad]."""
@@ -164,12 +169,28 @@ def _of_column(path: Path, title: str) -> list[str]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Gauged(OfJoints):
+class Gauged(Answer):
     """What readings tell of the play and the compliance of their joints; SI units."""
 
+    mechanism: Mechanism
     readings: Readings
     fits: Mapping[str, Fit]
     """By joint, of those that could be fitted."""
+
+    @property
+    def sentence(self) -> str:
+        plays = [one for one in self.estimates if one.unknown.name == "gear_play"]
+        known = [f"{one.joint} {one.span}" for one in plays if one.identified]
+        of = f"{len(known)} of {counted(len(plays), 'joint')}"
+        return f"The readings tell the play of {of}{f': {few(known)}' if known else ''}"
+
+    def describe(self) -> dict[str, Any]:
+        return {**super().describe(), "source": self.readings.source}
+
+    def preset(self, robot: str | Path | None = None) -> Preset:
+        """The robot's joints with what was found; see `Identification.preset`."""
+        turning = [one for one in self.estimates if one.unknown.unit.startswith("rad")]
+        return preset_found(self.mechanism, turning, self.readings.source, robot)
 
     @property
     def loops(self) -> tuple[Loop, ...]:
@@ -241,8 +262,8 @@ def identify_gauged(
         found += [first, second]
         notes += _outside(readings, joint, mine, fitted)
     return Gauged(
-        estimates=tuple(found), mechanism=mechanism, source=readings.source, readings=readings,
-        fits=fits, notes=tuple(notes),
+        estimates=tuple(found), mechanism=mechanism, readings=readings, fits=fits,
+        notes=tuple(notes),
     )  # fmt: skip
 
 
@@ -253,7 +274,7 @@ def gauge_problems(
     noise: Mapping[str, float] | None = None,
     pose: Mapping[str, float] | None = None,
 ) -> list[LeastSquares]:
-    """Least squares of each joint that readings tell of, see `watch`; arguments as of
+    """Least squares of each joint that readings tell of, see `changes`; arguments as of
     `identify_gauged`."""
     ideal = mechanism.ideal()
     readings = _read(mechanism, readings, noise)

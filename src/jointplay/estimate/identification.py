@@ -14,15 +14,14 @@ from jointplay.base.errors import JointplayError, require_a, require_known
 from jointplay.base.schema import shortest
 from jointplay.base.tables import Table, few
 from jointplay.base.units import told
-from jointplay.estimate import measurement, planning, restitution
+from jointplay.estimate import measurement, planning
 from jointplay.estimate.least_squares import NULL, Fit, LeastSquares, basis, information, search
 from jointplay.estimate.machine import TOOL, Given, Machine, apply, compliances, preset_found
-from jointplay.estimate.measurement import Measurement, Observed, TooLittle, Visits
+from jointplay.estimate.measurement import Measurement, Observed, Visits
 from jointplay.estimate.model import StaticModel
 from jointplay.estimate.nuisances import DRIFT, REFERENCES, nuisances
 from jointplay.estimate.parts import WOUND, Teeth, friction_of
 from jointplay.estimate.recordings import Recording, is_recording
-from jointplay.estimate.restitution import by_flights, by_simulation, channels
 from jointplay.estimate.unknowns import (
     LARGEST_SHARE,
     PLAYS,
@@ -219,7 +218,7 @@ class Identification:
     """What a measurement says of its unknowns; SI units."""
 
     estimates: tuple[Estimate, ...]
-    """Of all unknowns but restitution and compliances, those that are not sought too."""
+    """Of all unknowns but compliances, those that are not sought too."""
     mechanism: Mechanism
     """With what was found; unknowns that cannot be identified as in the scenario."""
     visits: Visits
@@ -235,9 +234,7 @@ class Identification:
     reference: str
     notes: tuple[str, ...]
     measured: Measurement
-    restitutions: tuple[Estimate, ...] = ()
-    """Of the joints' impacts, where there is a signal that shows them."""
-    excess: float = np.nan
+    excess: float
     """RMS of the residuals, by the scatter of the records alone."""
     elasticity: tuple[Estimate, ...] = ()
     """Compliances of the joints that were accounted for."""
@@ -246,11 +243,10 @@ class Identification:
 
     @property
     def sought(self) -> tuple[Estimate, ...]:
-        own = tuple(one for one in self.estimates if one.unknown.sought)
-        return own + self.restitutions
+        return tuple(one for one in self.estimates if one.unknown.sought)
 
     def __getitem__(self, label: str) -> Estimate:
-        return by_label((*self.estimates, *self.restitutions), label)
+        return by_label(self.estimates, label)
 
     def preset(
         self, robot: str | Path | None = None, simulation: Simulation | None = None
@@ -285,8 +281,6 @@ class Identification:
     def __str__(self) -> str:
         soft = [one for one in self.elasticity if one.identified]
         lines = [*self.notes, listed([*self.sought, *soft], expected=True)]
-        if not self.estimates:
-            return "\n".join(lines)
         vague = [one.label for one in self.elasticity if not one.identified]
         if vague:
             lines.append(f"accounted for, but not determined: {', '.join(vague)}, tool compliance")
@@ -310,11 +304,11 @@ class Identification:
         return data(self.sought)
 
     def describe(self) -> dict[str, Any]:
-        sizes = {"misfit": float(self.misfit), "excess": float(self.excess)}
         return {
             "unknowns": [one.describe() for one in self.sought],
             "compliances": [one.describe() for one in self.elasticity],
-            **{name: None if np.isnan(size) else size for name, size in sizes.items()},
+            "misfit": float(self.misfit),
+            "excess": float(self.excess),
             "notes": list(self.notes),
         }
 
@@ -332,14 +326,11 @@ def identify(
     stiffness: Given | None = None,
     drift: int = DRIFT,
     lag: float | None = None,
-    runs: int = 0,
-    jobs: int | None = None,
     progress: bool = False,
 ) -> Identification:
-    """Clearances, friction, play of gears and restitution from measured signals.
+    """Clearances, friction and play of gears from measured signals.
 
-    Means over stops and slow stretches are compared with the static model, impacts by their
-    statistics, never single records.
+    Means over stops and slow stretches are compared with the static model, never single records.
 
     Args:
         machine: the scenario's simulation or the mechanism, with the play that is expected.
@@ -362,66 +353,76 @@ def identify(
         lag: standard deviation of the time by which readings of the tool, and of links, may be late
             behind the motors' encoders [s]; 0: they are simultaneous; ``inf``: nothing is known.
             None takes the measurement's: 0, but ``inf`` of a `Recording`.
-        runs: simulations by which restitution is sought where flights do not identify it; 0: none.
-        jobs: processes for them; None takes one for each core.
-        progress: show a bar for them, and for reading.
+        progress: show a bar for reading.
 
     Raises:
-        JointplayError: bad data (see `Measurement`); loops, unless impacts show; nothing has play;
-            a motion that never reverses; fewer means than unknowns; see also `by_simulation`.
+        JointplayError: bad data (see `Measurement`); loops; nothing has play; a motion that never
+            reverses; fewer means than unknowns.
     """
-    given = _given(
+    problem, model, measured, observed, use, records, nuisance = _compared(
         machine, measured, motion=motion, reference=reference, noise=noise,
         joint_friction=joint_friction, also=also, known=known, stiffness=stiffness, drift=drift,
         lag=lag, progress=progress,
     )  # fmt: skip
-    mechanism, measured, motion = given.machine.mechanism, given.measured, given.motion
-    bounced = by_flights(mechanism, measured)
-    try:
-        found = _by_means(given)
-    except TooLittle as error:
-        if not bounced or not any(measured.has(kind) for kind in restitution.IMPACT_KINDS):
-            raise
-        note = f"clearance and friction: this measurement cannot tell: {error}"
-        none = np.zeros((0, 0))
-        found = Identification(
-            (), mechanism, *measurement.no_visits(), none, none, none[..., None], np.nan, reference,
-            (*measured.notes, note), measured,
-        )  # fmt: skip
-    if runs and channels(measured) and any(one.reason for one in bounced):
-        if not isinstance(machine, Simulation):
-            raise JointplayError(
-                "restitution by simulated impacts needs the scenario (.toml) that was measured"
-            )
-        own = replace(machine, mechanism=found.mechanism, motion=motion)
-        simulated = by_simulation(
-            own, measured, found.estimates, runs=runs, jobs=jobs, progress=progress
+    made, unknowns = model.visits, model.unknowns
+    fit = search(problem)
+    problem = fit.least
+    if fit.freedom < 1:
+        raise JointplayError(
+            f"{measured.source}: {use.sum()} means at {len(made)} visits are too few for "
+            f"{len(unknowns)} unknowns and {problem.projected.shape[1]} offsets, drifts, lags and "
+            "compliances; visit places more often, from both sides"
         )
-        pairs = zip(bounced, simulated, strict=True)
-        bounced = tuple(other if one.reason else one for one, other in pairs)
-    return replace(found, restitutions=bounced, mechanism=apply(found.mechanism, bounced))
+    error = records.copy()
+    error[use] = problem.error
+    reasons = [reason(i, fit, model) for i in range(len(unknowns))]
+    found = fit.estimates(reasons, advice(fit, observed, use, model, reasons))
+    # With what the best nuisances do, where anything counted.
+    predicted = model.predict(fit.theta)
+    off, span = problem.off(fit.theta), problem.projected
+    shift = -problem.error * (span @ (span[: len(off)].T @ off))[: len(problem.error)]
+    predicted[use] += shift
+    left = (observed.mean - predicted)[use] / records[use]
+    return Identification(
+        found,
+        apply(model.mechanism, found),
+        made,
+        observed,
+        error,
+        predicted,
+        nuisance,
+        fit.misfit,
+        reference,
+        tuple(_assumptions(model, measured, observed, reference, drift)),
+        measured,
+        excess=float(np.sqrt(np.square(left).sum() / fit.freedom)),
+        elasticity=elasticity(fit, model),
+        loops=tuple(_loops(model, fit.theta, error, observed.mean - predicted)),
+    )
 
 
 def identify_problem(
     machine: Simulation | Mechanism, measured: Measurement | Recording | str | Path, **options: Any
 ) -> LeastSquares:
-    """The least squares by which `identify`, with the same options, finds play; see `watch`."""
-    return _compared(_given(machine, measured, **options)).problem
+    """The least squares by which `identify`, with the same options, finds play; see `changes`."""
+    return _compared(machine, measured, **options).problem
 
 
-class _Given(NamedTuple):
-    """What is known of a machine before, what was measured, and how they are compared."""
+class _Compared(NamedTuple):
+    """Means of a measurement and the static model of them."""
 
-    machine: Machine
+    problem: LeastSquares
+    model: StaticModel
     measured: Measurement
-    motion: Motion | None
-    reference: str
-    also: Sequence[str]
-    known: Sequence[str]
-    drift: int
+    observed: Observed
+    use: np.ndarray
+    """Which means count, shape (n, keys)."""
+    records: np.ndarray
+    """Standard errors by the records, nan where none counts, (n, keys)."""
+    nuisance: np.ndarray
 
 
-def _given(
+def _compared(
     machine: Simulation | Mechanism,
     measured: Measurement | Recording | str | Path,
     *,
@@ -435,7 +436,7 @@ def _given(
     drift: int = DRIFT,
     lag: float | None = None,
     progress: bool = False,
-) -> _Given:
+) -> _Compared:
     require_a("machine", machine, "Simulation", "Mechanism")
     mechanism = machine.mechanism if isinstance(machine, Simulation) else machine
     friction = urdf_friction(mechanism)
@@ -455,42 +456,23 @@ def _given(
         if not lag >= 0.0:
             raise JointplayError(f"the lag must not be negative, got {lag:g} s")
         measured = replace(measured, lag=lag)
-    prior = Machine(mechanism, friction, compliances(mechanism, stiffness or {}))
-    return _Given(prior, measured, motion, reference, also, known, drift)
-
-
-class _Compared(NamedTuple):
-    """Means of a measurement and the static model of them."""
-
-    problem: LeastSquares
-    model: StaticModel
-    observed: Observed
-    use: np.ndarray
-    """Which means count, shape (n, keys)."""
-    records: np.ndarray
-    """Standard errors by the records, nan where none counts, (n, keys)."""
-    nuisance: np.ndarray
-
-
-def _compared(given: _Given) -> _Compared:
-    machine, measured, motion, reference, also, known, drift = given
-    mechanism = machine.mechanism
     if mechanism.loops:
-        raise TooLittle(
+        raise JointplayError(
             f"loop {next(iter(mechanism.loops))!r}: identify is for robots without closed loops"
         )
     links = set(measured.has("link")) & set(mechanism.gears)
     if not (measured.has("tool") or measured.has("torque") or links):
-        raise TooLittle(
+        raise JointplayError(
             f"{measured.source} has no signal in which play would show: tool x (y, z), JOINT link "
             "of a gear with play, or JOINT torque is needed in addition to the motors' encoders"
         )
+    prior = Machine(mechanism, friction, compliances(mechanism, stiffness or {}))
     made, observed = measurement.visits(mechanism, measured, motion)
     kinds = [kind for kind, _ in observed.keys]
     torqued = [name for kind, name in observed.keys if kind == "torque"]
     stops = bool(made.stopped.any()) and "tool" in kinds
-    unknowns = machine.unknowns(torqued, stops, also, known, links)
-    model = StaticModel(machine, made, observed.keys, unknowns)
+    unknowns = prior.unknowns(torqued, stops, also, known, links)
+    model = StaticModel(prior, made, observed.keys, unknowns)
     use = np.isfinite(observed.mean) & model.certain[:, None]
     _check(measured, model, use, reference)
     smallest = [1e-12 + 1e-9 * np.nanmax(np.abs(row), initial=0.0) for row in observed.mean.T]
@@ -498,47 +480,7 @@ def _compared(given: _Given) -> _Compared:
     records = np.hypot(records, model.wander)
     nuisance, labels = nuisances(model, observed, reference, drift, measured.lag > 0.0)
     problem = _problem(model, observed.mean, records, nuisance, labels, measured.lag)
-    return _Compared(problem, model, observed, use, records, nuisance)
-
-
-def _by_means(given: _Given) -> Identification:
-    problem, model, observed, use, records, nuisance = _compared(given)
-    mechanism, measured, reference = given.machine.mechanism, given.measured, given.reference
-    made, unknowns = model.visits, model.unknowns
-    fit = search(problem)
-    problem = fit.least
-    if fit.freedom < 1:
-        raise TooLittle(
-            f"{measured.source}: {use.sum()} means at {len(made)} visits are too few for "
-            f"{len(unknowns)} unknowns and {problem.projected.shape[1]} offsets, drifts, lags and "
-            "compliances; visit places more often, from both sides"
-        )
-    error = records.copy()
-    error[use] = problem.error
-    reasons = [reason(i, fit, model) for i in range(len(unknowns))]
-    found = fit.estimates(reasons, advice(fit, observed, use, model, reasons))
-    # With what the best nuisances do, where anything counted.
-    predicted = model.predict(fit.theta)
-    off, span = problem.off(fit.theta), problem.projected
-    shift = -problem.error * (span @ (span[: len(off)].T @ off))[: len(problem.error)]
-    predicted[use] += shift
-    left = (observed.mean - predicted)[use] / records[use]
-    return Identification(
-        found,
-        apply(mechanism, found),
-        made,
-        observed,
-        error,
-        predicted,
-        nuisance,
-        fit.misfit,
-        reference,
-        tuple(_assumptions(model, measured, observed, reference, given.drift)),
-        measured,
-        excess=float(np.sqrt(np.square(left).sum() / fit.freedom)),
-        elasticity=elasticity(fit, model),
-        loops=tuple(_loops(model, fit.theta, error, observed.mean - predicted)),
-    )
+    return _Compared(problem, model, measured, observed, use, records, nuisance)
 
 
 def _loops(
@@ -581,7 +523,7 @@ def _check(measured: Measurement, model: StaticModel, use: np.ndarray, reference
     """Raise if no place is visited in two ways."""
     at, made = use.any(axis=1), model.visits
     if not at.any():
-        raise TooLittle(
+        raise JointplayError(
             f"{measured.source}: it is never known on which side teeth and journals lie: each gear "
             "must cross its play, by a reversal or a push, and each bearing be pressed"
         )
@@ -589,7 +531,7 @@ def _check(measured: Measurement, model: StaticModel, use: np.ndarray, reference
         return
     ways = np.column_stack([made.cell, made.direction, np.round(made.force, 3)])[at]
     if len(np.unique(ways, axis=0)) == len(np.unique(made.cell[at])):
-        raise TooLittle(
+        raise JointplayError(
             f"{measured.source}: the motion never reverses, nor does a force: measure the way back,"
             " too (if the robot's geometry is calibrated, use the reference 'ideal')"
         )

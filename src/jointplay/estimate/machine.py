@@ -15,15 +15,10 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from scipy.optimize import brentq
-
 from jointplay.base.errors import JointplayError, require_known
-from jointplay.base.tables import counted, few
 from jointplay.estimate import parts
-from jointplay.estimate.unknowns import PLAYS, Answer, Estimate, Unknown
+from jointplay.estimate.unknowns import PLAYS, Estimate, Unknown
 from jointplay.model.mechanism import Mechanism
-from jointplay.physics.joints import Clearance
 from jointplay.simulation.loads.drive import JointFriction
 
 if TYPE_CHECKING:
@@ -47,8 +42,6 @@ SOFT = {"rad/(N*m)": 1e-5, "m/N": 1e-7}
 """Scales of compliances, by unit."""
 _BY_MOTOR = {"kind": "computed-torque", "encoder": "motor"}
 """Drive of joints with gears of whose drive nothing else is known: play shows by such encoders."""
-_SMALLEST_PART = 0.05
-"""Part of a value below which it is not drawn."""
 LINK = 1e-4
 """Deviation of the bending of links from none where a joint winds up, unless the gear is expected
 to give way by more [rad/(N m)]: with any number one could make up for the other."""
@@ -265,20 +258,6 @@ def compliances(mechanism: Mechanism, given: Given) -> dict[str, Unknown]:
     return known
 
 
-def delivered(joint: Clearance, nominal: float) -> float:
-    """Restitution that impacts have with a nominal one."""
-    value = joint.normal.effective_restitution(nominal)
-    return nominal if value is None else float(value)
-
-
-def nominal_of(joint: Clearance, value: float) -> float:
-    """The nominal restitution with which the joint's law delivers a value; nan if it cannot."""
-    ends = [delivered(joint, end) - value for end in (1e-3, 1.0)]
-    if ends[0] * ends[1] > 0.0:
-        return np.nan
-    return float(brentq(lambda nominal: delivered(joint, nominal) - value, 1e-3, 1.0, xtol=1e-6))
-
-
 def apply(mechanism: Mechanism, found: Sequence[Estimate]) -> Mechanism:
     """The mechanism with those values that are identified, and that it can have."""
     joints, gears = dict(mechanism.clearance), dict(mechanism.gears)
@@ -289,10 +268,6 @@ def apply(mechanism: Mechanism, found: Sequence[Estimate]) -> Mechanism:
     for joint, mine in values.items():
         if joint in joints:
             joints[joint] = parts.with_values(joint, joints[joint], mine)
-            if "restitution" in mine:  # what its law can deliver
-                nominal = nominal_of(joints[joint], mine["restitution"])
-                if math.isfinite(nominal):
-                    joints[joint] = joints[joint].with_restitution(nominal)
         if joint in gears:
             gears[joint] = parts.Teeth(joint, gears[joint]).holding(mine)
     return mechanism.with_clearance(joints, gears)
@@ -383,49 +358,4 @@ def with_plays(mechanism: Mechanism, plays: Mapping[tuple[str, str], float]) -> 
             gears[joint] = Gear(0.0, **AT_REST[entries[joint].unit])
     mechanism = mechanism.with_clearance(mechanism.clearance, gears)
     values = [Estimate(Unknown(*key, "m"), value=value) for key, value in plays.items()]
-    return apply(mechanism, values)
-
-
-@dataclass(frozen=True, kw_only=True)
-class OfJoints(Answer):
-    """What a measurement of single joints tells of them; SI units."""
-
-    mechanism: Mechanism
-    source: str
-    """Of the measurement, in words."""
-
-    @property
-    def sentence(self) -> str:
-        plays = [one for one in self.estimates if one.unknown.name == "gear_play"]
-        known = [f"{one.joint} {one.span}" for one in plays if one.identified]
-        of = f"{len(known)} of {counted(len(plays), 'joint')}"
-        return f"The readings tell the play of {of}{f': {few(known)}' if known else ''}"
-
-    def describe(self) -> dict[str, Any]:
-        rows = [one.describe() for one in self.estimates]
-        return {"unknowns": rows, "notes": list(self.notes), "source": self.source}
-
-    def preset(self, robot: str | Path | None = None) -> Preset:
-        """The robot's joints with what was found; see `Identification.preset`."""
-        units = ("rad", "N*m")
-        turning = [one for one in self.estimates if one.unknown.unit.startswith(units)]
-        return preset_found(self.mechanism, turning, self.source, robot, self._tables)
-
-    @property
-    def _tables(self) -> Mapping[str, Mapping[str, Any]]:
-        """What else the measurement rests on; see `Preset.of_mechanism`."""
-        return {}
-
-
-def drawn(
-    mechanism: Mechanism, found: Sequence[Estimate], random: np.random.Generator
-) -> Mechanism:
-    """The mechanism with values as they may be, by the standard deviations of what was found."""
-    values = []
-    for one in found:
-        if one.identified:
-            value = one.value + one.deviation * random.standard_normal()
-            least = one.unknown.least
-            least = least if least < 0.0 else max(least, _SMALLEST_PART * one.value)
-            values.append(replace(one, value=min(max(value, least), one.unknown.most)))
     return apply(mechanism, values)

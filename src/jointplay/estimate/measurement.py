@@ -6,11 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from jointplay.accuracy.poses import middle, moving
@@ -30,17 +28,14 @@ from jointplay.simulation.result.result import AXES, Result
 #     JOINT motor, JOINT link             encoders before and after the play of the joint's gear
 #     JOINT torque                        of the drive on its joint, at the joint's side
 #     force x, force y, force z           on the tool, world axes
-#     acceleration x, ... y, ... z        of the tool
-#     JOINT reaction                      force between bearing and journal, its size
 
 
-TOOL_UNITS = {"tool": "m", "force": "N", "acceleration": "m/s^2"}
+TOOL_UNITS = {"tool": "m", "force": "N"}
 """Signals along x, y and z, and their units."""
 JOINT_UNITS = {
     "motor": ("rad", "m"),
     "link": ("rad", "m"),
     "torque": ("N*m", "N"),
-    "reaction": ("N", "N"),
 }
 """Signals of a joint, and their units for one that turns and one that slides."""
 READINGS = ("tool", "link")
@@ -51,10 +46,6 @@ SHOWN = {"tool": "m", "link": "rad", "torque": "N*m"}
 """Units of the signals whose means are compared."""
 
 _TIME: Key = ("time", "")
-
-
-class TooLittle(JointplayError):
-    """Means of a measurement that say nothing of clearance and friction; impacts still may."""
 
 
 @dataclass(frozen=True)
@@ -127,8 +118,8 @@ class Measurement:
             return columns.meaning(name, joints, JOINT_UNITS, axes)
 
         words = (
-            "time, tool x (y, z), force x, acceleration x, and JOINT motor, JOINT link, JOINT "
-            f"torque, JOINT reaction of the joints {', '.join(joints)}"
+            "time, tool x (y, z), force x (y, z), and JOINT motor, JOINT link, JOINT torque of the "
+            f"joints {', '.join(joints)}"
         )
         gaps = ("time", *TOOL_UNITS, *JOINT_UNITS)
         signals, _ = columns.read(path, "measurement", known, words, gaps=gaps)
@@ -162,10 +153,8 @@ class Measurement:
             result: the run.
             rate: records a second [Hz].
             noise: standard deviation by kind of signal [SI]; none where not given.
-            kinds: signals that are measured, of ``tool``, ``motor``, ``link``, ``torque``,
-                ``acceleration`` (of the tool), ``reaction`` (between bearing and journal; both
-                means over the interval between records) and ``force`` (the wrenches that act on
-                the tool frame).
+            kinds: signals that are measured, of ``tool``, ``motor``, ``link``, ``torque`` and
+                ``force`` (the wrenches that act on the tool frame).
             seed: of the noise.
             delay: what of the run's start is left out [s].
 
@@ -177,14 +166,9 @@ class Measurement:
         time = np.arange(result.time[0] + delay, result.time[-1] + 0.5 / rate, 1.0 / rate)
         time = time[time <= result.time[-1]]
         signals: dict[Key, np.ndarray] = {}
-        for kind in sorted(kinds, key=lambda one: _RATES.index(one) if one in _RATES else -1):
+        for kind in kinds:
             for name, values in histories(result, kind).items():
-                clean = (
-                    _mean_rate(result.time, values, time, 1.0 / rate)
-                    if kind in _RATES
-                    else np.interp(time, result.time, values)
-                )
-                spread = (noise or {}).get(kind, 0.0)
+                clean, spread = np.interp(time, result.time, values), (noise or {}).get(kind, 0.0)
                 signals[kind, name] = clean + spread * random.standard_normal(len(time))
         entries = result.simulation.mechanism.description.joints
         sliding = sliding_of({name: entry.slides for name, entry in entries.items()})
@@ -202,41 +186,23 @@ class Measurement:
         return Table([Column(one, values, key=one) for one, values in rows]).csv()
 
 
-_RATES = ("acceleration", "reaction")
-"""Signals that are means between records: rates of change of what `histories` gives."""
-
-
 def sliding_of(joints: Mapping[str, bool]) -> frozenset[str]:
     """Those of the joints that slide."""
     return frozenset(name for name, slides in joints.items() if slides)
 
 
 def histories(result: Result, kind: str) -> dict[str, np.ndarray]:
-    """A kind of signal over a run, or its integral (see `_RATES`), by axis or joint."""
+    """A kind of signal over a run, by axis or joint."""
     if kind in TOOL_UNITS:
-        name = {"tool": "tool_position", "acceleration": "tool_velocity"}.get(kind)
-        values = _wrenches(result) if name is None else result[name].values
+        values = result["tool_position"].values if kind == "tool" else _wrenches(result)
         return dict(zip(AXES, values.T, strict=True))
     if kind not in JOINT_UNITS:
         raise JointplayError(f"no signal {kind!r} of runs: tool, {', '.join(JOINT_UNITS)}")
-    if kind == "reaction":
-        sizes = np.linalg.norm(result["joint_force"].values, axis=-1)
-        total = cumulative_trapezoid(sizes, result.time, axis=0, initial=0.0)
-        return dict(zip(result["joint_force"].joint.values.tolist(), total.T, strict=True))
     mechanism = result.simulation.mechanism
     coordinate = mechanism.coordinate if kind == "link" else mechanism.motor
     values = result["drive" if kind == "torque" else "q"].values
     joints = [name for name in mechanism.joints if name in mechanism.description.joints]
     return {name: values[:, coordinate(name)] for name in joints}
-
-
-def _mean_rate(
-    known: np.ndarray, values: np.ndarray, time: np.ndarray, interval: float
-) -> np.ndarray:
-    """Mean rate of change of values at `known` times over intervals about other times."""
-    before, after = (np.clip(time + side * interval / 2.0, known[0], known[-1]) for side in (-1, 1))
-    change = np.interp(after, known, values) - np.interp(before, known, values)
-    return np.asarray(change / np.maximum(after - before, 1e-12))
 
 
 def _wrenches(result: Result) -> np.ndarray:
@@ -324,13 +290,6 @@ class Visits:
 
     def __len__(self) -> int:
         return len(self.time)
-
-
-def no_visits() -> tuple[Visits, Observed]:
-    """Of a measurement of impacts alone."""
-    none = np.zeros((0, 0))
-    arrays: Any = [none] * 12
-    return Visits((), *arrays), Observed((), none, none, (), none)
 
 
 @dataclass(frozen=True)
@@ -553,7 +512,7 @@ def visits(
     stands = _standing(time, q, limit)
     pieces = _pieces(time, q, ways, stands, size, force)
     if not pieces:
-        raise TooLittle(
+        raise JointplayError(
             f"{measured.source}: no stop of {STOP_S:g} s and no stretch in one direction with "
             f"{FEWEST_IN_VISIT} records in a cell; measure slower, or with more records a second"
         )

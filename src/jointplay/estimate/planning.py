@@ -366,8 +366,8 @@ class Information:
     """Shape (k, p + c, p + c)."""
     before: np.ndarray
     """What is known before, shape (p + c, p + c)."""
-    soft: tuple[str, ...] = ()
-    """Labels of the compliances."""
+    labels: tuple[str, ...]
+    """Of the unknowns and the compliances, (p + c,)."""
 
     @classmethod
     def of(cls, problem: LeastSquares, theta: np.ndarray, part: np.ndarray) -> Information:
@@ -375,7 +375,8 @@ class Information:
         effect, m = problem.project(problem.effects(theta)), len(problem.measured)
         parts = [effect[:m][part == one] for one in range(int(part.max()) + 1)]
         known = effect[m:].T @ effect[m:]
-        return cls(np.array([one.T @ one for one in parts]), known)
+        labels = tuple(one.label for one in problem.unknowns)
+        return cls(np.array([one.T @ one for one in parts]), known, labels)
 
 
 def informations(
@@ -419,9 +420,10 @@ def informations(
 
 def prior(unknowns: Sequence[Unknown], model: StaticModel) -> tuple[np.ndarray, tuple[str, ...]]:
     """What is known of unknowns and compliances before, by their scales, and their labels."""
-    soft = [one.unknown for one in model.elastic for _ in range(one.effect.shape[2])]
-    known = [one.scale / one.spread for one in (*unknowns, *soft)]
-    return np.diag(np.square(known) + _PRIOR), tuple(one.label for one in soft)
+    soft = (one.unknown for one in model.elastic for _ in range(one.effect.shape[2]))
+    every = (*unknowns, *soft)
+    known = [one.scale / one.spread for one in every]
+    return np.diag(np.square(known) + _PRIOR), tuple(one.label for one in every)
 
 
 def offers(
@@ -515,12 +517,11 @@ def half_widths(unknowns: Sequence[Unknown], gain: np.ndarray) -> np.ndarray:
 def _partners(
     unknowns: Sequence[Unknown], found: Information, chosen: Sequence[int]
 ) -> tuple[tuple[str, ...], ...]:
-    labels = [one.label for one in unknowns] + list(found.soft)
     gains, axes = np.linalg.eigh(found.before + found.gains[list(chosen)].sum(axis=0))
     null = axes[:, gains < 1.0 / LARGEST_SHARE**2]
     projector = null @ null.T
     return tuple(
-        tuple(dict.fromkeys(labels[k] for k in partners(projector[i], i)))
+        tuple(dict.fromkeys(found.labels[k] for k in partners(projector[i], i)))
         for i in range(len(unknowns))
     )
 

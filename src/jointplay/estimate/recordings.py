@@ -23,56 +23,37 @@ from jointplay.base import files
 from jointplay.base.errors import JointplayError, MissingName, require_a, require_known
 from jointplay.base.imports import extra
 from jointplay.base.progress import ProgressBar
-from jointplay.estimate.columns import SERVO_UNITS
 from jointplay.simulation.motion import rosbag
 
 if TYPE_CHECKING:
     from jointplay.estimate.measurement import Key, Measurement
 
 _NANO = 1_000_000_000
-_JOINT_FIELDS = {
-    "motor": "position", "link": "position", "torque": "effort", "goal": "position",
-    "position": "position",
-}  # fmt: skip
+_JOINT_FIELDS = {"motor": "position", "link": "position", "torque": "effort"}
 """Field of a JointState by kind of signal."""
-_FORCES = {
-    "geometry_msgs/msg/WrenchStamped": "wrench.force",
-    "geometry_msgs/msg/Vector3Stamped": "vector",
-}
 _VECTORS = {
     "tool": {
         "geometry_msgs/msg/PoseStamped": "pose.position",
         "geometry_msgs/msg/PointStamped": "point",
         "geometry_msgs/msg/TransformStamped": "transform.translation",
     },
-    "force": _FORCES,
-    "acceleration": {
-        "sensor_msgs/msg/Imu": "linear_acceleration",
-        "geometry_msgs/msg/AccelStamped": "accel.linear",
+    "force": {
+        "geometry_msgs/msg/WrenchStamped": "wrench.force",
         "geometry_msgs/msg/Vector3Stamped": "vector",
     },
-    "reaction": _FORCES,
 }
 """Vectors with x, y and z in messages: their fields by kind of signal and of message."""
 _READ_FROM = {kind: [rosbag.STATE] for kind in _JOINT_FIELDS} | {
     kind: list(messages) for kind, messages in _VECTORS.items()
 }
 """Messages by kind of signal."""
-_READ_FROM["goal"].append(rosbag.TRAJECTORY)
-_GOAL_S = 5e-3
-"""Interval in which the goals between a trajectory's points are taken [s]."""
-_IN_WORLD_AXES = ("tool", "force")
-"""Kinds of signal whose directions count; of accelerations and reactions only sizes do."""
 _INPUTS = ("motor", "link", "force")
 """Kinds of signal that must be known at the times of the others."""
 _SUFFIXES = {
     kind: ("effort",) if kind == "torque" else ("pos", "position") for kind in _JOINT_FIELDS
 }
 """What LeRobot puts behind the name of a motor, by kind of signal."""
-_EXAMPLES = {
-    "motor": "deg", "link": "deg", "torque": "N*m", "tool": "mm", "force": "N",
-    "acceleration": "m/s^2", "reaction": "N", "goal": "deg", "position": "deg",
-}  # fmt: skip
+_EXAMPLES = {"motor": "deg", "link": "deg", "torque": "N*m", "tool": "mm", "force": "N"}
 """Units by kind of signal, for messages."""
 _MAP = re.compile(r"(?:([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*\*\s*|(-)\s*)?(\S+)(?:\s+([-+])\s*(\S.*))?")
 """FACTOR * NAME + OFFSET: factor, sign, name, sign of the offset, offset."""
@@ -107,8 +88,6 @@ class _Map(NamedTuple):
 
 _Series = tuple[np.ndarray, dict[str, np.ndarray]]
 """Times of n records, integers (n,) [ns]; values by the recorded name, (n,), nan for none."""
-_Records = list[tuple[int, dict[str, float]]]
-"""What one message says: how long after its time [ns], and values by the recorded name."""
 
 
 @dataclass(frozen=True)
@@ -123,8 +102,8 @@ class Recording:
     """A bag (.mcap, or the folder that ``ros2 bag`` makes), or the folder of a dataset."""
     sources: Mapping[str, str]
     """Topic of a bag, or feature and unit of a dataset (``"observation.state [deg]"``), by signal:
-    ``motor``, ``link`` or ``torque`` of all joints that it names, ``tool``, ``force`` or
-    ``acceleration``, or one joint's: ``"elbow reaction"``, ``"elbow link"``."""
+    ``motor``, ``link`` or ``torque`` of all joints that it names, ``tool`` or ``force``, or one
+    joint's: ``"elbow link"``."""
     names: Mapping[str, str] = field(default_factory=dict)
     """Recorded name by joint (or axis x, y, z), where they differ; with a factor and an offset if
     zeros, directions or units differ: ``{"elbow": "-elbow_flex.pos + 90 deg"}``."""
@@ -167,9 +146,7 @@ class Recording:
             name, bracket, rest = text.strip().partition("[")
             name, unit = name.strip(), rest.rstrip("]").strip()
             wrong = ""
-            if kind == "reaction" and not joint:
-                wrong = "say whose reaction: 'JOINT reaction', such as 'elbow reaction'"
-            elif kind in ("tool", "force", "acceleration") and joint:
+            if kind in _VECTORS and joint:
                 wrong = f"{kind} is of the tool, not of a joint, got {signal!r}"
             elif not name or (bracket and not (unit and rest.endswith("]"))):
                 wrong = f"the source of {signal!r} must read TOPIC or 'FEATURE [unit]', got "
@@ -179,7 +156,7 @@ class Recording:
                 wrong += f"it, such as '{name} [{_EXAMPLES[kind]}]'"
             elif not self.is_dataset and unit:
                 wrong = f"messages of ROS are in SI units: write {name!r} without [{unit}]"
-            elif self.is_dataset and name.split(".")[0] == "action" and kind != "goal":
+            elif self.is_dataset and name.split(".")[0] == "action":
                 wrong = f"{name!r} is what was commanded, not what was measured: its difference "
                 wrong += "from the measured position is the error of the drive, not play"
             if wrong:
@@ -222,23 +199,6 @@ class Recording:
         """
         from jointplay.estimate.measurement import Measurement, sliding_of
 
-        for kind in SERVO_UNITS:
-            if any(source.kind == kind for source in self._sources()):
-                raise JointplayError(f"{kind!r} is a signal of servos alone: `identify_wiggled`")
-        found, notes = self.signals(joints, progress)
-        seconds, together = _together(str(self.path), found, notes)
-        return Measurement(
-            seconds, together, noise or {}, str(self.path), sliding_of(joints), math.inf,
-            tuple(notes),
-        )  # fmt: skip
-
-    def signals(
-        self, joints: Mapping[str, bool], progress: bool = False
-    ) -> tuple[dict[Key, tuple[np.ndarray, np.ndarray]], list[str]]:
-        """Times of each signal's records, integers (n,) [ns], and values (n,) [SI]; and notes.
-
-        Arguments and errors are those of `measurement`.
-        """
         sources, maps = self._sources(), self._maps()
         series, notes = self._dataset(sources) if self.is_dataset else self._bag(sources, progress)
         for target in maps:
@@ -248,6 +208,7 @@ class Recording:
         for one in maps.values():
             require_known("recorded name", one.name, recorded)
         found: dict[Key, tuple[np.ndarray, np.ndarray]] = {}
+        """Times of each signal's records, integers [ns], and values [SI]."""
         for source in sources:
             if source.joint and source.joint not in joints:
                 raise MissingName("joint", source.joint, joints)
@@ -261,7 +222,11 @@ class Recording:
                 if key in found:
                     raise JointplayError(f"{self.path}: {' '.join(key)} has two sources")
                 found[key] = time, numbers
-        return found, notes
+        seconds, together = _together(str(self.path), found, notes)
+        return Measurement(
+            seconds, together, noise or {}, str(self.path), sliding_of(joints), math.inf,
+            tuple(notes),
+        )  # fmt: skip
 
     def _bag(
         self, sources: Sequence[_Source], progress: bool
@@ -270,7 +235,7 @@ class Recording:
         path, notes = _bag_file(Path(self.path)), []
         with rosbag.opened(path) as bag:
             held = [f"{topic} ({kind.rpartition('/')[2]})" for topic, kind in bag.topics.items()]
-            getters: dict[_Source, Callable[[Any], _Records]] = {}
+            getters: dict[_Source, Callable[[Any], dict[str, float]]] = {}
             for source in sources:
                 if source.name not in bag.topics:
                     raise MissingName("topic", source.name, held)
@@ -280,8 +245,7 @@ class Recording:
                         f"{path}: {source.kind} cannot be read from {source.name}, which has "
                         f"{message}; it is read from {', '.join(fit)}"
                     )
-                where = f"{path}, topic {source.name}"
-                getters[source] = _getter(source.kind, message, where)
+                getters[source] = _getter(source.kind, message)
             if not getters:
                 raise JointplayError(
                     f"{path}: say which topic is which signal (--source motor=TOPIC, "
@@ -301,18 +265,13 @@ class Recording:
                     frames[channel.topic].add(message.header.frame_id)
                     for source, get in getters.items():
                         if source.name == channel.topic:
-                            log = record.log_time
-                            while rows[source] and rows[source][-1][1] > log:
-                                rows[source].pop()  # of a trajectory that this one ends
-                            for later, values in get(message):
-                                stamped = nano + later if nano else 0
-                                rows[source].append((stamped, log + later, values))
+                            rows[source].append((nano, record.log_time, get(message)))
                     bar.update()
         for source, found in rows.items():
             if not found:
                 raise JointplayError(f"{path}: {source.name} has no message")
             foreign = sorted(frames[source.name] - {"", "world", *self.world})
-            if foreign and source.kind in _IN_WORLD_AXES:
+            if foreign and source.kind in _VECTORS:
                 raise JointplayError(
                     f"{self.path}: {source.name} is in the frame {foreign[0]!r}; {source.kind} is "
                     f"needed in world axes: transform it, or say --world {foreign[0]} if they are"
@@ -345,7 +304,7 @@ class Recording:
             features = {
                 name: one for name, one in info["features"].items()
                 if one["dtype"].startswith(("float", "int"))
-                and name.startswith(("observation", "action"))
+                and name.startswith("observation")
             }  # fmt: skip
             for source in sources:
                 require_known("feature", source.name, features)
@@ -431,15 +390,12 @@ class Recording:
         from jointplay.estimate.measurement import JOINT_UNITS, TOOL_UNITS
 
         kind, joint, name, unit = source
-        units = (JOINT_UNITS | SERVO_UNITS).get(kind) or (TOOL_UNITS[kind],) * 2
+        units = JOINT_UNITS.get(kind) or (TOOL_UNITS[kind],) * 2
 
         def factor(goal: str) -> float:
             """SI units in a unit of the source; 1 for a topic."""
             return _si(f"1 {unit}", goal, f"source {name!r}") if unit else 1.0
 
-        if kind == "reaction":
-            size = np.linalg.norm(np.column_stack(list(recorded.values())), axis=1)
-            return {(kind, joint): size * factor(units[0])}
         targets = [joint] if joint else list(joints if kind in _JOINT_FIELDS else "xyz")
         found: dict[Key, np.ndarray] = {}
         for target in targets:
@@ -526,36 +482,22 @@ def _bag_file(path: Path) -> Path:
     return inside[0]
 
 
-def _getter(kind: str, message: str, where: str) -> Callable[[Any], _Records]:
+def _getter(kind: str, message: str) -> Callable[[Any], dict[str, float]]:
+    """From a message of a kind to values by the recorded name."""
     if kind not in _JOINT_FIELDS:
         vector = attrgetter(_VECTORS[kind][message])
-        return lambda one: [(0, {axis: getattr(vector(one), axis) for axis in "xyz"})]
-    if message == rosbag.TRAJECTORY:
-        return lambda one: _goals(*rosbag.points(one, where))
+        return lambda one: {axis: getattr(vector(one), axis) for axis in "xyz"}
     part = _JOINT_FIELDS[kind]
 
-    def values(state: Any) -> _Records:
+    def values(state: Any) -> dict[str, float]:
         numbers = getattr(state, part)
         if numbers and len(numbers) != len(state.name):
             raise JointplayError(
                 f"a message has {len(numbers)} values of {part} for {len(state.name)} joints"
             )
-        return [(0, dict(zip(state.name, numbers, strict=bool(numbers))))]
+        return dict(zip(state.name, numbers, strict=bool(numbers)))
 
     return values
-
-
-def _goals(joints: list[str], times: np.ndarray, positions: np.ndarray) -> _Records:
-    """What a trajectory commands, as goals that hold until the next."""
-    if (np.diff(times) <= 0.0).any():
-        raise JointplayError("a trajectory's times must increase")
-    fine = np.arange(times[0], times[-1] + 0.5 * _GOAL_S, _GOAL_S) if len(times) else times
-    between = [np.interp(fine, times, x).tolist() for x in positions.T]
-    each = zip(*between, strict=True)
-    return [
-        (round(t * _NANO), dict(zip(joints, goals, strict=True)))
-        for t, goals in zip(fine, each, strict=True)
-    ]
 
 
 def _names(feature: Mapping[str, Any]) -> list[str]:

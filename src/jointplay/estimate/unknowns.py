@@ -51,8 +51,6 @@ class Unknown:
     """Smallest possible value."""
     fine: bool = True
     """Whether it is as small as a clearance, and shown in such units."""
-    in_degrees: bool = False
-    """Whether an angle is shown in degrees."""
     model_error: float = 0.02
     """Part of its value by which the model itself is off, see benchmarks/truth/identify.py."""
 
@@ -65,8 +63,6 @@ class Unknown:
         """A value in the unit of tables."""
         if math.isnan(value):
             return ""
-        if self.in_degrees:
-            return f"{math.degrees(value):.4g} deg"
         return told(value, self.unit, fine=self.fine)
 
     def widest(self, value: float) -> float:
@@ -259,6 +255,11 @@ class Answer:
     def data(self) -> Table:
         """A row for each estimate [SI]."""
         return data(self.estimates)
+
+    def describe(self) -> dict[str, Any]:
+        """As plain data [SI]."""
+        rows = [one.describe() for one in self.estimates]
+        return {"unknowns": rows, "notes": list(self.notes)}
 
     def __getitem__(self, label: str) -> Estimate:
         return by_label(self.estimates, label)

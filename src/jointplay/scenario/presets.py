@@ -44,7 +44,6 @@ QUANTITIES = {
     "gear.play": "gear_play",
     "gear.stiffness": "gear_compliance",
     "friction.coulomb": "dry_friction",
-    "drive.friction": "servo_friction",
 }
 """What measurements call numbers of a joint; of bearings as the number is called."""
 _UNSAID = "what the file says"

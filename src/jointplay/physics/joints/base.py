@@ -438,10 +438,6 @@ class Clearance(Described, ABC):
         """The joint with a bore worn so, of a kind that can wear; see `BoreWear`."""
         raise JointplayError(f"the bearing of a {self.kind} joint cannot be worn")
 
-    def with_restitution(self, value: float) -> Self:
-        """The joint with another coefficient of restitution, of a kind that has one."""
-        raise JointplayError(f"contacts of a {self.kind} joint have no coefficient of restitution")
-
     def with_friction(self, law: FrictionLaw) -> Self:
         """The joint with another law of friction, of a kind that has one; else as it is."""
         return self
@@ -613,9 +609,6 @@ class SlidingClearance(Clearance):
     def dimensions(self) -> tuple[float, ...]:
         names = parameter_names(type(self).touch, ("k", "pose")) or ()
         return tuple(getattr(self, name) for name in names)
-
-    def with_restitution(self, value: float) -> Self:
-        return replace(self, restitution=value)
 
     def with_friction(self, law: FrictionLaw) -> Self:
         return replace(self, friction=law)

@@ -18,7 +18,6 @@ from jointplay.accuracy.error_budget import ErrorBudget, PlayBudget
 from jointplay.accuracy.jacobians import GEAR
 from jointplay.estimate import Calibration, Estimate, Identification
 from jointplay.estimate.unknowns import Loop
-from jointplay.estimate.watch import Watch
 from jointplay.model.mechanism import Mechanism
 from jointplay.show.picture import picture
 from jointplay.show.plots.chart import (
@@ -253,7 +252,7 @@ def allocation(allotment: Allocation) -> Figure:
     return _row(each, size, note=note, key=len(causes), same_y=True)
 
 
-# Figure of an identification: what was found beside the scenario, restitution, agreement.
+# Figure of an identification: what was found beside the scenario, agreement.
 
 
 _AGREEMENT = {
@@ -263,20 +262,17 @@ _AGREEMENT = {
 
 
 def identification(fit: Identification) -> Figure:
-    """Intervals relative to the scenario's values, predicted means over measured, restitution."""
+    """Intervals relative to the scenario's values, predicted means over measured."""
     kinds = list(dict.fromkeys(kind for kind, _ in fit.observed.keys))
-    words = "statistical; bars: 95 % intervals"
+    words = (
+        "statistical; bars: 95 % intervals; static model, left over "
+        f"{fit.misfit:.2g} standard errors (RMS)"
+    )
     shown = [one for one in fit.estimates if one.unknown.sought]
-    panels = []
-    if shown:
-        panel = _intervals(shown, 1.0, [one.unknown.scale for one in shown])
-        found = Axis("found / scenario", low=0.0)
-        panels.append(replace(panel.with_marks(Rule(1.0, "x", colour=LINE, line=":")), x=found))
-        words += f"; static model, left over {fit.misfit:.2g} standard errors (RMS)"
-    panels += [_agreement(fit, kind) for kind in kinds]
-    if fit.restitutions:
-        panel = _intervals(fit.restitutions, 0.5, [1.0] * len(fit.restitutions))
-        panels.append(replace(panel, x=Axis("restitution", low=0.0, high=1.0)))
+    panel = _intervals(shown)
+    found = Axis("found / scenario", low=0.0)
+    panel = replace(panel.with_marks(Rule(1.0, "x", colour=LINE, line=":")), x=found)
+    panels = [panel, *(_agreement(fit, kind) for kind in kinds)]
     height = max(2.0 + 0.3 * len(shown), 3.2)
     return _row(panels, (1.6 + 3.0 * len(panels), height), note=words)
 
@@ -288,7 +284,11 @@ _IN_ROW = 3
 def reversal_loops(loops: Sequence[Loop], estimates: Sequence[Estimate]) -> Figure:
     """Where each joint was against its motor, both ways, the fit over it; and its play in words."""
     note = "dots: measured, by the way moved or pushed (hollow: neither); lines: what was found"
-    return _in_rows([_reversal_loop(loop, estimates) for loop in loops], note)
+    panels: list[Panel | None] = [_reversal_loop(loop, estimates) for loop in loops]
+    across = min(len(panels), _IN_ROW)
+    panels += [None] * (-len(panels) % across)
+    rows = [panels[k : k + across] for k in range(0, len(panels), across)]
+    return draw(Chart(rows, (max(3.4 * across, 5.0), 0.6 + 3.0 * len(rows)), note=note))
 
 
 def _reversal_loop(loop: Loop, estimates: Sequence[Estimate]) -> Panel:
@@ -309,29 +309,6 @@ def _reversal_loop(loop: Loop, estimates: Sequence[Estimate]) -> Panel:
     return Panel(x, up, marks, title="\n".join([loop.joint, *play]))
 
 
-def courses(watched: Watch) -> Figure:
-    """How each play changed since the first measurement."""
-    panels: list[Panel | None] = []
-    for label, course in watched.courses.items():
-        changes = course.changes
-        told = [(one.value, *one.interval) for one in changes]
-        degrees = changes[-1].unknown.in_degrees
-        value, low, high = np.array(told).T / (np.radians(1.0) if degrees else 1.0)
-        seen = Curve(course.times, value, line="", marker="o", size=4.0, low=low, high=high)
-        unit = ("deg", "large") if degrees else (changes[-1].unknown.unit, "fine")
-        up = Axis("change since the first", *unit)
-        title = f"{label}\n{changes[-1].words()[1]}"
-        panels.append(Panel(Axis(f"{watched.unit}s"), up, [Rule(0.0), seen], title=title))
-    return _in_rows(panels, "statistical; bars: 95 % intervals")
-
-
-def _in_rows(panels: list[Panel | None], note: str) -> Figure:
-    across = min(len(panels), _IN_ROW)
-    panels = [*panels, *[None] * (-len(panels) % across)]
-    rows = [panels[k : k + across] for k in range(0, len(panels), across)]
-    return draw(Chart(rows, (max(3.4 * across, 5.0), 0.6 + 3.0 * len(rows)), note=note))
-
-
 def _interval(row: int, low: float, high: float, value: float) -> list[Mark]:
     return [
         Curve([low, high], [row, row], width=2.0),
@@ -339,12 +316,13 @@ def _interval(row: int, low: float, high: float, value: float) -> list[Mark]:
     ]
 
 
-def _intervals(rows: Sequence[Estimate], middle: float, scales: Sequence[float]) -> Panel:
+def _intervals(rows: Sequence[Estimate]) -> Panel:
     """Name, interval and value of a row each, by its scale; of what cannot be told that it is."""
     marks: list[Mark] = []
-    for row, (one, scale) in enumerate(zip(rows, scales, strict=True)):
+    for row, one in enumerate(rows):
+        scale = one.unknown.scale
         if one.reason:
-            marks.append(Words(middle, row, "cannot tell"))
+            marks.append(Words(1.0, row, "cannot tell"))
             continue
         low, high = (end / scale for end in one.interval)
         marks += _interval(row, low, high, one.value / scale)

@@ -280,17 +280,6 @@ class Servo(Drive):
         """
         return float(_servo(name)["armature"]["value"])
 
-    def with_gain(self, gain: float, voltage: float) -> Servo:
-        """The same with the P gain of its firmware, in its own numbers, and a supply [V].
-
-        Raises:
-            JointplayError: it is not in the catalogue, which says what a number of it is.
-        """
-        if self.catalogue is None:
-            raise JointplayError("what a gain of its firmware is stands in no catalogue")
-        duty = float(_servo(self.catalogue)["duty_gain"]["value"])
-        return replace(self, voltage=voltage, p_gain=gain * duty * voltage)
-
     @property
     def band(self) -> float:
         """Error of position up to which no voltage answers [rad or m]."""
@@ -321,9 +310,8 @@ class Servo(Drive):
         )
 
 
-_BESIDE = ("armature", "duty_gain")
-"""Of the catalogue, what is no field of a servo: the gear's `rotor_inertia`, and the part of the
-supply per error of position and number of the firmware's P gain [1/rad]."""
+_BESIDE = ("armature",)
+"""Of the catalogue, what is no field of a servo: the gear's `rotor_inertia`."""
 
 
 def _servo(name: str) -> dict[str, Any]:

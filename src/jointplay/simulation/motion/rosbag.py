@@ -20,7 +20,7 @@ from jointplay.base import files
 from jointplay.base.errors import JointplayError, require_known
 from jointplay.base.imports import extra
 
-TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
+_TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
 STATE = "sensor_msgs/msg/JointState"
 
 MOST_BYTES = 1 << 32
@@ -41,14 +41,13 @@ _PARTS = {
     "geometry_msgs/Transform": "geometry_msgs/Vector3 translation\n"
     "geometry_msgs/Quaternion rotation",
     "geometry_msgs/Wrench": "geometry_msgs/Vector3 force\ngeometry_msgs/Vector3 torque",
-    "geometry_msgs/Accel": "geometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular",
     "trajectory_msgs/JointTrajectoryPoint": "float64[] positions\nfloat64[] velocities\n"
     "float64[] accelerations\nfloat64[] effort\nbuiltin_interfaces/Duration time_from_start",
 }
 """Definitions of the messages' parts, from ROS 2's common_interfaces."""
 _MESSAGES = {
     STATE: "string[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort",
-    TRAJECTORY: "string[] joint_names\ntrajectory_msgs/JointTrajectoryPoint[] points",
+    _TRAJECTORY: "string[] joint_names\ntrajectory_msgs/JointTrajectoryPoint[] points",
     "geometry_msgs/msg/PoseStamped": "geometry_msgs/Pose pose",
     "geometry_msgs/msg/TwistStamped": "geometry_msgs/Twist twist",
     "geometry_msgs/msg/Vector3Stamped": "geometry_msgs/Vector3 vector",
@@ -56,11 +55,6 @@ _MESSAGES = {
     "geometry_msgs/msg/TransformStamped": "string child_frame_id\n"
     "geometry_msgs/Transform transform",
     "geometry_msgs/msg/WrenchStamped": "geometry_msgs/Wrench wrench",
-    "geometry_msgs/msg/AccelStamped": "geometry_msgs/Accel accel",
-    "sensor_msgs/msg/Imu": "geometry_msgs/Quaternion orientation\n"
-    "float64[9] orientation_covariance\ngeometry_msgs/Vector3 angular_velocity\n"
-    "float64[9] angular_velocity_covariance\ngeometry_msgs/Vector3 linear_acceleration\n"
-    "float64[9] linear_acceleration_covariance",
 }
 """Definitions of the messages, the header they all begin with left out."""
 
@@ -109,7 +103,7 @@ def read(path: str | Path, topic: str | None = None) -> tuple[list[str], np.ndar
         where = f"{path}, topic {chosen}"
         if not messages:
             raise JointplayError(f"{where}: there is no message")
-        return points(messages[-1], where) if kind == TRAJECTORY else _states(messages, where)
+        return _points(messages[-1], where) if kind == _TRAJECTORY else _states(messages, where)
 
 
 @dataclass(frozen=True)
@@ -219,11 +213,11 @@ def _check_schemas(schemas: Iterable[Any]) -> None:
 
 
 def _choose(topics: Mapping[str, str], path: Path, topic: str | None) -> tuple[str, str]:
-    fit = {name: kind for name, kind in topics.items() if kind in (TRAJECTORY, STATE)}
+    fit = {name: kind for name, kind in topics.items() if kind in (_TRAJECTORY, STATE)}
     if topic is not None:
         require_known("topic of joint positions", topic, fit)
         return fit[topic], topic
-    for kind in (TRAJECTORY, STATE):
+    for kind in (_TRAJECTORY, STATE):
         named = [name for name, one in fit.items() if one == kind]
         if len(named) > 1:
             raise JointplayError(f"{path}: name one of the topics {', '.join(named)}")
@@ -233,7 +227,7 @@ def _choose(topics: Mapping[str, str], path: Path, topic: str | None) -> tuple[s
     raise JointplayError(f"{path}: neither a JointTrajectory nor a JointState; it holds {held}")
 
 
-def points(message: Any, where: str) -> tuple[list[str], np.ndarray, np.ndarray]:
+def _points(message: Any, where: str) -> tuple[list[str], np.ndarray, np.ndarray]:
     """Of a JointTrajectory: joints; times (n,) [s] from its start; positions (n, joints)."""
     joints, given = list(message.joint_names), message.points
     for number, point in enumerate(given, 1):

@@ -1,0 +1,175 @@
+"""What has changed between two measurements of the same machine.
+
+Both are one least squares: the play of the first is an unknown, and how the second differs from it.
+Compliances and friction are the machine's, the same in both but for a little that is stated
+(`SAME`); offsets, drift and whatever else belongs to a measurement is its own. What the model is
+off by it is off by both times alike, so a change is told earlier than a value.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from jointplay.base.errors import JointplayError
+from jointplay.base.tables import counted, few
+from jointplay.estimate.least_squares import Fit, LeastSquares, search
+from jointplay.estimate.unknowns import PLAYS, Answer, Estimate, Unknown
+
+SAME = {"friction": 0.3, "": 0.1}
+"""By how much friction, and all else but play, differs between measurements: standard deviations,
+as parts of their sizes. An assumption."""
+_REMEMBERED = 64
+"""Predictions of a measurement that are kept: differences in the second leave the first's."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Changes(Answer):
+    """How plays of a machine changed from one measurement to another; SI units.
+
+    Estimates are of each play: its value in the second, and its change since the first.
+    """
+
+    @property
+    def sentence(self) -> str:
+        """The answer in plain words."""
+        known = [one for one in self.estimates if one.label.endswith(" change")]
+        told = [one for one in known if one.identified]
+        sure = {
+            "grown": [f"{one.joint} by {one.span}" for one in told if one.low > 0.0],
+            "become less": [f"{one.joint} by {one.span}" for one in told if one.high < 0.0],
+        }
+        words = [f"has {how} in {few(some)}" for how, some in sure.items() if some]
+        same = len(told) - sum(map(len, sure.values()))
+        if same:
+            words.append(f"may be as it was in {same} of {counted(len(known), 'joint')}")
+        if untold := [one.joint for one in known if not one.identified]:
+            words.append(f"of {few(untold)} no change can be told")
+        return f"Play {'; '.join(words)}"
+
+
+def changes(first: Sequence[LeastSquares], second: Sequence[LeastSquares]) -> Changes:
+    """How plays changed from one measurement of a machine to another.
+
+    Args:
+        first, second: least squares of each measurement; those with the same unknowns are compared.
+
+    Raises:
+        JointplayError: no play was measured both times; signals of other kinds.
+    """
+    before, after = (
+        {", ".join(unknown.label for unknown in one.unknowns): one for one in problems}
+        for problems in (first, second)
+    )
+    both = [label for label in before if label in after]
+    if not any(_plays(before[label].unknowns) for label in both):
+        raise JointplayError("no play was measured both times")
+    found = list[Estimate]()
+    for label in both:
+        pair = before[label], after[label]
+        fit, last = search(*_stacked(*pair)), search(pair[1], _begin(pair[1].unknowns))
+        for j, i in enumerate(_plays(pair[1].unknowns)):
+            found += [_told(last, i), _told(fit, len(pair[0].unknowns) + j)]
+    once = [one for one in {**before, **after} if one not in both]
+    notes = [f"note: {one}: measured once, no change is told" for one in once]
+    notes.append(
+        f"assumed: between the measurements compliances differ by {100.0 * SAME['']:g} %, friction "
+        f"by {100.0 * SAME['friction']:g} % (standard deviations)"
+    )
+    return Changes(estimates=tuple(found), notes=tuple(notes))
+
+
+def _plays(unknowns: Sequence[Unknown]) -> list[int]:
+    return [i for i, one in enumerate(unknowns) if one.name in PLAYS]
+
+
+def _begin(unknowns: Sequence[Unknown]) -> np.ndarray:
+    """Where to start from: nominal values, or half of the scale."""
+    known = [np.isfinite(one.nominal) and one.nominal for one in unknowns]
+    halves = (0.5 * one.scale for one in unknowns)
+    return np.array([value or half for value, half in zip(known, halves, strict=True)])
+
+
+def _told(fit: Fit, i: int) -> Estimate:
+    half = float(fit.half_width[i])
+    reason = "" if np.isfinite(half) else fit.why_not(i) or "nothing that was measured tells it"
+    return Estimate(fit.least.unknowns[i], float(fit.theta[i]), half, reason)
+
+
+def _stacked(first: LeastSquares, second: LeastSquares) -> tuple[LeastSquares, np.ndarray]:
+    """Both measurements as one problem, and where to start from.
+
+    Its unknowns are those of the first, then by what each play, and each other that is not known
+    exactly, differs in the second.
+    """
+    own, (low, high) = first.unknowns, first.limits
+    plays = _plays(own)
+    others = [i for i, one in enumerate(own) if i not in plays and one.spread != 0.0]
+    p, at = len(own), [*plays, *others]
+
+    def moved(i: int) -> Unknown:
+        one = own[i]
+        part = np.inf if i in plays else SAME["friction" if "friction" in one.name else ""]
+        return replace(
+            one, name=f"{one.name} change", nominal=0.0, sought=False, spread=part * one.scale,
+            least=-np.inf, most=np.inf,
+        )  # fmt: skip
+
+    @lru_cache(_REMEMBERED)
+    def of_first(values: bytes) -> np.ndarray:
+        return first.predict(np.frombuffer(values))
+
+    def predicted(theta: np.ndarray) -> np.ndarray:
+        later = theta[:p].copy()
+        later[at] += theta[p:]
+        later = np.clip(later, low, high)
+        return np.concatenate([of_first(theta[:p].tobytes()), second.predict(later)])
+
+    def one_after_other(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """Numbers of groups that differ between measurements, (m,)."""
+        return np.concatenate([a, b + 1 + a.max(initial=0) - b.min(initial=0)])
+
+    nuisance, spread = _nuisances(first, second)
+    kinds = first.kinds, second.kinds
+    whole = replace(
+        first,
+        unknowns=(*own, *map(moved, at)),
+        predict=predicted,
+        measured=np.concatenate([first.measured, second.measured]),
+        error=np.concatenate([first.error, second.error]),
+        nuisance=nuisance,
+        spread=spread,
+        groups=tuple(map(one_after_other, first.groups, second.groups)),
+        kinds=None if kinds[0] is None else np.concatenate(kinds),  # type: ignore[arg-type]
+        jacobian=None,
+        softening={
+            joint: np.concatenate([one, second.softening[joint]])
+            for joint, one in first.softening.items()
+        },
+    )
+    return whole, np.concatenate([_begin(own), np.zeros(len(at))])
+
+
+def _nuisances(first: LeastSquares, second: LeastSquares) -> tuple[np.ndarray, np.ndarray]:
+    """Effects (m, k) and spreads (k,): those of a measurement; what those of the machine, which
+    have labels, differ by; and these themselves."""
+    if first.labels != second.labels:
+        raise JointplayError("the measurements differ in what they measure: compare likes")
+    m, n, count = len(first.measured), len(second.measured), len(first.labels)
+    effects, wide = [], []
+    for one in (first, second):
+        effect = np.zeros((len(one.measured), 0)) if one.nuisance is None else one.nuisance
+        effects.append(effect)
+        wide.append(np.full(effect.shape[1], np.inf) if one.spread is None else one.spread)
+    (a, b), (known, other) = effects, wide
+    i, j = a.shape[1] - count, b.shape[1] - count
+    differ = np.flatnonzero(np.isfinite(other[j:]))
+    columns = np.zeros((m + n, i + j + len(differ) + count))
+    columns[:m, :i], columns[m:, i : i + j] = a[:, :i], b[:, :j]
+    columns[m:, i + j : i + j + len(differ)] = b[:, j + differ]
+    columns[:, i + j + len(differ) :] = np.concatenate([a[:, i:], b[:, j:]])
+    spread = [known[:i], other[:j], SAME[""] * other[j + differ], other[j:]]
+    return columns, np.concatenate(spread)
