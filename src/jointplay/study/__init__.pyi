@@ -4,6 +4,7 @@ from .corners import Judgement as Judgement
 from .corners import judge as judge
 from .corners import learn as learn
 from .shares import sensitivity as sensitivity
+from .store import Sweep as Sweep
 from .store import open_sweep as open_sweep
 from .study import Measure as Measure
 from .study import Memory as Memory

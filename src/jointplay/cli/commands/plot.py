@@ -36,12 +36,12 @@ def run(options: argparse.Namespace) -> int:
             raise JointplayError(f"{name}=NAME is missing")
     roles = {name: given.pop(name) for name in WORDS if name in given}
     store = Path(options.store)
-    default = f"{store.name.removesuffix('.zarr')}_{roles.get('z', roles['y'])}.png"
+    default = f"{store.name}_{roles.get('z', roles['y'])}.png"
     out = files.check_picture(options.out or store.parent / default)
     from jointplay.show.plots.sweep import draw  # what comes now takes long to import
     from jointplay.study import open_sweep
 
-    figure = draw(open_sweep(store), **roles, only=given)
+    figure = draw(open_sweep(store).dataset(), **roles, only=given)
     files.picture(out, figure)
     print(out)
     return 0

@@ -23,7 +23,7 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.study import open_sweep
     from jointplay.study.sweep_table import uncertainty
 
-    dataset = open_sweep(Path(options.store))
+    dataset = open_sweep(Path(options.store)).dataset()
     print(uncertainty(dataset, options.measure, options.precision))
     if out is not None:
         files.picture(out, draw_convergence(dataset, options.measure, options.precision))
