@@ -181,7 +181,7 @@ def test_a_sweep_goes_over_the_time_since_the_machine_was_switched_on(tmp_path):
     sweep = '[sweep.axes]\nminutes = { key = "heat.time", values = ["0 s", "5 min", "10 min"] }\n'
     text = SCENARIO.replace("balanced", "loaded")
     (tmp_path / "warm.toml").write_text(f"{text}\n{heat}\n{sweep}")
-    found = jp.sweep(tmp_path / "warm.toml", tmp_path / "s", jobs=1).load()
+    found = jp.sweep(tmp_path / "warm.toml", tmp_path / "s", jobs=1).dataset()
     assert (found["state"] == 1).all()
     forces = found["peak_force"].values
     assert len(set(forces.ravel())) == 3  # smaller clearances, other motions

@@ -49,13 +49,13 @@ def whole(tmp_path_factory):
         start("study", "sweep", path, "--out", folder / "s", "--quiet", "--jobs", 2)
     )
     assert status == 0, (out, err)
-    return path, jp.open_sweep(folder / "s").load(), time.monotonic() - began
+    return path, jp.open_sweep(folder / "s").dataset(), time.monotonic() - began
 
 
 def same(store, reference):
     """Whether a store holds exactly what an uninterrupted sweep gives."""
-    found = jp.open_sweep(store).load()
-    assert (found["state"] != 0).all()
+    found = jp.open_sweep(store).dataset()
+    assert (found["status"] != "not run").all()
     xr.testing.assert_identical(found.drop_vars("cost"), reference.drop_vars("cost"))
 
 
@@ -65,8 +65,8 @@ def finished(store):
     path = Path(store)
     if not (path / "zarr.json").exists():
         return found
-    opened = jp.open_sweep(store)
-    for index in np.argwhere(opened["state"].values != 0):
+    opened = jp.open_sweep(store).dataset()
+    for index in np.argwhere(opened["status"].values != 0):
         found[tuple(index.tolist())] = float(opened["cost"].values[tuple(index)])
     if (path / "journal").exists():
         number = Contents.read(path).store
@@ -81,7 +81,7 @@ def resume(path, store, *more):
     words = ("study", "sweep", path, "--out", store, "--resume", "--quiet", "--jobs", 2, *more)
     out, err, status = end(start(*words))
     assert status == 0, (out, err)
-    cost = jp.open_sweep(store)["cost"].values
+    cost = jp.open_sweep(store).dataset()["cost"].values
     for index, value in before.items():
         assert cost[index] == value, index
     return len(before)
@@ -187,7 +187,7 @@ def test_a_case_that_kills_its_worker_every_time_has_failed_and_the_rest_goes_on
     options = 'measures = ["deadly:bite"]'
     path.write_text(SCENARIO.format(axes=axes, options=options, duration="1 ms"))
     found = jp.sweep(path, tmp_path / "s", jobs=2)
-    assert found["state"].values.tolist() == [2, 1, 1]
+    assert found["status"].values.tolist() == [2, 1, 1]
     assert "3 worker processes ended while running this case" in str(found["error"].values[0])
 
 

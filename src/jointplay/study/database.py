@@ -214,8 +214,8 @@ class Rows:
 
     # ---- Read -----------------------------------------------------------------------------------
 
-    def blocks(self, most: int) -> Iterator[dict[str, Any]]:
-        """Rows by column, some at a time; ``place`` is a list of texts.
+    def blocks(self, most: int) -> Iterator[tuple[list[str], dict[str, np.ndarray]]]:
+        """Places of rows, some at a time, and their values by column.
 
         Args:
             most: there can be, by what the file is of.
@@ -236,7 +236,7 @@ class Rows:
                            "there twice")  # fmt: skip
             if kept:
                 place, _, *values = zip(*kept, strict=True)
-                yield {"place": list(place)} | {
+                yield list(place), {
                     one.name: np.array(column, KINDS[one.kind])
                     for one, column in zip(self.columns, values, strict=True)
                 }

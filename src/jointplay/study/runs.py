@@ -66,8 +66,8 @@ class Runs(Memory[Arrays]):
                 f"{', '.join(other)}); choose another folder"
             )
         good = []
-        for block in self._rows.blocks(MOST_RUNS):
-            for place, text in zip(block["place"], block[_FOUND], strict=True):
+        for places, values in self._rows.blocks(MOST_RUNS):
+            for place, text in zip(places, values[_FOUND], strict=True):
                 with suppress(ValueError, TypeError, AttributeError):  # none of ours: run again
                     found = {name: _unpacked(one) for name, one in json.loads(text).items()}
                     self[_hashable(json.loads(place))] = found

@@ -22,7 +22,7 @@ import numpy as np
 from jointplay.base import files
 from jointplay.base.errors import JointplayError, damaged, one_line, require_a, require_whole
 from jointplay.base.hdf5 import MEMORY_SHARE, memory
-from jointplay.study.database import FILE, MOST_COLUMNS, Column, Rows, is_there
+from jointplay.study.database import FILE, KINDS, MOST_COLUMNS, Column, Rows, is_there
 from jointplay.study.outcome import DONE, FAILED, NOT_RUN, Index, Outcome
 
 if TYPE_CHECKING:
@@ -115,21 +115,18 @@ class SweepStore:
         self._check_study(contents.about, extend)
         if any(contents.sizes[name] > size for name, size in self.plan.sizes.items()):
             raise damaged(self._rows.path, "sweep", f"its sizes are {contents.sizes}")
-        good, failed = [], 0
-        for block in contents.blocks():
-            for place, index, status, sealed in zip(
-                block["place"], block["index"], block["status"], block["result"], strict=True
-            ):
-                if sealed and not _is_sealed(self.path / RESULTS / file_of(index), sealed):
-                    self._rows.whole = False
-                    continue
-                good.append((place, index))
-                failed += status == FAILED
+        kept: list[str] = []
+        for index, values in contents.blocks():
+            good = np.array([
+                not sealed or _is_sealed(self.path / RESULTS / file_of(at), sealed)
+                for at, sealed in zip(index.tolist(), values["result"], strict=True)
+            ])  # fmt: skip
+            self.ran[tuple(index[good].T)] = True
+            self.failed += int(np.count_nonzero(values["status"][good] == FAILED))
+            kept += map(place_of, index[good].tolist())
+            self._rows.whole &= bool(good.all())
         if not self._rows.whole:
-            self._rows.rebuild([place for place, _ in good], contents.count)
-        self.failed = failed
-        for _, index in good:
-            self.ran[index] = True
+            self._rows.rebuild(kept, contents.count)
         self._rows.set_about(self._about())
 
     def _check_study(self, about: Mapping[str, Any], extend: bool) -> None:
@@ -222,8 +219,8 @@ class SweepStore:
             known = ", ".join(one.name for one in contents.measures)
             raise JointplayError(f"no case has the measure {name!r}; there are: {known}")
         found = np.full(self.plan.shape, np.nan)
-        for block in contents.blocks():
-            found[tuple(block["index"].T)] = block[name]
+        for index, values in contents.blocks():
+            found[tuple(index.T)] = values[name]
         return found
 
     def close(self, whole: bool = True) -> None:
@@ -327,23 +324,25 @@ class Contents:
     def _damaged(self, reason: str) -> JointplayError:
         return damaged(self.rows.path, "sweep", reason)
 
-    def blocks(self) -> Iterator[dict[str, Any]]:
-        """Rows as `Rows.blocks` gives them, with ``index``: where each is along each dimension.
+    def blocks(self) -> Iterator[tuple[np.ndarray, dict[str, np.ndarray]]]:
+        """Where cases are along each dimension, shape (n, dimensions), and their values by column.
 
         Raises:
             JointplayError: a row is damaged, or of no case of the sweep.
         """
         shape = np.array(list(self.sizes.values()))
-        for block in self.rows.blocks(self.count):
+        for places, values in self.rows.blocks(self.count):
             try:
-                index = np.array([place.split() for place in block["place"]], np.int64)
+                index = np.array([place.split(" ") for place in places], np.int64)
+                good = list(map(place_of, index.tolist())) == places
             except (ValueError, OverflowError):
-                raise self._damaged("a row has the place of no case") from None
-            if index.shape[1:] != shape.shape or (index < 0).any() or (index >= shape).any():
+                good = False
+            good = good and index.shape[1] == len(shape)
+            if not good or (index < 0).any() or (index >= shape).any():
                 raise self._damaged("a row has the place of no case")
-            if not {*block["status"]} <= {DONE, FAILED}:
+            if not {*values["status"]} <= {DONE, FAILED}:
                 raise self._damaged("a case is neither done nor failed")
-            yield block | {"index": index}
+            yield index, values
 
 
 class Sweep:
@@ -363,33 +362,39 @@ class Sweep:
     def __init__(self, path: str | Path) -> None:
         require_a("path", path, "str", "Path")
         self.path = Path(path)
-        contents, _ = self._read(cases=False)
+        contents, _, _ = self._read(cases=False)
         self.about, self.sizes = contents.about, contents.sizes
 
     def __repr__(self) -> str:
         sizes = ", ".join(f"{name}: {size}" for name, size in self.sizes.items())
         return f"<jointplay Sweep {str(self.path)!r}: {sizes}>"
 
-    def _read(self, cases: bool = True) -> tuple[Contents, dict[str, np.ndarray]]:
-        """What there is now, and values by column, with ``number`` and ``index`` of cases."""
+    def _read(self, cases: bool = True) -> tuple[Contents, np.ndarray, dict[str, np.ndarray]]:
+        """What there is now: numbers of cases in the grid, which ascend, and values by column."""
         if not files.is_file(self.path / FILE):
             raise JointplayError(f"no sweep {str(self.path)!r}")
         rows = Rows(self.path / FILE)
         try:
             contents = Contents(rows)
             if not cases:
-                return contents, {}
+                return contents, np.empty(0, np.int64), {}
             if 16.0 * contents.count * len(rows.columns) > MEMORY_SHARE * memory():
                 raise JointplayError(f"{str(self.path)!r} needs more memory than this machine has")
             blocks = list(contents.blocks())
         finally:
             rows.close()
-        names = ["index", *(one.name for one in rows.columns)]
-        if not blocks:
-            return contents, {}
-        found = {name: np.concatenate([one[name] for one in blocks]) for name in names}
-        found["number"] = np.ravel_multi_index(tuple(found["index"].T), tuple(contents.sizes.values()))
-        return contents, found
+        shape = tuple(contents.sizes.values())
+        empty: list[np.ndarray] = [np.empty(0, np.int64)]
+        number = np.concatenate(
+            empty + [np.ravel_multi_index(tuple(index.T), shape) for index, _ in blocks]
+        )
+        order = np.argsort(number, kind="stable")
+        values = {
+            one.name: np.concatenate([found[one.name] for _, found in blocks])[order]
+            if blocks else np.empty(0, KINDS[one.kind])
+            for one in rows.columns
+        }  # fmt: skip
+        return contents, number[order], values
 
     def table(self) -> pd.DataFrame:
         """A row for each case that was run, in the order of the grid.
@@ -403,13 +408,10 @@ class Sweep:
         """
         import pandas as pd
 
-        contents, found = self._read()
+        contents, number, values = self._read()
         columns = [*contents.values, *SAID[:2], *contents.measures]
-        empty: np.ndarray = np.empty(0, np.int64)
-        order = np.argsort(found.get("number", empty), kind="stable")
         frame = pd.DataFrame(
-            {one.name: found[one.name][order] if found else [] for one in columns},
-            pd.Index(found.get("number", empty)[order], name="case"),
+            {one.name: values[one.name] for one in columns}, pd.Index(number, name="case")
         )
         frame.attrs["units"] = {one.name: one.unit for one in columns}
         return frame
@@ -425,14 +427,13 @@ class Sweep:
         """
         import xarray as xr
 
-        contents, found = self._read()
+        contents, number, values = self._read()
         dims, shape = tuple(contents.sizes), tuple(contents.sizes.values())
-        about = {name: text for name, text in contents.about.items() if name != "labels"}
+        about = {name: contents.about[name] for name in _ABOUT if name != "labels"}
 
         def spread(name: str, empty: Any, kind: Any = None) -> np.ndarray:
             grid = np.full(contents.count, empty, kind)
-            if found:
-                grid[found["number"]] = found[name]
+            grid[number] = values[name]
             return grid.reshape(shape)
 
         variables: dict[str, Any] = {
@@ -444,13 +445,12 @@ class Sweep:
         for one in contents.values:
             given = contents.about["labels"].get(one.name)
             if given is not None:
-                values, along = np.array(given["values"]), one.name
-                values = values if values.dtype.kind in "fib" else values.astype(object)
+                along, labels = one.name, np.array(given["values"])
+                labels = labels.astype(object) if labels.dtype.kind == "U" else labels
             else:  # sampled: known of the samples that were run
-                along, values = "sample", np.full(contents.sizes["sample"], np.nan)
-                if found:
-                    values[found["index"][:, dims.index("sample")]] = found[one.name]
-            coordinates[one.name] = along, values, _attributes(one)
+                along, labels = "sample", np.full(contents.sizes["sample"], np.nan)
+                labels[np.unravel_index(number, shape)[dims.index("sample")]] = values[one.name]
+            coordinates[one.name] = along, labels, _attributes(one)
         return xr.Dataset(variables, coordinates, about)
 
     def result(self, case: int) -> Result:
@@ -465,17 +465,17 @@ class Sweep:
         from jointplay.simulation.result import netcdf
         from jointplay.simulation.result.result import Result
 
-        number = require_whole("case", case, 0, math.prod(self.sizes.values()) - 1)
-        _, found = self._read()
-        there = np.flatnonzero(found["number"] == number) if found else np.empty(0, int)
-        sealed = str(found["result"][there[0]]) if there.size else ""
-        if not sealed:
-            raise JointplayError(
-                f"no result of case {number} in {str(self.path)!r}: "
-                + ("it was not run" if not there.size else "it failed" if
-                   found["status"][there[0]] == FAILED else "the sweep keeps none; results = true")
-            )  # fmt: skip
-        path = self.path / RESULTS / file_of(found["index"][there[0]].tolist())
+        wanted = require_whole("case", case, 0, math.prod(self.sizes.values()) - 1)
+        contents, number, values = self._read()
+        there = {"status": NOT_RUN, "result": ""}
+        if (at := int(np.searchsorted(number, wanted))) < len(number) and number[at] == wanted:
+            there = {name: str(values[name][at]) for name in there}
+        if not (sealed := there["result"]):
+            reasons = {NOT_RUN: "it was not run", FAILED: "it failed"}
+            reason = reasons.get(there["status"], "the sweep keeps none (results = true)")
+            raise JointplayError(f"no result of case {wanted} in {str(self.path)!r}: {reason}")
+        index = np.unravel_index(wanted, tuple(contents.sizes.values()))
+        path = self.path / RESULTS / file_of(index)
         result = Result.load(path)
         if netcdf.checksum(path) != sealed:
             raise damaged(path, "result", "it is that of another case; --resume runs it again")
