@@ -31,9 +31,7 @@ def done(tmp_path_factory):
     (folder / "own.py").write_text(
         "def longest(result):\n    return {'reach': abs(result['tool_position'].values).max()}\n"
     )
-    options = (
-        'measures = ["own:longest"]\nresults = true\nrepeats = 2'
-    )
+    options = 'measures = ["own:longest"]\nresults = true\nrepeats = 2'
     path.write_text(SCENARIO.format(axes=GRID, options=options, duration="0.02 s"))
     jp.import_module(folder / "own.py")
     jp.sweep(path, folder / "store")
@@ -282,7 +280,6 @@ def test_sobol_indices_are_printed_of_a_saltelli_design(swept, tmp_path, capsys)
 
 
 def test_files_travel_with_the_job(swept, tmp_path):
-    from jointplay.study import plan_of
 
     urdf = jp.shipped("scara.urdf").read_text()
     (tmp_path / "here").mkdir()
@@ -357,14 +354,23 @@ def test_results_of_cases_may_differ_in_length_and_those_that_failed_have_none(s
     found = jp.sweep(swept(axis, "results = true"), tmp_path / "store", jobs=1)
     assert found.table()["status"].tolist() == ["done", "failed", "done"]
     assert [found.result(case).time[-1] for case in (0, 2)] == pytest.approx([2e-3, 3.05e-3])
-    with pytest.raises(JointplayError, match="no result of case 1 .* it failed"):
+    with pytest.raises(JointplayError, match=r"no result of case 1 .* it failed"):
         found.result(1)
     for case in (-1, 3, 1.5):
         with pytest.raises(JointplayError, match="case must be a whole number"):
             found.result(case)
 
 
-NAMES = ("a/b", "_[c] <&>", "..", "né '\"; DROP TABLE cases; --", "Impacts", "place", "Checksum", "%s ?")
+NAMES = (
+    "a/b",
+    "_[c] <&>",
+    "..",
+    "né '\"; DROP TABLE cases; --",
+    "Impacts",
+    "place",
+    "Checksum",
+    "%s ?",
+)
 
 
 def test_measures_and_axes_may_have_any_name(swept, tmp_path):

@@ -23,13 +23,13 @@ from pathlib import Path
 
 import numpy as np
 from common import command
+from jointplay.study.journal import Outcome
 
 import jointplay as jp
 from jointplay.base.files import temporary
 from jointplay.base.tables import Table
 from jointplay.study import open_sweep, plan_of
 from jointplay.study.case import Bench, job
-from jointplay.study.journal import Outcome
 from jointplay.study.measures import COST
 from jointplay.study.store import SweepStore
 from jointplay.study.sweeps import workers_for

@@ -55,6 +55,8 @@ _SEAL_BYTES = 8
 """Of a checksum: one change in 2⁶⁴ would go unnoticed."""
 _SUPER = b"\xd9\xd5\x05\xf9\x20\xa1\x63\xd7"
 """How a rollback journal ends that names another file (SQLite's file format, section 3)."""
+_OTHER_TYPE = ValueError, TypeError, OverflowError
+"""What is raised over a value that its column cannot have."""
 _ABOUT = "CREATE TABLE about (content TEXT, checksum TEXT)"
 
 
@@ -158,6 +160,8 @@ class Rows:
                 self.connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MOST_BYTES)
                 for pragma in ("trusted_schema=OFF", "cell_size_check=ON", "mmap_size=0"):
                     self.connection.execute(f"PRAGMA {pragma}")
+                if not self._write:
+                    self.connection.execute("BEGIN")  # all of it is read as it is now
                 self._read_about()
                 if self._write:
                     self.connection.execute("PRAGMA journal_mode=WAL")
@@ -226,20 +230,27 @@ class Rows:
         """
         seen: set[str] = set()
         for rows in self._read(most):
-            kept = []
-            for row, good in zip(rows, self._good(rows), strict=True):
-                if good and row[0] not in seen:
-                    seen.add(row[0])
-                    kept.append(row)
+            try:
+                places, columns, good = self._checked(rows)
+            except _OTHER_TYPE:
+                typed = [row for row in rows if self._is_good(row)]
+                self._hurt("a row has a value of another type")
+                if not typed:
                     continue
-                self._hurt(f"the row of case {row[0]!r:.60} does not match its checksum, or is "
+                places, columns, good = self._checked(typed)
+            kept = []
+            for k, (place, is_good) in enumerate(zip(places, good, strict=True)):
+                if is_good and place not in seen:
+                    seen.add(place)
+                    kept.append(k)
+                    continue
+                self._hurt(f"the row of case {place!r:.60} does not match its checksum, or is "
                            "there twice")  # fmt: skip
-            if kept:
-                place, _, *values = zip(*kept, strict=True)
-                yield list(place), {
-                    one.name: np.array(column, KINDS[one.kind])
-                    for one, column in zip(self.columns, values, strict=True)
-                }
+            if len(kept) == len(places):
+                yield places, columns
+            elif kept:
+                some = {name: column[kept] for name, column in columns.items()}
+                yield [places[k] for k in kept], some
 
     def _hurt(self, reason: str) -> None:
         self.whole = False
@@ -269,36 +280,42 @@ class Rows:
                     if rows := self.connection.execute(one_row, (number,)).fetchall():
                         yield rows
 
-    def _good(self, rows: Sequence[Any]) -> list[bool]:
-        try:
-            seals = self._seals([(row[0], *row[2:]) for row in rows])
-        except (ValueError, TypeError, OverflowError):  # a value of another type
-            if len(rows) == 1:
-                return [False]
-            return [self._good([row])[0] for row in rows]
-        return [row[1] == seal for row, seal in zip(rows, seals, strict=True)]
+    def _checked(self, rows: Sequence[Any]) -> tuple[list[str], dict[str, np.ndarray], list[bool]]:
+        """Places of rows, their values by column, and whether they match their checksums."""
+        places, seals, *given = zip(*rows, strict=True)
+        columns = {
+            one.name: np.array(values, KINDS[one.kind])
+            for one, values in zip(self.columns, given, strict=True)
+        }
+        right = self._seals(places, given, columns)
+        return list(places), columns, [a == b for a, b in zip(seals, right, strict=True)]
 
-    def _seals(self, rows: Sequence[Any]) -> list[bytes]:
+    def _is_good(self, row: Any) -> bool:
+        with suppress(*_OTHER_TYPE):
+            return self._checked([row])[2][0]
+        return False
+
+    def _seals(
+        self, places: Sequence[str], given: Sequence[Any], columns: Mapping[str, np.ndarray]
+    ) -> list[bytes]:
         """Checksums of rows: the number of the file, texts and whole numbers, then real numbers.
 
         Those behind the last that is no NaN are left out, so that further columns change nothing.
         """
-        kinds = ["TEXT", *(one.kind for one in self.columns)]
-        real = [k for k, kind in enumerate(kinds) if kind == "REAL"]
-        other = [k for k, kind in enumerate(kinds) if kind != "REAL"]
-        columns = list(zip(*rows, strict=True))
-        numbers = np.array([columns[k] for k in real], float).reshape(len(real), len(rows)).T
+        real = [columns[one.name] for one in self.columns if one.kind == "REAL"]
+        numbers = np.array(real, "<f8").reshape(len(real), len(places)).T
         known = ~np.isnan(numbers)
-        sizes = np.where(known, np.arange(1, len(real) + 1), 0).max(axis=1, initial=0)
-        numbers = np.ascontiguousarray(np.where(known, numbers + 0.0, np.nan), "<f8")
-        data, width = memoryview(numbers.tobytes()), 8 * len(real)
-        begun = hashlib.sha256(self._store.encode())
-        seals = []
-        for k, (row, size) in enumerate(zip(rows, sizes.tolist(), strict=True)):
+        sizes = np.where(known, np.arange(8, 8 * len(real) + 8, 8), 0).max(axis=1, initial=0)
+        data = memoryview(np.where(known, numbers + 0.0, np.nan).tobytes())  # no zero has a sign
+        others = [x for one, x in zip(self.columns, given, strict=True) if one.kind != "REAL"]
+        texts = zip(places, *([str(x) for x in column] for column in others), strict=True)
+        begun, begin, seals = hashlib.sha256(self._store.encode()), 0, []
+        for text, size in zip(texts, sizes.tolist(), strict=True):
             seal = begun.copy()
-            seal.update("\0".join([str(row[n]) for n in other]).encode())
-            seal.update(data[k * width : k * width + 8 * size])
+            seal.update("\0".join(text).encode())
+            seal.update(data[begin : begin + size])
             seals.append(seal.digest()[:_SEAL_BYTES])
+            begin += 8 * len(real)
         return seals
 
     # ---- Write ----------------------------------------------------------------------------------
@@ -315,13 +332,18 @@ class Rows:
             else values[one.name]
             for one in self.columns
         ]  # fmt: skip
-        (seal,) = self._seals([(place, *row)])
-        marks = ", ".join("?" * (2 + len(row)))
+        given = [[value] for value in row]
+        columns = {
+            one.name: np.array(value, KINDS[one.kind])
+            for one, value in zip(self.columns, given, strict=True)
+        }
+        (seal,) = self._seals([place], given, columns)
         late = time.monotonic() - self._synced > SYNC_S
         with self._errors():
             if late:  # which has all that was written before on disk as well
                 self.connection.execute("PRAGMA synchronous=FULL")
-            self.connection.execute(f"INSERT INTO cases VALUES ({marks})", (place, seal, *row))
+            whole = (place, seal, *row)
+            self.connection.execute(f"INSERT INTO cases VALUES ({_marks(whole)})", whole)
             if late:
                 self.connection.execute("PRAGMA synchronous=NORMAL")
                 self._synced = time.monotonic()
@@ -364,10 +386,10 @@ class Rows:
         with closing(_fresh(_content(self.about, self.columns), self.columns)) as fresh:
             fresh.execute("BEGIN")
             for rows in self._read(most):
-                for row, good in zip(rows, self._good(rows), strict=True):
-                    if good and row[0] in left:
+                for row in rows:
+                    if row[0] in left and self._is_good(row):
                         left.remove(row[0])
-                        fresh.execute(f"INSERT INTO cases VALUES ({', '.join('?' * len(row))})", row)
+                        fresh.execute(f"INSERT INTO cases VALUES ({_marks(row)})", row)
             fresh.execute("COMMIT")
             content = fresh.serialize()
         with self._errors():
@@ -422,6 +444,10 @@ class _Elsewhere(JointplayError):
 def _content(about: Mapping[str, Any], columns: Sequence[Column]) -> str:
     given = {**about, "format": FORMAT, "columns": [astuple(one) for one in columns]}
     return json.dumps(given, ensure_ascii=True)
+
+
+def _marks(row: Sequence[Any]) -> str:
+    return ", ".join("?" * len(row))
 
 
 def _checksum(content: str) -> str:

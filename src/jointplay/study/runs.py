@@ -86,8 +86,7 @@ class Runs(Memory[Arrays]):
 
 def _packed(values: np.ndarray) -> tuple[str, tuple[int, ...], str]:
     """Numbers or text as JSON has them: type, shape, and bytes."""
-    array = np.ascontiguousarray(values)
-    return array.dtype.str, array.shape, b64encode(array.tobytes()).decode()
+    return values.dtype.str, values.shape, b64encode(values.tobytes()).decode()
 
 
 def _unpacked(given: Any) -> np.ndarray:

@@ -11,7 +11,6 @@ its row knows. Its case then runs again.
 from __future__ import annotations
 
 import math
-import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -290,17 +289,23 @@ class Contents:
 
     def __init__(self, rows: Rows) -> None:
         self.rows, self.about = rows, rows.about
-        wrong = [name for name, kind in _ABOUT.items() if not isinstance(self.about.get(name), kind)]
+        wrong = [
+            name for name, kind in _ABOUT.items() if not isinstance(self.about.get(name), kind)
+        ]
         if wrong:
             raise self._damaged(f"{wrong[0]} is {self.about.get(wrong[0])!r:.60}")
         self.sizes: dict[str, int] = self.about["sizes"]
         sizes, sampled = self.sizes.values(), self.about["sampled"]
-        whole = sizes and all(type(size) is int and size > 0 for size in sizes)
+        whole = bool(sizes) and all(type(size) is int and size > 0 for size in sizes)
         if not whole or math.prod(sizes) > MOST_CASES:
             raise self._damaged(f"its sizes are {self.sizes!r:.60}")
         self.count = math.prod(sizes)
-        texts = (self.about[name].items() for name in ("identity", "versions", "inputs"))
-        if not all(isinstance(text, str) for pairs in texts for pair in pairs for text in pair):
+        given = [
+            text
+            for name in ("identity", "versions", "inputs")
+            for text in self.about[name].values()
+        ]
+        if not all(isinstance(text, str) for text in given):
             raise self._damaged("its inputs are no texts")
         for name, one in self.about["labels"].items():
             given = one.get("values") if isinstance(one, dict) else None
@@ -333,11 +338,10 @@ class Contents:
         shape = np.array(list(self.sizes.values()))
         for places, values in self.rows.blocks(self.count):
             try:
-                index = np.array([place.split(" ") for place in places], np.int64)
-                good = list(map(place_of, index.tolist())) == places
+                index = np.array([list(map(int, place.split(" "))) for place in places], np.int64)
+                good = index.shape[1] == len(shape)
             except (ValueError, OverflowError):
                 good = False
-            good = good and index.shape[1] == len(shape)
             if not good or (index < 0).any() or (index >= shape).any():
                 raise self._damaged("a row has the place of no case")
             if not {*values["status"]} <= {DONE, FAILED}:
@@ -437,7 +441,8 @@ class Sweep:
             return grid.reshape(shape)
 
         variables: dict[str, Any] = {
-            one.name: (dims, spread(one.name, np.nan), _attributes(one)) for one in contents.measures
+            one.name: (dims, spread(one.name, np.nan), _attributes(one))
+            for one in contents.measures
         }
         variables["status"] = dims, spread("status", NOT_RUN, "U7"), {"units": ""}
         variables["error"] = dims, spread("error", "", object), {"units": ""}

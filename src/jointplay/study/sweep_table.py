@@ -81,7 +81,9 @@ def table(dataset: xr.Dataset, rows: int = 20) -> str:
         text += f"\n{len(failed)} of {status.size} cases failed; the first: "
         text += str(dataset["error"].values[tuple(failed[0])])
     cost = float(np.nansum(dataset["cost"].values)) if "cost" in dataset else 0.0
-    return f"{text}\n{int(np.count_nonzero(status != NOT_RUN))} cases, {cost:.3g} s of processor time"
+    return (
+        f"{text}\n{int(np.count_nonzero(status != NOT_RUN))} cases, {cost:.3g} s of processor time"
+    )
 
 
 def columns_of(dataset: xr.Dataset) -> list[tuple[str, str, float]]:
