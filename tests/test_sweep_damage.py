@@ -247,7 +247,7 @@ def test_a_page_that_sqlite_cannot_read_costs_its_rows_alone(where, tmp_path):
     rows = Rows.make(path, {}, [Column(f"x{k}") for k in range(20)])
     for k in range(200):
         rows.add(str(k), {f"x{n}": 0.1 * (k + n) for n in range(20)})
-    rows.close(whole=True)
+    rows.close()
     content = bytearray(path.read_bytes())
     with closing(sqlite3.connect(path)) as opened:
         (seal,) = opened.execute("SELECT checksum FROM cases WHERE place = '100'").fetchone()
@@ -266,7 +266,7 @@ def test_a_page_that_sqlite_cannot_read_costs_its_rows_alone(where, tmp_path):
     assert 170 < len(found) < 200 if where == "rows" else not found
     rows.rebuild(found, 200)
     rows.add("more", {})
-    rows.close(whole=True)
+    rows.close()
     ((places, values),) = Rows(path).blocks(200)
     assert places == [*found, "more"]
     assert values["x3"][:-1].tolist() == [0.1 * (int(place) + 3) for place in found]
@@ -498,7 +498,7 @@ def test_values_come_back_bit_by_bit(tmp_path):
         rows.add(str(k), {"x": x, "n": 2**62 + k, "b": k % 2 == 0, "t": f"é\0\n{k}"})
     rows.add_columns([Column("y")])
     rows.add("8", {"x": 1.0, "y": -0.0, "n": -1, "b": True, "t": "1"})
-    rows.close(whole=True)
+    rows.close()
     ((places, found),) = Rows(tmp_path / "r").blocks(9)
     assert places == [str(k) for k in range(9)]
     np.testing.assert_array_equal(found["x"], [*numbers, 1.0])

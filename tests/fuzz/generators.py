@@ -724,9 +724,11 @@ def _changed(store: Path, *statements: tuple[str, tuple[Any, ...]]) -> None:
 
 def _said(store: Path) -> Any:
     """What the file says that it is of; None if that cannot be read."""
-    with contextlib.suppress(sqlite3.Error, ValueError, TypeError, RecursionError):
-        with contextlib.closing(sqlite3.connect(store / FILE)) as one:
-            return json.loads(one.execute("SELECT content FROM about").fetchone()[0])
+    with (
+        contextlib.suppress(sqlite3.Error, ValueError, TypeError, RecursionError),
+        contextlib.closing(sqlite3.connect(store / FILE)) as one,
+    ):
+        return json.loads(one.execute("SELECT content FROM about").fetchone()[0])
     return None
 
 
@@ -824,8 +826,9 @@ def _rows_written(store: Path, rng: random.Random) -> None:
             for one in rows.columns
         }
         given |= rng.choice((
-            {}, {"status": "done"}, {"status": "\x1b[31m"}, {"status": "failed", "error": "\x1b[31m"},
-            {"status": "done", "result": "../../secret.txt"}, {"status": "not run"},
+            {}, {"status": "done"}, {"status": "\x1b[31m"}, {"status": "not run"},
+            {"status": "failed", "error": "\x1b[31m"},
+            {"status": "done", "result": "../../secret.txt"},
         ))  # fmt: skip
         for _ in range(rng.randint(1, 2)):
             place = rng.choice(

@@ -150,6 +150,8 @@ class Rows:
     def _open(self) -> None:
         self._check_files()
         mode = "rw" if self._write else "ro"
+        if not self._write and self._is_without_its_log():  # SQLite would make files beside it
+            mode += "&immutable=1"
         self.whole = True
         with self._errors():
             self.connection = sqlite3.connect(
@@ -181,6 +183,13 @@ class Rows:
                     raise damaged(one, self._what, "it is no regular file")
                 if ending == "-journal" and one.read_bytes().endswith(_SUPER):
                     raise damaged(one, self._what, "it names another file")
+
+    def _is_without_its_log(self) -> bool:
+        """Whether the file says that a write-ahead log belongs to it, and there is none."""
+        with files.system_errors(f"cannot read {str(self.path)!r}"), self.path.open("rb") as file:
+            header = file.read(20)
+        log = self.path.with_name(f"{self.path.name}-wal")
+        return header[18:] == b"\2\2" and not os.path.lexists(log)
 
     def _read_about(self) -> None:
         """Read what the file is of, from whichever of the two that is whole."""
@@ -399,11 +408,11 @@ class Rows:
         files.write(self.path, content, overwrite=True, announced=False)
         self._open()
 
-    def close(self, whole: bool = False) -> None:
-        """Let go of the file; `whole`: leave no log beside it, and have all on disk."""
+    def close(self) -> None:
+        """Let go of the file, which then has all, with no log beside it."""
         try:
-            if whole:
-                with suppress(sqlite3.OperationalError):  # another program is reading it
+            if self._write:
+                with suppress(sqlite3.Error):  # the disk is full, or another program is reading it
                     self.connection.execute("PRAGMA journal_mode=DELETE")
         finally:
             with suppress(sqlite3.Error):

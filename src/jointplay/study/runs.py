@@ -81,7 +81,7 @@ class Runs(Memory[Arrays]):
         super().keep(key, value)
 
     def close(self) -> None:
-        self._rows.close(whole=True)
+        self._rows.close()
 
 
 def _packed(values: np.ndarray) -> tuple[str, tuple[int, ...], str]:

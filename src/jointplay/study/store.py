@@ -85,7 +85,7 @@ class SweepStore:
             else:
                 self._rows = Rows.make(self.path / FILE, self._about(), self._values())
         except BaseException:
-            self.close(whole=False)
+            self.close()
             raise
 
     def _about(self) -> dict[str, Any]:
@@ -222,15 +222,11 @@ class SweepStore:
             found[tuple(index.T)] = values[name]
         return found
 
-    def close(self, whole: bool = True) -> None:
-        """Let go of the store.
-
-        Args:
-            whole: leave nothing beside the cases and results. Not after an interruption.
-        """
+    def close(self) -> None:
+        """Let go of the store."""
         try:
             if hasattr(self, "_rows"):
-                self._rows.close(whole)
+                self._rows.close()
         finally:
             files.release(self.path)
 
@@ -300,12 +296,8 @@ class Contents:
         if not whole or math.prod(sizes) > MOST_CASES:
             raise self._damaged(f"its sizes are {self.sizes!r:.60}")
         self.count = math.prod(sizes)
-        given = [
-            text
-            for name in ("identity", "versions", "inputs")
-            for text in self.about[name].values()
-        ]
-        if not all(isinstance(text, str) for text in given):
+        told = [self.about[name].values() for name in ("identity", "versions", "inputs")]
+        if not all(isinstance(text, str) for texts in told for text in texts):
             raise self._damaged("its inputs are no texts")
         for name, one in self.about["labels"].items():
             given = one.get("values") if isinstance(one, dict) else None
@@ -323,7 +315,8 @@ class Contents:
             raise self._damaged("its columns are not those of a sweep")
         self.values = [one for one in rows.columns if one.name in values]
         self.measures = [one for one in rows.columns if one.name not in values and one not in SAID]
-        if any(one.kind != "REAL" for one in self.measures):
+        numbers = [*self.measures, *(one for one in self.values if one.name in sampled)]
+        if any(one.kind != "REAL" for one in numbers):
             raise self._damaged("a measure is no number")
 
     def _damaged(self, reason: str) -> JointplayError:

@@ -250,7 +250,7 @@ def _largest_so_far(made: SweepPlan, path: Path) -> SweepPlan:
 
 def _give_up(store: SweepStore, error: BaseException) -> None:
     done = int(np.count_nonzero(store.ran))
-    store.close(whole=False)
+    store.close()
     note = f"{done} of {store.plan.count} cases are kept; --resume continues"
     if isinstance(error, JointplayError):
         error.args = (f"{error}; {note}",)
