@@ -103,7 +103,7 @@ def test_a_sweep_has_a_report_of_its_own(grid, tmp_path, capsys):
     assert main(["report", str(grid), "--impacts", "3"]) == 2
     assert main(["report", str(grid), "-o", str(tmp_path / "page.txt")]) == 2
     err = capsys.readouterr().err
-    assert "give only its store" in err
+    assert "give only its folder" in err
     assert "--impacts is for results" in err
     assert "must end in .html" in err
 

@@ -301,20 +301,20 @@ class Contents:
             raise self._damaged("its inputs are no texts")
         for name, one in self.about["labels"].items():
             given = one.get("values") if isinstance(one, dict) else None
-            good = isinstance(given, list) and len(given) == self.sizes.get(name)
-            good = good and all(isinstance(x, int | float | str) for x in given)
-            if not good or np.array(given).dtype.kind not in "fibU":
+            plain = isinstance(given, list) and all(isinstance(x, int | float | str) for x in given)
+            values = np.array(given if plain else None)
+            if values.shape != (self.sizes.get(name),) or values.dtype.kind not in "fibU":
                 raise self._damaged(f"its values of {name} are {one!r:.60}")
         names = [one.name for one in rows.columns]
-        values = [*self.about["labels"], *sampled]
-        if not all(isinstance(name, str) for name in values) or len({*names}) < len(names):
+        of_cases = [*self.about["labels"], *sampled]
+        if not all(isinstance(name, str) for name in of_cases) or len({*names}) < len(names):
             raise self._damaged("its columns have no names of their own")
-        if {*values} - {*names} or (sampled and "sample" not in self.sizes):
-            raise self._damaged(f"its values are of {values!r:.60}")
+        if {*of_cases} - {*names} or (sampled and "sample" not in self.sizes):
+            raise self._damaged(f"its values are of {of_cases!r:.60}")
         if [one for one in rows.columns if one in SAID] != [*SAID]:
             raise self._damaged("its columns are not those of a sweep")
-        self.values = [one for one in rows.columns if one.name in values]
-        self.measures = [one for one in rows.columns if one.name not in values and one not in SAID]
+        self.values = [one for one in rows.columns if one.name in of_cases]
+        self.measures = [one for one in rows.columns if one not in (*self.values, *SAID)]
         numbers = [*self.measures, *(one for one in self.values if one.name in sampled)]
         if any(one.kind != "REAL" for one in numbers):
             raise self._damaged("a measure is no number")

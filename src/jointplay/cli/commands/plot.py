@@ -6,7 +6,7 @@ repeats and samples; or over two, as a heat map.
 Examples: jointplay plot S x=clearance y=peak_force hue=friction; jointplay plot S
 x=clearance y=friction z=tool_error_rms_total
 
-    STORE  store of jointplay study sweep
+    STORE  folder of jointplay study sweep
     WORDS ...  x=NAME and y=NAME, and hue=NAME for lines, or z=NAME (the measure) for a heat map;
         DIMENSION=VALUE selects the cases nearest to a value
     --out FILE  picture (default: beside STORE, as .png)

@@ -8,7 +8,7 @@ show their largest impacts step by step.
 The tool's error is its deviation from an ideal run with the same inputs, which is simulated if it
 is not among the results.
 
-    RESULT ...  result file (.nc), a folder of them such as jointplay scara writes, or the store of
+    RESULT ...  result file (.nc), a folder of them such as jointplay scara writes, or the folder of
         a sweep
     -o,--out FILE  the page (default: report.html beside the first result); the PDF is named after
         it
@@ -64,7 +64,7 @@ def _sweep(paths: list[Path], options: argparse.Namespace, shared: dict[str, Any
     from jointplay.show.reports import sweep
 
     if len(paths) > 1:
-        raise JointplayError("a sweep gets a separate report; give only its store")
+        raise JointplayError("a sweep gets a separate report; give only its folder")
     (store,) = paths
     for name in ("label", "claims", "impacts"):
         if getattr(options, name):

@@ -4,7 +4,7 @@ Evaluate a measure over the samples of a sweep: mean, standard deviation and qua
 confidence intervals, how many runs were enough, and, for a saltelli design, what causes the
 variance (Sobol indices).
 
-    STORE  store of jointplay study sweep
+    STORE  folder of jointplay study sweep
     MEASURE  measure, such as tool_error_rms_total
     --precision X  relative half width of the confidence interval that is precise enough (default
         0.05)
