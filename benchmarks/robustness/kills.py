@@ -2,10 +2,10 @@
 
 A small sweep of the SCARA, with its cases' results, runs by the command in a process of its own, a
 copy of this one, which gets SIGKILL at a random moment: while it makes its folder, keeps cases, or
-closes. Then --resume goes on, and is killed. What was finished before a kill must be there after it, to the
-bit, its processor time included, which another run of the case would not give; and what has come
-to its end must be what an uninterrupted sweep gives. Then the next sweep begins. The last line
-counts.
+closes. Then --resume goes on, and is killed. What was finished before a kill must be there after
+it, to the bit, its processor time included, which another run of the case would not give; and what
+has come to its end must be what an uninterrupted sweep gives. Then the next sweep begins. The last
+line counts.
 """
 
 import multiprocessing

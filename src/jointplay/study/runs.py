@@ -21,7 +21,7 @@ Arrays = dict[str, np.ndarray]
 MOST_RUNS = 1_000_000
 """Runs at a time, at most."""
 _FOUND = "found"
-_KIND = "runs of jointplay"
+_KIND = "file of runs"
 
 
 class Runs(Memory[Arrays]):
@@ -58,7 +58,7 @@ class Runs(Memory[Arrays]):
     def _take_up(self, asked: Mapping[str, Any]) -> None:
         was = self._rows.about.get("asked")
         if not isinstance(was, dict) or [one.name for one in self._rows.columns] != [_FOUND]:
-            raise JointplayError(f"{str(self._rows.path)!r} has no {_KIND}; delete it")
+            raise JointplayError(f"{str(self._rows.path)!r} is no {_KIND}; delete it")
         other = [name for name in {**was, **asked} if was.get(name) != asked.get(name)]
         if other:
             raise JointplayError(
