@@ -241,6 +241,19 @@ def test_more_values_samples_and_repeats_are_added_to_a_store(swept, tmp_path):
     xr.testing.assert_identical(more.drop_vars(VARYING), whole.drop_vars(VARYING))
 
 
+def test_an_axis_that_is_extended_by_values_of_another_kind_keeps_its_cases(swept, tmp_path):
+    axis = 'seed = {{ key = "integration.seed", values = [{}] }}'
+    jp.sweep(swept(axis.format("1, 2"), duration="1 ms"), tmp_path / "s", jobs=1)
+    first = jp.open_sweep(tmp_path / "s").table()
+    assert first["seed"].tolist() == [1, 2]
+    more = swept(axis.format("1, 2, 3.0"), duration="1 ms")
+    again = jp.sweep(more, tmp_path / "s", jobs=1, extend=True).table()
+    assert again["seed"].dtype == float  # they were whole numbers
+    assert again["seed"].tolist() == [1.0, 2.0, 3.0]
+    assert again["status"].tolist() == ["done"] * 3
+    assert again["cost"].tolist()[:2] == first["cost"].tolist()
+
+
 SAMPLED = """
 mu = { key = "joints.joint_b.friction.mu_d", distribution = "uniform", from = 0.05, to = 0.15 }
 cr = { key = "joints.joint_b.radial_clearance", distribution = "normal", mean = "0.2 mm", std = "0.02 mm" }

@@ -24,7 +24,7 @@ import sqlite3
 import stat
 import tempfile
 import time
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import astuple, dataclass
 from pathlib import Path
@@ -389,24 +389,31 @@ class Rows:
                 self.connection.execute("ROLLBACK")
             raise
 
-    def rebuild(self, kept: Collection[str], most: int) -> None:
-        """Make the file anew, of the rows at some places."""
-        left = set(kept)
-        with closing(_fresh(_content(self.about, self.columns), self.columns)) as fresh:
-            fresh.execute("BEGIN")
-            for rows in self._read(most):
-                for row in rows:
-                    if row[0] in left and self._is_good(row):
-                        left.remove(row[0])
-                        fresh.execute(f"INSERT INTO cases VALUES ({_marks(row)})", row)
-            fresh.execute("COMMIT")
-            content = fresh.serialize()
-        with self._errors():
+    def rebuild(
+        self,
+        about: Mapping[str, Any],
+        columns: Sequence[Column],
+        rows: Iterable[tuple[str, Mapping[str, Any]]],
+    ) -> None:
+        """Make the file anew, of these rows, which may be read from it meanwhile."""
+        part = self.path.with_name(f".{self.path.name}.part")
+        self._unlink(part)  # of a process that was killed
+        made = Rows.make(part, about, columns, self._what)
+        try:
+            for place, values in rows:
+                made.add(place, values)
+        finally:
+            made.close()
+        with suppress(sqlite3.Error):
             self.connection.close()
-        for ending in ("-wal", "-shm", "-journal"):
-            self.path.with_name(self.path.name + ending).unlink(missing_ok=True)
-        files.write(self.path, content, overwrite=True, announced=False)
+        with files.system_errors(f"cannot write {str(self.path)!r}"):
+            self._unlink(self.path, itself=False)
+            part.replace(self.path)
         self._open()
+
+    def _unlink(self, path: Path, itself: bool = True) -> None:
+        for ending in ("-wal", "-shm", "-journal", *([""] if itself else [])):
+            path.with_name(path.name + ending).unlink(missing_ok=True)
 
     def close(self) -> None:
         """Let go of the file, which then has all, with no log beside it."""

@@ -71,9 +71,9 @@ class Runs(Memory[Arrays]):
                 with suppress(ValueError, TypeError, AttributeError):  # none of ours: run again
                     found = {name: _unpacked(one) for name, one in json.loads(text).items()}
                     self[_hashable(json.loads(place))] = found
-                    good.append(place)
+                    good.append((place, {_FOUND: text}))
         if not self._rows.whole:
-            self._rows.rebuild(good, MOST_RUNS)
+            self._rows.rebuild({"asked": asked}, self._rows.columns, good)
 
     def keep(self, key: Any, value: Arrays) -> None:
         found = {name: _packed(one) for name, one in value.items()}

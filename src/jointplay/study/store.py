@@ -112,9 +112,11 @@ class SweepStore:
         """Go on with an old store; of what is damaged the cases count as not run."""
         contents = Contents(self._rows)
         self._check_study(contents.about, extend)
-        if any(contents.sizes[name] > size for name, size in self.plan.sizes.items()):
+        before = contents.sizes
+        if list(before) != list(self.plan.sizes) or np.any(
+            np.array(list(before.values())) > self.plan.shape
+        ):
             raise damaged(self._rows.path, "sweep", f"its sizes are {contents.sizes}")
-        kept: list[str] = []
         for index, values in contents.blocks():
             good = np.array([
                 not sealed or _is_sealed(self.path / RESULTS / file_of(at), sealed)
@@ -122,11 +124,20 @@ class SweepStore:
             ])  # fmt: skip
             self.ran[tuple(index[good].T)] = True
             self.failed += int(np.count_nonzero(values["status"][good] == FAILED))
-            kept += map(place_of, index[good].tolist())
             self._rows.whole &= bool(good.all())
-        if not self._rows.whole:
-            self._rows.rebuild(kept, contents.count)
-        self._rows.set_about(self._about())
+        columns = [*self._values(), *contents.measures]
+        if not self._rows.whole or columns != [*contents.values, *SAID, *contents.measures]:
+            self._rows.rebuild(self._about(), columns, self._kept(contents))
+        else:
+            self._rows.set_about(self._about())
+
+    def _kept(self, contents: Contents) -> Iterator[tuple[str, dict[str, Any]]]:
+        """Rows of the cases that have been run, with their values as the plan has them now."""
+        for index, values in contents.blocks():
+            for k, at in enumerate(map(tuple, index.tolist())):
+                if self.ran[at]:
+                    found = {name: column[k] for name, column in values.items()}
+                    yield place_of(at), {**found, **self.plan.values(at)}
 
     def _check_study(self, about: Mapping[str, Any], extend: bool) -> None:
         """Refuse a store of another study."""
