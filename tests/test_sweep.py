@@ -245,7 +245,7 @@ def test_more_values_samples_and_repeats_are_added_to_a_store(swept, tmp_path):
 
 
 def test_an_axis_that_is_extended_by_values_of_another_kind_keeps_its_cases(swept, tmp_path):
-    """Whole numbers that have become others: the file is made anew with a column that holds both."""
+    """Whole numbers that have become others: the file is made anew, its column holds both."""
     axis = 'seed = {{ key = "integration.seed", values = [{}] }}'
     store = SweepStore(tmp_path / "s", plan_of(swept(axis.format("1, 2"))))
     store.keep((1,), Outcome((1,), DONE, {"impacts": 7.0}))
