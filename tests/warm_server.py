@@ -21,7 +21,7 @@ from contextlib import suppress
 from pathlib import Path
 
 ALSO = (
-    *("h5netcdf", "h5py", "zarr", "dask.array", "distributed", "matplotlib.pyplot", "logging"),
+    *("h5netcdf", "h5py", "sqlite3", "dask.array", "distributed", "matplotlib.pyplot", "logging"),
     *("matplotlib.backends.backend_agg", "matplotlib.backends.backend_pdf", "fontTools.subset"),
     *("PIL.PngImagePlugin", "multiprocessing.connection", "concurrent.futures.process"),
 )

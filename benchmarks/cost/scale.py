@@ -4,7 +4,7 @@ Bare compute is `Simulation.run` on simulations that are built already, one afte
 process; the integration alone is what of it the time loop takes. Overheads are CPU times: each case
 is run bare and as a case of a sweep (built from the scenario, run, compared with the ideal
 mechanism, measured) in turn, in one process, so that both meet the same machine; to the median of
-the pairs comes what driver and workers take for messages, journal and arrays, and the start of the
+the pairs comes what driver and workers take for messages and rows, and the start of the
 workers, spread over the cases. Only the gain by a second core is wall time, of the same cases with
 one and two workers in turn, workers warm: it wants a machine that does nothing else. Beside it is
 what the CPU times of these cases allow, as workers never wait for the driver. Memory is the most
@@ -29,8 +29,8 @@ from jointplay.base.files import temporary
 from jointplay.base.tables import Table
 from jointplay.study import open_sweep, plan_of
 from jointplay.study.case import Bench, job
-from jointplay.study.journal import Outcome
 from jointplay.study.measures import COST
+from jointplay.study.outcome import DONE, Outcome
 from jointplay.study.store import SweepStore
 from jointplay.study.sweeps import workers_for
 
@@ -75,7 +75,7 @@ def pairs(duration, number, rounds=1):
             times.append(time.process_time())
             outcome = bench.run(index, made.changes(index))
             times.append(time.process_time())
-            if outcome.state != 1:
+            if outcome.status != DONE:
                 raise SystemExit(outcome.error)
             best[:] = np.minimum(best, np.diff(times))
     return found.T, outcome
@@ -88,12 +88,11 @@ def bookkeeping(outcome, number, folder):
     began = time.process_time()
     for index in made.cases:
         made.changes(index)
-        store.keep(index, Outcome(index, 1, outcome.values))
-    store.flush()
+        store.keep(index, Outcome(index, DONE, outcome.values))
     took = (time.process_time() - began) / number
     store.close()
     began = time.perf_counter()
-    found = open_sweep(folder / "stored")
+    found = open_sweep(folder / "stored").dataset()
     assert float(found["peak_force"].mean()) > 0.0
     return took, time.perf_counter() - began
 
@@ -132,7 +131,7 @@ def gain(number, rounds):
             for workers, crew in crews.items():
                 began = time.perf_counter()
                 for _, outcome in crew.run(made.cases.items()):
-                    if outcome.state != 1:
+                    if outcome.status != DONE:
                         raise SystemExit(outcome.error)
                     spent[workers].append(outcome.values[COST])
                 times[workers].append(time.perf_counter() - began)

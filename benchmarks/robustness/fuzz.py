@@ -60,7 +60,7 @@ def warm(folder: Path) -> None:
     from jointplay.base import units
 
     mpl.use("Agg")
-    if (pid := os.fork()) == 0:  # zarr and pools of processes begin there only
+    if (pid := os.fork()) == 0:  # pools of processes begin there only
         materials.build(folder)
         os._exit(0)
     if os.waitpid(pid, 0)[1]:

@@ -354,7 +354,7 @@ def test_all_temporary_folders_are_marked():
 
 
 WRITERS = re.compile(
-    r"\.(savefig|imsave|imwrite|write_text|write_bytes|write_html|write_image|to_csv|to_netcdf|to_zarr"
+    r"\.(savefig|imsave|imwrite|write_text|write_bytes|write_html|write_image|to_csv|to_netcdf"
     r"|to_parquet|savetxt|savez\w*|tofile|rename|unlink|rmtree|rmdir|copyfile|f?truncate|fdopen|dump)\("
     r"|h5py\.File\([^)]*['\"]w|os\.open\(|\bopen\([^)]*['\"][rbt]*[wax+]"
 )
@@ -367,8 +367,7 @@ ELSEWHERE = {
     "text, or standard output": "bridges/trajectory cli/commands/check base/streams",
     "in temporary folders and the user's cache": "model/viewer model/meshes model/builder "
     "show/player/movie study/case base/locks",
-    "pieces whose seals or checksums tell what is whole": "base/objects simulation/spool "
-    "study/journal study/sealed study/store",
+    "pieces whose checksums tell what is whole": "base/objects simulation/spool study/database",
 }
 """Modules that write without `files`, by why that loses nothing."""
 

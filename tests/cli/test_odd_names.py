@@ -33,7 +33,7 @@ kind = "computed-torque"
 [integration]
 duration = "2 ms"
 [sweep]
-histories = ["joint_force"]
+results = true
 [sweep.axes]
 c = {{ key = {key}, values = ["0.1 mm", "0.2 mm"] }}
 """

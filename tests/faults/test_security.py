@@ -564,7 +564,7 @@ def test_a_module_of_the_same_name_or_written_anew_is_read_anew(tmp_path):
             law = made[-1].mechanism.clearance["joint_b"].normal
             assert law.function(1.0, 0.0, 0.0, (1.0,)) == factor * stiffness
             assert pickle.loads(pickle.dumps(law)) == law
-        found = jp.sweep(path, tmp_path / f"{number}.zarr", jobs=2)
+        found = jp.sweep(path, tmp_path / f"s{number}", jobs=2).dataset()
         assert found["peak"].values.tolist() == [stiffness] * 2
     with pytest.raises(JointplayError, match="cannot be sent to another process"):
         pickle.dumps(made[0].mechanism.clearance["joint_b"].normal)

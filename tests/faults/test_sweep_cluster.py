@@ -17,7 +17,7 @@ import jointplay as jp
 from jointplay.study import plan_of
 from jointplay.study.case import job
 from jointplay.study.cluster import TRIES, ClusterWorkers
-from jointplay.study.journal import DONE, Outcome
+from jointplay.study.outcome import DONE, Outcome
 from jointplay.study.store import SweepStore
 
 pytestmark = needed("distributed")
@@ -92,18 +92,20 @@ def reference(tmp_path_factory):
     (folder / "own.py").write_text("def rows(result):\n    return len(result.time)\n")
     jp.import_module(folder / "own.py")
     path = folder / "study.toml"
-    options = 'measures = ["own:rows"]\nhistories = ["tool_position"]'
+    options = 'measures = ["own:rows"]\nresults = true'
     text = SCENARIO.format(axes=AXES, options=options, duration="0.03 s")
     path.write_text(text.replace("jointplay:scara.urdf", "arm.urdf"))
-    return path, jp.sweep(path, folder / "s", jobs=2).load()
+    return path, jp.sweep(path, folder / "s", jobs=2).dataset()
 
 
 def test_a_cluster_gives_what_local_processes_give(cluster, reference, tmp_path):
     path, whole = reference
     cluster.add(2)
-    found = jp.sweep(path, tmp_path / "s", scheduler=cluster.address)
-    xr.testing.assert_identical(found.load().drop_vars("cost"), whole.drop_vars("cost"))
-    assert (found["state"] == 1).sum() == 2 * CASES // 3
+    swept = jp.sweep(path, tmp_path / "s", scheduler=cluster.address)
+    found, here = swept.dataset(), jp.open_sweep(path.with_name("s"))
+    xr.testing.assert_identical(found.drop_vars("cost"), whole.drop_vars("cost"))
+    xr.testing.assert_equal(swept.result(0).dataset, here.result(0).dataset)
+    assert (found["status"] == "done").sum() == 2 * CASES // 3
     assert "too large for the contact stiffness" in str(found["error"].values[0, 2])
 
 
@@ -172,7 +174,7 @@ def test_without_workers_what_an_earlier_sweep_finished_stays(reference, tmp_pat
     store.close()
     with pytest.raises(jp.JointplayError, match=f"1 of {CASES} cases are kept; --resume continues"):
         jp.sweep(reference[0], tmp_path / "s", scheduler="tcp://127.0.0.1:9", resume=True)
-    assert jp.open_sweep(tmp_path / "s")["impacts"].values[0, 1] == 7.0
+    assert jp.open_sweep(tmp_path / "s").dataset()["impacts"].values[0, 1] == 7.0
 
 
 class SlowClient:

@@ -11,10 +11,9 @@ import shutil
 import signal
 import subprocess
 import time
-from contextlib import closing, suppress
+from contextlib import suppress
 from pathlib import Path
 
-import numpy as np
 import pytest
 import xarray as xr
 from sweep_scenario import SCENARIO
@@ -23,8 +22,7 @@ from warm import JOINTPLAY, PATIENCE_S, PYTHON, end, start
 
 import jointplay as jp
 from jointplay.study import plan_of
-from jointplay.study.journal import Journal, entries
-from jointplay.study.sealed import Contents
+from jointplay.study.database import FILE
 from jointplay.study.store import SweepStore
 
 __all__ = ["small_disk"]
@@ -49,30 +47,20 @@ def whole(tmp_path_factory):
         start("study", "sweep", path, "--out", folder / "s", "--quiet", "--jobs", 2)
     )
     assert status == 0, (out, err)
-    return path, jp.open_sweep(folder / "s").load(), time.monotonic() - began
+    return path, jp.open_sweep(folder / "s").dataset(), time.monotonic() - began
 
 
 def same(store, reference):
     """Whether a store holds exactly what an uninterrupted sweep gives."""
-    found = jp.open_sweep(store).load()
-    assert (found["state"] != 0).all()
+    found = jp.open_sweep(store).dataset()
+    assert (found["status"] != "not run").all()
     xr.testing.assert_identical(found.drop_vars("cost"), reference.drop_vars("cost"))
 
 
 def finished(store):
     """Costs of the cases that are finished: what a case that ran again would change."""
-    found = {}
-    path = Path(store)
-    if not (path / "zarr.json").exists():
-        return found
-    opened = jp.open_sweep(store)
-    for index in np.argwhere(opened["state"].values != 0):
-        found[tuple(index.tolist())] = float(opened["cost"].values[tuple(index)])
-    if (path / "journal").exists():
-        number = Contents.read(path).store
-        for entry, _ in entries((path / "journal").read_bytes(), number):
-            found[tuple(entry["i"])] = entry["v"].get("cost")
-    return found
+    there = (Path(store) / FILE).exists()
+    return dict(jp.open_sweep(store).table().get("cost", {})) if there else {}
 
 
 def resume(path, store, *more):
@@ -81,14 +69,12 @@ def resume(path, store, *more):
     words = ("study", "sweep", path, "--out", store, "--resume", "--quiet", "--jobs", 2, *more)
     out, err, status = end(start(*words))
     assert status == 0, (out, err)
-    cost = jp.open_sweep(store)["cost"].values
-    for index, value in before.items():
-        assert cost[index] == value, index
+    assert before.items() <= finished(store).items()
     return len(before)
 
 
 def grown(store, cases):
-    """Wait until so many cases are in the journal."""
+    """Wait until so many cases are finished."""
     deadline = time.monotonic() + PATIENCE_S
     while len(finished(store)) < cases:
         assert time.monotonic() < deadline
@@ -109,12 +95,11 @@ def wait_for_a_moment(process, store, rng, duration):
         end_of_wait, more = time.monotonic() + rng.uniform(0.0, duration), CASES + 1
     else:
         end_of_wait, more = time.monotonic() + PATIENCE_S, rng.randint(1, 12)
-    journal = store / "journal"
-    lines = None
+    first = None
     while process.poll() is None and time.monotonic() < end_of_wait:
-        found = journal.read_bytes().count(b"\n") if journal.exists() else 0
-        lines = found if lines is None else lines
-        if found >= lines + more:
+        found = len(finished(store))
+        first = found if first is None else first
+        if found >= first + more:
             end_of_wait, more = time.monotonic() + rng.uniform(0.0, 0.1), CASES + 1
         time.sleep(0.002)
     return process.poll() is None
@@ -186,8 +171,8 @@ def test_a_case_that_kills_its_worker_every_time_has_failed_and_the_rest_goes_on
     axes = 't = { key = "integration.duration", values = ["0.1 ms", "10 ms", "20 ms"] }'
     options = 'measures = ["deadly:bite"]'
     path.write_text(SCENARIO.format(axes=axes, options=options, duration="1 ms"))
-    found = jp.sweep(path, tmp_path / "s", jobs=2)
-    assert found["state"].values.tolist() == [2, 1, 1]
+    found = jp.sweep(path, tmp_path / "s", jobs=2).dataset()
+    assert found["status"].values.tolist() == ["failed", "done", "done"]
     assert "3 worker processes ended while running this case" in str(found["error"].values[0])
 
 
@@ -273,21 +258,6 @@ def test_a_disk_without_room_or_inodes_is_said_in_a_line(small_disk, beside, who
         rf"\d+ of {CASES} cases are kept; --resume continues\n"
     )
     assert re.fullmatch(line, said) or (beside and not said)
-
-
-@pytest.mark.parametrize("cut", [1, 20])
-def test_a_torn_line_of_a_journal_is_cut_off(cut, tmp_path):
-    path = tmp_path / "j"
-    with closing(Journal(path, "0")) as journal:
-        for k in range(3):
-            journal.add({"i": [k], "v": {"x": 0.1 * k}})
-    path.write_bytes(path.read_bytes()[:-cut])
-    with closing(Journal(path, "0")) as journal:
-        assert [entry["i"] for entry in journal.found] == [[0], [1]]
-        journal.add({"i": [9], "v": {}})
-    with closing(Journal(path, "0")) as journal:
-        assert [entry["i"] for entry in journal.found] == [[0], [1], [9]]
-        assert journal.found[1]["v"]["x"] == 0.1
 
 
 def test_sweeps_leave_no_processes(whole, tmp_path):

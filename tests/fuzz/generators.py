@@ -16,6 +16,7 @@ import os
 import random
 import re
 import shutil
+import sqlite3
 import stat
 import traceback
 import warnings
@@ -38,6 +39,7 @@ from jointplay.model.urdf import shipped
 from jointplay.simulation.result import netcdf
 from jointplay.simulation.simulation import Simulation
 from jointplay.simulation.working_files import CHECKPOINT
+from jointplay.study.database import FILE
 
 NASTY = (
     "", " ", "nan", "inf", "-inf", "-1", "0", "-0.0", "1e308", "-1e308", "1e-308", "1e400", "--",
@@ -681,7 +683,9 @@ def _store(seed: int, rng: random.Random, folder: Path) -> Case:
     for _ in range(rng.choice((1, 1, 2))):
         rng.choice(STORE_WAYS)(store, rng)
     out = str(folder / "o.png")
-    measure = rng.choice(("tool_error_rms_total", "peak_force", "mu", "state", "error", "none", ""))
+    measure = rng.choice(
+        ("tool_error_rms_total", "peak_force", "mu", "status", "error", "none", "")
+    )
     calls = (
         ["study", "uncertainty", str(store), measure],
         ["study", "uncertainty", str(store), measure, "--out", out],
@@ -707,23 +711,40 @@ def _store(seed: int, rng: random.Random, folder: Path) -> Case:
     return Case(seed, "store", call)
 
 
-def _chosen(store: Path, rng: random.Random, pattern: str) -> Path | None:
-    """One of the store's files; the whole store's metadata as often as all others."""
-    files = [path for path in sorted(store.rglob(pattern)) if path.is_file()]
-    if pattern == "zarr.json" and (store / pattern).is_file() and rng.random() < 0.5:
-        return store / pattern
-    return rng.choice(files) if files else None
+def _changed(store: Path, *statements: tuple[str, tuple[Any, ...]]) -> None:
+    """Change the store's file of cases by SQLite's means, as far as it can be."""
+    with (
+        contextlib.suppress(sqlite3.Error),
+        contextlib.closing(sqlite3.connect(store / FILE)) as one,
+    ):
+        for statement, values in statements:
+            one.execute(statement, values)
+        one.commit()
 
 
-def _metadata_edited(store: Path, rng: random.Random) -> None:
-    path = _chosen(store, rng, "zarr.json")
-    if path is None:
-        return
-    with contextlib.suppress(ValueError, RecursionError):
-        content = json.loads(path.read_bytes())
+def _said(store: Path) -> Any:
+    """What the file says that it is of; None if that cannot be read."""
+    with (
+        contextlib.suppress(sqlite3.Error, ValueError, TypeError, RecursionError),
+        contextlib.closing(sqlite3.connect(store / FILE)) as one,
+    ):
+        return json.loads(one.execute("SELECT content FROM about").fetchone()[0])
+    return None
+
+
+def _say(store: Path, text: str) -> None:
+    """Have the file say that it is of something else, sealed as we seal it."""
+    mark = hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
+    with contextlib.suppress(UnicodeEncodeError):
+        _changed(store, ("UPDATE about SET content = ?, checksum = ?", (text, mark)))
+
+
+def _about_edited(store: Path, rng: random.Random) -> None:
+    content = _said(store)
+    if content is not None:
         for _ in range(rng.randint(1, 3)):
             _edit(content, rng)
-        path.write_text(json.dumps(content), encoding="utf-8")
+        _say(store, json.dumps(content))
 
 
 def _everywhere(content: Any, name: str, value: Any) -> None:
@@ -739,126 +760,120 @@ def _everywhere(content: Any, name: str, value: Any) -> None:
             _everywhere(inside, name, value)
 
 
-METADATA: tuple[tuple[str, Any], ...] = (
-    ("codecs", [{"name": "numcodecs.pickle", "configuration": {}}]),
-    ("codecs", [{"name": "numcodecs.zlib", "configuration": {"level": 1}}]),
-    ("codecs", [{"name": "bytes", "configuration": {"endian": "big"}}]),
-    ("codecs", [{"name": "bytes"}, {"name": "gzip", "configuration": {"level": 5}}]),
-    ("codecs", [{"name": "bytes"}, {"name": "blosc", "configuration": {"cname": "lz4"}}]),
-    ("codecs", [{"name": "bytes"}, {"name": "crc32c"}]),
-    ("codecs", [{"name": "transpose", "configuration": {"order": [1, 0]}}, {"name": "bytes"}]),
-    ("codecs", [{"name": "sharding_indexed", "configuration": {"chunk_shape": [1, 1]}}]),
-    ("codecs", []), ("codecs", [{"name": "os.system"}]), ("codecs", None),
-    ("data_type", "complex128"), ("data_type", "float16"), ("data_type", "bool"),
-    ("data_type", "string"), ("data_type", "int8"), ("data_type", "uint64"), ("data_type", "r24"),
-    ("data_type", {"name": "numpy.datetime64", "configuration": {"unit": "s", "scale_factor": 1}}),
-    ("data_type", {"name": "fixed_length_utf32", "configuration": {"length_bytes": 8}}),
-    ("shape", [10**9, 10**9]), ("shape", []), ("shape", [0, 0]), ("shape", [-1, 2]), ("shape", [4]),
-    ("shape", [10**30]), ("chunk_shape", [1, 1]), ("chunk_shape", [0, 0]), ("chunk_shape", [10**9]),
-    ("fill_value", "NaN"), ("fill_value", "0x7ff8000000000000"), ("fill_value", "x"),
-    ("fill_value", None), ("fill_value", 1e400), ("dimension_names", ["a", "b"]),
-    ("dimension_names", None), ("dimension_names", ["mu", "mu"]), ("zarr_format", 2),
-    ("zarr_format", "3"), ("node_type", "array"), ("node_type", "group"), ("separator", "."),
-    ("name", "v2"), ("storage_transformers", [{"name": "x"}]), ("must_understand", True),
-    ("sizes", {}), ("sizes", {"none": 3}), ("sizes", None), ("sampled", ["none"]), ("sampled", 7),
-    ("sampling", "saltelli"), ("jointplay_sweep", 1.0), ("jointplay_sweep", None), ("case", None),
-    ("versions", None), ("identity", {}), ("inputs", None), ("scenario", "["),
-    ("title", "\x1b[31m"), ("units", "\x1b[31m"), ("long_name", None),
-    ("long_name", "<script>alert(1)</script>"),
+ABOUT: tuple[tuple[str, Any], ...] = (
+    ("sizes", {}), ("sizes", {"none": 3}), ("sizes", None), ("sizes", {"sample": 10**9, "cr": 2}),
+    ("sizes", {"sample": 4, "cr": -2}), ("sizes", {"sample": 10**30}), ("sizes", {"cr": 2}),
+    ("sizes", {"sample": 2, "cr": 2}), ("sampled", ["none"]), ("sampled", 7), ("sampled", []),
+    ("sampling", "saltelli"), ("format", 1.0), ("format", None), ("case", None), ("store", ""),
+    ("store", []), ("versions", None), ("versions", {"jointplay": 1}), ("identity", {}),
+    ("inputs", None), ("scenario", "["), ("title", "\x1b[31m"), ("labels", {}), ("labels", []),
+    ("values", []), ("values", ["a", "b"]), ("values", [None, 1]), ("values", [10**400, 1]),
+    ("columns", []), ("columns", [["mu", "REAL", "", "", ""]]), ("columns", [[]]), ("columns", 3),
+    ("columns", [["place", "REAL; DROP TABLE cases", "", "", ""]]),
 )  # fmt: skip
-"""What the metadata of a store can say."""
+"""What a store can say of itself."""
 
 
-def _metadata_said(store: Path, rng: random.Random) -> None:
-    path = _chosen(store, rng, "zarr.json")
-    if path is None:
-        return
-    with contextlib.suppress(ValueError, RecursionError):
-        content = json.loads(path.read_bytes())
-        _everywhere(content, *rng.choice(METADATA))
-        path.write_text(json.dumps(content), encoding="utf-8")
+def _about_said(store: Path, rng: random.Random) -> None:
+    content = _said(store)
+    if content is not None:
+        if rng.random() < 0.3 and isinstance(content, dict):
+            columns = content.get("columns") or [[""] * 5]
+            with contextlib.suppress(TypeError, IndexError, AttributeError):
+                rng.choice(columns)[rng.randrange(5)] = rng.choice(
+                    ("\x1b[31m", "mu", "TEXT", "REAL", None, 3, "<script>alert(1)</script>", "")
+                )
+        else:
+            _everywhere(content, *rng.choice(ABOUT))
+        _say(store, json.dumps(content))
 
 
-def _metadata_garbled(store: Path, rng: random.Random) -> None:
-    path = _chosen(store, rng, "zarr.json")
-    if path is not None:
-        text = path.read_text(encoding="utf-8", errors="replace")
-        path.write_bytes(mutated(text, rng, rng.randint(1, 3)).encode("utf-8", "surrogatepass"))
+def _about_garbled(store: Path, rng: random.Random) -> None:
+    content = _said(store)
+    if content is not None:
+        _say(store, mutated(json.dumps(content), rng, rng.randint(1, 3)))
 
 
-def _as_zarr_2(store: Path, rng: random.Random) -> None:
-    """An array, or the group, as Zarr 2 has it, with a filter that runs code where it is known."""
-    path = _chosen(store, rng, "zarr.json")
-    if path is None:
-        return
-    about: dict[str, Any] = {
-        "zarr_format": 2, "shape": [4, 2], "chunks": [4, 2], "dtype": rng.choice(("<f8", "|O")),
-        "compressor": rng.choice((None, {"id": "zlib", "level": 1}, {"id": "pickle"})),
-        "filters": rng.choice((None, [{"id": "pickle", "protocol": 5}], [{"id": "json2"}])),
-        "fill_value": None, "order": "C",
-    }  # fmt: skip
-    if rng.random() < 0.7:
-        path.unlink()
-    (path.parent / ".zarray").write_text(json.dumps(about), encoding="utf-8")
-    (path.parent / ".zattrs").write_text('{"_ARRAY_DIMENSIONS": ["sample", "cr"]}', "utf-8")
-    (path.parent / ".zgroup").write_text('{"zarr_format": 2}', encoding="utf-8")
-    (path.parent / "0.0").write_bytes(b"cos\nsystem\n(S'touch owned'\ntR.")
+SCHEMAS = (
+    "CREATE TABLE more (x)", "CREATE VIEW more AS SELECT * FROM cases", "DROP TABLE cases",
+    "CREATE TRIGGER more AFTER INSERT ON cases BEGIN DELETE FROM cases; END", "DROP TABLE about",
+    "CREATE INDEX more ON cases (place)", "CREATE VIRTUAL TABLE more USING fts5(x)",
+    "ALTER TABLE cases ADD COLUMN more REAL DEFAULT 1.0", "ALTER TABLE cases RENAME TO others",
+    "ALTER TABLE cases ADD COLUMN more AS (zeroblob(1000000000))", "PRAGMA user_version = 7",
+    "PRAGMA journal_mode = WAL", "PRAGMA encoding = 'UTF-16'", "PRAGMA auto_vacuum = 1",
+    "DELETE FROM cases", "DELETE FROM about", "INSERT INTO cases SELECT * FROM cases",
+    "UPDATE cases SET place = 'x'", "UPDATE cases SET place = '99 99'",
+    "UPDATE cases SET peak_force = x'00'", "UPDATE cases SET peak_force = 'much'",
+    "UPDATE cases SET error = CAST(x'ff' AS TEXT)", "UPDATE cases SET result = 'x'",
+)  # fmt: skip
+"""What other hands can do to the file."""
 
 
-def _chunk_damaged(store: Path, rng: random.Random) -> None:
-    path = _chosen(store, rng, "c/**/*")
-    if path is None:
+def _schema_changed(store: Path, rng: random.Random) -> None:
+    _changed(store, (rng.choice(SCHEMAS), ()))
+
+
+def _rows_written(store: Path, rng: random.Random) -> None:
+    """Rows with right checksums that no sweep has written."""
+    from jointplay.study.database import Rows
+
+    with (
+        contextlib.suppress(JointplayError),  # it was damaged before
+        contextlib.closing(Rows(store / FILE, write=True)) as rows,
+    ):
+        given: dict[str, Any] = {
+            one.name: rng.choice((0.1, 1e300, float("inf"))) if one.kind == "REAL" else ""
+            for one in rows.columns
+        }
+        given |= rng.choice((
+            {}, {"status": "done"}, {"status": "\x1b[31m"}, {"status": "not run"},
+            {"status": "failed", "error": "\x1b[31m"},
+            {"status": "done", "result": "../../secret.txt"},
+        ))  # fmt: skip
+        for _ in range(rng.randint(1, 2)):
+            place = rng.choice(
+                ("0 0", "3 1", "99 99", "0", "-1 -1", "x", "", "0 0 0", "0  0", "٠ 0")
+            )
+            rows.add(place, given)
+
+
+def _file_damaged(store: Path, rng: random.Random) -> None:
+    path = store / FILE
+    if not path.is_file():
         return
     data = bytearray(path.read_bytes())
-    way = rng.randrange(4)
-    if way == 0 and data:
-        data[rng.randrange(len(data))] ^= 1 << rng.randrange(8)
-    elif way == 1:
-        data = data[: rng.randrange(len(data) + 1)]
+    way = rng.randrange(5)
+    if way < 2 and data:
+        for _ in range(rng.choice((1, 1, 8))):
+            data[rng.randrange(len(data))] ^= 1 << rng.randrange(8)
     elif way == 2:
+        data = data[: rng.randrange(len(data) + 1)]
+    elif way == 3:
         data += b"\0" * rng.choice((1, 10**4))
+    elif data:  # a page of noise
+        page = 4096 * rng.randrange(len(data) // 4096 + 1)
+        data[page : page + 4096] = rng.randbytes(4096)
     path.write_bytes(bytes(data))
-    if way == 3:
-        path.unlink()
 
 
 def _files_exchanged(store: Path, rng: random.Random) -> None:
-    """A file gone, a folder in its place, or a link out of the store."""
-    path = _chosen(store, rng, "*")
-    if path is None:
-        return
-    path.unlink()
-    way = rng.randrange(3)
-    if way == 0:
-        path.mkdir()
-    elif way == 1:
-        path.symlink_to(store.parent / "secret.txt")
-
-
-def _journal_written(store: Path, rng: random.Random) -> None:
-    """Lines with right checksums that no sweep has written."""
-    from jointplay.study.journal import line
-    from jointplay.study.sealed import Contents
-
-    values: tuple[Any, ...] = (
-        {"i": [0, 0], "s": 1, "v": {"peak_force": 1.0}}, {"i": [99, 99], "s": 1, "v": {}}, {}, [],
-        {"i": [0], "s": 1, "v": {}}, {"i": [-1, -1], "s": 1, "v": {}}, {"i": "x", "s": 1, "v": {}},
-        {"i": [0, 0], "s": 7, "v": {"\x1b[31m": 1.0}}, {"i": [0, 0], "s": 1, "v": {"mu": 1.0}},
-        {"i": [0, 0], "s": 2, "v": {}, "e": "\x1b[31m"}, {"i": [0, 0], "s": 1, "v": {"../x": 1.0}},
-        {"i": [0, 0], "s": 1, "v": {"peak_force": "x"}}, {"i": [0.5, 0], "s": 1, "v": {}}, None, 3,
-        {"i": [0, 0], "s": 1, "v": {"peak_force": None}}, {"i": [True, 0], "s": 1, "v": {"x/y": 1}},
-    )  # fmt: skip
-    number = "0"
-    with contextlib.suppress(OSError, ValueError):  # damaged before
-        number = Contents.read(store).store
-    lines = b"".join(line(rng.choice(values), number) for _ in range(rng.randint(1, 2)))
-    (store / "journal").unlink(missing_ok=True)
-    (store / "journal").write_bytes(lines)
+    """The file gone, a folder in its place, or a link out of the store; others beside it."""
+    path = store / (FILE + rng.choice(("", "", "-wal", "-shm", "-journal")))
+    with contextlib.suppress(OSError):
+        path.unlink()
+    way = rng.randrange(4)
+    with contextlib.suppress(FileExistsError):  # a folder, of an earlier change
+        if way == 0:
+            path.mkdir()
+        elif way == 1:
+            path.symlink_to(store.parent / "secret.txt")
+        elif way == 2:
+            path.write_bytes(rng.randbytes(rng.choice((1, 512, 5000))))
 
 
 STORE_WAYS: tuple[Callable[[Path, random.Random], None], ...] = (
-    _metadata_edited, _metadata_said, _metadata_said, _metadata_garbled, _as_zarr_2,
-    _chunk_damaged, _files_exchanged, _journal_written,
+    _about_edited, _about_said, _about_said, _about_garbled, _schema_changed, _rows_written,
+    _file_damaged, _file_damaged, _files_exchanged,
 )  # fmt: skip
 
 

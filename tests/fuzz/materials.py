@@ -1,7 +1,7 @@
 """What is whole, for the generators to break: a result, a checkpoint, a sweep's store, small files.
 
 Made once, into a folder, by `build`; generators read them from there (`use`), so that no process
-that is forked for a case need have run zarr before.
+that is forked for a case need have run a sweep before.
 """
 
 import shutil

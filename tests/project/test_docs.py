@@ -259,7 +259,7 @@ def test_the_first_example_of_python_prints_what_it_says(folder, capsys):
 @pytest.mark.nightly
 @pytest.mark.parametrize(
     "command",
-    ["jointplay run --certify --out certified", f"jointplay study sweep {SWEEP} --out scara.zarr"],
+    ["jointplay run --certify --out certified", f"jointplay study sweep {SWEEP} --out scara_sweep"],
 )
 def test_long_commands_run(command, folder):
     assert command in "\n".join(page.read_text() for page in PAGES)

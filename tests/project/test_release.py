@@ -68,8 +68,8 @@ def test_the_oldest_versions_that_are_allowed_work(tmp_path):
     does(jointplay, *reduce, "--quiet", "--out", "reduced")
     scenario = tmp_path / "sweep.toml"
     scenario.write_text(SCENARIO.format(duration="20 ms", options="", axes=GRID))
-    does(jointplay, "study", "sweep", str(scenario), "--quiet", "--out", "sweep.zarr")
-    does(jointplay, "report", "sweep.zarr", "--out", "sweep.html")
+    does(jointplay, "study", "sweep", str(scenario), "--quiet", "--out", "sweep")
+    does(jointplay, "report", "sweep", "--out", "sweep.html")
 
 
 @pytest.mark.nightly

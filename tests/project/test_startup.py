@@ -17,7 +17,7 @@ import jointplay as jp
 
 SLOW = (
     *("numba", "llvmlite", "pinocchio", "coal", "scipy", "xarray", "pandas", "matplotlib"),
-    *("pint", "trimesh", "yourdfpy", "meshcat", "pydantic", "zarr"),
+    *("pint", "trimesh", "yourdfpy", "meshcat", "pydantic"),
 )
 """Packages that take a tenth of a second and more."""
 
@@ -76,8 +76,8 @@ def folder(tmp_path_factory):
     taken = ("result.nc", "good.nc", "case1_0.2mm.nc", "budget.csv", "allocation.png")
     for name in (*taken, "iso9283.csv", "plan.txt", "j.sdf"):
         (tmp_path / "full" / name).write_bytes(b"something")
-    (tmp_path / "a.zarr").mkdir()
-    (tmp_path / "a.zarr" / "zarr.json").write_text("{}")
+    (tmp_path / "swept").mkdir()
+    (tmp_path / "swept" / "cases.sqlite").write_text("{}")
     (tmp_path / "there.html").write_text("")
     (tmp_path / "a.nc").write_bytes(b"")
     return tmp_path
@@ -105,10 +105,10 @@ REFUSALS = [
     (["identify", "good.toml", "--plan", "--out", "full"], "(plan.txt)"),
     (["calibrate", "ur5", "poses.csv", "--folds", "some"], "--folds must be a number"),
     (["calibrate", "ur5", "poses.csv", "--scatter", "0 mm"], "--scatter must be positive"),
-    (["study", "sweep", "good.toml", "--out", "a.zarr"], "--resume"),
+    (["study", "sweep", "good.toml", "--out", "swept"], "--resume"),
     (["study", "sweep", "good.toml", "--out", "full"], "a folder that holds other files"),
-    (["plot", "a.zarr", "x=a", "y=b", "--out", "there.html"], "exists"),
-    (["study", "uncertainty", "a.zarr", "m", "--out", "there.html"], "exists"),
+    (["plot", "swept", "x=a", "y=b", "--out", "there.html"], "exists"),
+    (["study", "uncertainty", "swept", "m", "--out", "there.html"], "exists"),
     (["export", "result", "a.nc", "--out", "table.xyz"], "table.xyz"),
 ]
 
@@ -139,11 +139,11 @@ def test_a_wrong_unit_may_need_pint_only(folder):
 def test_a_check_without_a_picture_needs_no_library_of_results_and_figures(folder):
     ((status, said, slow),) = outcomes([["check", "good.toml", "--no-picture"]], folder)
     assert status == 0, said
-    assert not {"xarray", "pandas", "matplotlib", "zarr"} & set(slow)
+    assert not {"xarray", "pandas", "matplotlib"} & set(slow)
 
 
 UNUSED = (
-    *("numba", "fontTools.subset", "trimesh", "yourdfpy", "zarr", "meshcat", "pint", "dask.array"),
+    *("numba", "fontTools.subset", "trimesh", "yourdfpy", "meshcat", "pint", "dask.array"),
     "distributed",
     *("scipy.signal", "scipy.stats"),
 )

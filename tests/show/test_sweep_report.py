@@ -23,8 +23,8 @@ clearance = { key = "joints.joint_b.radial_clearance", distribution = "normal", 
 def swept(folder, axes, options):
     path = folder / "study.toml"
     path.write_text(SCENARIO.format(axes=axes, options=options, duration="0.01 s"))
-    jp.sweep(path, folder / "s.zarr", jobs=1)
-    return folder / "s.zarr"
+    jp.sweep(path, folder / "s", jobs=1)
+    return folder / "s"
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +43,7 @@ def test_the_page_has_table_lines_maps_and_failed_cases(grid, tmp_path):
     assert "4 of 12 cases" in source
     assert "<script" not in source  # neither of ours nor of a name
     assert "&lt;script&gt;friction" in source
-    found = jp.open_sweep(grid)["peak_force"].values[0, 0].mean()
+    found = jp.open_sweep(grid).dataset()["peak_force"].values[0, 0].mean()
     assert f"{found:.4g}\u00a0±\u00a00" in source  # the ideal joint's: all runs the same
     assert source.count("data:image/svg+xml") >= 5
     assert (tmp_path / "p.pdf").read_bytes()[:5] == b"%PDF-"
@@ -87,8 +87,8 @@ def test_samples_with_a_failed_case_lose_their_sobol_indices_alone(tmp_path, cap
         )
     )  # fmt: skip
     store = swept(tmp_path, axes, 'samples = 4\nsampling = "saltelli"\nseed = 1')
-    state = jp.open_sweep(store)["state"].values
-    failed = int((state == 2).sum())
+    state = jp.open_sweep(store).dataset()["status"].values
+    failed = int((state == "failed").sum())
     assert 0 < failed < state.size
     assert main(["report", str(store), "--quiet", "--no-pdf"]) == 0
     assert main(["study", "uncertainty", str(store), "peak_force"]) == 0
@@ -103,7 +103,7 @@ def test_a_sweep_has_a_report_of_its_own(grid, tmp_path, capsys):
     assert main(["report", str(grid), "--impacts", "3"]) == 2
     assert main(["report", str(grid), "-o", str(tmp_path / "page.txt")]) == 2
     err = capsys.readouterr().err
-    assert "give only its store" in err
+    assert "give only its folder" in err
     assert "--impacts is for results" in err
     assert "must end in .html" in err
 
@@ -119,7 +119,7 @@ def test_all_measures_of_a_sweep_are_of_the_part_that_is_judged(options, integra
     path = tmp_path / "s.toml"
     path.write_text(text)
     axes = {"joints.joint_b.radial_clearance": ["0.2 mm"]}
-    found = jp.sweep(path, tmp_path / "s.zarr", axes, jobs=1).load().isel(radial_clearance=0)
+    found = jp.sweep(path, tmp_path / "s", axes, jobs=1).dataset().isel(radial_clearance=0)
     one = jp.Scenario.load(path).simulation()
     result = dataclasses.replace(one, settle=None, judge_from=0.03).run()
     audit, late = result.audit, result.time >= 0.03

@@ -2,9 +2,13 @@
 
 import importlib
 import shutil
+import sqlite3
 import subprocess
+from contextlib import closing
+from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 from sweep_scenario import ARM, GRID, SCENARIO
@@ -13,10 +17,11 @@ from warm import PYTHON
 import jointplay as jp
 from jointplay import JointplayError
 from jointplay.cli import main
-from jointplay.study import plan_of, sealed
+from jointplay.study import plan_of
 from jointplay.study.case import Bench, job
+from jointplay.study.outcome import DONE, Outcome
+from jointplay.study.store import SweepStore
 from jointplay.study.sweep_table import columns_of, measured, table
-from jointplay.study.sweeps import probe
 
 VARYING = "cost"
 
@@ -29,30 +34,42 @@ def done(tmp_path_factory):
     (folder / "own.py").write_text(
         "def longest(result):\n    return {'reach': abs(result['tool_position'].values).max()}\n"
     )
-    options = (
-        'measures = ["own:longest"]\nhistories = ["tool_position", "joint_force"]\nrepeats = 2'
-    )
+    options = 'measures = ["own:longest"]\nresults = true\nrepeats = 2'
     path.write_text(SCENARIO.format(axes=GRID, options=options, duration="0.02 s"))
     jp.import_module(folder / "own.py")
-    jp.sweep(path, folder / "store.zarr")
-    return folder / "store.zarr", path
+    jp.sweep(path, folder / "store")
+    return folder / "store", path
 
 
 def test_a_store_is_one_dataset_over_the_dimensions_of_the_sweep(done):
-    found = jp.open_sweep(done[0])
-    assert not any(v.variable._in_memory for v in found.data_vars.values())  # read lazily
+    found = jp.open_sweep(done[0]).dataset()
     assert dict(found["peak_force"].sizes) == {"clearance": 3, "friction": 2, "repeat": 2}
     np.testing.assert_array_equal(found["clearance"], [0.0, 1e-4, 2e-4])
     assert (found["clearance"].attrs["units"], found["peak_force"].attrs["units"]) == ("m", "N")
-    assert (found["state"] == 1).all()
-    plain = xr.open_zarr(done[0])  # as any reader of Zarr
-    np.testing.assert_array_equal(plain["peak_force"], found["peak_force"])
-    assert (done[0] / "journal").read_bytes() == b""
+    assert (found["status"] == "done").all()
+    assert sorted(one.name for one in done[0].iterdir()) == ["cases.sqlite", "results"]
+
+
+def test_other_tools_read_the_cases(done):
+    """By Python's own sqlite3, and pandas: a row a case, in whatever order they were finished."""
+    found = jp.open_sweep(done[0])
+    with closing(sqlite3.connect(done[0] / "cases.sqlite")) as opened:
+        plain = pd.read_sql("SELECT * FROM cases", opened)
+    assert len(plain) == 12
+    assert set(plain["status"]) == {"done"}
+    table = found.table()
+    assert table.index.tolist() == list(range(12))
+    assert table.attrs["units"]["peak_force"] == "N"
+    order = ["clearance", "friction", "repeat"]
+    plain, table = (one.sort_values(order).reset_index(drop=True) for one in (plain, table))
+    pd.testing.assert_frame_equal(plain[table.columns], table)
+    grid = found.dataset()["peak_force"].values.ravel()
+    np.testing.assert_array_equal(found.table()["peak_force"], grid)
 
 
 def test_cases_are_those_that_single_runs_give(done):
     store, path = done
-    found = jp.open_sweep(store).isel(clearance=2, friction=1, repeat=1)
+    found = jp.open_sweep(store).dataset().isel(clearance=2, friction=1, repeat=1)
     changes = {
         "joints": {"joint_b": {"radial_clearance": "0.2 mm", "friction": {"mu_d": 0.1}}},
         "integration": {"seed": 1},
@@ -68,28 +85,31 @@ def test_cases_are_those_that_single_runs_give(done):
     assert float(found["impacts"]) == result.audit.impacts > 0
     for mode, share in time_fractions(result, "joint_b").items():
         assert float(found[f"share_{mode}"]) == pytest.approx(share)
-    np.testing.assert_array_equal(found["tool_position_history"], result["tool_position"])
-    np.testing.assert_array_equal(found["joint_force_history"], result["joint_force"])
+    case = np.ravel_multi_index((2, 1, 1), (3, 2, 2))
+    kept = jp.open_sweep(store).result(int(case))
+    xr.testing.assert_equal(kept.dataset, result.dataset)
+    file = store / "results" / "2-1-1.nc"  # as any result: every reader of results takes it
+    xr.testing.assert_identical(jp.Result.load(file).dataset, kept.dataset)
     assert float(found["reach"]) == np.abs(result["tool_position"].values).max()
 
 
 def test_the_ideal_joint_has_no_tool_error_and_the_force_of_its_reaction(done):
     store, path = done
-    found = jp.open_sweep(store).isel(clearance=0, friction=0, repeat=0)
+    found = jp.open_sweep(store).dataset().isel(clearance=0, friction=0, repeat=0)
     assert float(found["tool_error_peak_total"]) == 0.0
     changes = {"joints": {"joint_b": {"ideal": True}}}
     result = jp.Scenario.load(path).simulation(changes=changes).run()
     force = result["reaction_force"].sel(moving_joint="joint_b").values
     assert float(found["peak_force"]) == pytest.approx(np.linalg.norm(force, axis=1).max())
-    assert np.isnan(found["joint_force_history"]).all()
+    assert "joint_force" not in jp.open_sweep(store).result(0).dataset
 
 
 def test_resuming_a_finished_sweep_runs_nothing(done, monkeypatch):
-    before = jp.open_sweep(done[0]).load()
+    before = jp.open_sweep(done[0]).dataset()
     sweeps = importlib.import_module("jointplay.study.sweeps")
     monkeypatch.setattr(sweeps, "workers_for", lambda *_: pytest.fail("nothing is left"))
-    after = jp.sweep(done[1], done[0], resume=True)
-    xr.testing.assert_identical(after.load(), before)
+    after = jp.sweep(done[1], done[0], resume=True).dataset()
+    xr.testing.assert_identical(after, before)
 
 
 def test_a_store_of_another_sweep_is_refused_with_the_difference(done, tmp_path):
@@ -115,7 +135,7 @@ def test_a_store_of_another_sweep_is_refused_with_the_difference(done, tmp_path)
 
 
 def test_the_table_has_a_row_for_every_point_and_own_measures(done):
-    text = table(jp.open_sweep(done[0]))
+    text = table(jp.open_sweep(done[0]).dataset())
     assert "clearance [mm]" in text
     assert "reach" in text
     assert "means over 2 runs of each point" in text
@@ -160,49 +180,26 @@ CR = 'key = "joints.joint_b.radial_clearance", values = ["0.1 mm"]'
 @pytest.mark.parametrize(
     ("axes", "options", "said"),
     [
-        (None, 'histories = ["tool_positon"]', r'"tool_positon"; did you mean "tool_pos'),
+        (None, 'results = "tool"', r"sweep\.results.*true or false"),
         (None, 'measures = ["statistics:mean"]', "--import statistics"),
         (f"c = {{ {CR.replace('joint_b', 'joint_d')} }}", "",
          r'no joint "joint_d".*did you mean "joint_'),
         (f"peak_force = {{ {CR} }}", "", "an axis cannot be called 'peak_force'"),
-        ('step = { key = "integration.step", values = ["10 us", "20 us"] }',
-         'histories = ["tool_position"]', r"sweep\.histories.*varies integration\.step"),
-        ("way = { variants = { coarse = { integration = { step = 2e-5 } }, fine = {} } }",
-         'histories = ["tool_position"]', r"sweep\.histories.*varies integration\.step"),
     ],
 )  # fmt: skip
 def test_what_no_sweep_can_do_is_refused_before_anything_runs(axes, options, said, swept, tmp_path):
     path = swept(options=options) if axes is None else swept(axes, options)
     with pytest.raises(JointplayError, match=said):
-        jp.sweep(path, tmp_path / "s.zarr")
-    assert not (tmp_path / "s.zarr").exists()
-
-
-def test_histories_of_cases_that_all_fail_to_begin_say_why_they_fail(swept, monkeypatch):
-    def refuse(run):
-        raise jp.JointplayError("no place of rest is found")
-
-    monkeypatch.setattr("jointplay.simulation.run.Run.begin", refuse)
-    with pytest.raises(jp.JointplayError, match="no place of rest is found"):
-        probe(plan_of(swept(options='histories = ["tool_position"]')))
-
-
-@pytest.mark.parametrize("name", ["joint_force", "reaction_force", "payload_energy"])
-def test_a_history_that_only_some_results_have_is_none_of_these(name, swept):
-    axes = (
-        "kind.variants.slow.motion.faster = 0.9\n"
-        "kind.variants.ideal.joints.joint_b.ideal = true\n"
-        'kind.variants.loaded.payloads = [{ frame = "suction_cup", mass = 1.0, pick = "10 ms" }]'
-    )
-    probe(plan_of(swept(axes, f'histories = ["{name}"]')))
+        jp.sweep(path, tmp_path / "s")
+    assert not (tmp_path / "s").exists()
 
 
 def test_a_failed_case_is_kept_with_its_error_and_the_rest_goes_on(swept, tmp_path):
     path = swept(
         'c = { key = "joints.joint_b.radial_clearance", values = ["0.1 mm", "1 nm", "0.2 mm"] }'
     )
-    found = jp.sweep(path, tmp_path / "s.zarr", jobs=1)
-    assert found["state"].values.tolist() == [1, 2, 1]
+    found = jp.sweep(path, tmp_path / "s", jobs=1).dataset()
+    assert found["status"].values.tolist() == ["done", "failed", "done"]
     assert "is too large for the contact stiffness at" in str(found["error"].values[1])
     assert np.isfinite(found["peak_force"].values).tolist() == [True, False, True]
     assert "1 of 3 cases failed" in table(found)
@@ -213,8 +210,8 @@ def test_a_measure_that_raises_fails_its_case_only(swept, tmp_path):
     jp.import_module(tmp_path / "mine.py")
     path = swept('c = { key = "joints.joint_b.radial_clearance", values = [0, "0.2 mm"] }',
                     'measures = ["mine:bad"]', "1 ms")  # fmt: skip
-    found = jp.sweep(path, tmp_path / "s.zarr", jobs=1)
-    assert found["state"].values[0] == 2
+    found = jp.sweep(path, tmp_path / "s", jobs=1).dataset()
+    assert found["status"].values[0] == "failed"
     assert str(found["error"].values[0]) == "ZeroDivisionError: float division by zero"
 
 
@@ -235,16 +232,34 @@ def test_more_values_samples_and_repeats_are_added_to_a_store(swept, tmp_path):
     axes = 'mu = {{ key = "joints.joint_b.friction.mu_d", values = [{}] }}'
     options = "repeats = 2"
     path = swept(axes.format("0.0, 0.1"), options, "2 ms")
-    first = jp.sweep(path, tmp_path / "s.zarr", jobs=1).load()
+    first = jp.sweep(path, tmp_path / "s", jobs=1).dataset()
     path = swept(axes.format("0.0, 0.1, 0.2"), "repeats = 3", "2 ms")
     with pytest.raises(jp.JointplayError, match="--extend adds the new cases"):
-        jp.sweep(path, tmp_path / "s.zarr", resume=True)
-    more = jp.sweep(path, tmp_path / "s.zarr", jobs=1, extend=True).load()
-    whole = jp.sweep(path, tmp_path / "w.zarr", jobs=1).load()
-    assert dict(more["state"].sizes) == {"mu": 3, "repeat": 3}
-    assert (more["state"] == 1).all()
+        jp.sweep(path, tmp_path / "s", resume=True)
+    more = jp.sweep(path, tmp_path / "s", jobs=1, extend=True).dataset()
+    whole = jp.sweep(path, tmp_path / "w", jobs=1).dataset()
+    assert dict(more["status"].sizes) == {"mu": 3, "repeat": 3}
+    assert (more["status"] == "done").all()
     np.testing.assert_array_equal(more["cost"][:2, :2], first["cost"])  # not run again
     xr.testing.assert_identical(more.drop_vars(VARYING), whole.drop_vars(VARYING))
+
+
+def test_an_axis_that_is_extended_by_values_of_another_kind_keeps_its_cases(swept, tmp_path):
+    """Whole numbers that have become others: the file is made anew, its column holds both."""
+    axis = 'seed = {{ key = "integration.seed", values = [{}] }}'
+    store = SweepStore(tmp_path / "s", plan_of(swept(axis.format("1, 2"))))
+    store.keep((1,), Outcome((1,), DONE, {"impacts": 7.0}))
+    store.close()
+    assert jp.open_sweep(tmp_path / "s").table()["seed"].tolist() == [2]
+    made = plan_of(swept(axis.format("1, 2, 3")))
+    seed = replace(made.axes[0], coordinate=np.array([1.0, 2.0, 3.5]))
+    store = SweepStore(tmp_path / "s", replace(made, axes=(seed,)), extend=True)
+    assert store.ran.tolist() == [False, True, False]
+    store.keep((2,), Outcome((2,), DONE, {"impacts": 8.0}))
+    store.close()
+    found = jp.open_sweep(tmp_path / "s").table()
+    assert found["seed"].tolist() == [2.0, 3.5]
+    assert found["impacts"].tolist() == [7.0, 8.0]
 
 
 SAMPLED = """
@@ -258,7 +273,7 @@ def test_a_sweep_stops_by_itself_when_the_precision_is_reached(swept, tmp_path):
         "samples = 4\nuntil = { measure = 'tool_error_rms_total', precision = 0.06, most = 512 }"
     )
     path = swept(SAMPLED, options, "20 ms")
-    found = jp.sweep(path, tmp_path / "s.zarr")
+    found = jp.sweep(path, tmp_path / "s").dataset()
     number = found.sizes["sample"]
     assert 4 < number < 512
     from jointplay.simulation.analysis.uncertainty import interval_estimate
@@ -266,14 +281,14 @@ def test_a_sweep_stops_by_itself_when_the_precision_is_reached(swept, tmp_path):
     values = found["tool_error_rms_total"].values
     assert interval_estimate(values).relative <= 0.06
     assert interval_estimate(values[: number // 2]).relative > 0.06
-    again = jp.sweep(path, tmp_path / "s.zarr", resume=True)
+    again = jp.sweep(path, tmp_path / "s", resume=True).dataset()
     assert again.sizes["sample"] == number
 
 
 def test_sobol_indices_are_printed_of_a_saltelli_design(swept, tmp_path, capsys):
     pytest.importorskip("SALib")
     path = swept(SAMPLED, 'samples = 8\nsampling = "saltelli"', "20 ms")
-    store = tmp_path / "s.zarr"
+    store = tmp_path / "s"
     assert jp.sweep(path, store).sizes == {"sample": 32}
     out = tmp_path / "c.png"
     assert (
@@ -286,7 +301,6 @@ def test_sobol_indices_are_printed_of_a_saltelli_design(swept, tmp_path, capsys)
 
 
 def test_files_travel_with_the_job(swept, tmp_path):
-    from jointplay.study import plan_of
 
     urdf = jp.shipped("scara.urdf").read_text()
     (tmp_path / "here").mkdir()
@@ -298,7 +312,7 @@ def test_files_travel_with_the_job(swept, tmp_path):
     here = Bench(job(made)).run((2, 1), made.changes((2, 1)))
     (tmp_path / "here" / "arm.urdf").unlink()
     there = Bench(work).run((2, 1), made.changes((2, 1)))
-    assert there.state == 1, there.error
+    assert there.status == "done", there.error
     del here.values[VARYING], there.values[VARYING]
     assert here.values == there.values
 
@@ -308,7 +322,7 @@ def test_a_script_needs_no_guard_to_run_a_sweep(swept, tmp_path):
     path = swept(duration="1 ms")
     script = tmp_path / "script.py"
     script.write_text(
-        f"import jointplay as jp\nd = jp.sweep({str(path)!r}, {str(tmp_path / 's.zarr')!r}, "
+        f"import jointplay as jp\nd = jp.sweep({str(path)!r}, {str(tmp_path / 's')!r}, "
         "{'joints.joint_b.friction.mu_d': [0.0, 0.1]}, jobs=2)\nprint(d.sizes['mu_d'])\n"
     )
     done = subprocess.run([PYTHON, str(script)], capture_output=True, text=True, check=False)
@@ -329,20 +343,22 @@ def test_a_sweep_that_is_refused_prints_no_plan(why, swept, tmp_path, capsys):
 
 
 def test_going_on_empties_no_store_of_someone_else(swept, tmp_path, capsys):
-    zarr = importlib.import_module("zarr")
-    path = tmp_path / "mine.zarr"
-    zarr.create_group(path).create_array("precious", shape=(3,), dtype="f8")[:] = 7.0
-    (path / "mine.partial").write_text("precious")
+    path = tmp_path / "mine"
+    path.mkdir()
+    with closing(sqlite3.connect(path / "cases.sqlite")) as mine:
+        mine.execute("CREATE TABLE cases (precious REAL)")
+        mine.execute("INSERT INTO cases VALUES (7.0)")
+        mine.commit()
+    before = (path / "cases.sqlite").read_bytes()
     assert main(["study", "sweep", str(swept()), "--out", str(path), "--resume", "--quiet"]) == 2
     assert "is damaged or not a sweep" in capsys.readouterr().err
-    assert list(zarr.open_group(path, mode="r")["precious"][:]) == [7.0] * 3
-    assert (path / "mine.partial").read_text() == "precious"
+    assert (path / "cases.sqlite").read_bytes() == before
 
 
 def test_a_damaged_store_is_one_line_to_every_command(done, tmp_path, capsys):
-    path = tmp_path / "s.zarr"
+    path = tmp_path / "s"
     shutil.copytree(done[0], path)
-    (path / "zarr.json").write_text("{")
+    (path / "cases.sqlite").write_text("{")
     for command in (
         ["plot", path, "x=clearance", "y=peak_force", "--out", tmp_path / "x.png"],
         ["report", path, "-o", tmp_path / "x.html", "--no-pdf", "--quiet"],
@@ -354,24 +370,28 @@ def test_a_damaged_store_is_one_line_to_every_command(done, tmp_path, capsys):
     assert not list(tmp_path.glob("x.*"))
 
 
-def test_a_case_whose_records_are_of_other_times_has_failed_and_says_so(swept, tmp_path):
-    axis = 'long = { key = "integration.duration", values = ["2 ms", "4 ms", "3.05 ms"] }'
-    path = swept(axis, 'histories = ["tool_position"]')
-    found = jp.sweep(path, tmp_path / "store.zarr", jobs=1)
-    assert found["state"].values.tolist() == [1, 1, 2]
-    assert "record 32 is at t = 0.00305 s" in str(found["error"].values[2])
-    time, kept = found["time"].values, found["tool_position_history"].values
-    assert time == pytest.approx(np.arange(41) * 1e-4)
-    assert np.isnan(kept[2]).all()
-    for number, duration in enumerate((2e-3, 4e-3)):
-        there = ~np.isnan(kept[number, :, 0])
-        changes = {"integration": {"duration": duration}}
-        result = jp.Scenario.load(path).simulation(changes=changes).run()
-        assert time[there] == pytest.approx(result.time, abs=1e-12)
-        assert kept[number][there] == pytest.approx(result["tool_position"].values)
+def test_results_of_cases_may_differ_in_length_and_those_that_failed_have_none(swept, tmp_path):
+    axis = 'long = { key = "integration.duration", values = ["2 ms", "1 ns", "3.05 ms"] }'
+    found = jp.sweep(swept(axis, "results = true"), tmp_path / "store", jobs=1)
+    assert found.table()["status"].tolist() == ["done", "failed", "done"]
+    assert [found.result(case).time[-1] for case in (0, 2)] == pytest.approx([2e-3, 3.05e-3])
+    with pytest.raises(JointplayError, match=r"no result of case 1 .* it failed"):
+        found.result(1)
+    for case in (-1, 3, 1.5):
+        with pytest.raises(JointplayError, match="case must be a whole number"):
+            found.result(case)
 
 
-NAMES = ("a/b", "_[c] <&>", "..", "né zarr.json")
+NAMES = (
+    "a/b",
+    "_[c] <&>",
+    "..",
+    "né '\"; DROP TABLE cases; --",
+    "Impacts",
+    "place",
+    "Checksum",
+    "%s ?",
+)
 
 
 def test_measures_and_axes_may_have_any_name(swept, tmp_path):
@@ -383,41 +403,32 @@ def test_measures_and_axes_may_have_any_name(swept, tmp_path):
 "x/y" = { key = "joints.joint_b.radial_clearance", values = ["0.1 mm", "0.2 mm"] }
 "_<z>" = { key = "joints.joint_b.friction.mu_d", values = [0.0, 0.1] }
 """
-    options = 'measures = ["named:own"]\nhistories = ["tool_position"]'
+    options = 'measures = ["named:own"]'
     jp.sweep(swept(axes, options, "2 ms"), tmp_path / "s", jobs=1)
     axes = axes.replace('"0.2 mm"]', '"0.2 mm", "0.3 mm"]')
-    found = jp.sweep(swept(axes, options, "2 ms"), tmp_path / "s", jobs=1, extend=True).load()
+    found = jp.sweep(swept(axes, options, "2 ms"), tmp_path / "s", jobs=1, extend=True).dataset()
     assert found["x/y"].values.tolist() == [1e-4, 2e-4, 3e-4]
     for k, name in enumerate(NAMES):
         assert (found[name].values == k + 0.5).all()
-    assert found["tool_position_history"].dims[:2] == ("x/y", "_<z>")
+    assert found["Impacts"].dims == ("x/y", "_<z>")
+    assert not found["impacts"].equals(found["Impacts"])  # which are one name to SQLite
     assert main(["report", str(tmp_path / "s"), "--out", str(tmp_path / "r.html"), "--no-pdf"]) == 0
     page = (tmp_path / "r.html").read_text()
     assert all(name in page for name in ("a/b", "_&lt;z&gt;"))
     assert "<z>" not in page
 
 
-@pytest.mark.parametrize(
-    "name", ["", "a", "_a", "__a", "a/b", "..", "%2F", "a%b", "é ü", "[<&>]", "\0"]
-)
-def test_the_name_of_an_array_comes_back_from_its_folder(name):
-    folder = sealed.array_name(name)
-    assert sealed.plain_name(folder) == name
-    assert not set(folder) & set("/.[]<>&\0")
-    assert not folder.startswith("_")
-
-
 def test_a_measure_of_the_users_own_takes_nothing_of_those_shipped(swept, tmp_path):
     """Neither unit and meaning for a name that begins alike, nor their places."""
-    names = ("impacts_of_mine", "state", "impulse")
+    names = ("impacts_of_mine", "status", "impulse")
     text = "".join(f"def {name}(result):\n    return 1.0\n" for name in names)
     (tmp_path / "named.py").write_text(text)
     jp.import_module(tmp_path / "named.py")
     for name in names:
         path = swept(f"clearance = {{ {CR} }}", f'measures = ["named:{name}"]', "2 ms")
-        found = jp.sweep(path, tmp_path / name, jobs=1).load()
+        found = jp.sweep(path, tmp_path / name, jobs=1).dataset()
         own = name == "impacts_of_mine"
-        assert found["state"].values.tolist() == [1 if own else 2]
+        assert found["status"].values.tolist() == ["done" if own else "failed"]
         assert own or name in str(found["error"].values[0])
         assert not own or (name, "", 1.0) in columns_of(found)
 
@@ -436,7 +447,7 @@ def test_a_sweep_of_bearings_has_loads_and_life_as_columns(tmp_path):
         text + '[integration]\nduration = "10 ms"\n[sweep]\ntool_error = false\n[sweep.axes]\n'
         'kind = { key = "joints.joint_b.designation", values = ["6010/C2", "6010/C4"] }\n'
     )
-    data = jp.sweep(path, tmp_path / "store")
+    data = jp.sweep(path, tmp_path / "store").dataset()
     changes = {"joints": {"joint_b": {"designation": "6010/C4"}}}
     result = jp.Scenario.load(path).simulation(changes=changes).run(estimate=False)
     life = jp.analysis.bearing_life(result, "joint_b")
@@ -455,7 +466,7 @@ def test_a_sweep_of_bearings_has_loads_and_life_as_columns(tmp_path):
 
 def test_a_sweep_without_rolling_elements_says_that_it_has_no_lives(done):
     with pytest.raises(jp.JointplayError, match="joints none has any"):
-        measured(jp.open_sweep(done[0]), "bearing_life")
+        measured(jp.open_sweep(done[0]).dataset(), "bearing_life")
 
 
 def test_the_command_warns_of_an_arm_that_falls(tmp_path, capsys):

@@ -263,14 +263,14 @@ def test_a_value_that_no_case_can_take_is_refused_before_anything_runs(
 ):
     monkeypatch.setattr(sweeps, "workers_for", lambda *_: pytest.fail("a case was to run"))
     with pytest.raises(jp.JointplayError, match=said):
-        jp.sweep(swept(axes), tmp_path / "s.zarr")
-    assert not (tmp_path / "s.zarr").exists()
+        jp.sweep(swept(axes), tmp_path / "s")
+    assert not (tmp_path / "s").exists()
 
 
 def test_a_sample_that_no_case_can_take_is_refused_with_its_number(swept, tmp_path):
     axes = f'c = {{ key = "{CR}", distribution = "normal", mean = 1e-4, std = 1e-4 }}'
     with pytest.raises(jp.JointplayError, match=r"cannot take -\S+ m: .*of 8; from and to"):
-        jp.sweep(swept(axes, "samples = 8"), tmp_path / "s.zarr")
+        jp.sweep(swept(axes, "samples = 8"), tmp_path / "s")
 
 
 def test_a_value_that_some_case_can_take_is_left_to_the_cases(swept):

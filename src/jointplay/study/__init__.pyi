@@ -3,6 +3,7 @@ from .certification import certify as certify
 from .corners import Judgement as Judgement
 from .corners import judge as judge
 from .corners import learn as learn
+from .store import Sweep as Sweep
 from .store import open_sweep as open_sweep
 from .study import Measure as Measure
 from .study import Memory as Memory

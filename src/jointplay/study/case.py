@@ -25,10 +25,10 @@ from jointplay.scenario import Scenario
 from jointplay.scenario.overrides import Setting
 from jointplay.simulation.analysis.twins import ideal_simulation, task, tool_motion
 from jointplay.simulation.motion.reference import Motion
+from jointplay.simulation.result import netcdf
 from jointplay.simulation.result.result import Result
 from jointplay.simulation.result.stored import versions
 from jointplay.simulation.simulation import Simulation
-from jointplay.study.journal import DONE, FAILED, History, Index, Outcome
 from jointplay.study.measures import (
     COST,
     NUMERICAL_ERROR,
@@ -38,6 +38,7 @@ from jointplay.study.measures import (
     own_measures,
     rests_of,
 )
+from jointplay.study.outcome import DONE, FAILED, Index, Outcome
 from jointplay.study.sweep_plan import SweepPlan
 
 Case = tuple[Index, Mapping[str, Any]]
@@ -59,7 +60,7 @@ class Job:
     case: str
     joints: tuple[str, ...]
     measures: tuple[str, ...]
-    histories: tuple[str, ...]
+    results: bool
     start: float | None
     tool_error: bool
     version: str
@@ -71,7 +72,7 @@ def job(plan: SweepPlan, send_files: bool = False) -> Job:
     """What processes must know of a sweep; with `send_files` those without its folder too."""
     scenario = plan.scenario
     path = scenario.path.name if send_files else str(scenario.path.absolute())
-    of_plan = plan.measures, plan.histories, plan.start, plan.tool_error, versions()["jointplay"]
+    of_plan = plan.measures, plan.results, plan.start, plan.tool_error, versions()["jointplay"]
     return Job(
         scenario.text, path, scenario.settings, plan.case, tuple(plan.joints),
         *of_plan, plan.inputs if send_files else None,
@@ -122,17 +123,17 @@ class Bench:
         """Run a case; what goes wrong with it is part of the outcome."""
         began = time.process_time()
         values: dict[str, float] = {}
-        kept: dict[str, History] = {}
-        state, said = DONE, ""
+        kept = None
+        status, said = DONE, ""
         try:
             with warnings.catch_warnings(), np.errstate(all="ignore"):
                 warnings.simplefilter("ignore")
                 values, kept = self._run(changes)
         except Exception as error:  # noqa: BLE001 - a measure of the user's own can raise anything
             kind = "" if isinstance(error, JointplayError) else f"{type(error).__name__}: "
-            state, said = FAILED, f"{kind}{error}"
+            status, said = FAILED, f"{kind}{error}"
         values[COST] = time.process_time() - began
-        return Outcome(index, state, values, self._portable(said)[:LONGEST_ERROR], kept)
+        return Outcome(index, status, values, self._portable(said)[:LONGEST_ERROR], kept)
 
     def _portable(self, said: str) -> str:
         """An error in a line, with the names that files have in the scenario, wherever it ran."""
@@ -158,12 +159,12 @@ class Bench:
                 tables[table] = {**tables.get(table, {}), key: self._names[name]}
         return tables
 
-    def _run(self, changes: Mapping[str, Any]) -> tuple[dict[str, float], dict[str, History]]:
+    def _run(self, changes: Mapping[str, Any]) -> tuple[dict[str, float], bytes | None]:
         simulation = self.simulation(changes)
         integration = {**self._integration, **changes.get("integration", {})}
         certify = bool(integration.get("certify"))
-        whole = certify or self.measures  # which may read anything
-        only = None if whole else needed(simulation, self.job.histories)
+        whole = certify or self.measures or self.job.results  # measures may read anything
+        only = None if whole else needed(simulation)
         result = simulation.run(certify=certify, estimate=False, only=only)
         if result.status != Status.COMPLETED:
             raise JointplayError(result.message)
@@ -178,8 +179,7 @@ class Bench:
                         f"{name} returns {other!r}, which is the name of another measure"
                     )
             values |= found
-        known = [name for name in self.job.histories if name in result.dataset]
-        return values, {name: History.of(result[name]) for name in known}
+        return values, netcdf.pack(result.dataset) if self.job.results else None
 
     def _rests_of(self, motion: Motion | None, end: float) -> tuple[float, ...]:
         """Times at which the reference stands still; of one motion they are looked up once."""

@@ -26,7 +26,7 @@ from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.result.result import Result
 from jointplay.simulation.result.settings import START_UP
 from jointplay.simulation.simulation import Simulation
-from jointplay.study.journal import Arrays, Lines
+from jointplay.study.runs import MOST_RUNS, Arrays, Runs
 from jointplay.study.study import Measure, Memory, Study
 
 
@@ -83,8 +83,6 @@ def loaded(simulation: Simulation, mass: float) -> Simulation:
 
 RUNS = "runs"
 """Name of the file in which courses are kept."""
-MOST_RUNS = 1_000_000
-"""Runs at a time, at most."""
 
 
 def check_numbers(runs: int, jobs: int | None) -> None:
@@ -120,7 +118,7 @@ def traces(
     with ExitStack() as stack:
         store = Memory[Arrays]()
         if keep is not None:
-            store = stack.enter_context(closing(Lines(keep / RUNS, {})))
+            store = stack.enter_context(closing(Runs(keep / RUNS, {})))
         Study(plan, Measure(_course), store).run(jobs, progress, desc=what)
     return [Trace(**store[key]) for key in keys]
 

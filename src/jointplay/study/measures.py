@@ -130,8 +130,8 @@ def measure(
     return measures
 
 
-def needed(simulation: Simulation, histories: Sequence[str]) -> list[str] | None:
-    """Histories that `measure` reads of a run, with `histories`; None: all.
+def needed(simulation: Simulation) -> list[str] | None:
+    """Histories that `measure` reads of a run; None: all.
 
     Lives of rolling bearings, and a tool that is seen from a free base, ask for much.
     """
@@ -142,7 +142,7 @@ def needed(simulation: Simulation, histories: Sequence[str]) -> list[str] | None
     forces = [*_JOINT_FORCE.values(), "mode", "gap_min"]
     if not mechanism.clearance:
         forces = ["reaction_force"]
-    return [*dict.fromkeys(["tool_position", *forces, *LOSSES, "load_work", *histories])]
+    return ["tool_position", *forces, *LOSSES, "load_work"]
 
 
 def _bearings(

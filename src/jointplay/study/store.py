@@ -1,60 +1,54 @@
-"""The store of a study: labelled Zarr arrays over its dimensions, and a journal of what is done.
+"""The folder of a sweep: its cases in a file of SQLite, and their results, if they are wanted.
 
-Of a plan a store needs its `sizes`, `coordinates`, `histories`, `identity` and `about`, the
+Of a plan a store needs its `sizes`, `coordinates`, `results`, `identity` and `attributes`, the
 `meaning` of measures, and in what it has `grown`.
 
-A finished case is one line of the journal. The arrays are filled from it now and then, and at the
-end; filled again, they are what they were. The store's own metadata, written last and replaced at
-once, say which arrays and chunks there are, and how large: what they do not know of is filled
-again. The journal is emptied only when all that it says is in the arrays and on disk. So whatever
-is killed, and whenever, nothing that was finished is lost.
-
-What has changed since it was written is found by its seal, what is gone by the list of chunks
-(`sealed`); its cases run again.
+A finished case is a row before anyone is told of it; its result is there before the row. What has
+changed since it was written is found by its checksum: a row by its own, a result by its seal, which
+its row knows. Its case then runs again.
 """
 
 from __future__ import annotations
 
 import math
-import os
-import secrets
-import shutil
-import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from jointplay.base import files
-from jointplay.base.errors import JointplayError, require_a
-from jointplay.simulation.result.stored import versions
-from jointplay.study import sealed
-from jointplay.study.journal import FAILED, JOURNAL, History, Index, Journal, Outcome, is_there
-from jointplay.study.sealed import COPY, METADATA, Array, Contents, array_name, plain_name
+from jointplay.base.errors import JointplayError, damaged, one_line, require_a, require_whole
+from jointplay.base.hdf5 import MEMORY_SHARE, memory
+from jointplay.study.database import FILE, KINDS, MOST_COLUMNS, Column, Rows, is_there
+from jointplay.study.outcome import DONE, FAILED, NOT_RUN, Index, Outcome
 
 if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+    from jointplay.simulation.result.result import Result
     from jointplay.study.sweep_plan import SweepPlan
 
-ROUNDING = 1e-9
-"""Times that differ by less than this, relative to the last of them, are the same."""
-SUFFIX = "_history"
-"""What the names of arrays of time histories end with."""
-CHUNK = 1 << 12
-"""Cases in a chunk, at most."""
-HISTORY_CHUNK = 1 << 17
-"""Numbers in a chunk of histories, at most: a megabyte."""
-SYNC_S = 1.0
-"""What a power failure can take is no older than this [s]."""
-FLUSH_S = 60.0
-"""Interval at which the arrays are brought up to date, for readers [s]."""
-FLUSH_BYTES = 1 << 26
-"""Size of the journal at which that is done as well, and the journal emptied [bytes]."""
+RESULTS = "results"
+"""Folder of the results of cases."""
+SAID = (
+    Column("status", "TEXT", text="done, or failed"),
+    Column("error", "TEXT", text="error message of the case"),
+    Column("result", "TEXT", text="checksum of the case's result"),
+)
+"""Columns besides those of values and measures."""
 MOST_DIFFERENCES = 4
 """Differences that a message names."""
+MOST_CASES = 100_000_000
+_ABOUT: dict[str, type] = {
+    "sizes": dict, "labels": dict, "case": str, "sampling": str, "sampled": list, "inputs": dict,
+    "versions": dict, "identity": dict, "title": str, "scenario": str, "scenario_file": str,
+    "sweep": str,
+}  # fmt: skip
+"""What a store says of itself."""
+_KINDS = {"f": "REAL", "i": "INTEGER", "u": "INTEGER", "b": "BOOLEAN"}
 
 
 class SweepStore:
@@ -67,94 +61,90 @@ class SweepStore:
         extend: whether it may become larger: more samples, repeats, values at the end of an axis.
 
     Attributes:
-        state: of every case; 0: not run, `DONE`, `FAILED`.
+        ran: whether a case has been run.
+        failed: how many have failed.
 
     Raises:
         JointplayError: the store exists (and `resume` is false), is of another study, or another
             process writes to it; it cannot be written.
     """
 
+    recovery = "--resume continues"
+
     def __init__(
         self, path: str | Path, plan: SweepPlan, resume: bool = False, extend: bool = False
     ) -> None:
-        self.path = Path(path)
+        self.path, self.plan = Path(path), plan
         there = is_there(self.path, resume or extend)
         files.claim(self.path, [])
         try:
-            self.plan = plan
-            self.state = np.zeros(self._shape, np.int8)
-            self._pending: list[Outcome] = []
-            self._labels: dict[str, list[Any]] = {}
-            self._written: dict[str, bytes] = {}  # metadata by file, as they are on disk
-            self._synced = self._flushed = time.monotonic()
-            with writing(self.path):
-                if there:
-                    self._reopen(extend)
-                else:
-                    self._make()
-                self._take_up()
+            self.ran, self.failed = np.zeros(plan.shape, bool), 0
+            if there:
+                self._rows = Rows(self.path / FILE, write=True)
+                self._reopen(extend)
+            else:
+                self._rows = Rows.make(self.path / FILE, self._about(), self._values())
         except BaseException:
-            files.release(self.path)
+            self.close()
             raise
 
-    @property
-    def _shape(self) -> Index:
-        return tuple(self.plan.sizes.values())
+    def _about(self) -> dict[str, Any]:
+        from jointplay.simulation.result.stored import versions
 
-    # ---- Made, and gone on with -----------------------------------------------------------------
-
-    def _about(self, store: str) -> dict[str, Any]:
-        """Attributes of the store: of which study it is."""
+        labels = {
+            name: {"values": given.tolist(), **about}
+            for name, (along, given, about) in self.plan.coordinates.items()
+            if name == along
+        }
         mine = {"identity": dict(self.plan.identity), "sizes": dict(self.plan.sizes)}
-        own = {"jointplay_sweep": sealed.FORMAT, "store": store, "versions": versions()}
-        return {**self.plan.attributes, **mine, **own}
+        return {**self.plan.attributes, **mine, "labels": labels, "versions": versions()}
 
-    def _make(self) -> None:
-        """Begin a new store; what there was in the folder was of an older one."""
-        for one in self.path.iterdir():
-            if one.is_dir() and not one.is_symlink():
-                shutil.rmtree(one)
-            elif one.name not in (METADATA, COPY):  # by which a killed process is gone on with
-                one.unlink()
-        self.contents = Contents(self.path, self._about(secrets.token_hex(16)))
-        for name, kind, unit, text in (
-            ("state", "int8", "1", "0: not run, 1: done, 2: failed"),
-            ("error", "string", "", "error message of the case"),
-        ):
-            self._add(name, self._of_cases(kind, {"units": unit, "long_name": text}))
-        self._commit(coordinates=True)
-        self.journal = Journal(self.path / JOURNAL, self.contents.store)
+    def _values(self) -> list[Column]:
+        """Columns of the values of cases, and `SAID`."""
+        found = [
+            Column(name, _KINDS.get(given.dtype.kind, "TEXT"), about["units"],
+                   one_line(about["long_name"]))
+            for name, (_, given, about) in self.plan.coordinates.items()
+        ]  # fmt: skip
+        return [*found, *SAID]
 
     def _reopen(self, extend: bool) -> None:
-        """Go on with an old store."""
-        contents = sealed.contents_of(self.path, copy=True)
-        self._check_study(contents.attributes, extend)
-        for rest in self.path.rglob(f"*{sealed.PARTIAL}"):  # of a process that was killed
-            rest.unlink(missing_ok=True)
-        hurt = list(contents.survey())
-        if any(contents.kind(name) == "labels" for name, _ in hurt):
-            self._make()
-            return
-        self.contents = contents
-        self._mend(hurt)
-        self.journal = Journal(self.path / JOURNAL, contents.store)
-        self.state = contents.values("state")
-        self._labels = {
-            plain_name(name): contents.values(name).tolist()
-            for name in contents.arrays
-            if contents.kind(name) == "labels"
-        }
-        if self.state.shape != self._shape:
-            self.grow(self.plan)
+        """Go on with an old store; of what is damaged the cases count as not run."""
+        contents = Contents(self._rows)
+        self._check_study(contents.about, extend)
+        before = contents.sizes
+        if list(before) != list(self.plan.sizes) or np.any(
+            np.array(list(before.values())) > self.plan.shape
+        ):
+            raise damaged(self._rows.path, "sweep", f"its sizes are {contents.sizes}")
+        for index, values in contents.blocks():
+            good = np.array([
+                not sealed or _is_sealed(self.path / RESULTS / file_of(at), sealed)
+                for at, sealed in zip(index.tolist(), values["result"], strict=True)
+            ])  # fmt: skip
+            self.ran[tuple(index[good].T)] = True
+            self.failed += int(np.count_nonzero(values["status"][good] == FAILED))
+            self._rows.whole &= bool(good.all())
+        columns = [*self._values(), *contents.measures]
+        if not self._rows.whole or columns != [*contents.values, *SAID, *contents.measures]:
+            self._rows.rebuild(self._about(), columns, self._kept(contents))
         else:
-            self._commit(coordinates=True)
+            self._rows.set_about(self._about())
 
-    def _check_study(self, attributes: Mapping[str, Any], extend: bool) -> None:
+    def _kept(self, contents: Contents) -> Iterator[tuple[str, dict[str, Any]]]:
+        """Rows of the cases that have been run, with their values as the plan has them now."""
+        for index, values in contents.blocks():
+            for k, at in enumerate(map(tuple, index.tolist())):
+                if self.ran[at]:
+                    found = {name: column[k] for name, column in values.items()}
+                    yield place_of(at), {**found, **self.plan.values(at)}
+
+    def _check_study(self, about: Mapping[str, Any], extend: bool) -> None:
         """Refuse a store of another study."""
-        changes = differences(attributes["identity"], self.plan.identity)
-        grown = self.plan.grown(attributes["identity"], list(attributes["sizes"]))
+        changes = differences(about["identity"], self.plan.identity)
+        grown = self.plan.grown(about["identity"], list(about["sizes"]))
         beyond = changes.keys() - grown
-        mine, theirs = versions()["jointplay"], attributes["versions"].get("jointplay")
+        mine, theirs = self._about()["versions"]["jointplay"], about["versions"].get("jointplay")
         if mine != theirs:
             changes["version"] = f"jointplay is {mine} instead of {theirs}"
             beyond |= {"version"}
@@ -169,185 +159,21 @@ class SweepStore:
                 f"{str(self.path)!r} belongs to another sweep: {'; '.join(shown)}; {advice}"
             )
 
-    def _mend(self, hurt: Sequence[tuple[str, str]]) -> None:
-        """Have the cases count as not run whose numbers were in damaged chunks, and delete these.
-
-        What the journal has of them is filled in again. Killed at any moment it is done again: what
-        is damaged goes only when the states on disk say that its cases have not been run.
-        """
-        again = np.zeros(self.contents.arrays["state"].shape, bool)
-        for name, chunk in hurt:
-            listed = chunk in self.contents.chunks.get(name, ())  # else the journal has its cases
-            if listed and self.contents.kind(name) in ("measure", "cases"):
-                sizes = self.contents.arrays[name].chunks[: again.ndim]
-                at = zip(map(int, chunk.split("/")), sizes, strict=False)
-                again[tuple(slice(k * size, (k + 1) * size) for k, size in at)] = True
-            if name == "state":
-                self.contents.delete(name, chunk)
-        if again.any():
-            state = self.contents.values("state")
-            state[again] = 0
-            self.contents.write("state", state)
-            os.sync()
-        for name, chunk in hurt:
-            self.contents.delete(name, chunk)
-
-    def _take_up(self) -> None:
-        """Fill the arrays with what the journal has; entries that are none are as good as changed.
-
-        A seal does not tell who made it: a stranger's line can have the right one.
-        """
-        for entry in self.journal.found:
-            outcome = Outcome.read(entry, self._shape)
-            if outcome is not None and not self._taken(outcome):
-                self._pending.append(self._fitted(outcome))
-                self.state[outcome.index] = self._pending[-1].state
-        self.flush()
-
-    def _taken(self, outcome: Outcome) -> list[str]:
-        """What an outcome has for which there is no array, nor can be: its names are others'."""
-        arrays, kind = self.contents.arrays, self.contents.kind
-        taken = [name for name in outcome.values if kind(array_name(name), "measure") != "measure"]
-        for name, history in outcome.histories.items():
-            own = tuple(map(array_name, history.labels))
-            known = arrays.get(array_name(name + SUFFIX))
-            other = known is not None and known.dims[len(self._shape) :] != own
-            labels = all(kind(one, "labels") == "labels" for one in own)
-            if other or not labels or name not in self.plan.histories:
-                taken.append(name)
-        return taken
-
     def grow(self, plan: SweepPlan) -> None:
         """Make room for the cases of a larger plan; those there are stay what they are.
 
         Raises:
             JointplayError: the store cannot be written.
         """
-        self.plan, before = plan, self.state
-        self.state = np.zeros(self._shape, np.int8)
-        self.state[tuple(map(slice, before.shape))] = before
-        arrays = self.contents.arrays
-        with writing(self.path):
-            for name in arrays:
-                if self.contents.kind(name) in ("measure", "cases"):
-                    shape = (*self._shape, *arrays[name].shape[before.ndim :])
-                    arrays[name] = replace(arrays[name], shape=shape)
-            self.contents.attributes = self._about(self.contents.store)
-            self._commit(coordinates=True)
-
-    # ---- Arrays ---------------------------------------------------------------------------------
-
-    def _of_cases(
-        self, dtype: str, attributes: Mapping[str, str], tail: Mapping[str, int] | None = None
-    ) -> Array:
-        tail = tail or {}
-        shape = (*self._shape, *tail.values())
-        chunks = _chunks(shape, HISTORY_CHUNK if tail else CHUNK)
-        dims = tuple(map(array_name, (*self.plan.sizes, *tail)))
-        return Array(dtype, dims, shape, chunks, attributes)
-
-    def _add(self, name: str, array: Array) -> None:
-        """Have an array, in place of what a killed process, or another kind, has left there."""
-        if (self.path / name).is_dir():
-            shutil.rmtree(self.path / name)
-        self._written.pop(f"{name}/{METADATA}", None)
-        self.contents.arrays[name] = array
-        self.contents.chunks.pop(name, None)
-
-    def _write_labels(
-        self, name: str, dimension: str, values: np.ndarray, attributes: Mapping[str, str]
-    ) -> None:
-        folder = array_name(name)
-        text = values.dtype.kind in "UO"
-        dtype = "string" if text else str(values.dtype)
-        array = self.contents.arrays.get(folder)
-        if array is None or array.dtype != dtype:
-            chunks = (max(len(values), 1),)
-            self._add(folder, Array(dtype, (array_name(dimension),), values.shape, chunks))
-        array = self.contents.arrays[folder]
-        self.contents.arrays[folder] = replace(array, shape=values.shape, attributes=attributes)
-        self.contents.write(folder, values.astype(object) if text else values)
-
-    def _write(self, name: str, cells: Iterable[tuple[Index, Any, Sequence[np.ndarray]]]) -> None:
-        """Write values of cases into an array, each chunk once.
-
-        Args:
-            name: the array.
-            cells: index of each case, its value, and the places of that along the array's other
-                dimensions, where all else becomes NaN.
-        """
-        array, number = self.contents.arrays[name], len(self._shape)
-        sizes, tail = array.chunks[:number], array.shape[number:]
-        inside: dict[Index, list[tuple[Index, Any]]] = {}
-        for index, value, places in cells:
-            row = value
-            if tail:
-                row = array.empty(tail)
-                row[np.ix_(*places)] = value
-            chunk, at = zip(*map(divmod, index, sizes), strict=True)
-            inside.setdefault(chunk, []).append((at, row))
-        for chunk, given in inside.items():
-            for more, place, within in sealed.pieces(sealed.whole(tail), array.chunks[number:]):
-                block = self.contents.load(name, (*chunk, *more))
-                for at, row in given:
-                    inner: Any = (*at, *within)
-                    block[inner] = row[place] if tail else row
-                self.contents.save(name, (*chunk, *more), block)
-
-    def _commit(self, coordinates: bool = False) -> None:
-        """Have the metadata say what there is now; values of the dimensions are written before."""
-        for name, about in self.plan.coordinates.items() if coordinates else ():
-            self._write_labels(name, *about)
-        content = self.contents.file
-        for name in (COPY, METADATA):  # the copy is never the older one
-            if self._written.get(name) != content:
-                files.write(self.path / name, content, overwrite=True, announced=False)
-                self._written[name] = content
-        for folder, array in self.contents.arrays.items():
-            name, content = f"{folder}/{METADATA}", sealed.encoded(array.metadata)
-            if self._written.get(name) != content:
-                sealed.write_whole(self.path / name, content)
-                self._written[name] = content
+        self.plan, before = plan, self.ran
+        self.ran = np.zeros(plan.shape, bool)
+        self.ran[tuple(map(slice, before.shape))] = before
+        self._rows.set_about(self._about())
 
     # ---- Cases ----------------------------------------------------------------------------------
 
-    def _fitted(self, outcome: Outcome) -> Outcome:
-        values, said = outcome.values, ""
-        if taken := self._taken(outcome):
-            values = {name: value for name, value in values.items() if name not in taken}
-            said = (
-                f"a measure cannot be called {min(taken)!r}: the sweep has something of that name"
-            )
-        try:
-            for history in () if taken else outcome.histories.values():
-                self._join(history)
-        except JointplayError as error:  # it does not fit those of the cases before
-            said = str(error)
-        return Outcome(outcome.index, FAILED, values, said) if said else outcome
-
-    def _join(self, history: History) -> None:
-        """Have the labels of a history among those of all cases, which share one time axis."""
-        for dimension, given in history.labels.items():
-            known, own = self._labels.setdefault(dimension, []), given.tolist()
-            if dimension != "time":
-                known += [label for label in own if label not in known]
-                continue
-            shared = min(len(own), len(known))
-            ours, theirs = np.array(own[:shared], float), np.array(known[:shared], float)
-            other = np.flatnonzero(np.abs(ours - theirs) > ROUNDING * theirs.max(initial=0.0))
-            if other.size:
-                k = int(other[0])
-                raise JointplayError(
-                    f"its record {k + 1} is at t = {ours[k]:.6g} s, that of earlier cases at "
-                    f"{theirs[k]:.6g} s: histories of a sweep have one time axis; let all cases "
-                    "end at one of their times, or leave out histories"
-                )
-            known += own[shared:]
-
-    recovery = "--resume continues"
-
     def __contains__(self, index: Any) -> bool:
-        return bool(self.state[index])
+        return bool(self.ran[index])
 
     def keep(self, index: Any, outcome: Outcome) -> None:
         """Keep a finished case: on return it survives this process.
@@ -356,81 +182,41 @@ class SweepStore:
             JointplayError: the disk is full; the cases before are kept.
         """
         outcome = self._fitted(outcome)
-        self.journal.add(outcome.entry)
-        self.state[outcome.index] = outcome.state
-        self._pending.append(outcome)
-        now = time.monotonic()
-        if now - self._synced > SYNC_S:
-            self.journal.sync()
-            self._synced = time.monotonic()
-        if now - self._flushed > FLUSH_S or self.journal.size > FLUSH_BYTES:
-            self.flush()
+        there = {one.name for one in self._rows.columns}
+        if new := [name for name in outcome.values if name not in there]:
+            self._rows.add_columns([self._measure(name) for name in new])
+        sealed = ""
+        if outcome.result is not None:
+            from jointplay.simulation.result import netcdf
 
-    def flush(self) -> None:
-        """Bring the arrays up to date.
+            place = self.path / RESULTS / file_of(outcome.index)
+            with files.system_errors(f"cannot write {str(place)!r}"):
+                place.parent.mkdir(exist_ok=True)
+            files.write(place, outcome.result, overwrite=True, announced=False)
+            sealed = netcdf.seal_of(outcome.result)
+        said = {"status": outcome.status, "error": outcome.error, "result": sealed}
+        values = self.plan.values(outcome.index)
+        self._rows.add(place_of(outcome.index), {**outcome.values, **values, **said})
+        self.ran[outcome.index] = True
+        self.failed += outcome.status == FAILED
 
-        Raises:
-            JointplayError: the disk is full; the journal has it all.
-        """
-        if self._pending:
-            with writing(self.path):
-                self._fill(self._pending)
-                if self.journal.size > FLUSH_BYTES:
-                    os.sync()
-                    self.journal.clear()
-        self._pending = []
-        self._flushed = time.monotonic()
+    def _measure(self, name: str) -> Column:
+        unit, text, origin = self.plan.meaning(name)
+        return Column(name, "REAL", unit, one_line(text), origin)
 
-    def _fill(self, outcomes: Sequence[Outcome]) -> None:
-        arrays = self.contents.arrays
-        for name in dict.fromkeys(name for outcome in outcomes for name in outcome.values):
-            if array_name(name) not in arrays:
-                about = zip(sealed.WORDS, self.plan.meaning(name), strict=True)
-                kept = {word: text for word, text in about if text or word != "origin"}
-                self._add(array_name(name), self._of_cases("float64", kept))
-        for name in list(arrays):
-            if self.contents.kind(name) == "measure":
-                plain = plain_name(name)
-                self._write(name, [(o.index, o.values.get(plain, np.nan), ()) for o in outcomes])
-        self._write("error", [(o.index, o.error, ()) for o in outcomes])
-        self._fill_histories(outcomes)
-        self._commit()
-        # Last: what a reader sees as done is whole.
-        self._write("state", [(o.index, o.state, ()) for o in outcomes])
-
-    def _fill_histories(self, outcomes: Sequence[Outcome]) -> None:
-        """Write histories, and the labels that they share."""
-        having: dict[str, list[tuple[Index, History]]] = {}
-        for outcome in outcomes:
-            for name, history in outcome.histories.items():
-                having.setdefault(name, []).append((outcome.index, history))
-        places = {
-            dimension: {label: k for k, label in enumerate(known)}
-            for dimension, known in self._labels.items()
-        }
-        for dimension, known in self._labels.items():
-            array = self.contents.arrays.get(array_name(dimension))
-            if array is None or array.shape != (len(known),):
-                units = {"units": "s"} if dimension == "time" else {}
-                self._write_labels(dimension, dimension, np.asarray(known), units)
-        for name, cases in having.items():
-            folder = array_name(name + SUFFIX)
-            tail = {dimension: len(self._labels[dimension]) for dimension in cases[0][1].labels}
-            if folder not in self.contents.arrays:
-                about = {"units": cases[0][1].unit, "long_name": cases[0][1].text}
-                self._add(folder, self._of_cases("float64", about, tail))
-            array = self.contents.arrays[folder]
-            self.contents.arrays[folder] = replace(array, shape=(*self._shape, *tail.values()))
-            cells = []
-            for index, history in cases:
-                own = [
-                    np.arange(len(given))
-                    if dimension == "time"
-                    else np.array([places[dimension][one] for one in given.tolist()], int)
-                    for dimension, given in history.labels.items()
-                ]
-                cells.append((index, history.values, own))
-            self._write(folder, cells)
+    def _fitted(self, outcome: Outcome) -> Outcome:
+        """The outcome; one that has failed if a measure's name is not to be had."""
+        others = {*self.plan.coordinates, *(one.name for one in SAID)}
+        bad = [name for name in outcome.values if name in others or not name.isprintable()]
+        bad += [name for name in outcome.values if not name]
+        known = {one.name for one in self._rows.columns}
+        said = f"a measure cannot be called {min(bad)!r}" if bad else ""
+        if len(known | outcome.values.keys()) > MOST_COLUMNS:
+            said = f"there are more than {MOST_COLUMNS} measures and values"
+        if not said:
+            return outcome
+        values = {name: x for name, x in outcome.values.items() if name in known - others}
+        return Outcome(outcome.index, FAILED, values, said)
 
     def column(self, name: str) -> np.ndarray:
         """A measure of all cases so far, NaN where there is none.
@@ -438,33 +224,41 @@ class SweepStore:
         Raises:
             JointplayError: no case has it.
         """
-        self.flush()
-        listed = [one for one in self.contents.arrays if self.contents.kind(one) == "measure"]
-        if array_name(name) not in listed:
-            known = ", ".join(map(plain_name, listed))
+        contents = Contents(self._rows)
+        if name not in (one.name for one in contents.measures):
+            known = ", ".join(one.name for one in contents.measures)
             raise JointplayError(f"no case has the measure {name!r}; there are: {known}")
-        return self.contents.values(array_name(name))
+        found = np.full(self.plan.shape, np.nan)
+        for index, values in contents.blocks():
+            found[tuple(index.T)] = values[name]
+        return found
 
-    def close(self, whole: bool = True) -> None:
-        """Bring the arrays up to date and let go of the store.
-
-        Args:
-            whole: have everything on disk, and empty the journal. Not after an interruption, which
-                can have come anywhere: then the journal is what counts.
-
-        Raises:
-            JointplayError: the disk is full; the journal has it all.
-        """
+    def close(self) -> None:
+        """Let go of the store."""
         try:
-            self.flush()
-            if whole:
-                with writing(self.path):
-                    self._commit()
-                os.sync()
-                self.journal.clear()
+            if hasattr(self, "_rows"):
+                self._rows.close()
         finally:
-            self.journal.close()
             files.release(self.path)
+
+
+def place_of(index: Index) -> str:
+    """Where a case is along each dimension, as its row has it."""
+    return " ".join(map(str, index))
+
+
+def file_of(index: Any) -> str:
+    """Name of the file with a case's result."""
+    return f"{'-'.join(map(str, index))}.nc"
+
+
+def _is_sealed(path: Path, sealed: str) -> bool:
+    """Whether a file is there, whole, and the one with this seal."""
+    from jointplay.simulation.result import netcdf
+
+    with suppress(JointplayError):
+        return netcdf.checksum(path) == sealed
+    return False
 
 
 def differences(old: Mapping[str, str], new: Mapping[str, str]) -> dict[str, str]:
@@ -486,42 +280,226 @@ def _short(text: str) -> str:
 def sizes_of(path: Path) -> dict[str, int] | None:
     """Sizes of the dimensions of the cases of a store; None if nothing tells."""
     with suppress(JointplayError):
-        return dict(sealed.contents_of(path, copy=True).attributes["sizes"])
+        return open_sweep(path).sizes
     return None
-
-
-def _chunks(shape: Index, most: int) -> Index:
-    """Chunks of at most so many values, whole along the last dimensions."""
-    chunks: list[int] = []
-    for size in reversed(shape):
-        chunks.insert(0, max(min(size, most // math.prod(chunks)), 1))
-    return tuple(chunks)
-
-
-@contextmanager
-def writing(path: Path) -> Iterator[None]:
-    """Say of errors of the file system in the block that the store cannot be written."""
-    try:
-        yield
-    except OSError as error:
-        raise files.cannot_write(path, error) from None
 
 
 # ---- Read ---------------------------------------------------------------------------------------
 
 
-def open_sweep(path: str | Path) -> xr.Dataset:
-    """The store of a sweep as one dataset over its dimensions, read when it is looked at.
-
-    Variables are the measures (docs/sweeps.md), ``state`` (0: not run, 1: done, 2: failed) and
-    ``error``. Of a sweep that is under way it shows what has been written so far. What has changed
-    since it was written, or is gone, is refused when it is looked at, naming array and chunk.
+class Contents:
+    """What the rows of a sweep say, checked: they can come from anywhere.
 
     Raises:
-        JointplayError: no such store, none of a sweep, or a damaged one.
+        JointplayError: they are not those of a sweep.
     """
-    require_a("path", path, "str", "Path")
-    path = Path(path)
-    if not files.is_file(path / METADATA):
-        raise JointplayError(f"no sweep {str(path)!r}")
-    return xr.open_dataset(path, engine=sealed.Reader)
+
+    def __init__(self, rows: Rows) -> None:
+        self.rows, self.about = rows, rows.about
+        wrong = [
+            name for name, kind in _ABOUT.items() if not isinstance(self.about.get(name), kind)
+        ]
+        if wrong:
+            raise self._damaged(f"{wrong[0]} is {self.about.get(wrong[0])!r:.60}")
+        self.sizes: dict[str, int] = self.about["sizes"]
+        sizes, sampled = self.sizes.values(), self.about["sampled"]
+        whole = bool(sizes) and all(type(size) is int and size > 0 for size in sizes)
+        if not whole or math.prod(sizes) > MOST_CASES:
+            raise self._damaged(f"its sizes are {self.sizes!r:.60}")
+        self.count = math.prod(sizes)
+        told = [self.about[name].values() for name in ("identity", "versions", "inputs")]
+        if not all(isinstance(text, str) for texts in told for text in texts):
+            raise self._damaged("its inputs are no texts")
+        for name, one in self.about["labels"].items():
+            given = one.get("values") if isinstance(one, dict) else None
+            plain = isinstance(given, list) and all(isinstance(x, int | float | str) for x in given)
+            values = np.array(given if plain else None)
+            if values.shape != (self.sizes.get(name),) or values.dtype.kind not in "fibU":
+                raise self._damaged(f"its values of {name} are {one!r:.60}")
+        names = [one.name for one in rows.columns]
+        of_cases = [*self.about["labels"], *sampled]
+        if not all(isinstance(name, str) for name in of_cases) or len({*names}) < len(names):
+            raise self._damaged("its columns have no names of their own")
+        if {*of_cases} - {*names} or (sampled and "sample" not in self.sizes):
+            raise self._damaged(f"its values are of {of_cases!r:.60}")
+        if [one for one in rows.columns if one in SAID] != [*SAID]:
+            raise self._damaged("its columns are not those of a sweep")
+        self.values = [one for one in rows.columns if one.name in of_cases]
+        self.measures = [one for one in rows.columns if one not in (*self.values, *SAID)]
+        numbers = [*self.measures, *(one for one in self.values if one.name in sampled)]
+        if any(one.kind != "REAL" for one in numbers):
+            raise self._damaged("a measure is no number")
+
+    def _damaged(self, reason: str) -> JointplayError:
+        return damaged(self.rows.path, "sweep", reason)
+
+    def blocks(self) -> Iterator[tuple[np.ndarray, dict[str, np.ndarray]]]:
+        """Where cases are along each dimension, shape (n, dimensions), and their values by column.
+
+        Raises:
+            JointplayError: a row is damaged, or of no case of the sweep.
+        """
+        shape = np.array(list(self.sizes.values()))
+        for places, values in self.rows.blocks(self.count):
+            try:
+                index = np.array([list(map(int, place.split(" "))) for place in places], np.int64)
+                good = index.shape[1] == len(shape)
+            except (ValueError, OverflowError):
+                good = False
+            if not good or (index < 0).any() or (index >= shape).any():
+                raise self._damaged("a row has the place of no case")
+            if not {*values["status"]} <= {DONE, FAILED}:
+                raise self._damaged("a case is neither done nor failed")
+            yield index, values
+
+
+class Sweep:
+    """What a sweep has found, as its folder says it whenever it is asked.
+
+    Args:
+        path: the folder.
+
+    Attributes:
+        sizes: of its dimensions, by name.
+        about: what it is of: scenario, inputs, versions, table [sweep].
+
+    Raises:
+        JointplayError: no such sweep, or a damaged one.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        require_a("path", path, "str", "Path")
+        self.path = Path(path)
+        contents, _, _ = self._read(cases=False)
+        self.about, self.sizes = contents.about, contents.sizes
+
+    def __repr__(self) -> str:
+        sizes = ", ".join(f"{name}: {size}" for name, size in self.sizes.items())
+        return f"<jointplay Sweep {str(self.path)!r}: {sizes}>"
+
+    def _read(self, cases: bool = True) -> tuple[Contents, np.ndarray, dict[str, np.ndarray]]:
+        """What there is now: numbers of cases in the grid, which ascend, and values by column."""
+        if not files.is_file(self.path / FILE):
+            raise JointplayError(f"no sweep {str(self.path)!r}")
+        rows = Rows(self.path / FILE)
+        try:
+            contents = Contents(rows)
+            if not cases:
+                return contents, np.empty(0, np.int64), {}
+            if 16.0 * contents.count * len(rows.columns) > MEMORY_SHARE * memory():
+                raise JointplayError(f"{str(self.path)!r} needs more memory than this machine has")
+            blocks = list(contents.blocks())
+        finally:
+            rows.close()
+        shape = tuple(contents.sizes.values())
+        empty: list[np.ndarray] = [np.empty(0, np.int64)]
+        number = np.concatenate(
+            empty + [np.ravel_multi_index(tuple(index.T), shape) for index, _ in blocks]
+        )
+        order = np.argsort(number, kind="stable")
+        values = {
+            one.name: np.concatenate([found[one.name] for _, found in blocks])[order]
+            if blocks else np.empty(0, KINDS[one.kind])
+            for one in rows.columns
+        }  # fmt: skip
+        return contents, number[order], values
+
+    def table(self) -> pd.DataFrame:
+        """A row for each case that was run, in the order of the grid.
+
+        Columns are the values of the axes, `status` (``done`` or ``failed``), `error` and the
+        measures (docs/sweeps.md); ``attrs["units"]`` has their units. The index is the number of
+        the case, for `result`.
+
+        Raises:
+            JointplayError: damaged.
+        """
+        import pandas as pd
+
+        contents, number, values = self._read()
+        columns = [*contents.values, *SAID[:2], *contents.measures]
+        frame = pd.DataFrame(
+            {one.name: values[one.name] for one in columns}, pd.Index(number, name="case")
+        )
+        frame.attrs["units"] = {one.name: one.unit for one in columns}
+        return frame
+
+    def dataset(self) -> xr.Dataset:
+        """All cases over the dimensions of the sweep.
+
+        Variables are the measures (docs/sweeps.md), NaN where there is none, ``status`` and
+        ``error``; coordinates the values of the axes.
+
+        Raises:
+            JointplayError: damaged.
+        """
+        import xarray as xr
+
+        contents, number, values = self._read()
+        dims, shape = tuple(contents.sizes), tuple(contents.sizes.values())
+        about = {name: contents.about[name] for name in _ABOUT if name != "labels"}
+
+        def spread(name: str, empty: Any, kind: Any = None) -> np.ndarray:
+            grid = np.full(contents.count, empty, kind)
+            grid[number] = values[name]
+            return grid.reshape(shape)
+
+        variables: dict[str, Any] = {
+            one.name: (dims, spread(one.name, np.nan), _attributes(one))
+            for one in contents.measures
+        }
+        variables["status"] = dims, spread("status", NOT_RUN, "U7"), {"units": ""}
+        variables["error"] = dims, spread("error", "", object), {"units": ""}
+        coordinates: dict[str, Any] = {}
+        for one in contents.values:
+            given = contents.about["labels"].get(one.name)
+            if given is not None:
+                along, labels = one.name, np.array(given["values"])
+                labels = labels.astype(object) if labels.dtype.kind == "U" else labels
+            else:  # sampled: known of the samples that were run
+                along, labels = "sample", np.full(contents.sizes["sample"], np.nan)
+                labels[np.unravel_index(number, shape)[dims.index("sample")]] = values[one.name]
+            coordinates[one.name] = along, labels, _attributes(one)
+        return xr.Dataset(variables, coordinates, about)
+
+    def result(self, case: int) -> Result:
+        """The result of a case, of a sweep that keeps them (``results = true``).
+
+        Args:
+            case: its number in the index of `table`.
+
+        Raises:
+            JointplayError: there is none; it is damaged.
+        """
+        from jointplay.simulation.result import netcdf
+        from jointplay.simulation.result.result import Result
+
+        wanted = require_whole("case", case, 0, math.prod(self.sizes.values()) - 1)
+        contents, number, values = self._read()
+        there = {"status": NOT_RUN, "result": ""}
+        if (at := int(np.searchsorted(number, wanted))) < len(number) and number[at] == wanted:
+            there = {name: str(values[name][at]) for name in there}
+        if not (sealed := there["result"]):
+            reasons = {NOT_RUN: "it was not run", FAILED: "it failed"}
+            reason = reasons.get(there["status"], "the sweep keeps none (results = true)")
+            raise JointplayError(f"no result of case {wanted} in {str(self.path)!r}: {reason}")
+        index = np.unravel_index(wanted, tuple(contents.sizes.values()))
+        path = self.path / RESULTS / file_of(index)
+        result = Result.load(path)
+        if netcdf.checksum(path) != sealed:
+            raise damaged(path, "result", "it is that of another case; --resume runs it again")
+        return result
+
+
+def _attributes(column: Column) -> dict[str, str]:
+    found = {"units": column.unit, "long_name": column.text, "origin": column.origin}
+    return {word: text for word, text in found.items() if text or word != "origin"}
+
+
+def open_sweep(path: str | Path) -> Sweep:
+    """The sweep in a folder; of one that is under way, what has been written so far.
+
+    Raises:
+        JointplayError: no such sweep, or a damaged one.
+    """
+    return Sweep(path)

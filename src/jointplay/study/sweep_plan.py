@@ -26,14 +26,14 @@ from jointplay.scenario.places import Key, dotted
 from jointplay.scenario.reading import merge
 from jointplay.simulation.analysis.uncertainty import Until, read_until
 from jointplay.study.axes import GROWING, METHODS, Axis, points, read
-from jointplay.study.journal import Index
 from jointplay.study.keys import set_key
+from jointplay.study.outcome import Index
+from jointplay.study.store import MOST_CASES
 
 SAMPLE, REPEAT = "sample", "repeat"
 """Dimensions of samples of distributions, and of repeated runs."""
-RESERVED = (SAMPLE, REPEAT, "time", "joint", "contact", "axis", "coordinate", "state", "error")
+RESERVED = (SAMPLE, REPEAT, "status", "error", "result")
 """Names that no axis can have."""
-MOST_CASES = 100_000_000
 
 
 @dataclass(frozen=True)
@@ -54,8 +54,8 @@ class SweepPlan:
     """Runs of each point with displaced journals, with `seed` and those that follow."""
     measures: tuple[str, ...] = ()
     """Functions of a result, ``module:function``."""
-    histories: tuple[str, ...] = ()
-    """Variables of results that are kept."""
+    results: bool = False
+    """Whether the results of cases are kept."""
     start: float | None = None
     """Measures leave out what is before [s]; None: as the scenario's runs are judged."""
     tool_error: bool = True
@@ -328,7 +328,7 @@ def _axes(scenario: Scenario, tables: Any, place: Key) -> list[Axis]:
             taken = [other.name for other in axes]
             if axis.name in taken:
                 axis = replace(axis, name=str(name).replace(".", "_"))
-            if axis.name in RESERVED or not axis.name:
+            if axis.name in RESERVED or not axis.name or not axis.name.isprintable():
                 raise JointplayError(f"an axis cannot be called {toml_text(axis.name)}")
             axes.append(axis)
         except JointplayError as error:
@@ -362,7 +362,7 @@ _READERS: dict[str, Callable[[Any], Any]] = {
     "repeats": _whole(1),
     "sampling": lambda given: check(Literal[METHODS], given),  # type: ignore[valid-type]
     "measures": _names,
-    "histories": _names,
+    "results": lambda given: check(bool, given),
     "start": lambda given: require_non_negative("it", check(float, given, ("s",)), "s"),
     "tool_error": lambda given: check(bool, given),
     "until": read_until,

@@ -28,8 +28,8 @@ from jointplay.simulation.analysis.uncertainty import (
     interval_estimate,
     sobol_indices,
 )
-from jointplay.study.journal import FAILED
 from jointplay.study.measures import BEARING, USER
+from jointplay.study.outcome import FAILED, NOT_RUN
 from jointplay.study.sweep_plan import REPEAT, SAMPLE
 
 SHOWN = (
@@ -67,7 +67,7 @@ def grid(dataset: xr.Dataset) -> tuple[list[str], list[str]]:
 
 def table(dataset: xr.Dataset, rows: int = 20) -> str:
     """Means over repeats and samples at each point of the grid, and what failed, in lines."""
-    state = dataset["state"].values
+    status = dataset["status"].values
     dims, over = grid(dataset)
     count = math.prod(dataset.sizes[d] for d in dims)
     text = str(points(dataset, rows, lambda one: _text(one.value)))
@@ -76,12 +76,14 @@ def table(dataset: xr.Dataset, rows: int = 20) -> str:
         text += f"\nmeans over {runs} of each point"
     if count > rows:
         text += f"\n{count - rows} more points in the store"
-    failed = np.argwhere(state == FAILED)
+    failed = np.argwhere(status == FAILED)
     if len(failed):
-        text += f"\n{len(failed)} of {state.size} cases failed; the first: "
+        text += f"\n{len(failed)} of {status.size} cases failed; the first: "
         text += str(dataset["error"].values[tuple(failed[0])])
     cost = float(np.nansum(dataset["cost"].values)) if "cost" in dataset else 0.0
-    return f"{text}\n{int(np.count_nonzero(state))} cases, {cost:.3g} s of processor time"
+    return (
+        f"{text}\n{int(np.count_nonzero(status != NOT_RUN))} cases, {cost:.3g} s of processor time"
+    )
 
 
 def columns_of(dataset: xr.Dataset) -> list[tuple[str, str, float]]:
@@ -198,7 +200,7 @@ def samples_of(dataset: xr.Dataset, measure: str) -> np.ndarray:
     if grid:
         raise JointplayError(
             f"the sweep also has a grid ({', '.join(grid)}); select one point of it with "
-            "jointplay.open_sweep(...).isel(...)"
+            "jointplay.open_sweep(...).dataset().isel(...)"
         )
     if SAMPLE not in values.dims and REPEAT not in values.dims:
         raise JointplayError("this sweep has neither samples nor repeats")

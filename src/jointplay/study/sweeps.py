@@ -6,14 +6,12 @@ import math
 import re
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from functools import partial
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
 from jointplay.base.errors import JointplayError, require_a
 from jointplay.base.processes import MOST_DEATHS, Pool, number_of
@@ -22,12 +20,14 @@ from jointplay.base.schema import one_of
 from jointplay.base.units import toml_text
 from jointplay.physics import kernel
 from jointplay.scenario import Scenario
+from jointplay.simulation.result import netcdf
 from jointplay.simulation.run import CHUNK, Run
 from jointplay.study.axes import Axis
 from jointplay.study.case import Bench, Case, job, run_case
-from jointplay.study.journal import FAILED, Index, Outcome, is_there
+from jointplay.study.database import is_there
 from jointplay.study.measures import shipped
-from jointplay.study.store import SweepStore, open_sweep, sizes_of
+from jointplay.study.outcome import FAILED, Index, Outcome
+from jointplay.study.store import Sweep, SweepStore, open_sweep, sizes_of
 from jointplay.study.study import Study, Workers
 from jointplay.study.sweep_plan import REPEAT, SAMPLE, SweepPlan, plan_of
 
@@ -55,8 +55,7 @@ def cost_of(made: SweepPlan, bench: Bench, processes: int) -> str:
         pass
     share = max(run.workspace.steps, 1) / run.total_steps
     seconds = ready + (time.perf_counter() - started) / share
-    records = run.total_steps / run.simulation.record_every
-    kept = 8.0 * 3.0 * records * len(made.histories)
+    kept = len(netcdf.pack(run.result().dataset)) / share if made.results else 0
     return (
         f"about {_amount(made.count * seconds / processes, _TIMES, 2.0)} on {processes} processes "
         f"and {_amount(made.count * (MEASURES_BYTES + kept), _SIZES, 1.0)} of results"
@@ -97,10 +96,10 @@ def sweep(
     yes: bool = False,
     progress: bool = False,
     **options: Any,
-) -> xr.Dataset:
-    """Run a sweep and keep its results in a Zarr store; whatever is killed, `resume` goes on.
+) -> Sweep:
+    """Run a sweep and keep what it finds in a folder; whatever is killed, `resume` goes on.
 
-        jp.sweep("jointplay:scara.toml", "clearance.zarr",
+        jp.sweep("jointplay:scara.toml", "clearance_sweep",
                  {"joints.joint_b.radial_clearance": [0, "0.1 mm", "0.2 mm"]}, case="0.2 mm")
 
     Args:
@@ -158,8 +157,7 @@ def run_plan(
     """
     if "://" in str(path):
         raise JointplayError(
-            f"a sweep is written to a folder, got {str(path)!r}; copy the finished store to an "
-            "object store (docs/sweeps.md)"
+            f"a sweep is written to a folder, got {str(path)!r}; copy the finished folder there"
         )
     number = number_of(jobs)
     first = probe(made, progress)
@@ -181,7 +179,7 @@ def run_plan(
         store = SweepStore(path, made, resume, extend)
         try:
             while True:
-                left = int(np.count_nonzero(store.state == 0))
+                left = int(np.count_nonzero(~store.ran))
                 workers = hire(left) if left and workers is None else workers
                 if begin is not None:
                     begin(first.scenario.notes)
@@ -212,17 +210,15 @@ def workers_for(
 
 def _run_all(store: SweepStore, workers: Workers[Case, Outcome], left: int, progress: bool) -> None:
     made = store.plan
-    failed = int(np.count_nonzero(store.state == FAILED))
     bar = ProgressBar(
         total=made.count, initial=made.count - left, disable=not progress, unit="cases"
     )
     study = Study(made.cases, partial(run_case, job(made)), store)
     with bar:
         bar.refresh()
-        for index, _ in study.outcomes(progress=bar, workers=workers):
-            failed += int(store.state[index]) == FAILED
-            if failed:
-                bar.postfix = f"{failed} failed"
+        for _ in study.outcomes(progress=bar, workers=workers):
+            if store.failed:
+                bar.postfix = f"{store.failed} failed"
 
 
 def _enough(store: SweepStore) -> bool:
@@ -253,9 +249,8 @@ def _largest_so_far(made: SweepPlan, path: Path) -> SweepPlan:
 
 
 def _give_up(store: SweepStore, error: BaseException) -> None:
-    done = int(np.count_nonzero(store.state))
-    with suppress(JointplayError):  # the disk is full: the journal has it all
-        store.close(whole=False)
+    done = int(np.count_nonzero(store.ran))
+    store.close()
     note = f"{done} of {store.plan.count} cases are kept; --resume continues"
     if isinstance(error, JointplayError):
         error.args = (f"{error}; {note}",)
@@ -280,7 +275,6 @@ def probe(made: SweepPlan, progress: bool = False) -> Bench:
         said = f"an axis cannot be called {name!r}, as a measure is"
         raise JointplayError(f"{made.scenario.path}, sweep: {said}")
     _first_run(made, bench, _some(made))
-    _check_histories(made, bench)
     return bench
 
 
@@ -343,51 +337,6 @@ def _some(made: SweepPlan, held: Mapping[int, int] | None = None) -> Iterator[In
     for number in _spread(math.prod(shape), 16):
         index = map(int, np.unravel_index(number, shape))
         yield tuple(held.get(k, at) for k, at in enumerate(index))
-
-
-def _check_histories(made: SweepPlan, bench: Bench) -> None:
-    """Refuse histories that no result has, be it of a few cases or of any variant.
-
-    And those of a sweep that varies when records are made: its cases would have no time in common.
-    """
-    if made.histories:
-        _check_times(made)
-    variants = (
-        tuple(k if number == which else 0 for number in range(len(made.shape)))
-        for which, axis in enumerate(made.axes)
-        for k in range(0 if axis.keys else len(axis.values))
-    )
-    known: set[str] = set()
-    errors = []
-    for index in chain(_some(made), variants):
-        if known.issuperset(made.histories):
-            return
-        try:
-            run = Run(bench.simulation(made.changes(index)))
-            next(run.steps())
-            known |= {str(name) for name in run.result().dataset.data_vars}
-            known |= {"payload_energy"} if run.simulation.payloads else set()  # once one comes
-        except JointplayError as error:  # another case may be possible
-            errors.append(error)
-    if not known and errors:
-        raise errors[0]
-    for name in made.histories:
-        if name not in known:
-            text = one_of("history", name, sorted(known))
-            raise made.scenario.error(("sweep", "histories"), text)
-
-
-def _check_times(made: SweepPlan) -> None:
-    """Refuse axes over what sets the times of records."""
-    for axis in (*made.axes, *made.drawn):
-        changes = () if axis.keys else axis.values
-        varied = any("step" in change.get("integration", {}) for change in changes)
-        if ("integration", "step") in axis.keys or varied:
-            raise made.scenario.error(
-                ("sweep", "histories"),
-                f"the axis {axis.name!r} varies integration.step, and so the times of records, but "
-                "histories have one time axis: leave one of the two out",
-            )
 
 
 def _check_joints(made: SweepPlan, bench: Bench) -> None:

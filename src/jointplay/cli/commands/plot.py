@@ -6,7 +6,7 @@ repeats and samples; or over two, as a heat map.
 Examples: jointplay plot S x=clearance y=peak_force hue=friction; jointplay plot S
 x=clearance y=friction z=tool_error_rms_total
 
-    STORE  store of jointplay study sweep
+    STORE  folder of jointplay study sweep
     WORDS ...  x=NAME and y=NAME, and hue=NAME for lines, or z=NAME (the measure) for a heat map;
         DIMENSION=VALUE selects the cases nearest to a value
     --out FILE  picture (default: beside STORE, as .png)
@@ -36,12 +36,12 @@ def run(options: argparse.Namespace) -> int:
             raise JointplayError(f"{name}=NAME is missing")
     roles = {name: given.pop(name) for name in WORDS if name in given}
     store = Path(options.store)
-    default = f"{store.name.removesuffix('.zarr')}_{roles.get('z', roles['y'])}.png"
+    default = f"{store.name}_{roles.get('z', roles['y'])}.png"
     out = files.check_picture(options.out or store.parent / default)
     from jointplay.show.plots.sweep import draw  # what comes now takes long to import
     from jointplay.study import open_sweep
 
-    figure = draw(open_sweep(store), **roles, only=given)
+    figure = draw(open_sweep(store).dataset(), **roles, only=given)
     files.picture(out, figure)
     print(out)
     return 0

@@ -8,7 +8,7 @@ show their largest impacts step by step.
 The tool's error is its deviation from an ideal run with the same inputs, which is simulated if it
 is not among the results.
 
-    RESULT ...  result file (.nc), a folder of them such as jointplay scara writes, or the store of
+    RESULT ...  result file (.nc), a folder of them such as jointplay scara writes, or the folder of
         a sweep
     -o,--out FILE  the page (default: report.html beside the first result); the PDF is named after
         it
@@ -33,11 +33,12 @@ from jointplay.base.errors import JointplayError
 
 def run(options: argparse.Namespace) -> int:
     from jointplay.base.files import check_new
+    from jointplay.study.database import FILE
 
     paths = [Path(name) for name in options.result]
     shared: dict[str, Any] = {"title": options.title, "pdf": not options.no_pdf}
     shared["say"] = (lambda _: None) if options.quiet else partial(print, file=sys.stderr)
-    if any((path / "zarr.json").is_file() for path in paths):
+    if any((path / FILE).is_file() for path in paths):
         written = _sweep(paths, options, shared)
     else:
         home = paths[0] if paths[0].is_dir() else paths[0].parent
@@ -63,10 +64,10 @@ def _sweep(paths: list[Path], options: argparse.Namespace, shared: dict[str, Any
     from jointplay.show.reports import sweep
 
     if len(paths) > 1:
-        raise JointplayError("a sweep gets a separate report; give only its store")
+        raise JointplayError("a sweep gets a separate report; give only its folder")
     (store,) = paths
     for name in ("label", "claims", "impacts"):
         if getattr(options, name):
             raise JointplayError(f"--{name} is for results; {str(store)!r} is a sweep")
-    default = store.parent / f"{store.name.removesuffix('.zarr')}_report.html"
+    default = store.parent / f"{store.name}_report.html"
     return sweep.write(store, Path(options.out or default), **shared)

@@ -35,7 +35,7 @@ def draw(
     sampled quantity it is points.
 
     Args:
-        dataset: of `open_sweep`.
+        dataset: of a sweep.
         x: dimension, or sampled quantity.
         y: the measure; with `z` a dimension.
         hue: dimension with a line each.

@@ -26,7 +26,7 @@ from jointplay.show.reports.cases import Say
 from jointplay.show.reports.html import Cell, Html, by_case, joined, markup, paragraph, table
 from jointplay.simulation.analysis.uncertainty import IntervalEstimate
 from jointplay.study import open_sweep, sweep_table
-from jointplay.study.journal import DONE, FAILED
+from jointplay.study.outcome import DONE, FAILED, NOT_RUN
 from jointplay.study.sweep_plan import SAMPLE
 
 ROWS, MOST_FIRST = 20, 2  # points of the grid, and figures, that are not folded
@@ -47,8 +47,8 @@ def write(
 ) -> list[Path]:
     """Write a report on a sweep; returns the files written. Existing ones are refused."""
     store = Path(store)
-    dataset = open_sweep(store)
-    if not (dataset["state"].values != 0).any():
+    dataset = open_sweep(store).dataset()
+    if not (dataset["status"].values != NOT_RUN).any():
         raise JointplayError(f"no case of the sweep {str(store)!r} was run yet")
     written = html.targets(path, pdf)
     say("drawing the figures")
@@ -85,7 +85,7 @@ def page(
     sections["What was run"] = _inputs(dataset)
     inside = {name: html.inside(name) for name in [*sections][2:]}
     sizes = " x ".join(f"{name} {size}" for name, size in dataset.attrs["sizes"].items())
-    cases = f"{sizes} = {dataset['state'].size} cases"
+    cases = f"{sizes} = {dataset['status'].size} cases"
     return html.page(title, cases, dataset.attrs["versions"], sections, inside)
 
 
@@ -117,13 +117,13 @@ def _told(
 
 
 def _glance(dataset: xr.Dataset) -> Html:
-    state = dataset["state"].values
+    status = dataset["status"].values
     cost = float(np.nansum(dataset["cost"].values)) if "cost" in dataset else 0.0
     figures: dict[str, html.Quantity] = {
-        "cases": (int(state.size), ""),
-        "done": (int((state == DONE).sum()), ""),
-        "failed": (int((state == FAILED).sum()), ""),
-        "not run": (int((state == 0).sum()), ""),
+        "cases": (int(status.size), ""),
+        "done": (int((status == DONE).sum()), ""),
+        "failed": (int((status == FAILED).sum()), ""),
+        "not run": (int((status == NOT_RUN).sum()), ""),
         "processor time": (cost, "s"),
     }
     if "warnings" in dataset:
@@ -238,7 +238,7 @@ def _pdf(figures: list[Drawn]) -> bytes:
 
 
 def _failed(dataset: xr.Dataset) -> Html:
-    places = np.argwhere(dataset["state"].values == FAILED)
+    places = np.argwhere(dataset["status"].values == FAILED)
     if not len(places):
         return paragraph("None.")
     dims = list(dataset.attrs["sizes"])

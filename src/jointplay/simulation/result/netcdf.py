@@ -86,6 +86,22 @@ def seal(content: bytes) -> bytes:
     return content + SEAL + hashlib.sha256(content).hexdigest().encode() + b"\n"
 
 
+def seal_of(content: bytes) -> str:
+    """The checksum that a sealed file ends with."""
+    return content[len(SEAL) - _SEALED : -1].decode()
+
+
+def checksum(path: Path) -> str:
+    """The checksum that a file ends with.
+
+    Raises:
+        JointplayError: what stands before it does not match it; there is none.
+    """
+    with _verified(path) as (file, size):
+        file.seek(size)
+        return seal_of(file.read())
+
+
 def digest(file: BinaryIO, size: float = math.inf) -> bytes:
     """Checksum of what `file` holds from where it stands, of `size` bytes or to its end."""
     checksum = hashlib.sha256()

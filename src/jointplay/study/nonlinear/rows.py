@@ -21,11 +21,11 @@ from jointplay.scenario import Scenario
 from jointplay.scenario.overrides import Setting, parse, tree
 from jointplay.simulation.analysis import ideal_simulation
 from jointplay.simulation.simulation import Simulation
-from jointplay.study.journal import Lines
 from jointplay.study.nonlinear import lyapunov, steady_motion
 from jointplay.study.nonlinear.poincare import once_per_turn
 from jointplay.study.nonlinear.run_up import RunUp
 from jointplay.study.nonlinear.steady_motion import Place
+from jointplay.study.runs import Runs
 from jointplay.study.study import Study
 
 Key = tuple[float, ...]
@@ -223,7 +223,7 @@ def rows(
     kept = path.with_suffix(".runs")
     if path.exists() and not kept.exists():
         raise JointplayError(f"{str(path)!r} is no table of these; choose another folder")
-    with closing(Lines(kept, asked)) as store:
+    with closing(Runs(kept, asked)) as store:
         before = len(store)
         Study({key: key for key in keys}, partial(_found, work), store).run(jobs, progress)
     nothing = np.full(len(columns), np.nan)

@@ -3,9 +3,9 @@
 Run all cases of the table [sweep] of a scenario (docs/sweeps.md) on all cores, or on the workers of
 a Dask cluster. Whenever a process is killed, --resume continues, and no finished case runs again.
 
-STORE is a folder of Zarr arrays over the dimensions of the sweep: read it with
-jointplay.open_sweep, or xarray.open_zarr. Keys of axes count elements of lists from 1:
-payloads[1].mass is the first payload's.
+STORE is a folder with cases.sqlite, a row for each case: read it with jointplay.open_sweep, or any
+tool for SQLite. Keys of axes count elements of lists from 1: payloads[1].mass is the first
+payload's.
 
     FILE  scenario (TOML) with a table [sweep]
     --out STORE  folder for the results (required)
@@ -23,17 +23,16 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-FAILED = 1
+ALL_FAILED = 1
 
 
 def run(options: argparse.Namespace) -> int:
-    from jointplay.study.journal import is_there
+    from jointplay.study.database import is_there
 
     # Before anything is loaded that takes time.
     is_there(Path(options.out), options.resume or options.extend)
-    import numpy as np
-
     from jointplay.study import open_sweep, plan_of, run_plan
+    from jointplay.study.outcome import FAILED
     from jointplay.study.sweep_table import table
 
     made = plan_of(options.file)
@@ -54,8 +53,7 @@ def run(options: argparse.Namespace) -> int:
         progress=not options.quiet,
         begin=None if options.quiet else begin,
     )
-    dataset = open_sweep(options.out)
+    dataset = open_sweep(options.out).dataset()
     print(table(dataset, options.rows))
-    failed = int(np.count_nonzero(dataset["state"].values == 2))
     print(f"\nresults in {options.out}")
-    return FAILED if failed == dataset["state"].size else 0
+    return ALL_FAILED if bool((dataset["status"] == FAILED).all()) else 0

@@ -4,7 +4,7 @@ Evaluate a measure over the samples of a sweep: mean, standard deviation and qua
 confidence intervals, how many runs were enough, and, for a saltelli design, what causes the
 variance (Sobol indices).
 
-    STORE  store of jointplay study sweep
+    STORE  folder of jointplay study sweep
     MEASURE  measure, such as tool_error_rms_total
     --precision X  relative half width of the confidence interval that is precise enough (default
         0.05)
@@ -23,7 +23,7 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.study import open_sweep
     from jointplay.study.sweep_table import uncertainty
 
-    dataset = open_sweep(Path(options.store))
+    dataset = open_sweep(Path(options.store)).dataset()
     print(uncertainty(dataset, options.measure, options.precision))
     if out is not None:
         files.picture(out, draw_convergence(dataset, options.measure, options.precision))

@@ -1,0 +1,480 @@
+"""Rows of cases in a file of SQLite, each with its checksum, and what they are of.
+
+Any tool reads the file: table ``cases`` has a row for each case, table ``about`` a text of JSON,
+twice. SQLite finds one flipped bit in ten, so each row has a checksum of all that it says and of
+the number of its file; what does not match is not read.
+
+Rows are only added, one at a time, each at once and whole. While the file is written there is a
+write-ahead log beside it; killed, nothing in either is lost, and after a power failure at most what
+is younger than `SYNC_S`.
+
+A stranger's file runs nothing and opens no other file: before a row is read its schema must be, to
+the letter, what `Rows` makes, so there are no views, triggers or virtual tables; extensions are
+off; and a rollback journal that names another file, which SQLite would delete, is refused.
+"""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import json
+import os
+import secrets
+import sqlite3
+import stat
+import tempfile
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager, suppress
+from dataclasses import astuple, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jointplay.base import files
+from jointplay.base.errors import JointplayError, damaged
+
+FILE = "cases.sqlite"
+"""Name of the file within the folder of a sweep."""
+FORMAT = 5
+"""Version of the format."""
+KINDS = {"REAL": "float64", "INTEGER": "int64", "BOOLEAN": "bool", "TEXT": "object"}
+"""Types of columns, and of the arrays that hold them."""
+MOST_COLUMNS = 1990
+"""Columns, at most; SQLite is usually built for 2000."""
+MOST_BYTES = 1 << 28
+"""A text, at most [bytes]."""
+AT_ONCE = 4096
+"""Rows that are read together."""
+SYNC_S = 1.0
+"""What a power failure can take is no older than this [s]."""
+LOCKED_S = 30.0
+"""How long another program may hold the file before that is an error [s]."""
+_SEAL_BYTES = 8
+"""Of a checksum: one change in 2⁶⁴ would go unnoticed."""
+_SUPER = b"\xd9\xd5\x05\xf9\x20\xa1\x63\xd7"
+"""How a rollback journal ends that names another file (SQLite's file format, section 3)."""
+_OTHER_TYPE = ValueError, TypeError, OverflowError
+"""What is raised over a value that its column cannot have."""
+_ABOUT = "CREATE TABLE about (content TEXT, checksum TEXT)"
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of the table: its name, type (of `KINDS`), unit, meaning and origin."""
+
+    name: str
+    kind: str = "REAL"
+    unit: str = ""
+    text: str = ""
+    origin: str = ""
+
+
+def is_there(folder: Path, go_on: bool) -> bool:
+    """Whether a folder has a sweep already.
+
+    Raises:
+        JointplayError: it has and may not (`go_on`), or it has other things in it.
+    """
+    there = files.is_file(folder / FILE)
+    if there and not go_on:
+        raise JointplayError(
+            f"{str(folder)!r} exists; continue it with --resume, or choose another name"
+        )
+    if not there and files.is_folder(folder):
+        for one in folder.iterdir():
+            if not (one.name.startswith(f".{FILE}.") and one.suffix == ".part"):  # of a kill
+                raise JointplayError(
+                    f"{str(folder)!r} is a folder that holds other files; choose another name"
+                )
+    return there
+
+
+def identifiers(columns: Sequence[Column]) -> list[str]:
+    """What columns are called in SQL, quoted: SQLite does not tell A from a."""
+    taken, found = {"place", "checksum"}, []
+    for column in columns:
+        name, number = column.name, 1
+        while name.lower() in taken:
+            number += 1
+            name = f"{column.name} ({number})"
+        taken.add(name.lower())
+        found.append('"{}"'.format(name.replace('"', '""')))
+    return found
+
+
+def _declared(columns: Sequence[Column]) -> list[str]:
+    return [f"{name} {one.kind}" for name, one in zip(identifiers(columns), columns, strict=True)]
+
+
+def _cases(columns: Sequence[Column]) -> str:
+    return f"CREATE TABLE cases ({', '.join(['place TEXT', 'checksum BLOB', *_declared(columns)])})"
+
+
+class Rows:
+    """A file of cases.
+
+    A row has a place, which is a text and which no other row has, and a value for each column; of
+    numbers (``REAL``) NaN if there is none.
+
+    Args:
+        path: the file, which is there; `make` makes it.
+        write: whether it is written to, by this process alone.
+        what: it is, for messages.
+
+    Attributes:
+        about: what it is of, plain data.
+        columns: of the table, without place and checksum.
+        whole: whether nothing was damaged of what has been read so far.
+
+    Raises:
+        JointplayError: it cannot be read, is damaged, or none of ours.
+    """
+
+    def __init__(self, path: Path, write: bool = False, what: str = "sweep") -> None:
+        self.path, self._what, self._write = path, what, write
+        self._synced = time.monotonic()
+        self._open()
+
+    @classmethod
+    def make(
+        cls, path: Path, about: Mapping[str, Any], columns: Sequence[Column], what: str = "sweep"
+    ) -> Rows:
+        """Make a file without cases, and open it to write."""
+        content = _content({**about, "store": secrets.token_hex(16)}, columns)
+        with closing(_fresh(content, columns)) as fresh:
+            files.write(path, fresh.serialize(), overwrite=True, announced=False)
+        return cls(path, write=True, what=what)
+
+    def _open(self) -> None:
+        self._check_files()
+        mode = "rw" if self._write else "ro"
+        if not self._write and self._is_without_its_log():  # SQLite would make files beside it
+            mode += "&immutable=1"
+        self.whole = True
+        with self._errors():
+            self.connection = sqlite3.connect(
+                f"{self.path.absolute().as_uri()}?mode={mode}", LOCKED_S, isolation_level=None,
+                uri=True,
+            )  # fmt: skip
+            try:
+                self.connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MOST_BYTES)
+                for pragma in ("trusted_schema=OFF", "cell_size_check=ON", "mmap_size=0"):
+                    self.connection.execute(f"PRAGMA {pragma}")
+                if not self._write:
+                    self.connection.execute("BEGIN")  # all of it is read as it is now
+                self._read_about()
+                if self._write:
+                    self.connection.execute("PRAGMA journal_mode=WAL")
+                    self.connection.execute("PRAGMA synchronous=NORMAL")
+            except BaseException:
+                self.connection.close()
+                raise
+
+    def _check_files(self) -> None:
+        """Refuse what is no file of the folder, or has SQLite touch another one."""
+        for ending in ("", "-wal", "-shm", "-journal"):
+            one = self.path.with_name(self.path.name + ending)
+            with files.system_errors(f"cannot read {str(one)!r}"):
+                if not os.path.lexists(one):
+                    continue
+                if not stat.S_ISREG(one.lstat().st_mode):
+                    raise damaged(one, self._what, "it is no regular file")
+                if ending == "-journal" and one.read_bytes().endswith(_SUPER):
+                    raise damaged(one, self._what, "it names another file")
+
+    def _is_without_its_log(self) -> bool:
+        """Whether the file says that a write-ahead log belongs to it, and there is none."""
+        with files.system_errors(f"cannot read {str(self.path)!r}"), self.path.open("rb") as file:
+            header = file.read(20)
+        log = self.path.with_name(f"{self.path.name}-wal")
+        return header[18:] == b"\2\2" and not os.path.lexists(log)
+
+    def _read_about(self) -> None:
+        """Read what the file is of, from whichever of the two that is whole."""
+        execute = self.connection.execute
+        schema = execute("SELECT type, sql FROM sqlite_master ORDER BY rowid").fetchmany(3)
+        content = None
+        for number in (1, 2):
+            found = None
+            with suppress(sqlite3.DatabaseError):
+                found = execute(
+                    "SELECT content, checksum FROM about WHERE rowid = ?", (number,)
+                ).fetchone() if schema[:1] == [("table", _ABOUT)] else None  # fmt: skip
+            if found and isinstance(found[0], str) and _checksum(found[0]) == found[1]:
+                content = content or found[0]
+            else:
+                self.whole = False
+        if content is None:
+            raise damaged(self.path, self._what, "what it says of itself does not match its seal")
+        try:
+            self.about: dict[str, Any] = json.loads(content)
+            given = self.about.pop("columns")
+            self.columns = [Column(*one) for one in given]
+            self._store = str(self.about["store"])
+            version = self.about.pop("format")
+            texts = [text for one in self.columns for text in astuple(one)]
+            good = all(isinstance(text, str) and text.isprintable() for text in texts)
+            good = good and all(one.kind in KINDS for one in self.columns)
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+            raise damaged(self.path, self._what, error) from None
+        if version != FORMAT:
+            said = f"it has the format {version!r:.20}; this version reads {FORMAT} only"
+            raise damaged(self.path, self._what, said)
+        if not good or schema[1:] != [("table", _cases(self.columns))]:
+            raise damaged(self.path, self._what, "its tables are not those of a sweep")
+
+    # ---- Read -----------------------------------------------------------------------------------
+
+    def blocks(self, most: int) -> Iterator[tuple[list[str], dict[str, np.ndarray]]]:
+        """Places of rows, some at a time, and their values by column.
+
+        Args:
+            most: there can be, by what the file is of.
+
+        Raises:
+            JointplayError: a row is damaged. If the file is written to such rows are left out, and
+                `whole` says so.
+        """
+        seen: set[str] = set()
+        for rows in self._read(most):
+            try:
+                places, columns, good = self._checked(rows)
+            except _OTHER_TYPE:
+                typed = [row for row in rows if self._is_good(row)]
+                self._hurt("a row has a value of another type")
+                if not typed:
+                    continue
+                places, columns, good = self._checked(typed)
+            kept = []
+            for k, (place, is_good) in enumerate(zip(places, good, strict=True)):
+                if is_good and place not in seen:
+                    seen.add(place)
+                    kept.append(k)
+                    continue
+                self._hurt(f"the row of case {place!r:.60} does not match its checksum, or is "
+                           "there twice")  # fmt: skip
+            if len(kept) == len(places):
+                yield places, columns
+            elif kept:
+                some = {name: column[kept] for name, column in columns.items()}
+                yield [places[k] for k in kept], some
+
+    def _hurt(self, reason: str) -> None:
+        self.whole = False
+        if not self._write:
+            raise JointplayError(
+                f"{damaged(self.path, self._what, reason)}; --resume runs what is damaged again"
+            )
+
+    def _read(self, most: int) -> Iterator[list[Any]]:
+        """Rows as they stand there; of a file that is damaged those that can be read."""
+        names = ", ".join(["place", "checksum", *identifiers(self.columns)])
+        count = 0
+        try:
+            found = self.connection.execute(f"SELECT {names} FROM cases")
+            while rows := found.fetchmany(AT_ONCE):
+                count += len(rows)
+                yield rows
+                if count > most:
+                    raise sqlite3.DatabaseError(f"there are more than {most} cases")
+        except sqlite3.DatabaseError as error:
+            if isinstance(said := self._said(error), _Elsewhere):
+                raise said from None
+            self._hurt(str(error))
+            one_row = f"SELECT {names} FROM cases WHERE rowid = ?"
+            for number in range(1, most + 1):
+                with suppress(sqlite3.DatabaseError):
+                    if rows := self.connection.execute(one_row, (number,)).fetchall():
+                        yield rows
+
+    def _checked(self, rows: Sequence[Any]) -> tuple[list[str], dict[str, np.ndarray], list[bool]]:
+        """Places of rows, their values by column, and whether they match their checksums."""
+        places, seals, *given = zip(*rows, strict=True)
+        columns = {
+            one.name: np.array(values, KINDS[one.kind])
+            for one, values in zip(self.columns, given, strict=True)
+        }
+        right = self._seals(places, given, columns)
+        return list(places), columns, [a == b for a, b in zip(seals, right, strict=True)]
+
+    def _is_good(self, row: Any) -> bool:
+        with suppress(*_OTHER_TYPE):
+            return self._checked([row])[2][0]
+        return False
+
+    def _seals(
+        self, places: Sequence[str], given: Sequence[Any], columns: Mapping[str, np.ndarray]
+    ) -> list[bytes]:
+        """Checksums of rows: the number of the file, texts and whole numbers, then real numbers.
+
+        Those behind the last that is no NaN are left out, so that further columns change nothing.
+        """
+        real = [columns[one.name] for one in self.columns if one.kind == "REAL"]
+        numbers = np.array(real, "<f8").reshape(len(real), len(places)).T
+        known = ~np.isnan(numbers)
+        sizes = np.where(known, np.arange(8, 8 * len(real) + 8, 8), 0).max(axis=1, initial=0)
+        data = memoryview(np.where(known, numbers + 0.0, np.nan).tobytes())  # no zero has a sign
+        others = [x for one, x in zip(self.columns, given, strict=True) if one.kind != "REAL"]
+        texts = zip(places, *([str(x) for x in column] for column in others), strict=True)
+        begun, begin, seals = hashlib.sha256(self._store.encode()), 0, []
+        for text, size in zip(texts, sizes.tolist(), strict=True):
+            seal = begun.copy()
+            seal.update("\0".join(text).encode())
+            seal.update(data[begin : begin + size])
+            seals.append(seal.digest()[:_SEAL_BYTES])
+            begin += 8 * len(real)
+        return seals
+
+    # ---- Write ----------------------------------------------------------------------------------
+
+    def add(self, place: str, values: Mapping[str, Any]) -> None:
+        """Add a row, whose columns are there: on return it survives this process.
+
+        Raises:
+            JointplayError: the disk is full; the rows before are kept.
+        """
+        row = [
+            float(values.get(one.name, np.nan)) if one.kind == "REAL"
+            else int(values[one.name]) if one.kind == "BOOLEAN"  # as it is read
+            else values[one.name]
+            for one in self.columns
+        ]  # fmt: skip
+        given = [[value] for value in row]
+        columns = {
+            one.name: np.array(value, KINDS[one.kind])
+            for one, value in zip(self.columns, given, strict=True)
+        }
+        (seal,) = self._seals([place], given, columns)
+        late = time.monotonic() - self._synced > SYNC_S
+        with self._errors():
+            if late:  # which has all that was written before on disk as well
+                self.connection.execute("PRAGMA synchronous=FULL")
+            whole = (place, seal, *row)
+            self.connection.execute(f"INSERT INTO cases VALUES ({_marks(whole)})", whole)
+            if late:
+                self.connection.execute("PRAGMA synchronous=NORMAL")
+                self._synced = time.monotonic()
+
+    def add_columns(self, columns: Sequence[Column]) -> None:
+        """Add columns of numbers, which rows so far do not have."""
+        more = [*self.columns, *columns]
+        with self._errors(), self._transaction():
+            for declared in _declared(more)[len(self.columns) :]:
+                self.connection.execute(f"ALTER TABLE cases ADD COLUMN {declared}")
+            self._write_about(self.about, more)
+
+    def set_about(self, about: Mapping[str, Any]) -> None:
+        """Have the file say something else of itself, if it does not."""
+        about = {**about, "store": self._store}
+        if about != self.about:
+            with self._errors(), self._transaction():
+                self._write_about(about, self.columns)
+
+    def _write_about(self, about: Mapping[str, Any], columns: Sequence[Column]) -> None:
+        content = _content(about, columns)
+        self.connection.execute("UPDATE about SET content = ?, checksum = ?",
+                                (content, _checksum(content)))  # fmt: skip
+        self.about, self.columns = dict(about), list(columns)
+
+    @contextmanager
+    def _transaction(self) -> Iterator[None]:
+        self.connection.execute("BEGIN IMMEDIATE")
+        try:
+            yield
+            self.connection.execute("COMMIT")
+        except BaseException:
+            with suppress(sqlite3.Error):
+                self.connection.execute("ROLLBACK")
+            raise
+
+    def rebuild(
+        self,
+        about: Mapping[str, Any],
+        columns: Sequence[Column],
+        rows: Iterable[tuple[str, Mapping[str, Any]]],
+    ) -> None:
+        """Make the file anew, of these rows, which may be read from it meanwhile."""
+        part = self.path.with_name(f".{self.path.name}.part")
+        self._unlink(part)  # of a process that was killed
+        made = Rows.make(part, about, columns, self._what)
+        try:
+            for place, values in rows:
+                made.add(place, values)
+        finally:
+            made.close()
+        with suppress(sqlite3.Error):
+            self.connection.close()
+        with files.system_errors(f"cannot write {str(self.path)!r}"):
+            self._unlink(self.path, itself=False)
+            part.replace(self.path)
+        self._open()
+
+    def _unlink(self, path: Path, itself: bool = True) -> None:
+        for ending in ("-wal", "-shm", "-journal", *([""] if itself else [])):
+            path.with_name(path.name + ending).unlink(missing_ok=True)
+
+    def close(self) -> None:
+        """Let go of the file, which then has all, with no log beside it."""
+        try:
+            if self._write:
+                with suppress(sqlite3.Error):  # the disk is full, or another program is reading it
+                    self.connection.execute("PRAGMA journal_mode=DELETE")
+        finally:
+            with suppress(sqlite3.Error):
+                self.connection.close()
+
+    # ---- What SQLite says -----------------------------------------------------------------------
+
+    @contextmanager
+    def _errors(self) -> Iterator[None]:
+        try:
+            yield
+        except sqlite3.Error as error:
+            raise self._said(error) from None
+
+    def _said(self, error: sqlite3.Error) -> JointplayError:
+        name = getattr(error, "sqlite_errorname", "")
+        if name.startswith(("SQLITE_BUSY", "SQLITE_LOCKED")):
+            return _Elsewhere(f"{str(self.path)!r} is locked by another program; close it there")
+        if name.startswith("SQLITE_FULL"):
+            full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            return _Elsewhere(str(files.cannot_write(self.path, full)))
+        if name.startswith(("SQLITE_IOERR", "SQLITE_CANTOPEN", "SQLITE_READONLY")):
+            if not self._write:
+                return _Elsewhere(f"cannot read {str(self.path)!r}: {error}")
+            try:  # SQLite does not say why
+                with tempfile.TemporaryFile(dir=self.path.parent) as probe:
+                    probe.write(bytes(1 << 16))
+            except OSError as reason:
+                return _Elsewhere(str(files.cannot_write(self.path, reason)))
+            return _Elsewhere(str(files.cannot_write(self.path, error)))
+        return damaged(self.path, self._what, error)
+
+
+class _Elsewhere(JointplayError):
+    """An error that is none of the file's content."""
+
+
+def _content(about: Mapping[str, Any], columns: Sequence[Column]) -> str:
+    given = {**about, "format": FORMAT, "columns": [astuple(one) for one in columns]}
+    return json.dumps(given, ensure_ascii=True)
+
+
+def _marks(row: Sequence[Any]) -> str:
+    return ", ".join("?" * len(row))
+
+
+def _checksum(content: str) -> str:
+    return hashlib.sha256(content.encode()).hexdigest()
+
+
+def _fresh(content: str, columns: Sequence[Column]) -> sqlite3.Connection:
+    """A file without cases, in memory."""
+    made = sqlite3.connect(":memory:", isolation_level=None)
+    made.execute(_ABOUT)
+    made.execute(_cases(columns))
+    for _ in range(2):
+        made.execute("INSERT INTO about VALUES (?, ?)", (content, _checksum(content)))
+    return made

@@ -1,0 +1,99 @@
+"""Runs of a study in a file, with which a later process goes on."""
+
+from __future__ import annotations
+
+import json
+from base64 import b64decode, b64encode
+from collections.abc import Hashable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jointplay.base.errors import JointplayError
+from jointplay.base.files import system_errors
+from jointplay.study.database import Column, Rows
+from jointplay.study.study import Memory
+
+Arrays = dict[str, np.ndarray]
+"""What is kept of a run: numbers of any shape, or texts, by name."""
+MOST_RUNS = 1_000_000
+"""Runs at a time, at most."""
+_FOUND = "found"
+_KIND = "file of runs"
+
+
+class Runs(Memory[Arrays]):
+    """A store that is a file of `Rows`.
+
+    Args:
+        path: the file; it is made, its folder too.
+        about: all that what is found depends on, but for the keys of cases, as plain data.
+
+    Raises:
+        JointplayError: the file was made for something else, or is damaged; it cannot be written.
+    """
+
+    def __init__(self, path: Path, about: Mapping[str, Any]) -> None:
+        super().__init__()
+        self.recovery = f"the runs so far are in {str(path)!r}; the same command continues"
+        asked = {"asked": json.loads(json.dumps(dict(about)))}
+        with system_errors(f"cannot write {str(path)!r}"):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            there = path.exists() and path.stat().st_size > 0
+        if not there:
+            self._rows = Rows.make(path, asked, [Column(_FOUND, "TEXT")], _KIND)
+            return
+        try:
+            self._rows = Rows(path, write=True, what=_KIND)
+        except JointplayError as error:
+            raise JointplayError(f"{error}; delete it, or choose another folder") from None
+        try:
+            self._take_up(asked["asked"])
+        except BaseException:
+            self._rows.close()
+            raise
+
+    def _take_up(self, asked: Mapping[str, Any]) -> None:
+        was = self._rows.about.get("asked")
+        if not isinstance(was, dict) or [one.name for one in self._rows.columns] != [_FOUND]:
+            raise JointplayError(f"{str(self._rows.path)!r} is no {_KIND}; delete it")
+        other = [name for name in {**was, **asked} if was.get(name) != asked.get(name)]
+        if other:
+            raise JointplayError(
+                f"{str(self._rows.path)!r} was made for something else (another "
+                f"{', '.join(other)}); choose another folder"
+            )
+        good = []
+        for places, values in self._rows.blocks(MOST_RUNS):
+            for place, text in zip(places, values[_FOUND], strict=True):
+                with suppress(ValueError, TypeError, AttributeError):  # none of ours: run again
+                    found = {name: _unpacked(one) for name, one in json.loads(text).items()}
+                    self[_hashable(json.loads(place))] = found
+                    good.append((place, {_FOUND: text}))
+        if not self._rows.whole:
+            self._rows.rebuild({"asked": asked}, self._rows.columns, good)
+
+    def keep(self, key: Any, value: Arrays) -> None:
+        found = {name: _packed(one) for name, one in value.items()}
+        self._rows.add(json.dumps(key), {_FOUND: json.dumps(found)})
+        super().keep(key, value)
+
+    def close(self) -> None:
+        self._rows.close()
+
+
+def _packed(values: np.ndarray) -> tuple[str, tuple[int, ...], str]:
+    """Numbers or text as JSON has them: type, shape, and bytes."""
+    return values.dtype.str, values.shape, b64encode(values.tobytes()).decode()
+
+
+def _unpacked(given: Any) -> np.ndarray:
+    kind, shape, text = given
+    return np.frombuffer(b64decode(text, validate=True), np.dtype(kind)).reshape(shape)
+
+
+def _hashable(key: Any) -> Hashable:
+    """A key as it was: JSON has lists for tuples."""
+    return tuple(map(_hashable, key)) if isinstance(key, list) else key
