@@ -220,7 +220,7 @@ def test_a_damaged_kept_run_is_done_again(arm, tmp_path):
         assert np.array_equal(again[0].position, first[0].position)
         assert rows_of(kept) == rows
     kept.write_bytes(b"none")
-    with pytest.raises(JointplayError, match="damaged, or no runs of jointplay"):
+    with pytest.raises(JointplayError, match="is damaged or not a file of runs"):
         traces([simulation], keep=tmp_path)
 
 

@@ -42,6 +42,9 @@ MARK = ".jointplay-owner"
 """Name of the file in a temporary folder of ours that says of which machine it is; its owner holds
 a lock on it, which ends with the owner."""
 
+ENDING_S = 1.0
+"""How long a folder's lock is waited for [s]: workers of a killed command hold it until they end."""
+
 LEFT_S = 86400.0
 """Temporary folders whose owner is dead are deleted when they are older [s]."""
 
@@ -437,13 +440,18 @@ def _lock(folder: Path) -> None:
     with ExitStack() as stack:
         descriptor = locks.opened(folder)
         stack.callback(os.close, descriptor)
-        try:
-            locks.lock(descriptor)
-        except BlockingIOError:
-            other = f"another process is writing to {str(folder)!r}; choose another folder"
-            raise JointplayError(other) from None
-        except OSError:  # a file system that locks no folders
-            return
+        until = time.monotonic() + ENDING_S
+        while True:
+            try:
+                locks.lock(descriptor)
+                break
+            except BlockingIOError:
+                if time.monotonic() > until:
+                    other = f"another process is writing to {str(folder)!r}; choose another folder"
+                    raise JointplayError(other) from None
+                time.sleep(0.02)
+            except OSError:  # a file system that locks no folders
+                return
         stack.pop_all()
         _claimed[place] = descriptor
 
