@@ -468,3 +468,32 @@ def test_following_a_loop_closes_it_as_assembling_does(urdf):
             if robot is flat:  # a rod between two balls may spin
                 assert np.abs(found - assemble(robot, start, at)).max() < 1e-8
             assert max(np.abs(part).max() for part in misfit(robot, found).values()) < 1e-11
+
+
+@pytest.mark.parametrize("rpm", [600, 5000])
+@pytest.mark.parametrize("play", [5e-5, 5e-4])
+def test_a_rod_between_two_cylindrical_pins_starts_as_the_ideal_one_turns(rpm, play):
+    clearance = jp.RevoluteClearance(radial_clearance=play)
+    path, w = jp.shipped("slider_crank.urdf"), rpm * RPM
+    mechanism = jp.Mechanism(
+        path, {"rod_pin": clearance, "piston_pin": clearance}, loops=PIN, gravity=FLAT
+    )
+    motion = jp.Motion(["crank_pin"], [0, 1e-3], [[0], [w * 1e-3]], "constant-speed")
+    drive, state = {"crank_pin": Prescribed()}, {"guide": R + L}
+    run = jp.Run(jp.Simulation(mechanism, motion, drive=drive, state=state, tolerance=1e-3))
+    assert run.rest.solved  # pressed and tilted, so that the rows of the loop are not exact
+    speed = dict(zip(map(str, mechanism.coordinates), run.workspace.v, strict=True))
+    # Journals lie aside by their play: the rod is longer by 2 of them at most.
+    assert speed["rod_pin.yaw"] == pytest.approx(-w * (1 + R / L), rel=4 * play / R)
+    assert max(abs(speed[f"rod_pin.{part}"]) for part in "xyz") < 1e-5 * R * w
+
+
+def test_journals_that_given_speeds_make_fly_are_said():
+    mechanism = slider_crank(jp.RevoluteClearance(radial_clearance=2e-4))
+    state = {
+        "guide": (R + L, 20.0)
+    }  # where the ideal slider stands, and the rod turns with its crank
+    motion = jp.Motion(["crank_pin"], [0, 1e-3], [[0], [60e-3]], "constant-speed")
+    drive = {"crank_pin": Prescribed()}
+    with pytest.warns(RuntimeWarning, match="'piston_pin' starts at 22.5 m/s in its bearing"):
+        jp.Run(jp.Simulation(mechanism, motion, drive=drive, state=state, start="centred"))

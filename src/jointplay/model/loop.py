@@ -37,6 +37,9 @@ _NEWTON_STEPS, _NEWTON_REACH, _NEWTON_CHANGE = 30, 0.3, 1e-12
 SINGULAR = 1e-9
 """Part of the largest singular value that is none."""
 
+NO_SPEED = 1e-9
+"""Part of the fastest coordinate's speed that is none: rounding."""
+
 _CONTINUATION_STEP, _CONTINUATION_REACH = 0.1, 0.5
 """Steps in which given positions are approached, and by how much others may move in one [rad or m].
 """
@@ -382,8 +385,9 @@ def consistent_velocity(
 ) -> np.ndarray:
     """Velocity nearest to v with which all loops stay closed, journals resting in their bearings.
 
-    Where speeds are given (`held`) for so many coordinates that a journal cannot rest, it flies:
-    its bearing holds it by contact only. Those `led` (None: all) follow a reference.
+    What that leaves open, as where journals lean or speeds are given (`held`) for too many
+    coordinates, journals make up for, moving as little as can be: bearings hold them by contact
+    only. Those `led` (None: all) follow a reference.
 
     Raises:
         JointplayError: the given speeds would tear apart a loop without clearance, or references
@@ -391,23 +395,27 @@ def consistent_velocity(
     """
     if not mechanism.loops:
         return v.copy()
-    limit = 1e-9 * max(1.0, float(np.abs(v).max(initial=0.0)))
+    mass = mechanism.mass_matrix(q)
+    limit = NO_SPEED * max(1.0, float(np.abs(v).max(initial=0.0)))
 
-    def moving(rows: np.ndarray, given: Sequence[int], journals: bool) -> tuple[np.ndarray, float]:
+    def moving(rows: np.ndarray, given: Sequence[int]) -> tuple[np.ndarray, float]:
         """The velocity, and the largest that `rows` still forbid."""
-        moved = _moving(mechanism, v, rows, _free(mechanism, given, journals))
+        resting = _nearest(mass, v, rows, _free(mechanism, given, journals=False))
+        moved = _nearest(mass, resting, rows, _free(mechanism, given, journals=True))
+        for name in mechanism.gears:
+            if mechanism.motor(name) not in given:
+                moved[mechanism.motor(name)] = moved[mechanism.coordinate(name)]
         return moved, float(np.abs(rows @ moved).max(initial=0.0))
 
     every = closing_rows(mechanism, q)
-    for journals in (False, True):
-        moved, left = moving(every, held, journals)
-        if left <= limit:
-            return moved
+    moved, left = moving(every, held)
+    if left <= limit:
+        return moved
     torn = f"the initial speeds would tear a loop apart at {left:.3g} m/s: "
-    if moving(every, held if led is None else led, True)[1] > limit:
+    if moving(every, held if led is None else led)[1] > limit:
         raise JointplayError(f"{torn}the driven joints cannot move like this in this configuration")
     ideal = set(mechanism.loops) - set(mechanism.clearance)
-    moved, left = moving(closing_rows(mechanism, q, ideal), held, True)
+    moved, left = moving(closing_rows(mechanism, q, ideal), held)
     if left > limit:
         given = [name for name in mechanism.joints if mechanism.coordinate(name) in held]
         raise JointplayError(
@@ -417,14 +425,20 @@ def consistent_velocity(
     return moved
 
 
-def _moving(mechanism: Mechanism, v: np.ndarray, rows: np.ndarray, free: np.ndarray) -> np.ndarray:
-    """v with its `free` coordinates changed as little as makes `rows` times it zero."""
+def _nearest(mass: np.ndarray, v: np.ndarray, rows: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """Velocity nearest to v by its kinetic energy, `free` coordinates changed, that `rows` allow.
+
+    If they allow none, one that they forbid the least. With M = L L^T of the free coordinates, the
+    change is L^-T y, its energy |y|^2 / 2. A norm of m/s and rad/s together would be none.
+    """
+    from scipy.linalg import solve_triangular  # takes long to import
+
     moved = v.copy()
     if len(free) and len(rows):
-        moved[free] -= np.linalg.lstsq(rows[:, free], rows @ v, rcond=1e-10)[0]
-    for name in mechanism.gears:
-        if mechanism.motor(name) in free:
-            moved[mechanism.motor(name)] = moved[mechanism.coordinate(name)]
+        root = np.linalg.cholesky(mass[np.ix_(free, free)])
+        scaled = solve_triangular(root, rows[:, free].T, lower=True).T
+        change = np.linalg.lstsq(scaled, -rows @ v, rcond=SINGULAR)[0]
+        moved[free] += solve_triangular(root, change, lower=True, trans="T")
     return moved
 
 
