@@ -8,6 +8,7 @@ Pinocchio enforces.
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
@@ -42,6 +43,13 @@ NO_SPEED = 1e-9
 
 _CONTINUATION_STEP, _CONTINUATION_REACH = 0.1, 0.5
 """Steps in which given positions are approached, and by how much others may move in one [rad or m].
+"""
+
+GUESS = 0.05
+"""By how much positions that were given may be corrected where loops determine them; on an arm of
+`ANGLE_ARM_M` for sliders [rad].
+
+Printed values are rounded, and read off drawings to some degrees; other branches are farther.
 """
 
 _YAW = RELATIVE.index("yaw")
@@ -150,6 +158,7 @@ def assemble(
     q: np.ndarray,
     held: Sequence[int],
     offsets: dict[str, np.ndarray] | None = None,
+    guessed: Sequence[int] = (),
 ) -> np.ndarray:
     """Configuration (nq,) near q in which all loops are closed; q itself without loops.
 
@@ -157,7 +166,8 @@ def assemble(
     the loops follow: far from it, loops close in several ways. Journals stay where they are in
     their bearings, or at `offsets` (by loop, (3,) [m]), and only turn with them; if the loops
     cannot be closed like this, journals of the tree move too, as far as their clearance lets them,
-    and those that close a loop lie where the positions given for the others put them.
+    and those that close a loop lie where the positions given for the others put them. If that does
+    not do, those of `held` that are `guessed` are corrected by at most `GUESS`, with a warning.
 
     Raises:
         JointplayError: the loops cannot be closed; the message has the gap that remains, and
@@ -173,8 +183,7 @@ def assemble(
         if _fit(mechanism, moved):
             best = moved
         elif not _fit(mechanism, best):
-            loop, message = _blame(mechanism, q, best, held)
-            raise JointplayError(message, where=("loops", loop))
+            best = _corrected(mechanism, q, best, held, guessed)
     for name in mechanism.gears:
         if mechanism.motor(name) not in held:  # unstrained
             best[mechanism.motor(name)] = best[mechanism.coordinate(name)]
@@ -346,22 +355,52 @@ def _fit(mechanism: Mechanism, q: np.ndarray) -> bool:
     return True
 
 
-def _blame(
-    mechanism: Mechanism, q: np.ndarray, best: np.ndarray, held: Sequence[int]
-) -> tuple[str, str]:
-    """The loop that stays open the most, and what to say of it."""
+def _corrected(
+    mechanism: Mechanism,
+    q: np.ndarray,
+    best: np.ndarray,
+    held: Sequence[int],
+    guessed: Sequence[int],
+) -> np.ndarray:
+    """q with loops closed by changing what was `guessed`, too; `best` is as far as `held` allows.
+
+    Refused, with the loop that stays open the most, where that does not close them or goes too far.
+    """
     gaps = {name: float(np.abs(part).max()) for name, part in misfit(mechanism, best).items()}
     worst = max(gaps, key=lambda name: gaps[name])
     what = f"the mechanism cannot be assembled: loop {worst!r} stays open by {gaps[worst]:.4g} m; "
-    freed = closest(mechanism, q, _free(mechanism, (), journals=False), {})
-    given = [name for name in mechanism.joints if mechanism.coordinate(name) in held]
-    if given and _gap(mechanism, freed, {}) <= ASSEMBLY_TOLERANCE_M:
-        near = ", ".join(f"{name} = {freed[mechanism.coordinate(name)]:.6g}" for name in given)
-        return worst, (
-            f"{what}the positions given for {', '.join(given)} contradict each other: it closes at "
-            f"{near} [rad or m]; give fewer of them, or these"
+    facts = [i for i in held if i not in guessed]
+    own = {name: mechanism.coordinate(name) for name in mechanism.joints}
+    own = {name: i for name, i in own.items() if i in held}
+    for kept in (facts, []) if guessed else ([],):
+        freed = closest(mechanism, q, _free(mechanism, kept, journals=False), {})
+        if not own or _gap(mechanism, freed, {}) > ASSEMBLY_TOLERANCE_M:
+            continue
+        moved = {name: i for name, i in own.items() if freed[i] != q[i]}
+        reach = {
+            name: GUESS * (ANGLE_ARM_M if mechanism.description.joints[name].slides else 1.0)
+            for name in moved
+        }
+        if facts is kept and all(abs(freed[i] - q[i]) <= reach[n] for n, i in moved.items()):
+            told = ", ".join(f"{name} {q[i]:.8g} to {freed[i]:.8g}" for name, i in moved.items())
+            warnings.warn(
+                f"start corrected, for loops determine it: {told} [rad or m]",
+                RuntimeWarning,
+                stacklevel=2,
+            )
+            for name in moved.keys() & mechanism.gears.keys():
+                freed[mechanism.motor(name)] += freed[moved[name]] - q[moved[name]]
+            return freed
+        near = ", ".join(f"{name} = {freed[i]:.6g}" for name, i in own.items())
+        raise JointplayError(
+            f"{what}the positions given for {', '.join(own)} contradict each other: it closes at "
+            f"{near} [rad or m]; give fewer of them, or these",
+            where=("loops", worst),
         )
-    return worst, f"{what}check lengths and frames, or start from other joint positions"
+    raise JointplayError(
+        f"{what}check lengths and frames, or start from other joint positions",
+        where=("loops", worst),
+    )
 
 
 def closing_rows(

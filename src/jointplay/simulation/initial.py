@@ -192,7 +192,8 @@ def initial_state(simulation: Simulation, followed: Sequence[str]) -> InitialSta
             at = named(mechanism, name)
             q[at], v[at] = positions[0, index], velocities[0, index]
             led += at
-    q = loop.assemble(mechanism, q, held + led)
+    guessed = [i for i in held if i not in given]
+    q = loop.assemble(mechanism, q, held + led, guessed=guessed)
     return InitialState(mechanism, v, q, v, given, held, led, moving + led)
 
 
