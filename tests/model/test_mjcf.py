@@ -217,7 +217,7 @@ def test_position_actuators_armature_and_springs_are_the_joints(loose, tmp_path)
     servo = jp.loads.Servo(**{key: value for key, value in drive.items() if key != "kind"})
     assert servo.stall * servo.p_gain == pytest.approx(40.0)
     assert servo.braking == pytest.approx(2.0)
-    assert servo.stall * servo.voltage == pytest.approx(5.0)
+    assert servo.effort == 5.0
     assert servo.viscous == 0.1  # the motor's, which is before the play
     assert read(loose).joints["j"].damping == 0.0
     assert list(tables["drives"]) == ["j"]
