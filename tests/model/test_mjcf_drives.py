@@ -128,5 +128,5 @@ def test_what_a_ball_has_besides_freedom_is_named(tmp_path):
 
 def test_numbers_that_are_none_are_refused(tmp_path):
     path = written(tmp_path, 0, 'range="nan 90"', TURNS, FIRM)
-    with pytest.raises(JointplayError, match="not finite|NaN"):
+    with pytest.raises(JointplayError, match="not finite"):
         read(path)

@@ -195,9 +195,10 @@ class Servo(Drive):
     V = p_gain e + w + d_gain (qd_r - qd), e = <|q_r - q| - dead_band> sgn(q_r - q), cut to the
     supply's, with q as the encoder reads it, in whole counts of its resolution; the integral
     dw/dt = i_gain e is cut to the supply's, too, lest it wind up, and is zero at the start;
-    F = k/R (V - k qd_m) on the motor, cut to `effort`, less its friction. All quantities are referred to the joint's
-    side of its gear, in metres and newtons where it slides: the inertia of the armature is the
-    gear's `rotor_inertia`. A joint without gear is moved directly, by a motor without inertia.
+    F = k/R (V - k qd_m) on the motor, cut to `effort`, less its friction. All quantities are
+    referred to the joint's side of its gear, in metres and newtons where it slides: the inertia of
+    the armature is the gear's `rotor_inertia`. A joint without gear is moved directly, by a motor
+    without inertia.
     """
 
     kind: ClassVar[str] = "servo"
