@@ -412,7 +412,10 @@ class _Reading:
     def _mimics(self) -> dict[int, tuple[int, float, float]]:
         """Joints that follow others in proportion: leader, factor and offset."""
         model, found = self.model, {}
-        self.equalities = []
+        self.equalities: list[str] = []
+        hidden = {one.hinge: joint for joint, one in self.play.items()}
+        if model.opt.disableflags & self.mujoco.mjtDisableBit.mjDSBL_EQUALITY:
+            return {}
         for i in range(model.neq):
             follower, leader = int(model.eq_obj1id[i]), int(model.eq_obj2id[i])
             kind = self.mujoco.mjtEq(model.eq_type[i])
@@ -420,12 +423,51 @@ class _Reading:
             if not model.eq_active0[i]:
                 continue
             if not linear or not {follower, leader} <= {*self.joints} or follower in found:
-                self.equalities.append(kind.name.removeprefix("mjEQ_").lower())
+                held = kind == self.mujoco.mjtEq.mjEQ_JOINT and {follower, leader} & {*hidden}
+                for hinge in held or ():
+                    self.said.append(
+                        f"note: an equality of the MJCF holds {self.joint_names[hinge]} and so "
+                        f"shuts the play of {self.joint_names[hidden[hinge]]} in MuJoCo; here it "
+                        "is free"
+                    )
+                if not held:
+                    self._leave_equality(i, kind)
                 continue
             offset, factor = (float(value) for value in model.eq_data[i, :2])
             own, others = (float(model.qpos0[model.jnt_qposadr[j]]) for j in (follower, leader))
             found[follower] = (leader, factor, offset + own - factor * others)
         return found
+
+    def _leave_equality(self, i: int, kind: Any) -> None:
+        """Name an equality of what is left out.
+
+        Raises:
+            JointplayError: it is one of the robot, which without it would be another.
+        """
+        kinds, model = self.mujoco.mjtEq, self.model
+        word = kind.name.removeprefix("mjEQ_").lower()
+        ends = [int(end) for end in (model.eq_obj1id[i], model.eq_obj2id[i]) if end >= 0]
+        names, own = [], True
+        if kind == kinds.mjEQ_JOINT:
+            names, own = [self.joint_names[j] for j in ends], bool({*ends} & {*self.joints})
+        elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
+            if model.eq_objtype[i] == self.mujoco.mjtObj.mjOBJ_SITE:
+                ends = [int(model.site_bodyid[site]) for site in ends]
+            names, own = [self.body_names[b] for b in ends], bool({*ends} & {*self.bodies})
+        elif kind == kinds.mjEQ_TENDON:
+            names = [model.tendon(t).name for t in ends]
+        else:  # of what bends
+            own = False
+        if not own:
+            self.equalities.append(word)
+            return
+        loop = kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD)
+        cure = "close the loop by [loops] of a scenario" if loop else "hold joints by fix"
+        raise JointplayError(
+            f"the MJCF {str(self.path)!r} has the equality <{word}> of {few(names)}, which cannot "
+            f"be read, and without it the robot is another: take it out or set its active to "
+            f"false, and {cure}"
+        )
 
     # The URDF.
 
