@@ -12,6 +12,7 @@ from jointplay.cli import main
 from jointplay.model.builder import parse
 from jointplay.model.formats import read
 from jointplay.model.mjcf import load_spec
+from jointplay.scenario import Scenario
 from jointplay.scenario.overrides import Setting
 from jointplay.scenario.robot import robot_scenario
 
@@ -186,14 +187,28 @@ def test_a_urdf_of_it_has_only_what_a_urdf_says(tmp_path):
     assert read(out).beyond.tables == {}
 
 
-def test_play_of_the_file_is_not_used_unseen_by_a_scenario(loose, capsys):
+def test_a_mechanism_and_a_scenario_have_what_the_file_says(loose, capsys):
     file = loose.with_suffix(".toml")
     file.write_text(
         '[robot]\nurdf = "arm.xml"\n[joints.k]\nradial_clearance = "0.1 mm"\n'
         "[integration]\nduration = 0.1\n"
     )
     assert main(["check", str(file)]) == 0, capsys.readouterr().err
-    assert "the MJCF has play in j, the scenario none" in capsys.readouterr().out
+    assert "the MJCF has backlash" in capsys.readouterr().out
+    loose.write_text(loose.read_text().replace("0 0 -9.81", "0 0 -1.62"))
+    motion = "[motion]\ntimes = [0.0, 0.1]\njoints = { j = [0.0, 0.1] }\n"
+    file.write_text(file.read_text() + motion)
+    scenario = Scenario.load(file)
+    ways = robot_scenario(str(loose)).mechanism(), scenario.mechanism(), jp.Mechanism(loose)
+    for mechanism in ways:
+        assert mechanism.gravity == (0.0, 0.0, -1.62)
+        assert mechanism.gears["j"].play == pytest.approx(0.02)
+        assert mechanism.gears["j"].rotor_inertia == 0.02
+    assert scenario.simulation().drive["j"].effort == 5.0
+    assert "k_spring" in scenario.simulation().loads
+    assert jp.Mechanism(loose, gravity="balanced").gravity == (0.0, 0.0, 0.0)
+    file.write_text(file.read_text() + "[gears.j]\nplay = 0.005\n")
+    assert Scenario.load(file).mechanism().gears["j"].play == 0.005
 
 
 def test_a_tendons_dead_band_is_play_too(tmp_path):
@@ -217,7 +232,7 @@ def test_position_actuators_armature_and_springs_are_the_joints(loose, tmp_path)
     servo = jp.loads.Servo(**{key: value for key, value in drive.items() if key != "kind"})
     assert servo.stall * servo.p_gain == pytest.approx(40.0)
     assert servo.braking == pytest.approx(2.0)
-    assert servo.stall * servo.voltage == pytest.approx(5.0)
+    assert servo.effort == 5.0
     assert servo.viscous == 0.1  # the motor's, which is before the play
     assert read(loose).joints["j"].damping == 0.0
     assert list(tables["drives"]) == ["j"]

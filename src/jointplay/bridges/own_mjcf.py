@@ -104,6 +104,10 @@ class OwnRobot:
         known = (self.mechanism.description.beyond.hinges or {}).get(one.joint)
         if known is not None:
             _find(root, known)[1].set("limited", "false")
+            for holder in root.findall("equality"):  # one would hold the play shut
+                for equality in holder.findall("joint"):
+                    if known in (equality.get("joint1"), equality.get("joint2")):
+                        holder.remove(equality)
             return known, False
         name = f"{one.joint}_play"
         place = {key: value for key, value in joint.items() if key in ("class", "pos", "axis")}

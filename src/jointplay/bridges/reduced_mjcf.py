@@ -494,6 +494,8 @@ def explain(servo: Servo) -> str:
     lost = [f"I gain {servo.i_gain:g} V/(rad s)"] if servo.i_gain > 0.0 else []
     lost += [f"dead band {servo.band:g} rad"] if servo.band > 0.0 else []
     lost += [f"counts of {servo.resolution:g} rad"] if servo.resolution > 0.0 else []
+    lost += [] if servo.effort is None else [f"limit of effort {servo.effort:g} N m"]
+    lost += [] if servo.goals is None else ["goals {:g} to {:g} rad".format(*servo.goals)]
     lost += [] if servo.period is None else [f"sampling every {servo.period:g} s"]
     if lost:
         words.append("not represented: " + ", ".join(lost))

@@ -70,6 +70,12 @@ def urdf_text(source: Source, arguments: Mapping[str, xacro.Value]) -> str:
     return converted(text, path)
 
 
+def says_more(place: str | Path, folder: Path = Path()) -> bool:
+    """Whether a robot's file, unless it is a xacro, is of a format that says more than a URDF."""
+    path = source_of(place, folder).path
+    return _root_tag(read_text(path, "robot")) in FORMATS
+
+
 def _with_prefixes(text: str) -> str:
     """A URDF with all prefixes of elements declared: many have ``<sensor:camera>`` for Gazebo."""
     used = dict.fromkeys(_PREFIX.findall(xacro.without_comments(text)))

@@ -54,6 +54,7 @@ from jointplay.model.tree import Tree
 from jointplay.model.urdf import GRAVITY, STANDARD_GRAVITY
 from jointplay.model.xacro import Value
 from jointplay.physics.joints import (
+    JOINT_WORDS,
     MOTOR,
     RELATIVE,
     UNNAMED_KIND,
@@ -134,7 +135,8 @@ class Mechanism(Overview, Described):
         gears: gears with play between a joint and its motor, by joint.
         flexible: links that bend and twist, by name.
         gravity: in world axes, shape (3,) [m/s^2]; ``"loaded"`` is 9.81 m/s^2 along -z,
-            ``"balanced"`` none.
+            ``"balanced"`` none. None: what an MJCF says, as of the base, of gears with play or an
+            armature, and of balls; ``"loaded"`` of other files.
         tool: name of the frame whose motion is reported; None takes the end of the chain of moving
             joints that has most of those with clearance (`mechanism.tool`).
         allow_unphysical: links whose inertia is used although no rigid body has it; ``["all"]``
@@ -143,7 +145,8 @@ class Mechanism(Overview, Described):
             it.
         base: ``"held"`` to the ground, or ``"free"``: held by nothing, as that of what walks, flies
             or is carried. Its coordinates ``base.x``, ``.y``, ``.z`` [m], ``.yaw``, ``.pitch`` and
-            ``.roll`` [rad] come first; they are zero where the URDF has it.
+            ``.roll`` [rad] come first; they are zero where the URDF has it. None: what an MJCF
+            says, else ``"held"``.
         xacro: arguments of a robot that is written in xacro, by name.
 
     Attributes:
@@ -178,11 +181,11 @@ class Mechanism(Overview, Described):
         loops: Mapping[str, Loop] | None = None,
         gears: Mapping[str, Gearing] | None = None,
         flexible: Mapping[str, FlexibleLink] | None = None,
-        gravity: Sequence[float] | str = STANDARD_GRAVITY,
+        gravity: Sequence[float] | str | None = None,
         tool: str | None = None,
         allow_unphysical: Collection[str] = (),
         fix: Collection[str] = (),
-        base: str = HELD,
+        base: str | None = None,
         xacro: Mapping[str, Value] | None = None,
     ) -> None:
         allow_unphysical = require_names(
@@ -193,16 +196,23 @@ class Mechanism(Overview, Described):
             raise JointplayError(
                 f"a mechanism needs the path of a URDF, or a robot's name, got {path!r:.60}"
             )
+        said: Mapping[str, Mapping[str, Any]] = {}
         if not isinstance(path, urdf.Description):
             arguments = require_table("xacro", xacro, "of arguments by name", ("xacro",))
             path = formats.read(path, allow_unphysical, arguments=arguments)
+            said = path.beyond.tables
         self.description = with_fixed(path, fix)
+        robot = said.get("robot", {})
+        gravity = robot.get("gravity", STANDARD_GRAVITY) if gravity is None else gravity
+        base = robot.get("base", HELD) if base is None else base
         self.fix = fix
         # Names out of NumPy arrays print as np.str_(...).
         joints = require_table("clearance", clearance, "of joints by name", ("clearance",))
-        self.given_joints = {str(name): joint for name, joint in joints.items()}
+        self.given_joints = self._said(said, "joints", JOINT_WORDS)
+        self.given_joints |= {str(name): joint for name, joint in joints.items()}
         self.loops = require_table("loops", loops, "of loops by name", ("loops",))
-        self.gears = require_table("gears", gears, "of gears by joint", ("gears",))
+        gears = require_table("gears", gears, "of gears by joint", ("gears",))
+        self.gears = self._said(said, "gears", GEARS) | gears
         flexible = require_table("flexible", flexible, "of flexible links by name", ("flexible",))
         self.allow_unphysical = tuple(allow_unphysical)
         self.base = base
@@ -251,6 +261,16 @@ class Mechanism(Overview, Described):
         if needed:
             self._make(source, needed)
             self.tool_frame = frame_index(self.model, self.tool)
+
+    def _said(
+        self, tables: Mapping[str, Mapping[str, Any]], table: str, kinds: Mapping[str, Any]
+    ) -> dict[str, Any]:
+        """Joints or gears that the robot's file has beyond a URDF, of joints that move."""
+        return {
+            name: kinds[row["kind"]](**{key: row[key] for key in row if key != "kind"})
+            for name, row in tables.get(table, {}).items()
+            if name in self.description.moving
+        }
 
     def _take_seats(self) -> None:
         """Put a bush and its mount between the two links of each joint in a seat."""

@@ -35,7 +35,14 @@ STIFF_DAMPING = 0.05
 _PARALLEL = 1e-6
 """Distance of two axes that are one, and sine of the angle between them [m, 1]."""
 _UNBOUNDED = 1e3
-"""Error at which the supply of an actuator without limit of force would end [rad or m]."""
+"""Error at which a servo's supply, which MuJoCo's actuators do not have, would end [rad or m]."""
+_FINITE = (
+    *("jnt_range", "jnt_stiffness", "qpos0", "qpos_spring", "dof_damping", "dof_frictionloss"),
+    *("dof_armature", "body_pos", "body_quat", "body_mass", "body_inertia", "eq_data", "geom_size"),
+    *("actuator_gainprm", "actuator_biasprm", "actuator_forcerange", "actuator_ctrlrange"),
+    *("actuator_gear", "tendon_range", "tendon_stiffness", "tendon_damping", "wrap_prm"),
+)
+"""Arrays of a compiled MJCF whose numbers are used."""
 _LFS = b"version https://git-lfs"
 """What stands in a file whose content was left elsewhere."""
 _COLLISION_GROUP = 3
@@ -101,6 +108,10 @@ def urdf_text(text: str, path: Path) -> str:
         model = spec.compile()
     except (ValueError, load_mujoco().FatalError) as error:
         raise _refused(path, error) from None
+    for name in _FINITE:
+        if not np.isfinite(getattr(model, name)).all():
+            words = "a number that is not finite: see " + name.replace("_", ", ", 1)
+            raise JointplayError(f"the MJCF {str(path)!r} has {words}")
     return _Reading(load_mujoco(), model, path, {int(geom.id): one for geom, one in meshes}).text()
 
 
@@ -311,34 +322,100 @@ class _Reading:
 
     def _position_drives(self) -> Iterator[tuple[int, dict[str, Any]]]:
         """PD actuators as servos, by joint: 1 V stands for 1 N m or 1 N."""
-        model, affine = self.model, self.mujoco.mjtBias.mjBIAS_AFFINE
-        self.undriven = []
+        model = self.model
+        self.undriven: dict[str, list[str]] = {}
+        by_joint: dict[int, list[int]] = {}
         for i in range(model.nu):
-            to_joint = self.mujoco.mjtTrn(model.actuator_trntype[i]) in (
-                self.mujoco.mjtTrn.mjTRN_JOINT,
-                self.mujoco.mjtTrn.mjTRN_JOINTINPARENT,
-            )
-            joint, gear = int(model.actuator_trnid[i, 0]), float(model.actuator_gear[i, 0])
-            _, stiffness, damping = -model.actuator_biasprm[i, :3] * gear**2
-            plain = model.actuator_biastype[i] == affine and stiffness > 0.0 and damping >= 0.0
-            if not (to_joint and plain and joint in self.joints):
-                self.undriven.append(model.actuator(i).name or f"actuator {i + 1}")
+            reason = self._not_driven(i)
+            if reason:
+                self._leave(reason, i)
+            else:
+                by_joint.setdefault(int(model.actuator_trnid[i, 0]), []).append(i)
+        for joint, actuators in by_joint.items():
+            alone = len(actuators) == 1
+            cut = any(model.actuator_forcelimited[i] or self._clamps(i) for i in actuators)
+            if not alone and cut:
+                for i in actuators:
+                    self._leave("several actuators with limits on one joint", i)
                 continue
-            limits = [_UNBOUNDED * stiffness]
-            if model.actuator_forcelimited[i]:
-                limits.append(abs(gear) * float(np.abs(model.actuator_forcerange[i]).min()))
-            if model.jnt_actfrclimited[joint]:
-                limits.append(float(np.abs(model.jnt_actfrcrange[joint]).min()))
-            brake = float(damping) or 1e-9 * float(stiffness)
-            yield joint, {
-                "kind": "servo", "voltage": min(limits), "p_gain": float(stiffness),
-                "torque_constant": brake, "resistance": brake,
-            }  # fmt: skip
+            yield joint, self._servo(joint, actuators)
+
+    def _leave(self, reason: str, actuator: int) -> None:
+        name = self.model.actuator(actuator).name or f"actuator {actuator + 1}"
+        self.undriven.setdefault(reason, []).append(name)
+
+    def _not_driven(self, i: int) -> str:
+        """Why an actuator is no servo of a joint; empty if it is one."""
+        model, mujoco, kinds = self.model, self.mujoco, self.mujoco.mjtTrn
+        kind, joint = kinds(model.actuator_trntype[i]), int(model.actuator_trnid[i, 0])
+        if kind not in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT):
+            return "actuators of other things than joints"
+        if model.actuator_dyntype[i] != mujoco.mjtDyn.mjDYN_NONE:
+            return "actuators with a state (intvelocity, time constants, muscles)"
+        constant, stiffness, damping = -model.actuator_biasprm[i, :3]
+        plain = model.actuator_gaintype[i] == mujoco.mjtGain.mjGAIN_FIXED
+        plain &= model.actuator_biastype[i] == mujoco.mjtBias.mjBIAS_AFFINE
+        if not (plain and stiffness > 0.0 and damping >= 0.0 and model.actuator_gainprm[i, 0]):
+            return "actuators without position gains"
+        if constant:
+            return "actuators with a constant bias"
+        if joint not in self.joints or self.types[joint] == mujoco.mjtJoint.mjJNT_BALL:
+            return "actuators of balls, or of what is left out"
+        off = model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_ACTUATION
+        group = int(model.actuator_group[i])
+        if off or (0 <= group < 31 and model.opt.disableactuator >> group & 1):
+            return "actuators that are disabled"
+        if np.ravel(getattr(model, "actuator_delay", np.zeros(model.nu)))[i] > 0.0:
+            return "actuators with a delay"
+        return ""
+
+    def _clamps(self, actuator: int) -> bool:
+        """Whether the control of an actuator is cut to its range."""
+        off = self.model.opt.disableflags & self.mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL
+        return bool(self.model.actuator_ctrllimited[actuator]) and not off
+
+    def _servo(self, joint: int, actuators: Sequence[int]) -> dict[str, Any]:
+        """The servo that actuators of one joint make together, all with the same goal."""
+        model = self.model
+        gears = model.actuator_gear[actuators, 0]
+        _, stiffness, damping = (-model.actuator_biasprm[actuators, :3].T * gears**2).sum(1)
+        brake = float(damping) or 1e-9 * float(stiffness)
+        servo: dict[str, Any] = {
+            "kind": "servo", "voltage": _UNBOUNDED * float(stiffness), "p_gain": float(stiffness),
+            "torque_constant": brake, "resistance": brake,
+        }  # fmt: skip
+        first, ranges = actuators[0], []
+        if model.actuator_forcelimited[first]:
+            ranges.append(abs(float(gears[0])) * model.actuator_forcerange[first])
+        if model.jnt_actfrclimited[joint]:
+            ranges.append(model.jnt_actfrcrange[joint])
+        if ranges:
+            effort = float(np.abs(ranges).min())
+            if effort == 0.0:
+                name = self.joint_names[joint]
+                raise JointplayError(
+                    f"the MJCF {str(self.path)!r} allows the drive of {name!r} no force one way: "
+                    "a forcerange or actuatorfrcrange that is 0 there cannot be read"
+                )
+            servo["effort"] = effort
+            if any(low != -high for low, high in ranges):
+                self.said.append(
+                    f"note: the force of the drive of {self.joint_names[joint]} is limited one way "
+                    f"more than the other in the MJCF, here to {effort:g} both ways"
+                )
+        if self._clamps(first):
+            gain = model.actuator_gainprm[first, 0]
+            goal = gain / -model.actuator_biasprm[first, 1] / gears[0]
+            servo["goals"] = sorted(float(goal * end) for end in model.actuator_ctrlrange[first])
+        return servo
 
     def _mimics(self) -> dict[int, tuple[int, float, float]]:
         """Joints that follow others in proportion: leader, factor and offset."""
         model, found = self.model, {}
-        self.equalities = []
+        self.equalities: list[str] = []
+        hidden = {one.hinge: joint for joint, one in self.play.items()}
+        if model.opt.disableflags & self.mujoco.mjtDisableBit.mjDSBL_EQUALITY:
+            return {}
         for i in range(model.neq):
             follower, leader = int(model.eq_obj1id[i]), int(model.eq_obj2id[i])
             kind = self.mujoco.mjtEq(model.eq_type[i])
@@ -346,12 +423,51 @@ class _Reading:
             if not model.eq_active0[i]:
                 continue
             if not linear or not {follower, leader} <= {*self.joints} or follower in found:
-                self.equalities.append(kind.name.removeprefix("mjEQ_").lower())
+                held = kind == self.mujoco.mjtEq.mjEQ_JOINT and {follower, leader} & {*hidden}
+                for hinge in held or ():
+                    self.said.append(
+                        f"note: an equality of the MJCF holds {self.joint_names[hinge]} and so "
+                        f"shuts the play of {self.joint_names[hidden[hinge]]} in MuJoCo; here it "
+                        "is free"
+                    )
+                if not held:
+                    self._leave_equality(i, kind)
                 continue
             offset, factor = (float(value) for value in model.eq_data[i, :2])
             own, others = (float(model.qpos0[model.jnt_qposadr[j]]) for j in (follower, leader))
             found[follower] = (leader, factor, offset + own - factor * others)
         return found
+
+    def _leave_equality(self, i: int, kind: Any) -> None:
+        """Name an equality of what is left out.
+
+        Raises:
+            JointplayError: it is one of the robot, which without it would be another.
+        """
+        kinds, model = self.mujoco.mjtEq, self.model
+        word = kind.name.removeprefix("mjEQ_").lower()
+        ends = [int(end) for end in (model.eq_obj1id[i], model.eq_obj2id[i]) if end >= 0]
+        names, own = [], True
+        if kind == kinds.mjEQ_JOINT:
+            names, own = [self.joint_names[j] for j in ends], bool({*ends} & {*self.joints})
+        elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
+            if model.eq_objtype[i] == self.mujoco.mjtObj.mjOBJ_SITE:
+                ends = [int(model.site_bodyid[site]) for site in ends]
+            names, own = [self.body_names[b] for b in ends], bool({*ends} & {*self.bodies})
+        elif kind == kinds.mjEQ_TENDON:
+            names = [model.tendon(t).name for t in ends]
+        else:  # of what bends
+            own = False
+        if not own:
+            self.equalities.append(word)
+            return
+        loop = kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD)
+        cure = "close the loop by [loops] of a scenario" if loop else "hold joints by fix"
+        raise JointplayError(
+            f"the MJCF {str(self.path)!r} has the equality <{word}> of {few(names)}, which cannot "
+            f"be read, and without it the robot is another: take it out or set its active to "
+            f"false, and {cure}"
+        )
 
     # The URDF.
 
@@ -525,7 +641,7 @@ class _Reading:
                     "kind": "backlash", "play": play.width, "stiffness": play.stiffness,
                     "damping": play.damping,
                 } | ({"rotor_inertia": rotor} if rotor else {})  # fmt: skip
-            elif armature > 0.0 and self._turns(j):
+            elif armature > 0.0:
                 pace = 2.0 * math.pi * STIFF_HZ
                 gears[named[j]] = {
                     "kind": "backlash", "play": 0.0, "rotor_inertia": armature,
@@ -574,17 +690,32 @@ class _Reading:
             "flexes": model.nflex,
             "gravity compensation": any(model.body_gravcomp),
             "fluid": model.opt.density or model.opt.viscosity,
-            "armature of slides": any(
-                not self._turns(j) and self._loss("armature", j) > 0.0 for j in self.joints
+            "armature of balls": self._balls_have("dof_armature"),
+            "damping of balls": self._balls_have("dof_damping"),
+            "friction of balls": self._balls_have("dof_frictionloss"),
+            "springs of balls": self._balls_have("jnt_stiffness"),
+            "limits of balls": self._balls_have("jnt_limited"),
+            "damping or springs that are not linear": any(
+                getattr(model, name).reshape(rows, -1)[:, 1:].any()
+                for name, rows in (("dof_damping", model.nv), ("jnt_stiffness", model.njnt))
             ),
         }
+        for word in ("frictionloss", "limit", "passive", "spring", "damper", "equality"):
+            flag = getattr(self.mujoco.mjtDisableBit, f"mjDSBL_{word.upper()}", 0)
+            left[f"that {word} is disabled"] = bool(model.opt.disableflags & int(flag))
         unread = [word for word, there in left.items() if there]
         if self.equalities:
             unread.append(f"equalities ({', '.join(dict.fromkeys(self.equalities))})")
-        if self.undriven:
-            unread.append(f"actuators without position gains ({few(self.undriven)})")
+        unread += [f"{reason} ({few(names)})" for reason, names in self.undriven.items()]
         if unread:
             yield f"note: not read of the MJCF: {', '.join(unread)}"
+
+    def _balls_have(self, name: str) -> bool:
+        """Whether a ball has something of this array, of joints or of their freedoms."""
+        values = getattr(self.model, name).reshape(len(getattr(self.model, name)), -1)
+        balls = [j for j in self.joints if self.types[j] == self.mujoco.mjtJoint.mjJNT_BALL]
+        place = (lambda j: j) if name.startswith("jnt") else self._dof
+        return any(bool(values[place(j), 0]) for j in balls)
 
     def _wrapped(self) -> set[int]:
         """Joints that have a tendon of their own."""

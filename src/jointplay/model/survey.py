@@ -15,7 +15,7 @@ from jointplay.model.formats import urdf_text
 from jointplay.model.massless import massless_links, massless_motions
 from jointplay.model.mechanism import Mechanism
 from jointplay.model.robots import PREFIX, SUFFIXES, source_of
-from jointplay.model.urdf import ALL, elements, impossible_inertias, mimics
+from jointplay.model.urdf import ALL, elements, impossible_inertias, mimics, parse
 from jointplay.model.xacro import Value
 
 
@@ -79,7 +79,8 @@ def survey(place: str | Path, xacro: Mapping[str, Value] | None = None) -> Surve
     path = source.path
     given = is_file(Path(place)) or str(place).endswith(SUFFIXES)
     name = path.stem if given else str(place).removeprefix(PREFIX)
-    root = elements(urdf_text(source, xacro or {}), path)
+    text = urdf_text(source, xacro or {})
+    root = elements(text, path)
     joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
     moving = {n: joint.get("type", "") for n, joint in joints.items()}
     moving = {n: kind for n, kind in moving.items() if kind != "fixed"}
@@ -88,7 +89,7 @@ def survey(place: str | Path, xacro: Mapping[str, Value] | None = None) -> Surve
     astray = {n: one.leader for n, one in lost.items()}
     unphysical = tuple(impossible_inertias(root))
     try:
-        mechanism = Mechanism(place, allow_unphysical=[ALL], xacro=xacro)
+        mechanism = Mechanism(parse(text, path, [ALL]), allow_unphysical=[ALL])
     except JointplayError as error:
         return Survey(name, path, moving, False, unphysical, followers, (), str(error), astray)
     moving = {n: moving[n] for n in mechanism.coordinates}

@@ -374,14 +374,6 @@ def complete(
     return added.motion, added.notes()
 
 
-def _of_play_left(mechanism: Mechanism) -> list[str]:
-    """That an MJCF has play of joints of whose gears a scenario file says nothing."""
-    gears = mechanism.description.beyond.tables.get("gears", {})
-    left = [name for name, one in gears.items() if one["play"] and name not in mechanism.gears]
-    words = f"note: the MJCF has play in {few(left)}, the scenario none: [gears.JOINT] gives it"
-    return [words] if left else []
-
-
 def build(model: Model, folder: Path, built: Built) -> tuple[Simulation, list[str]]:
     """Simulation that `model` describes; its paths are relative to `folder`.
 
@@ -404,7 +396,7 @@ def build(model: Model, folder: Path, built: Built) -> tuple[Simulation, list[st
     notes: list[str] = []
     if motion is not None:
         motion, notes = complete(model, mechanism, motion, start)
-    notes += [*mechanism.description.astray, *_of_play_left(mechanism)]
+    notes += mechanism.description.astray
     notes += [mechanism.base_words] if mechanism.base_words else []
     notes += [*_of_zero(model, mechanism), *_of_wide_clearances(mechanism)]
     notes += _of_falling(model, mechanism, motion)

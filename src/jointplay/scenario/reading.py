@@ -6,7 +6,7 @@ import re
 import tomllib
 from collections import OrderedDict
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import fields
 from functools import cached_property
 from pathlib import Path
@@ -89,6 +89,7 @@ class Scenario(Overview):
         self.notes: list[str] = []
         self.assumptions: list[str] = []
         self._built: Built = OrderedDict()
+        self._read: dict[str, list[Setting]] = {}
         data = self._parsed(text)
         cases = data.pop("cases", {})
         self.sweep = dict(self._table(data.pop("sweep", {}), ("sweep",)))
@@ -261,7 +262,33 @@ class Scenario(Overview):
 
     def data(self, case: str) -> dict[str, Any]:
         """What the file says of a case, as TOML has it; see `model`."""
-        return merge(merge(self._base, self._changes[case]), self._set)
+        said = merge(merge(self._base, self._changes[case]), self._set)
+        return merge(self._beneath(said), said)
+
+    def _beneath(self, said: Mapping[str, Any]) -> dict[str, Any]:
+        """What the robot's own file says beyond a URDF, over which the scenario counts.
+
+        A scenario that is named like its robot is made of it and has that among its settings.
+        """
+        from jointplay.model import formats
+        from jointplay.scenario.robot import description_of, settings_beyond
+
+        robot = said.get("robot")
+        place = robot.get("urdf") if isinstance(robot, Mapping) else None
+        if not isinstance(place, str) or Path(place).name == self.path.name:
+            return {}
+        held = [Setting(("robot",), robot, "the scenario")]
+        key = repr(robot)
+        if key not in self._read:
+            found: list[Setting] = []
+            with suppress(JointplayError):  # which is said when the robot is built
+                if formats.says_more(place, self.path.parent):
+                    description = description_of(place, held, self.path.parent)
+                    found = settings_beyond(description, ideal=False, still=False)
+                    self.assumptions += description.beyond.notes
+            self._read[key] = found
+        drives = "motion" in said and "drive" not in said
+        return tree(one for one in self._read[key] if drives or one.key[0] != "drives")
 
     def given(self, case: str) -> dict[str, Any]:
         """The same without what stands for what nobody gave."""

@@ -528,7 +528,7 @@ class StaticEquilibrium:
         for row in servos:
             encoder, stall = int(row["encoder"]), row["stall"]
             self._bands[encoder] = row["dead_band"]
-            self._reach[encoder] = row["voltage"] / row["p_gain"]
+            self._reach[encoder] = min(row["voltage"], row["limit"] / stall) / row["p_gain"]
             hold(row, float(stall * row["p_gain"]), float(stall * row["d_gain"] * ahead(row)))
         for row in rows:
             at = int(row["coordinate"])

@@ -68,7 +68,8 @@ def apply_drives(run, q, v, time, tau):
             encoder = one.encoder
             one.taken_at = v[encoder]
             effort[i] = forward + one.kp * (position - q[encoder]) + one.kd * (speed - v[encoder])
-            if abs(effort[i]) > one.limit:
+            # Back-EMF is cut with what its servo pushes.
+            if abs(effort[i]) > one.limit and (one.kp != 0.0 or one.kd == 0.0):
                 effort[i] = math.copysign(one.limit, effort[i])
         tau[i] += effort[i]
 

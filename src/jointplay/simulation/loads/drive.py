@@ -195,9 +195,10 @@ class Servo(Drive):
     V = p_gain e + w + d_gain (qd_r - qd), e = <|q_r - q| - dead_band> sgn(q_r - q), cut to the
     supply's, with q as the encoder reads it, in whole counts of its resolution; the integral
     dw/dt = i_gain e is cut to the supply's, too, lest it wind up, and is zero at the start;
-    F = k/R (V - k qd_m) on the motor, less its friction. All quantities are referred to the joint's
-    side of its gear, in metres and newtons where it slides: the inertia of the armature is the
-    gear's `rotor_inertia`. A joint without gear is moved directly, by a motor without inertia.
+    F = k/R (V - k qd_m) on the motor, cut to `effort`, less its friction. All quantities are
+    referred to the joint's side of its gear, in metres and newtons where it slides: the inertia of
+    the armature is the gear's `rotor_inertia`. A joint without gear is moved directly, by a motor
+    without inertia.
     """
 
     kind: ClassVar[str] = "servo"
@@ -245,6 +246,10 @@ class Servo(Drive):
     """Angle or way of the joint in a count of the encoder [rad or m]; 0: it reads exactly."""
     encoder: str = choice("encoder", ENCODERS[::-1], default=ENCODERS[1])
     """Where it sits: on the "motor", before the gear, or on the joint ("link")."""
+    effort: float | None = quantity("N*m", "N", default=None, above=0.0, label="effort of a servo")
+    """Largest effort, what the back-EMF takes counted [N m or N]; None: no limit."""
+    goals: tuple[float, float] | None = quantity("rad", "m", default=None, label="goals of a servo")
+    """Lowest and highest position to which the reference is cut [rad or m]; None: no limit."""
     period: float | None = quantity("s", default=None, above=0.0, label="period of a servo")
     """Sampling period, between whose ends the voltage is held [s]; continuous if not given."""
 
@@ -265,6 +270,8 @@ class Servo(Drive):
                 "a dead band in counts needs the encoder's resolution and no dead_band beside it",
                 ("dead_band_counts",),
             )
+        if self.goals is not None:
+            require_increasing("goals of a servo", self.goals, "", ("goals",))
         if self.speed == SPEEDS[1] and self.period is None:
             raise JointplayError("a speed by differences needs a period", ("speed",))
 

@@ -170,6 +170,8 @@ def tabulate(
     efforts: dict[int, tuple[float, JointFriction]] = {}
     """By column, what a drive also turns, and the friction that it overcomes."""
     rows, servos = [], []
+    goals: dict[int, tuple[float, float]] = {}
+    """By column, to what a servo cuts its reference."""
     rubs = [
         _friction_row(mechanism.coordinate(name), one)
         for name, one in friction.items()
@@ -208,9 +210,12 @@ def tabulate(
             servo["differences"] = drive.speed == "difference"
             servo["dead_band"], servo["period"] = drive.band, drive.period or 0.0
             servo["column"], servo["coordinate"], servo["encoder"] = u, at, measured
+            limit = min(limit, math.inf if drive.effort is None else drive.effort)
             servo["limit"], servo["sampled_at"] = limit, -1.0
+            if drive.goals is not None:
+                goals[u] = drive.goals
             columns.append(((0.0,), (0.0,)))  # back-EMF is damping against a speed of zero
-            row = drive_row(u + 1, at, kd=drive.braking)
+            row = drive_row(u + 1, at, kd=drive.braking, limit=limit)
             if gear and (drive.friction or drive.viscous):
                 rubs.append(_friction_row(at, drive.with_friction(JointFriction())))
         rows.append(row)
@@ -247,6 +252,10 @@ def tabulate(
                 table[2, :, u] = np.interp(times, *column)
                 continue
             table[0, :, u], table[1, :, u] = position[:, column], velocity[:, column]
+            if u in goals:
+                cut = np.clip(table[0, :, u], *goals[u])
+                table[1, cut != table[0, :, u], u] = 0.0
+                table[0, :, u] = cut
             if column in efforts:
                 rotor, losses = efforts[column]
                 table[2, :, u] = (

@@ -1,0 +1,132 @@
+"""Drives that an MJCF has, beside MuJoCo itself; and what is said of those that are not read."""
+
+import numpy as np
+import pytest
+
+from jointplay.base.errors import JointplayError
+from jointplay.model.formats import read
+from jointplay.scenario.overrides import Setting
+from jointplay.scenario.robot import robot_scenario
+
+pytestmark = pytest.mark.needs("mujoco")
+
+ARM = """<mujoco model="arm"><compiler angle="radian"/>
+<option gravity="0 0 {gravity}" integrator="implicitfast"/>
+<default><geom type="capsule" size="0.02" contype="0" conaffinity="0"/></default>
+<worldbody><body name="a"><joint name="j" axis="0 1 0" {j}/><geom fromto="0 0 0 .3 0 0" mass="1"/>
+<body name="b" pos=".3 0 0"><joint name="k" {k}/><geom fromto="0 0 0 .2 0 0" mass=".5"/></body>
+</body></worldbody><actuator>{drives}</actuator></mujoco>"""
+TURNS = 'axis="0 1 0"'
+FIRM = '<position joint="k" kp="50" kv="2"/>'
+GENERAL = '<general joint="j" gainprm="100" biastype="affine" biasprm="0 -200 -15" {}/>'
+STEP_S = 5e-6
+
+
+def one(words):
+    return f'<position joint="j" {words}/>'
+
+
+DRIVES = {
+    "a limit of force": (0, "", TURNS, one('kp="200" kv="20" forcerange="-20 20"') + FIRM),
+    "one far below kv": (0, "", TURNS, one('kp="4500" kv="450" forcerange="-87 87"') + FIRM),
+    "two on a joint": (-9.81, 'damping="2"', TURNS, one('kp="50"') + one('kp="70"') + FIRM),
+    "a range of control": (0, "", TURNS, one('kp="200" kv="20" ctrlrange="-0.3 0.5"') + FIRM),
+    "a gear": (-1.62, "", TURNS, one('kp="2" kv=".3" gear="10" forcerange="-1 1"') + FIRM),
+    "a limit of the joint": (0, 'actuatorfrcrange="-9 9"', TURNS, one('kp="200" kv="5"') + FIRM),
+    "critical damping": (0, "", TURNS, one('kp="300" dampratio="1" forcerange="-25 25"') + FIRM),
+    "a general one": (-9.81, 'stiffness="3"', TURNS, GENERAL.format('forcerange="-30 30"') + FIRM),
+    "a slide": (
+        0, "", 'type="slide" axis="1 0 0"',
+        one('kp="200" kv="20"') + '<position joint="k" kp="900" kv="60" forcerange="-50 50"/>',
+    ),
+    "an armature": (0, 'armature="0.05"', TURNS, one('kp="200" kv="20" forcerange="-9 9"') + FIRM),
+}  # fmt: skip
+
+
+def written(folder, gravity, j, k, drives):
+    path = folder / "arm.xml"
+    path.write_text(ARM.format(gravity=gravity, j=j, k=k, drives=drives))
+    return path
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("case", DRIVES)
+def test_ten_driven_arms_follow_a_step_as_in_mujoco(tmp_path, case):
+    """To 1e-4 of the step; rotors, rigid in MuJoCo, swing here at 200 Hz: to 5e-4."""
+    import mujoco
+
+    path = written(tmp_path, *DRIVES[case])
+    goals = {"j": [0.0, 0.8, 0.8], "k": [0.0, -0.4, -0.4]}
+    settings = [
+        Setting(("motion",), {"times": [0.0, 0.02, 0.4], "joints": goals}, "test"),
+        Setting(("integration", "duration"), 0.4, "test"),
+        Setting(("integration", "step"), STEP_S, "test"),
+    ]
+    simulation = robot_scenario(str(path), ideal=True, settings=settings).simulation()
+    result = simulation.run()["q"]
+    model = mujoco.MjModel.from_xml_path(str(path))
+    model.opt.timestep = STEP_S
+    data = mujoco.MjData(model)
+    steps = round(0.4 / STEP_S)
+    reference = simulation.motion((np.arange(steps) + 0.5) * STEP_S)[0]
+    names = [model.joint(int(i)).name for i in model.actuator_trnid[:, 0]]
+    columns = [simulation.motion.joints.index(name) for name in names]
+    scale = -model.actuator_gear[:, 0] * model.actuator_biasprm[:, 1] / model.actuator_gainprm[:, 0]
+    places = {name: model.joint(name).qposadr[0] for name in goals}
+    for name, place in places.items():
+        data.qpos[place] = result.sel(coordinate=name).values[0]
+    positions = [data.qpos.copy()]
+    for row in reference:
+        data.ctrl[:] = scale * row[columns]
+        mujoco.mj_step(model, data)
+        positions.append(data.qpos.copy())
+    times = np.arange(steps + 1) * STEP_S
+    for name, place in places.items():
+        wanted = np.interp(result.time.values, times, np.array(positions)[:, place])
+        off = np.abs(result.sel(coordinate=name).values - wanted).max()
+        assert off < (5e-4 if case == "an armature" else 1e-4) * 0.8
+
+
+@pytest.mark.parametrize(
+    ("drive", "words"),
+    [
+        ('<intvelocity joint="j" kp="5" actrange="-1 1"/>', "with a state"),
+        (one('kp="5" timeconst="0.1"'), "with a state"),
+        (GENERAL.format("").replace('"0 -200', '"3 -200'), "with a constant bias"),
+        (one('kp="5"') + one('kp="6" forcerange="-1 1"'), "several actuators with limits"),
+        ('<motor joint="j"/>', "without position gains"),
+        ('<velocity joint="j" kv="3"/>', "without position gains"),
+    ],
+)
+def test_drives_that_are_not_read_are_named(tmp_path, drive, words):
+    beyond = read(written(tmp_path, 0, "", TURNS, drive + FIRM)).beyond
+    assert list(beyond.tables["drives"]) == ["k"]
+    assert words in beyond.notes[-1]
+    assert "actuator 1" in beyond.notes[-1]
+
+
+def test_two_drives_of_a_joint_add_up(tmp_path):
+    beyond = read(written(tmp_path, 0, "", TURNS, one('kp="50"') + one('kp="70"'))).beyond
+    assert beyond.tables["drives"]["j"]["p_gain"] == 120.0
+
+
+def test_an_uneven_limit_of_force_is_said(tmp_path):
+    path = written(tmp_path, 0, "", TURNS, one('kp="50" forcerange="-5 20"'))
+    assert "here to 5 both ways" in " ".join(read(path).beyond.notes)
+    path = written(tmp_path, 0, "", TURNS, one('kp="50" forcerange="0 20"'))
+    with pytest.raises(JointplayError, match="drive of 'j' no force one way"):
+        read(path)
+
+
+def test_what_a_ball_has_besides_freedom_is_named(tmp_path):
+    ball = 'type="ball" damping="1" stiffness="2" range="0 1" armature="0.1"'
+    (note,) = read(written(tmp_path, 0, "", ball, "")).beyond.notes
+    for what in ("armature", "damping", "springs", "limits"):
+        assert f"{what} of balls" in note
+    assert "slides" not in note
+
+
+def test_numbers_that_are_none_are_refused(tmp_path):
+    path = written(tmp_path, 0, 'range="nan 90"', TURNS, FIRM)
+    with pytest.raises(JointplayError, match="not finite"):
+        read(path)
