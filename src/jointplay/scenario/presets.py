@@ -60,6 +60,7 @@ QUANTITIES = {
 }
 """What measurements call numbers of a joint; of bearings as the number is called."""
 _UNSAID = "what the file says"
+_BOTH = "a preset has either [every] or [joint]"
 _NONE = "no preset: tables such as [joint.elbow.gear] or [joint.elbow.bearing] are needed"
 LEFT_OUT = {
     "openarm": "Damiao's manuals of its motors state ratios of 9, 40 and 10, but no backlash",
@@ -104,7 +105,7 @@ class Origin:
     """As text, for readers."""
     origin: str = choice("origin", ORIGINS)
     """Whether it was measured on this robot, seen in a source, estimated from one, or assumed."""
-    source: str
+    source: str = field()
     """Where it was seen, or from what estimated."""
     interval: tuple[float, ...] = quantity("", default=())
     """Ends of the 95 % interval of one that was measured on this robot [SI]."""
