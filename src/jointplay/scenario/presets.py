@@ -95,7 +95,7 @@ class _Head:
     errors: str = choice("class of errors", CLASSES, default="")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Origin:
     """Where a number of a preset comes from."""
 
@@ -105,7 +105,7 @@ class Origin:
     """As text, for readers."""
     origin: str = choice("origin", ORIGINS)
     """Whether it was measured on this robot, seen in a source, estimated from one, or assumed."""
-    source: str = field()
+    source: str
     """Where it was seen, or from what estimated."""
     interval: tuple[float, ...] = quantity("", default=())
     """Ends of the 95 % interval of one that was measured on this robot [SI]."""
