@@ -393,6 +393,18 @@ def test_linuxcnc_gets_what_the_joint_does_each_way(upright):
             backlash.tables(found, other)
 
 
+def test_no_name_of_a_joint_leads_out_of_the_folder(urdf):
+    evil = "../../evil"
+    arm = body("arm", mass=MASS, com=f"{ARM} 0 0")
+    place = urdf(arm, joint(evil, "base", "arm", axis="0 0 1"), tip("arm"))
+    gear = Gear(play=1e-4, stiffness=STIFFNESS, rotor_inertia=0.05, damping=2.0)
+    motion = Motion([evil], [0.0, 0.4, 0.8], [[0.0], [0.5], [0.0]])
+    drive = ComputedTorque(encoder="motor")
+    robot = Mechanism(place, gears={evil: gear}, gravity=(0, 0, 0))
+    found = compensate(Simulation(robot, motion, drive=drive, step="20 us", record_every=50))
+    assert list(backlash.tables(found, "linuxcnc")) == ["evil.comp"]
+
+
 def test_firmware_gets_nothing_for_a_joint_that_never_crosses(level):
     with pytest.raises(JointplayError, match="no gear's teeth change sides"):
         backlash.tables(compensate(simulated(machine(level))), "linuxcnc")

@@ -9,6 +9,7 @@ import csv
 import errno
 import io
 import os
+import re
 import shutil
 import stat
 import tempfile
@@ -56,6 +57,9 @@ MOST_TEXT = 256_000_000
 
 _HDF5 = b"\x89HDF"
 """How results begin."""
+
+_LONGEST_NAME = 100
+"""Bytes of a file's name that are taken of a label."""
 
 PICTURES = {"png": "Software", "pdf": "Creator", "svg": "Creator"}
 """Formats of pictures, each with the entry of its metadata that names the program."""
@@ -381,6 +385,22 @@ def shipped_table(module: str, name: str) -> dict[str, Any]:
 
     with (Path(module).parent / "data" / f"{name}.toml").open("rb") as file:
         return tomllib.load(file)
+
+
+def names_for(labels: Iterable[str], ending: str) -> list[str]:
+    """A file's name for each label: itself, but for what some file system does not take.
+
+    None names a folder or another one's file, whatever the labels are.
+    """
+    names: list[str] = []
+    for label in labels:
+        stem = re.sub(r"[^\w.+-]+", "_", label).strip("._") or "unnamed"
+        stem = stem.encode()[:_LONGEST_NAME].decode(errors="ignore")
+        name, number = f"{stem}{ending}", 2
+        while name.lower() in (other.lower() for other in names):
+            name, number = f"{stem}_{number}{ending}", number + 1
+        names.append(name)
+    return names
 
 
 def check_new(path: str | Path) -> Path:
