@@ -124,6 +124,12 @@ class PlayBudget(Budget):
     """
 
     rest_positions: RestPositions
+    second_order: np.ndarray
+    """What rotations of the second order can add to `worst` at most, shape (n,) [m].
+
+    In closed loops no bound, but by how much the loops, closed exactly with the journals of
+    `worst`, put the tool elsewhere.
+    """
     rms: np.ndarray
     """RMS distance, if a load on the tool that exceeds all others has a random direction, (n,).
 
@@ -135,15 +141,6 @@ class PlayBudget(Budget):
     @property
     def joints(self) -> tuple[str, ...]:
         return self.model.names
-
-    @property
-    def second_order(self) -> np.ndarray:
-        """What rotations of the second order can add to `worst` at most, shape (n,).
-
-        In closed loops no bound, but by how much the loops, closed exactly with the journals of
-        `worst`, put the tool elsewhere.
-        """
-        return self.rest_positions.second_order
 
     @property
     def shares(self) -> np.ndarray:
@@ -181,7 +178,19 @@ class PlayBudget(Budget):
             f"Play lets the tool {self.tool!r} be up to {readable(self.worst[at], 'm', 3)} off"
             f"{where} (RMS {readable(self.rms[at], 'm', 3)}), and turn by up to "
             f"{readable(self.worst_turn[at], 'rad', 3)}; at rest it is {rests} mm off, {gives_way}"
-            f"{self._regulated}{self._of_fits}"
+            f"{self._regulated}{self._of_fits}{self._far}"
+        )
+
+    @property
+    def _far(self) -> str:
+        """Where turns are so large that the first order of them misleads, to add to a sentence."""
+        at = self.worst_pose
+        more = float(self.second_order[at])
+        if more <= _LINEAR * self.worst[at]:
+            return ""
+        return (
+            f"; turns so large move the tool on arcs, by which all this may be "
+            f"{readable(more, 'm', 2)} off"
         )
 
     def _beyond_play(self, at: int, least: float) -> dict[str, str]:
@@ -720,11 +729,15 @@ def budget(
     if mechanism.loops:
         more = _second_order_of_loops(mechanism, q, model, found.direction, driven)
     else:
-        more = _second_order(model, relative_to is None or _carries(mechanism, relative_to))
+        outwards = relative_to is None or _carries(mechanism, relative_to)
+        more = _second_order(model, outwards)
     push = force_on_tool(force)
     rest = RestPositions(mechanism, q, middle, push, driven, friction, drive, more, relative_to)
+    if rest.regulated and not mechanism.loops:  # their links are held still
+        moves = [one.joint not in rest.regulated or not one.gear for one in model.contributions]
+        rest = replace(rest, second_order=_second_order(model.subset(moves), outwards))
     seen = driven, relative_to, _positions(mechanism, q, relative_to)
-    return PlayBudget(mechanism, q, model, push, *seen, found, rest, rms, rms_parts)
+    return PlayBudget(mechanism, q, model, push, *seen, found, rest, more, rms, rms_parts)
 
 
 def _positions(mechanism: Mechanism, q: np.ndarray, relative_to: str | None) -> np.ndarray:
@@ -750,7 +763,9 @@ def _second_order(model: ErrorModel, outwards: bool) -> np.ndarray:
     turned = np.zeros_like(total)
     for play, move in zip(model.plays, model.jacobian, strict=True):
         aside, angle = play.reach
-        arms = np.linalg.norm(move[:, :3, 3:], axis=(1, 2)) / np.sqrt(2.0)
+        # A turn moves the tool by its distance from the axes about which the play lets it turn.
+        axes = 3 + np.flatnonzero(play.support(np.eye(6)[3:]).value > 0.0)
+        arms = np.linalg.norm(move[:, :3, axes], 2, axis=(1, 2)) if len(axes) else 0.0
         felt = np.abs(move).max(axis=(1, 2)) > 0.0
         moved = np.where(felt, aside + angle * arms, 0.0)
         total += np.where(felt, 0.5 * angle**2 * arms, 0.0)
