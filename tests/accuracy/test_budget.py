@@ -554,3 +554,28 @@ def test_a_gear_held_by_its_links_encoder_adds_no_second_order_at_rest(arm):
     angle = np.radians(10.0)
     assert found.second_order[0] >= REACH * (1.0 - np.cos(angle))
     assert "move the tool on arcs" in found.sentence
+
+
+def test_a_corrected_motion_leaves_a_part_of_the_play_not_of_the_wind_up(arm):
+    """The gear winds up by ten times its play: 3 kg at half a metre are 14.7 N m."""
+    play, stiffness = 1e-3, 3.0 * 9.81 * REACH / 5e-3
+    mechanism = Mechanism(arm, gears={"j": Gear(play, 0.1, stiffness)}, gravity=(0.0, -9.81, 0.0))
+    found = budget(mechanism, {}, drive=ComputedTorque(encoder="motor"))
+    assert found.rest_error[0] == pytest.approx((play / 2.0 + 5e-3) * REACH, rel=0.05)
+    assert found.compensated(0) == pytest.approx(0.3 * play / 2.0 * REACH, abs=1e-5)
+    assert any("instead of 2.7" in line for line in found.table().notes)
+
+
+def test_the_worst_turn_in_the_answer_is_that_of_all_poses():
+    """Turns of two gears add up where their axes are parallel, and there the arm is not long."""
+    machine = Mechanism("ur5", gears={n: Gear(1e-2, 0.1, 1e4) for n in
+                                      ("shoulder_pan_joint", "wrist_1_joint")})  # fmt: skip
+    q = np.zeros((2, machine.model.nq))
+    q[1, machine.coordinate("shoulder_lift_joint")] = -np.pi / 2.0
+    q[1, machine.coordinate("elbow_joint")] = np.pi / 2.0
+    q[1, machine.coordinate("wrist_2_joint")] = np.pi / 2.0
+    both = machine.with_clearance({}, {n: Gear(1e-2, 0.1, 1e4) for n in
+                                       ("shoulder_pan_joint", "wrist_3_joint")})  # fmt: skip
+    found = budget(both, q)
+    assert found.worst_turn.argmax() != found.worst_pose
+    assert f"turn by up to {1e3 * found.worst_turn.max():.3g} mrad" in found.sentence

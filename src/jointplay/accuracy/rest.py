@@ -221,6 +221,11 @@ class RestPositions:
         holding = self._holding(list(self.mechanism.gears))
         return frozenset(n for n, one in holding.items() if getattr(one, "encoder", "") == "link")
 
+    def unregulated(self, model: ErrorModel) -> ErrorModel:
+        """A model without the gears whose links drives hold where they are."""
+        own = model.contributions
+        return model.subset([not one.gear or one.joint not in self.regulated for one in own])
+
     def interval(self, pose: int) -> np.ndarray:
         """Between which errors friction can hold the tool at a pose, to about 3 % of the width.
 
