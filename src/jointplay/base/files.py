@@ -44,7 +44,7 @@ MARK = ".jointplay-owner"
 a lock on it, which ends with the owner."""
 
 ENDING_S = 1.0
-"""How long a folder's lock is waited for [s]: workers of a killed command hold it until they end."""
+"""How long a folder's lock is waited for [s]: a killed command's workers hold it until they end."""
 
 LEFT_S = 86400.0
 """Temporary folders whose owner is dead are deleted when they are older [s]."""
