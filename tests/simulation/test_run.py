@@ -365,7 +365,18 @@ def test_falling_journals_are_not_judged_in_long_runs(arm):
     assert moving(arm, 0.5, start="centred").judged_from == pytest.approx(0.15)
     assert moving(arm, 0.5, seed=1).judged_from == pytest.approx(0.15)
     assert moving(arm, 0.5).judged_from == 0.0
-    assert moving(arm, 0.2, start="centred").judged_from == 0.0
+    assert moving(arm, 0.2, start="centred").judged_from == pytest.approx(0.15)
+    assert moving(arm, 0.1, start="centred").judged_from == 0.0
+
+
+
+def test_a_start_is_over_after_a_turn_however_long_the_run_is(urdf):
+    period = np.pi / 30.0  # see `turning`
+    for duration in (1.1 * period, 10.0 * period):
+        one = turning(urdf, start="centred", settle=None, duration=duration)
+        assert period <= one.judged_from <= period + 1.01 * one.step
+    one = turning(urdf, start="centred", settle=None, duration=0.9 * period)
+    assert one.judged_from == 0.0
 
 
 def test_the_twin_takes_of_a_state_what_it_has(arm):

@@ -246,7 +246,7 @@ class Run:
         if simulation.starts_at_rest:
             self._start_at_rest(start, drives, sites, places or {})
         start.check_journals()
-        self.judged_from = simulation.judged_from
+        self.judged_from = self.simulation.judged_from
         """When figures begin to be judged [s]."""
         self._unjudged: dict[str, np.ndarray] | None = None
         self._begun = self._finished = False
@@ -429,7 +429,10 @@ class Run:
         if self.rest is None:
             return found
         start = "rest" if self.rest.solved else "centred"
-        return replace(found, start=start, residual=self.rest.residual, load=self.rest.load)
+        rest = self.rest
+        if not rest.inside:  # where it ended says nothing
+            return replace(found, start=start, residual=math.inf, load=math.inf)
+        return replace(found, start=start, residual=rest.residual, load=rest.load)
 
     def run_to_end(self, progress: bool = False) -> Status:
         """Step to the end, a failure, or Ctrl-C; returns why. Warns if it failed; see `finish`."""
