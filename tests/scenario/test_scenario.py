@@ -546,7 +546,8 @@ def test_planar_play_across_which_a_mechanism_cannot_move_is_asked_about(tmp_pat
         path = tmp_path / "slider.toml"
         path.write_text(
             '[robot]\nurdf = "slider.urdf"\ngravity = [0, -9.81, 0]\n'
-            '[joints.guide]\nkind = "prismatic"\nclearance = "1 mm"\nplanar = true\n[drives]\npin = "free"\n'
+            '[joints.guide]\nkind = "prismatic"\nclearance = "1 mm"\nplanar = true\n'
+            '[drives]\npin = "free"\n'
             'guide = "free"\n[integration]\nduration = "1 ms"\n'
         )
         scenario = Scenario.load(path)

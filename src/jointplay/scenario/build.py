@@ -34,7 +34,7 @@ from jointplay.model.payload import Payload
 from jointplay.model.robots import resolve
 from jointplay.model.tool import choose_tool
 from jointplay.model.urdf import Description, JointEntry
-from jointplay.physics.joints import JOINT_WORDS, Coordinate, PrismaticClearance
+from jointplay.physics.joints import JOINT_WORDS, Coordinate
 from jointplay.physics.joints.base import RoundClearance
 from jointplay.scenario.declarations import ANGLE, ANGULAR_SPEED, MOTION_SOURCES, PATHS, Model
 from jointplay.simulation.loads import Load
@@ -476,7 +476,8 @@ def _of_idle_planes(mechanism: Mechanism) -> list[str]:
     )
     lines = []
     for name, joint in mechanism.clearance.items():
-        if not (isinstance(joint, PrismaticClearance) and joint.planar) or name in mechanism.loops:
+        planar = joint.slides() and "x" in joint.freedoms and "y" not in joint.freedoms
+        if not planar or name in mechanism.loops:
             continue
         at = mechanism.coordinates.index(Coordinate(name, "x"))
         others = [i for i, one in enumerate(mechanism.coordinates) if one.joint != name]
