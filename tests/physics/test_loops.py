@@ -519,3 +519,16 @@ def test_a_rounded_start_is_corrected_within_its_branch():
         folded(right - 0.06)
     with pytest.raises(jp.JointplayError, match="contradict each other"):
         folded(right, guide=0.99 * (R * np.cos(np.pi / 6) + L) - 0.02)
+
+
+def test_a_loop_is_not_closed_by_a_journal_beside_its_open_bearing(urdf):
+    path = urdf(body("shaft"), joint("one", "base", "shaft"))
+    bush = jp.RevoluteClearance(bearing_length=20e-3, radial_clearance=1e-4, open_ends=True)
+    for aside in (0.0, 0.015, 0.125):
+        two = {"two": Loop("base", "shaft", (0, 0, 0.5), journal_xyz=(0, 0, 0.5 + aside))}
+        mechanism = jp.Mechanism(path, {"one": bush, "two": bush}, loops=two)
+        if aside < 0.02:
+            assemble(mechanism, np.zeros(mechanism.model.nq), [])
+        else:
+            with pytest.raises(jp.JointplayError, match="'two' stays open by"):
+                assemble(mechanism, np.zeros(mechanism.model.nq), [])

@@ -527,3 +527,29 @@ def test_a_start_that_is_rounding_is_said_as_zero():
     (line,) = [one for one in summary(scenario, {"ideal": run}).splitlines() if "  start " in one]
     assert " 0 rad" in line
     assert not re.search("e-|-0 ", line)
+
+
+def test_planar_play_across_which_a_mechanism_cannot_move_is_asked_about(tmp_path):
+    """A slider in the plane x, y: its frame's z goes along x, and its x is down or across."""
+    for turned, asked in ((0.0, True), (1.5707963267948966, False)):
+        (tmp_path / "slider.urdf").write_text(
+            '<robot name="s"><link name="base"/><link name="block"><inertial><mass value="1"/>'
+            '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+            '<joint name="guide" type="prismatic"><parent link="base"/><child link="block"/>'
+            f'<origin rpy="{turned} 0 0"/><axis xyz="1 0 0"/>'
+            '<limit lower="-1" upper="1" effort="9" velocity="9"/></joint>'
+            '<link name="rod"><inertial><origin xyz="-0.1 0 0"/><mass value="1"/>'
+            '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+            '<joint name="pin" type="continuous"><parent link="block"/><child link="rod"/>'
+            f'<origin rpy="{-turned} 0 0"/><axis xyz="0 0 1"/></joint></robot>'
+        )
+        path = tmp_path / "slider.toml"
+        path.write_text(
+            '[robot]\nurdf = "slider.urdf"\ngravity = [0, -9.81, 0]\n'
+            '[joints.guide]\nkind = "prismatic"\nclearance = "1 mm"\nplanar = true\n'
+            '[drives]\npin = "free"\n'
+            'guide = "free"\n[integration]\nduration = "1 ms"\n'
+        )
+        scenario = Scenario.load(path)
+        scenario.simulation()
+        assert any("has planar play along x" in note for note in scenario.notes) == asked

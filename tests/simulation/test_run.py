@@ -365,7 +365,17 @@ def test_falling_journals_are_not_judged_in_long_runs(arm):
     assert moving(arm, 0.5, start="centred").judged_from == pytest.approx(0.15)
     assert moving(arm, 0.5, seed=1).judged_from == pytest.approx(0.15)
     assert moving(arm, 0.5).judged_from == 0.0
-    assert moving(arm, 0.2, start="centred").judged_from == 0.0
+    assert moving(arm, 0.2, start="centred").judged_from == pytest.approx(0.15)
+    assert moving(arm, 0.1, start="centred").judged_from == 0.0
+
+
+def test_a_start_is_over_after_a_turn_however_long_the_run_is(urdf):
+    period = np.pi / 30.0  # see `turning`
+    for duration in (1.1 * period, 10.0 * period):
+        one = turning(urdf, start="centred", settle=None, duration=duration)
+        assert period <= one.judged_from <= period + 1.01 * one.step
+    one = turning(urdf, start="centred", settle=None, duration=0.9 * period)
+    assert one.judged_from == 0.0
 
 
 def test_the_twin_takes_of_a_state_what_it_has(arm):
@@ -465,3 +475,15 @@ def test_a_checkpoint_whose_time_is_not_that_of_its_step_is_refused(name, value,
     save_checkpoint(tmp_path / "other.npz", arrays)
     with pytest.raises(jp.JointplayError, match=f"'{name}' is not that of its step"):
         jp.Simulation.resume(tmp_path / "other.npz")
+
+
+def test_a_run_ends_when_a_journal_has_left_its_open_bearing(urdf):
+    bush = jp.RevoluteClearance(bearing_length=20e-3, radial_clearance=1e-4, open_ends=True)
+    robot = jp.Mechanism(urdf(body("arm"), joint("pin", "base", "arm")), {"pin": bush})
+    free = {"drive": jp.loads.Free(), "duration": 0.05, "start": "centred"}
+    with pytest.warns(RuntimeWarning, match="the journal of 'pin' left its bearing"):
+        result = jp.Simulation(robot, state={"pin.z": (0.018, 0.5)}, **free).run()
+    assert result.status == jp.Status.BROKE_OUT
+    assert 20e-3 <= np.abs(result["journal_centre"].values[-1, 0, 2]) < 20.6e-3
+    with pytest.raises(jp.JointplayError, match="'pin' begins outside its bearing"):
+        jp.Run(jp.Simulation(robot, state={"pin.z": 0.02}, **free))

@@ -346,6 +346,8 @@ def _fit(mechanism: Mechanism, q: np.ndarray) -> bool:
     for name, joint in mechanism.clearance.items():
         pose = mechanism.journal_pose(name)
         turn, centre = joint.ideal_part(pose.rotation, pose.translation)
+        if not abs(pose.translation[2]) < joint.engaged_within:
+            return False
         lean = 0.0
         if name in mechanism.loops:  # in a tree journals only move aside
             tilt = float(np.abs(pin.log3(pose.rotation @ turn.T)).max())

@@ -34,7 +34,7 @@ from jointplay.model.payload import Payload
 from jointplay.model.robots import resolve
 from jointplay.model.tool import choose_tool
 from jointplay.model.urdf import Description, JointEntry
-from jointplay.physics.joints import JOINT_WORDS
+from jointplay.physics.joints import JOINT_WORDS, Coordinate
 from jointplay.physics.joints.base import RoundClearance
 from jointplay.scenario.declarations import ANGLE, ANGULAR_SPEED, MOTION_SOURCES, PATHS, Model
 from jointplay.simulation.loads import Load
@@ -399,7 +399,7 @@ def build(model: Model, folder: Path, built: Built) -> tuple[Simulation, list[st
     notes += mechanism.description.astray
     notes += [mechanism.base_words] if mechanism.base_words else []
     notes += [*_of_zero(model, mechanism), *_of_wide_clearances(mechanism)]
-    notes += _of_falling(model, mechanism, motion)
+    notes += [*_of_idle_planes(mechanism), *_of_falling(model, mechanism, motion)]
     drive = drive_of(model, mechanism, motion)
     errors_of(model, mechanism)  # which no run needs, but what cannot be is said
     tables = (
@@ -451,6 +451,36 @@ def _of_wide_clearances(mechanism: Mechanism) -> list[str]:
 
 _TURNED = 0.3
 """Where joints are when it is seen whether gravity moves them [rad or m]: not straight up."""
+
+
+_NOT_COUPLED = 1e-9
+"""Inertia that two coordinates share, of the mean of their own, that is rounding."""
+
+
+def _of_idle_planes(mechanism: Mechanism) -> list[str]:
+    """Planar guides whose play lies across the plane in which all else moves and weighs."""
+    q = _TURNED * np.ones(mechanism.model.nq)
+    q[[i for i in range(len(q)) if mechanism.plays(i)]] = 0.0
+    mass, weight = (
+        mechanism.mass_matrix(q),
+        pin.computeGeneralizedGravity(mechanism.model, mechanism.data, q),
+    )
+    lines = []
+    for name, joint in mechanism.clearance.items():
+        planar = joint.slides() and "x" in joint.freedoms and "y" not in joint.freedoms
+        if not planar or name in mechanism.loops:
+            continue
+        at = mechanism.coordinates.index(Coordinate(name, "x"))
+        others = [i for i, one in enumerate(mechanism.coordinates) if one.joint != name]
+        own = np.sqrt(mass[at, at] * mass.diagonal()[others])
+        idle = np.abs(mass[at, others]) <= _NOT_COUPLED * own
+        if others and idle.all() and abs(weight[at]) <= _NOT_COUPLED * mass[at, at]:
+            lines.append(
+                f"joint {name!r} has planar play along x of its frame, across which nothing else "
+                "moves or weighs, so that it carries nothing: is its frame turned as meant (x "
+                "across the guide in the plane of motion)?"
+            )
+    return lines
 
 
 def _of_falling(model: Model, mechanism: Mechanism, motion: Motion | None) -> list[str]:

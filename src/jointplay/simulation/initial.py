@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -109,8 +110,17 @@ class InitialState:
         )
 
     def check_journals(self) -> None:
-        """Warn of journals that nobody sets flying and that fly faster than any pin moves."""
+        """Refuse journals outside their bearings, and warn of those that nobody sets flying and
+        that fly faster than any pin moves.
+        """
         mechanism = self.mechanism
+        left = left_bearing(mechanism, self.q)
+        if left is not None:
+            raise JointplayError(
+                f"the journal of {left!r} begins outside its bearing, whose ends are open; start "
+                "nearer to its middle, or make bearing or journal longer",
+                where=("joints", left),
+            )
         flying, fastest = {}, loop.NO_SPEED * float(np.abs(self.v).max(initial=0.0))
         for name, joint in mechanism.clearance.items() if mechanism.loops else ():
             bearing = mechanism.frames(name)[0]
@@ -146,6 +156,17 @@ class InitialState:
             self.mechanism, self.q + _AHEAD_S * self.v, later, self.moving, self.led
         )
         return (v - self.v) / _AHEAD_S
+
+
+def left_bearing(mechanism: Mechanism, q: np.ndarray) -> str | None:
+    """A joint whose journal is outside its open-ended bearing, if there is one."""
+    ends = {n: one.engaged_within for n, one in mechanism.clearance.items()}
+    ends = {name: end for name, end in ends.items() if math.isfinite(end)}
+    if not ends:
+        return None
+    pin.forwardKinematics(mechanism.model, mechanism.data, q)
+    away = {name: abs(mechanism.journal_pose(name).translation[2]) for name in ends}
+    return next((name for name in ends if not away[name] < ends[name]), None)
 
 
 def named(mechanism: Mechanism, name: str) -> list[int]:

@@ -76,6 +76,9 @@ SAME_PLACE = 1e-12
 CHUNK = 2000
 """Steps between two looks at the clock and the keyboard, at most."""
 
+ENGAGED_S = 1e-3
+"""Interval at which is looked whether journals are in their open-ended bearings [s]."""
+
 
 @dataclass(frozen=True)
 class Moment:
@@ -246,7 +249,10 @@ class Run:
         if simulation.starts_at_rest:
             self._start_at_rest(start, drives, sites, places or {})
         start.check_journals()
-        self.judged_from = simulation.judged_from
+        self._open_ended = any(
+            math.isfinite(joint.engaged_within) for joint in mechanism.clearance.values()
+        )
+        self.judged_from = self.simulation.judged_from
         """When figures begin to be judged [s]."""
         self._unjudged: dict[str, np.ndarray] | None = None
         self._begun = self._finished = False
@@ -429,7 +435,10 @@ class Run:
         if self.rest is None:
             return found
         start = "rest" if self.rest.solved else "centred"
-        return replace(found, start=start, residual=self.rest.residual, load=self.rest.load)
+        rest = self.rest
+        if not rest.inside:  # where it ended says nothing
+            return replace(found, start=start, residual=math.inf, load=math.inf)
+        return replace(found, start=start, residual=rest.residual, load=rest.load)
 
     def run_to_end(self, progress: bool = False) -> Status:
         """Step to the end, a failure, or Ctrl-C; returns why. Warns if it failed; see `finish`."""
@@ -625,7 +634,8 @@ class Run:
         if self.overflow is not None:
             self.overflow.before_stretch()
         steps = min(most, self.total_steps - w.steps)
-        soon = w.steps + CHUNK
+        look = max(round(ENGAGED_S / self.simulation.step), 1)
+        soon = w.steps + (min(CHUNK, look) if self._open_ended else CHUNK)
         pause = soon if pause is None else min(pause, soon)
         due = self._events.next_step
         if due is not None:
@@ -641,9 +651,19 @@ class Run:
             good = self._loop.stretch(steps, pause)
             if good:
                 self._do_what_is_due(due, judged)
+                good = self._engaged()
         finally:  # a Ctrl-C comes between macro steps, and the run can go on
             self._left = self._state()
         return good
+
+    def _engaged(self) -> bool:
+        """Whether all journals are in their bearings; the run has failed if one is not."""
+        left = initial.left_bearing(self.mechanism, self.workspace.q) if self._open_ended else None
+        if left is None:
+            return True
+        at = list(self.mechanism.clearance).index(left)
+        self.workspace.fail(Status.BROKE_OUT, at)
+        return False
 
     def _do_what_is_due(self, due: int | None, judged: int) -> None:
         w = self.workspace
@@ -706,7 +726,10 @@ class Run:
             name = list(mechanism.clearance)[joint]
             law = mechanism.clearance[name]
             place = law.contacts[contact]
-            if status == Status.BROKE_OUT:
+            if status == Status.BROKE_OUT and name == initial.left_bearing(mechanism, workspace.q):
+                what = f"the journal of {name!r} left its bearing, whose ends are open"
+                remedy = "hold it along the axis, or make bearing or journal longer"
+            elif status == Status.BROKE_OUT:
                 what = f"the journal of {name!r} broke out of its bearing ({place})"
                 remedy = "reduce the step or check stiffness and loads"
             elif status == Status.FILM_BROKE:

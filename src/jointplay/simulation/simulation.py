@@ -111,7 +111,8 @@ class Simulation(Overview, Inputs):
         """When figures begin to be judged [s].
 
         `judge_from` if given, else when `settle` is over; else, where journals fall into their
-        bearings at the start, after `START_UP`, if the run is more than twice as long; else 0.
+        bearings at the start, after the first turn of a joint of the motion, at most `START_UP`, if
+        the run is longer; else 0.
         Refused if it makes no sense, as turns of what does not turn.
         """
         duration = self._simulated_time()
@@ -126,8 +127,16 @@ class Simulation(Overview, Inputs):
             start = _settling_time(self, self.settle, duration)
         else:
             falls = not self.starts_at_rest or self.seed is not None
-            falls = falls and bool(self.mechanism.clearance)
-            return START_UP if falls and duration > 2.0 * START_UP else 0.0
+            if not (falls and self.mechanism.clearance):
+                return 0.0
+            fallen = START_UP
+            if self.motion is not None:
+                until = min(START_UP, duration)
+                for name in _turning(self):
+                    turned = _time_of_turns(self.motion, name, 1.0, until)
+                    if turned < fallen:
+                        fallen = math.ceil(turned / self.step) * self.step
+            return fallen if duration > fallen else 0.0
         if start >= duration:
             raise JointplayError(
                 f"figures would be judged from {start:g} s on, but the run ends at {duration:g} s"
@@ -271,10 +280,7 @@ def _settling_time(simulation: Simulation, settle: float | str, duration: float)
     number = float(match[1])
     if match[2] == "s":
         return number
-    motion, mechanism = simulation.motion, simulation.mechanism
-    turning = [] if motion is None else [n for n in motion.joints if n in mechanism.joints]
-    entries = mechanism.description.joints
-    turning = [name for name in turning if not entries[name].slides]
+    motion, turning = simulation.motion, _turning(simulation)
     if motion is None or not turning:
         raise JointplayError(
             f"settle = {settle!r}: no joint follows a motion; give seconds", ("settle",)
@@ -287,6 +293,14 @@ def _settling_time(simulation: Simulation, settle: float | str, duration: float)
             where=("settle",),
         )
     return first
+
+
+def _turning(simulation: Simulation) -> list[str]:
+    """Joints of the motion that turn rather than slide."""
+    motion, mechanism = simulation.motion, simulation.mechanism
+    named = () if motion is None else motion.joints
+    entries = mechanism.description.joints
+    return [name for name in named if name in mechanism.joints and not entries[name].slides]
 
 
 def _time_of_turns(motion: Motion, joint: str, turns: float, duration: float) -> float:

@@ -22,7 +22,7 @@ def pair():
     found = []
     for clearance in (None, 0.2e-3):
         made = scara(clearance)
-        found.append(jp.simulate(made.mechanism, made.motion, duration=0.3))
+        found.append(jp.simulate(made.mechanism, made.motion, duration=0.3, judge_from=0.0))
     return found
 
 

@@ -17,7 +17,8 @@ def folder(tmp_path_factory):
     path = tmp_path_factory.mktemp("pair")
     for name, clearance in (("ideal", None), ("tight", 0.2e-3), ("loose", 0.5e-3)):
         made = scara(clearance)
-        jp.simulate(made.mechanism, made.motion, duration=0.3).save(path / f"{name}.nc")
+        result = jp.simulate(made.mechanism, made.motion, duration=0.3, judge_from=0.0)
+        result.save(path / f"{name}.nc")
     return path
 
 

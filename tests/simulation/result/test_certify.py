@@ -300,8 +300,8 @@ def test_a_run_with_a_tolerance_is_compared_with_coarser_and_finer_ones():
 
 
 def test_further_runs_are_judged_from_when_the_run_is():
-    """Of 0.3 s all are judged, of the last bit more only what comes after 0.15 s."""
-    simulation = replace(scara(2e-4), duration=0.3)
+    """Of 0.15 s all are judged, of the last bit more only what comes after."""
+    simulation = replace(scara(2e-4), duration=0.15)
     result = simulation.run()
     assert result.judge_from == 0.0 != replace(simulation, duration=result.time[-1]).judged_from
     for other in further_runs(simulation, result, strict=True):

@@ -386,6 +386,11 @@ class Clearance(Described, ABC):
         """Farthest point at which a journal with its centre here can touch, from it [m]."""
         return float(np.linalg.norm(self.outline.size))
 
+    @property
+    def engaged_within(self) -> float:
+        """How far along its axis a journal may be with any of it in its bearing [m]; else inf."""
+        return math.inf
+
     def fits(self, offset: np.ndarray, lean: float, least: float) -> bool:
         """Whether a journal so displaced touches nothing, to be on the safe side.
 

@@ -58,7 +58,7 @@ class RevoluteClearance(base.RoundClearance):
     lock_axial: bool = False
     """The journal does not move along the bearing's axis, and touches no end wall."""
     open_ends: bool = False
-    """No end walls."""
+    """No end walls; a run ends where none of the journal is left in the bearing."""
     lubricant: FilmLaw | None = None
     """Oil between journal and bore; None for a dry joint. End walls stay dry."""
     wear_rate: float | None = quantity("m^3/(N*m)", default=None, above=0.0, label="wear rate")
@@ -154,6 +154,11 @@ class RevoluteClearance(base.RoundClearance):
     def walls(self) -> bool:
         """Whether the journal can touch end walls."""
         return not (self.open_ends or self.lock_axial)
+
+    @property
+    def engaged_within(self) -> float:
+        open_ended = self.open_ends and not self.lock_axial
+        return 0.5 * (self.li + self.lj) if open_ended else math.inf
 
     @property
     def li(self) -> float:

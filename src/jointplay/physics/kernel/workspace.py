@@ -538,6 +538,10 @@ class Workspace:
         """Status of the run."""
         return Status(self._status.item())
 
+    def fail(self, status: Status, joint: int) -> None:
+        """Stop the run because of a joint."""
+        self.run["status"], self.run["bad_contact"] = status, joint * max(self.contacts.shape[1], 1)
+
     @property
     def bad_contact(self) -> tuple[int, int]:
         """(joint, contact) that stopped the run with `BROKE_OUT` or `BAD_FORCE`."""

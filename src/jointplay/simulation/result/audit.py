@@ -62,7 +62,7 @@ class Judgement:
     judged_from: float = 0.0
     """[s]."""
     residual: float | None = None
-    """Unbalanced force of the place of rest [N]."""
+    """Unbalanced force of the place of rest [N]; inf if its search diverged."""
     load: float | None = None
     """Largest force of a joint there [N]."""
     before: Mapping[str, np.ndarray] | None = None
@@ -132,7 +132,8 @@ class Audit(Described):
     start: str = "centred"
     """Where journals began: ``rest`` or ``centred``."""
     start_residual: float | None = _figure("N", default=None)
-    """Largest force that the search for the place of rest left unbalanced [N]; None: no search."""
+    """Largest force that the search for the place of rest left unbalanced [N]; inf if it diverged;
+    None: no search."""
     start_load: float | None = _figure("N", default=None)
     """Largest force of a joint there [N]."""
     judged_from: float = _figure("s", default=0.0)
@@ -226,7 +227,9 @@ class Audit(Described):
 
     def headline_with(self, certificate: Certificate | None) -> str:
         began = f"starts {'at rest' if self.start == 'rest' else 'centred'}"
-        if self.start_residual is not None:
+        if self.start_residual == math.inf:
+            began += ", because the search for an equilibrium diverged"
+        elif self.start_residual is not None:
             reason = "" if self.start == "rest" else ", because no equilibrium was found"
             load = alone(self.start_load or 0.0)
             began += f"{reason} (residual force {self.start_residual:.1g} N of {load} N)"
@@ -242,7 +245,8 @@ class Audit(Described):
         )
         peak = shown(certificate, next(same, ""), self.peak_force, "N")
         if not self.judged_from:
-            return f"{began}; largest joint force {peak}, judged from the start"
+            falling = ", with the fall of the journals" if self.start == "centred" else ""
+            return f"{began}; largest joint force {peak}, judged from the start{falling}"
         return (
             f"{began}; from {self.judged_from:g} s on, {self.judged_impacts} contacts began, "
             f"largest joint force {peak} (before: {alone(self.peak_force_before or 0.0)} N)"
