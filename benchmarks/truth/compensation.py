@@ -159,7 +159,7 @@ def main() -> int:
         after = np.array([[one.rms, one.largest] for one in errors[1::2]])
         ratio = before / after
         judged = judge(found, {} if options.quick else TRUST, jobs=options.jobs, progress=True)
-        worst = judged.worst
+        worst = judged.least_gain
         rule = judged.firmware.rms if judged.firmware is not None else np.nan
         downs.append(float(np.median(ratio[:, 0])))
         worsts.append(worst.before.rms / worst.after.rms)

@@ -25,6 +25,7 @@ from jointplay import (
     shipped,
 )
 from jointplay.accuracy import compensation as module
+from jointplay.accuracy.jacobians import taken_up
 from jointplay.bridges import backlash, bag
 from jointplay.bridges.trajectory import content, of_motion
 from jointplay.model.gear import GearStage, GearTrain
@@ -264,11 +265,49 @@ def test_the_engine_finds_the_tool_nearer_by_the_corrected_motion(level, kind):
     judged = judge(compensate(own), {"play": 0.3, "stiffness": 0.3, "friction": 0.5}, jobs=1)
     assert judged.nominal.before.rms > 10.0 * judged.nominal.after.rms
     assert judged.left_out == ("friction",)
-    assert len(judged.corners) == 6
-    assert judged.worst.words == "play +30 %, stiffness -30 %"
+    assert len(judged.corners) == 5
+    assert judged.most_left.words == "play +30 %, stiffness -30 %"
     assert not judged.worse
     # Level, the teeth never cross: the sign of the speed moves them for nothing.
     assert judged.firmware.rms > judged.nominal.after.rms
+
+
+def test_least_gain_and_largest_rest_are_named_of_all_corners(level):
+    """Least is gained where play and wind-up are small, most is left where they are large."""
+    own = simulated(machine(level), to=1e-6)
+    judged = judge(compensate(own), {"play": 0.3, "stiffness": 0.2}, jobs=1)
+    off = {}
+    for play in (0.7, 1.3):
+        for soft in (0.8, 1.2):
+            was = 0.5 * play * PLAY + WEIGHT / STIFFNESS / soft
+            off[play, soft] = was, abs(was - 0.5 * PLAY - WEIGHT / STIFFNESS)
+    for one, (was, left) in zip(judged.corners[1:], off.values(), strict=True):
+        assert one.before.rms == pytest.approx(was * REACH, rel=0.02)
+        assert one.after.rms == pytest.approx(left * REACH, rel=0.02)
+    assert judged.least_gain.words == "play -30 %, stiffness +20 %"
+    assert judged.most_left.words == "play +30 %, stiffness -20 %"
+    said = judged.sentence
+    assert "gains least (play -30 %, stiffness +20 %)" in said
+    assert "most is left (play +30 %, stiffness -20 %)" in said
+
+
+def test_the_position_comes_before_the_turn(urdf):
+    """Two joints of a plane set the position exactly; a third turns the tool, and moves it not."""
+    arm = [
+        *(body(name, mass=1.0, com="0.2 0 0") for name in ("a", "b")),
+        joint("j1", "base", "a", axis="0 1 0"),
+        joint("j2", "a", "b", axis="0 1 0", at="0.4 0 0"),
+    ]
+    away = np.array([2e-4, 0.0, -1e-4, 0.0, 3e-3, 0.0])
+    two = Mechanism(urdf(*arm, tip("b", at="0.3 0 0")))
+    ways, left = taken_up(two, {"j1": -0.6, "j2": 0.5}, away)
+    assert np.abs(left[:3]).max() < 1e-12
+    assert abs(left[4]) > 1e-3
+    wrist = joint("j3", "b", "c", axis="0 1 0", at="0.3 0 0"), body("c", mass=0.1, com="0.1 0 0")
+    three = Mechanism(urdf(*arm, *wrist, tip("c", at="0 0 0")))
+    more, left = taken_up(three, {"j1": -0.6, "j2": 0.5, "j3": 0.2}, away)
+    assert np.abs(left).max() < 1e-12
+    assert more[:2] == pytest.approx(ways)
 
 
 @pytest.mark.thorough
@@ -495,14 +534,14 @@ def test_corners_are_the_ends_of_a_presets_intervals(level, tmp_path):
     }
     own = simulated(machine(level), to=1e-6)
     judged = judge(compensate(own), trust, jobs=1)
-    assert [one.words for one in judged.corners[1:3]] == [
-        "play at its lower ends",
-        "play at its upper ends",
+    ends = [f"play at its {one} ends, stiffness at its" for one in ("lower", "upper")]
+    assert [one.words for one in judged.corners[1:]] == [
+        f"{play} {one} ends" for play in ends for one in ("lower", "upper")
     ]
-    assert judged.worst.words == "play at its lower ends, stiffness at its upper ends"
+    assert judged.least_gain.words == "play at its lower ends, stiffness at its upper ends"
     # Half of what the play is smaller by, and less wind-up.
     off = 0.5 * (PLAY - 3e-3) + WEIGHT / STIFFNESS - WEIGHT / 900.0
-    assert judged.worst.after.rms == pytest.approx(off * REACH, rel=0.02)
+    assert judged.least_gain.after.rms == pytest.approx(off * REACH, rel=0.02)
     bearing = RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4)
     loose = replace(own, mechanism=own.mechanism.with_clearance({"j": bearing}))
     new = varied(loose, {"j.bearing.radial_clearance": 2e-4, "j.friction.coulomb": 1.0})

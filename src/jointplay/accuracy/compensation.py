@@ -6,8 +6,8 @@ dynamics do: a gear's teeth lie on the side to which their torque presses them, 
     command = reference + sign(tau) play / 2 + tau / K,    tau = rnea(q, q', q'') + friction,
 
 and journals rest where the load of the ideal motion presses them (`simulation.statics`, inertia
-forces included), which displaces the tool; the joints take that back by damped least squares
-through the Jacobian.
+forces included), which displaces the tool; the joints take that back through the Jacobian, its
+position before its turn.
 Where friction can hold a gear's teeth on either side, its last side is kept; or stops are reached
 by a slow last way that is always made towards the same side, whose friction presses the teeth. What
 is found is a model's answer: `study.corners` has the engine judge it.

@@ -232,17 +232,20 @@ def tool_place(mechanism: Mechanism, q: np.ndarray, relative_to: str | None = No
     return mechanism.data.oMf[frame_index(mechanism.model, relative_to)].actInv(tool)
 
 
-ARM_M = 0.1
-"""Arm on which a turn of the tool counts as much as its displacement [m]."""
-DAMPING = 1e-2
-"""Of the least squares, relative to the largest singular value of the Jacobian: near singular poses
-it spares joints long ways for little."""
+SPARED = 0.05
+"""Singular values of the Jacobian below this part of the largest are damped: as
+joints near singular poses would go far for little, they go the less, the nearer (judged)."""
+_LOST = 1e-9
+"""Part of the largest singular value below which a motion leaves the tool where it is."""
 
 
 def taken_up(
     ideal: Mechanism, at: Mapping[str, float], displacement: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """How far joints move to displace the tool, by damped least squares, and what they cannot do.
+
+    The position comes first, since no length weighs a turn against it; by the motions that leave
+    the position as it is the tool is turned as far as it can be.
 
     Args:
         ideal: a robot without loops.
@@ -257,12 +260,19 @@ def taken_up(
     moves = pin.getFrameJacobian(
         ideal.model, ideal.data, ideal.tool_frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     ).reshape(6, -1)[:, [ideal.coordinate(name) for name in at]]
-    weight = np.array([1.0] * 3 + [ARM_M] * 3)
-    weighted = weight[:, None] * moves
-    square = weighted.T @ weighted
-    square += (DAMPING * np.linalg.norm(weighted, 2)) ** 2 * np.eye(len(at))
-    ways = np.linalg.solve(square, weighted.T @ (weight * displacement))
+    ways = _least_squares(moves[:3], displacement[:3])
+    _, values, right = np.linalg.svd(moves[:3])
+    free = right[int(np.sum(values > _LOST * values.max(initial=0.0))) :].T
+    ways += free @ _least_squares(moves[3:] @ free, displacement[3:] - moves[3:] @ ways)
     return ways, displacement - moves @ ways
+
+
+def _least_squares(moves: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Damped near singular poses only, shape (columns of moves,)."""
+    left, values, right = np.linalg.svd(moves, full_matrices=False)
+    least = SPARED * values.max(initial=0.0)
+    gains = values / np.maximum(np.maximum(values, least) ** 2, 1e-300)
+    return np.asarray(right.T @ (gains * (left.T @ wanted)))
 
 
 def _of_joint(

@@ -1,15 +1,14 @@
 """A corrected motion judged by the engine, as it is modelled and where the model may be wrong.
 
-Both motions are run with each trusted quantity at both ends of its interval, one at a time, and
-then at that combination of ends at which the errors found, added up, are largest: 2 n + 2 pairs of
-runs for n quantities, where all combinations would be 2^n. The tool is compared with the ideal twin
+Both motions are run at every combination of the ends of the intervals of what is trusted, 2^n pairs
+of runs for n quantities, of which there are four at most. The tool is compared with the ideal twin
 of the *original* motion, so a servo's own error counts for neither.
 """
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import TYPE_CHECKING, Any
@@ -151,9 +150,14 @@ class Judgement:
         return self.corners[0]
 
     @property
-    def worst(self) -> Corner:
-        """The corner in which most is left of the error."""
+    def least_gain(self) -> Corner:
+        """The corner in which most is left of the error that was there."""
         return max(self.corners, key=lambda one: one.after.rms / one.before.rms)
+
+    @property
+    def most_left(self) -> Corner:
+        """The corner in which the error that is left is largest."""
+        return max(self.corners, key=lambda one: one.after.rms)
 
     @property
     def worse(self) -> list[Corner]:
@@ -170,12 +174,14 @@ class Judgement:
             f"{_mm(was.rms)} to {_mm(now.rms)} ({was.rms / now.rms:.2g} times)"
         )
         if len(self.corners) > 1:
-            worst = self.worst
-            ratio = worst.before.rms / worst.after.rms
+            least, most = self.least_gain, self.most_left
+            ratio = least.before.rms / least.after.rms
             words += (
-                f", in the worst corner ({worst.words}) from {_mm(worst.before.rms)} to "
-                f"{_mm(worst.after.rms)} ({ratio:.2g} times)"
+                f", where it gains least ({least.words}) from {_mm(least.before.rms)} to "
+                f"{_mm(least.after.rms)} ({ratio:.2g} times)"
             )
+            if most is not least:
+                words += f", where most is left ({most.words}) to {_mm(most.after.rms)}"
         return words + "; hardware may differ"
 
     @property
@@ -198,11 +204,6 @@ class Judgement:
             )
         if self.left_out:
             lines.append(f"note: the machine has no {', '.join(self.left_out)}: not varied")
-        if len(self.corners) > 1:
-            lines.append(
-                "corners: each quantity alone at both ends, then the combination that is worst if "
-                "errors add up"
-            )
         if not self.complete:
             lines.append("warning: interrupted: not all corners were run")
         return lines
@@ -237,21 +238,26 @@ def judge(
     simulation, trust = compensation.simulation, trust or {}
     has = _varied(simulation)
     left_out = tuple(name for name in trust if name not in has)
-    ways = {name: _ends(name, how) for name, how in trust.items() if name in has}
-    singles: list[End] = [("as modelled", {}), *(end for ends in ways.values() for end in ends)]
+    ways = [_ends(name, how) for name, how in trust.items() if name in has]
+    ends: list[End] = [("as modelled", {}), *map(_together, product(*ways) if ways else ())]
     rule = bool(firmware_rule(simulation, compensation.times).any())
     found: dict[int, ToolErrors] = {}
-    plan: list[Item] = [(compensation, one, when) for _, one in singles for when in WHEN]
+    plan: list[Item] = [(compensation, one, when) for _, one in ends for when in WHEN]
     plan += [(compensation, {}, "firmware")] * rule
-    complete = _run(plan, found, jobs, progress)
-    corners = _corners(singles, found)
-    if complete and len(ways) > 1:
-        worst, last = _worst_by_superposition(corners, ways), dict[int, ToolErrors]()
-        complete = _run([(compensation, worst[1], when) for when in WHEN], last, jobs, progress)
-        corners += _corners([worst], last)
+    complete = True
+    try:
+        for key, errors in Study(plan, _errors).outcomes(jobs, progress, desc="both motions"):
+            found[key] = errors
+    except KeyboardInterrupt:
+        complete = False
+    corners = [
+        Corner(words, changes, found[2 * k], found[2 * k + 1])
+        for k, (words, changes) in enumerate(ends)
+        if 2 * k in found and 2 * k + 1 in found
+    ]
     if not corners:
         raise KeyboardInterrupt
-    firmware = found.get(2 * len(singles))
+    firmware = found.get(2 * len(ends))
     return Judgement(compensation, tuple(corners), firmware, left_out, complete)
 
 
@@ -298,35 +304,10 @@ def _ends(name: str, trust: float | Mapping[str, Interval]) -> tuple[End, End]:
     return low, high
 
 
-def _run(plan: list[Item], found: dict[int, ToolErrors], jobs: int | None, progress: bool) -> bool:
-    """Run what is planned into `found`, by place; whether it was not interrupted."""
-    try:
-        for key, errors in Study(plan, _errors).outcomes(jobs, progress, desc="both motions"):
-            found[key] = errors
-    except KeyboardInterrupt:
-        return False
-    return True
-
-
-def _worst_by_superposition(corners: Sequence[Corner], ways: Mapping[str, tuple[End, End]]) -> End:
-    """Of all combinations of ends that whose error is largest if those of single ends add up."""
-    left = {one.words: one.after.values for one in corners}
-    base = left["as modelled"]
-
-    def size(ends: Sequence[End]) -> float:
-        return _rms(base + sum(left[words] - base for words, _ in ends))
-
-    worst = max(product(*ways.values()), key=size)
-    together = {key: value for _, changes in worst for key, value in changes.items()}
-    return ", ".join(words for words, _ in worst), together
-
-
-def _corners(ends: Iterable[End], found: Mapping[int, ToolErrors]) -> list[Corner]:
-    return [
-        Corner(words, changes, found[2 * k], found[2 * k + 1])
-        for k, (words, changes) in enumerate(ends)
-        if 2 * k in found and 2 * k + 1 in found
-    ]
+def _together(ends: Sequence[End]) -> End:
+    """A corner: each quantity at one of its ends."""
+    changes = {key: value for _, its in ends for key, value in its.items()}
+    return ", ".join(words for words, _ in ends), changes
 
 
 def _errors(item: Item) -> ToolErrors:

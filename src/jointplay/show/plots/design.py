@@ -188,9 +188,10 @@ def course(budget: PlayBudget, time: np.ndarray | None = None) -> Figure:
 
 
 def before_and_after(judgement: Judgement) -> Figure:
-    """The tool's error over time by a motion as it was and corrected, at the worst corner, too."""
+    """The tool's error over time by a motion as it was and corrected, where it gains least, too."""
     corners = [judgement.nominal]
-    corners += [judgement.worst] if judgement.worst is not judgement.nominal else []
+    least = judgement.least_gain
+    corners += [least] if least is not judgement.nominal else []
     tool = judgement.compensation.simulation.mechanism.tool
     panels = []
     for one in corners:
