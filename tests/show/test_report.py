@@ -3,6 +3,7 @@
 import re
 import shutil
 from io import BytesIO
+from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -12,8 +13,12 @@ from conftest import body, joint
 from warm import call
 
 import jointplay as jp
+from jointplay.base.tables import Table
 from jointplay.paper import scara
+from jointplay.paper.ensembles import write_claims
 from jointplay.show import reports
+from jointplay.show.reports import sections
+from jointplay.simulation.analysis.claims import CLAIM_COLUMNS, Verdict
 
 
 @pytest.fixture(scope="module")
@@ -444,3 +449,17 @@ def test_a_print_has_whole_words_whole_tables_and_all_charts(page, open_page, tm
     assert seen["wide"] == 0
     assert seen["empty"] == []
     assert (tmp_path / "at_once.pdf").stat().st_size > 100_000
+
+
+def test_a_report_reads_the_claims_that_the_study_writes(tmp_path):
+    verdict = Verdict(1, "play", "loaded", "it holds", "yes", "1 → 2")
+    ensembles = SimpleNamespace(
+        table=Table.of_texts([["a"], ["1"]]), runs=1, measures={}, plan=[], made={}
+    )
+    write_claims([verdict], ensembles, tmp_path)
+    head, row = sections.claim_rows(tmp_path / "claims.csv")
+    assert tuple(row) == verdict.row()
+    assert tuple(head) == CLAIM_COLUMNS
+    (tmp_path / "claims.csv").write_text("a,b\n")
+    with pytest.raises(jp.JointplayError, match="not a claims table"):
+        sections.claim_rows(tmp_path / "claims.csv")

@@ -176,3 +176,26 @@ def test_files_know_every_input_of_a_simulation():
     assert set(fields_of(jp.Simulation)) == {
         field.name for field in dataclasses.fields(jp.Simulation)
     }
+
+
+@pytest.mark.parametrize("wrong", [np.zeros(3), [1.0], [None], 5])
+@pytest.mark.parametrize("field", ["payloads", "loads", "drive", "joint_friction"])
+def test_tables_of_other_things_are_refused_in_a_line(field, wrong):
+    from jointplay.paper import scara
+
+    with pytest.raises(jp.JointplayError) as caught:
+        dataclasses.replace(scara(2e-4), **{field: wrong})
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("wrong", [None, 5, []])
+def test_identify_and_scenarios_of_robots_refuse_arguments_of_another_kind(wrong):
+    from jointplay.estimate import identify
+    from jointplay.scenario.robot import robot_scenario
+
+    robot = jp.Mechanism(jp.shipped("scara.urdf"))
+    with pytest.raises(jp.JointplayError, match="measured must be a Measurement or"):
+        identify(robot, wrong)
+    for settings in (["joints.joint_b.radial_clearance=0.05 mm"], [wrong]):
+        with pytest.raises(jp.JointplayError, match="a setting must be a Setting"):
+            robot_scenario("scara", ["joint_b"], settings)

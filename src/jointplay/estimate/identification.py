@@ -438,6 +438,12 @@ def _compared(
     progress: bool = False,
 ) -> _Compared:
     require_a("machine", machine, "Simulation", "Mechanism")
+    if motion is not None:
+        require_a("motion", motion, "Motion")
+    for name, table in {"noise": noise, "joint_friction": joint_friction}.items():
+        require_a(name, table or {}, "Mapping")
+    for name, several in {"also": also, "known": known}.items():
+        require_a(name, several, "Iterable")
     mechanism = machine.mechanism if isinstance(machine, Simulation) else machine
     friction = urdf_friction(mechanism)
     if isinstance(machine, Simulation):
@@ -507,6 +513,7 @@ def _read(
     progress: bool,
 ) -> Measurement:
     """The measurement, of a file if it is one, with the noise that is given."""
+    require_a("measured", measured, "Measurement", "Recording", "str", "Path")
     if not isinstance(measured, Measurement):
         entries = mechanism.description.joints
         slides = {name: entries[name].slides for name in moving(mechanism)}

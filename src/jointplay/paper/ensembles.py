@@ -19,7 +19,7 @@ from jointplay.base.progress import current
 from jointplay.base.tables import Table
 from jointplay.paper import cases
 from jointplay.physics.kernel.integrators import DEFAULT
-from jointplay.simulation.analysis.claims import ISOLATED, Measures, Verdict, judge
+from jointplay.simulation.analysis.claims import CLAIM_COLUMNS, ISOLATED, Measures, Verdict, judge
 from jointplay.simulation.initial import PERTURBATION
 from jointplay.simulation.result.settings import START_UP
 from jointplay.simulation.result.stored import versions
@@ -128,8 +128,7 @@ class Ensembles:
 
 def claim_rows(verdicts: Sequence[Verdict]) -> list[tuple[str, ...]]:
     """Of the claims table, its head first."""
-    head = ("claim", "statement", "condition", "holds", "0.2 mm → 0.5 mm")
-    return [head, *(verdict.row() for verdict in verdicts)]
+    return [CLAIM_COLUMNS, *(verdict.row() for verdict in verdicts)]
 
 
 def write_claims(verdicts: Sequence[Verdict], ensembles: Ensembles, out: Path) -> None:

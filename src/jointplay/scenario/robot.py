@@ -109,6 +109,9 @@ def robot_scenario(
     """
     if place is not None:
         require_a("place", place, "str")
+    require_a("settings", settings, "Iterable")
+    for one in settings:
+        require_a("a setting", one, "Setting")
     scenario = _of_robot(place, joints, settings, ideal, still)
     if place is None or still:
         return scenario

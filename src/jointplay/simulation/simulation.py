@@ -50,6 +50,19 @@ class Simulation(Overview, Inputs):
         JointplayError: a value that cannot be; see also `Run`.
     """
 
+    def _check_tables(self) -> None:
+        """Refuse what is no table of objects, or has others."""
+        tables: dict[str, Any] = {"load": self.loads}
+        if self.joint_friction is not None:
+            tables["joint friction"] = self.joint_friction
+        if not isinstance(self.drive, Drive):
+            tables["drive"] = self.drive
+        kinds = {"load": "Load", "joint friction": "JointFriction", "drive": "Drive"}
+        for name, table in tables.items():
+            require_a(f"{name}s", table, "Mapping")
+            for one in table.values():
+                require_a(f"a {name}", one, kinds[name])
+
     def __post_init__(self) -> None:
         require_a("mechanism", self.mechanism, "Mechanism")
         if self.motion is not None:
@@ -62,7 +75,10 @@ class Simulation(Overview, Inputs):
         given = require_table("state", self.state, "of positions [rad, m] by joint", ("state",))
         state = {name: position_and_speed(name, value) for name, value in given.items()}
         object.__setattr__(self, "state", state)
+        for one in self.payloads:
+            require_a("a payload", one, "Payload")
         object.__setattr__(self, "payloads", tuple(one for one in self.payloads if one.mass > 0.0))
+        self._check_tables()
         if self.motion is not None and isinstance(self.drive, Drive) and self.drive.follows:
             moving = {name for name, (_, speed) in state.items() if speed is not None}
             places = {name: at for name, (at, _) in state.items() if at is not None}

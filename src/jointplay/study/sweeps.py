@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from jointplay.base import files
 from jointplay.base.errors import JointplayError, require_a
 from jointplay.base.processes import MOST_DEATHS, Pool, number_of
 from jointplay.base.progress import ProgressBar
@@ -24,7 +25,7 @@ from jointplay.simulation.result import netcdf
 from jointplay.simulation.run import CHUNK, Run
 from jointplay.study.axes import Axis
 from jointplay.study.case import Bench, Case, job, run_case
-from jointplay.study.database import is_there
+from jointplay.study.database import FILE, is_there
 from jointplay.study.measures import shipped
 from jointplay.study.outcome import FAILED, Index, Outcome
 from jointplay.study.store import Sweep, SweepStore, open_sweep, sizes_of
@@ -190,6 +191,7 @@ def run_plan(
                     break
                 store.grow(store.plan.with_samples(2 * store.plan.samples))
             store.close()
+            files.written.append(store.path / FILE)  # should what follows be interrupted
         except BaseException as error:
             _give_up(store, error)
             raise

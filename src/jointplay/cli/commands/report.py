@@ -50,10 +50,11 @@ def run(options: argparse.Namespace) -> int:
             check_new(target)
         from jointplay.show import reports
 
-        results = reports.load(paths, options.label)
         beside = [path / "claims.csv" for path in paths if path.is_dir()]
         claims = next((path for path in beside if path.is_file()), None)
         claims = Path(options.claims) if options.claims else claims
+        reports.sections.claim_rows(claims)  # before results are loaded
+        results = reports.load(paths, options.label)
         impacts = reports.IMPACTS if options.impacts is None else options.impacts
         written = reports.report(results, out, claims=claims, impacts=impacts, **shared)
     print(*written, sep="\n")

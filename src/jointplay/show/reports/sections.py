@@ -42,17 +42,13 @@ from jointplay.show.reports.html import (
     worst_first,
 )
 from jointplay.simulation import analysis
-from jointplay.simulation.analysis.claims import measure
+from jointplay.simulation.analysis.claims import CLAIM_COLUMNS, measure
 from jointplay.simulation.analysis.headline import headline
 from jointplay.simulation.result.certificate import MARKED, CertifiedFigure
 from jointplay.simulation.result.result import AXES
 from jointplay.simulation.result.settings import START_UP
 
 # What the paper claims, and what these runs say of it.
-
-
-CLAIM_COLUMNS = ["claim", "statement", "condition", "holds", "0.2 mm → 0.5 mm"]
-"""Header of the claims table that `jointplay scara` writes."""
 
 
 _MEASURES = {
@@ -78,12 +74,11 @@ def claim_rows(source: Path | None) -> list[list[str]]:
         lines = list(csv.reader(io.StringIO(read_text(source, "claims"), newline=""), strict=True))
     except csv.Error as error:
         raise JointplayError(f"cannot read the claims {str(source)!r}: {error}") from None
-    if not lines or lines[0] != CLAIM_COLUMNS or any(len(line) != 5 for line in lines):
-        raise JointplayError(
-            f"{str(source)!r} is not a claims table of jointplay scara; its header must be "
-            f"{','.join(CLAIM_COLUMNS)}"
-        )
-    return lines
+    head = Table.of_texts([CLAIM_COLUMNS]).csv().strip()  # as `jointplay scara` writes it
+    if not lines or ",".join(lines[0]) != head or any(len(line) != 5 for line in lines):
+        words = f"is not a claims table of jointplay scara; its header must be {head}"
+        raise JointplayError(f"{str(source)!r} {words}")
+    return [list(CLAIM_COLUMNS), *lines[1:]]
 
 
 def claims(cases: Sequence[Case], source: Path | None) -> Html:

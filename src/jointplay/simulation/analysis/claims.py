@@ -112,6 +112,9 @@ class Verdict:
         return str(self.claim), self.statement, self.condition, self.holds, self.numbers
 
 
+CLAIM_COLUMNS = ("claim", "statement", "condition", "holds", "0.2 mm → 0.5 mm")
+"""Of the table of verdicts, whose rows are `Verdict.row`."""
+
 Ensemble = Sequence[Measures]
 Check = Callable[[Ensemble, Ensemble], tuple[str, str]]
 
