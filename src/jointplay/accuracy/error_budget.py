@@ -177,8 +177,8 @@ class PlayBudget(Budget):
         return (
             f"Play lets the tool {self.tool!r} be up to {readable(self.worst[at], 'm', 3)} off"
             f"{where} (RMS {readable(self.rms[at], 'm', 3)}), and turn by up to "
-            f"{readable(self.worst_turn.max(), 'rad', 3)}; at rest it is {rests} mm off, {gives_way}"
-            f"{self._regulated}{self._of_fits}{self._far}"
+            f"{readable(self.worst_turn.max(), 'rad', 3)}; at rest it is {rests} mm off, "
+            f"{gives_way}{self._regulated}{self._of_fits}{self._far}"
         )
 
     @property
