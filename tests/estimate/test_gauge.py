@@ -4,6 +4,7 @@ import importlib
 import json
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from jointplay.show.plots.design import reversal_loops
 
 ARM, HALF_DEGREE = 0.1, math.radians(0.5)
 FORCES = (0.0, 8.0, -8.0, 2.0, -2.0)
+THREE = (*FORCES, 0.8, -0.8)
 
 
 @pytest.fixture
@@ -73,19 +75,19 @@ def test_play_of_the_full_model_is_read_off_its_motion(arm):
     gear = Gear(play=8e-3, rotor_inertia=0.05, stiffness=4000.0, damping=5.0)
     robot = Mechanism(arm.description.path, gears={"j": gear}, tool="tool")
     times, forces = [0.0], [(0.0, 0.0, 0.0)]
-    for number, force in enumerate(FORCES):
+    for number, force in enumerate(THREE):
         times += [number + 0.2, number + 1.0]
         forces += [(0.0, force, 0.0)] * 2
     push = jp.loads.WrenchOverTime(frame="tool", times=tuple(times), forces=tuple(forces))
-    motion = jp.Motion(["j", "x"], [0.0, 5.0], [[0.0, 0.0]] * 2)
+    motion = jp.Motion(["j", "x"], [0.0, 7.0], [[0.0, 0.0]] * 2)
     result = jp.simulate(
         robot, motion=motion, drive=jp.loads.ComputedTorque(encoder="motor"), loads={"push": push}
     )
-    at = np.searchsorted(result.time, np.arange(1.0, 5.5) - 0.01)
+    at = np.searchsorted(result.time, np.arange(1.0, 7.5) - 0.01)
     q = result["q"].values[at]
     turned = q[:, robot.coordinate("j")] - q[:, robot.motor("j")]
-    n, lever = len(FORCES), tool_positions(robot, ["j"], np.zeros((1, 1)))[0, 0]
-    one = Readings(("j",) * n, ("",) * n, lever * np.array(FORCES), turned, np.full(n, 1e-5))
+    n, lever = len(THREE), tool_positions(robot, ["j"], np.zeros((1, 1)))[0, 0]
+    one = Readings(("j",) * n, ("",) * n, lever * np.array(THREE), turned, np.full(n, 1e-5))
     found = identify_gauged(robot, one)
     assert found["j gear play"].low <= 8e-3 <= found["j gear play"].high
     assert found["j gear play"].half_width < 2e-3
@@ -188,14 +190,15 @@ def test_the_command_plans_reads_writes_and_hands_on(arm, tmp_path, capsys):
     order = ["identify", robot, "--tool", "tool"]
     assert main([*order, "--plan", "dial", "--out", str(out)]) == 0
     said = capsys.readouterr().out
-    assert "1. j: gauge and push 200 mm from its axis; forces 0, +20 N, -20 N, +5 N, -5 N" in said
+    assert "forces 0, +20 N, -20 N, +8 N, -8 N, +3 N, -3 N" in said
     assert "2. x: gauge and push along its way" in said
-    assert (out / "dial.csv").read_text().count("\nj,") == 5
-    path, own, found = table(tmp_path / "dial.csv"), tmp_path / "my.toml", tmp_path / "found"
+    assert (out / "dial.csv").read_text().count("\nj,") == 7
+    path = table(tmp_path / "dial.csv", readings=read(stiffness=200.0, forces=THREE))
+    own, found = tmp_path / "my.toml", tmp_path / "found"
     more = ["--write-preset", str(own), "--out", str(found)]
     assert main([*order[:2], str(path), *order[2:], *more]) == 0
     said = capsys.readouterr().out
-    assert said.startswith("The readings tell the play of 1 of 1 joint: j 4.99 mrad to")
+    assert said.startswith("The readings tell the play of 1 of 1 joint: j")
     assert preset(own).mechanism(tool="tool").gears["j"].play == pytest.approx(HALF_DEGREE, rel=0.2)
     rows = json.loads((found / "identified.json").read_text())["unknowns"]
     assert rows[0]["low"] < HALF_DEGREE < rows[0]["high"]
@@ -218,7 +221,7 @@ def test_the_command_plans_reads_writes_and_hands_on(arm, tmp_path, capsys):
 
 
 def test_the_reversal_loop_has_all_readings_and_the_play_as_its_step(arm):
-    first, other = read(), read(1e-3, name="j")
+    first, other = read(stiffness=400.0), read(1e-3, stiffness=400.0)
     both = [np.concatenate([getattr(one, k) for one in (first, other)]) for k in ("push", "error")]
     turned = np.concatenate([first.turned, first.turned + 0.3])
     setups = ("a",) * 5 + ("b",) * 5
@@ -236,7 +239,7 @@ def test_the_reversal_loop_has_all_readings_and_the_play_as_its_step(arm):
     first_axes, *_, last = figure.axes
     dots = sum(len(line.get_xdata()) for line in first_axes.lines if line.get_marker() == "o")
     assert dots == 10
-    assert "play" in first_axes.get_title()
+    assert "mrad" in first_axes.get_title()
     assert not last.axison  # four in two rows of three
 
 
@@ -295,3 +298,67 @@ def test_the_play_found_is_a_dead_band_in_mujoco(tmp_path, capsys):
     assert "a URDF cannot say a gear's play: --mjcf" in capsys.readouterr().err
     assert main(["identify", "so101", "--plan", "dial", "--mjcf", str(tmp_path / "n.xml")]) == 2
     assert "--mjcf needs a measurement, not --plan" in capsys.readouterr().err
+
+
+def drawn(random, law, forces):
+    """Readings of teeth whose wind-up, up to four times the play, is no power but for the first."""
+    play = random.uniform(1e-3, 1.5e-2)
+    part = np.abs(forces) / np.abs(forces).max()
+    if law == "power":
+        wound = part ** random.uniform(0.5, 0.8)
+    elif law == "steps":
+        knee, later = random.uniform(0.1, 0.5), random.uniform(0.3, 1.0)
+        wound = np.minimum(part, knee) + later * np.maximum(part - knee, 0.0)
+        wound /= knee + later * (1.0 - knee)
+    else:
+        wound = np.log1p(random.uniform(1.0, 8.0) * part)
+        wound /= wound.max()
+    side, n = np.sign(forces), len(forces)
+    turned = side * (play / 2.0 + play * random.uniform(0.3, 4.0) * wound)
+    turned += 1e-4 * random.normal(size=n)
+    push = ARM * np.array(forces)
+    return play, Readings(("j",) * n, ("",) * n, push, turned, np.full(n, 1e-4))
+
+
+@pytest.mark.parametrize("forces", [FORCES, THREE])
+@pytest.mark.parametrize("law", ["power", "steps", "logarithm"])
+def test_teeth_that_stiffen_by_laws_of_their_own_are_held_by_the_interval(arm, law, forces):
+    random, missed = np.random.default_rng(3), []
+    for _ in range(15):
+        play, one = drawn(random, law, forces)
+        told = identify_gauged(arm, one)["j gear play"]
+        low, high = told.interval if told.found else (0.0, told.upper)
+        if not low <= play <= high:
+            missed.append(max(low - play, play - high) / (high - low))
+    assert len(missed) <= 1
+    assert max(missed, default=0.0) < 0.25
+
+
+def test_two_forces_that_do_not_tell_ask_for_a_third(arm):
+    third = "push with a third one, as far below 0.2 N m"
+    assert third in str(identify_gauged(arm, read(stiffness=50.0)))
+    assert third not in str(identify_gauged(arm, read(stiffness=50.0, forces=THREE)))
+    assert third not in str(identify_gauged(arm, read(stiffness=1000.0)))
+
+
+def test_a_push_of_the_wrong_sign_is_doubted(arm):
+    with pytest.raises(JointplayError, match=r"has one of them the wrong sign"):
+        identify_gauged(arm, replace(read(), push=-read().push))
+    push = read().push
+    push[-1] *= -1.0
+    assert "has a push the wrong sign" in str(identify_gauged(arm, replace(read(), push=push)))
+
+
+def test_readings_that_are_none_and_plans_that_are_none_are_refused(arm, tmp_path, capsys):
+    order = ["identify", str(arm.description.path), "--tool", "tool"]
+    path = table(tmp_path / "dial.csv")
+    text = path.read_text()
+    for changed, said in (
+        (text.replace("reading [mm]", "reading [m]"), "which no gauge follows"),
+        (text.splitlines()[0] + "\n", "has no readings: needed are five readings"),
+    ):
+        path.write_text(changed)
+        assert main([*order, str(path)]) == 2
+        assert said in capsys.readouterr().err
+    assert main([*order, "--plan", "dail"]) == 2
+    assert 'did you mean "dial"?' in capsys.readouterr().err

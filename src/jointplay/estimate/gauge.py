@@ -3,11 +3,12 @@
 The motor holds the joint; its link is pushed with known forces, and read is how far it turns. Play
 gives way fully under the smallest push, elasticity in proportion:
 
-    reading = zero + s p / 2 + c (tau - s F) + stiffening,      s = sign(tau),
+    reading = zero + s (p / 2 + c T ((|tau| - F) / T)^x),      s = sign(tau),
 
-with the play p, the compliance c, and friction F on the joint's side. Readings that are not pushed
-lie anywhere within the play, and only serve as a check. What gears stiffen under load (0.4 of c
-at most, as a standard deviation) looks like play, and widens its interval.
+with the play p, the compliance c under the largest push T, and friction F on the joint's side.
+Readings that are not pushed lie anywhere within the play, and only serve as a check. Teeth stiffen
+under load, by an exponent x between about 0.4 and 1.1: what two forces cannot tell from play widens
+its interval; a third one tells. Laws that are no power stray from it a little (`_STRAYS`).
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
 
 GAUGE_M, ANGLE = 10e-6, 1e-3
 """Standard deviations of a reading of a gauge, and of an angle, unless said otherwise [m, rad]."""
-SIZES = (1.0, 0.25)
+SIZES = (1.0, 0.4, 0.15)
 """Pushes of a plan, by the largest."""
 RECIPE = (
     "needed are five readings: not pushed, and pushed to each side with two forces, the smaller at "
@@ -51,13 +52,21 @@ _UNLIKE = 1.5
 """Ratio of two forces that count as two."""
 _SURE = 10.0
 """Residuals that the stated scatter of readings is worth: it is known, if not quite."""
-_STIFFENS = 0.4
+_EXPONENT, _STIFFENS, _SOFTEST = 0.75, 0.2, 0.3
+"""Exponent by which teeth wind up: what is expected, its standard deviation, and the least. Hertz's
+contact of balls has 2/3, straight teeth nearly 1, strain wave gears and worn teeth 0.5 (judged)."""
+_STRAYS = 0.1
+"""Standard deviation by which the wind-up strays from a power of the push between none and the
+largest, as a part of four times its largest: a gear whose stiffness has steps (judged)."""
 _RUBS = 0.1
 """Friction on the joint's side by the smallest push, where the robot's file says nothing."""
 _LEVERS = 0.02
 """Part by which levers are off, and so all angles."""
 _BAR_M, _SHORT_M = 0.1, 0.02
 """Bar that is clamped to links that are shorter than the second [m]."""
+_TURNS = 0.35
+"""Largest angle between readings that a gauge follows, for its stem is straight; a sine is 2 % less
+than this angle [rad]."""
 _OUTSIDE = 4.0
 """Standard deviations beyond both sides from which on a reading is said to be wrong."""
 _HOW = (
@@ -108,6 +117,8 @@ class Readings:
         """
         path = Path(path)
         names = _of_column(path, "joint")
+        if not names:
+            raise JointplayError(f"{path} has no readings: {RECIPE}")
         for name in names:
             require_known("joint", name, joints)
         slides = {joints[name] for name in names}
@@ -149,6 +160,14 @@ class Readings:
                 raise JointplayError(f"{path}: reading {bad[0] + 1} has no {words}")
         setup = texts.get("setup", ("",) * n)
         setups = np.array([f"{a}, {b}" for a, b in zip(names, setup, strict=True)])
+        for one in np.unique(setups) if not slides_all else ():
+            by_this = by_gauge[setups == one]  # NaN of angles, which may be large
+            if (apart := float(np.ptp(by_this))) > _TURNS:
+                raise JointplayError(
+                    f"{path}: by these readings {names[int(np.argmax(setups == one))]} turns by "
+                    f"{readable(apart, 'rad', 3)}, which no gauge follows: are reading and gauge "
+                    "arm in the units of their titles?"
+                )
         motor = given["motor"]
         if np.isfinite(motor).any():
             if (bad := np.flatnonzero(~np.isfinite(motor))).size:
@@ -200,15 +219,17 @@ class Gauged(Answer):
     def _loop(self, joint: str, fitted: Fit) -> Loop:
         mine = np.array([one == joint for one in self.readings.joint])
         setup, push = np.array(self.readings.setup)[mine], self.readings.push[mine]
-        turned, says = self.readings.turned[mine].copy(), _bent(push, *fitted.theta)
+        largest = float(np.abs(push).max())
+        turned, says = self.readings.turned[mine].copy(), _bent(push, largest, *fitted.theta)
         says[push == 0.0] = np.nan  # anywhere within the play
         for one in np.unique(setup):
             turned[setup == one] -= np.nanmean((turned - says)[setup == one])
-        none = np.array([-1e-9, 1e-9]) * np.abs(push).max()  # where the sides begin
+        none = np.array([-1e-9, 1e-9]) * largest  # where the sides begin
         unit = fitted.least.unknowns[0].unit
         return Loop(
             joint, np.append(push, none), "push", "N" if unit == "m" else "N*m",
-            np.append(turned, [np.nan] * 2), np.append(says, _bent(none, *fitted.theta)), unit,
+            np.append(turned, [np.nan] * 2), np.append(says, _bent(none, largest, *fitted.theta)),
+            unit,
             np.sign(np.append(push, none)).astype(int),
         )  # fmt: skip
 
@@ -237,6 +258,7 @@ def identify_gauged(
     for joint, mine, slides in _by_joint(mechanism, readings):
         smallest, unit = _smallest(readings, mine), "N" if slides else "N*m"
         weight, said = _gravity(ideal, joint, pose)
+        _require_yielding(readings, joint, mine)
         reason = ""
         if weight >= smallest:
             words = f"{readable(weight, unit, 3)}, more than the smallest push, " + readable(
@@ -250,15 +272,22 @@ def identify_gauged(
                     "in which gravity does not (give it by --pose)"
                 )
         problem = _problem(readings, joint, mine, friction[joint].coulomb, slides)
-        play, give, rubs = problem.unknowns
-        start = np.array([0.5 * play.scale, give.scale, rubs.nominal])
+        play, give, rubs, bends = problem.unknowns
+        start = np.array([0.5 * play.scale, give.scale, rubs.nominal, bends.nominal])
         fitted = fits[joint] = search(problem, start)
-        (first, second, _) = fitted.estimates()
+        (first, second, *_) = fitted.estimates()
         if reason:
             first = replace(first, reason=reason)
         else:  # where there may be none, how large it is at most
             upper = first.value + first.half_width
             first = replace(first, reason="", found=first.value > first.half_width, upper=upper)
+        vague = first.half_width > first.unknown.widest(first.value)
+        if vague and _forces(readings, mine) == 2:
+            notes.append(
+                f"note: two forces do not tell the play of {joint} from teeth that stiffen: push "
+                f"with a third one, as far below {readable(smallest, unit, 2)} as friction and "
+                "gravity allow"
+            )
         found += [first, second]
         notes += _outside(readings, joint, mine, fitted)
     return Gauged(
@@ -318,6 +347,34 @@ def _require_recipe(readings: Readings, joint: str, mine: np.ndarray) -> None:
         raise JointplayError(f"{readings.source}: {joint}: {RECIPE}; got {int(mine.sum())}")
 
 
+def _forces(readings: Readings, mine: np.ndarray) -> int:
+    """How many pushes count as different in size."""
+    last, count = 0.0, 0
+    for one in np.sort(np.abs(readings.push[mine & (readings.push != 0.0)])):
+        if one >= _UNLIKE * last:
+            last, count = float(one), count + 1
+    return count
+
+
+def _require_yielding(readings: Readings, joint: str, mine: np.ndarray) -> None:
+    """Refuse readings that fall while the push grows: no link turns against what pushes it."""
+    setups = np.array(readings.setup)
+    for setup in dict.fromkeys(setups[mine]):
+        rows = np.flatnonzero(mine & (setups == setup) & (readings.push != 0.0))
+        push, turned, error = (
+            one[rows] for one in (readings.push, readings.turned, readings.error)
+        )
+        back = turned[:, None] - turned - _OUTSIDE * np.hypot(error[:, None], error)
+        back[push[:, None] >= push] = -np.inf
+        i, k = np.unravel_index(int(back.argmax()), back.shape)
+        if back[i, k] > 0.0:
+            raise JointplayError(
+                f"{readings.source}: {joint}: reading {rows[k] + 1} is less than reading "
+                f"{rows[i] + 1} though the push is larger: a push is positive if it makes the "
+                "reading grow; has one of them the wrong sign?"
+            )
+
+
 def _gravity(ideal: Mechanism, joint: str, pose: Mapping[str, float] | None) -> tuple[float, bool]:
     """Load of gravity on a joint [N m or N], and whether the pose is known: else the largest."""
     at, data = ideal.coordinate(joint), ideal.model.createData()
@@ -326,9 +383,11 @@ def _gravity(ideal: Mechanism, joint: str, pose: Mapping[str, float] | None) -> 
     return float(max(loads)), pose is not None
 
 
-def _bent(push: np.ndarray, play: float, give: float, rubs: float) -> np.ndarray:
-    side = np.sign(push)
-    return np.asarray(side * play / 2.0 + give * (push - side * rubs))
+def _bent(
+    push: np.ndarray, largest: float, play: float, give: float, rubs: float, bends: float
+) -> np.ndarray:
+    pressed = np.maximum(np.abs(push) - rubs, 0.0) / largest
+    return np.asarray(np.sign(push) * (play / 2.0 + give * largest * pressed**bends))
 
 
 def _problem(
@@ -343,9 +402,9 @@ def _problem(
     span = max(float(np.ptp(turned)), float(readings.error[use].max()))
     give = max(float(rough[-1]), 0.05 * span / largest)
     part = np.abs(push) / largest
-    stiffening = side * give * largest * part * (1.0 - part)
-    nuisance = np.column_stack([zeros, stiffening])
-    spread = np.append(np.full(zeros.shape[1], np.inf), _STIFFENS)
+    strays = side * give * largest * part * (1.0 - part)
+    nuisance = np.column_stack([zeros, strays])
+    spread = np.append(np.full(zeros.shape[1], np.inf), 4.0 * _STRAYS)
     way, soft = ("m", "m/N") if slides else ("rad", "rad/(N*m)")
     rub = max(0.5 * friction, _RUBS * float(np.abs(push).min()))
     unknowns = (
@@ -357,14 +416,18 @@ def _problem(
             joint, "friction", "N" if slides else "N*m", friction, rub, sought=False, spread=rub,
             model_error=0.0,
         ),
+        Unknown(
+            joint, "stiffening", "", _EXPONENT, 0.1, sought=False, spread=_STIFFENS,
+            least=_SOFTEST, model_error=0.0,
+        ),
     )  # fmt: skip
     return LeastSquares(
         unknowns,
-        lambda theta: _bent(push, *theta),
+        lambda theta: _bent(push, largest, *theta),
         turned,
         readings.error[use],
         nuisance,
-        (f"{joint} stiffening",),
+        (f"{joint} strays",),
         spread=spread,
         safety=1.0,
         assured=_SURE,
@@ -372,13 +435,25 @@ def _problem(
 
 
 def _outside(readings: Readings, joint: str, mine: np.ndarray, fitted: Fit) -> list[str]:
-    """Readings without a push that lie beyond both sides of the play."""
+    """Readings without a push that lie beyond both sides of the play, and pushed ones far off."""
     notes, setups = [], np.array(readings.setup)
-    play, give, rubs = fitted.theta
+    theta, largest = fitted.theta, float(np.abs(readings.push[mine]).max())
+    for setup in dict.fromkeys(setups[mine]):
+        rows = np.flatnonzero(mine & (setups == setup) & (readings.push != 0.0))
+        off = readings.turned[rows] - _bent(readings.push[rows], largest, *theta)
+        away = np.abs(off - np.median(off)) - 2.0 * _STRAYS * theta[1] * largest
+        if away.max() > 2.0 * _OUTSIDE * readings.error[rows].max():
+            notes.append(
+                f"warning: readings of {joint} do not agree by {1e3 * away.max():.3g} "
+                f"m{fitted.least.unknowns[0].unit}: has a push the wrong sign, or has the gauge "
+                "slipped?"
+            )
     for number in np.flatnonzero(mine & (readings.push == 0.0)):
         same = mine & (setups == setups[number]) & (readings.push != 0.0)
-        off = readings.turned[same] - _bent(readings.push[same], play, give, rubs)
-        away = abs(float(readings.turned[number] - off.mean())) - play / 2.0 - give * rubs
+        off = readings.turned[same] - _bent(readings.push[same], largest, *theta)
+        away = (
+            abs(float(readings.turned[number] - off.mean())) - theta[0] / 2.0 - theta[1] * theta[2]
+        )
         if away > _OUTSIDE * max(fitted.stretch, 1.0) * float(readings.error[number]):
             notes.append(
                 f"note: reading {number + 1}, which is not pushed, lies beyond both sides of "
@@ -482,7 +557,7 @@ def plan_gauge(
         forces = (0.0, *(float(f"{side * part * most:.2g}") for part in SIZES for side in (1, -1)))
         unit = "N" if entry.slides else "N*m"
         gravity = f"gravity loads it by {readable(weight, unit, 2)}"
-        if weight >= SIZES[1] * most * lever:
+        if weight >= SIZES[-1] * most * lever:
             gravity += ", beyond the smaller push: push harder (--push)"
         elif weight < 1e-3 * most * lever:
             gravity = "gravity does not load it"
@@ -520,10 +595,13 @@ def _expected(
     noise: Mapping[str, float],
 ) -> float:
     """Half width of the play's interval where the link gives way as much as it plays."""
-    give = play / float(np.abs(push).max())
+    largest = float(np.abs(push).max())
+    give = play / largest
     n = len(push)
     error = np.full(n, noise.get("tool", GAUGE_M) / lever)
-    made = Readings((joint,) * n, ("",) * n, push, _bent(push, play, give, 0.0), error)
+    made = Readings(
+        (joint,) * n, ("",) * n, push, _bent(push, largest, play, give, 0.0, 1.0), error
+    )
     problem = _problem(made, joint, np.ones(n, bool), 0.0, slides)
-    fitted = Fit(least=problem, theta=np.array([play, give, 0.0]))
+    fitted = Fit(least=problem, theta=np.array([play, give, 0.0, 1.0]))
     return float(fitted.half_width[0])

@@ -113,8 +113,8 @@ def run(options: argparse.Namespace) -> int:
             files.check_new(Path(path))
     if options.plan and options.against:
         raise JointplayError("--plan is for a measurement to come, --against of two")
-    if options.plan:
-        one_of("--plan", options.plan, PLANS)
+    if options.plan and options.plan not in PLANS:
+        raise JointplayError(one_of("--plan", options.plan, PLANS))
     if options.against:
         return _changes(options)
     if options.plan == "dial" or (options.data is not None and is_readings(options.data)):
