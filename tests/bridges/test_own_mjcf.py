@@ -108,7 +108,8 @@ def test_calibrate_writes_it(tmp_path, capsys):
 
 
 DRIVEN = """<mujoco model="m"><compiler angle="degree"/>
-<option gravity="0 0 -9.81" timestep="0.002"/><worldbody><body name="a"><joint name="j" axis="0 1 0" damping="0.3" frictionloss="0.01"
+<option gravity="0 0 -9.81" timestep="0.002"/><worldbody><body name="a">
+<joint name="j" axis="0 1 0" damping="0.3" frictionloss="0.01"
   armature="0.02"/>{}<geom type="capsule" fromto="0 0 0 0.25 0 0.1" size="0.02" mass="0.9"/></body>
 </worldbody>{}<actuator><position joint="j" kp="300" kv="10"/></actuator></mujoco>"""
 GEAR = ["--gear", "j=1 deg", "--gear-stiffness", "3000", "--gear-damping", "2"]
