@@ -99,7 +99,7 @@ def warm():
         patch.setattr(Simulation.run, "__defaults__", (False, False, False, False, None))
         patch.setattr(Run.finish, "__defaults__", (False, False, None))
         patch.setitem(simulate.__kwdefaults__, "estimate", False)
-        patch.setattr("jointplay.base.hdf5.sys", System())
+        patch.setattr("jointplay.base.confined.sys", System())
         yield
 
 

@@ -139,6 +139,8 @@ def become(asked: dict) -> None:
     places = os.environ.get("PYTHONPATH", "").split(os.pathsep)
     sys.path[1:1] = [place for place in places if place and place not in sys.path]
     program, *arguments = asked["arguments"]
+    if "jointplay.model.xacro_expansion" in arguments:  # whose memory is limited
+        os.execv(sys.executable, [sys.executable, *arguments])
     sys.path[0] = str(Path(sys.executable).parent)
     if "REAL_PYTHON" not in os.environ:
         sys.executable = str(Path(sys.argv[2]) / "python")  # of which there are copies, too

@@ -33,7 +33,7 @@ from truth.peer_engines.trace import Impact, Trace, impacts, offset
 from jointplay.base.errors import JointplayError
 from jointplay.base.tables import Table
 from jointplay.physics.contact.hertzian import effective_restitution
-from jointplay.simulation.loads.drive_tables import REFERENCE_NODE_S
+from jointplay.simulation.motion.reference import REFERENCE_NODE_S
 from jointplay.simulation.result.stored import versions
 
 LABELS = ("MuJoCo", "Exudyn", "Siconos", "Drake")

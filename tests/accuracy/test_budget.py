@@ -519,3 +519,63 @@ def test_states_that_have_settled_are_those_of_a_search_of_all(bearing, monkeypa
     found = budget(arm, {}, friction=0.3).rest_interval
     monkeypatch.setattr(rest, "_SETTLED", 0.0)
     assert found == pytest.approx(budget(arm, {}, friction=0.3).rest_interval, abs=1e-9)
+
+
+def test_rolling_bearings_rest_where_their_elements_balance_the_load():
+    """Their frictionless rings have one place of rest, which the interval holds, and little more.
+
+    By the static search of all joints together, as a run at rest begins: a run of 0.6 s of three
+    stays at 1.3737 mm.
+    """
+    names = [f"wrist_{i}_joint" for i in (1, 2, 3)]
+    machine = Mechanism("ur5", {name: BallBearing(designation="6204") for name in names})
+    pose = {"shoulder_lift_joint": -1.0, "elbow_joint": 1.2, "wrist_1_joint": -0.7}
+    for friction in (None, 0.0):
+        found = budget(machine, pose, friction=friction)
+        least, most = found.rest_interval[0, 3]
+        assert least < 1.37365e-3 < most
+        assert most - least < 0.05 * found.rest_error[0]
+
+
+@pytest.mark.parametrize("encoder", ["link", "motor"])
+def test_play_about_an_axis_through_the_tool_moves_it_nowhere(encoder):
+    """20 degrees of it, about an axis found through six joints."""
+    machine = Mechanism("ur5", gears={"wrist_3_joint": Gear(np.radians(20.0), 0.1, 1e4)})
+    pose = dict.fromkeys(("shoulder_pan_joint", "elbow_joint", "wrist_1_joint"), 0.7)
+    found = budget(machine, pose, drive=ComputedTorque(encoder=encoder))
+    assert found.worst[0] == found.second_order[0] == 0.0
+    assert found.rest_interval[0, 3].tolist() == pytest.approx([0.0, 0.0], abs=1e-15)
+
+
+def test_a_gear_held_by_its_links_encoder_adds_no_second_order_at_rest(arm):
+    mechanism = Mechanism(arm, gears={"j": Gear(np.radians(20.0), 0.1, 1e7)})
+    found = budget(mechanism, {}, drive=ComputedTorque(encoder="link"))
+    assert found.rest_interval[0, 3].max() < 1e-9
+    angle = np.radians(10.0)
+    assert found.second_order[0] >= REACH * (1.0 - np.cos(angle))
+    assert "move the tool on arcs" in found.sentence
+
+
+def test_a_corrected_motion_leaves_a_part_of_the_play_not_of_the_wind_up(arm):
+    """The gear winds up by ten times its play: 3 kg at half a metre are 14.7 N m."""
+    play, stiffness = 1e-3, 3.0 * 9.81 * REACH / 5e-3
+    mechanism = Mechanism(arm, gears={"j": Gear(play, 0.1, stiffness)}, gravity=(0.0, -9.81, 0.0))
+    found = budget(mechanism, {}, drive=ComputedTorque(encoder="motor"))
+    assert found.rest_error[0] == pytest.approx((play / 2.0 + 5e-3) * REACH, rel=0.05)
+    assert found.compensated(0) == pytest.approx(0.3 * play / 2.0 * REACH, abs=1e-5)
+    assert any("instead of 2.7" in line for line in found.table().notes)
+
+
+def test_the_worst_turn_in_the_answer_is_that_of_all_poses():
+    """Turns of two gears add up where their axes are parallel, and there the arm is not long."""
+    machine = Mechanism("ur5", gears={n: Gear(1e-2, 0.1, 1e4) for n in
+                                      ("shoulder_pan_joint", "wrist_1_joint")})  # fmt: skip
+    q = np.zeros((2, machine.model.nq))
+    q[1, machine.coordinate("shoulder_lift_joint")] = -np.pi / 2.0
+    q[1, machine.coordinate("elbow_joint")] = np.pi / 2.0
+    q[1, machine.coordinate("wrist_2_joint")] = np.pi / 2.0
+    both = machine.with_clearance({}, {n: Gear(1e-2, 0.1, 1e4) for n in
+                                       ("shoulder_pan_joint", "wrist_3_joint")})  # fmt: skip
+    found = budget(both, q)
+    assert found.worst_turn.argmax() != found.worst_pose
+    assert f"turn by up to {1e3 * found.worst_turn.max():.3g} mrad" in found.sentence

@@ -363,10 +363,8 @@ def test_a_correction_stays_within_limits(level, tmp_path):
 def test_motions_are_written_as_they_are_read(level, tmp_path):
     found = compensate(simulated(machine(level)))
     file = tmp_path / "motion.csv"
-    file.write_bytes(content(of_motion(found.motion), ".csv"))
-    again = Motion.from_csv(file, "spline")
-    times = np.linspace(0.0, 0.8, 200)
-    assert again(times)[0] == pytest.approx(found.motion(times)[0], abs=1e-9)
+    file.write_text(found.motion.csv())
+    assert Motion.from_csv(file) == found.motion
     text = content(of_motion(found.motion), ".yaml").decode()
     assert text.startswith("header:")
     assert text.count("time_from_start") == 81
@@ -393,6 +391,18 @@ def test_linuxcnc_gets_what_the_joint_does_each_way(upright):
     for other in ("fluidnc", "marlin"):
         with pytest.raises(JointplayError):
             backlash.tables(found, other)
+
+
+def test_no_name_of_a_joint_leads_out_of_the_folder(urdf):
+    evil = "../../evil"
+    arm = body("arm", mass=MASS, com=f"{ARM} 0 0")
+    place = urdf(arm, joint(evil, "base", "arm", axis="0 0 1"), tip("arm"))
+    gear = Gear(play=1e-4, stiffness=STIFFNESS, rotor_inertia=0.05, damping=2.0)
+    motion = Motion([evil], [0.0, 0.4, 0.8], [[0.0], [0.5], [0.0]])
+    drive = ComputedTorque(encoder="motor")
+    robot = Mechanism(place, gears={evil: gear}, gravity=(0, 0, 0))
+    found = compensate(Simulation(robot, motion, drive=drive, step="20 us", record_every=50))
+    assert list(backlash.tables(found, "linuxcnc")) == ["evil.comp"]
 
 
 def test_firmware_gets_nothing_for_a_joint_that_never_crosses(level):
@@ -427,6 +437,7 @@ def test_the_command_writes_what_improves_and_refuses_what_it_cannot_do(level, t
         *("motion.csv", "compensation.csv", "corners.csv", "error.png"),
         *("motion.yaml", "table.csv"),
     }
+    assert Motion.from_csv(out / "motion.csv").summary == "81 samples, spline"
     rows = list(csv.DictReader((out / "corners.csv").open()))
     assert [one["corner"] for one in rows] == ["as modelled", "play -30 %", "play +30 %"]
     far = tmp_path / "far.csv"

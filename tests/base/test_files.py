@@ -18,7 +18,7 @@ from warm import PYTHON
 
 import jointplay as jp
 from jointplay import JointplayError
-from jointplay.base import files, hdf5, schema
+from jointplay.base import confined, files, hdf5, schema
 from jointplay.cli import main
 from jointplay.paper import scara
 from jointplay.physics.contact import FILM_LAWS, FRICTION_LAWS, NORMAL_LAWS, KelvinVoigt
@@ -119,16 +119,15 @@ def test_a_file_that_was_cut_is_refused_wherever_it_was_cut(saved, tmp_path, cut
             read(path)
 
 
-SPINS = f"""
-import importlib.util, sys, time
-spec = importlib.util.spec_from_file_location("program", {hdf5.__file__!r})
-program = importlib.util.module_from_spec(spec)
-spec.loader.exec_module(program)
+SPINS = """
+import sys, time
+sys.path.append(sys.argv[1])
+from jointplay.base import confined, hdf5
 def check(*_):
     while True:
         pass
-program._check = check
-program._main(*sys.argv[1:])
+hdf5._check = check
+confined._serve(*sys.argv[2:])
 """
 WAITS = SPINS.replace("while True", "if True").replace("pass", "time.sleep(5.0)")
 
@@ -139,29 +138,27 @@ WAITS = SPINS.replace("while True", "if True").replace("pass", "time.sleep(5.0)"
     [
         ("import time; time.sleep(1e6)", 0.01, r"reading it did not end within \d s"),
         (SPINS, 0.5, "within 1 s of processor time"),
-        ("import os; os.abort()", 900.0, r"a process that read it crashed \(-6\)"),
+        ("import os; os.abort()", 900.0, r"reading it crashed \(-6\)"),
     ],
 )
 def test_a_file_that_hangs_or_crashes_hdf5_does_so_in_another_process(
-    program, allowed, words, read, saved, tmp_path, monkeypatch
+    program, allowed, words, read, saved, monkeypatch
 ):
-    (tmp_path / "program.py").write_text(program)
-    monkeypatch.setattr(hdf5, "__file__", str(tmp_path / "program.py"))
+    monkeypatch.setattr(confined, "_BEGIN", program)
     monkeypatch.setattr(hdf5, "TIME_S", allowed)
     with pytest.raises(JointplayError, match=words):
         read(saved)
 
 
-def test_a_file_is_read_however_busy_the_machine_is(saved, tmp_path, monkeypatch):
+def test_a_file_is_read_however_busy_the_machine_is(saved, monkeypatch):
     """What counts is processor time."""
-    (tmp_path / "program.py").write_text(WAITS)
-    monkeypatch.setattr(hdf5, "__file__", str(tmp_path / "program.py"))
+    monkeypatch.setattr(confined, "_BEGIN", WAITS)
     monkeypatch.setattr(hdf5, "TIME_S", 4.0)
     assert jp.Result.load(saved).message
 
 
 def test_without_a_process_to_look_at_it_a_file_is_not_read(saved, monkeypatch):
-    monkeypatch.setattr(hdf5, "sys", SimpleNamespace(executable="/nowhere/python"))
+    monkeypatch.setattr(confined, "sys", SimpleNamespace(executable="/nowhere/python"))
     with pytest.raises(
         JointplayError, match="the process that would check it cannot be started: No such"
     ):

@@ -210,3 +210,50 @@ def test_gears_of_every_kind_run_from_a_scenario(tmp_path):
     for right, wrong in (("CSF-17-50", "CSF-17-5"), ("train", "trian")):
         path.write_text(GEARED.replace(f'"{right}"', f'"{wrong}"'))
         assert f'did you mean "{right}"' in call("check", path).stderr
+
+
+SAMPLED = """
+[robot]
+urdf = "jointplay:slider_crank.urdf"
+tool = "slider"
+gravity = "balanced"
+[loops.piston_pin]
+bearing = { link = "rod", xyz = ["120 mm", 0, 0] }
+journal = { link = "slider" }
+[joints.piston_pin]
+kind = "planar"
+bearing_radius = "10 mm"
+radial_clearance = "0.2 mm"
+[drive]
+kind = "prescribed"
+[start]
+guide = "170 mm"
+[integration]
+tolerance = 1e-3
+duration = "0.03 s"
+[cases.speeds]
+motion.speeds.crank_pin = "62.83185 rad/s"
+[cases.samples]
+motion.file = "crank.csv"
+[cases.longer]
+motion.file = "crank.csv"
+integration.duration = "0.0301 s"
+"""
+
+
+def test_a_sampled_crank_presses_its_pin_as_one_that_turns(tmp_path):
+    """Stops at the samples would press it with 51 kN, and a stop at the last one with 9 kN."""
+    rows = [f"{k / 1000},{62.83185 * k / 1000}" for k in range(31)]
+    (tmp_path / "crank.csv").write_text("\n".join(["time_s,crank_pin", *rows]) + "\n")
+    (tmp_path / "sampled.toml").write_text(SAMPLED)
+    out = tmp_path / "out"
+    options = ["--no-figures", "--no-error-estimate", "--jobs", "1", "--out", str(out)]
+    done = call("run", str(tmp_path / "sampled.toml"), *options)
+    assert done.returncode == 0, done.stderr
+    assert "case samples: motion: 31 samples, spline (--interpolation selects)" in done.stderr
+    assert "case longer: the motion stands still beyond its points" in done.stderr
+    assert "note: case samples" not in done.stderr
+    speeds, samples = (
+        float(Result.load(out / f"{case}.nc").forces.max()) for case in ("speeds", "samples")
+    )
+    assert samples == pytest.approx(speeds, rel=0.01)

@@ -19,10 +19,9 @@ from conftest import body, joint
 import jointplay as jp
 from jointplay import JointplayError
 from jointplay.base import objects, schema
-from jointplay.base.files import MOST_TEXT, csv_rows
+from jointplay.base.files import MOST_TEXT, csv_rows, names_for
 from jointplay.base.units import convert
 from jointplay.cli.commands import listed
-from jointplay.cli.commands.run_scenario import file_names
 from jointplay.model import impact
 from jointplay.model.loop import closing_rows, misfit
 from jointplay.model.urdf import MOST_IN_SERIES, MOST_MOVING, as_option
@@ -233,8 +232,10 @@ def test_waypoints_beyond_all_numbers_are_refused_without_a_warning():
 
 
 def test_files_of_cases_have_names_that_any_disk_takes():
-    names = file_names(["a" * 300, "a" * 300 + "b", "\0", "é" * 200])
-    assert len(set(names)) == 4
+    evil = ["../../evil", "/etc/evil", "..", ".", "", "a\\b", "C:evil", "a\nb"]
+    names = names_for(["a" * 300, "a" * 300 + "b", "\0", "é" * 200, *evil], ".nc")
+    assert len(set(names)) == 4 + len(evil)
+    assert not any(set("/\\:\n") & set(name) or name.startswith(".") for name in names)
     assert all(len(name.encode()) < 120 and "\0" not in name for name in names)
 
 

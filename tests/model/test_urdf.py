@@ -9,6 +9,7 @@ import pytest
 from conftest import body, joint
 
 from jointplay import JointplayError, shipped
+from jointplay.base.errors import MissingName
 from jointplay.model.builder import parse
 from jointplay.model.formats import read
 from jointplay.model.robots import robot_urdf, robots
@@ -309,3 +310,9 @@ def test_what_others_left_in_a_urdf_is_no_reason_to_refuse_it(tmp_path):
     unlimited = read(changed(tmp_path, 'velocity="10"', 'velocity="-1"'))
     assert unlimited.joints["joint_a"].speed is None
     assert parse(unlimited).njoints == len(unlimited.moving) + 1
+
+
+@pytest.mark.parametrize("name", ["/etc/passwd", "../pyproject.toml", "..", "", "x/../scara.urdf"])
+def test_a_shipped_file_is_named_not_a_path(name):
+    with pytest.raises(MissingName, match="no shipped file"):
+        read(f"jointplay:{name}")

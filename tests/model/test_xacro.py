@@ -14,6 +14,7 @@ from jointplay import JointplayError, Mechanism
 from jointplay.base.errors import MissingName
 from jointplay.cli import main
 from jointplay.model import formats, xacro
+from jointplay.model.robots import Source
 from jointplay.model.visuals import find_mesh, mesh_folders
 
 pytestmark = pytest.mark.needs("xacro")
@@ -161,11 +162,117 @@ def test_change_of_an_included_file_counts(robot):
 def test_urdf_that_declares_xacro_in_vain_needs_no_library(tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "xacro", None)
     assert formats.read(bare(tmp_path, "", "bare.urdf")).links == ("base",)
-    path = bare(tmp_path, '<xacro:property name="a" value="1"/>', "used.urdf")
+    path = bare(tmp_path, '<xacro:property name="a" value="1"/>', "used.xacro")
     with pytest.raises(JointplayError, match=r"needs xacro .*pip install"):
         formats.read(path)
     monkeypatch.undo()
     assert formats.read(path).links == ("base",)
+
+
+def test_xacro_is_expanded_only_if_it_is_named_so_or_asked_for(tmp_path):
+    path = bare(tmp_path, '<xacro:arg name="a" default="1"/><link name="l$(arg a)"/>', "used.urdf")
+    with pytest.raises(JointplayError, match=r"written in xacro.*name it \.xacro, or give"):
+        formats.urdf_text(Source(path, {}), {})
+    assert 'name="l2"' in formats.urdf_text(Source(path, {}), {"a": 2})
+
+
+SYSTEM = (
+    "[c for c in ().__class__.__base__.__subclasses__() if c.__name__ == '_wrap_close']"
+    "[0].__init__.__globals__['system']('touch PWNED')"
+)
+
+
+@pytest.mark.parametrize(
+    "expression",
+    [
+        f"${{[{SYSTEM} for i in [1]]}}",
+        f"${{(lambda: {SYSTEM})()}}",
+        f"${{list(map(lambda i: {SYSTEM}, [1]))}}",
+        "${[x.__class__ for x in [1]]}",
+        "${[x.\uff3f\uff3fclass\uff3f\uff3f for x in [1]]}",  # which Python reads as __class__
+        "${(i for i in [1]).gi_frame}",
+        "${(lambda: 0).__globals__}",
+        "${xacro.load_yaml.__globals__}",
+        "${'{0.__class__\\x7d'.format(1)}",
+        "${'{x.__class__\\x7d'.format_map(dict(x=1))}",
+        "${python.vars(str)}",
+        "${python.type(python.type(1))('x', (), {})}",
+        "${python['vars'](str)}",
+        "${xacro['load_yaml']('/etc/passwd')}",
+        "${xacro.load_yaml('/etc/passwd')}",
+        "${xacro.load_yaml('../outside.yaml')}",
+        "${xacro.load_yaml('link.yaml')}",
+        "${xacro.load_yaml('pipe.yaml')}",
+        "$(eval open('PWNED', 'w'${'\\x29'})",  # the library gives it all of Python's functions
+        "$(eval open)",
+        "$(env HOME)",
+        '<xacro:include filename="/etc/*.conf"/><link name="${no}"/>',
+        '<xacro:include filename="/etc/passwd"/>',
+    ],
+)
+def test_nothing_of_a_file_is_run_or_read_from_elsewhere(expression, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "outside.yaml").write_text("a: 1")
+    folder = tmp_path / "robot"
+    folder.mkdir()
+    (folder / "link.yaml").symlink_to(tmp_path / "outside.yaml")
+    os.mkfifo(folder / "pipe.yaml")
+    inside = expression if expression.startswith("<") else f"<a>{expression}</a>"
+    for name in ("evil.xacro", "evil.urdf"):
+        path = bare(folder, inside, name)
+        with pytest.raises(JointplayError) as caught:
+            formats.read(path)
+        assert "\n" not in str(caught.value)
+    assert {one.name for one in tmp_path.rglob("*")} == {
+        "robot", "outside.yaml", "link.yaml", "pipe.yaml", "evil.xacro", "evil.urdf"
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("expression", "words"),
+    [
+        ("${[0 for i in range(10**9)]}", "more memory|processor time"),
+        ("${'a' * 10**12}", "more memory"),
+        ("${math.factorial(10**8)}", "did not end within 1 s of processor time"),
+        ("${" + "-" * 20_000 + "1}", "nested too deeply|crashed"),
+    ],
+)
+def test_what_never_ends_is_ended(expression, words, tmp_path, monkeypatch):
+    monkeypatch.setattr(xacro, "TIME_S", 1.0)
+    with pytest.raises(JointplayError, match=words):
+        formats.read(bare(tmp_path, f"<a>{expression}</a>"))
+
+
+def test_expressions_have_data_with_their_methods(tmp_path):
+    (tmp_path / "c.yaml").write_text(
+        "joint: {x: 0.5, items: 1, list: [{a: 3}]}\nangle: !degrees 180"
+    )
+    values = {
+        "${c.joint.x * 2}": 1.0,
+        "${c['joint']['x']}": 0.5,
+        "${c.joint.list[0].a}": 3,
+        "${c.joint.get('y', 7)}": 7,
+        "${round(c.angle, 2)}": 3.14,
+        "${'a__b'.split('__')[1].upper() + '{:.1f\\x7d'.format(1.26)}": "B1.3",
+        "${[k for k, v in c.joint.items() if v == 0.5][0]}": "x",
+        "${(lambda y: y + math.sqrt(4))(1)}": 3.0,
+        "${python.sum([1, 2]) + len('abc')}": 6,
+        "${python.type(1) == int}": True,
+        "$(eval 2 * arg('n'${'\\x29'} + n)": 6,
+        "$(optenv HOME nowhere)": "nowhere",
+    }
+    inside = '<xacro:arg name="n" default="2"/>'
+    inside += "<xacro:property name='c' value=\"${xacro.load_yaml('c.yaml')}\"/>"
+    inside += "".join(f'<a b="{one}"/>' for one in values)
+    text = formats.urdf_text(Source(bare(tmp_path, inside), {}), {})
+    made = [one.get("b") for one in ElementTree.fromstring(text).iter("a")]
+    assert made == [str(value) for value in values.values()]
+
+
+def test_comments_without_end_take_no_time():
+    text = "<!--" * 200_000
+    assert xacro.without_comments(text) == text
+    assert xacro.without_comments("a<!-- b -->c<!---->d<!-- e") == "acd<!-- e"
 
 
 @pytest.mark.parametrize(

@@ -23,9 +23,12 @@ from jointplay.cli import main
 from jointplay.model import free_base
 from jointplay.model.loop import Loop
 from jointplay.model.payload import Payload
+from jointplay.physics.joints import Coordinate
 from jointplay.simulation import Run
 from jointplay.simulation.loads import Wrench
 from jointplay.simulation.loads.drive import Prescribed, Torque
+from jointplay.simulation.motion.ideal import IdealMotion
+from jointplay.simulation.motion.reference import REFERENCE_NODE_S
 from jointplay.study.nonlinear.lyapunov import stretching
 
 BASE = body("base", 2.0, "0.01 0.02 -0.01", 2e-2)
@@ -407,3 +410,14 @@ def test_free_base_repeats_nothing(walker):
         nonlinear.Turning.of(simulation, 0, 1)
     with pytest.raises(JointplayError, match="a free base drifts away"):
         stretching(simulation, 1e-3)
+
+
+@pytest.mark.parametrize("spinning", [False, True])
+def test_efforts_are_the_same_whatever_blocks_they_come_in(walker, spinning):
+    mechanism, motion = walker(), swing()
+    start, speed = np.zeros(mechanism.model.nq), np.zeros(mechanism.model.nv)
+    speed[mechanism.coordinates.index(Coordinate("base", "pitch"))] = 3.0 * spinning
+    ideal = IdealMotion(mechanism, motion, motion.joints, 0.2, start, speed)
+    times = np.arange(41) * REFERENCE_NODE_S
+    blocks = [ideal.efforts(part) for part in (times[:1], times[1:20], times[20:40], times[40:])]
+    np.testing.assert_allclose(np.concatenate(blocks), ideal.efforts(times), rtol=1e-9)

@@ -468,3 +468,54 @@ def test_following_a_loop_closes_it_as_assembling_does(urdf):
             if robot is flat:  # a rod between two balls may spin
                 assert np.abs(found - assemble(robot, start, at)).max() < 1e-8
             assert max(np.abs(part).max() for part in misfit(robot, found).values()) < 1e-11
+
+
+@pytest.mark.parametrize("rpm", [600, 5000])
+@pytest.mark.parametrize("play", [5e-5, 5e-4])
+def test_a_rod_between_two_cylindrical_pins_starts_as_the_ideal_one_turns(rpm, play):
+    clearance = jp.RevoluteClearance(radial_clearance=play)
+    path, w = jp.shipped("slider_crank.urdf"), rpm * RPM
+    mechanism = jp.Mechanism(
+        path, {"rod_pin": clearance, "piston_pin": clearance}, loops=PIN, gravity=FLAT
+    )
+    motion = jp.Motion(["crank_pin"], [0, 1e-3], [[0], [w * 1e-3]], "constant-speed")
+    drive, state = {"crank_pin": Prescribed()}, {"guide": R + L}
+    run = jp.Run(jp.Simulation(mechanism, motion, drive=drive, state=state, tolerance=1e-3))
+    assert run.rest.solved  # pressed and tilted, so that the rows of the loop are not exact
+    speed = dict(zip(map(str, mechanism.coordinates), run.workspace.v, strict=True))
+    # Journals lie aside by their play: the rod is longer by 2 of them at most.
+    assert speed["rod_pin.yaw"] == pytest.approx(-w * (1 + R / L), rel=4 * play / R)
+    assert max(abs(speed[f"rod_pin.{part}"]) for part in "xyz") < 1e-5 * R * w
+
+
+def test_journals_that_given_speeds_make_fly_are_said():
+    mechanism = slider_crank(jp.RevoluteClearance(radial_clearance=2e-4))
+    state = {
+        "guide": (R + L, 20.0)
+    }  # where the ideal slider stands, and the rod turns with its crank
+    motion = jp.Motion(["crank_pin"], [0, 1e-3], [[0], [60e-3]], "constant-speed")
+    drive = {"crank_pin": Prescribed()}
+    with pytest.warns(RuntimeWarning, match="'piston_pin' starts at 22.5 m/s in its bearing"):
+        jp.Run(jp.Simulation(mechanism, motion, drive=drive, state=state, start="centred"))
+
+
+def folded(angle, **more):
+    """A slider-crank at 30 degrees of its crank, the rod's angle given."""
+    motion = jp.Motion(["crank_pin"], [0, 1e-3], [[np.pi / 6], [np.pi / 6]])
+    state = {"rod_pin": angle, **more}
+    run = jp.Run(jp.Simulation(slider_crank(), motion, drive=Prescribed(), state=state))
+    return dict(zip(map(str, run.mechanism.coordinates), run.workspace.q, strict=True))
+
+
+def test_a_rounded_start_is_corrected_within_its_branch():
+    right = -np.arcsin(R / L * 0.5) - np.pi / 6
+    other = np.pi - np.arcsin(-R / L * 0.5) - np.pi / 6
+    for exact in (right, other):
+        with pytest.warns(RuntimeWarning, match="start corrected, for loops determine it: rod_pin"):
+            found = folded(round(exact, 2))
+        assert found["rod_pin"] == pytest.approx(exact, abs=1e-8)
+        assert found["crank_pin"] == pytest.approx(np.pi / 6, abs=1e-15)  # the motion's: a fact
+    with pytest.raises(jp.JointplayError, match=f"rod_pin = {right:.6g}"):
+        folded(right - 0.06)
+    with pytest.raises(jp.JointplayError, match="contradict each other"):
+        folded(right, guide=0.99 * (R * np.cos(np.pi / 6) + L) - 0.02)

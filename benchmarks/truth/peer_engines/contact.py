@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from jointplay.physics.geometry import touch_cylinder
-from jointplay.simulation.loads.drive_tables import REFERENCE_NODE_S
+from jointplay.simulation.motion.reference import REFERENCE_NODE_S
 
 
 @njit(cache=True)

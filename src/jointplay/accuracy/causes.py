@@ -27,7 +27,7 @@ from jointplay.accuracy.error_model import (
     play_of_joint,
 )
 from jointplay.accuracy.jacobians import LINK, jacobians
-from jointplay.accuracy.rest import compliance_shift
+from jointplay.accuracy.rest import deflected
 from jointplay.accuracy.robot_errors import (
     CLASSES,
     ERROR_CLASSES,
@@ -173,12 +173,11 @@ class Compliance(Cause):
             return own.springs.displacements(carried), ["its springs"]
         play = own.play(second_order=False)
         point = play.support(carried).point
-        if isinstance(own, RollingBearing):
-            return own.rests(carried)[0] - point, ["its bearing"]
         pressed = play.pressed(carried, point)
         if pressed is None:
             return np.zeros_like(carried), []
-        return compliance_shift(own, pressed), ["its contacts"]
+        what = "its bearing" if isinstance(own, RollingBearing) else "its contacts"
+        return deflected(own, carried, point, pressed) - point, [what]
 
 
 class Encoder(Cause):

@@ -124,6 +124,12 @@ class PlayBudget(Budget):
     """
 
     rest_positions: RestPositions
+    second_order: np.ndarray
+    """What rotations of the second order can add to `worst` at most, shape (n,) [m].
+
+    In closed loops no bound, but by how much the loops, closed exactly with the journals of
+    `worst`, put the tool elsewhere.
+    """
     rms: np.ndarray
     """RMS distance, if a load on the tool that exceeds all others has a random direction, (n,).
 
@@ -135,15 +141,6 @@ class PlayBudget(Budget):
     @property
     def joints(self) -> tuple[str, ...]:
         return self.model.names
-
-    @property
-    def second_order(self) -> np.ndarray:
-        """What rotations of the second order can add to `worst` at most, shape (n,).
-
-        In closed loops no bound, but by how much the loops, closed exactly with the journals of
-        `worst`, put the tool elsewhere.
-        """
-        return self.rest_positions.second_order
 
     @property
     def shares(self) -> np.ndarray:
@@ -180,8 +177,20 @@ class PlayBudget(Budget):
         return (
             f"Play lets the tool {self.tool!r} be up to {readable(self.worst[at], 'm', 3)} off"
             f"{where} (RMS {readable(self.rms[at], 'm', 3)}), and turn by up to "
-            f"{readable(self.worst_turn[at], 'rad', 3)}; at rest it is {rests} mm off, {gives_way}"
-            f"{self._regulated}{self._of_fits}"
+            f"{readable(self.worst_turn.max(), 'rad', 3)}; at rest it is {rests} mm off, {gives_way}"
+            f"{self._regulated}{self._of_fits}{self._far}"
+        )
+
+    @property
+    def _far(self) -> str:
+        """Where turns are so large that the first order of them misleads, to add to a sentence."""
+        at = self.worst_pose
+        more = float(self.second_order[at])
+        if more <= _LINEAR * self.worst[at]:
+            return ""
+        return (
+            f"; turns so large move the tool on arcs, by which all this may be "
+            f"{readable(more, 'm', 2)} off"
         )
 
     def _beyond_play(self, at: int, least: float) -> dict[str, str]:
@@ -226,9 +235,10 @@ class PlayBudget(Budget):
         """Largest error at rest of a motion that takes the play out (`compensate`) [m].
 
         What friction, larger by a part `friction` than it is known, may shift the tool from its
-        place of rest, the part `trust` of the way there that is not known, and what the joints
-        cannot take back of what journals do, as where an arm is stretched. NaN where no place of
-        rest is found, and of loops.
+        place of rest, the part `trust` of the play on the way there that is not known, and what the
+        joints cannot take back of what journals do, as where an arm is stretched. Deflection, which
+        may be larger than the play, is taken for known. NaN where no place of rest is found, and
+        of loops.
         """
         if self.mechanism.loops:
             return float("nan")
@@ -240,7 +250,10 @@ class PlayBudget(Budget):
         q, robot = self.rest_positions.q[pose], self.mechanism
         at = {name: float(q[robot.coordinate(name)]) for name in robot.joints}
         _, left = taken_up(self._ideal, at, rest.parts[own].sum(axis=0))
-        return float(shift + trust * np.linalg.norm(place) + np.linalg.norm(left[:3]))
+        model = self.rest_positions.unregulated(self.rest_positions.model)
+        free = model.subset(poses=[pose]).at_rest().error[:, 0, 0, :3]
+        unknown = trust * np.linalg.norm(free.sum(axis=0))
+        return float(shift + unknown + np.linalg.norm(left[:3]))
 
     @cached_property
     def _ideal(self) -> Mechanism:
@@ -358,15 +371,23 @@ class PlayBudget(Budget):
         return [*lines, *self._held(at), *self._cures(at)]
 
     def _cures(self, at: int) -> list[str]:
-        """What a corrected motion, and tighter clearances, would leave."""
-        left, worst = self.compensated(at), float(self.worst[at])
+        """What a corrected motion, and tighter clearances, would leave, and of what."""
+        left, most = self.compensated(at), float(self.rest_positions.interval(at)[3, 1])
         if not np.isfinite(left):
             return []
-        known = f"its play known to {100 * KNOWN:g} %"
-        words = [f"compensated (jointplay compensate), {known}, {readable(left, 'm', 3)} at rest"]
+        words = "compensated (jointplay compensate), it would be no nearer at rest"
+        if left < most:
+            leaves = f"{readable(left, 'm', 3)} instead of {readable(most, 'm', 3)} at rest"
+            words = (
+                f"compensated (jointplay compensate), its play known to {100 * KNOWN:g} %, {leaves}"
+            )
         if any(not one.gear for one in self.model.contributions):
-            words.append(f"half the clearances {readable(self.tighter(at), 'm', 3)} at worst")
-        return [f"cures of the worst case of {readable(worst, 'm', 3)}: {'; '.join(words)}"]
+            tighter, worst = self.tighter(at), float(self.worst[at])
+            words += (
+                f"; half the clearances {readable(tighter, 'm', 3)} instead of "
+                f"{readable(worst, 'm', 3)} at worst"
+            )
+        return [f"cures: {words}"]
 
     def _held(self, at: int) -> list[str]:
         place, ends = self.rest_positions.at(at).whole[:3], self.rest_positions.interval(at)
@@ -720,11 +741,14 @@ def budget(
     if mechanism.loops:
         more = _second_order_of_loops(mechanism, q, model, found.direction, driven)
     else:
-        more = _second_order(model, relative_to is None or _carries(mechanism, relative_to))
+        outwards = relative_to is None or _carries(mechanism, relative_to)
+        more = _second_order(model, outwards)
     push = force_on_tool(force)
     rest = RestPositions(mechanism, q, middle, push, driven, friction, drive, more, relative_to)
+    if rest.regulated and not mechanism.loops:  # their links are held still
+        rest = replace(rest, second_order=_second_order(rest.unregulated(model), outwards))
     seen = driven, relative_to, _positions(mechanism, q, relative_to)
-    return PlayBudget(mechanism, q, model, push, *seen, found, rest, rms, rms_parts)
+    return PlayBudget(mechanism, q, model, push, *seen, found, rest, more, rms, rms_parts)
 
 
 def _positions(mechanism: Mechanism, q: np.ndarray, relative_to: str | None) -> np.ndarray:
@@ -750,7 +774,9 @@ def _second_order(model: ErrorModel, outwards: bool) -> np.ndarray:
     turned = np.zeros_like(total)
     for play, move in zip(model.plays, model.jacobian, strict=True):
         aside, angle = play.reach
-        arms = np.linalg.norm(move[:, :3, 3:], axis=(1, 2)) / np.sqrt(2.0)
+        # A turn moves the tool by its distance from the axes about which the play lets it turn.
+        axes = 3 + np.flatnonzero(play.support(np.eye(6)[3:]).value > 0.0)
+        arms = np.linalg.norm(move[:, :3, axes], 2, axis=(1, 2)) if len(axes) else 0.0
         felt = np.abs(move).max(axis=(1, 2)) > 0.0
         moved = np.where(felt, aside + angle * arms, 0.0)
         total += np.where(felt, 0.5 * angle**2 * arms, 0.0)

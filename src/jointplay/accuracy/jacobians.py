@@ -23,6 +23,8 @@ GEAR = " (gear)"
 """Appended to a joint's name for the play of its gear."""
 LINK = " (link)"
 """Appended to a joint's name for the growth of the link that it carries."""
+_ROUNDING = 1e-14
+"""Of a place that is found through a chain of joints, relative to its distance from the origin."""
 FELT = 1e-9
 """Motion of the tool per motion of a coordinate that is none [1 or m]."""
 
@@ -291,7 +293,11 @@ def _of_joint(
         sign -= float(index in model.supports[model.frames[body].parentJoint])
     if sign:
         move[:3, :3] = move[3:, 3:] = sign * turn
-        move[:3, 3:] = sign * np.cross(turn.T, tool.translation - centre).T  # columns: axis x arm
+        arms = np.cross(turn.T, tool.translation - centre).T  # columns: axis x arm
+        # On an axis but for rounding: as far from the world's origin as both may be.
+        size = np.linalg.norm(tool.translation) + np.linalg.norm(centre)
+        arms[np.abs(arms) < _ROUNDING * size] = 0.0
+        move[:3, 3:] = sign * arms
     if relative_to is not None:
         back = data.oMf[body].rotation.T
         move = np.concatenate([back @ move[:3], back @ move[3:]])

@@ -31,6 +31,7 @@ from jointplay.accuracy.jacobians import GEAR, displaced_configuration, tool_pla
 from jointplay.model.closed_loops import ClosedLoops
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import RELATIVE, Clearance
+from jointplay.physics.joints.bearings import RollingBearing
 from jointplay.physics.joints.play import Play, Pressed
 from jointplay.simulation.acting import load_site
 from jointplay.simulation.loads.drive import ComputedTorque, Drive, Prescribed, Servo, assign
@@ -96,7 +97,7 @@ class RestPositions:
     drive: Drive | Mapping[str, Drive]
     """Of all joints, or of joints by name: computed torque holds the others."""
     second_order: np.ndarray
-    """By how much the tool may be elsewhere than the Jacobians say, shape (n,) [m]."""
+    """By how much the tool at rest may be elsewhere than the Jacobians say, shape (n,) [m]."""
     relative_to: str | None = None
     """Body from which the tool is seen; None: the world."""
 
@@ -220,6 +221,11 @@ class RestPositions:
         holding = self._holding(list(self.mechanism.gears))
         return frozenset(n for n, one in holding.items() if getattr(one, "encoder", "") == "link")
 
+    def unregulated(self, model: ErrorModel) -> ErrorModel:
+        """A model without the gears whose links drives hold where they are."""
+        own = model.contributions
+        return model.subset([not one.gear or one.joint not in self.regulated for one in own])
+
     def interval(self, pose: int) -> np.ndarray:
         """Between which errors friction can hold the tool at a pose, to about 3 % of the width.
 
@@ -295,8 +301,9 @@ class RestPositions:
             friction = [self.coefficients[name] for name in names]
             found: list[np.ndarray] = []
             pressed: list[Pressed | None] = []
+            loads: list[np.ndarray] = []
             if names:
-                found, pressed = _held_states(
+                found, pressed, loads = _held_states(
                     plays.subset(slice(len(names))), friction, self._curvature(pose, names)
                 )
             for j, name in enumerate(names):
@@ -311,7 +318,7 @@ class RestPositions:
                 if unpressed[name]:
                     continue
                 if len(found[j]):
-                    errors[name] = (found[j] + compliance_shift(joint, contacts)) @ move[j].T
+                    errors[name] = deflected(joint, loads[j], found[j], contacts) @ move[j].T
                 else:  # no friction, and one place of rest only
                     own = self.at(pose).parts[j : j + 1, :3]
                     if not np.isnan(own).any():
@@ -374,8 +381,9 @@ def _coordinates(mechanism: Mechanism, q: np.ndarray, name: str) -> np.ndarray:
 
 def _held_states(
     plays: ErrorModel, friction: Sequence[float], curvature: np.ndarray
-) -> tuple[list[np.ndarray], list[Pressed | None]]:
-    """Displacements (m, 6) of each journal in states in which friction holds it, and contacts.
+) -> tuple[list[np.ndarray], list[Pressed | None], list[np.ndarray]]:
+    """Displacements (m, 6) of each journal in states in which friction holds it, contacts, and the
+    loads (m, 6) that these bear without their friction.
 
     Of journals at one pose, which do not hold each other; by their loads' fall with their
     displacements, (6 j, 6 j).
@@ -429,10 +437,10 @@ def _held_states(
             # None is left if a tilt swings between two ends of what is nearly open.
             if not kept.any() and friction[j] > 0.0:
                 kept[follows] = True
-            points[j] = points[j][kept]
+            points[j], loads[j] = points[j][kept], loads[j][kept]
             now = now.subset(kept)
         found.append(now)
-    return points, found
+    return points, found, loads
 
 
 def _rubbing(contacts: Pressed, rubs: np.ndarray) -> np.ndarray:
@@ -506,7 +514,21 @@ def _directions(count: int, random: np.random.Generator) -> np.ndarray:
     return np.asarray(chosen)
 
 
-def compliance_shift(joint: Clearance, contacts: Pressed) -> np.ndarray:
+def deflected(
+    joint: Clearance, loads: np.ndarray, points: np.ndarray, contacts: Pressed | None
+) -> np.ndarray:
+    """Where journals at the ends of their play, (m, 6), are when what holds them deflects.
+
+    In a rolling bearing several elements share a load by how they give way, so that forces of rigid
+    ones say nothing about a lean: its own law finds the place.
+    """
+    if isinstance(joint, RollingBearing):
+        side = -1.0 if joint.exchanged else 1.0
+        return side * joint.rests(side * loads)[0]
+    return points if contacts is None else points + _compliance_shift(joint, contacts)
+
+
+def _compliance_shift(joint: Clearance, contacts: Pressed) -> np.ndarray:
     """Displacements of journals by the deflection of their contacts, (m, 6)."""
     deep = np.zeros_like(contacts.force)
     for k, contact in enumerate(contacts.contact):

@@ -82,6 +82,10 @@ def closest(word: Any, choices: Iterable[str], likeness: float = 0.6) -> str:
     return f'did you mean "{plain_words[near[0]]}"? ' if near else ""
 
 
+class MissingKey(JointplayError):
+    """A table lacks a key; those that it has are as they should be."""
+
+
 class MissingName(JointplayError):
     """A name that does not exist; the message names the nearest, and lists those that do."""
 

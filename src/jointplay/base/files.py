@@ -9,6 +9,7 @@ import csv
 import errno
 import io
 import os
+import re
 import shutil
 import stat
 import tempfile
@@ -42,6 +43,9 @@ MARK = ".jointplay-owner"
 """Name of the file in a temporary folder of ours that says of which machine it is; its owner holds
 a lock on it, which ends with the owner."""
 
+ENDING_S = 1.0
+"""How long a folder's lock is waited for [s]: workers of a killed command hold it until they end."""
+
 LEFT_S = 86400.0
 """Temporary folders whose owner is dead are deleted when they are older [s]."""
 
@@ -53,6 +57,9 @@ MOST_TEXT = 256_000_000
 
 _HDF5 = b"\x89HDF"
 """How results begin."""
+
+_LONGEST_NAME = 100
+"""Bytes of a file's name that are taken of a label."""
 
 PICTURES = {"png": "Software", "pdf": "Creator", "svg": "Creator"}
 """Formats of pictures, each with the entry of its metadata that names the program."""
@@ -380,6 +387,22 @@ def shipped_table(module: str, name: str) -> dict[str, Any]:
         return tomllib.load(file)
 
 
+def names_for(labels: Iterable[str], ending: str) -> list[str]:
+    """A file's name for each label: itself, but for what some file system does not take.
+
+    None names a folder or another one's file, whatever the labels are.
+    """
+    names: list[str] = []
+    for label in labels:
+        stem = re.sub(r"[^\w.+-]+", "_", label).strip("._") or "unnamed"
+        stem = stem.encode()[:_LONGEST_NAME].decode(errors="ignore")
+        name, number = f"{stem}{ending}", 2
+        while name.lower() in (other.lower() for other in names):
+            name, number = f"{stem}_{number}{ending}", number + 1
+        names.append(name)
+    return names
+
+
 def check_new(path: str | Path) -> Path:
     """Refuse a file that cannot be written anew, before any work is done.
 
@@ -437,13 +460,18 @@ def _lock(folder: Path) -> None:
     with ExitStack() as stack:
         descriptor = locks.opened(folder)
         stack.callback(os.close, descriptor)
-        try:
-            locks.lock(descriptor)
-        except BlockingIOError:
-            other = f"another process is writing to {str(folder)!r}; choose another folder"
-            raise JointplayError(other) from None
-        except OSError:  # a file system that locks no folders
-            return
+        until = time.monotonic() + ENDING_S
+        while True:
+            try:
+                locks.lock(descriptor)
+                break
+            except BlockingIOError:
+                if time.monotonic() > until:
+                    other = f"another process is writing to {str(folder)!r}; choose another folder"
+                    raise JointplayError(other) from None
+                time.sleep(0.02)
+            except OSError:  # a file system that locks no folders
+                return
         stack.pop_all()
         _claimed[place] = descriptor
 

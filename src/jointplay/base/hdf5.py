@@ -6,34 +6,22 @@ to do that. So another process reads all of it first. What is stored otherwise t
 refused before a number is read, by a process that at that time cannot open any file; what crashes,
 fills the memory or never ends does so there.
 
-This file is also the program of that process, which must start quickly: it imports nothing of
-jointplay.
+The process runs `serve`; it must start quickly, and so imports nothing else of jointplay.
 """
 
 import codecs
 import math
 import os
-import signal
-import subprocess
-import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-try:
-    import resource
-except ImportError:  # Windows: the parent's time limit holds alone
-    resource = None  # type: ignore[assignment]
+from jointplay.base import confined
+from jointplay.base.errors import damaged
 
 TIME_S = 60.0
 """Longest processor time that reading a file may take, and 1 s for each megabyte [s]."""
-
-WAITS = 20.0
-"""Longest time on the clock, as a multiple: a busy machine is no reason to refuse a file."""
-
-MEMORY_SHARE = 0.8
-"""Part of this machine's memory that a file may fill."""
 
 _FILTERS = {1: "deflate", 2: "shuffle", 3: "fletcher32"}
 """What the numbers of a file may have gone through."""
@@ -58,63 +46,30 @@ def examined(path: Path) -> Iterator[None]:
     Raises:
         JointplayError: the file is damaged, or has what no result has; the message says which.
     """
-    from jointplay.base.errors import JointplayError, damaged
-
     allowed = TIME_S + path.stat().st_size / 1e6
-    command = [sys.executable, "-P", __file__, str(path.absolute())]
-    command += [str(math.ceil(allowed)), str(MEMORY_SHARE * memory())]
-    try:
-        process = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
-        )
-    except OSError as error:
-        reason = error.strerror or error
-        raise JointplayError(
-            f"{str(path)!r} is not read, because the process that would check it cannot be "
-            f"started: {reason}"
-        ) from None
-    too_long = f"reading it did not end within {allowed:.0f} s of processor time"
-    try:
+    room = confined.MEMORY_SHARE * confined.memory()
+    with confined.process(__name__, path, allowed, room) as process:
         yield
-        output, _ = process.communicate(timeout=WAITS * allowed)
-    except subprocess.TimeoutExpired:
-        waited = f"reading it did not end within {WAITS * allowed:.0f} s"
-        raise damaged(path, "result", waited) from None
-    finally:
-        process.kill()
-        process.communicate()
-    if hasattr(signal, "SIGXCPU") and process.returncode == -signal.SIGXCPU:
-        raise damaged(path, "result", too_long)
+        output, _ = process.communicate()
+    if process.returncode == _REFUSED:
+        raise damaged(path, "result", output.decode("utf-8", "replace"))
     if process.returncode:
-        crashed = f"a process that read it crashed ({process.returncode})"
-        refused = process.returncode == _REFUSED
-        raise damaged(path, "result", output.decode("utf-8", "replace") if refused else crashed)
-
-
-def memory() -> float:
-    """Memory of this machine [bytes]; infinite if it does not tell."""
-    try:
-        return float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
-    except (AttributeError, OSError, ValueError):
-        return math.inf
+        raise damaged(path, "result", f"reading it {confined.ended(process, allowed)}")
 
 
 class _Refused(Exception):
     """A file has what no result has."""
 
 
-def _main(path: str, allowed: str, room: str) -> None:
+def serve(path: str) -> None:
     """Look at a file: ends with 0, or with `_REFUSED` and the reason on standard output."""
-    if resource:
-        resource.setrlimit(resource.RLIMIT_CPU, (int(allowed), int(allowed) + 5))
-        signal.alarm(int(WAITS * int(allowed)) + 5)  # should the parent be no more
     import h5netcdf
     import h5py
 
     codecs.lookup("ascii")  # which h5py would open a file for
     try:
         with h5py.File(path, "r") as file:
-            with _confined(float(room)):
+            with confined.closed():
                 _check(h5py, file)
             with h5netcdf.File(file, "r") as opened:
                 _read(opened)
@@ -122,23 +77,6 @@ def _main(path: str, allowed: str, room: str) -> None:
         print(" ".join(str(error).split()) or type(error).__name__, flush=True)
         os._exit(_REFUSED)
     os._exit(0)
-
-
-@contextmanager
-def _confined(room: float) -> Iterator[None]:
-    """Have this process take no more memory than there is; in the block it can open nothing."""
-    if not resource:
-        yield
-        return
-    if math.isfinite(room):
-        with suppress(ValueError, OSError):  # a system that keeps no such limit
-            resource.setrlimit(resource.RLIMIT_AS, (int(room), int(room)))
-    before = resource.getrlimit(resource.RLIMIT_NOFILE)
-    resource.setrlimit(resource.RLIMIT_NOFILE, (0, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_NOFILE, before)
 
 
 def _check(h5py: Any, file: Any) -> None:
@@ -200,7 +138,3 @@ def _read(opened: Any) -> None:
             rows = max(rows // variable.chunks[0], 1) * variable.chunks[0]
         for first in range(0, variable.shape[0], rows):
             _ = variable[first : first + rows]
-
-
-if __name__ == "__main__":
-    _main(*sys.argv[1:])

@@ -13,6 +13,7 @@ import hashlib
 import json
 import os
 import platform
+import stat
 import sys
 import time
 import warnings
@@ -24,7 +25,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from jointplay.base import locks
+from jointplay.base import locks, signals
 from jointplay.base.files import temporary
 
 FOLDER = "objects"
@@ -32,7 +33,8 @@ FOLDER = "objects"
 
 NO_PLACE = (
     "compiled code cannot be kept, so every start compiles anew (half a minute or more): neither "
-    "the package's folder nor the user's cache can be written to; name a folder in NUMBA_CACHE_DIR"
+    "the package's folder nor the user's cache can be written to by this user alone; name a folder "
+    "in NUMBA_CACHE_DIR"
 )
 """What a user without a place for compiled code is told."""
 
@@ -40,6 +42,12 @@ _PACKAGE = Path(__file__).parents[1]
 _HASH_BYTES = hashlib.sha256().digest_size
 _LOOK_S = 0.05
 """Between looks whether another process has compiled."""
+
+_TELLS_S = 60.0
+"""After which it is said that this one waits: twice what compiling usually takes."""
+
+_MOST_WAIT_S = 300.0
+"""Longest wait for another one: five times that. Objects are whole whoever writes them last."""
 
 
 @dataclass(frozen=True)
@@ -122,13 +130,25 @@ def folder() -> Path:
         places.append(Path(home) / "jointplay" / own)
     for place in places:
         with suppress(OSError):
-            place.mkdir(parents=True, exist_ok=True)
-            if os.access(place, os.W_OK):
+            place.mkdir(mode=0o700, parents=True, exist_ok=True)
+            if os.access(place, os.W_OK) and _ours(place.stat()):
                 return place
     warnings.warn(NO_PLACE, RuntimeWarning, stacklevel=2)
     made = temporary("objects")
     atexit.register(made.cleanup)
     return Path(made.name)
+
+
+def _ours(found: os.stat_result) -> bool:
+    """Whether nobody but this user, the system and the package's owner can have written it."""
+    if not hasattr(os, "geteuid"):  # Windows, where a user's folders are his own
+        return True
+    user = os.geteuid()
+    others = stat.S_IWOTH
+    if found.st_gid != user:  # else the group that many systems make for each user
+        others |= stat.S_IWGRP
+    owners = {user, 0, Path(__file__).stat().st_uid}
+    return found.st_uid in owners and not found.st_mode & others
 
 
 def _stem(function: str, kinds: str) -> str:
@@ -141,7 +161,7 @@ def find(function: str, kinds: str, fingerprint: str) -> Iterator[tuple[Head, by
     stem = _stem(function, kinds)
     places = dict.fromkeys((folder(), _PACKAGE / FOLDER))
     labels = [here().label, *(target.label for target in RELEASED)]
-    for place, label in product(places, labels):
+    for place, label in product(filter(_safe, places), labels):
         found = _read(place / f"{stem}.{label}.o")
         if found is not None:
             head = found[0]
@@ -159,9 +179,19 @@ def loaded(function: str, kinds: str, fingerprint: str) -> tuple[int, str] | Non
     return None
 
 
+def _safe(place: Path) -> bool:
+    try:
+        return _ours(place.stat())
+    except OSError:
+        return False
+
+
 def _read(path: Path) -> tuple[Head, bytes] | None:
     try:
-        content = path.read_bytes()
+        with path.open("rb") as file:
+            if not _ours(os.fstat(file.fileno())):
+                return None
+            content = file.read()
     except OSError:
         return None
     body, seal = content[:-_HASH_BYTES], content[-_HASH_BYTES:]
@@ -181,7 +211,9 @@ def keep(head: Head, code: bytes, label: str) -> Path:
     path = folder() / f"{_stem(head.function, head.kinds)}.{label}.o"
     part = path.with_suffix(f".{os.getpid()}.part")
     try:
-        part.write_bytes(body + hashlib.sha256(body).digest())
+        part.unlink(missing_ok=True)
+        with open(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644), "wb") as file:
+            file.write(body + hashlib.sha256(body).digest())
         part.replace(path)
     except OSError:  # a full disk: it is compiled again next time
         part.unlink(missing_ok=True)
@@ -202,22 +234,33 @@ def flat(signature: str) -> list[str]:
 
 @contextmanager
 def alone() -> Iterator[None]:
-    """Have one process compile at a time: the others find what it made."""
+    """Have one process compile at a time: the others find what it made.
+
+    They wait `_MOST_WAIT_S` at most: one that was stopped holds the lock for ever.
+    """
     try:
         descriptor = locks.opened(folder())
     except OSError:
         yield
         return
+    began, told = time.monotonic(), False
     try:
-        while True:
+        while (waited := time.monotonic() - began) < _MOST_WAIT_S:
             try:
                 locks.lock(descriptor)
             except BlockingIOError:
+                if waited > _TELLS_S and not told:
+                    signals.say(
+                        f"waiting for another process, which compiles for {str(folder())!r}"
+                    )
+                    told = True
                 time.sleep(_LOOK_S)
                 continue
             except OSError:  # a file system without locks
                 pass
             break
+        else:
+            signals.say("the other process does not end: compiling without waiting for it")
         yield
     finally:
         os.close(descriptor)

@@ -44,6 +44,7 @@ import numpy as np
 
 from jointplay.base.errors import (
     JointplayError,
+    MissingKey,
     MissingName,
     Where,
     closest,
@@ -541,7 +542,7 @@ def _table(kind: type, data: Any, word: tuple[str, str] | None, preset: Mapping[
                 values[name] = _field(fields[name], data[name])
     for name, field in fields.items():
         if field.required and name not in data:
-            raise JointplayError(f"the key {name} is missing")
+            raise MissingKey(f"the key {name} is missing")
     return Draft(kind, word[1] if word else None, values)
 
 

@@ -20,6 +20,7 @@ import numpy as np
 from jointplay.accuracy.compensation import Compensation
 from jointplay.accuracy.compensator import STILL
 from jointplay.base.errors import JointplayError
+from jointplay.base.files import names_for
 
 LINES = 65
 """Lines of a table; LinuxCNC takes at most 256 a joint."""
@@ -72,16 +73,17 @@ def _linuxcnc(compensation: Compensation) -> dict[str, str]:
     motion = compensation.simulation.motion
     assert motion is not None
     position, speed, _ = motion(compensation.times)
-    files = {}
-    for name, slides, _ in _crossing(compensation):
+    found, crossing = {}, _crossing(compensation)
+    files = names_for([name for name, *_ in crossing], ".comp")
+    for (name, slides, _), file in zip(crossing, files, strict=True):
         k = motion.joints.index(name)
         q, v, shift = position[:, k], speed[:, k], compensation.shift[:, k]
         nominal = np.linspace(q.min(), q.max(), LINES)
         ways = [_at(nominal, q[sign * v > STILL], shift[sign * v > STILL]) for sign in (1, -1)]
         rows = np.column_stack([nominal, *(nominal - way for way in ways)])
         lines = [" ".join(f"{_in_unit(x, slides):.6f}" for x in row) for row in rows]
-        files[f"{name}.comp"] = "\n".join(lines) + "\n"
-    return files
+        found[file] = "\n".join(lines) + "\n"
+    return found
 
 
 def _at(places: np.ndarray, q: np.ndarray, shift: np.ndarray) -> np.ndarray:

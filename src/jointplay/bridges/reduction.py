@@ -361,7 +361,7 @@ def _full_run(
     begin = {name: pose.get(name, 0.0) for name in names}
     positions = np.tile(list(begin.values()), (len(times), 1))
     positions[:, names.index(joint)] += amplitude * np.array([0.0, 1.0, -1.0, 1.0, -1.0, 0.0])
-    motion = Motion(names, times, positions)
+    motion = Motion(names, times, positions, "rest-to-rest")
     step = 1e-5
     if mechanism.clearance:
         step = fitting_step(mechanism, mechanism.configuration(begin))

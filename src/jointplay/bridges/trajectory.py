@@ -15,11 +15,10 @@ import numpy as np
 from jointplay import bridges
 from jointplay.base.errors import JointplayError
 from jointplay.base.imports import extra
-from jointplay.base.tables import Column, Table
 from jointplay.model.free_base import BASE, FREE
 from jointplay.physics.joints import MOTOR, Coordinate, class_of
 from jointplay.simulation.analysis.twins import inputs
-from jointplay.simulation.motion.reference import Motion
+from jointplay.simulation.motion.reference import Motion, motion_csv
 from jointplay.simulation.result.result import Result
 from jointplay.simulation.result.stored import stored_coordinates
 
@@ -117,9 +116,7 @@ def content(motion: Trajectory, suffix: str, progress: bool = False) -> bytes:
         JointplayError: a library of the extra ``ros`` is missing.
     """
     if suffix == ".csv":
-        named = zip(motion.joints, motion.position.T, strict=True)
-        columns = (Column(joint, values, key=joint) for joint, values in named)
-        return Table([Column("time", motion.time, "s"), *columns]).csv(None).encode()
+        return motion_csv(motion.joints, motion.time, motion.position, "spline").encode()
     with extra("ros", "PyYAML"):
         import yaml
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)

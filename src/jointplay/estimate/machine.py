@@ -317,20 +317,33 @@ def _origin(one: Estimate, source: str) -> Origin:
     key = f"{one.joint}.{key}"
     if not one.identified:
         why = f"of the scenario; {source} cannot tell: {one.reason}"
-        return Origin(key, unknown.shown(unknown.nominal), "assumed", why)
+        return Origin(key=key, value=unknown.shown(unknown.nominal), origin="assumed", source=why)
     value, ends = one.value if one.found else one.upper, one.interval
     if not one.found:
         ends = 0.0, one.upper
     if math.isinf(ends[1]):
-        return Origin(key, unknown.shown(value), "measured", f"{one.span}; {source}")
+        return Origin(
+            key=key, value=unknown.shown(value), origin="measured", source=f"{one.span}; {source}"
+        )
     if key.endswith("stiffness"):
         if min(value, *ends) <= 0.0:
-            return Origin(key, unknown.shown(value), "measured", f"its compliance; {source}")
+            return Origin(
+                key=key,
+                value=unknown.shown(value),
+                origin="measured",
+                source=f"its compliance; {source}",
+            )
         value, ends = 1.0 / value, (1.0 / ends[1], 1.0 / ends[0])
         unknown = replace(unknown, unit="N/m" if unknown.unit == "m/N" else "N*m/rad", fine=False)
     low, high = map(unknown.shown, ends)
     why = f"95 % interval {low} to {high}; {source}"
-    return Origin(key, unknown.shown(value), "measured", why, tuple(map(float, ends)))
+    return Origin(
+        key=key,
+        value=unknown.shown(value),
+        origin="measured",
+        source=why,
+        interval=tuple(map(float, ends)),
+    )
 
 
 def at_ends(

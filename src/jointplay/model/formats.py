@@ -55,8 +55,14 @@ def urdf_text(source: Source, arguments: Mapping[str, xacro.Value]) -> str:
     """
     path, usual = source
     text = read_text(path, "robot")
-    if xacro.is_xacro(text, path):
+    used = xacro.uses_xacro(text)
+    if path.suffix.lower() == xacro.SUFFIX or (used and (arguments or usual)):
         text = xacro.expand(text, path, arguments, usual)
+    elif used:
+        raise JointplayError(
+            f"{str(path)!r} is written in xacro, which is expanded only if it is asked for: name "
+            f"it {xacro.SUFFIX}, or give it an argument"
+        )
     elif arguments:
         name = next(iter(arguments))
         raise JointplayError(f"{str(path)!r} is no xacro: it takes no argument {name!r}")

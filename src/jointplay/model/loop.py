@@ -8,6 +8,7 @@ Pinocchio enforces.
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
@@ -37,8 +38,18 @@ _NEWTON_STEPS, _NEWTON_REACH, _NEWTON_CHANGE = 30, 0.3, 1e-12
 SINGULAR = 1e-9
 """Part of the largest singular value that is none."""
 
+NO_SPEED = 1e-9
+"""Part of the fastest coordinate's speed that is none: rounding."""
+
 _CONTINUATION_STEP, _CONTINUATION_REACH = 0.1, 0.5
 """Steps in which given positions are approached, and by how much others may move in one [rad or m].
+"""
+
+GUESS = 0.05
+"""By how much positions that were given may be corrected where loops determine them; on an arm of
+`ANGLE_ARM_M` for sliders [rad].
+
+Printed values are rounded, and read off drawings to some degrees; other branches are farther.
 """
 
 _YAW = RELATIVE.index("yaw")
@@ -147,6 +158,7 @@ def assemble(
     q: np.ndarray,
     held: Sequence[int],
     offsets: dict[str, np.ndarray] | None = None,
+    guessed: Sequence[int] = (),
 ) -> np.ndarray:
     """Configuration (nq,) near q in which all loops are closed; q itself without loops.
 
@@ -154,7 +166,8 @@ def assemble(
     the loops follow: far from it, loops close in several ways. Journals stay where they are in
     their bearings, or at `offsets` (by loop, (3,) [m]), and only turn with them; if the loops
     cannot be closed like this, journals of the tree move too, as far as their clearance lets them,
-    and those that close a loop lie where the positions given for the others put them.
+    and those that close a loop lie where the positions given for the others put them. If that does
+    not do, those of `held` that are `guessed` are corrected by at most `GUESS`, with a warning.
 
     Raises:
         JointplayError: the loops cannot be closed; the message has the gap that remains, and
@@ -170,8 +183,7 @@ def assemble(
         if _fit(mechanism, moved):
             best = moved
         elif not _fit(mechanism, best):
-            loop, message = _blame(mechanism, q, best, held)
-            raise JointplayError(message, where=("loops", loop))
+            best = _corrected(mechanism, q, best, held, guessed)
     for name in mechanism.gears:
         if mechanism.motor(name) not in held:  # unstrained
             best[mechanism.motor(name)] = best[mechanism.coordinate(name)]
@@ -343,22 +355,52 @@ def _fit(mechanism: Mechanism, q: np.ndarray) -> bool:
     return True
 
 
-def _blame(
-    mechanism: Mechanism, q: np.ndarray, best: np.ndarray, held: Sequence[int]
-) -> tuple[str, str]:
-    """The loop that stays open the most, and what to say of it."""
+def _corrected(
+    mechanism: Mechanism,
+    q: np.ndarray,
+    best: np.ndarray,
+    held: Sequence[int],
+    guessed: Sequence[int],
+) -> np.ndarray:
+    """q with loops closed by changing what was `guessed`, too; `best` is as far as `held` allows.
+
+    Refused, with the loop that stays open the most, where that does not close them or goes too far.
+    """
     gaps = {name: float(np.abs(part).max()) for name, part in misfit(mechanism, best).items()}
     worst = max(gaps, key=lambda name: gaps[name])
     what = f"the mechanism cannot be assembled: loop {worst!r} stays open by {gaps[worst]:.4g} m; "
-    freed = closest(mechanism, q, _free(mechanism, (), journals=False), {})
-    given = [name for name in mechanism.joints if mechanism.coordinate(name) in held]
-    if given and _gap(mechanism, freed, {}) <= ASSEMBLY_TOLERANCE_M:
-        near = ", ".join(f"{name} = {freed[mechanism.coordinate(name)]:.6g}" for name in given)
-        return worst, (
-            f"{what}the positions given for {', '.join(given)} contradict each other: it closes at "
-            f"{near} [rad or m]; give fewer of them, or these"
+    facts = [i for i in held if i not in guessed]
+    own = {name: mechanism.coordinate(name) for name in mechanism.joints}
+    own = {name: i for name, i in own.items() if i in held}
+    for kept in (facts, []) if guessed else ([],):
+        freed = closest(mechanism, q, _free(mechanism, kept, journals=False), {})
+        if not own or _gap(mechanism, freed, {}) > ASSEMBLY_TOLERANCE_M:
+            continue
+        moved = {name: i for name, i in own.items() if freed[i] != q[i]}
+        reach = {
+            name: GUESS * (ANGLE_ARM_M if mechanism.description.joints[name].slides else 1.0)
+            for name in moved
+        }
+        if facts is kept and all(abs(freed[i] - q[i]) <= reach[n] for n, i in moved.items()):
+            told = ", ".join(f"{name} {q[i]:.8g} to {freed[i]:.8g}" for name, i in moved.items())
+            warnings.warn(
+                f"start corrected, for loops determine it: {told} [rad or m]",
+                RuntimeWarning,
+                stacklevel=2,
+            )
+            for name in moved.keys() & mechanism.gears.keys():
+                freed[mechanism.motor(name)] += freed[moved[name]] - q[moved[name]]
+            return freed
+        near = ", ".join(f"{name} = {freed[i]:.6g}" for name, i in own.items())
+        raise JointplayError(
+            f"{what}the positions given for {', '.join(own)} contradict each other: it closes at "
+            f"{near} [rad or m]; give fewer of them, or these",
+            where=("loops", worst),
         )
-    return worst, f"{what}check lengths and frames, or start from other joint positions"
+    raise JointplayError(
+        f"{what}check lengths and frames, or start from other joint positions",
+        where=("loops", worst),
+    )
 
 
 def closing_rows(
@@ -382,8 +424,9 @@ def consistent_velocity(
 ) -> np.ndarray:
     """Velocity nearest to v with which all loops stay closed, journals resting in their bearings.
 
-    Where speeds are given (`held`) for so many coordinates that a journal cannot rest, it flies:
-    its bearing holds it by contact only. Those `led` (None: all) follow a reference.
+    What that leaves open, as where journals lean or speeds are given (`held`) for too many
+    coordinates, journals make up for, moving as little as can be: bearings hold them by contact
+    only. Those `led` (None: all) follow a reference.
 
     Raises:
         JointplayError: the given speeds would tear apart a loop without clearance, or references
@@ -391,23 +434,27 @@ def consistent_velocity(
     """
     if not mechanism.loops:
         return v.copy()
-    limit = 1e-9 * max(1.0, float(np.abs(v).max(initial=0.0)))
+    mass = mechanism.mass_matrix(q)
+    limit = NO_SPEED * max(1.0, float(np.abs(v).max(initial=0.0)))
 
-    def moving(rows: np.ndarray, given: Sequence[int], journals: bool) -> tuple[np.ndarray, float]:
+    def moving(rows: np.ndarray, given: Sequence[int]) -> tuple[np.ndarray, float]:
         """The velocity, and the largest that `rows` still forbid."""
-        moved = _moving(mechanism, v, rows, _free(mechanism, given, journals))
+        resting = _nearest(mass, v, rows, _free(mechanism, given, journals=False))
+        moved = _nearest(mass, resting, rows, _free(mechanism, given, journals=True))
+        for name in mechanism.gears:
+            if mechanism.motor(name) not in given:
+                moved[mechanism.motor(name)] = moved[mechanism.coordinate(name)]
         return moved, float(np.abs(rows @ moved).max(initial=0.0))
 
     every = closing_rows(mechanism, q)
-    for journals in (False, True):
-        moved, left = moving(every, held, journals)
-        if left <= limit:
-            return moved
+    moved, left = moving(every, held)
+    if left <= limit:
+        return moved
     torn = f"the initial speeds would tear a loop apart at {left:.3g} m/s: "
-    if moving(every, held if led is None else led, True)[1] > limit:
+    if moving(every, held if led is None else led)[1] > limit:
         raise JointplayError(f"{torn}the driven joints cannot move like this in this configuration")
     ideal = set(mechanism.loops) - set(mechanism.clearance)
-    moved, left = moving(closing_rows(mechanism, q, ideal), held, True)
+    moved, left = moving(closing_rows(mechanism, q, ideal), held)
     if left > limit:
         given = [name for name in mechanism.joints if mechanism.coordinate(name) in held]
         raise JointplayError(
@@ -417,14 +464,20 @@ def consistent_velocity(
     return moved
 
 
-def _moving(mechanism: Mechanism, v: np.ndarray, rows: np.ndarray, free: np.ndarray) -> np.ndarray:
-    """v with its `free` coordinates changed as little as makes `rows` times it zero."""
+def _nearest(mass: np.ndarray, v: np.ndarray, rows: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """Velocity nearest to v by its kinetic energy, `free` coordinates changed, that `rows` allow.
+
+    If they allow none, one that they forbid the least. With M = L L^T of the free coordinates, the
+    change is L^-T y, its energy |y|^2 / 2. A norm of m/s and rad/s together would be none.
+    """
+    from scipy.linalg import solve_triangular  # takes long to import
+
     moved = v.copy()
     if len(free) and len(rows):
-        moved[free] -= np.linalg.lstsq(rows[:, free], rows @ v, rcond=1e-10)[0]
-    for name in mechanism.gears:
-        if mechanism.motor(name) in free:
-            moved[mechanism.motor(name)] = moved[mechanism.coordinate(name)]
+        root = np.linalg.cholesky(mass[np.ix_(free, free)])
+        scaled = solve_triangular(root, rows[:, free].T, lower=True).T
+        change = np.linalg.lstsq(scaled, -rows @ v, rcond=SINGULAR)[0]
+        moved[free] += solve_triangular(root, change, lower=True, trans="T")
     return moved
 
 

@@ -203,11 +203,9 @@ def shipped(name: str) -> Path:
     """
     require_a("name", name, "str")
     folder = _INSTALLED if _INSTALLED.is_dir() else _CHECKOUT
-    path = folder / name
-    if not path.is_file():
-        names = sorted(file.name for file in folder.glob("*") if file.is_file())
-        raise MissingName("shipped file", name, names)
-    return path
+    names = sorted(file.name for file in folder.glob("*") if file.is_file())
+    require_known("shipped file", name, names)
+    return folder / name
 
 
 BEYOND = "beyond_urdf"

@@ -1,47 +1,59 @@
 """xacro, ROS's macro language for robots: a file is expanded into a URDF by the library `xacro`.
 
-Its expressions have no access to Python's own functions, but a file may read other files and the
-environment, and name packages (`packages.find`). What the URDF says of folders here is said as
-``package://NAME/...``, or relative to the file, so that it means the same elsewhere.
+That is done by a process of its own (`model.xacro_expansion`), which reads what is given to it
+here: files of the robot's own folder and package, and of packages that it names (`packages.find`).
+What the URDF says of folders here is said as ``package://NAME/...``, or relative to the file, so
+that it means the same elsewhere.
 """
 
 from __future__ import annotations
 
-import io
+import glob
+import json
+import os
 import re
-import threading
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from collections.abc import Mapping
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from jointplay.base import confined
 from jointplay.base.errors import JointplayError, MissingName
+from jointplay.base.files import read_text
 from jointplay.base.imports import extra
-from jointplay.base.tables import few
 from jointplay.model import packages
 
 Value = str | bool | int | float
 """Of an argument; text is taken as it is, as if typed."""
 NAMESPACE = "xmlns:xacro"
+SUFFIX = ".xacro"
+"""Of files that are expanded; of others those only that are given an argument."""
+
+TIME_S = 10.0
+"""Longest processor time that expanding a robot may take [s]; large ones take 1 s."""
+
+ROOM = 1e9
+"""Memory that it may take [bytes]; large ones take a tenth."""
+
 _USED = re.compile(r"<xacro:(?:arg|include|property|macro|if|unless)\b|\$\{|\$\(")
-_MACRO = re.compile(r"<xacro:macro\b[^>]*\bname\s*=\s*[\"']([^\"']+)")
-_lock = threading.Lock()  # the library keeps what it does in global variables
 _Key = tuple[Path, tuple[tuple[str, str], ...], tuple[Path, ...]]
 _expanded: dict[_Key, tuple[dict[Path, tuple[int, int]], str]] = {}
 """Files that were read for it, with their times and sizes, and the URDF that was made."""
 _MOST_EXPANDED = 32
 
 
-def is_xacro(text: str, path: Path) -> bool:
-    """Whether a file must be expanded: many a URDF declares xacro in vain, or has a call left."""
-    if path.suffix.lower() == ".xacro":
-        return True
+def uses_xacro(text: str) -> bool:
+    """Whether a URDF uses it: many a one declares xacro in vain, or has a call left."""
     return NAMESPACE in text and bool(_USED.search(without_comments(text)))
 
 
 def without_comments(text: str) -> str:
     """XML without its comments."""
-    return re.sub("<!--.*?-->", "", text, flags=re.DOTALL)
+    kept, end = [], 0
+    while (start := text.find("<!--", end)) >= 0 and (close := text.find("-->", start)) >= 0:
+        kept.append(text[end:start])
+        end = close + 3
+    return "".join([*kept, text[end:]])
 
 
 def expand(text: str, path: Path, arguments: Mapping[str, Value], usual: Mapping[str, str]) -> str:
@@ -59,17 +71,16 @@ def expand(text: str, path: Path, arguments: Mapping[str, Value], usual: Mapping
     given = {name: as_text(value) for name, value in arguments.items()}
     path = path.absolute()
     key = path, tuple(({**usual, **given}).items()), tuple(packages.search_path(path))
-    with _lock:
-        stamps, made = _expanded.get(key, ({}, ""))
-        if not stamps or stamps != {file: _stamp(file) for file in stamps}:
-            asked = _Arguments({**usual, **given})
-            files, made = _expand(text, path, asked)
-            for name in given:
-                if name not in asked.asked:
-                    raise MissingName(f"xacro argument of {path.name}:", name, sorted(asked.asked))
-            while len(_expanded) >= _MOST_EXPANDED:
-                del _expanded[next(iter(_expanded))]
-            _expanded[key] = {file: _stamp(file) for file in files}, made
+    stamps, made = _expanded.get(key, ({}, ""))
+    if not stamps or stamps != {file: _stamp(file) for file in stamps}:
+        files = _Files(path)
+        made, asked = _expand(files, {**usual, **given})
+        for name in given:
+            if name not in asked:
+                raise MissingName(f"xacro argument of {path.name}:", name, asked)
+        while len(_expanded) >= _MOST_EXPANDED:
+            _expanded.pop(next(iter(_expanded)), None)
+        _expanded[key] = {file: _stamp(file) for file in files.read}, made
     return made
 
 
@@ -86,99 +97,106 @@ def _stamp(file: Path) -> tuple[int, int]:
     return status.st_mtime_ns, status.st_size
 
 
-class _Arguments(dict[str, str]):
-    """Arguments that remember which were asked for, and which of these was missing."""
+class _Files:
+    """What a xacro may read: its own folder, and packages."""
 
-    def __init__(self, given: Mapping[str, str]) -> None:
-        super().__init__(given)
-        self.asked: set[str] = set()
-        self.missing = ""
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.read = {path}
+        self.found: dict[str, Path] = {}
+        """Folders of packages, by name."""
+        real = path.resolve()
+        self._roots = {path.parent.resolve(), real.parent}
+        home = next((one for one in real.parents[: packages.ABOVE] if _package(one)), None)
+        if home is not None:
+            self._roots.add(home)
 
-    def __contains__(self, name: object) -> bool:
-        self.asked.add(str(name))
-        return super().__contains__(name)
+    def give(self, what: str, subject: str) -> Any:
+        """An answer to what the other process asks: text of a file, names of files, a folder.
 
-    def __getitem__(self, name: str) -> str:
-        self.asked.add(name)
-        return super().__getitem__(name)
+        Raises:
+            JointplayError: it may not have that.
+            OSError: there is no such file.
+        """
+        if what == "find":
+            return str(self._find(subject))
+        path = Path(os.path.normpath(self.path.parent / subject))
+        if what == "match":
+            fixed, *_ = re.split(r"[*?[]", subject, maxsplit=1)
+            self._require(Path(fixed if fixed.endswith(os.sep) else os.path.dirname(fixed)))
+            return [one for one in sorted(glob.glob(subject)) if self._has(Path(one))]
+        self._require(path)
+        self.read.add(Path(subject))
+        path.stat()
+        return read_text(path, "file")
 
-    def __missing__(self, name: str) -> str:
-        self.missing = name
-        raise KeyError(name)
+    def _has(self, path: Path) -> bool:
+        real = path.resolve()
+        return any(real.is_relative_to(root) for root in self._roots)
 
+    def _require(self, path: Path) -> None:
+        if not self._has(path):
+            raise JointplayError(
+                f"{str(path)!r} is neither in the robot's folder or package nor in a package that "
+                "it names; what makes a folder a package is a package.xml"
+            )
 
-def _expand(text: str, path: Path, arguments: _Arguments) -> tuple[set[Path], str]:
-    """Files that were read, and the URDF."""
-    with extra("xacro", "xacro"):
-        import xacro
-    found: dict[str, Path] = {}
-    xacro.all_includes.clear()
-    quiet = io.StringIO()  # it warns of what is old, not of what is wrong
-    try:
-        with _finding(path, found), redirect_stdout(quiet), redirect_stderr(quiet):
-            root = xacro.process_file(str(path), mappings=arguments).documentElement
-    except Exception as error:  # noqa: BLE001 - expressions in files raise anything
-        raise JointplayError(_fault(error, path, arguments, xacro)) from None
-    if root.tagName == "robot" and not root.getElementsByTagName("link"):
-        macros = ", ".join(_MACRO.findall(text))
-        hint = f": it only defines {macros}; give the file that uses it" if macros else ""
-        raise JointplayError(f"xacro {str(path)!r} makes no link{hint}")
-    files = {path, *(Path(name).absolute() for name in xacro.all_includes)}
-    return files, _portable(root.toxml(), path.parent, found)
-
-
-@contextmanager
-def _finding(path: Path, found: dict[str, Path]) -> Iterator[None]:
-    """Have the library find packages as `packages.find` does, which writes them into `found`."""
-    from xacro import substitution_args
-
-    def find(name: str) -> str:
-        folder = packages.find(name, path)
+    def _find(self, name: str) -> Path:
+        folder = packages.find(name, self.path)
         if folder is None:
-            above = path.resolve().parents[: packages.ABOVE]
+            above = self.path.resolve().parents[: packages.ABOVE]
             raise JointplayError(
                 f"no package {name!r} in the folders from {above[0]} up to {above[-1]}, nor in "
                 f"{' or '.join(packages.VARIABLES)}; put it beside the robot's package, or set "
                 "ROS_PACKAGE_PATH to the folder that has it"
             )
-        found[name] = folder
-        return str(folder)
+        self.found[name] = folder
+        self._roots |= _package(folder)
+        return folder
 
-    before = substitution_args._eval_find
-    substitution_args._eval_find = substitution_args._eval_dict["find"] = find
+
+def _package(folder: Path) -> set[Path]:
+    """Where a package is, with the place that an installation links to; none if it is none."""
+    described = folder / "package.xml"
+    real = described.resolve()
+    if not real.is_file() or real.name != described.name:
+        return set()
+    return {folder.resolve(), real.parent}
+
+
+def _expand(files: _Files, arguments: Mapping[str, str]) -> tuple[str, list[str]]:
+    """The URDF, and arguments that were asked for."""
+    with extra("xacro", "xacro"):
+        if find_spec("xacro") is None:
+            raise ImportError("it is not installed")
+    subject = f"xacro {str(files.path)!r}"
+    with confined.process("jointplay.model.xacro_expansion", files.path, TIME_S, ROOM) as process:
+        assert process.stdin
+        assert process.stdout
+        while line := process.stdout.readline():
+            told = json.loads(line)
+            if "fault" in told:
+                raise JointplayError(f"{subject}{told['fault']}")
+            if "text" in told:
+                return _portable(told["text"], files.path.parent, files.found), told["asked"]
+            answer = _answer(files, arguments, told["ask"], told["of"])
+            try:
+                process.stdin.write(json.dumps(answer).encode() + b"\n")
+                process.stdin.flush()
+            except BrokenPipeError:
+                break
+        raise JointplayError(f"{subject}: expanding it {confined.ended(process, TIME_S)}")
+
+
+def _answer(files: _Files, arguments: Mapping[str, str], what: str, subject: str) -> dict[str, Any]:
+    if what == "begin":
+        return {"gives": dict(arguments)}
     try:
-        yield
-    finally:
-        substitution_args._eval_find = substitution_args._eval_dict["find"] = before
-
-
-def _fault(error: Exception, path: Path, arguments: _Arguments, xacro: Any) -> str:
-    """What is wrong, and where: the file, the one that it includes, the macro."""
-    cause: Any = error
-    while isinstance(getattr(cause, "exc", None), Exception):
-        cause = cause.exc
-    name = arguments.missing
-    if name and cause.args == (name,):
-        words = f"argument {name!r} has no value: give it by --xacro {name}:=VALUE"
-        words += f", or robot.xacro.{name} in a scenario"
-    elif isinstance(cause, JointplayError | xacro.substitution_args.SubstitutionException):
-        words = str(cause)
-    elif isinstance(cause, OSError):
-        words = f"cannot read {str(cause.filename)!r}: {cause.strerror}"
-        if arguments:
-            words += (
-                f"; arguments are {few([f'{key}={value}' for key, value in arguments.items()])}"
-            )
-    elif isinstance(cause, RecursionError):
-        words = "macros call each other without end"
-    else:
-        words = str(error) or repr(error)
-    file = Path((xacro.filestack or [path])[-1] or path)
-    macros = [one.body.getAttribute("name") for one in xacro.macrostack or ()]
-    places = [f"file {str(file)!r}"] if file != path else []
-    places += [f"macro {macros[-1]!r}"] if macros else []
-    where = f" ({', '.join(places)})" if places else ""
-    return f"xacro {str(path)!r}{where}: {words}"
+        return {"gives": files.give(what, subject)}
+    except OSError as error:
+        return {"failed": [error.errno, error.strerror, subject]}
+    except (JointplayError, ValueError) as error:
+        return {"refused": str(error)}
 
 
 def _portable(text: str, folder: Path, found: Mapping[str, Path]) -> str:

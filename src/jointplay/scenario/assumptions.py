@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING, Any
 
 from jointplay.base.schema import fields_of
+from jointplay.base.tables import few
 from jointplay.base.units import readable
 from jointplay.physics.contact import LankaraniNikravesh
 from jointplay.physics.contact.law import FrictionLaw
@@ -23,7 +24,7 @@ _WHOLE = ("designation", "fit")
 
 
 def decisive(scenario: Scenario, simulations: Mapping[str, Simulation]) -> list[str]:
-    """Tool and why; sizes, restitution and friction of joints; what else was chosen: a line each.
+    """Tool and why; sizes, restitution and friction of joints; the motion; what else was chosen.
 
     What nobody gave is marked. Lines that hold for all cases come first, then each case's own.
 
@@ -35,13 +36,14 @@ def decisive(scenario: Scenario, simulations: Mapping[str, Simulation]) -> list[
         case: [
             *_robot(simulation.mechanism, tool_reason(scenario)),
             *_joints(simulation.mechanism, scenario.given(case)),
+            *_motion(simulation, scenario.given(case)),
         ]
         for case, simulation in simulations.items()
     }
     first = next(iter(every.values()), [])
     common = [line for line in first if all(line in lines for lines in every.values())]
     own = [
-        f"case {case}: {line}"
+        f"note: case {case}: {line[6:]}" if line.startswith("note: ") else f"case {case}: {line}"
         for case, lines in every.items()
         for line in lines
         if line not in common
@@ -146,6 +148,23 @@ def _joints(mechanism: Mechanism, given: Mapping[str, Any]) -> list[str]:
             alike.setdefault(", ".join(_parts(joint, tables.get(name, {}))), []).append(name)
     words = [f"{', '.join(names)}: {parts}" for parts, names in alike.items()]
     return ["; ".join(words)] if words else []
+
+
+def _motion(simulation: Simulation, given: Mapping[str, Any]) -> list[str]:
+    """How points are taken if nobody said, and speeds that a motion's ends take away."""
+    motion, table = simulation.motion, given.get("motion", {})
+    if motion is None or not {"file", "joints"} & set(table):
+        return []
+    lines = []
+    if "interpolation" not in table:
+        lines.append(f"motion: {motion.summary} (--interpolation selects)")
+    if cut := motion.cut_off(simulation.duration or motion.duration):
+        speeds = few([
+            f"{name} {readable(speed, f'{simulation.mechanism.description.joints[name].unit}/s')}"
+            for name, speed in cut.items()
+        ])  # fmt: skip
+        lines.append(f"note: the motion stands still beyond its points: lost there is {speeds}")
+    return lines
 
 
 def _parts(joint: Clearance, given: Mapping[str, Any]) -> list[str]:

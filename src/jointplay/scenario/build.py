@@ -47,7 +47,7 @@ from jointplay.simulation.loads.drive import (
 )
 from jointplay.simulation.motion.cartesian import cartesian_path
 from jointplay.simulation.motion.completion import complete_motion
-from jointplay.simulation.motion.reference import INTERPOLATIONS, Motion
+from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.result.settings import Integration, LimitSettings, RecordSettings
 from jointplay.simulation.simulation import Simulation
 
@@ -249,7 +249,6 @@ def _as_given(
     model: Model, table: Any, mechanism: Mechanism, folder: Path, start: dict[str, float]
 ) -> Motion:
     given = table.given()
-    interpolation = table.interpolation or INTERPOLATIONS[0]
     sources = [key for key in MOTION_SOURCES if key in given]
     if len(sources) != 1:
         got = " and ".join(sources) or "none"
@@ -281,7 +280,7 @@ def _as_given(
         columns.append([fit(mechanism, name, value, ANGLE, path) for value in values])
     with within("motion"):
         positions = np.array(columns).reshape(len(columns), len(table.times)).T
-        return Motion(list(given["joints"]), table.times, positions, interpolation)
+        return Motion(list(given["joints"]), table.times, positions, table.interpolation)
 
 
 def _from_file(path: Path, interpolation: str | None) -> Motion:
@@ -295,9 +294,9 @@ def _from_file(path: Path, interpolation: str | None) -> Motion:
 
 @lru_cache(maxsize=16)
 def _read(path: Path, interpolation: str | None, stamp: tuple[int, ...]) -> Motion:
-    if path.suffix.lower() == ".mcap":  # recorded, and dense
-        return Motion.from_mcap(path, interpolation=interpolation or "spline")
-    return Motion.from_csv(path, interpolation or INTERPOLATIONS[0])
+    if path.suffix.lower() == ".mcap":
+        return Motion.from_mcap(path, interpolation=interpolation)
+    return Motion.from_csv(path, interpolation)
 
 
 def _turning(model: Model, mechanism: Mechanism, start: dict[str, float]) -> Motion:

@@ -103,8 +103,8 @@ class MotionTable:
     speeds: dict[str, float] | None = quantity(*ANGULAR_SPEED, default=None)
     """Constant speed, by joint, from the position in [start]; needs a duration."""
     interpolation: str | None = choice("interpolation", INTERPOLATIONS, default=None)
-    """How joints move between waypoints; if not given, ``rest-to-rest``, or ``spline`` for a bag.
-    """
+    """How joints move between waypoints; if not given, what the file says, or by the points:
+    ``spline`` for samples, ``rest-to-rest`` for waypoints."""
     tool_position: list[Vector] | None = quantity("m", default=None)
     """Position of the frame at each time, in world axes; inverse kinematics finds the joints'."""
     tool_rpy: list[Vector] | None = quantity("rad", default=None)

@@ -1,17 +1,51 @@
-"""Where in a TOML file a key stands: errors name its line."""
+"""TOML files of users, and where in them a key stands: errors name its line."""
 
 from __future__ import annotations
 
 import json
 import re
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
+from jointplay.base.errors import JointplayError
+from jointplay.base.units import not_lost
+
+LONGEST = 5_000_000
+"""Most characters of a file."""
+DEEPEST = 50
+"""Most parts of a key."""
+_DEEP_KEY = re.compile(
+    r"(?<![\w\"'-])(?:[\w\"'-]+[ \t]*\.[ \t]*){%d}" % DEEPEST  # noqa: UP031
+)
 Key = tuple[str | int, ...]
 _TRIED = 30
 """Lines of a statement that is open at its end after which the rest is awaited."""
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
+
+
+def parsed(text: str, path: Path) -> dict[str, Any]:
+    """What a TOML file says.
+
+    Raises:
+        JointplayError: it is no TOML, or too much; the message has the file and the line.
+    """
+    if len(text) > LONGEST:
+        size, most = f"{len(text) / 1e6:.3g} MB", f"{LONGEST / 1e6:g} MB"
+        raise JointplayError(f"{path}: {size} of text; at most {most} are read")
+    deep = _DEEP_KEY.search(text)
+    if deep:
+        line = text.count("\n", 0, deep.start()) + 1
+        raise JointplayError(f"{path}, line {line}: a key has at most {DEEPEST} parts")
+    try:
+        return tomllib.loads(text, parse_float=not_lost)
+    except tomllib.TOMLDecodeError as error:
+        raise JointplayError(f"{path}{_syntax(str(error))}") from None
+    except RecursionError:
+        raise JointplayError(f"{path}: lists or tables are nested too deeply") from None
+    except ValueError as error:  # a whole number of too many digits
+        raise JointplayError(f"{path}: {error}") from None
 
 
 def dotted(path: Sequence[str | int]) -> str:
@@ -84,9 +118,31 @@ def _paths(parsed: Any) -> list[Key]:
     return [()] + [(key, *rest) for key, value in items for rest in _paths(value)]
 
 
-def line_of(known: dict[Key, int], path: Sequence[str | int]) -> int | None:
+def said_at(path: Path, known: Mapping[Key, int], place: Sequence[str | int]) -> str:
+    """File, line and key of what an error is about, as its message begins."""
+    line = line_of(known, place)
+    words = [str(path), *([] if line is None else [f"line {line}"])]
+    return ", ".join([*words, *([dotted(place)] if place else [])])
+
+
+def line_of(known: Mapping[Key, int], path: Sequence[str | int]) -> int | None:
     """Line of the key at `path`, or of the nearest table above it that the file has."""
     for size in range(len(path), 0, -1):
         if tuple(path[:size]) in known:
             return known[tuple(path[:size])]
     return None
+
+
+def _syntax(message: str) -> str:
+    """Tomllib's message, its place in front."""
+    parts = re.fullmatch(r"(.*) \(at (?:line (\d+), column (\d+)|end of document)\)", message)
+    if parts is None:
+        return f": {message}"
+    what, line, column = parts.groups()
+    place = f", line {line}, column {column}" if line else ", end of file"
+    twice = re.match(r"Cannot (?:declare \((.*?),?\) twice|overwrite a value)", what)
+    if twice:
+        names = re.findall(r"'([^']*)'|\"([^\"]*)\"", twice[1] or "")
+        key = dotted([a or b for a, b in names])
+        what = f"{key or 'a key'} is given twice; each may have one entry"
+    return f"{place}: {what}"

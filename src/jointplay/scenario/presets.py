@@ -15,29 +15,42 @@ measured on this robot, seen in a public source, estimated from one, or assumed.
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from jointplay.base.errors import JointplayError, MissingName, require_known
+from jointplay.accuracy.robot_errors import CLASSES
+from jointplay.base.errors import (
+    JointplayError,
+    MissingKey,
+    MissingName,
+    require_a,
+    require_known,
+    within,
+)
 from jointplay.base.files import read_text
-from jointplay.base.schema import one_of, quantity, read, shortest, unknown_key
+from jointplay.base.schema import check, choice, make, quantity, read, shortest
 from jointplay.model.gear import Gearing
 from jointplay.model.urdf import Description
 from jointplay.physics.joints import Clearance
 from jointplay.scenario.overrides import Setting, as_toml
+from jointplay.scenario.places import lines, parsed, said_at
+from jointplay.simulation.loads.drive import Drive, JointFriction
 
 if TYPE_CHECKING:
     from jointplay.model.mechanism import Mechanism
-    from jointplay.simulation.loads.drive import Drive
 
 __all__ = ["LEFT_OUT", "ORIGINS", "Origin", "Preset", "preset", "preset_of", "presets"]
 _TABLES = {"bearing": "joints", "gear": "gears", "drive": "drives", "friction": "joint_friction"}
 """Tables of a scenario by what a preset calls a joint's."""
-_PARTS = ("preset", "every", "joint", "origin")
+_KINDS: dict[str, Any] = {
+    "bearing": Clearance,
+    "gear": Gearing,
+    "drive": Drive,
+    "friction": JointFriction,
+}
 ORIGINS = ("measured", "seen", "estimated", "assumed")
 """What a number can be."""
 QUANTITIES = {
@@ -47,6 +60,8 @@ QUANTITIES = {
 }
 """What measurements call numbers of a joint; of bearings as the number is called."""
 _UNSAID = "what the file says"
+_BOTH = "a preset has either [every] or [joint]"
+_NONE = "no preset: tables such as [joint.elbow.gear] or [joint.elbow.bearing] are needed"
 LEFT_OUT = {
     "openarm": "Damiao's manuals of its motors state ratios of 9, 40 and 10, but no backlash",
     "dummy": "its strain-wave gears (ratios 50, 30, 30, 24, 30, 50) have no stated maker or size",
@@ -54,20 +69,66 @@ LEFT_OUT = {
 """Robots of which too little is public for a preset, and what there is."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
+class _Joint:
+    """Tables of a joint as a scenario has them; what they lack may be given elsewhere."""
+
+    bearing: Any = None
+    gear: Any = None
+    drive: Any = None
+    friction: Any = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Joints(_Joint):
+    """Tables of each of several joints."""
+
+    joints: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Head:
+    words: str = ""
+    known: str = _UNSAID
+    robots: tuple[str, ...] = ()
+    robot: str | None = None
+    errors: str = choice("class of errors", CLASSES, default="")
+
+
+@dataclass(frozen=True, kw_only=True)
 class Origin:
     """Where a number of a preset comes from."""
 
     key: str
+    """Of the number: ``gear.play``, or with the joint before it; or several, with commas."""
     value: str
-    origin: str
-    """One of `ORIGINS`."""
+    """As text, for readers."""
+    origin: str = choice("origin", ORIGINS)
+    """Whether it was measured on this robot, seen in a source, estimated from one, or assumed."""
     source: str
+    """Where it was seen, or from what estimated."""
     interval: tuple[float, ...] = quantity("", default=())
     """Ends of the 95 % interval of one that was measured on this robot [SI]."""
 
+    def __post_init__(self) -> None:
+        if self.interval and (len(self.interval) != 2 or self.interval[0] > self.interval[1]):
+            raise JointplayError(
+                f"interval must have a lower and an upper end, got {list(self.interval)}",
+                where=("interval",),
+            )
+
     def __str__(self) -> str:
         return f"{self.key} {self.value}: {self.origin}; {self.source}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class _File:
+    """What the file of a preset can say; see `Preset`."""
+
+    preset: _Head = _Head()
+    every: _Joints | None = None
+    joint: dict[str, _Joint] | list[_Joint] = field(default_factory=dict)
+    origin: list[Origin] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -161,16 +222,12 @@ class Preset:
 
     def lacks(self) -> list[str]:
         """What keeps it from being part of jointplay, a line each: numbers without origin, ..."""
-        from jointplay.accuracy.robot_errors import CLASSES
-        from jointplay.simulation.loads.drive import Drive, JointFriction
-
-        kinds = {"bearing": Clearance, "gear": Gearing, "drive": Drive, "friction": JointFriction}
         said = {key.strip() for one in self.origins for key in one.key.split(",")}
         lines, held = [], set()
         for whose, part, table in self._numbers():
             at = f"{whose}." if whose else ""
             try:
-                read(kinds[part], dict(table))
+                read(_KINDS[part], table)
             except JointplayError as error:
                 lines.append(f"{at}{part}: {error}")
             for key in table:
@@ -178,16 +235,14 @@ class Preset:
                 held |= names
                 if key != "kind" and not names & said:
                     lines.append(f'{at}{part}.{key} has no [[origin]] with key = "{part}.{key}"')
-        for one in self.origins:
-            if one.origin not in ORIGINS:
-                lines.append(f"{one.key}: {one_of('origin', one.origin, ORIGINS)}")
-            if not one.source.strip():
-                lines.append(
-                    f"{one.key}: source is empty: where was it seen, or from what estimated?"
-                )
+        lines += [
+            f"{one.key}: source is empty: where was it seen, or from what estimated?"
+            for one in self.origins
+            if not one.source.strip()
+        ]
         lines += [f'[[origin]]: no number has the key "{key}"' for key in sorted(said - held)]
-        if self.errors not in CLASSES:
-            lines.append(f"[preset]: {one_of('errors', self.errors, CLASSES)}")
+        if not self.errors:
+            lines.append(f"[preset]: errors is missing, one of {', '.join(CLASSES)}")
         if self.known == _UNSAID:
             lines.append("[preset]: known is missing: what is publicly known of the robot?")
         return lines
@@ -196,19 +251,19 @@ class Preset:
         """Tables of a scenario for a robot: ``joints``, ``gears``, ``drives``, by joint.
 
         Raises:
-            JointplayError: the robot has none of its joints.
+            JointplayError: the robot has not all of its joints.
         """
         able, holds = ("revolute", "continuous"), description.joints
         if self.every or self.named:
-            for name in self.named:
-                require_known("joint", name, holds, f"; preset {self.name!r} names it")
             tables_of = self.named or dict.fromkeys(self.every["joints"], self.every)
-            own = [(name, tables) for name, tables in tables_of.items() if name in holds]
-            if not own:
+            if tables_of.keys().isdisjoint(holds):
                 raise JointplayError(
                     f"preset {self.name!r} is for the joints {', '.join(tables_of)}, "
                     f"and {description.path.name} has none of them; its joints: {', '.join(holds)}"
                 )
+            for name in tables_of:
+                require_known("joint", name, holds, f"; preset {self.name!r} names it")
+            own = list(tables_of.items())
         else:
             turning = [name for name, one in holds.items() if one.kind in able]
             turning.sort(key=lambda name: len([*description.above(holds[name].parent)]))
@@ -252,8 +307,6 @@ class Preset:
 
     def drives(self, description: Description) -> dict[str, Drive]:
         """Drives that it knows, by joint; see `tables`."""
-        from jointplay.simulation.loads.drive import Drive
-
         tables = self.tables(description).get("drives", {})
         return {name: read(Drive, one) for name, one in tables.items()}
 
@@ -282,37 +335,54 @@ def _presets() -> dict[str, Preset]:
 
 def _read(path: Path, name: str) -> Preset:
     text = read_text(path, "preset")
+    data = parsed(text, path)
     try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise JointplayError(f"{path}: not a TOML file: {error}") from None
-    for key in data:
-        if key not in _PARTS:
-            raise JointplayError(f"{path}: {unknown_key(key, _PARTS, ' of a preset')}")
-    head, joint = data.get("preset", {}), data.get("joint", {})
-    if not isinstance(head, dict) or not (joint or data.get("every")):
-        raise JointplayError(
-            f"{path}: no preset: tables such as [joint.elbow.gear] or [joint.elbow.bearing] are "
-            "needed (docs/robots.md)"
-        )
-    named = joint if isinstance(joint, dict) else {}
-    for whose, tables in named.items():
-        for part in tables:
-            if part not in _TABLES:
-                words = unknown_key(part, _TABLES, f" of joint {whose!r}")
-                raise JointplayError(f"{path}: {words}")
+        said: _File = make(check(_File, data), objects=False)
+        for place, tables in _places(data):
+            for part in tables.keys() & _KINDS.keys():
+                with within(*place, part):
+                    try:
+                        check(_KINDS[part], tables[part])
+                    except MissingKey as error:
+                        if error.where:  # of a table within
+                            raise
+        if bool(said.every) == bool(said.joint):
+            raise JointplayError(
+                _NONE if not said.every else "either [every] or [joint] is possible"
+            )
+    except JointplayError as error:
+        raise JointplayError(f"{said_at(path, lines(text), error.where)}: {error}") from None
+    head, joint = said.preset, data.get("joint", {})
+    named = {whose: _whole(one) for whose, one in joint.items()} if isinstance(joint, dict) else {}
     return Preset(
         name,
-        head.get("words", path.name),
-        head.get("known", _UNSAID),
-        tuple(head.get("robots", ())),
-        head.get("robot"),
-        head.get("errors", ""),
-        tuple(read(Origin, one) for one in data.get("origin", ())),
-        data.get("every", {}),
-        () if named else tuple(joint),
+        head.words or path.name,
+        head.known,
+        head.robots,
+        head.robot,
+        head.errors,
+        tuple(said.origin),
+        _whole(data.get("every", {})),
+        () if named else tuple(map(_whole, joint)),
         named,
     )
+
+
+def _places(data: Mapping[str, Any]) -> Iterator[tuple[tuple[str | int, ...], Mapping[str, Any]]]:
+    """Where a file has tables of joints, and these."""
+    joint = data.get("joint", {})
+    for key, tables in joint.items() if isinstance(joint, dict) else enumerate(joint):
+        yield ("joint", key), tables
+    if "every" in data:
+        yield ("every",), data["every"]
+
+
+def _whole(tables: Mapping[str, Any]) -> dict[str, Any]:
+    """A joint's tables, a bare word as the table for which it stands."""
+    return {
+        part: {"kind": one} if part in _TABLES and isinstance(one, str) else one
+        for part, one in tables.items()
+    }
 
 
 def presets() -> list[str]:
@@ -327,13 +397,14 @@ def preset(name: str | Path) -> Preset:
         MissingName: none of that name; the nearest are named.
         JointplayError: the file is missing, or is none.
     """
-    if str(name).lower().endswith(".toml"):
-        return _read(Path(name), str(name))
-    known = _presets()
-    if name not in known:
-        why = f"; {name}: {LEFT_OUT[str(name)]}" if name in LEFT_OUT else ""
-        raise MissingName("preset", str(name), known, f", or a file of your own (NAME.toml){why}")
-    return known[str(name)]
+    require_a("name", name, "str", "Path")
+    text, known = str(name), _presets()
+    if text.lower().endswith(".toml"):
+        return _read(Path(name), text)
+    if text not in known:
+        why = f"; {text}: {LEFT_OUT[text]}" if text in LEFT_OUT else ""
+        raise MissingName("preset", text, known, f", or a file of your own (NAME.toml){why}")
+    return known[text]
 
 
 def preset_of(robot: str) -> Preset:
@@ -342,6 +413,7 @@ def preset_of(robot: str) -> Preset:
     Raises:
         JointplayError: nothing is publicly known of its joints; the message has what to choose.
     """
+    require_a("robot", robot, "str", "Path")
     name = Path(robot).name.partition(".")[0].lower()
     fitting = [one for one in _presets().values() if name in one.robots]
     for one in fitting:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-import tomllib
 from collections import OrderedDict
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -16,7 +14,7 @@ from jointplay.base.errors import JointplayError, MissingName, require_a
 from jointplay.base.files import is_file, read_text
 from jointplay.base.schema import check, fields_of, make, unknown_key
 from jointplay.base.tables import Overview, few
-from jointplay.base.units import not_lost, toml_text
+from jointplay.base.units import toml_text
 from jointplay.model.robots import SHIPPED, is_robot, resolve
 from jointplay.scenario.declarations import (
     MOTION_SOURCES,
@@ -26,7 +24,7 @@ from jointplay.scenario.declarations import (
     Output,
 )
 from jointplay.scenario.overrides import Setting, given_by, tree, with_names
-from jointplay.scenario.places import Key, dotted, line_of, lines
+from jointplay.scenario.places import Key, dotted, lines, parsed, said_at
 
 if TYPE_CHECKING:
     from jointplay.accuracy.robot_errors import RobotErrors
@@ -36,13 +34,6 @@ if TYPE_CHECKING:
     from jointplay.simulation.run import Run
     from jointplay.simulation.simulation import Simulation
 
-LONGEST = 5_000_000
-"""Most characters of a scenario."""
-DEEPEST = 50
-"""Most parts of a key."""
-_DEEP_KEY = re.compile(
-    r"(?<![\w\"'-])(?:[\w\"'-]+[ \t]*\.[ \t]*){%d}" % DEEPEST  # noqa: UP031
-)
 _SELECTORS = ("kind", "law")
 _TABLES = {
     **{one.name: "integration" for one in fields(IntegrationTable)},
@@ -90,7 +81,7 @@ class Scenario(Overview):
         self.assumptions: list[str] = []
         self._built: Built = OrderedDict()
         self._read: dict[str, list[Setting]] = {}
-        data = self._parsed(text)
+        data = parsed(text, self.path)
         cases = data.pop("cases", {})
         self.sweep = dict(self._table(data.pop("sweep", {}), ("sweep",)))
         self._base = data
@@ -121,23 +112,6 @@ class Scenario(Overview):
         for number, line in enumerate(self.assumptions, 1):
             facts[f"assumed {number}"] = line
         return f"{self.path.name}, {self.title}", facts
-
-    def _parsed(self, text: str) -> dict[str, Any]:
-        if len(text) > LONGEST:
-            size, most = f"{len(text) / 1e6:.3g} MB", f"{LONGEST / 1e6:g} MB"
-            raise JointplayError(f"{self.path}: {size} of text; a scenario has at most {most}")
-        deep = _DEEP_KEY.search(text)
-        if deep:
-            line = text.count("\n", 0, deep.start()) + 1
-            raise JointplayError(f"{self.path}, line {line}: a key has at most {DEEPEST} parts")
-        try:
-            return tomllib.loads(text, parse_float=not_lost)
-        except tomllib.TOMLDecodeError as error:
-            raise JointplayError(f"{self.path}{_syntax(str(error))}") from None
-        except RecursionError:
-            raise JointplayError(f"{self.path}: lists or tables are nested too deeply") from None
-        except ValueError as error:  # a whole number of too many digits
-            raise JointplayError(f"{self.path}: {error}") from None
 
     @classmethod
     def load(cls, path: str | Path, settings: Sequence[Setting] = ()) -> Scenario:
@@ -326,13 +300,9 @@ class Scenario(Overview):
         if source is not None:
             return JointplayError(f"{source}: {' '.join(message.split())}", where=path)
         place = self._place(path, case)
-        line = line_of(self._lines, place)
-        words = [str(self.path)]
-        words += [] if line is None else [f"line {line}"]
-        words += [dotted(place)] if place else []
-        if built and self._named and place[:1] != ("cases",):
-            words.append(f"case {toml_text(case)}")
-        return JointplayError(f"{', '.join(words)}: {' '.join(message.split())}", where=path)
+        own = built and self._named and place[:1] != ("cases",)
+        where = said_at(self.path, self._lines, place) + (f", case {toml_text(case)}" * own)
+        return JointplayError(f"{where}: {' '.join(message.split())}", where=path)
 
 
 def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -371,18 +341,3 @@ def _place_of(error: JointplayError) -> Key:
     if where and where[0] in _TABLES:
         return (_TABLES[str(where[0])], *where)
     return where
-
-
-def _syntax(message: str) -> str:
-    """Tomllib's message, its place in front."""
-    parts = re.fullmatch(r"(.*) \(at (?:line (\d+), column (\d+)|end of document)\)", message)
-    if parts is None:
-        return f": {message}"
-    what, line, column = parts.groups()
-    place = f", line {line}, column {column}" if line else ", end of file"
-    twice = re.match(r"Cannot (?:declare \((.*?),?\) twice|overwrite a value)", what)
-    if twice:
-        names = re.findall(r"'([^']*)'|\"([^\"]*)\"", twice[1] or "")
-        key = dotted([a or b for a, b in names])
-        what = f"{key or 'a key'} is given twice; each may have one entry"
-    return f"{place}: {what}"

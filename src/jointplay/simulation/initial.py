@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -11,6 +12,7 @@ import pinocchio as pin
 
 from jointplay.base.errors import JointplayError, MissingName, require_finite
 from jointplay.model import loop
+from jointplay.model.frames import WORLD_FRAME
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import VIRTUAL_LINK, Coordinate
 from jointplay.simulation import statics
@@ -106,6 +108,32 @@ class InitialState:
             self.mechanism, self.q, self.motion_speed, self.moving, self.led
         )
 
+    def check_journals(self) -> None:
+        """Warn of journals that nobody sets flying and that fly faster than any pin moves."""
+        mechanism = self.mechanism
+        flying, fastest = {}, loop.NO_SPEED * float(np.abs(self.v).max(initial=0.0))
+        for name, joint in mechanism.clearance.items() if mechanism.loops else ():
+            bearing = mechanism.frames(name)[0]
+            moved = mechanism.relative_jacobian(name, self.q) @ self.v
+            turning = joint.arm(mechanism.journal_pose(name).translation) * moved[3:]
+            carried = mechanism.motion((WORLD_FRAME, bearing), self.q)[:3] @ self.v
+            along = moved[[row for row in range(3) if row not in joint.held()]]
+            pins = (float(np.linalg.norm(one)) for one in (turning, carried, along))
+            fastest = max(fastest, *pins)
+            if not any(mechanism.coordinates[i].joint == name for i in self.moving):
+                across = [row for row in joint.held() if row < 3]
+                flying[name] = float(np.linalg.norm(moved[across]))
+        for name, speed in flying.items():
+            if speed > fastest:
+                given = {mechanism.coordinates[i].joint for i in self.moving}
+                warnings.warn(
+                    f"the journal of {name!r} starts at {speed:.3g} m/s in its bearing, while no "
+                    f"pin moves faster than {fastest:.3g} m/s: the speeds given for "
+                    f"{', '.join(sorted(given))} do not fit together",
+                    RuntimeWarning,
+                    stacklevel=5,
+                )
+
     def acceleration(self, along: np.ndarray) -> np.ndarray:
         """Acceleration with which loops stay closed, journals at rest; (nv,).
 
@@ -164,7 +192,8 @@ def initial_state(simulation: Simulation, followed: Sequence[str]) -> InitialSta
             at = named(mechanism, name)
             q[at], v[at] = positions[0, index], velocities[0, index]
             led += at
-    q = loop.assemble(mechanism, q, held + led)
+    guessed = [i for i in held if i not in given]
+    q = loop.assemble(mechanism, q, held + led, guessed=guessed)
     return InitialState(mechanism, v, q, v, given, held, led, moving + led)
 
 

@@ -245,6 +245,7 @@ class Run:
         """Where the search for the place of rest ended; None if journals start centred."""
         if simulation.starts_at_rest:
             self._start_at_rest(start, drives, sites, places or {})
+        start.check_journals()
         self.judged_from = simulation.judged_from
         """When figures begin to be judged [s]."""
         self._unjudged: dict[str, np.ndarray] | None = None

@@ -42,7 +42,7 @@ FORMAT = 5
 KINDS = {"REAL": "float64", "INTEGER": "int64", "BOOLEAN": "bool", "TEXT": "object"}
 """Types of columns, and of the arrays that hold them."""
 MOST_COLUMNS = 1990
-"""Columns, at most; SQLite is usually built for 2000."""
+"""Columns, at most: ten fewer than SQLite is built for by default."""
 MOST_BYTES = 1 << 28
 """A text, at most [bytes]."""
 AT_ONCE = 4096

@@ -455,7 +455,7 @@ def cube_motion(
         lasts = max(float((15.0 / 8.0 * np.abs(after - before) / most).max()), 1e-3)
         times += [times[-1] + lasts, times[-1] + lasts + dwell]
         rows += [after, after]
-    return Motion(found.joints, times, np.array(rows))
+    return Motion(found.joints, times, np.array(rows), "rest-to-rest")
 
 
 def figures(

@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jointplay.base import files
+from jointplay.base.confined import MEMORY_SHARE, memory
 from jointplay.base.errors import JointplayError, damaged, one_line, require_a, require_whole
-from jointplay.base.hdf5 import MEMORY_SHARE, memory
 from jointplay.study.database import FILE, KINDS, MOST_COLUMNS, Column, Rows, is_there
 from jointplay.study.outcome import DONE, FAILED, NOT_RUN, Index, Outcome
 

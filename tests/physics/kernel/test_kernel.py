@@ -23,7 +23,7 @@ from numba import njit
 from numba.core.compiler import DefaultPassBuilder, Flags
 
 import jointplay as jp
-from jointplay.base import compiler, numba_inside, objects, processes, progress
+from jointplay.base import compiler, locks, numba_inside, objects, processes, progress
 from jointplay.base.compiler import compiled
 from jointplay.base.objects import Unresolved
 
@@ -108,6 +108,59 @@ def test_a_damaged_object_is_none(kept, tmp_path):
     for end in (0, 10, len(content) - 1):
         path.write_bytes(content[:end])
         assert not [*objects.find("some.function", "d(d)", "print")]
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="Windows")
+@pytest.mark.parametrize("which", ["folder", "file"])
+@pytest.mark.parametrize("change", ["all", "group", "owner"])
+def test_an_object_that_another_user_can_have_written_is_not_loaded(
+    kept, tmp_path, which, change, monkeypatch
+):
+    (path,) = tmp_path.iterdir()
+    place = path if which == "file" else tmp_path
+    assert [*objects.find("some.function", "d(d)", "print")]
+    if change == "owner":
+        user = 1 + max(os.geteuid(), Path(objects.__file__).stat().st_uid)
+        if os.geteuid() != 0:
+            pytest.skip("only root gives files away")
+        os.chown(place, user, user)
+    elif change == "group":
+        if os.geteuid() == 0:
+            os.chown(place, 0, 12345)
+        place.chmod(0o770)
+        if place.stat().st_gid == os.geteuid():
+            pytest.skip("a group of this user alone")
+    else:
+        place.chmod(0o707)
+    assert not [*objects.find("some.function", "d(d)", "print")]
+
+
+def test_folders_of_objects_are_this_users_alone(tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    made = objects.folder.__wrapped__()
+    assert made.is_relative_to(tmp_path)
+    if hasattr(os, "geteuid"):
+        assert made.stat().st_mode & 0o777 == 0o700
+        made.chmod(0o777)
+        with pytest.warns(RuntimeWarning, match="by this user alone"):
+            assert not objects.folder.__wrapped__().is_relative_to(tmp_path)
+
+
+def test_a_stopped_process_that_holds_the_lock_is_waited_for_with_a_word_and_a_limit(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setattr(objects, "folder", lambda: tmp_path)
+    monkeypatch.setattr(objects, "_TELLS_S", 0.1)
+    monkeypatch.setattr(objects, "_MOST_WAIT_S", 0.3)
+    held = locks.opened(tmp_path)
+    locks.lock(held)
+    with objects.alone():
+        said = capsys.readouterr().err
+    os.close(held)
+    assert said.count("waiting for another process") == 1
+    assert "compiling without waiting" in said
+    with objects.alone():
+        assert capsys.readouterr().err == ""
 
 
 def test_an_object_that_cannot_be_written_is_done_without(kept, monkeypatch, tmp_path):

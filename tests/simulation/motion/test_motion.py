@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from jointplay import JointplayError, Motion, shipped
+from jointplay.simulation.motion.reference import INTERPOLATIONS
 
 
 def test_quintics_rest_at_each_waypoint():
@@ -71,3 +72,87 @@ def test_bad_arguments_are_named():
         Motion(["j"], [0, 1], [[0]])
     with pytest.raises(JointplayError, match="rest-to-rest, spline"):
         Motion(["j"], [0, 1], [[0], [1]], "cubic")
+
+
+def recorded(rate, seconds=10.0):
+    """Two joints led by hand, as encoders of 4096 counts and a little noise show them."""
+    t = np.arange(0.0, seconds, 1.0 / rate)
+    random = np.random.default_rng(0)
+    hand = 0.2 * np.sin(2.0 * np.pi * 1.3 * t) * (t > 3.0)
+    q = np.stack([0.5 * np.sin(0.7 * t) + hand, 0.5 * np.cos(0.7 * t) - hand], axis=1)
+    count = 2.0 * np.pi / 4096
+    return t, np.round((q + 3e-4 * random.normal(size=q.shape)) / count) * count
+
+
+def trapezoid():
+    """2 s at 50 Hz, 0.3 s of them to speed up and as many to brake."""
+    t = np.linspace(0.0, 2.0, 101)
+    up, down = np.minimum(t, 0.3), np.maximum(t - 1.7, 0.0)
+    return t, (up**2 / 0.6 + t - up - down**2 / 0.6)[:, None]
+
+
+ROW = np.arange(5.0)[:, None]
+PICK = np.tile([[0.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, 0.0]], (10, 1))
+
+
+@pytest.mark.parametrize(
+    ("points", "interpolation"),
+    [
+        ((np.linspace(0.0, 0.1, 101), np.linspace(0.0, 6.28, 101)[:, None]), "spline"),
+        (recorded(100), "spline"),
+        (recorded(30), "spline"),
+        (trapezoid(), "spline"),
+        ((np.arange(2000) / 1e3, np.round(np.arange(2000) / 30)[:, None]), "spline"),  # counts
+        ((0.5 * ROW[:, 0], ROW), "rest-to-rest"),
+        ((0.01 * ROW[:, 0], ROW), "rest-to-rest"),
+        ((np.arange(14) / 2, np.repeat(np.arange(7.0), 2)[:, None]), "rest-to-rest"),  # pauses
+        ((0.05 * np.arange(40), PICK), "rest-to-rest"),
+        ((np.arange(200.0), np.random.default_rng(1).random((200, 2))), "rest-to-rest"),
+    ],
+)
+def test_samples_are_passed_and_waypoints_stopped_at(points, interpolation):
+    t, q = points
+    names = [f"j{k}" for k in range(q.shape[1])]
+    assert Motion(names, t, q).interpolation == interpolation
+
+
+def test_a_turning_crank_keeps_its_speed_at_both_ends(tmp_path):
+    file = tmp_path / "crank.csv"
+    rows = [f"{t!r},{62.83185 * t!r}" for t in np.linspace(0.0, 0.1, 101).tolist()]
+    file.write_text("\n".join(["time_s,crank", *rows]) + "\n")
+    for given in (None, "spline"):
+        motion = Motion.from_csv(file, given)
+        _, v, a = motion(np.linspace(0.0, 0.1, 5001))
+        assert np.abs(v - 62.83185).max() < 1e-8
+        assert np.abs(a).max() < 1e-3
+        assert motion.summary == "101 samples, spline"
+    assert motion.cut_off(0.1) == {}
+    assert motion.cut_off(0.2) == {"crank": pytest.approx(62.83185)}
+
+
+def test_a_spline_follows_a_sampled_trapezoid_and_rests_at_its_ends():
+    motion = Motion(["j"], *trapezoid())
+    t = np.linspace(0.0, 2.0, 2001)
+    speed = np.minimum(np.minimum(t, 2.0 - t) / 0.3, 1.0)
+    assert np.abs(motion(t)[1][:, 0] - speed).max() < 0.01
+    assert np.abs(motion(np.array([0.0, 2.0]))[1]).max() < 1e-12
+    assert motion.cut_off(3.0) == {}
+
+
+@pytest.mark.parametrize("interpolation", INTERPOLATIONS)
+def test_a_motion_is_read_as_it_was_written(tmp_path, interpolation):
+    file = tmp_path / "m.csv"
+    motion = Motion(
+        ["a", "b"], [0.0, 0.1, 0.3], [[0.0, 0.3], [0.1, 0.2], [0.3, 0.0]], interpolation
+    )
+    file.write_text(motion.csv())
+    assert Motion.from_csv(file) == motion
+    other = "spline" if interpolation == "rest-to-rest" else "rest-to-rest"
+    assert Motion.from_csv(file, other).interpolation == other
+
+
+def test_a_comment_that_names_no_interpolation_is_refused(tmp_path):
+    file = tmp_path / "m.csv"
+    file.write_text("# interpolation: cubic\ntime_s,j\n0,0\n1,1\n")
+    with pytest.raises(JointplayError, match="'cubic'"):
+        Motion.from_csv(file)

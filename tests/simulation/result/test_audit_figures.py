@@ -116,6 +116,7 @@ def audited(mechanism, workspace, monkeypatch):
         tolerance=None,
         judgement=None,
         kinetic=None,
+        potential=None,
         elastic=None,
         work=None,
         records=RECORDS,
@@ -130,7 +131,7 @@ def audited(mechanism, workspace, monkeypatch):
         }
         judgement = judgement or Judgement()
         kinetic = np.array([0.0, 2.0, 1.0]) if kinetic is None else kinetic
-        potential = np.array([1.0, 0.5, 0.5])
+        potential = np.array([1.0, 0.5, 0.5]) if potential is None else potential
         work = np.zeros((3, len(POWERS))) if work is None else work
         residual, drift = np.array([0.01, -0.04, 0.02]), np.array([1e-7, 3e-7, 0.0])
         watching = audit.Auditor(mechanism, simulation, judgement.judged_from)
@@ -163,6 +164,12 @@ def test_portions_come_to_the_same(audited, portion):
     judgement = Judgement(judged_from=0.2)
     whole, _ = audited(work=work, judgement=judgement)
     assert audited(work=work, judgement=judgement, portion=portion)[0] == whole
+
+
+def test_a_machine_at_rest_under_load_exchanges_at_least_what_its_speeds_are_unknown_by(audited):
+    still = {"kinetic": np.zeros(3), "work": np.zeros((3, len(POWERS)))}
+    found = audited(**still, potential=np.ones(3))[0]
+    assert found.energy_exchanged == pytest.approx(10.0 * 1e-9 * TIME[-1])
 
 
 def test_energy_exchanged_is_the_largest_variation(audited):

@@ -107,12 +107,11 @@ def _further(found: Compensation, wanted: Sequence[str]) -> dict[str, Any]:
 
 
 def _write(out: Outputs, judged: Judgement, extra: Mapping[str, Any]) -> None:
-    from jointplay.bridges.trajectory import content, of_motion
     from jointplay.show.plots.design import before_and_after
 
     found = judged.compensation
     out.write({
-        "motion.csv": content(of_motion(found.motion), ".csv"),
+        "motion.csv": found.motion.csv(),
         "compensation.csv": found.data().csv(),
         "corners.csv": judged.table().csv(),
         "error.png": before_and_after(judged),

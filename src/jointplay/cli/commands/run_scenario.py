@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from jointplay.base import processes, signals, streams
 from jointplay.base.errors import JointplayError, require_known
-from jointplay.base.files import claim, holds, refuse_present
+from jointplay.base.files import claim, holds, names_for, refuse_present
 from jointplay.base.imports import spare_other_arrays
 from jointplay.base.progress import current, printing, whole
 from jointplay.base.signals import INTERRUPTED
@@ -31,8 +31,6 @@ if TYPE_CHECKING:
 
 
 STOPPED = 1
-_LONGEST_NAME = 100
-"""Bytes of a file's name that are taken of its case's."""
 SHARED_S = 0.3
 """Runs that take longer [s] have their further runs made by several processes."""
 IDLE, IDLE_S = 0.2, 1.0
@@ -71,7 +69,7 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
         require_known("case", case, scenario.cases)
     cases = [case for case in scenario.cases if not options.case or case in options.case]
     jobs = processes.number_of(options.jobs, cases)
-    out, names = Path(options.out), file_names(cases)
+    out, names = Path(options.out), names_for(cases, ".nc")
     drawn: list[str] = []
     if scenario.figures and not options.no_figures:
         robots = (scenario.model(case).robot.urdf for case in cases)
@@ -324,21 +322,6 @@ def _errors(scenario: Scenario, case: str, options: argparse.Namespace) -> str:
     if options.certify or integration.certify:
         return "certify"
     return "estimate" if integration.estimate_errors and not options.no_error_estimate else ""
-
-
-def file_names(cases: Sequence[str]) -> list[str]:
-    """A file for each case: its label, but for what some file system does not take."""
-    import re
-
-    names: list[str] = []
-    for case in cases:
-        stem = re.sub(r"[^\w.+-]+", "_", case).strip("._") or "case"
-        stem = stem.encode()[:_LONGEST_NAME].decode(errors="ignore")
-        name, number = f"{stem}.nc", 2
-        while name.lower() in (other.lower() for other in names):
-            name, number = f"{stem}_{number}.nc", number + 1
-        names.append(name)
-    return names
 
 
 def _execute(

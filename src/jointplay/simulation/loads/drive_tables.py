@@ -22,14 +22,7 @@ from jointplay.simulation.loads.drive import (
     Torque,
 )
 from jointplay.simulation.motion.ideal import IdealMotion
-from jointplay.simulation.motion.reference import Motion
-
-REFERENCE_NODE_S = 1e-4
-"""Interval at which the reference is tabulated; between nodes it is linear [s].
-
-At 30 rad/s^2 the tabulated position is within 4e-8 rad of the curve. Prescribed motion is
-interpolated by cubics.
-"""
+from jointplay.simulation.motion.reference import REFERENCE_NODE_S, Motion
 
 BLOCK_NODES = 25_000
 """Nodes that are tabulated at once, if there are more than twice as many."""

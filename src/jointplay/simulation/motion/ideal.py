@@ -13,7 +13,7 @@ from jointplay.base.progress import ProgressBar
 from jointplay.model.free_base import ANGLES, rotation
 from jointplay.model.loop import assemble, closing_rows, follow
 from jointplay.model.mechanism import Mechanism
-from jointplay.simulation.motion.reference import Motion
+from jointplay.simulation.motion.reference import REFERENCE_NODE_S, Motion
 
 LOOP_NODE_S = 1e-3
 """Interval at which loops are closed along the motion; between, a quintic spline [s]."""
@@ -112,8 +112,8 @@ class IdealMotion:
         """Efforts of the ideal mechanism's drives, shape (n, driven) [N m or N].
 
         Args:
-            times: at equal intervals, shape (n,) [s]; those of a mechanism with loops go on where
-                the last ones ended, or begin at 0.
+            times: nodes `REFERENCE_NODE_S` apart, one or more, shape (n,) [s]; those of a mechanism
+                with loops go on where the last ones ended, or begin at 0.
             progress: show a bar on standard error if it takes longer than `_PATIENCE_S`.
 
         Raises:
@@ -166,21 +166,22 @@ class IdealMotion:
             mass = self._ideal.mass_matrix(q)[_BASE, _BASE]
             a[_BASE] = -np.linalg.solve(mass, lacking)
             effort[i] = pin.rnea(model, data, q, v, a)[at]
-            turn = self._turned(times[i], times[1] - times[0], turn)
+            turn = self._turned(times[i], turn)
         return effort
 
     def _turned_until(self, times: np.ndarray) -> np.ndarray:
         """Orientation of the base at the first of the times, from where it began, (3, 3)."""
-        turn, span = np.eye(3), times[1] - times[0]
+        turn = np.eye(3)
         if self._momentum.any():
-            for i in range(round(times[0] / span)):
-                turn = self._turned(i * span, span, turn)
+            for i in range(round(times[0] / REFERENCE_NODE_S)):
+                turn = self._turned(i * REFERENCE_NODE_S, turn)
         return turn
 
-    def _turned(self, time: float, span: float, turn: np.ndarray) -> np.ndarray:
-        """Orientation of the base `span` after a time, by Heun's method."""
+    def _turned(self, time: float, turn: np.ndarray) -> np.ndarray:
+        """Orientation of the base a node after a time, by Heun's method."""
         if not self._momentum.any():
             return turn
+        span = REFERENCE_NODE_S
         now = self._free_state(time, turn)[1][ANGLES][::-1]
         later = self._free_state(time + span, turn @ pin.exp3(span * now))[1][ANGLES][::-1]
         turned: np.ndarray = turn @ pin.exp3(0.5 * span * (now + later))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,13 +21,71 @@ from jointplay.base.errors import (
     require_positive,
 )
 from jointplay.base.schema import Described, quantity
-from jointplay.base.tables import counted, few
+from jointplay.base.tables import Column, Table, counted, few
 from jointplay.base.units import plain_number
+
+REFERENCE_NODE_S = 1e-4
+"""Interval at which the reference is tabulated; between nodes it is linear [s].
+
+At 30 rad/s^2 the tabulated position is within 4e-8 rad of the curve. Prescribed motion is
+interpolated by cubics.
+"""
 
 INTERPOLATIONS = ("rest-to-rest", "spline", "constant-speed", "speed-ramps")
 
 GOES_ON = INTERPOLATIONS[2:]
 """Those that do not stand still after the last waypoint."""
+
+FEWEST_SAMPLES = 12
+"""Fewer points may well follow each other in a row and yet be waypoints (judged)."""
+SAMPLED_S = 0.025
+"""Points nearer to each other than this are samples [s]: no mechanism stops 40 times a second."""
+RESTS = 0.01
+"""At an end where a joint moves at less than this part of its largest speed it is at rest (judged:
+what noise and the spline's own error come to)."""
+
+_SAYS = re.compile(r"#\s*interpolation:\s*(\S+)")
+
+
+def are_samples(times: np.ndarray, positions: np.ndarray) -> bool:
+    """Whether points (n,) [s], (n, joints) are samples of a motion, not waypoints to stop at.
+
+    Samples follow each other so closely that the speed changes less from one to the next than it
+    is (root mean squares over all joints, 1 m counting as 1 rad): a sine has more than six to a
+    period. Between waypoints joints turn back, or pause. Of encoder counts at a high rate only the
+    spacing in time tells.
+    """
+    if len(times) < 6:  # what a spline of fifth order needs
+        return False
+    spans = np.diff(times)
+    speeds = np.diff(positions, axis=0) / spans[:, None]
+    turns = np.diff(speeds, axis=0)
+    smooth = len(times) >= FEWEST_SAMPLES and (turns**2).sum() < (speeds**2).sum()
+    return bool(np.median(spans) < SAMPLED_S or smooth)
+
+
+def _spline(times: np.ndarray, positions: np.ndarray) -> Any:
+    """A quintic spline, of samples with free ends (not-a-knot), else at rest at both ends."""
+    from scipy.interpolate import make_interp_spline  # takes long to import
+
+    ends = np.zeros((2, 2, positions.shape[1]))  # speeds and accelerations at both
+    if are_samples(times, positions):
+        free = make_interp_spline(times, positions, k=5)
+        for order, values in enumerate(ends, 1):
+            curve = free.derivative(order)
+            values[:] = curve(times[[0, -1]])
+            values[np.abs(values) < RESTS * np.abs(curve(times)).max(axis=0)] = 0.0
+    bound = [[(order, ends[order - 1, end]) for order in (1, 2)] for end in (0, 1)]
+    return make_interp_spline(times, positions, k=5, bc_type=tuple(bound))
+
+
+def motion_csv(
+    joints: Sequence[str], times: np.ndarray, positions: np.ndarray, interpolation: str
+) -> str:
+    """A file that `Motion.from_csv` reads as it was: a comment says how it is interpolated."""
+    columns = zip(joints, positions.T, strict=True)
+    table = Table([Column("time", times, "s"), *(Column(n, own, key=n) for n, own in columns)])
+    return f"# interpolation: {interpolation}\n{table.csv(None)}"
 
 
 def check_waypoints(values: Mapping[str, np.ndarray]) -> None:
@@ -47,7 +106,7 @@ class WrittenMotion:
     joints: tuple[str, ...]
     times: list[float] = quantity("s")
     positions: list[list[float]] = quantity("rad", "m")
-    interpolation: str = INTERPOLATIONS[0]
+    interpolation: str | None = None
     given: list[float] | None = quantity("s", default=None)
 
 
@@ -71,13 +130,14 @@ class Motion(Described):
     interpolation: str
     """How joints move between waypoints.
 
-    ``rest-to-rest`` stops at each waypoint, moving by quintics with zero velocity and acceleration
-    at both ends; ``spline`` passes through them without stopping (quintic spline, at rest at both
-    ends; for densely recorded motions); ``constant-speed`` moves at the speed that joins the
-    waypoints, which must be the same between all of them, and goes on with it after the last (a
-    crank); ``speed-ramps`` begins at the speed that joins the first two waypoints and changes it
-    evenly on the way to each of the others, without a jump; it goes on with its last speed (a crank
-    that is run up).
+    If not given, by what the points are (`are_samples`): ``spline`` for samples, else
+    ``rest-to-rest``. ``rest-to-rest`` stops at each waypoint, moving by quintics with zero velocity
+    and acceleration at both ends; ``spline`` passes through them without stopping (quintic; samples
+    keep their speed at both ends, waypoints begin and end at rest); ``constant-speed`` moves at the
+    speed that joins the waypoints, which must be the same between all of them, and goes on with it
+    after the last (a crank); ``speed-ramps`` begins at the speed that joins the first two waypoints
+    and changes it evenly on the way to each of the others, without a jump; it goes on with its last
+    speed (a crank that is run up).
     """
     given: np.ndarray | None
     """Times of the waypoints where the other points were computed, as on a line of the tool, from
@@ -88,12 +148,11 @@ class Motion(Described):
         joints: Sequence[str],
         times: Sequence[float] | np.ndarray,
         positions: Sequence[Sequence[float]] | np.ndarray,
-        interpolation: str = INTERPOLATIONS[0],
+        interpolation: str | None = None,
         given: Sequence[float] | np.ndarray | None = None,
     ) -> None:
         require_a("joints", joints, "Iterable")
         object.__setattr__(self, "joints", tuple(joints))
-        object.__setattr__(self, "interpolation", interpolation)
         object.__setattr__(self, "given", None)
         arrays = {"times": times, "positions": positions}
         for name, numbers in (arrays if given is None else {**arrays, "given": given}).items():
@@ -101,6 +160,10 @@ class Motion(Described):
             values.flags.writeable = False
             object.__setattr__(self, name, values)
         self._check()
+        if interpolation is None:
+            interpolation = INTERPOLATIONS[are_samples(self.times, self.positions)]
+        require_known("interpolation", interpolation, INTERPOLATIONS, where=("interpolation",))
+        object.__setattr__(self, "interpolation", interpolation)
         with np.errstate(all="ignore"):  # looked at below
             curve = self._fit()
             curves = (curve, curve.derivative(1), curve.derivative(2))
@@ -127,17 +190,15 @@ class Motion(Described):
                 needed = f"must be at times from {ends[0]:g} to {ends[1]:g} s"
                 raise JointplayError(f"given waypoints {needed}, got {self.given}", ("given",))
             require_increasing("given waypoints", self.given.tolist(), "s", ("given",))
-        require_known("interpolation", self.interpolation, INTERPOLATIONS, where=("interpolation",))
 
     def _fit(self) -> Any:
-        from scipy.interpolate import BPoly, PPoly, make_interp_spline  # takes long to import
+        from scipy.interpolate import BPoly, PPoly  # takes long to import
 
         if self.interpolation == "rest-to-rest":
             corners = [self.positions[:-1]] * 3 + [self.positions[1:]] * 3
             return PPoly.from_bernstein_basis(BPoly(np.stack(corners), self.times))
         if self.interpolation == "spline":
-            rest = [(order, np.zeros(len(self.joints))) for order in (1, 2)]
-            return make_interp_spline(self.times, self.positions, k=5, bc_type=(rest, rest))
+            return _spline(self.times, self.positions)
         spans = np.diff(self.times)[:, None]
         means = np.diff(self.positions, axis=0) / spans
         if self.interpolation == "constant-speed":
@@ -167,7 +228,20 @@ class Motion(Described):
     def summary(self) -> str:
         number = len(self.waypoints[0])
         through = f" through {len(self.times)} points" if number < len(self.times) else ""
-        return f"{counted(number, 'waypoint')}, {self.interpolation}{through}"
+        samples = self.given is None and self.interpolation == "spline"
+        what = "sample" if samples and are_samples(self.times, self.positions) else "waypoint"
+        return f"{counted(number, what)}, {self.interpolation}{through}"
+
+    def cut_off(self, until: float) -> dict[str, float]:
+        """Largest speed that joints lose or gain at once, in a run until then [s], where the motion
+        begins after the start, or ends before `until`, at speed [rad/s or m/s].
+        """
+        if self.interpolation != "spline":
+            return {}
+        cut = [self.times[0] > 0.0, self.times[-1] < until]
+        lost = np.abs(self(self.times[[0, -1]])[1][cut]).max(axis=0, initial=0.0)
+        moves = lost > RESTS * np.abs(self(self.times)[1]).max(axis=0)
+        return {self.joints[k]: float(lost[k]) for k in np.flatnonzero(moves)}
 
     @property
     def duration(self) -> float:
@@ -206,10 +280,11 @@ class Motion(Described):
         return Motion(self.joints, self.times / factor, self.positions, self.interpolation, given)
 
     @classmethod
-    def from_csv(cls, path: str | Path, interpolation: str = "rest-to-rest") -> Motion:
-        """Read waypoints from a CSV file whose header is ``time_s,<joint>,<joint>,...``.
+    def from_csv(cls, path: str | Path, interpolation: str | None = None) -> Motion:
+        """Read points from a CSV file whose header is ``time_s,<joint>,<joint>,...``.
 
-        Lines beginning with # are comments. Positions in rad, or m for prismatic joints.
+        Lines beginning with # are comments; one before the header such as ``# interpolation:
+        spline`` holds if `interpolation` is None. Positions in rad, or m for prismatic joints.
 
         Raises:
             JointplayError: no such file, a wrong header, a cell that is not a number (with its line
@@ -237,16 +312,23 @@ class Motion(Described):
         if not values:
             raise JointplayError(f"the motion {str(path)!r} has no waypoints")
         table = np.array(values)
+        if interpolation is None:
+            above = files.read_text(path, "motion").splitlines()[: rows[0][0] - 1]
+            said = [found[1] for line in above if (found := _SAYS.fullmatch(line.strip()))]
+            interpolation = said[0] if said else None
         return cls(header[1:], table[:, 0], table[:, 1:], interpolation)
+
+    def csv(self) -> str:
+        """As a file that `from_csv` reads; points that were computed are waypoints there."""
+        return motion_csv(self.joints, self.times, self.positions, self.interpolation)
 
     @classmethod
     def from_mcap(
-        cls, path: str | Path, topic: str | None = None, interpolation: str = "spline"
+        cls, path: str | Path, topic: str | None = None, interpolation: str | None = None
     ) -> Motion:
         """Read a ROS 2 bag (MCAP) with JointTrajectory or JointState messages.
 
-        Needs the extra ``ros``. The time of joint states begins with the first of them. Recorded
-        motions are dense, and so they are interpolated.
+        Needs the extra ``ros``. The time of joint states begins with the first of them.
 
         Args:
             path: the file.

@@ -29,6 +29,10 @@ DRIFT_WARNING_M = 1e-6
 NOTHING_EXCHANGED = 1e-6
 """Part of the kinetic and elastic energy below which variations count as none."""
 
+SPEED_NOISE = 1e-9
+"""Speed that the velocity solve does not tell from rest, of a kilogram (`solve.TOLERANCE`) [m/s].
+"""
+
 ENERGY_WARNING = 0.01
 """Relative energy residual above which a run warns."""
 
@@ -78,8 +82,8 @@ class Audit(Described):
     energy_exchanged: float = _figure("J")
     """Total variation of the kinetic or potential energy or of any force's work, the largest [J].
 
-    At least a millionth of the kinetic energy and of what springs and contacts store, for rounding
-    is not worth a warning.
+    At least a millionth of the kinetic energy and of what springs and contacts store, and what the
+    largest joint force does at `SPEED_NOISE`: rounding is not worth a warning.
     """
     impacts: int
     """Contacts that began, at all places of all joints."""
@@ -475,11 +479,13 @@ class Auditor:
                 if joint.resultant is None:  # elements give way by more than they are free
                     relative = max(relative, -gap / room)
         moved = np.max(self._variations, initial=0.0)
+        seconds = 0.0 if self._before is None else float(self._before[0][-1])
+        noise = max(self._peak, self._peak_before) * SPEED_NOISE * seconds
         before = judgement.before or {name: np.zeros(1) for name in ("onsets", "impulse")}
         late = judgement.judged_from > 0.0
         return Audit(
             energy_residual=self._residual,
-            energy_exchanged=max(float(moved), NOTHING_EXCHANGED * self._stored),
+            energy_exchanged=max(float(moved), NOTHING_EXCHANGED * self._stored, noise),
             impacts=int(statistics["onsets"].sum()),
             shortest_contact_steps=int(shortest) if math.isfinite(shortest) else 0,
             under_resolved=int(statistics["under_resolved"].sum()),

@@ -22,9 +22,10 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from jointplay.base import files
+from jointplay.base.confined import MEMORY_SHARE, memory
 from jointplay.base.errors import JointplayError, damaged
 from jointplay.base.files import system_errors
-from jointplay.base.hdf5 import MEMORY_SHARE, examined, memory
+from jointplay.base.hdf5 import examined
 
 if TYPE_CHECKING:
     import xarray as xr

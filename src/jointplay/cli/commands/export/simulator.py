@@ -47,7 +47,7 @@ from jointplay.cli.commands import Outputs, given, inputs, print_answer
 def run(options: argparse.Namespace) -> int:
     spread = None if options.spread is None else _share(options.spread)
     joint = None if options.all else _joint(options)
-    stem = "robot" if joint is None else joint.replace("/", "_")
+    stem = "robot" if joint is None else files.names_for([joint], "")[0]
     formats, notes = choose(options.format, options.tilt, getattr(options, "for"))
     if options.check and "mjcf" not in formats:
         raise JointplayError(

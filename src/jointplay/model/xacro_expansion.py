@@ -1,0 +1,268 @@
+"""The process that expands a xacro (`model.xacro`): it has nothing but what it asks for.
+
+The library `xacro` evaluates expressions of the file as Python. Here they are a language of their
+own: numbers, texts, lists and tables with their operators and methods, functions that the library
+provides, and nothing that leads from these to Python's inside. Beneath that the process can open
+nothing, import nothing and see no environment: files come from the process that began it, which
+gives those of the robot only.
+"""
+
+import ast
+import io
+import json
+import os
+import string
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import redirect_stderr, redirect_stdout
+from types import SimpleNamespace
+from typing import Any
+from xml.dom import expatbuilder, minidom  # the former is imported at the first use otherwise
+
+from jointplay.base import confined
+
+_REFUSED = (ast.Await, ast.Yield, ast.YieldFrom, ast.NamedExpr)
+_AUDITED = {"compile", "exec", "builtins.id"}
+"""What Python reports (PEP 578) of evaluating and copying; all else that it reports is refused."""
+
+_DATA = (bool, int, float, str, list, tuple, dict, set, frozenset)
+"""Types whose methods an expression may call."""
+
+_ATTRIBUTE = "<attribute>"  # no name that an expression could write
+
+
+class Refused(Exception):
+    """A file wants what no xacro may have, or what is not there; the words say what."""
+
+
+class _Arguments(dict[str, str]):
+    """Arguments that remember which were asked for, and which of these was missing."""
+
+    def __init__(self, given: Mapping[str, str]) -> None:
+        super().__init__(given)
+        self.asked: set[str] = set()
+        self.missing = ""
+
+    def __contains__(self, name: object) -> bool:
+        self.asked.add(str(name))
+        return super().__contains__(name)
+
+    def __getitem__(self, name: str) -> str:
+        self.asked.add(name)
+        return super().__getitem__(name)
+
+    def __missing__(self, name: str) -> str:
+        self.missing = name
+        raise KeyError(name)
+
+
+class _Parent:
+    """The process that began this one, which answers questions; a line of JSON for each."""
+
+    def __init__(self) -> None:
+        self._in, self._out = sys.stdin.buffer, sys.stdout.buffer
+
+    def tell(self, **words: Any) -> None:
+        self._out.write(json.dumps(words).encode() + b"\n")
+        self._out.flush()
+
+    def ask(self, what: str = "begin", subject: str = "") -> Any:
+        """What it gives.
+
+        Raises:
+            OSError: there is no such file, or it cannot be read.
+            Refused: it may not be had.
+        """
+        self.tell(ask=what, of=str(subject))
+        answer = json.loads(self._in.readline())
+        if "failed" in answer:
+            raise OSError(*answer["failed"])
+        if "refused" in answer:
+            raise Refused(answer["refused"])
+        return answer["gives"]
+
+
+def serve(path: str) -> None:
+    """Expand the file, and tell what came of it."""
+    parent = _Parent()
+    import xacro
+    from xacro import substitution_args  # with yaml, which is imported later otherwise
+
+    assert expatbuilder
+    assert substitution_args.yaml
+    os.environ.clear()
+    arguments = _Arguments(parent.ask())
+    _confine(parent, xacro)
+    with confined.closed(), redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
+        sys.addaudithook(_audit)
+        try:
+            root = xacro.process_file(path, mappings=arguments).documentElement
+            _require_links(root, path, parent)
+            told = {"text": root.toxml()}
+        except Exception as error:  # noqa: BLE001 - expressions in files raise anything
+            told = {"fault": _fault(error, path, arguments, xacro)}
+        parent.tell(**told, asked=sorted(arguments.asked))
+        os._exit(0)
+
+
+def _audit(event: str, _: Any) -> None:
+    if event not in _AUDITED:
+        raise Refused(f"no xacro may do what Python calls {event}")
+
+
+def _confine(parent: _Parent, xacro: Any) -> None:
+    """Have the library evaluate as `_evaluate` does, and take all that it reads from the parent."""
+    substitution = xacro.substitution_args
+
+    def environment(name: str) -> str:
+        raise Refused(f"a xacro sees no environment: {name!r} is not known; $(optenv NAME DEFAULT)")
+
+    def find(name: str) -> str:
+        return str(parent.ask("find", name))
+
+    def extension(text: str, context: Mapping[str, Any]) -> str:
+        names = _Substitution(substitution, context.get("arg", {}))
+        return str(_evaluate(text, names, xacro))
+
+    xacro.open = lambda name: io.StringIO(parent.ask("read", name))
+    xacro.glob = SimpleNamespace(glob=lambda pattern: parent.ask("match", pattern))
+    xacro.safe_eval = lambda text, names, _=None: _evaluate(text, names, xacro)
+    substitution._eval = extension
+    own: dict[str, Callable[..., Any]] = {"_eval_find": find, "_eval_env": environment}
+    for name, function in own.items():
+        setattr(substitution, name, function)
+        substitution._eval_dict[name.removeprefix("_eval_")] = function
+    python = xacro._global_symbols["python"]
+    dict.pop(python, "vars", None)
+    dict.__setitem__(python, "type", _type)
+
+
+class _Substitution(dict[str, Any]):
+    """What ``$(eval ...)`` knows: the library's functions, and arguments by their names."""
+
+    def __init__(self, substitution: Any, arguments: Mapping[str, str]) -> None:
+        known = substitution._eval_dict
+        super().__init__((name, one) for name, one in known.items() if "__" not in name)
+        self._value = lambda name: substitution.convert_value(arguments[name], "auto")
+        self["arg"] = self._value
+
+    def __missing__(self, name: str) -> Any:
+        return self._value(name)
+
+
+def _type(value: Any) -> type:
+    if type(value) not in _DATA:
+        raise Refused(f"python.type: of {type(value).__name__}")
+    return type(value)
+
+
+class _Checked(ast.NodeTransformer):
+    """Refuses names that lead to Python's inside, and has `_attribute` look up what has a dot."""
+
+    def generic_visit(self, node: ast.AST) -> ast.AST:
+        if isinstance(node, _REFUSED):
+            raise Refused(f"no xacro may have {type(node).__name__}")
+        for field, value in ast.iter_fields(node):
+            named = isinstance(value, str) and not isinstance(node, ast.Constant)
+            if named and field != "type_comment" and "__" in value:
+                raise Refused(f"invalid name {value!r}")
+        super().generic_visit(node)
+        if not isinstance(node, ast.Attribute):
+            return node
+        called = ast.Name(_ATTRIBUTE, ast.Load())
+        made = ast.Call(called, [node.value, ast.Constant(node.attr)], [])
+        return ast.copy_location(made, node)
+
+
+def _evaluate(text: str, names: dict[str, Any], xacro: Any) -> Any:
+    """The value of an expression."""
+    try:
+        tree = _Checked().visit(ast.parse(text.strip(), "<expression>", "eval"))
+        code = compile(ast.fix_missing_locations(tree), "<expression>", "eval")
+    except (RecursionError, MemoryError):
+        raise Refused("an expression is nested too deeply") from None
+    except ValueError as error:  # a null byte
+        raise Refused(str(error)) from None
+    dict.__setitem__(names, "__builtins__", {})
+    dict.__setitem__(names, _ATTRIBUTE, _Attributes(xacro))
+    return eval(code, names)
+
+
+class _Attributes:
+    """``value.name`` in an expression: an entry of a table or namespace, or a method of data."""
+
+    def __init__(self, xacro: Any) -> None:
+        self._xacro = xacro
+
+    def __call__(self, value: Any, name: str) -> Any:
+        xacro, kind = self._xacro, type(value)
+        if kind is xacro.NameSpace:
+            try:
+                return value[name]
+            except KeyError:
+                raise NameError(f"name '{name}' is not defined") from None
+        plain = {xacro.YamlDictWrapper: dict, xacro.YamlListWrapper: list}.get(kind, kind)
+        if plain in _DATA and not name.startswith("_") and hasattr(plain, name):
+            if kind is str and name in ("format", "format_map"):
+                return _FORMATS[name](value)
+            return getattr(value, name)
+        if kind is xacro.YamlDictWrapper:
+            return value[name]
+        raise Refused(f"{kind.__name__} has no .{name} in a xacro")
+
+
+class _Formatter(string.Formatter):
+    """Fills in values, but no attributes of them."""
+
+    def get_field(self, field_name: str, args: Any, kwargs: Any) -> Any:
+        if "." in field_name:
+            raise Refused(f"invalid field {{{field_name}}}")
+        return super().get_field(field_name, args, kwargs)
+
+
+_FORMATS: dict[str, Callable[[str], Callable[..., str]]] = {
+    "format": lambda text: lambda *args, **named: _Formatter().vformat(text, args, named),
+    "format_map": lambda text: lambda named: _Formatter().vformat(text, (), named),
+}
+
+
+def _require_links(root: Any, path: str, parent: _Parent) -> None:
+    if root.tagName != "robot" or root.getElementsByTagName("link"):
+        return
+    made = minidom.parseString(parent.ask("read", path)).getElementsByTagName("xacro:macro")
+    macros = ", ".join(one.getAttribute("name") for one in made)
+    hint = f": it only defines {macros}; give the file that uses it" if macros else ""
+    raise Refused(f"makes no link{hint}")
+
+
+def _causes(error: Any) -> Iterator[Any]:
+    while isinstance(error, Exception):
+        yield error
+        error = getattr(error, "exc", None)
+
+
+def _fault(error: Exception, path: str, arguments: _Arguments, xacro: Any) -> str:
+    """What is wrong, and where: the file, the one that it includes, the macro."""
+    *_, cause = _causes(error)
+    name = arguments.missing
+    if name and cause.args == (name,):
+        words = f"argument {name!r} has no value: give it by --xacro {name}:=VALUE"
+        words += f", or robot.xacro.{name} in a scenario"
+    elif isinstance(cause, OSError):
+        words = f"cannot read {str(cause.filename)!r}: {cause.strerror}"
+        given = [f"{key}={value}" for key, value in arguments.items()]
+        words += f"; arguments are {', '.join(given)}"[:200] if given else ""
+    elif isinstance(cause, RecursionError):
+        words = "macros call each other without end"
+    elif isinstance(cause, MemoryError):
+        words = "it takes more memory than a robot may"
+    elif isinstance(cause, xacro.XacroException):
+        words = str(error) or repr(error)
+    else:
+        words = f"{str(cause) or repr(cause)} {getattr(error, 'suffix', None) or ''}".rstrip()
+    file = str((xacro.filestack or [path])[-1] or path)
+    macros = [one.body.getAttribute("name") for one in xacro.macrostack or ()]
+    places = [f"file {file!r}"] if file != path else []
+    places += [f"macro {macros[-1]!r}"] if macros else []
+    where = f" ({', '.join(places)})" if places else ""
+    return f"{where}: {words}"
