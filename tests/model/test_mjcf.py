@@ -1,5 +1,6 @@
 """Robots described in MuJoCo's own format: read as MuJoCo reads them, and their play found."""
 
+import os
 import sys
 
 import numpy as np
@@ -469,3 +470,28 @@ def test_an_equality_without_which_the_robot_is_another_is_refused(tmp_path, equ
     assert "equality" in capsys.readouterr().err
     written(tmp_path, text.replace("/></eq", ' active="false"/></eq'))
     assert jp.Mechanism(path).joints
+
+
+@pytest.mark.parametrize(
+    ("inside", "words"),
+    [
+        ('<replicate count="300000"><body><joint/><geom size="1"/></body></replicate>', "did not"),
+        ('<include file="pipe.xml"/>', "which is no file"),
+    ],
+)
+def test_an_mjcf_without_end_is_ended(tmp_path, inside, words, monkeypatch):
+    os.mkfifo(tmp_path / "pipe.xml")
+    monkeypatch.setattr("jointplay.model.mjcf.TIME_S", 3.0)
+    path = written(tmp_path, f"<mujoco><worldbody>{inside}</worldbody></mujoco>")
+    with pytest.raises(JointplayError, match=words):
+        read(path)
+
+
+def test_an_included_file_that_changes_is_read_again(tmp_path):
+    part = '<mujocoinclude><body name="{}"><joint/><geom size="1"/></body></mujocoinclude>'
+    written(tmp_path, part.format("first"), "part.xml")
+    text = '<mujoco><worldbody><include file="part.xml"/></worldbody></mujoco>'
+    path = written(tmp_path, text)
+    assert "first" in read(path).links
+    written(tmp_path, part.format("another"), "part.xml")
+    assert "another" in read(path).links
