@@ -52,8 +52,6 @@ TIME_S = 20.0
 """Longest processor time that reading an MJCF may take [s]; large robots take 2 s."""
 ROOM = 4e9
 """Memory that it may take [bytes], addresses counted; large robots take a quarter."""
-_DEEPEST = 20
-"""Files that may include each other, one in the other."""
 _FILE = re.compile(r"""\bfile\s*=\s*["']([^"'<>]+)["']""")
 _FOLDER = re.compile(r"""\b(?:mesh|texture|asset)dir\s*=\s*["']([^"'<>]+)["']""")
 _LFS = b"version https://git-lfs"
@@ -117,11 +115,11 @@ def urdf_text(text: str, path: Path) -> str:
     with extra("simulators", "mujoco"):
         if find_spec("mujoco") is None:
             raise ImportError("it is not installed")
-    stamps = tuple(sorted(_named_files(text, path, _DEEPEST)))
+    stamps = tuple(sorted(_named_files(text, path, set())))
     return _read_apart(path.absolute(), stamps)
 
 
-def _named_files(text: str, path: Path, deepest: int) -> Iterator[tuple[str, int, int]]:
+def _named_files(text: str, path: Path, seen: set[Path]) -> Iterator[tuple[str, int, int]]:
     """Files of text that an MJCF is made of: name, time of the last change [ns], size [bytes]."""
     folders = {"", *_FOLDER.findall(text)}
     yield str(path), path.stat().st_mtime_ns, path.stat().st_size
@@ -131,8 +129,9 @@ def _named_files(text: str, path: Path, deepest: int) -> Iterator[tuple[str, int
                 raise JointplayError(
                     f"the MJCF {str(path)!r} names {str(file)!r}, which is no file"
                 )
-            if file.suffix == ".xml" and is_file(file) and deepest:
-                yield from _named_files(read_text(file, "MJCF"), file, deepest - 1)
+            if file.suffix == ".xml" and is_file(file) and file not in seen:
+                seen.add(file)
+                yield from _named_files(read_text(file, "MJCF"), file, seen)
 
 
 @lru_cache(maxsize=8)
