@@ -1,5 +1,7 @@
 """The corrected robot as MJCF: bodies where a calibration found them, all else as it was."""
 
+import re
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -103,3 +105,45 @@ def test_calibrate_writes_it(tmp_path, capsys):
     assert not np.allclose(
         model.body("b").quat, mujoco.MjModel.from_xml_path(str(path)).body("b").quat
     )
+
+
+DRIVEN = """<mujoco model="m"><compiler angle="degree"/>
+<option gravity="0 0 -9.81" timestep="0.002"/><worldbody><body name="a">
+<joint name="j" axis="0 1 0" damping="0.3" frictionloss="0.01"
+  armature="0.02"/>{}<geom type="capsule" fromto="0 0 0 0.25 0 0.1" size="0.02" mass="0.9"/></body>
+</worldbody>{}<actuator><position joint="j" kp="300" kv="10"/></actuator></mujoco>"""
+GEAR = ["--gear", "j=1 deg", "--gear-stiffness", "3000", "--gear-damping", "2"]
+
+
+def test_friction_that_stays_before_the_play_damps_no_teeth(tmp_path, capsys):
+    path, out = tmp_path / "m.xml", tmp_path / "out"
+    path.write_text(DRIVEN.format("", ""))
+    said = ["export", "simulator", str(path), "--joint", "j", *GEAR, "--for", "mujoco", "--check"]
+    assert main([*said, "--out", str(out)]) == 0
+    text, told = (out / "j.xml").read_text(), capsys.readouterr().out
+    assert "link's angle off" in told
+    assert ", beyond" not in told
+    (teeth,) = re.findall(r'name="j\.play"[^>]* damping="([^"]*)"', text)
+    assert float(teeth) > 1.0
+    assert text.count("<option") == 1
+    assert "meshdir" not in text
+    assert "meshes" not in told
+    assert "note: the step of the MJCF is now" in told
+
+
+def test_an_equality_that_shuts_the_play_is_left_out_and_a_check_that_fails_exits_1(
+    tmp_path, capsys, monkeypatch
+):
+    hinge = '<joint name="j_b" axis="0 1 0" range="-2 2"/>'
+    equality = '<equality><joint joint1="j_b"/></equality>'
+    path = tmp_path / "m.xml"
+    path.write_text(DRIVEN.format(hinge, equality))
+    said = ["export", "simulator", str(path), "--all", "--for", "mujoco", "--check"]
+    assert main([*said, "--out", str(tmp_path / "out")]) == 0
+    told = capsys.readouterr().out
+    assert "holds j_b and so shuts the play of j in MuJoCo" in told
+    assert "the equality of j_b, which would hold the play shut, is left out" in told
+    assert "<equality" not in (tmp_path / "out" / "robot.xml").read_text()
+    monkeypatch.setattr("jointplay.bridges.own_mjcf._equalities", lambda *_: iter(()))
+    assert main([*said, "--out", str(tmp_path / "shut")]) == 1
+    assert "beyond" in capsys.readouterr().out

@@ -1,5 +1,6 @@
 """Robots described in MuJoCo's own format: read as MuJoCo reads them, and their play found."""
 
+import os
 import sys
 
 import numpy as np
@@ -421,11 +422,10 @@ def test_without_play_ones_own_file_moves_as_before(own, tmp_path):
     plain = swung(mujoco.MjModel.from_xml_path(str(own)))
     assert np.ptp(plain, axis=0).min() > 0.01
     robot = own_robot(mechanism, [], {}, tilt=False)
-    text = robot.mjcf([Reduction("elbow", damping=0.0, friction=0.0, viscous=0.4)])
+    text = robot.mjcf([Reduction("elbow", damping=0.0)])
     assert swung(mujoco.MjModel.from_xml_string(text)) == pytest.approx(plain, abs=1e-12)
     # And with a hinge whose teeth have next to none: as stiff as the step resolves.
-    stiff = Reduction("swing", dead_band=1e-9, stiffness=4e7, damping=50.0, rotor_inertia=0.03,
-                      viscous=0.4)  # fmt: skip
+    stiff = Reduction("swing", dead_band=1e-9, stiffness=4e7, damping=50.0, rotor_inertia=0.03)
     model = mujoco.MjModel.from_xml_string(robot.mjcf([stiff]))
     plain = mujoco.MjModel.from_xml_path(str(own))
     plain.opt.timestep = model.opt.timestep
@@ -449,3 +449,49 @@ def test_play_that_is_there_is_changed_and_tilt_is_refused(loose, own, tmp_path,
     tilted = ["export", "simulator", str(own), "--joint", "elbow=0.1mm", "--tilt", "--format"]
     assert main([*tilted, "mjcf", "--out", str(tmp_path / "tilt")]) == 2
     assert "only play about an axis is put" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "equality",
+    [
+        '<connect body1="link" body2="tip" anchor="0 0 0"/>',
+        '<weld body1="tip" body2="world"/>',
+        '<joint joint1="k" polycoef="0.3 0 0 0 0"/>',
+        '<joint joint1="k" joint2="j" polycoef="0 1 2 0 0"/>',
+    ],
+)
+def test_an_equality_without_which_the_robot_is_another_is_refused(tmp_path, equality, capsys):
+    more = f"<equality>{equality}</equality>"
+    text = ARM.format(second="", more=more, qpos="0 0")
+    path = written(tmp_path, text)
+    with pytest.raises(JointplayError, match="which cannot be read"):
+        jp.Mechanism(path)
+    assert main(["robots", str(path)]) == 2
+    assert "equality" in capsys.readouterr().err
+    written(tmp_path, text.replace("/></eq", ' active="false"/></eq'))
+    assert jp.Mechanism(path).joints
+
+
+@pytest.mark.parametrize(
+    ("inside", "words"),
+    [
+        ('<replicate count="300000"><body><joint/><geom size="1"/></body></replicate>', "did not"),
+        ('<include file="pipe.xml"/>', "which is no file"),
+    ],
+)
+def test_an_mjcf_without_end_is_ended(tmp_path, inside, words, monkeypatch):
+    os.mkfifo(tmp_path / "pipe.xml")
+    monkeypatch.setattr("jointplay.model.mjcf.TIME_S", 3.0)
+    path = written(tmp_path, f"<mujoco><worldbody>{inside}</worldbody></mujoco>")
+    with pytest.raises(JointplayError, match=words):
+        read(path)
+
+
+def test_an_included_file_that_changes_is_read_again(tmp_path):
+    part = '<mujocoinclude><body name="{}"><joint/><geom size="1"/></body></mujocoinclude>'
+    written(tmp_path, part.format("first"), "part.xml")
+    text = '<mujoco><worldbody><include file="part.xml"/></worldbody></mujoco>'
+    path = written(tmp_path, text)
+    assert "first" in read(path).links
+    written(tmp_path, part.format("another"), "part.xml")
+    assert "another" in read(path).links

@@ -316,3 +316,14 @@ def test_what_others_left_in_a_urdf_is_no_reason_to_refuse_it(tmp_path):
 def test_a_shipped_file_is_named_not_a_path(name):
     with pytest.raises(MissingName, match="no shipped file"):
         read(f"jointplay:{name}")
+
+
+def test_an_axis_next_to_nothing_has_no_direction(tmp_path):
+    text = (
+        '<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="continuous">'
+        '<parent link="a"/><child link="b"/><axis xyz="0 1e-300 0"/></joint></robot>'
+    )
+    path = tmp_path / "r.urdf"
+    path.write_text(text)
+    with pytest.raises(JointplayError, match="which has no direction"):
+        read(path)

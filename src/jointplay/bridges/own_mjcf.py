@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import copy
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,15 +18,15 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.base.errors import JointplayError
-from jointplay.base.files import is_file, read_text
+from jointplay.base.files import read_text
 from jointplay.bridges.reduced_files import check_encoder
 from jointplay.bridges.reduced_mjcf import compile_robot, mass_at, put_play, resolving_step
-from jointplay.bridges.reduction import Reduction
+from jointplay.bridges.reduction import Reduction, is_own
 from jointplay.bridges.urdf import to_urdf
 from jointplay.model.elements import Element, put, written
 from jointplay.model.mechanism import Mechanism
 from jointplay.model.mjcf import load_mujoco, load_spec, placed
-from jointplay.model.urdf import Description, parse
+from jointplay.model.urdf import parse
 
 _DEEPEST = 20
 """Files that may include each other, one in the other."""
@@ -36,15 +36,6 @@ _PLAIN = {
     "springdamper": "0 0",
 }
 """Of a hinge that has nothing from a class of defaults."""
-
-
-def is_own(description: Description) -> bool:
-    """Whether a robot was read of an MJCF that is there."""
-    return (
-        description.beyond.hinges is not None
-        and not description.stored
-        and is_file(description.path)
-    )
 
 
 @dataclass(frozen=True)
@@ -57,7 +48,7 @@ class OwnRobot:
     """As MuJoCo compiled it, without the play put in."""
     pose: Mapping[str, float]
     """Joint positions, the rest zero [rad or m]."""
-    notes: tuple[str, ...]
+    reductions: tuple[Reduction, ...]
     meshes: Mapping[str, bytes]
     """None: they stay where they lie."""
 
@@ -70,19 +61,20 @@ class OwnRobot:
     ) -> str:
         """The MJCF with these numbers of play; actuators, sensors and all else are its own.
 
+        Reductions are without the joints' own friction (`reduce`), which stays before the play.
+
         Raises:
             JointplayError: a joint that the file does not have by its name, once.
         """
         check_encoder(encoder)
         root, added = copy.deepcopy(self.root), []
         tendon = root.find("tendon")
-        tendon = put(root, "tendon") if tendon is None else tendon
+        tendon = Element("tendon") if tendon is None else tendon
         ones = list(reductions)
         loose = [one for one in ones if one.dead_band > 0.0]
         hinges = []
         for one in ones:
-            entry = self.mechanism.description.joints[one.joint]
-            losses = max(one.friction - entry.friction, 0.0), max(one.viscous - entry.damping, 0.0)
+            losses = one.friction, one.viscous
             if one in loose:
                 hinge, new = self._hinge(root, one)
                 added += [one.joint] * new
@@ -91,9 +83,43 @@ class OwnRobot:
             elif any(losses):
                 self._rub(root, one.joint, *losses)
         self._resize_keys(root, added)
+        if len(tendon) and tendon not in root:
+            root.append(tendon)
         if loose:
-            self._refine(root, loose, hinges)
+            step = self._resolving_step(root, loose, hinges)
+            if step < self.model.opt.timestep:
+                _last(root, "option").set("timestep", f"{step:.6g}")
         return _text(root)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is in the file, and what is not as it was."""
+        return tuple(self._said())
+
+    def _said(self) -> Iterator[str]:
+        path = self.mechanism.description.path.resolve()
+        assets = " and its meshes and textures in " + str(path.parent) if self._has_files else ""
+        yield (
+            f"the MJCF is {path.name} with play put in: its friction stays before the play, at the "
+            f"motors,{assets}".rstrip(",")
+        )
+        written = ElementTree.fromstring(self.mjcf(self.reductions))
+        steps = [one.get("timestep") for one in written.findall("option")]
+        step = float(next((one for one in reversed(steps) if one), self.model.opt.timestep))
+        if step < self.model.opt.timestep:
+            yield (
+                f"note: the step of the MJCF is now {1e3 * step:.4g} ms, for the teeth; it was "
+                f"{1e3 * self.model.opt.timestep:.4g} ms"
+            )
+        held = self.mechanism.description.beyond.hinges or {}
+        for one in self.reductions:
+            hinge = held.get(one.joint)
+            if hinge and one.dead_band > 0.0 and [*_equalities(self.root, hinge)]:
+                yield f"note: the equality of {hinge}, which would hold the play shut, is left out"
+
+    @property
+    def _has_files(self) -> bool:
+        return bool([*_with_files(self.root)])
 
     def _hinge(self, root: Element, one: Reduction) -> tuple[str, bool]:
         """Name of a joint's hinge of play, and whether it was put in."""
@@ -104,10 +130,10 @@ class OwnRobot:
         known = (self.mechanism.description.beyond.hinges or {}).get(one.joint)
         if known is not None:
             _find(root, known)[1].set("limited", "false")
-            for holder in root.findall("equality"):  # one would hold the play shut
-                for equality in holder.findall("joint"):
-                    if known in (equality.get("joint1"), equality.get("joint2")):
-                        holder.remove(equality)
+            for holder, equality in [*_equalities(root, known)]:  # it would hold the play shut
+                holder.remove(equality)
+                if not len(holder):
+                    root.remove(holder)
             return known, False
         name = f"{one.joint}_play"
         place = {key: value for key, value in joint.items() if key in ("class", "pos", "axis")}
@@ -131,16 +157,16 @@ class OwnRobot:
                     behind = [getattr(self.model.joint(one), first)[0] + 1 for one in added]
                     key.set(name, " ".join(np.insert(np.array(values, object), behind, "0")))
 
-    def _refine(self, root: Element, loose: Sequence[Reduction], hinges: Sequence[str]) -> None:
-        """Shorten the step of the whole file if the teeth need it."""
+    def _resolving_step(
+        self, root: Element, loose: Sequence[Reduction], hinges: Sequence[str]
+    ) -> float:
+        """The longest step of the whole file that resolves the teeth [s]."""
         model = _compiled(
             lambda: load_mujoco().MjModel.from_xml_string(_text(root)), self.mechanism
         )
         rows = [int(model.joint(name).dofadr[0]) for name in hinges]
         mass = mass_at(model, self.pose)
-        step = resolving_step(mass, rows, [one.stiffness for one in loose])
-        if step < model.opt.timestep:
-            put(root, "option", timestep=f"{step:.6g}")
+        return resolving_step(mass, rows, [one.stiffness for one in loose])
 
 
 def own_robot(
@@ -156,13 +182,8 @@ def own_robot(
             "--tilt is for MJCFs that are made of a URDF; into an MJCF of your own only play about "
             "an axis is put"
         )
-    path = mechanism.description.path.resolve()
     root, model = _whole(mechanism)
-    note = (
-        f"the MJCF is {path.name} with play put in: its friction stays before the play, at the "
-        f"motors, and its meshes in {path.parent}"
-    )
-    return OwnRobot(mechanism, root, model, pose, (note,), {})
+    return OwnRobot(mechanism, root, model, pose, tuple(reductions), {})
 
 
 def corrected_mjcf(
@@ -222,10 +243,34 @@ def _whole(mechanism: Mechanism) -> tuple[Element, Any]:
     root = _parse(path)
     _include(root, path.parent, _DEEPEST)
     folders = {"meshdir": spec.meshdir, "texturedir": spec.texturedir}
-    put(root, "compiler", **{key: str(path.parent / value) for key, value in folders.items()})
+    if [*_with_files(root)]:  # which stay where they lie
+        for key, value in folders.items():
+            _last(root, "compiler").set(key, str(path.parent / value))
     for part in root.findall("asset/model"):
         part.set("file", str(path.parent / part.get("file", "")))
     return root, model
+
+
+def _with_files(root: Element) -> Iterator[Element]:
+    """Meshes, textures and the like whose files an MJCF names."""
+    for holder in (*root.findall("asset"), *root.findall("deformable"), *root.findall("worldbody")):
+        for part in holder.iter():
+            if part.tag != "model" and any(key.startswith("file") for key in part.attrib):
+                yield part
+
+
+def _equalities(root: Element, hinge: str) -> Iterator[tuple[Element, Element]]:
+    """Equalities of a hinge, each with what it is in."""
+    for holder in root.findall("equality"):
+        for equality in holder.findall("joint"):
+            if hinge in (equality.get("joint1"), equality.get("joint2")):
+                yield holder, equality
+
+
+def _last(root: Element, tag: str) -> Element:
+    """The last section of this name, which counts most; a new one if there is none."""
+    found = root.findall(tag)
+    return found[-1] if found else put(root, tag)
 
 
 def _set_place(body: Element, place: pin.SE3) -> None:

@@ -11,7 +11,7 @@ from jointplay.accuracy.error_budget import PlayBudget
 from jointplay.base.errors import JointplayError
 from jointplay.base.tables import Column, Table
 from jointplay.bridges import reduced_files
-from jointplay.bridges.own_mjcf import OwnRobot, is_own, own_robot
+from jointplay.bridges.own_mjcf import OwnRobot, own_robot
 from jointplay.bridges.reduced_formats import FORMATS
 from jointplay.bridges.reduced_mjcf import (
     CompiledRobot,
@@ -21,9 +21,14 @@ from jointplay.bridges.reduced_mjcf import (
     find_reach,
     follow,
 )
-from jointplay.bridges.reduction import Reduction
+from jointplay.bridges.reduction import Reduction, is_own
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.loads.drive import Servo
+
+BEYOND = "beyond"
+"""Says in a line of `ReducedRobot.check` that what is written does not keep to what is stated."""
+SAME = 0.01
+"""Part by which the play that MuJoCo finds may differ from that which is written."""
 
 
 def refuse_without_play(
@@ -189,7 +194,7 @@ class ReducedRobot:
             seen = follow(mjcf, one, self.meshes)
             yield f"MuJoCo: {one.joint}: {_angle_kept(seen, one)}"
             if seen.tilt_error is not None:
-                kept = "within" if seen.tilt_error <= one.tilt_error else "beyond"
+                kept = "within" if seen.tilt_error <= one.tilt_error else BEYOND
                 yield (
                     f"MuJoCo: {one.joint}: axis' tilt off by up to {1e3 * seen.tilt_error:.4g} "
                     f"mrad, {kept} the stated {1e3 * one.tilt_error:.4g}"
@@ -198,10 +203,13 @@ class ReducedRobot:
         for one in self.reductions:
             if one.joint in found:
                 pushed = found[one.joint]
+                pairs = (pushed.dead_band, one.dead_band), (pushed.stiffness, one.stiffness)
+                same = all(abs(has - wrote) <= SAME * wrote for has, wrote in pairs)
                 yield (
                     f"MuJoCo: {one.joint} turns freely by {1e3 * pushed.dead_band:.5g} mrad "
                     f"(written: {1e3 * one.dead_band:.5g}), then {pushed.stiffness:.5g} N m/rad "
                     f"(written: {one.stiffness:.5g})"
+                    f"{'' if same else f', {BEYOND} {SAME:.0%} of what is written'}"
                 )
         if "py" in self.formats:
             yield from self._check_actuator()
@@ -237,7 +245,7 @@ class ReducedRobot:
 
 
 def _angle_kept(seen: Followed, stated: Reduction) -> str:
-    kept = "within" if seen.error <= stated.angle_error else "beyond"
+    kept = "within" if seen.error <= stated.angle_error else BEYOND
     return (
         f"link's angle off by up to {1e6 * seen.error:.4g} µrad, {kept} the stated "
         f"{1e6 * stated.angle_error:.4g}; {1e6 * seen.step_seconds:.3g} µs a step of "

@@ -32,6 +32,7 @@ from jointplay.accuracy.error_model import play_model, toward
 from jointplay.accuracy.jacobians import place
 from jointplay.accuracy.poses import moving
 from jointplay.base.errors import JointplayError, require_a, require_known, require_positive
+from jointplay.base.files import is_file
 from jointplay.base.progress import ProgressBar
 from jointplay.base.schema import plain
 from jointplay.base.tables import aligned
@@ -39,6 +40,7 @@ from jointplay.base.units import told
 from jointplay.model.gear import Gear, Gearing
 from jointplay.model.impact import fitting_step
 from jointplay.model.mechanism import Mechanism
+from jointplay.model.urdf import Description
 from jointplay.physics.joints import JOINT_KINDS, Clearance, Coordinate, RollingBearing
 from jointplay.simulation.analysis.bearings import element_loads
 from jointplay.simulation.loads.drive import JointFriction, Prescribed
@@ -195,6 +197,15 @@ class Reduction:
         return "\n".join(aligned([("reduced joint", "value"), *rows]))
 
 
+def is_own(description: Description) -> bool:
+    """Whether a robot was read of an MJCF that is there."""
+    return (
+        description.beyond.hinges is not None
+        and not description.stored
+        and is_file(description.path)
+    )
+
+
 def reduce(
     mechanism: Mechanism,
     joint: str,
@@ -210,7 +221,8 @@ def reduce(
     Args:
         pose: joint positions about which the joint reverses [rad or m]; the rest zero.
         amplitude, period: of the reversals [rad, s].
-        joint_friction: of the joint besides its bearing's; None takes the URDF's.
+        joint_friction: of the joint besides its bearing's; None takes the URDF's, and none of an
+            MJCF's, where it stays before the play.
 
     Raises:
         MissingName: no such joint with play.
@@ -224,6 +236,8 @@ def reduce(
     clearance = mechanism.clearance.get(joint)
     require_positive("amplitude", amplitude, "rad")
     require_positive("period", period, "s")
+    if joint_friction is None and is_own(mechanism.description):
+        joint_friction = JointFriction()
     bearings = {} if clearance is None else {joint: clearance}
     gears = {joint: mechanism.gears[joint]} if joint in mechanism.gears else {}
     alone = mechanism.with_clearance(bearings, gears)

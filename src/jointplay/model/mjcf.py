@@ -9,9 +9,13 @@ from __future__ import annotations
 
 import json
 import math
+import os
+import re
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
+from importlib.util import find_spec
 from itertools import compress
 from pathlib import Path
 from typing import Any
@@ -19,8 +23,9 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from jointplay.base import confined
 from jointplay.base.errors import JointplayError
-from jointplay.base.files import begins, is_file
+from jointplay.base.files import begins, is_file, read_text
 from jointplay.base.imports import extra
 from jointplay.base.tables import few
 from jointplay.model import urdf
@@ -43,6 +48,12 @@ _FINITE = (
     *("actuator_gear", "tendon_range", "tendon_stiffness", "tendon_damping", "wrap_prm"),
 )
 """Arrays of a compiled MJCF whose numbers are used."""
+TIME_S = 20.0
+"""Longest processor time that reading an MJCF may take [s]; large robots take 2 s."""
+ROOM = 4e9
+"""Memory that it may take [bytes], addresses counted; large robots take a quarter."""
+_FILE = re.compile(r"""\bfile\s*=\s*["']([^"'<>]+)["']""")
+_FOLDER = re.compile(r"""\b(?:mesh|texture|asset)dir\s*=\s*["']([^"'<>]+)["']""")
 _LFS = b"version https://git-lfs"
 """What stands in a file whose content was left elsewhere."""
 _COLLISION_GROUP = 3
@@ -93,7 +104,67 @@ def _unused(name: str, taken: set[str]) -> str:
 
 
 def urdf_text(text: str, path: Path) -> str:
-    """The robot of an MJCF, `path`, as a URDF; MuJoCo reads the file and those that it includes.
+    """The robot of an MJCF, `path`, as a URDF; made once as long as no file of text changes.
+
+    MuJoCo reads the file and those that it includes in a process with limits of time and memory.
+
+    Raises:
+        JointplayError: see `read`; or it takes more time or memory, or a file that it names is a
+            pipe, device or folder.
+    """
+    with extra("simulators", "mujoco"):
+        if find_spec("mujoco") is None:
+            raise ImportError("it is not installed")
+    stamps = tuple(sorted(_named_files(text, path, set())))
+    return _read_apart(path.absolute(), stamps)
+
+
+def _named_files(text: str, path: Path, seen: set[Path]) -> Iterator[tuple[str, int, int]]:
+    """Files of text that an MJCF is made of: name, time of the last change [ns], size [bytes]."""
+    folders = {"", *_FOLDER.findall(text)}
+    yield str(path), path.stat().st_mtime_ns, path.stat().st_size
+    for name in dict.fromkeys(_FILE.findall(text)):
+        for file in (path.parent / folder / name for folder in folders):
+            if file.exists() and not is_file(file):
+                raise JointplayError(
+                    f"the MJCF {str(path)!r} names {str(file)!r}, which is no file"
+                )
+            if file.suffix == ".xml" and is_file(file) and file not in seen:
+                seen.add(file)
+                yield from _named_files(read_text(file, "MJCF"), file, seen)
+
+
+@lru_cache(maxsize=8)
+def _read_apart(path: Path, stamps: tuple[tuple[str, int, int], ...]) -> str:
+    with confined.process(__name__, path, TIME_S, min(ROOM, confined.memory())) as process:
+        assert process.stdout
+        output = process.stdout.read()
+        if not output.endswith(b"}"):
+            raise JointplayError(
+                f"the MJCF {str(path)!r}: reading it {confined.ended(process, TIME_S)}; it may "
+                f"take {ROOM / 1e9:g} GB"
+            )
+    told = json.loads(output)
+    if "fault" in told:
+        raise JointplayError(told["fault"])
+    return str(told["text"])
+
+
+def serve(path: str) -> None:
+    """What the process does: it writes the URDF, or what is wrong, to standard output."""
+    try:
+        told = {"text": read(Path(path))}
+    except JointplayError as error:
+        told = {"fault": str(error)}
+    except MemoryError:
+        told = {"fault": f"the MJCF {path!r} takes more memory than a robot may"}
+    sys.stdout.write(json.dumps(told))
+    sys.stdout.flush()
+    os._exit(0)
+
+
+def read(path: Path) -> str:
+    """The robot of an MJCF as a URDF.
 
     Trees of bodies that float freely beside a robot that is held are left out; if all float, the
     largest is the robot, its base free.

@@ -185,6 +185,9 @@ LIMITED = ("revolute", "prismatic")
 NO_AXIS = ("fixed", "floating")
 """Types of joint whose axis means nothing; exporters write zeros there."""
 
+SHORTEST_AXIS = 1e-6
+"""An axis is a unit vector: one with no longer component is rounding."""
+
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 """In world axes [m/s^2]."""
 
@@ -533,7 +536,8 @@ def _check_placements(root: ElementTree.Element) -> None:
             axis = element.find("axis")
             if axis is None or kind == "link" or element.get("type") in NO_AXIS:
                 continue
-            if not any(numbers(axis, "xyz", f"{owner}: axis", 3, "1 0 0")):
+            way = numbers(axis, "xyz", f"{owner}: axis", 3, "1 0 0")
+            if not max(map(abs, way)) > SHORTEST_AXIS:
                 raise JointplayError(
                     f"{owner} has the axis {axis.get('xyz')!r}, which has no direction"
                 )

@@ -295,9 +295,8 @@ def _write_robot(options: argparse.Namespace, preset: Preset, mechanism: Mechani
         left = f"; not in it: play of gears ({gears})" if gears else ""
         write_robot(options.urdf, text, {}, left)
     if options.mjcf is not None:
-        from jointplay.bridges.own_mjcf import is_own
         from jointplay.bridges.reduced_robot import ReducedRobot, refuse_without_play
-        from jointplay.bridges.reduction import reduce_all
+        from jointplay.bridges.reduction import is_own, reduce_all
 
         tilt = bool(mechanism.clearance) and not is_own(mechanism.description)
         play = [*mechanism.clearance, *mechanism.gears]

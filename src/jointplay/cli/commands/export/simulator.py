@@ -23,7 +23,8 @@ elbow_joint="2 arcmin" --gear-stiffness 2e4 --rotor-inertia 0.5 --out elbow
     --format {mjcf,sdf,urdf,json,usd,py} ...  file format; by default all
     --spread SHARE  JSON: relative half width of ranges without measured values, such as
         20% (default: 0.3)
-    --check  run the MJCF in MuJoCo and compare it with the full model
+    --check  run the MJCF in MuJoCo and compare it with the full model; exit status 1 if it differs
+        by more than is stated
     --out DIR  folder for the files (required)
   whole robot:
     --all  write all joints with play into one file of each format
@@ -57,9 +58,8 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.model.meshes import FOLDER
 
     out = Outputs(options.out, names + [FOLDER] * ("mjcf" in formats))
-    from jointplay.bridges.own_mjcf import is_own
-    from jointplay.bridges.reduced_robot import ReducedRobot, refuse_without_play
-    from jointplay.bridges.reduction import reduce, reduce_all
+    from jointplay.bridges.reduced_robot import BEYOND, ReducedRobot, refuse_without_play
+    from jointplay.bridges.reduction import is_own, reduce, reduce_all
 
     options.pose = [options.pose or ""]
     posed = inputs.posed_machine(options)
@@ -99,8 +99,9 @@ def run(options: argparse.Namespace) -> int:
         files.write(Path(options.out) / FOLDER / name, data)
     out.write(contents)
     if options.check:
-        for line in robot.check():
-            print(line)
+        lines = [*robot.check()]
+        print(*lines, sep="\n")
+        return int(any(BEYOND in line for line in lines))
     return 0
 
 
