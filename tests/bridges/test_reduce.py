@@ -251,7 +251,7 @@ def servo_runs(path, servo, gear, goal, end):
 
     times = np.linspace(0.0, end, 41)
     goals = goal(times)
-    motion = Motion(["j", "k"], times, np.column_stack([goals, np.zeros(41)]))
+    motion = Motion(["j", "k"], times, np.column_stack([goals, np.zeros(41)]), "rest-to-rest")
     mechanism = Mechanism(path, {}, gears={"j": gear})
     drive = {"j": servo, "k": Prescribed()}
     run = Simulation(mechanism, motion, drive=drive, step=2e-5, record_every=50)

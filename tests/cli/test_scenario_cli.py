@@ -7,7 +7,7 @@ import trimesh
 from warm import call
 
 from jointplay import Result
-from jointplay.cli.commands.run_scenario import file_names
+from jointplay.base.files import names_for
 from jointplay.model.urdf import shipped
 
 
@@ -139,7 +139,8 @@ def test_a_mistake_is_found_before_anything_runs(short):
 
 
 def test_files_of_cases_differ():
-    assert file_names(["a/b", "a b", "A B", ".."]) == ["a_b.nc", "a_b_2.nc", "A_B_3.nc", "case.nc"]
+    names = names_for(["a/b", "a b", "A B", ".."], ".nc")
+    assert names == ["a_b.nc", "a_b_2.nc", "A_B_3.nc", "unnamed.nc"]
 
 
 GEARED = """

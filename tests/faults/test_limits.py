@@ -125,7 +125,7 @@ def test_a_number_without_a_unit_cannot_come_into_the_package():
         (".".join(["a"] * 20_000) + " = 1", "line 1: a key has at most 50 parts"),
         ("[" + ".".join(["a"] * 20_000) + "]", "line 1: a key has at most 50 parts"),
         ("a = " + "1" * 5000, "digits"),
-        ("# " + "a" * 6_000_000, "a scenario has at most 5 MB"),
+        ("# " + "a" * 6_000_000, "at most 5 MB are read"),
     ],
 )
 def test_texts_that_would_keep_the_reader_busy_are_refused(text, words):

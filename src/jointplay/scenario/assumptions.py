@@ -48,7 +48,16 @@ def decisive(scenario: Scenario, simulations: Mapping[str, Simulation]) -> list[
         for line in lines
         if line not in common
     ]
-    return [*common, *own, *scenario.assumptions]
+    # Of a motion that nobody gave it says more that nobody did than how its points are taken.
+    motions = (
+        [line for line in common if line.startswith("motion: ")] if scenario.assumptions else []
+    )
+    return [
+        *(line for line in common if line not in motions),
+        *own,
+        *scenario.assumptions,
+        *motions,
+    ]
 
 
 def notes_at_poses(

@@ -294,7 +294,8 @@ class Preset:
         Raises:
             JointplayError: no robot is given and the preset has none.
         """
-        from jointplay.scenario.robot import at_rest, description_of, robot_place, robot_scenario
+        from jointplay.scenario.described import description_of
+        from jointplay.scenario.robot import at_rest, robot_place, robot_scenario
 
         place = robot or self.robot
         if place is None:

@@ -285,8 +285,9 @@ def scenario_of(options: argparse.Namespace, still: bool = False, every: bool = 
         JointplayError: options that do not go together, or what they name is not there.
     """
     from jointplay.scenario import Scenario
+    from jointplay.scenario.described import settings_beyond
     from jointplay.scenario.reading import merge
-    from jointplay.scenario.robot import robot_scenario, settings_beyond
+    from jointplay.scenario.robot import robot_scenario
 
     ideal, file = bool(_value(options, "ideal")), None
     named = _name_all_loose(options) if (still or every) and not ideal else []
@@ -605,7 +606,8 @@ def _tables(file: Scenario) -> dict[str, dict[str, Any]]:
 def _description(
     options: argparse.Namespace, wanted: Sequence[Setting], file: Scenario | None
 ) -> Description:
-    from jointplay.scenario.robot import description_of, robot_place
+    from jointplay.scenario.described import description_of
+    from jointplay.scenario.robot import robot_place
 
     if file is None:
         return description_of(robot_place(options.place), wanted)
