@@ -239,14 +239,16 @@ def test_a_full_disk_loses_nothing_that_was_finished(whole, small_disk):
 
 @pytest.mark.parametrize(
     ("small_disk", "beside"),
-    [("size=60k", False), ("size=150k", True), ("nr_inodes=30", False), ("nr_inodes=30", True)],
+    [("size=60k", False), ("size=150k", True), ("nr_inodes=20", False), ("nr_inodes=20", True)],
     indirect=["small_disk"],
 )
 @pytest.mark.thorough
-def test_a_disk_without_room_or_inodes_is_said_in_a_line(small_disk, beside, whole, tmp_path):
-    """Standard output and error are on that disk, or elsewhere."""
+def test_a_disk_without_room_or_inodes_is_said_in_a_line(small_disk, beside, tmp_path):
+    """Standard output and error are on that disk, or elsewhere; each case has a file of its own."""
     place = small_disk if beside else tmp_path
-    command = ["study", "sweep", whole[0], "--out", small_disk / "s", "--quiet", "--jobs", "1"]
+    path = tmp_path / "study.toml"
+    path.write_text(SCENARIO.format(axes=AXES, options="results = true", duration="0.03 s"))
+    command = ["study", "sweep", path, "--out", small_disk / "s", "--quiet", "--jobs", "1"]
     with (place / "out").open("w") as out, (place / "err").open("w") as err:
         status = subprocess.run(
             [JOINTPLAY, *map(str, command)], stdout=out, stderr=err, check=False

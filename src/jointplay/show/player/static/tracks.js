@@ -1,8 +1,8 @@
 // Tracks: tables of numbers over the moments that are played, and where in them a time lies.
 
-// A block of bytes, decompressed from its base64.
+// A block of bytes, decompressed; in pages it is base64, in answers of a server it is as it is.
 async function inflate(block) {
-    const packed = Uint8Array.from(atob(block), one => one.charCodeAt(0));
+    const packed = typeof block === "string" ? Uint8Array.from(atob(block), one => one.charCodeAt(0)) : block;
     const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
     return new Uint8Array(await new Response(stream).arrayBuffer());
 }
