@@ -84,7 +84,9 @@ def test_an_integral_that_winds_up_for_seconds_is_no_rest():
 @pytest.mark.thorough
 def test_what_sinks_slowly_onto_its_load_is_no_swing():
     sinks = replace(axis(0.6), load=0.06)
-    assert at(sinks) == hunting.QUIET
+    found = at(sinks)
+    assert not found.hunts
+    assert found.unclear  # it creeps for minutes: the longest run does not tell
 
 
 def test_the_screens_friction_is_the_first_harmonic_of_one_that_creeps():

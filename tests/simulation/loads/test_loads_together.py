@@ -128,7 +128,7 @@ def test_reactions_are_those_of_inverse_dynamics_with_the_loads_forces(urdf):
 @pytest.mark.parametrize(
     ("loads", "words"),
     [
-        ([1], "loads must be given by name"),
+        ([1], "loads must be a mapping of names"),
         ({"": TorsionSpring("a", 1.0)}, "name of a load must be readable text"),
         ({"x" * 300: TorsionSpring("a", 1.0)}, "has 300 letters; at most"),
     ],
