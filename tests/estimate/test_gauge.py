@@ -286,7 +286,11 @@ def test_plans_of_arms_that_people_have():
 def test_the_play_found_is_a_dead_band_in_mujoco(tmp_path, capsys):
     import mujoco
 
-    one, path, out = read(name="shoulder_lift"), tmp_path / "dial.csv", tmp_path / "found.xml"
+    one, path, out = (
+        read(name="shoulder_lift", forces=THREE),
+        tmp_path / "dial.csv",
+        tmp_path / "found.xml",
+    )
     table(path, readings=one)
     order = ["identify", "so101", str(path), "--quiet"]
     assert main([*order, "--mjcf", str(out)]) == 0

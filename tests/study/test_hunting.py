@@ -61,27 +61,6 @@ def test_slow_swings_are_waited_for():
 
 
 @pytest.mark.thorough
-def test_an_integral_that_winds_up_for_seconds_is_no_rest():
-    """An own integration swings for ever, link +-0.34 mrad, period 25 s; bristles hold it."""
-    gear = jp.Gear(2.96e-3, 0.0237, 87.9, 1.82)
-    for presliding in (0.0, 5e-4):
-        servo = jp.loads.Servo(
-            voltage=20.0, torque_constant=1.065, resistance=3.51, friction=0.0252, viscous=0.026,
-            p_gain=64.3, i_gain=17.0, encoder="link", presliding=presliding,
-        )  # fmt: skip
-        rubs = jp.loads.JointFriction(0.00765, viscous=0.002, presliding=presliding)
-        one = Axis("a", False, 0.0878, 0.0, gear, servo, rubs)
-        if presliding:
-            assert at(one) == hunting.QUIET
-            continue
-        for start in (0.5, 8.0):
-            assert at(one, start=start, longest=40.0).unclear
-        found = at(one)
-        assert found.amplitude == pytest.approx(0.34e-3, rel=0.05)
-        assert found.frequency == pytest.approx(1.0 / 25.0, rel=0.05)
-
-
-@pytest.mark.thorough
 def test_what_sinks_slowly_onto_its_load_is_no_swing():
     sinks = replace(axis(0.6), load=0.06)
     found = at(sinks)

@@ -38,10 +38,9 @@ from jointplay.study.study import Study
 STARTS = (0.5, 2.0, 8.0)
 """How far joint and motor start from the goal, in plays of the gear."""
 
-LONGEST_S, SEARCH_S, MAP_S = 300.0, 60.0, 12.0
-"""A run that does not end before, because it is clear whether its swings last, lasts so long: an
-integral of 25 s, or friction that creeps for minutes, is seen to its end. Of the many runs that
-look for a gain, or make a map, fewer: what is unclear then is said to be."""
+LONGEST_S, PERIODS, MOST_S = 12.0, 12.0, 60.0
+"""A run that does not end before, because it is clear whether its swings last, lasts so long, or
+so many of the predicted periods, up to the third."""
 
 STEP_S, RECORD_S = 2e-4, 1e-3
 """Longest step, and interval of records."""
@@ -50,14 +49,16 @@ FIRST_LOOK_S, LOOKS = 0.7, 1.5
 """When a run is looked at first, and by how much later each time; it is a time of several swings
 of what is fast."""
 
-STEADY, LASTS = 0.02, 0.9
+STEADY, LASTS, ENDS = 0.02, 0.9, 0.5
 """Speed in the later half of a run's last swings over that in the earlier. One that differs from 1
 by less than the first stays as it is; at the end of the longest run swings that keep more than the
-second last. What does neither and is not at rest is unclear, however slow it is."""
+second last, and what keeps less than the third comes to rest; in between it is unclear."""
 
-LEAST_RAD, RESTS_S = 2e-5, 20.0
-"""Half a swing below which nothing is said to hunt. What would come no farther than a whole one in
-the time [s] is at rest, before the end of a run, too: an integral that winds up moves faster."""
+ONE_WAY = 0.98
+"""Part of a motion that leads one way, so that it is no swing: it comes to rest, if slowly."""
+
+LEAST_RAD = 2e-5
+"""Half a swing below which nothing is said to hunt."""
 
 UNITS = {"p_gain": "V/rad", "i_gain": "V/(rad*s)", "d_gain": "V*s/rad"}
 """Of a servo's gains."""
@@ -80,7 +81,7 @@ class Swing(NamedTuple):
     twist: float = 0.0
     """Half of what the gear turns in itself to and fro [rad or m]."""
     unclear: bool = False
-    """Whether it still moves at the end of the longest run, but no swings were seen to last."""
+    """Whether it still moves at the end of the longest run, but has not swung often enough."""
 
 
 QUIET = Swing(False, 0.0, 0.0)
@@ -299,15 +300,20 @@ class Trial:
     """How far joints and motors begin aside, in plays of their gears."""
     play: bool = True
     """Whether gears have their play."""
-    longest: float = LONGEST_S
-    """[s]."""
+    longest: float | None = None
+    """[s]; None: by the screen."""
 
 
 def swings(trial: Trial) -> list[Swing]:
     """What each axis does in the end: run until its swings last or are over."""
-    axes = trial.released.axes
+    axes, longest = trial.released.axes, trial.longest
+    if longest is None:
+        slow = min(
+            (one.frequency for axis in axes if (one := predicted(axis, COARSE)).hunts), default=0.0
+        )
+        longest = min(max(LONGEST_S, PERIODS / slow), MOST_S) if slow else LONGEST_S
     with within(", ".join(axis.joint for axis in axes)):
-        simulation = trial.released.simulation(trial.longest)
+        simulation = trial.released.simulation(longest)
         for finer in (1, FINER):
             run = Run(replace(
                 simulation, step=simulation.step / finer,
@@ -351,13 +357,10 @@ def _swing(
 ) -> Swing | None:
     """Likewise of one, from link and motor, (2, n)."""
     link, motor = places
-    end = max(third, int(np.searchsorted(time, time[-1] - RESTS_S)))
-    ahead = max(RESTS_S / float(time[-1] - time[end]), 1.0)
-    if ahead * np.ptp(places[int(last) :, end:], axis=1).max() < 2.0 * LEAST_RAD:
+    spans = np.ptp(places[:, third:], axis=1)
+    if spans[int(last) :].max() < 2.0 * LEAST_RAD:
         return QUIET  # in the end a link may float in its play, beside a motor that stands
-    own = int(
-        np.argmax(np.ptp(places[:, third:], axis=1))
-    )  # the motor may swing within the play of a link that stands
+    own = int(np.argmax(spans))  # the motor may swing within the play of a link that stands
     rises = _rises(places[own], third)
     half = (len(rises) - 1) // 2
     cut = [0, third, len(time) - 1] if half < 1 else [*rises[-1 - 2 * half :: half]]
@@ -366,7 +369,10 @@ def _swing(
     if not last and not (half > 2 and abs(kept - 1.0) < STEADY):
         return None
     if half < 1 or kept <= LASTS:
-        return QUIET._replace(unclear=True)
+        one_way = abs(places[own, -1] - places[own, 0]) > ONE_WAY * np.ptp(places[own])
+        slow = np.sqrt(np.mean(speed[1, third:] ** 2)) < JOINT_FRICTION_SPEED  # friction would hold
+        rests = half < 1 and (one_way or slow)
+        return QUIET._replace(unclear=kept >= ENDS and not rests)
     at = slice(*cut[1:])
     frequency = half / float(time[cut[2]] - time[cut[1]])
     amplitude, twist = (0.5 * float(np.ptp(one[at])) for one in (link, motor - link))
@@ -481,12 +487,9 @@ class _Search:
     jobs: int | None
     bar: ProgressBar
 
-    def largest(
-        self, these: Sequence[Released], play: bool, longest: float = LONGEST_S
-    ) -> list[list[Swing]]:
+    def largest(self, these: Sequence[Released], play: bool) -> list[list[Swing]]:
         """The largest swing of each axis of each that is released."""
-        longest = self.longest or longest
-        trials = [Trial(one, start, play, longest) for one in these for start in self.starts]
+        trials = [Trial(one, start, play, self.longest) for one in these for start in self.starts]
         self.bar.total = (self.bar.total or 0) + len(trials)
         found = Study(trials, swings).run(self.jobs, self.bar)
         n = len(self.starts)
@@ -500,8 +503,9 @@ class _Search:
         hunts: float | None = None
         below, clear = gains[0], True
         for _ in range(3):
-            these = [one.with_gains(**{gain: x}) for x in gains]
-            for value, axes in zip(gains, self.largest(these, True, SEARCH_S), strict=True):
+            for value, axes in zip(
+                gains, self.largest([one.with_gains(**{gain: x}) for x in gains], True), strict=True
+            ):
                 if any(each.hunts for each in axes):
                     hunts = value
                     break
@@ -534,8 +538,8 @@ def hunting(
         simulation, joints, pose: see `released`.
         gain: that is varied, of `UNITS` or a parameter of an own controller; None: the P gain of
             servos, none of controllers.
-        longest: run, if it is not clear before whether swings last [s]; None: `LONGEST_S`, or
-            `SEARCH_S` to look for the gain.
+        longest: run, if it is not clear before whether swings last [s]; None: `LONGEST_S`, or more
+            where slow swings are predicted.
         starts: how far aside runs begin, in plays of the gear.
         jobs: processes; None takes one for each core.
         progress: show a bar.
@@ -636,12 +640,12 @@ def gain_map(
 ) -> GainMap:
     """Run a joint at all pairs of two gains, with play and without, once each from one start.
 
-    No run is longer than `longest`, `MAP_S` if that is None.
+    No run is longer than `longest`, `LONGEST_S` if that is None.
 
     Raises:
         JointplayError: no such gain, twice the same, or several joints.
     """
-    longest = require_positive("longest run", MAP_S if longest is None else longest, "s")
+    longest = require_positive("longest run", LONGEST_S if longest is None else longest, "s")
     for gain, _ in (first, second):
         _require_gain(one, gain)
     if first.gain == second.gain:
