@@ -82,15 +82,23 @@ class Server:
     def begin(self, ready: selectors.BaseSelector) -> dict | None:
         """Copy this process for who asks next."""
         client, _ = self.listener.accept()
-        _, streams, _, _ = socket.recv_fds(client, 1, 64)
-        with client.makefile("r") as lines:
-            asked = json.loads(lines.readline())
+        streams: list[int] = []
+        try:
+            _, streams, _, _ = socket.recv_fds(client, 1, 64)
+            with client.makefile("r") as lines:
+                asked = json.loads(lines.readline())
+        except (OSError, ValueError):  # who asks was killed before it had said what
+            for stream in streams:
+                os.close(stream)
+            client.close()
+            return None
         if pid := os.fork():
             for stream in streams:
                 os.close(stream)
-            client.sendall(f"{pid}\n".encode())
             self.clients[pid] = client
             ready.register(client, selectors.EVENT_READ, pid)
+            with suppress(OSError):  # it was killed: `serve` reads that, and ends its copy
+                client.sendall(f"{pid}\n".encode())
             return None
         signal.set_wakeup_fd(-1)
         signal.signal(signal.SIGCHLD, signal.SIG_DFL)

@@ -218,21 +218,19 @@ def test_a_full_disk_loses_nothing_that_was_finished(whole, small_disk):
     store = small_disk / "s"
     process = start("study", "sweep", path, "--out", store, "--quiet", "--jobs", 2)
     grown(store, 2)
-    with filler.open("wb") as file:  # all that is left
-        try:
-            for size in (65536, 1024, 1):
+    with suppress(OSError), filler.open("wb") as file:  # all that is left
+        for size in (65536, 1024, 1):
+            with suppress(OSError):
                 for _ in itertools.count():
                     file.write(bytes(size))
                     file.flush()
-        except OSError:
-            pass
     _, err, status = end(process)
     if status != 0:
         assert status == 2, err
         assert "No space left" in err
         assert "--resume continues" in err
         assert err.count("\n") == 1
-    filler.unlink()
+    filler.unlink(missing_ok=True)
     resume(path, store)
     same(store, reference)
 

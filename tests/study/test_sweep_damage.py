@@ -452,6 +452,21 @@ def test_a_journal_that_names_another_file_has_sqlite_delete_nothing(whole, stor
     assert precious.exists()
 
 
+def test_what_a_killed_process_had_begun_to_change_is_rolled_back_by_who_reads(store, tmp_path):
+    before, _ = read(store)
+    other = tmp_path / "killed"
+    with closing(sqlite3.connect(store / FILE, isolation_level=None)) as opened:
+        opened.execute("PRAGMA journal_mode=DELETE")
+        opened.execute("PRAGMA cache_size=1")
+        opened.execute("BEGIN")
+        for _ in range(12):  # so much that pages go to the file before the end
+            opened.execute("INSERT INTO cases SELECT * FROM cases")
+        shutil.copytree(store, other)  # as it is when the process is killed
+        opened.execute("ROLLBACK")
+    assert (other / f"{FILE}-journal").stat().st_size > 0
+    xr.testing.assert_identical(read(other)[0], before)
+
+
 def test_a_file_that_another_program_holds_is_said(whole, store, monkeypatch):
     monkeypatch.setattr(database, "LOCKED_S", 0.1)
     with closing(sqlite3.connect(store / FILE, isolation_level=None)) as other:

@@ -149,7 +149,7 @@ class Rows:
 
     def _open(self) -> None:
         self._check_files()
-        mode = "rw" if self._write else "ro"
+        mode = "rw" if self._write or self._is_to_be_rolled_back() else "ro"
         if not self._write and self._is_without_its_log():  # SQLite would make files beside it
             mode += "&immutable=1"
         self.whole = True
@@ -163,6 +163,7 @@ class Rows:
                 for pragma in ("trusted_schema=OFF", "cell_size_check=ON", "mmap_size=0"):
                     self.connection.execute(f"PRAGMA {pragma}")
                 if not self._write:
+                    self.connection.execute("PRAGMA query_only=ON")
                     self.connection.execute("BEGIN")  # all of it is read as it is now
                 self._read_about()
                 if self._write:
@@ -183,6 +184,10 @@ class Rows:
                     raise damaged(one, self._what, "it is no regular file")
                 if ending == "-journal" and one.read_bytes().endswith(_SUPER):
                     raise damaged(one, self._what, "it names another file")
+
+    def _is_to_be_rolled_back(self) -> bool:
+        """Whether a process was killed as it changed the file: whoever reads it sets it right."""
+        return os.path.lexists(self.path.with_name(f"{self.path.name}-journal"))
 
     def _is_without_its_log(self) -> bool:
         """Whether the file says that a write-ahead log belongs to it, and there is none."""
