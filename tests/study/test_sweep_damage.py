@@ -129,6 +129,18 @@ def read(store):
         return None, str(error)
 
 
+def test_what_sqlite_says_of_bytes_that_are_no_text_is_one_line(store):
+    path = store / FILE
+    content = path.read_bytes()
+    for name in (b"CREATE TABLE about", b"CREATE TABLE cases"):
+        for way in (b"\xef", b"C\xef"):
+            path.write_bytes(content.replace(name, way + name[len(way) :]))
+            found, said = read(store)
+            assert found is None
+            assert "is damaged or not a sweep: " in said
+            assert "\n" not in said
+
+
 @pytest.mark.parametrize("flips", [300, pytest.param(20_000, marks=pytest.mark.nightly)])
 def test_no_flipped_bit_gives_another_number(flips, whole):
     """What cannot be read is said in a line. SQLite may hide rows behind a flipped bit of its own;

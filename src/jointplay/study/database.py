@@ -57,6 +57,8 @@ _SUPER = b"\xd9\xd5\x05\xf9\x20\xa1\x63\xd7"
 """How a rollback journal ends that names another file (SQLite's file format, section 3)."""
 _OTHER_TYPE = ValueError, TypeError, OverflowError
 """What is raised over a value that its column cannot have."""
+_UNREADABLE = (sqlite3.Error, UnicodeDecodeError)
+"""What sqlite3 raises of a damaged file; the second where SQLite's message quotes its bytes."""
 _ABOUT = "CREATE TABLE about (content TEXT, checksum TEXT)"
 
 
@@ -284,7 +286,7 @@ class Rows:
                 yield rows
                 if count > most:
                     raise sqlite3.DatabaseError(f"there are more than {most} cases")
-        except sqlite3.DatabaseError as error:
+        except _UNREADABLE as error:
             if isinstance(said := self._said(error), _Elsewhere):
                 raise said from None
             self._hurt(str(error))
@@ -436,10 +438,10 @@ class Rows:
     def _errors(self) -> Iterator[None]:
         try:
             yield
-        except sqlite3.Error as error:
+        except _UNREADABLE as error:
             raise self._said(error) from None
 
-    def _said(self, error: sqlite3.Error) -> JointplayError:
+    def _said(self, error: Exception) -> JointplayError:
         name = getattr(error, "sqlite_errorname", "")
         if name.startswith(("SQLITE_BUSY", "SQLITE_LOCKED")):
             return _Elsewhere(f"{str(self.path)!r} is locked by another program; close it there")
