@@ -71,9 +71,10 @@ class Server:
                     elif key.fileobj == self.ended:
                         os.read(self.ended, 4096)
                         self.tell(ready)
-                    elif key.data:  # the client was killed
-                        ready.unregister(key.fileobj)
-                        os.kill(key.data, signal.SIGKILL)
+                    elif key.data:  # the client was killed; its copy may have ended by itself
+                        if key.data in self.clients:
+                            ready.unregister(key.fileobj)
+                            os.kill(key.data, signal.SIGKILL)
                     else:
                         for pid in self.clients:
                             os.kill(pid, signal.SIGKILL)
