@@ -44,7 +44,6 @@ from jointplay.base.units import readable
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import Clearance, RollingBearing
 from jointplay.physics.joints.bearings import PRELOADED
-from jointplay.simulation.loads.drive import ComputedTorque
 
 LEAST_M, MOST_M = 2e-6, 1e-3
 """Clearances that can be bought, unless others are given [m]."""
@@ -524,11 +523,9 @@ class _Search:
             return ()
         if self.mechanism.loops:
             raise JointplayError("motions of closed loops are not compensated: leave it out")
-        model, gears = self.first, self.mechanism.gears
-        loose = [name for name, gear in gears.items() if gear.play > 0.0]
+        model = self.first
         play = budget(
             self.mechanism, self.q, force=self.force.tolist(), driven=self.driven,
-            drive={n: ComputedTorque(encoder="motor") for n in loose},  # which see no play of gears
         )  # fmt: skip
         others = [k for k, one in enumerate(model.contributions) if one.cause != "play"]
         rest = model.subset(others).farthest().size if others else np.zeros(len(self.q))

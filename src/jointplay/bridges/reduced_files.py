@@ -29,10 +29,9 @@ from jointplay.model.frames import motions
 from jointplay.model.mechanism import Mechanism
 from jointplay.model.urdf import BEYOND
 from jointplay.physics.joints.play import Play
+from jointplay.simulation.loads.drive import ENCODERS
 from jointplay.simulation.motion.cartesian import joint_limits
 
-ENCODERS = ("motor", "link")
-"""Where the encoder sits: before the play, or after."""
 SPREAD = 0.3
 """Half width of ranges for randomisation, relative, of what is not measured: an assumption."""
 PLUGIN = "gz_ros2_control/GazeboSimSystem"

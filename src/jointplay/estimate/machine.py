@@ -363,12 +363,11 @@ def with_plays(mechanism: Mechanism, plays: Mapping[tuple[str, str], float]) -> 
     Joints without a gear get one of which nothing but its play is meant.
     """
     from jointplay.model.gear import Gear
-    from jointplay.scenario.robot import AT_REST
 
-    gears, entries = dict(mechanism.gears), mechanism.description.joints
+    gears = dict(mechanism.gears)
     for joint, name in plays:
         if name == "gear_play" and joint not in gears:
-            gears[joint] = Gear(0.0, **AT_REST[entries[joint].unit])
+            gears[joint] = Gear(0.0)
     mechanism = mechanism.with_clearance(mechanism.clearance, gears)
     values = [Estimate(Unknown(*key, "m"), value=value) for key, value in plays.items()]
     return apply(mechanism, values)

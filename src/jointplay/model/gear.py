@@ -109,12 +109,19 @@ class Gearing(Described, ABC):
     """Inertia of the rotor [kg m^2 or kg]."""
     damping: float
     """Damping of the teeth in contact and the shaft [N m s/rad or N s/m]."""
+    ruled: ClassVar[tuple[str, ...]] = ("rotor_inertia",)
+    """Fields for which a rule of `gear_rules` stands where they are not given."""
     rated_torque: float | None = None
     """To which catalogues refer lost motion and hysteresis [N m]; None: not known."""
 
     @abstractmethod
     def curve(self) -> Curve:
         """Its elastic torque over the twist beyond the play."""
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """Fields that are not given, and for which a `Mechanism` has rules."""
+        return tuple(name for name in self.ruled if getattr(self, name) is None)
 
     @property
     def bristles(self) -> tuple[float, float]:
@@ -322,20 +329,30 @@ class Gear(Gearing):
 
     kind: ClassVar[str] = "backlash"
     linear: ClassVar[bool] = True
+    ruled: ClassVar[tuple[str, ...]] = ("rotor_inertia", "stiffness", "damping")
 
     play: float = quantity("rad", "m", least=0.0, label="gear play")
     """Angle or way by which the joint moves freely while the motor stands [rad or m]."""
-    rotor_inertia: float = quantity("kg*m^2", "kg", above=0.0, label="rotor inertia")
-    """Inertia of the rotor, referred to the joint [kg m^2 or kg]."""
-    stiffness: float = quantity("N*m/rad", "N/m", above=0.0, label="gear stiffness")
-    """Stiffness of the teeth in contact and the shaft [N m/rad or N/m]."""
-    damping: float = quantity("N*m*s/rad", "N*s/m", default=0.0, least=0.0, label="gear damping")
-    """Damping of the teeth in contact and the shaft [N m s/rad or N s/m]."""
+    rotor_inertia: float = quantity("kg*m^2", "kg", default=None, above=0.0, label="rotor inertia")
+    """Inertia of the rotor, referred to the joint [kg m^2 or kg]; by a rule if not given."""
+    stiffness: float = quantity("N*m/rad", "N/m", default=None, above=0.0, label="gear stiffness")
+    """Stiffness of the teeth in contact and the shaft [N m/rad or N/m]; by a rule if not given."""
+    damping: float = quantity("N*m*s/rad", "N*s/m", default=None, least=0.0, label="gear damping")
+    """Damping of the teeth in contact and the shaft [N m s/rad or N s/m]; if not given, by a rule
+    where the stiffness is, else 0."""
 
     def __post_init__(self) -> None:
+        if self.damping is None and self.stiffness is not None:
+            object.__setattr__(self, "damping", 0.0)
         check_fields(self)
 
     def curve(self) -> Curve:
+        if self.stiffness is None:
+            raise JointplayError(
+                "the stiffness of this gear is not given, and hangs on its joint: see "
+                "Mechanism.gears, or give it",
+                ("stiffness",),
+            )
         return Curve.of([(self.stiffness, math.inf)])
 
 
@@ -359,8 +376,8 @@ def _back_driving(efficiency: float, given: float | None) -> float:
 class _Lossy(Gearing):
     """What refined gears have in common."""
 
-    rotor_inertia: float = quantity("kg*m^2", above=0.0, label="rotor inertia")
-    """Inertia of the rotor, referred to the joint [kg m^2]."""
+    rotor_inertia: float = quantity("kg*m^2", default=None, above=0.0, label="rotor inertia")
+    """Inertia of the rotor, referred to the joint [kg m^2]; by a rule if not given."""
     damping: float = quantity("N*m*s/rad", default=0.0, least=0.0, label="gear damping")
     """Damping of the teeth in contact and the shaft [N m s/rad]."""
     rated_torque: float | None = quantity("N*m", default=None, above=0.0, label="rated torque")

@@ -46,6 +46,7 @@ from jointplay.model.frames import (
 )
 from jointplay.model.free_base import BASE, BASES, HELD
 from jointplay.model.gear import GEARS, Gear, Gearing
+from jointplay.model.gear_rules import completed
 from jointplay.model.loop import Lock, Loop, refuse_name
 from jointplay.model.payload import Payload
 from jointplay.model.seats import SEAT, seat_of_joint, seat_of_loop
@@ -157,9 +158,10 @@ class Mechanism(Overview, Described):
             flexible link as its hinges ``LINK_hinge_1``, ....
         clearance: those of them that have clearance.
         free_base: name of the free base's coordinates; None if the base is held.
+        rules: numbers of gears that nobody gave, by joint and field, and by which rule.
         description, loops: as given, with the bushes of seats, links ``JOINT_bush``, and the pieces
             of flexible links, ``LINK_2``, ....
-        gears, base: as given.
+        gears: as given, completed by rules; base: as given.
         flexible: what was made of each flexible link, in words; empty if the mechanism was built
             from another one, which has its pieces already.
         tool_reason: why this tool, in words, if none was named; else empty.
@@ -235,16 +237,17 @@ class Mechanism(Overview, Described):
                 self.description, {*self.given_joints, *self.gears}
             )
             tool = end_of_tool(tool, flexible)
+        if not isinstance(tool, str):
+            raise JointplayError(f"tool must be the name of a frame, got {tool!r}", ("tool",))
         self.given_joints |= cut.hinges
         self._take_seats()
         self.clearance = {name: one for name, one in self.given_joints.items() if not one.ideal}
         fixed = {name for name, one in self.description.joints.items() if one.kind == "fixed"}
         source = parse(self.description, tuple(sorted(fixed.intersection(self.clearance))))
+        self.gears, self.rules = completed(self.gears, self.description, source, tool)
         self._make(source, {})
         if self.free_base is not None:
             self._check_free_base()
-        if not isinstance(tool, str):
-            raise JointplayError(f"tool must be the name of a frame, got {tool!r}", ("tool",))
         self.tool = tool
         self.tool_frame = frame_index(self.model, self.tool, where=("tool",))
         for name, gear in self.gears.items():
@@ -518,7 +521,7 @@ class Mechanism(Overview, Described):
     def _like(
         self, clearance: Mapping[str, Clearance], gears: Mapping[str, Gearing], base: str
     ) -> Mechanism:
-        return Mechanism(
+        made = Mechanism(
             self.description,
             clearance,
             loops=self.loops,
@@ -529,6 +532,12 @@ class Mechanism(Overview, Described):
             fix=self.fix,
             base=base,
         )
+        made.rules |= {
+            (name, field): rule
+            for (name, field), rule in self.rules.items()
+            if getattr(made.gears.get(name), field, None) == rule.value
+        }
+        return made
 
     def configuration(self, positions: Mapping[str, float]) -> np.ndarray:
         """Configuration q with joint positions [rad, or m], the rest zero, journals centred."""

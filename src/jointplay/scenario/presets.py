@@ -295,16 +295,15 @@ class Preset:
             JointplayError: no robot is given and the preset has none.
         """
         from jointplay.scenario.described import description_of
-        from jointplay.scenario.robot import at_rest, robot_place, robot_scenario
+        from jointplay.scenario.robot import robot_place, robot_scenario
 
         place = robot or self.robot
         if place is None:
             raise JointplayError(f"preset {self.name!r} is for any arm: give a robot")
         own = [Setting(("robot", key), value, key) for key, value in options.items()]
         description = description_of(robot_place(str(place)), own)
-        gears = self.tables(description).get("gears", {})
-        settings = [*self.settings(description), *at_rest(gears, gears, description)]
-        return robot_scenario(str(place), settings=[*settings, *own], still=True).mechanism()
+        settings = [*self.settings(description), *own]
+        return robot_scenario(str(place), settings=settings, still=True).mechanism()
 
     def drives(self, description: Description) -> dict[str, Drive]:
         """Drives that it knows, by joint; see `tables`."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -53,30 +53,6 @@ SHORTEST_STEP = 1e-9
 """A shorter one is not chosen: bodies that need it have next to no mass [s]."""
 MARGIN = 1.2
 """Impacts elsewhere on the way may be as many times as short."""
-
-
-AT_REST = {
-    "rad": {"rotor_inertia": 0.1, "stiffness": 1e4},
-    "m": {"rotor_inertia": 10.0, "stiffness": 1e7},
-}
-"""Of gears of which only the play is given, where only that counts, by the unit of their joints
-[kg m^2, N m/rad; kg, N/m]."""
-
-
-def at_rest(
-    names: Iterable[str], gears: Mapping[str, Mapping[str, Any]], description: Description
-) -> list[Setting]:
-    """What stands for numbers that nobody gave of plain gears at rest, of which only play and
-    stiffness count, by the tables of gears."""
-    missing = []
-    for name in names:
-        own, entry = gears.get(name, {}), description.joints.get(name)
-        if own.get("kind", "backlash") == "backlash" and entry is not None:
-            given = AT_REST[entry.unit].items()
-            missing += [(name, key, value) for key, value in given if key not in own]
-    return [
-        Setting(("gears", name, key), value, f"--gear {name}", True) for name, key, value in missing
-    ]
 
 
 def _there(place: str) -> bool:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 import json
 import re
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -325,9 +325,8 @@ def scenario_of(options: argparse.Namespace, still: bool = False, every: bool = 
         settings += _joint_settings(options, names, lengths, tables, file, wanted)
         if still and file is not None:  # who names a joint of one case wants its play
             settings += [Setting(("joints", name, "ideal"), False, "--joint") for name in names]
-    ours = {one.key[1]: one for one in settings if one.key[0] == "gears"}
     settings += [
-        *_gear_settings(options, tables, still, ours, file, wanted),
+        *_gear_settings(options, tables, file, wanted),
         *_other_settings(options),
         *wanted,
     ]
@@ -704,22 +703,16 @@ def _path(
 def _gear_settings(
     options: argparse.Namespace,
     said: Mapping[str, Any],
-    still: bool,
-    ours: Collection[str],
     file: Scenario | None,
     wanted: Sequence[Setting],
 ) -> list[Setting]:
-    """What options say of gears: those of --gear, or else all; `ours` are the preset's."""
-    from jointplay.scenario.robot import at_rest
-
+    """What options say of gears: those of --gear, or else all."""
     entries, plays = _value(options, "gear") or (), dict[str, float]()
     known, settings = said.get("gears", {}), list[Setting]()
-    if entries or (still and ours):
+    if entries:
         description = _description(options, wanted, file)
         units = {name: one.unit for name, one in description.joints.items() if one.kind != "fixed"}
         plays = commands.numbers_by_name(entries, "--gear JOINT=PLAY", units)
-        if still:
-            settings += at_rest([*plays, *ours], known, description)
     for name, angle in plays.items():
         settings.append(Setting(("gears", name, "play"), angle, f"--gear {name}"))
     for flag in (one for one in _given(options) if one.keys[0][0] == "gears"):

@@ -13,13 +13,14 @@ import numpy as np
 from jointplay.base.errors import JointplayError
 from jointplay.base.schema import choice, quantity
 from jointplay.physics.contact.functions import Absent, OfFunction, path_of
+from jointplay.simulation.loads import drive
 from jointplay.simulation.loads.base import Load, Series, Site
 from jointplay.simulation.loads.wrench import LoadFunctionDescription, check_arguments
 
 if TYPE_CHECKING:
     from jointplay.model.mechanism import Mechanism
 
-ENCODERS = ("link", "motor", "both")
+ENCODERS = (*drive.ENCODERS, "both")
 
 
 def _held(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:

@@ -39,7 +39,9 @@ MOST_DAMPED = 1e9
 PRESCRIBED_ARMATURE = 1e9
 """Armature of a joint with prescribed motion, relative to the inertia that it carries."""
 
-ENCODERS = ("link", "motor")
+ENCODERS = ("motor", "link")
+"""Where an encoder can sit: before the play of its joint's gear, as in nearly all arms and servos,
+and so where nothing else is said; or behind it, on the joint."""
 SPEEDS = ("exact", "difference")
 
 
@@ -133,7 +135,7 @@ class ComputedTorque(Drive):
     """Closed-loop natural frequency of each axis [rad/s]."""
     damping_ratio: float = quantity("", default=1.0, least=0.0, label="damping ratio")
     encoder: str = choice("encoder", ENCODERS, default=ENCODERS[0])
-    """Where it sits: on the joint ("link") or, before the play of its gear, on the "motor"."""
+    """Where it sits: on the "motor", before the gear, or on the joint ("link")."""
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -244,7 +246,7 @@ class Servo(Drive):
         "rad", "m", default=0.0, least=0.0, label="resolution of the encoder"
     )
     """Angle or way of the joint in a count of the encoder [rad or m]; 0: it reads exactly."""
-    encoder: str = choice("encoder", ENCODERS[::-1], default=ENCODERS[1])
+    encoder: str = choice("encoder", ENCODERS, default=ENCODERS[0])
     """Where it sits: on the "motor", before the gear, or on the joint ("link")."""
     effort: float | None = quantity("N*m", "N", default=None, above=0.0, label="effort of a servo")
     """Largest effort, what the back-EMF takes counted [N m or N]; None: no limit."""

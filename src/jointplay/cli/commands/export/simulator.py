@@ -39,7 +39,6 @@ from typing import Any
 
 from jointplay.base import files
 from jointplay.base.errors import JointplayError, require_non_negative
-from jointplay.base.pairs import name_and_number
 from jointplay.bridges.reduced_formats import FORMATS, choose
 from jointplay.cli.commands import Outputs, given, inputs, print_answer
 
@@ -66,7 +65,6 @@ def run(options: argparse.Namespace) -> int:
     mechanism, pose = posed.mechanism, posed.poses.positions()
     if not (joint is None or options.joint or posed.simulation or joint in mechanism.gears):
         raise JointplayError("--clearance or --gear is missing: there is no play to reduce")
-    _require_whole_gears(options, posed)
     play = [*mechanism.clearance, *mechanism.gears] if joint is None else [joint]
     refuse_without_play(mechanism, play, formats, options.tilt)
     out.claim()
@@ -132,17 +130,3 @@ def _servos(posed: inputs.PosedMachine) -> dict[str, Any]:
     if isinstance(drives, Drive):
         drives = dict.fromkeys(posed.mechanism.joints, drives)
     return {name: one for name, one in drives.items() if isinstance(one, Servo)}
-
-
-def _require_whole_gears(options: argparse.Namespace, posed: inputs.PosedMachine) -> None:
-    """Refuse gears of --gear of which a reduction does not know enough."""
-    found = posed.mechanism.description.beyond.tables.get("gears", {})
-    known = [found.get(name_and_number(entry)[0], {}) for entry in options.gear]
-    has = {
-        "gear_stiffness": all(one.get("play") for one in known),  # else it is assumed
-        "rotor_inertia": all("rotor_inertia" in one for one in known),
-    }
-    for option, there in has.items():
-        if not there and posed.simulation is None and getattr(options, option) is None:
-            name = option.replace("_", "-")
-            raise JointplayError(f"--{name} is missing: a gear with play needs it")

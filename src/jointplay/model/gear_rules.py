@@ -1,0 +1,223 @@
+"""What stands for the numbers of a gear of which only the play is known.
+
+From the effort T that a joint's drive is made for follow, by rules fitted to some twenty gears and
+servos whose makers state their numbers (docs/drives.md has the table):
+
+- stiffness 25 T^1.5 N m/rad, at most 300 T: for one size of gear the twist at full torque falls
+  with size, from 40 mrad at 1 N m to 3.3 mrad from 144 N m on;
+- the rotor's inertia 20 ms T / (largest speed): in that time T alone brings it to full speed;
+- damping 5 % of critical, of the rotor against its joint on this stiffness.
+
+Of gears listed the stiffness is within a factor of 4, the time of a rotor within 5 (4 to 90 ms).
+What play does to the tool hangs on neither (less than 5 % over these ranges); what elasticity does
+is as uncertain as the stiffness is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay.model.gear import Gearing
+from jointplay.model.urdf import Description
+
+STIFFNESS, STIFFEST = 25.0, 300.0
+"""Stiffness by effort^1.5 [1/sqrt(N m)], and at most by effort: fitted to the table."""
+SPREAD = 4.0
+"""Factor by which a gear of the table may be softer or stiffer than the rule has it."""
+SLIDE_STIFFNESS = 1e7
+"""Of a screw or belt [N/m]: judged; a steel screw of 20 mm and 1 m alone has 6e7."""
+START_S = 0.02
+"""Time in which its own effort brings a rotor alone to full speed [s]: the table's middle."""
+DAMPING = 0.05
+"""Part of critical damping: judged; what play does changes by less than 4 % from a fifth to four
+times of it."""
+SPEED = {"rad": 3.0, "m": 0.5}
+"""Largest speed of a joint whose file has none [rad/s, m/s]: judged, as arms of the table have."""
+POSES = 64
+"""Poses over the limits of all joints at which weights are looked at."""
+ENOUGH, LEAST, PLAUSIBLE = 1.5, 0.5, 10.0
+"""Times the largest weight a drive must hold that is made for a joint; from and up to how many
+times as much efforts are taken for those of the drives: robots of the table have 0.9 to 7."""
+PLACEHOLDER = 3.0
+"""As many times as much have drives whose efforts are placeholders (PAROL6: 300 N m each)."""
+PAYLOAD = 0.1
+"""Part of what moves that a robot carries for which no efforts are known: arms carry 5 to 50 %."""
+UNSTATED = 4.5
+"""Times the largest weight that the drive of such a robot is made for: 3 times `ENOUGH`."""
+SHORTEST_ARM = 0.1
+"""Part of the reach at which a drive holds the payload at least: wrists turn what they carry."""
+SMALLEST_KNOWN = 12.0
+"""Least effort of the drives to which the stiffness was fitted [N m]: hobby servos are several
+times softer."""
+STANDARD_GRAVITY_M_S2 = 9.81
+ROUNDING = 1e-9
+"""Part of the largest weight that is rounding: that of joints about the vertical."""
+_WIDEST = np.pi
+"""How far a joint without limits, or beyond it, is turned to look at weights [rad]."""
+
+
+@dataclass(frozen=True)
+class Rule:
+    """A number that a rule gave."""
+
+    value: float
+    """[SI]."""
+    name: str
+    """Of the rule."""
+    reason: str
+    """By what it was found, in words."""
+
+
+@dataclass(frozen=True)
+class Efforts:
+    """What the drives of a robot are made for, by joint."""
+
+    by_joint: Mapping[str, float]
+    """[N m or N]."""
+    reason: str
+    """How it was found."""
+    stated: bool
+    """Whether the robot's file has efforts from which these follow."""
+
+    def stiffness_is_known(self, joint: str) -> bool:
+        """Whether the stiffness of a joint's gear is one of those to which the rule was fitted."""
+        return self.stated and self.by_joint[joint] >= SMALLEST_KNOWN
+
+
+def rated_efforts(description: Description, source: pin.Model, tool: str) -> Efforts:
+    """Efforts that the drives of a robot are made for.
+
+    Efforts in its file are judged for the robot as a whole, by the joint that its weight loads
+    most: those of a single joint may be far above its weight and right.
+
+    Args:
+        description: the robot.
+        source: Pinocchio's reading of it (`builder.parse`).
+        tool: frame that holds what it carries.
+    """
+    entries = description.joints
+    joints = {
+        source.names[index]: index
+        for index in range(1, source.njoints)
+        if source.joints[index].nv == 1 and source.names[index] in entries
+    }
+    rows = {name: source.joints[index].idx_v for name, index in joints.items()}
+    at = np.array(list(rows.values()), int)
+    poses = _poses(description, source, rows)
+    weight = np.abs([_gravity(source, q) for q in poses])[:, at].max(axis=0, initial=0.0)
+    given = np.array([entries[name].effort or 0.0 for name in rows])
+    pressed = weight > ROUNDING * weight.max(initial=0.0)
+    if given.all() and len(given):
+        ratio = min(given[pressed] / (ENOUGH * weight[pressed]), default=1.0)
+        if ratio > PLAUSIBLE:
+            scaled = dict(zip(rows, (given * PLACEHOLDER / ratio).tolist(), strict=True))
+            words = f"its file's efforts, {ratio:.3g} times what its weight asks for, scaled"
+            return Efforts(scaled, words, True)
+        if ratio >= LEAST:
+            return Efforts(dict(zip(rows, given.tolist(), strict=True)), "its file's efforts", True)
+    carried = PAYLOAD * pin.computeTotalMass(source)
+    loaded = source.copy()
+    frame = loaded.frames[loaded.getFrameId(tool)] if loaded.existFrame(tool) else None
+    if frame is not None and frame.parentJoint:
+        body = pin.Inertia(carried, np.zeros(3), np.zeros((3, 3)))
+        loaded.inertias[frame.parentJoint] += frame.placement.act(body)
+    own = UNSTATED * np.abs([_gravity(loaded, q) for q in poses])[:, at].max(axis=0, initial=0.0)
+    reach = _reach(source, poses, frame)
+    turning = np.array([not entries[name].slides for name in rows])
+    least = (
+        UNSTATED * carried * STANDARD_GRAVITY_M_S2 * np.where(turning, SHORTEST_ARM * reach, 1.0)
+    )
+    efforts = dict(zip(rows, np.maximum(own, least).tolist(), strict=True))
+    for name, index in reversed(joints.items()):  # those farther out come later
+        for above in source.supports[index].tolist()[1:-1]:
+            inner = source.names[above]
+            if inner in efforts and entries[inner].slides == entries[name].slides:
+                efforts[inner] = max(efforts[inner], efforts[name])
+    words = "its weight and a payload of a tenth of it, as its file has no efforts of drives"
+    return Efforts(efforts, words, False)
+
+
+def completed(
+    gears: Mapping[str, Gearing], description: Description, source: pin.Model, tool: str
+) -> tuple[dict[str, Gearing], dict[tuple[str, str], Rule]]:
+    """Gears with what nobody gave of them by the rules; and what that is, by joint and field."""
+    found: dict[str, Gearing] = {}
+    rules: dict[tuple[str, str], Rule] = {}
+    efforts: Efforts | None = None
+    for name, gear in gears.items():
+        missing = gear.missing
+        if missing and name in description.joints:
+            efforts = efforts or rated_efforts(description, source, tool)
+            own = _numbers(name, gear, description, efforts)
+            rules |= {(name, field): own[field] for field in missing}
+            changes: dict[str, Any] = {field: own[field].value for field in missing}
+            gear = replace(gear, **changes)  # type: ignore[type-var]
+        found[name] = gear
+    return found, rules
+
+
+def stiffness(effort: float, slides: bool) -> float:
+    """Stiffness of a gear by the effort of its joint [N m/rad; N/m]."""
+    return SLIDE_STIFFNESS if slides else min(STIFFNESS * effort**1.5, STIFFEST * effort)
+
+
+def _numbers(
+    name: str, gear: Gearing, description: Description, efforts: Efforts
+) -> dict[str, Rule]:
+    entry, effort = description.joints[name], efforts.by_joint.get(name, 0.0)
+    effort = max(effort, 1e-3)  # a joint that bears nothing still has a motor
+    unit = "N" if entry.slides else "N m"
+    reason = f"by the {effort:.3g} {unit} that its drive is made for ({efforts.reason})"
+    fastest = entry.speed or SPEED[entry.unit]
+    rotor = START_S * effort / fastest
+    stiff = stiffness(effort, entry.slides)
+    inertia = rotor if gear.rotor_inertia is None else gear.rotor_inertia
+    known = "" if efforts.stiffness_is_known(name) or entry.slides else "; a guess"
+    return {
+        "stiffness": Rule(stiff, "gear stiffness", f"{reason}{known}"),
+        "rotor_inertia": Rule(rotor, "rotor inertia", f"{reason} and {fastest:.3g} {entry.unit}/s"),
+        "damping": Rule(
+            2.0 * DAMPING * float(np.sqrt(stiff * inertia)),
+            "gear damping",
+            f"{DAMPING:.0%} of critical",
+        ),
+    }
+
+
+def _poses(
+    description: Description, source: pin.Model, rows: Mapping[str, int]
+) -> list[np.ndarray]:
+    """Configurations spread over the limits of all joints, the same for the same robot."""
+    poses = []
+    for part in np.random.default_rng(0).random((POSES, len(rows))):
+        way = np.zeros(source.nv)
+        for (name, row), share in zip(rows.items(), part, strict=True):
+            entry = description.joints[name]
+            low = -_WIDEST if entry.lower is None else max(entry.lower, -_WIDEST)
+            high = _WIDEST if entry.upper is None else min(entry.upper, _WIDEST)
+            if entry.slides and (entry.lower is None or entry.upper is None):
+                low = high = 0.0
+            way[row] = low + share * (high - low)
+        poses.append(pin.integrate(source, pin.neutral(source), way))
+    return poses
+
+
+def _gravity(model: pin.Model, q: np.ndarray) -> np.ndarray:
+    return pin.computeGeneralizedGravity(model, model.createData(), q).copy()
+
+
+def _reach(source: pin.Model, poses: list[np.ndarray], frame: pin.Frame | None) -> float:
+    """Largest distance of the tool from the robot's first joint over poses [m]."""
+    if frame is None or source.njoints < 2:
+        return 0.0
+    data, farthest = source.createData(), 0.0
+    for q in poses:
+        pin.forwardKinematics(source, data, q)
+        place = data.oMi[frame.parentJoint] * frame.placement
+        farthest = max(farthest, float(np.linalg.norm(place.translation - data.oMi[1].translation)))
+    return farthest
