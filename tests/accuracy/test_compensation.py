@@ -354,7 +354,7 @@ def test_what_cannot_be_compensated_is_refused_in_a_line(level, upright):
     own = simulated(machine(level))
     wrong = {
         "is nothing to compensate": replace(own, mechanism=own.mechanism.ideal()),
-        "encoders on the links": replace(own, drive=ComputedTorque()),
+        "encoders on the links": replace(own, drive=ComputedTorque(encoder="link")),
         "no torque decides": simulated(machine(upright), to=1e-5),
         "goes on after its end": replace(
             own, motion=Motion(["j"], [0.0, 1.0], [[0.0], [0.1]], "constant-speed")

@@ -105,7 +105,9 @@ def _letters(compensation: Compensation) -> list[tuple[str, str, float]]:
     letters = dict(zip(sliding, "XYZ", strict=False))
     found = [(n, letters[n], 1e3 * p) for n, _, p in _crossing(compensation) if n in letters]
     if not found:
-        raise JointplayError("only axes X, Y and Z that slide are known to it, none changes sides")
+        raise JointplayError(
+            "it knows only axes X, Y and Z that slide, and none of these changes sides"
+        )
     return found
 
 

@@ -201,12 +201,21 @@ class Judgement:
             lines.append(
                 f"the firmware's rule, half the play by the sign of the commanded speed, would "
                 f"leave {_mm(rule)} ({verdict}), at stops {_mm(self.firmware.at_stops)}"
+                f"{self._frictionless}"
             )
         if self.left_out:
             lines.append(f"note: the machine has no {', '.join(self.left_out)}: not varied")
         if not self.complete:
             lines.append("warning: interrupted: not all corners were run")
         return lines
+
+    @property
+    def _frictionless(self) -> str:
+        """Whether nobody gave the friction on which that rule rests, to add to a sentence."""
+        friction, gears = joint_friction(self.compensation.simulation), self.compensation.gears
+        if any(friction[name].coulomb or friction[name].excess for name in gears):
+            return ""
+        return "; that rule rests on friction of the joints, and none is given (--joint-friction)"
 
     def table(self) -> Table:
         """A row for each corner: errors before and after."""

@@ -27,7 +27,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from jointplay.base import streams
@@ -45,7 +44,6 @@ def run(options: argparse.Namespace) -> int:
     out = Outputs(options.out, names)
     from jointplay.accuracy.compensation import compensate
     from jointplay.bridges import backlash
-    from jointplay.model.payload import Payload
     from jointplay.study.corners import EXACT, IDENTIFIED, judge, learn, trust_of
 
     wanted, known = options.formats or [], ("yaml", "mcap", "table", *backlash.FORMATS)
@@ -58,11 +56,10 @@ def run(options: argparse.Namespace) -> int:
     measured = preset is not None and bool(preset.intervals)
     trust = trust_of(options.trust or (IDENTIFIED if measured else EXACT), preset)
     require_whole("--passes", options.passes, 0)
-    mass = require_non_negative("--payload", options.payload or 0.0, "kg")
+    if options.payload is not None:
+        mass = require_non_negative("--payload", options.payload, "kg")
+        options.set = [*options.set, f"payloads=[{{mass={mass!r}}}]"]
     simulation = simulation_of(options, every=True)
-    if mass:
-        held = Payload(simulation.mechanism.tool, mass)
-        simulation = replace(simulation, payloads=(*simulation.payloads, held))
     out.claim()
     streams.release()
     progress = not options.quiet
@@ -101,7 +98,13 @@ def _further(found: Compensation, wanted: Sequence[str]) -> dict[str, Any]:
         elif one == "table":
             contents["table.csv"] = table_for_controllers(found).csv()
         else:
-            contents |= backlash.tables(found, one)
+            try:
+                contents |= backlash.tables(found, one)
+            except JointplayError as error:
+                if len(wanted) == 1:
+                    raise
+                lost.append(f"warning: nothing for {one}: {error}")
+                continue
             lost.append(f"note: {one} cannot say {backlash.FORMATS[one].lost}")
     return contents | {"": lost}
 
