@@ -268,7 +268,6 @@ def test_the_command_takes_a_joints_own_clearance(two, capsys):
         (["--clearance", "1 N"], "--clearance: .*length"),
         (["--clearance", "1 mm", "--pose", "a=99 rad"], "outside its limits"),
         (["--clearance", "1 mm", "--pose", "a"], "--pose must read"),
-        (["--joint", "a"], "--clearance is missing"),
         (["--clearance", "1 mm", "--tool", "hand"], "no frame 'hand'"),
         (["--clearance", "1 mm", "--force", "1,2"], "--force must be three numbers"),
         ([], "nothing has play"),

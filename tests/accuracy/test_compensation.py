@@ -354,7 +354,7 @@ def test_what_cannot_be_compensated_is_refused_in_a_line(level, upright):
     own = simulated(machine(level))
     wrong = {
         "is nothing to compensate": replace(own, mechanism=own.mechanism.ideal()),
-        "encoders on the links": replace(own, drive=ComputedTorque()),
+        "encoders on the links": replace(own, drive=ComputedTorque(encoder="link")),
         "no torque decides": simulated(machine(upright), to=1e-5),
         "goes on after its end": replace(
             own, motion=Motion(["j"], [0.0, 1.0], [[0.0], [0.1]], "constant-speed")
@@ -513,7 +513,7 @@ def test_what_makes_the_error_larger_is_said_and_not_written(level, tmp_path, mo
     command = ["compensate", str(level), *given, "--jobs", "1", "--quiet", "--out"]
     assert main([*command, str(tmp_path / "a")]) != 0
     assert not (tmp_path / "a" / "motion.csv").exists()
-    assert main([*command, str(tmp_path / "b"), "--force"]) == 0
+    assert main([*command, str(tmp_path / "b"), "--write-anyway"]) == 0
     assert (tmp_path / "b" / "motion.csv").exists()
 
 
@@ -574,7 +574,7 @@ def test_a_clearance_alone_is_for_all_joints_as_in_a_budget(level, tmp_path):
     motion = tmp_path / "m.csv"
     motion.write_text("time_s,j\n0,0\n0.1,0.01\n")
     command = [JOINTPLAY, "compensate", level, "--clearance", "0.1 mm", "--motion", motion]
-    command += ["--jobs", "1", "--quiet", "--detail", "--approach", "--force"]
+    command += ["--jobs", "1", "--quiet", "--detail", "--approach", "--write-anyway"]
     done = subprocess.run(list(map(str, command)), capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("In simulation the corrected motion")
@@ -586,7 +586,7 @@ def test_a_motion_of_some_joints_leaves_the_others_where_they_start(tmp_path):
     motion, out = tmp_path / "motion.csv", tmp_path / "out"
     motion.write_text("time_s,elbow_flex\n0,0.2\n0.3,0.25\n")
     given = ["so101", "--preset", "--motion", motion, "--set", "start.wrist_flex=0.5", "--quiet"]
-    command = [JOINTPLAY, "compensate", *map(str, given), "--force", "--jobs=1", "--out", str(out)]
+    command = [JOINTPLAY, "compensate", *map(str, given), "--write-anyway", "--jobs=1", "--out", str(out)]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     corrected = Motion.from_csv(out / "motion.csv")

@@ -156,7 +156,7 @@ def test_a_robot_that_floats_is_the_largest_and_its_base_is_free(tmp_path, capsy
     path = written(tmp_path, LEG)
     found = read(path).beyond
     assert found.tables["robot"] == {"base": "free", "gravity": [1.0, 2.0, -3.0]}
-    scenario = robot_scenario(str(path), ["hip"], still=True)
+    scenario = robot_scenario(str(path), ["hip"], moves=False)
     mechanism = scenario.mechanism()
     assert mechanism.free_base
     assert mechanism.gravity == (1.0, 2.0, -3.0)
@@ -251,7 +251,7 @@ def test_a_rotor_without_play_does_not_choose_the_tool(tmp_path):
     both = arm.format("left", "l", "") + right
     path = written(tmp_path, f"<mujoco><worldbody>{both}</worldbody></mujoco>")
     for still in (True, False):
-        scenario = robot_scenario(str(path), ["l"], still=still)
+        scenario = robot_scenario(str(path), ["l"], moves=not still)
         assert scenario.mechanism().tool == "left"
 
 
@@ -289,7 +289,7 @@ def test_a_ball_is_a_spherical_joint_without_clearance(tmp_path):
     text = LEG.replace('<joint name="knee" axis="1 0 0" range="-2 0"/>',
                        '<joint name="knee" type="ball"/>')  # fmt: skip
     path = written(tmp_path, text)
-    mechanism = robot_scenario(str(path), ["hip"], still=True).mechanism()
+    mechanism = robot_scenario(str(path), ["hip"], moves=False).mechanism()
     assert {"knee.yaw", "knee.pitch"} <= {str(one) for one in mechanism.coordinates}
 
 

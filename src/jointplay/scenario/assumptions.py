@@ -100,7 +100,7 @@ def notes_at_poses(
             parts.setdefault(joint.summary, []).append(name)
         alike = [f"{', '.join(names)} ({words})" for words, names in parts.items()]
         lines.append(f"play: {'; '.join(alike)}")
-    lines += _of_gears(scenario, mechanism)
+    lines += _of_gears(mechanism)
     lines += [*scenario.notes, *scenario.assumptions]
     return [*dict.fromkeys(lines), *([poses.loops] if poses.loops else [])]
 
@@ -111,14 +111,13 @@ def tool_reason(scenario: Scenario) -> str:
     return next((one.source for one in chosen), "")
 
 
-def _of_gears(scenario: Scenario, mechanism: Mechanism) -> list[str]:
+def _of_gears(mechanism: Mechanism) -> list[str]:
     """Stiffnesses that stand for those that nobody gave: at rest they count."""
-    given = {one.key for one in scenario.settings if not one.assumed}
     parts: dict[str, list[str]] = {}
-    for one in scenario.settings:
-        if one.assumed and one.key[::2] == ("gears", "stiffness") and one.key not in given:
-            unit = "N/m" if mechanism.description.joints[one.key[1]].slides else "N*m/rad"
-            parts.setdefault(readable(one.value, unit), []).append(one.key[1])
+    for (name, field), rule in mechanism.rules.items():
+        if field == "stiffness":
+            unit = "N/m" if mechanism.description.joints[name].slides else "N*m/rad"
+            parts.setdefault(readable(rule.value, unit, 3), []).append(name)
     words = "; ".join(f"{size} ({', '.join(names)})" for size, names in parts.items())
     return [f"gears: stiffness {words} {ASSUMED}; see --gear-stiffness"] if words else []
 

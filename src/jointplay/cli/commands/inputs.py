@@ -112,8 +112,8 @@ HELP = """
         clearance, its fit by ISO 286-1, such as elbow="20H7/g6", or the designation of its rolling
         bearing, such as elbow="6010/C3"; the options of this group and of contacts apply to these
         joints
-    --clearance VALUE  radial clearance of joints named without one, or of all others that move the
-        tool; of sliders, that on each side [m]
+    --clearance VALUE  radial clearance of these joints, or of all that move the tool; of sliders,
+        that on each side [m]
     --ideal  the robot without clearance and without play in gears
     --preset [NAME]  joints, gears and drives as they are publicly known, or assumed for a class of
         robots (jointplay robots --presets lists them; without NAME that of ROBOT); what else is
@@ -124,9 +124,8 @@ HELP = """
     --journal-radius  = joints.JOINT.journal_radius
     --journal-length  = joints.JOINT.journal_length
   gears:
-    --gear JOINT=PLAY ...  total play of a joint's gear or screw, such as elbow="2 arcmin" or
-        lift="0.1 mm", or all="1 arcmin"; what else a gear needs follows by rules, if it is not
-        given; the options of this group apply to these gears, or to all
+    --gear JOINT=PLAY ...  total play of a joint's gear or screw, such as elbow="2 arcmin",
+        lift="0.1 mm", or all="1 arcmin"; the options of this group apply to these gears, or to all
     --gear-stiffness  = gears.GEAR.stiffness
     --gear-damping  = gears.GEAR.damping
     --rotor-inertia  = gears.GEAR.rotor_inertia
