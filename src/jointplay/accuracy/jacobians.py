@@ -165,7 +165,9 @@ def configurations(
             'with base = "held"; relative_to then names the body whose motion does not count'
         )
     if isinstance(poses, Mapping):
-        q = mechanism.configuration(poses)[None]
+        entries = mechanism.description.joints
+        others = {name: entries[name].neutral for name in mechanism.joints if name in entries}
+        q = mechanism.configuration({**others, **poses})[None]
     else:
         q = np.atleast_2d(require_numbers("poses", poses, ("poses",)))
     if q.ndim != 2 or q.shape[1] != mechanism.model.nq or not np.isfinite(q).all():

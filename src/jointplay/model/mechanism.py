@@ -142,8 +142,8 @@ class Mechanism(Overview, Described):
             joints that has most of those with clearance (`mechanism.tool`).
         allow_unphysical: links whose inertia is used although no rigid body has it; ``["all"]``
             stands for all of them.
-        fix: joints that are held, with those that mimic them: at zero, or at the limit nearest to
-            it.
+        fix: joints that are held, with those that mimic them: at zero, or in the middle of
+            limits that exclude it.
         base: ``"held"`` to the ground, or ``"free"``: held by nothing, as that of what walks, flies
             or is carried. Its coordinates ``base.x``, ``.y``, ``.z`` [m], ``.yaw``, ``.pitch`` and
             ``.roll`` [rad] come first; they are zero where the URDF has it. None: what an MJCF

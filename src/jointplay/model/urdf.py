@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import math
 import re
 import shlex
 import xml.etree.ElementTree as ElementTree
@@ -116,6 +117,14 @@ class Declared:
         return transmissions
 
 
+def between(lower: float | None, upper: float | None) -> float:
+    """Zero, or the middle of limits that exclude it; of a single one, that limit."""
+    low, high = (-math.inf if lower is None else lower), (math.inf if upper is None else upper)
+    if low <= 0.0 <= high:
+        return 0.0
+    return 0.5 * (low + high) if math.isfinite(high - low) else min(max(0.0, low), high)
+
+
 @dataclass(frozen=True)
 class JointEntry:
     """A joint as the URDF declares it."""
@@ -144,6 +153,13 @@ class JointEntry:
     def unit(self) -> str:
         """Of its position: ``m`` if it slides, else ``rad``."""
         return "m" if self.slides else "rad"
+
+    @property
+    def neutral(self) -> float:
+        """Where it stands if nobody says where [rad or m]: at zero, or in the middle of limits
+        that exclude that.
+        """
+        return between(self.lower, self.upper)
 
     @property
     def way(self) -> int:

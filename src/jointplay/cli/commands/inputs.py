@@ -102,8 +102,8 @@ HELP = """
     --xacro NAME:=VALUE ...  argument of a robot that is written in xacro
     --allow-unphysical LINK,... ...  accept these links' inertias although they are physically
         impossible, or all
-    --fix JOINT,... ...  hold these joints, at zero or the limit nearest to it; those that mimic
-        them are held, too
+    --fix JOINT,... ...  hold these joints, at zero or in the middle of limits that exclude it;
+        those that mimic them are held, too
     --tool  = robot.tool
     --gravity  = robot.gravity
     --base  = robot.base
@@ -163,7 +163,7 @@ HELP = """
     --record-every  = output.record_every
   poses:
     --pose JOINT=X,... ...  joint positions [rad or m, or with a unit]; other joints are at zero, or
-        mid-range if zero is outside their limits (default: along the motion, or one pose)
+        in the middle of limits that exclude it (default: along the motion, or one pose)
     --poses FILE  CSV with a pose in each line and the header <joint>,..., or name,<joint>,... to
         name them
     --workspace N  N poses spread over the limits of all joints
