@@ -136,13 +136,11 @@ def _servos(posed: inputs.PosedMachine) -> dict[str, Any]:
 
 def _require_whole_gears(options: argparse.Namespace, posed: inputs.PosedMachine) -> None:
     """Refuse gears of --gear of which a reduction does not know enough."""
-    found = posed.mechanism.description.beyond.tables.get("gears", {})
-    known = [found.get(name_and_number(entry)[0], {}) for entry in options.gear]
-    has = {
-        "gear_stiffness": all(one.get("play") for one in known),  # else it is assumed
-        "rotor_inertia": all("rotor_inertia" in one for one in known),
-    }
-    for option, there in has.items():
-        if not there and posed.simulation is None and getattr(options, option) is None:
+    named = [name_and_number(entry)[0] for entry in options.gear]
+    assumed = {one.key for one in posed.scenario.settings if one.source.startswith("--gear ")}
+    for option in ("gear_stiffness", "rotor_inertia"):
+        key = option.removeprefix("gear_")
+        lacks = any(("gears", name, key) in assumed for name in named)
+        if lacks and posed.simulation is None and getattr(options, option) is None:
             name = option.replace("_", "-")
             raise JointplayError(f"--{name} is missing: a gear with play needs it")
