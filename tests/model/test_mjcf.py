@@ -207,6 +207,13 @@ def test_a_mechanism_and_a_scenario_have_what_the_file_says(loose, capsys):
         assert mechanism.gears["j"].rotor_inertia == 0.02
     assert scenario.simulation().drive["j"].effort == 5.0
     assert "k_spring" in scenario.simulation().loads
+    there = jp.Motion(["j", "k"], [0.0, 0.1], [[0.0, 0.0], [0.1, 0.0]])
+    by_hand, by_name = jp.Simulation(jp.Mechanism(loose), there), scenario.simulation()
+    assert by_hand.drive == by_name.drive
+    assert by_hand.loads == by_name.loads
+    own = jp.Simulation(jp.Mechanism(loose), there, jp.loads.Prescribed(), loads={})
+    assert (own.drive, own.loads) == (jp.loads.Prescribed(), {})
+    assert jp.Simulation(jp.Mechanism(loose), duration=1.0).drive == jp.loads.ComputedTorque()
     assert jp.Mechanism(loose, gravity="balanced").gravity == (0.0, 0.0, 0.0)
     file.write_text(file.read_text() + "[gears.j]\nplay = 0.005\n")
     assert Scenario.load(file).mechanism().gears["j"].play == 0.005
