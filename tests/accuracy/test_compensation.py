@@ -586,7 +586,15 @@ def test_a_motion_of_some_joints_leaves_the_others_where_they_start(tmp_path):
     motion, out = tmp_path / "motion.csv", tmp_path / "out"
     motion.write_text("time_s,elbow_flex\n0,0.2\n0.3,0.25\n")
     given = ["so101", "--preset", "--motion", motion, "--set", "start.wrist_flex=0.5", "--quiet"]
-    command = [JOINTPLAY, "compensate", *map(str, given), "--write-anyway", "--jobs=1", "--out", str(out)]
+    command = [
+        JOINTPLAY,
+        "compensate",
+        *map(str, given),
+        "--write-anyway",
+        "--jobs=1",
+        "--out",
+        str(out),
+    ]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     corrected = Motion.from_csv(out / "motion.csv")

@@ -368,7 +368,7 @@ def _full_run(
         step = fitting_step(mechanism, mechanism.configuration(begin))
     simulation = Simulation(
         mechanism, motion, drive=Prescribed(), step=step, record_every=max(round(2e-4 / step), 1),
-        joint_friction=None if friction is None else {joint: friction},
+        joint_friction=None if friction is None else {joint: friction}, loads={},
     )  # fmt: skip
     return simulation.run(progress, estimate=False).completed("the run of the full model")
 

@@ -17,7 +17,7 @@ from jointplay.base.streams import caught_stderr
 from jointplay.model.frames import motions
 from jointplay.model.gear import Gearing
 from jointplay.model.loop import Lock
-from jointplay.model.urdf import Description
+from jointplay.model.urdf import LIMITED, Description
 from jointplay.model.vocabulary import WORDS
 from jointplay.physics.joints import MOTOR, VIRTUAL_LINK, Clearance, Coordinate, replacing
 
@@ -53,8 +53,10 @@ def parse(description: Description, released: Collection[str] = ()) -> pin.Model
         if joint.get("name") in released:
             joint.set("type", _URDF_FLOATING)
         limit = joint.find("limit")
-        if limit is None:
+        if limit is None and joint.get("type") not in LIMITED:
             continue
+        if limit is None:
+            limit = ElementTree.SubElement(joint, "limit")
         # Pinocchio wants all of them, finite, and no effort of -1; nobody asks it for them.
         for key in WORDS["limit"].attributes:
             value = float(limit.get(key, "nan"))

@@ -161,6 +161,15 @@ def completed(
     return found, rules
 
 
+def with_rotors(gears: Mapping[str, Gearing], armature: Mapping[str, float]) -> dict[str, Gearing]:
+    """Gears with the rotors that the robot's file has, as its joints' armature, if not given."""
+    found = dict(gears)
+    for name, gear in gears.items():
+        if isinstance(gear, Gearing) and "rotor_inertia" in gear.missing and name in armature:
+            found[name] = replace(gear, rotor_inertia=armature[name])  # type: ignore[type-var, call-arg]
+    return found
+
+
 def stiffness(effort: float, slides: bool) -> float:
     """Stiffness of a gear by the effort of its joint [N m/rad; N/m]."""
     return SLIDE_STIFFNESS if slides else min(STIFFNESS * effort**1.5, STIFFEST * effort)

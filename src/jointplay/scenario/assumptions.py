@@ -80,6 +80,7 @@ def notes_at_poses(
     """
     mechanism = scenario.mechanism(case)
     lines = [mechanism.held] if mechanism.held else []
+    lines += mechanism.description.doubts
     if mechanism.free_base is not None:
         root = mechanism.description.root
         lines.append(

@@ -260,7 +260,8 @@ class Scenario(Overview):
                 if formats.says_more(place, self.path.parent):
                     description = description_of(place, held, self.path.parent)
                     found = settings_beyond(description, ideal=False)
-                    self.assumptions += description.beyond.notes
+                    notes = description.beyond.notes
+                    self.assumptions += [one for one in notes if one not in self.assumptions]
             self._read[key] = found
         drives = "motion" in said and "drive" not in said
         return tree(one for one in self._read[key] if drives or one.key[0] != "drives")
