@@ -8,9 +8,9 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
+import eigenpy
 import numpy as np
 import pinocchio as pin
-from scipy.linalg import lapack
 
 from jointplay.base.compiler import compiled, pointer
 from jointplay.model.frames import motion_between, pose_between
@@ -55,8 +55,9 @@ class TrialState:
 
 def minimize_in_ball(slope: np.ndarray, bend: np.ndarray, radius: float) -> np.ndarray:
     """Where a quadratic is lowest within a ball about the origin."""
-    # Not numpy's, whose threads wait for each other where there are 36 coordinates.
-    sizes, axes, _ = lapack.dsyevd(0.5 * (bend + bend.T))
+    # Eigen's, for on a busy machine the threads of numpy's wait for each other.
+    spectrum = eigenpy.SelfAdjointEigenSolver(0.5 * (bend + bend.T))
+    sizes, axes = spectrum.eigenvalues(), spectrum.eigenvectors()
     along = axes.T @ slope
     least = 1e-13 * max(float(np.abs(sizes).max()), 1e-30)
     low = max(0.0, -float(sizes.min())) + least
