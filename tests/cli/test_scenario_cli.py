@@ -7,7 +7,6 @@ import trimesh
 from warm import call
 
 from jointplay import Result
-from jointplay.base.files import names_for
 from jointplay.model.urdf import shipped
 
 
@@ -136,11 +135,6 @@ def test_a_mistake_is_found_before_anything_runs(short):
             done.stderr,
         )
     assert not out.exists()
-
-
-def test_files_of_cases_differ():
-    names = names_for(["a/b", "a b", "A B", ".."], ".nc")
-    assert names == ["a_b.nc", "a_b_2.nc", "A_B_3.nc", "unnamed.nc"]
 
 
 GEARED = """

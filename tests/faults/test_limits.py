@@ -428,13 +428,6 @@ def test_after_the_end_of_its_motion_a_prescribed_joint_stands_still(urdf):
     assert np.abs(np.abs(result["drive"].values[after, 0]) - weight).max() < 1e-6 * weight
 
 
-def test_after_its_last_point_a_torque_stays(urdf):
-    robot = jp.Mechanism(urdf(body("arm"), joint("pin", "base", "arm")), gravity=(0, 0, 0))
-    torque = jp.loads.Torque((0.0, 0.05), (0.0, 1.0))
-    result = jp.simulate(robot, drive={"pin": torque}, duration=0.2)
-    assert np.abs(result["drive"].values[result.time > 0.05, 0] - 1.0).max() < 1e-12
-
-
 def test_a_motion_that_takes_long_to_tabulate_has_a_bar(urdf, monkeypatch, capsys):
     monkeypatch.setattr("jointplay.simulation.motion.ideal._PATIENCE_S", 0.0)
     simulation = dataclasses.replace(scara(2e-4), duration=0.01)
