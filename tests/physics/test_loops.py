@@ -419,20 +419,25 @@ def test_journals_that_given_speeds_make_fly_are_said():
         jp.Run(jp.Simulation(mechanism, motion, drive=drive, state=state, start="centred"))
 
 
-def folded(angle, **more):
+def folded(angle, clearance=None, **more):
     """A slider-crank at 30 degrees of its crank, the rod's angle given."""
     motion = jp.Motion(["crank_pin"], [0, 1e-3], [[np.pi / 6], [np.pi / 6]])
     state = {"rod_pin": angle, **more}
-    run = jp.Run(jp.Simulation(slider_crank(), motion, drive=Prescribed(), state=state))
+    start = None if clearance is None else "centred"
+    mechanism = slider_crank(clearance)
+    run = jp.Run(jp.Simulation(mechanism, motion, drive=Prescribed(), state=state, start=start))
+    if clearance is not None:
+        assert max(abs(part).max() for part in misfit(mechanism, run.workspace.q).values()) < 1e-9
     return dict(zip(map(str, run.mechanism.coordinates), run.workspace.q, strict=True))
 
 
 def test_a_rounded_start_is_corrected_within_its_branch():
     right = -np.arcsin(R / L * 0.5) - np.pi / 6
     other = np.pi - np.arcsin(-R / L * 0.5) - np.pi / 6
-    for exact in (right, other):
+    wide = jp.RevoluteClearance(radial_clearance=2e-3)  # that would hold what 2 digits leave open
+    for exact, clearance in ((right, None), (other, None), (right, wide)):
         with pytest.warns(RuntimeWarning, match="start corrected, for loops determine it: rod_pin"):
-            found = folded(round(exact, 2))
+            found = folded(round(exact, 2), clearance)
         assert found["rod_pin"] == pytest.approx(exact, abs=1e-8)
         assert found["crank_pin"] == pytest.approx(np.pi / 6, abs=1e-15)  # the motion's: a fact
     with pytest.raises(jp.JointplayError, match=f"rod_pin = {right:.6g}"):

@@ -157,12 +157,21 @@ def _motion(simulation: Simulation, given: Mapping[str, Any]) -> list[str]:
     if "interpolation" not in table:
         lines.append(f"motion: {motion.summary} (--interpolation selects)")
     if cut := motion.cut_off(simulation.duration or motion.duration):
-        speeds = few([
-            f"{name} {readable(speed, f'{simulation.mechanism.description.joints[name].unit}/s')}"
-            for name, speed in cut.items()
-        ])  # fmt: skip
-        lines.append(f"note: the motion stands still beyond its points: lost there is {speeds}")
+        lines.append(
+            "note: the motion stands still beyond its points: lost there is "
+            f"{_of_joints(simulation, cut, '/s')}"
+        )
+    if noise := motion.noise:
+        lines.append(
+            "note: speeds jump from sample to sample, and the spline through them accelerates by "
+            f"up to {_of_joints(simulation, noise, '/s²')}: smooth noise of positions or times"
+        )
     return lines
+
+
+def _of_joints(simulation: Simulation, values: Mapping[str, float], rate: str) -> str:
+    joints = simulation.mechanism.description.joints
+    return few([f"{n} {readable(x, joints[n].unit + rate, 4)}" for n, x in values.items()])
 
 
 def _parts(joint: Clearance, given: Mapping[str, Any]) -> list[str]:
