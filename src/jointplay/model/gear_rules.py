@@ -188,10 +188,12 @@ def _numbers(
     inertia = rotor if gear.rotor_inertia is None else gear.rotor_inertia
     known = "" if efforts.stiffness_is_known(name) or entry.slides else "; a guess"
     return {
-        "stiffness": Rule(stiff, "gear stiffness", f"{reason}{known}"),
-        "rotor_inertia": Rule(rotor, "rotor inertia", f"{reason} and {fastest:.3g} {entry.unit}/s"),
+        "stiffness": Rule(_rounded(stiff), "gear stiffness", f"{reason}{known}"),
+        "rotor_inertia": Rule(
+            _rounded(rotor), "rotor inertia", f"{reason} and {fastest:.3g} {entry.unit}/s"
+        ),
         "damping": Rule(
-            2.0 * DAMPING * float(np.sqrt(stiff * inertia)),
+            _rounded(2.0 * DAMPING * float(np.sqrt(stiff * inertia))),
             "gear damping",
             f"{DAMPING:.0%} of critical",
         ),
