@@ -200,6 +200,11 @@ def _numbers(
     }
 
 
+def _rounded(value: float) -> float:
+    """A number as exact as a rule is."""
+    return float(f"{value:.3g}")
+
+
 def _poses(
     description: Description, source: pin.Model, rows: Mapping[str, int]
 ) -> list[np.ndarray]:
