@@ -156,7 +156,7 @@ def test_a_robot_that_floats_is_the_largest_and_its_base_is_free(tmp_path, capsy
     path = written(tmp_path, LEG)
     found = read(path).beyond
     assert found.tables["robot"] == {"base": "free", "gravity": [1.0, 2.0, -3.0]}
-    scenario = robot_scenario(str(path), ["hip"], still=True)
+    scenario = robot_scenario(str(path), ["hip"], moves=False)
     mechanism = scenario.mechanism()
     assert mechanism.free_base
     assert mechanism.gravity == (1.0, 2.0, -3.0)
@@ -207,6 +207,13 @@ def test_a_mechanism_and_a_scenario_have_what_the_file_says(loose, capsys):
         assert mechanism.gears["j"].rotor_inertia == 0.02
     assert scenario.simulation().drive["j"].effort == 5.0
     assert "k_spring" in scenario.simulation().loads
+    there = jp.Motion(["j", "k"], [0.0, 0.1], [[0.0, 0.0], [0.1, 0.0]])
+    by_hand, by_name = jp.Simulation(jp.Mechanism(loose), there), scenario.simulation()
+    assert by_hand.drive == by_name.drive
+    assert by_hand.loads == by_name.loads
+    own = jp.Simulation(jp.Mechanism(loose), there, jp.loads.Prescribed(), loads={})
+    assert (own.drive, own.loads) == (jp.loads.Prescribed(), {})
+    assert jp.Simulation(jp.Mechanism(loose), duration=1.0).drive == jp.loads.ComputedTorque()
     assert jp.Mechanism(loose, gravity="balanced").gravity == (0.0, 0.0, 0.0)
     file.write_text(file.read_text() + "[gears.j]\nplay = 0.005\n")
     assert Scenario.load(file).mechanism().gears["j"].play == 0.005
@@ -241,23 +248,35 @@ def test_position_actuators_armature_and_springs_are_the_joints(loose, tmp_path)
         "kind": "torsion-spring", "joint": "k", "stiffness": 3.0, "rest": pytest.approx(0.2)
     }  # fmt: skip
     firm = read(written(tmp_path, ARM.format(second="", more="", qpos="0 0"), "firm.xml"))
-    assert firm.beyond.tables["gears"]["j"]["play"] == 0.0
+    assert "gears" not in firm.beyond.tables
+    assert firm.beyond.armature == {"j": 0.02}
     assert firm.joints["j"].damping == 0.1
 
 
-def test_a_rotor_without_play_does_not_choose_the_tool(tmp_path):
-    arm = '<body name="{}"><joint name="{}" armature="0.1"/><geom size="0.1"/>{}</body>'
-    right = arm.format("upper", "r1", arm.format("hand", "r2", ""))
-    both = arm.format("left", "l", "") + right
-    path = written(tmp_path, f"<mujoco><worldbody>{both}</worldbody></mujoco>")
-    for still in (True, False):
-        scenario = robot_scenario(str(path), ["l"], still=still)
-        assert scenario.mechanism().tool == "left"
+def test_armature_is_inertia_of_its_joint_or_the_rotor_of_a_gear_that_one_gives(tmp_path):
+    import mujoco
+
+    path = written(tmp_path, ARM.format(second="", more="", qpos="0 0"))
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data, wanted = mujoco.MjData(model), np.zeros((2, 2))
+    mujoco.mj_forward(model, data)
+    mujoco.mj_fullM(model, data, wanted)
+    robot = jp.Mechanism(path)
+    at = [robot.coordinate(name) for name in ("j", "k")]
+    mass = robot.mass_matrix(robot.configuration({}))[np.ix_(at, at)]
+    assert mass == pytest.approx(wanted, rel=1e-9)
+    file = tmp_path / "geared.toml"
+    gear = 'play = "1 deg"\nstiffness = 1000'
+    file.write_text(f'[robot]\nurdf = "robot.xml"\n[gears.j]\n{gear}\n')
+    geared = Scenario.load(file).mechanism()
+    assert geared.gears["j"].rotor_inertia == 0.02
+    for one in (geared, geared.ideal()):
+        assert not one.model.armature.any()
 
 
-@pytest.mark.parametrize(("second", "most"), [("", 1e-3), (PLAY, 5e-3)])
+@pytest.mark.parametrize(("second", "most"), [("", 2e-5), (PLAY, 5e-3)])
 def test_a_driven_arm_moves_as_in_mujoco(tmp_path, second, most):
-    """Its rotor, in MuJoCo rigid, swings here at 200 Hz; its stops, there soft, are springs."""
+    """Its stops, soft in MuJoCo, are springs here."""
     import mujoco
 
     zeros = "0 0 0" if second else "0 0"
@@ -289,7 +308,7 @@ def test_a_ball_is_a_spherical_joint_without_clearance(tmp_path):
     text = LEG.replace('<joint name="knee" axis="1 0 0" range="-2 0"/>',
                        '<joint name="knee" type="ball"/>')  # fmt: skip
     path = written(tmp_path, text)
-    mechanism = robot_scenario(str(path), ["hip"], still=True).mechanism()
+    mechanism = robot_scenario(str(path), ["hip"], moves=False).mechanism()
     assert {"knee.yaw", "knee.pitch"} <= {str(one) for one in mechanism.coordinates}
 
 

@@ -195,8 +195,12 @@ def test_an_option_gives_a_slide_its_play(capsys):
     assert "gears: stiffness of x 1e+07 N/m by the 400 N that its drive" in said
     assert "to a factor of 4 (assumed); see --gear-stiffness" in said
     words = ["budget", GANTRY, "--gear", "x=0.2 mm", "--gear-stiffness", "3e6 N/m"]
-    gear = scenario_of(parser().parse_args(words), still=True).mechanism().gears["x"]
-    assert (gear.play, gear.stiffness) == (2e-4, 3e6)
+    gear = scenario_of(parser().parse_args(words), moves=False).mechanism().gears["x"]
+    assert (gear.play, gear.stiffness, gear.rotor_inertia) == (
+        2e-4,
+        3e6,
+        pytest.approx(0.02 * 400.0),
+    )
     assert main(words) == 0
     assert "gears: stiffness of" not in capsys.readouterr().out
 

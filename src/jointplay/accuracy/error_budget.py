@@ -179,7 +179,7 @@ class PlayBudget(Budget):
         if self.worst[at] <= _NOWHERE * self.worst_turn.max():
             rest = self.rest_positions.at(at)
             turned, sag = (
-                readable(np.linalg.norm(x[3:]), "rad", 3) for x in (rest.whole, rest.sag)
+                readable(float(np.linalg.norm(x[3:])), "rad", 3) for x in (rest.whole, rest.sag)
             )
             return (
                 f"Play turns the tool {self.tool!r} by up to {turn}{where}; at rest it is turned "

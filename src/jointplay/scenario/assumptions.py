@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
 
 ASSUMED = "(assumed)"
-_WHOLE = ("designation", "fit")
-"""Keys of a joint that say its sizes."""
 
 
 def decisive(scenario: Scenario, simulations: Mapping[str, Simulation]) -> list[str]:
@@ -85,6 +83,7 @@ def notes_at_poses(
     """
     mechanism = scenario.mechanism(case)
     lines = [mechanism.held] if mechanism.held else []
+    lines += mechanism.description.doubts
     if mechanism.free_base is not None:
         root = mechanism.description.root
         lines.append(
@@ -114,17 +113,6 @@ def tool_reason(scenario: Scenario) -> str:
     """Why a tool was chosen before the joints with play were known; empty if none was."""
     chosen = (one for one in scenario.settings if one.assumed and one.key == ("robot", "tool"))
     return next((one.source for one in chosen), "")
-
-
-def unsized(scenario: Scenario, case: str) -> list[str]:
-    """Joints with clearance of which nobody gave a size, nor a bearing, which has one."""
-    given = scenario.given(case).get("joints", {})
-    found = []
-    for name, joint in scenario.mechanism(case).clearance.items():
-        sizes = joint.clearance_fields
-        if sizes and not {*sizes, *sizes.values(), *_WHOLE}.intersection(given.get(name, ())):
-            found.append(name)
-    return found
 
 
 def by_rule(mechanism: Mechanism, what: str) -> list[str]:
@@ -204,12 +192,21 @@ def _motion(simulation: Simulation, given: Mapping[str, Any]) -> list[str]:
     if "interpolation" not in table:
         lines.append(f"motion: {motion.summary} (--interpolation selects)")
     if cut := motion.cut_off(simulation.duration or motion.duration):
-        speeds = few([
-            f"{name} {readable(speed, f'{simulation.mechanism.description.joints[name].unit}/s')}"
-            for name, speed in cut.items()
-        ])  # fmt: skip
-        lines.append(f"note: the motion stands still beyond its points: lost there is {speeds}")
+        lines.append(
+            "note: the motion stands still beyond its points: lost there is "
+            f"{_of_joints(simulation, cut, '/s')}"
+        )
+    if noise := motion.noise:
+        lines.append(
+            "note: speeds jump from sample to sample, and the spline through them accelerates by "
+            f"up to {_of_joints(simulation, noise, '/s²')}: smooth noise of positions or times"
+        )
     return lines
+
+
+def _of_joints(simulation: Simulation, values: Mapping[str, float], rate: str) -> str:
+    joints = simulation.mechanism.description.joints
+    return few([f"{n} {readable(x, joints[n].unit + rate, 4)}" for n, x in values.items()])
 
 
 def _parts(

@@ -411,7 +411,7 @@ def build(
     notes: list[str] = []
     if motion is not None:
         motion, notes = complete(model, mechanism, motion, start)
-    notes += mechanism.description.astray
+    notes += mechanism.description.doubts
     notes += [mechanism.base_words] if mechanism.base_words else []
     notes += [*_of_zero(model, mechanism), *_of_wide_clearances(mechanism)]
     notes += _of_idle_planes(mechanism)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
+from jointplay.base.origins import FILE
 from jointplay.model.formats import read
 from jointplay.model.urdf import Description
 from jointplay.scenario.overrides import Setting, tree
@@ -22,25 +23,17 @@ def description_of(place: str, settings: Sequence[Setting], folder: Path = Path(
     return with_fixed(read(place, allowed, folder, arguments), fix)
 
 
-def settings_beyond(
-    description: Description, ideal: bool, still: bool, geared: Collection[str] = ()
-) -> list[Setting]:
-    """What a robot's file says beyond a URDF, of joints that move; play unless it is `ideal`.
-
-    Where nothing moves (`still`) rotors without play are left out, for their elasticity is assumed,
-    but those of joints that are to have a gear (`geared`).
-    """
+def settings_beyond(description: Description, ideal: bool) -> list[Setting]:
+    """What a robot's file says beyond a URDF, of joints that move; play unless it is `ideal`."""
     settings = []
     for table, rows in description.beyond.tables.items():
         for name, row in rows.items():
             if table == "robot":
-                settings.append(Setting((table, name), row, "the MJCF", assumed=True))
+                settings.append(Setting((table, name), row, "the MJCF", FILE))
                 continue
             if row.get("joint", name) not in description.moving:
                 continue
             if table == "gears" and ideal:
                 row = row | {"play": 0.0}
-            if table == "gears" and still and not row["play"] and name not in geared:
-                continue
-            settings.append(Setting((table, name), row, "the MJCF", assumed=True))
+            settings.append(Setting((table, name), row, "the MJCF", FILE))
     return settings

@@ -8,7 +8,7 @@ count only by their ratio of axial to radial clearance, the bearings' dimensions
 
 Example: jointplay allocate ur5 --clearance "0.1 mm" --target "0.2 mm" --workspace 200
 
-    FILE | ROBOT  robot, joints with clearance, gears, motion, poses, load, whole error
+    FILE | ROBOT  robot, joints with clearance, gears, drive, motion, poses, load, whole error
     --target LENGTH  largest error of the tool (required)
     --quantile P  share of states that must meet the target, such as 0.99 (default: all)
     --cost {reciprocal,reciprocal-squared,linear}  cost of a clearance c: 1/c, 1/c^2 or -c (default:
@@ -53,7 +53,7 @@ def run(options: argparse.Namespace) -> int:
 
     _require_fitting(options)
     whole = options.whole is not None
-    posed = inputs.posed_machine(options, sized=whole)
+    posed = inputs.posed_machine(options)
     if not (whole or posed.mechanism.clearance or posed.mechanism.gears):
         raise JointplayError(
             "say what is to be allocated: --clearance LENGTH for journals in all joints that move "

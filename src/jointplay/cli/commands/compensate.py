@@ -7,17 +7,18 @@ makes the error larger is not written. No promise about hardware. See docs/compe
 Example: jointplay compensate so101 --preset --motion pick.csv --trust "play 30 %" --out corrected
 
     [FILE | ROBOT]
-    --payload MASS  mass held at the tool
     --trust TEXT  how far the model may be off, such as "play 30 %, friction 50 %, payload 20 %,
         stiffness 30 %", or "identified, payload 20 %" with the intervals of --preset FILE (default:
         those, if it has any, or exact): both motions are run at the corners of that
     --approach  reach stops at which friction leaves open on which side teeth lie from one side:
         the tool arrives aside, and the joint creeps while it stands
+    --tool-size LENGTH  of the tool or what it holds: by that its turn is weighed against its
+        position (default: position first, the turn as far as that leaves joints free)
     --passes N  correct by what own runs leave, at most so often, as long as it improves (default 0)
     --out DIR  folder for motion.csv, compensation.csv, corners.csv and error.png
     --formats LIST  further files in DIR: yaml, mcap (ROS 2 JointTrajectory), table (joint,
         direction, load), linuxcnc, marlin, klipper, grblhal
-    --force  write a motion that makes the error larger, too
+    --write-anyway  write a motion that makes the error larger, too
     --jobs
     --detail
     --quiet
@@ -30,7 +31,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from jointplay.base import streams
-from jointplay.base.errors import JointplayError, MissingName, require_non_negative, require_whole
+from jointplay.base.errors import JointplayError, MissingName, require_whole
 from jointplay.cli.commands import Outputs, print_answer
 from jointplay.cli.commands.inputs import chosen_preset, simulation_of
 
@@ -56,14 +57,13 @@ def run(options: argparse.Namespace) -> int:
     measured = preset is not None and bool(preset.intervals)
     trust = trust_of(options.trust or (IDENTIFIED if measured else EXACT), preset)
     require_whole("--passes", options.passes, 0)
-    if options.payload is not None:
-        mass = require_non_negative("--payload", options.payload, "kg")
-        options.set = [*options.set, f"payloads=[{{mass={mass!r}}}]"]
-    simulation = simulation_of(options, every=True)
+    simulation = simulation_of(options)
     out.claim()
     streams.release()
     progress = not options.quiet
-    found = compensate(simulation, approach=options.approach, progress=progress)
+    found = compensate(
+        simulation, approach=options.approach, size=options.tool_size, progress=progress
+    )
     more = []
     if options.passes:
         found, tried = learn(found, options.passes, progress=progress)
@@ -74,9 +74,10 @@ def run(options: argparse.Namespace) -> int:
     body = f"{found.table()}\n{judged.table()}" if options.detail else judged.table()
     notes = [*more, *judged.notes, *found.notes, *extra.pop("", ())]
     print_answer(judged.sentence, body, notes, options.detail, more=True)
-    if judged.worse and not options.force:
+    if judged.worse and not options.write_anyway:
         where = judged.worse[0].words
-        raise JointplayError(f"nothing written: it makes the error larger ({where}); see --force")
+        words = f"nothing written: it makes the error larger ({where}); see --write-anyway"
+        raise JointplayError(words)
     if options.out:
         _write(out, judged, extra)
     return 0

@@ -10,14 +10,12 @@ file of each format. See docs/simulator.md.
 Example: jointplay export simulator ur5 --joint elbow_joint --clearance "0.05 mm" --gear
 elbow_joint="2 arcmin" --gear-stiffness 2e4 --rotor-inertia 0.5 --out elbow
 
-    FILE | ROBOT  robot, joints with clearance, gears
+    FILE | ROBOT  robot, joints with clearance, gears, drive
     --pose JOINT=X,...  pose about which the joint reverses
   reversals:
     --amplitude ANGLE  amplitude of the reversals (default: 0.1)
     --period TIME  period of a reversal, there and back (default: 2)
   output:
-    --encoder {motor,link}  whether the encoder is before or after the play (default: as the drives
-        have it)
     --tilt  let the axes tilt as well, which only MJCF and JSON can hold
     --for {mujoco,newton,genesis,isaac}  what this simulator takes and nothing else; says which
         parts of the play it has, and what is lost
@@ -83,7 +81,7 @@ def run(options: argparse.Namespace) -> int:
         notes.append(f"servos (MJCF): {', '.join(more['servos'])}")
     from jointplay.scenario.assumptions import by_rule
 
-    more |= given(options, "plugin") | {"encoder": _encoder(options, posed, reductions)}
+    more |= given(options, "plugin") | {"encoder": _encoder(posed, reductions)}
     notes += by_rule(mechanism, "rotor_inertia")
     robot = ReducedRobot(mechanism, reductions, pose, formats, options.tilt, **more)
     shown = robot.table() if joint is None else reductions[0]
@@ -128,14 +126,10 @@ def _joint(options: argparse.Namespace) -> str:
     return joint
 
 
-def _encoder(
-    options: argparse.Namespace, posed: inputs.PosedMachine, reductions: Sequence[Any]
-) -> str:
+def _encoder(posed: inputs.PosedMachine, reductions: Sequence[Any]) -> str:
     """Where the encoders of these joints sit, if all sit alike."""
     from jointplay.simulation.loads.drive import ENCODERS
 
-    if options.encoder:
-        return str(options.encoder)
     drives = posed.poses.holding["drive"]
     own = {one.joint: getattr(drives.get(one.joint), "encoder", ENCODERS[0]) for one in reductions}
     if len({*own.values()}) > 1:
