@@ -25,7 +25,7 @@ from jointplay.accuracy.causes import (
     told_apart,
 )
 from jointplay.accuracy.cheapest import COSTS, Error, Key, Problem, Sizes
-from jointplay.accuracy.error_budget import KNOWN, budget, holding_drives
+from jointplay.accuracy.error_budget import KNOWN, NOWHERE, budget, holding_drives
 from jointplay.accuracy.error_model import Contribution, ErrorModel, play_model
 from jointplay.accuracy.jacobians import GEAR, configurations, force_on_tool
 from jointplay.accuracy.robot_errors import RobotErrors
@@ -354,7 +354,7 @@ class Allocation:
         return [
             f"{one.clearance * _MM:.3g} mm in {one.joint.removesuffix(GEAR)}"
             if np.isnan(one.play)
-            else f"{one.play / _ARCMIN:.2g} arcmin in {one.joint.removesuffix(GEAR)}"
+            else f"{float(f'{one.play / _ARCMIN:.2g}'):g} arcmin in {one.joint.removesuffix(GEAR)}"
             for one in self.choices
             if one.gear and one.held != "most"
         ]
@@ -495,6 +495,11 @@ def allocate(
         keep, make,
     )  # fmt: skip
     keys = search.keys
+    if not whole and search.first.farthest().size.max() <= NOWHERE * MOST_RAD:
+        raise JointplayError(
+            f"nothing that has play moves the tool {mechanism.tool!r} at these poses: name another "
+            "frame as the tool (--tool)"
+        )
     if whole:
         weight = [prices.get(cause, 1.0) * weights.get(joint, 1.0) for joint, cause in keys]
         low, ones = [limits.get(cause, LIMIT) for _, cause in keys], np.ones(len(keys))

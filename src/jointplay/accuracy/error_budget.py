@@ -48,7 +48,7 @@ _LINEAR = 0.02
 _MENTIONED = 0.01
 """Part of the worst case by which one joint's error at rest exceeds what its play lets it, to be
 mentioned among the details; and of the error at rest that a cause has to be named for it."""
-_NOWHERE = 1e-9
+NOWHERE = 1e-9
 """Way of the tool's origin by its turn that is none [m]."""
 KNOWN = 0.3
 """Part by which play is taken to be off where a motion is corrected for it."""
@@ -176,7 +176,7 @@ class PlayBudget(Budget):
         where = f" at the worst of {poses} poses" if poses > 1 else ""
         turn = readable(self.worst_turn.max(), "rad", 3)
         turns = f", and turn by up to {turn}" if self.worst_turn.any() else ""
-        if self.worst[at] <= _NOWHERE * self.worst_turn.max():
+        if self.worst[at] <= NOWHERE * self.worst_turn.max():
             rest = self.rest_positions.at(at)
             turned, sag = (
                 readable(float(np.linalg.norm(x[3:])), "rad", 3) for x in (rest.whole, rest.sag)

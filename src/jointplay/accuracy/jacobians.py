@@ -157,6 +157,7 @@ def carrying(mechanism: Mechanism, payloads: Sequence[Payload]) -> Mechanism:
     always = [replace(one, pick=0.0, release=None) for one in payloads]
     held.model = loaded(mechanism.model, always, 0.0)
     held.data = held.model.createData()
+    vars(held)["_ideal"] = mechanism.ideal()  # of which drives know
     return held
 
 
