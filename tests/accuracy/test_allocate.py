@@ -532,7 +532,10 @@ def test_the_command_line_spends_on_causes(tmp_path, capsys):
     assert main([*options, *more, "--out", str(out)]) == 0
     shown = capsys.readouterr().out
     assert "worst case: 2.0000 mm of 2.0000 mm" in shown
-    assert "assumed: prices: halving costs 1 at each joint, of elasticity, sag, gear error" in shown
+    assert (
+        "assumed: prices: halving costs 1 at each joint, of elasticity, gear error, geometry, sag"
+        in shown
+    )
     assert (out / "allocation.csv").read_text().startswith("joint,cause,added_m,adds_m,")
     assert (out / "allocation.png").read_bytes().startswith(b"\x89PNG")
     pair = ["--joint", "elbow_joint=6010", "--by-class", "elbow_joint"]

@@ -176,6 +176,9 @@ class PlayBudget(Budget):
         where = f" at the worst of {poses} poses" if poses > 1 else ""
         turn = readable(self.worst_turn.max(), "rad", 3)
         turns = f", and turn by up to {turn}" if self.worst_turn.any() else ""
+        resting = f"at rest it is {self._resting(at)}{self._regulated}"
+        if not self.worst[at] and not self.worst_turn.any():
+            return f"No play moves the tool {self.tool!r}; {resting}"
         if self.worst[at] <= NOWHERE * self.worst_turn.max():
             rest = self.rest_positions.at(at)
             turned, sag = (
@@ -188,8 +191,8 @@ class PlayBudget(Budget):
             )
         return (
             f"Play lets the tool {self.tool!r} be up to {readable(self.worst[at], 'm', 3)} off"
-            f"{where} (RMS {readable(self.rms[at], 'm', 3)}), {self._most(at)}{turns}; at rest it "
-            f"is {self._resting(at)}{self._regulated}{self._of_fits}{self._far}"
+            f"{where} (RMS {readable(self.rms[at], 'm', 3)}), {self._most(at)}{turns}; {resting}"
+            f"{self._of_fits}{self._far}"
         )
 
     def _most(self, at: int) -> str:
