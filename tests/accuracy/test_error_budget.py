@@ -173,3 +173,38 @@ def test_the_command_line_prints_and_writes_it(tmp_path, capsys):
 def test_causes_without_the_whole_budget_are_refused(capsys):
     assert cli.main(["budget", "ur5", "--clearance", "1e-4", "--causes", "play"]) == 2
     assert "--causes play selects causes of the whole error" in capsys.readouterr().err
+
+
+def test_a_gear_gives_way_as_much_whether_or_not_its_play_is_given():
+    whole = {"causes": ["elasticity"], "kind": "industrial"}
+    plain = budget(jp.Mechanism("ur5"), POSE, **whole)
+    geared = budget(jp.Mechanism("ur5", gears={"elbow_joint": jp.Gear(1e-3)}), POSE, **whole)
+    parts = [one.by("joint")["elbow_joint"][0] for one in (plain, geared)]
+    assert parts[1] == pytest.approx(parts[0], rel=1e-3)
+    assert "gears' stiffness by rule, to a factor of 4" in plain.sentence
+    given = jp.Gear(1e-3, 0.1, 4.5e4)
+    known = budget(jp.Mechanism("ur5", gears=dict.fromkeys(JOINTS, given)), POSE, **whole)
+    assert known.by("joint")["elbow_joint"][0] < 0.5 * parts[0]  # no factor of 4
+
+
+def test_drives_sag_under_what_they_do_not_know_and_servos_under_all():
+    """kp = (100 rad/s)^2 M of the elbow and what follows; by the statics of a budget of play."""
+    load = jp.Payload("tool0", 5.0)
+    robot = jp.Mechanism("ur5", gears={"elbow_joint": jp.Gear(1e-9, 0.1, 1e12)})
+    rest = budget(robot, POSE, payloads=[load]).rest_positions.at(0)
+    whole = budget(robot, POSE, payloads=[load], causes=["sag"])
+    assert whole.mean[0] == pytest.approx(rest.sag[:3], rel=0.02, abs=2e-5)
+    with pytest.raises(JointplayError, match="no cause is counted"):
+        budget(jp.Mechanism("ur5"), POSE, causes=["sag"])
+    servo = jp.loads.Servo(voltage=24.0, p_gain=1e3, torque_constant=1.0, resistance=1.0)
+    with pytest.raises(JointplayError, match="servo of joint 'shoulder_lift_joint' cannot hold"):
+        budget(jp.Mechanism("ur5"), POSE, drive=servo, payloads=[load], causes=["sag"])
+    strong = jp.loads.Servo(voltage=48.0, p_gain=1e3, torque_constant=50.0, resistance=1.0)
+    sagged = budget(robot, POSE, drive=strong, payloads=[load]).rest_positions.at(0)
+    own = budget(robot, POSE, drive=strong, payloads=[load], causes=["sag"])
+    assert own.mean[0] == pytest.approx(sagged.sag[:3], rel=0.01, abs=1e-5)
+
+
+def test_numbers_that_nobody_gave_are_asked_for_in_python_as_by_the_command():
+    with pytest.raises(JointplayError, match=r"nobody gave the axis offset .*--whole CLASS"):
+        budget(jp.Mechanism("ur5"), POSE, causes=["geometry"])

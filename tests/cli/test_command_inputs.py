@@ -1,10 +1,12 @@
 """A scenario or a robot, said in the same words to every command."""
 
+import numpy as np
 import pytest
 
+from jointplay.accuracy.error_budget import budget
 from jointplay.base.schema import fields_at
 from jointplay.cli import main, parser, parsers
-from jointplay.cli.commands.inputs import FLAGS, explanation, scenario_of
+from jointplay.cli.commands.inputs import FLAGS, explanation, posed_machine, scenario_of
 from jointplay.scenario.declarations import Model
 
 SCARA = "jointplay:scara.toml"
@@ -136,3 +138,56 @@ def test_what_a_measurement_may_hold_is_not_its_unit(capsys):
     with pytest.raises(SystemExit):
         main(["identify", "--help"])
     assert "measurement [s]" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("options", "at_rest"),
+    [
+        ([], 3.56),
+        (["--encoder", "link"], 0.0),
+        (["--set", "drive.encoder=link", "--set", "drive.kind=computed-torque"], 0.0),
+        (
+            [
+                "--set",
+                "drives.joint_2.kind=computed-torque",
+                "--set",
+                "drives.joint_2.encoder=link",
+            ],
+            0.0,
+        ),
+        (["--set", "drives.joint_2.kind=prescribed"], 3.56),
+    ],
+)
+def test_what_holds_a_robot_at_rest_is_what_the_options_say(options, at_rest):
+    """Without a motion, too."""
+    given = ["budget", "ar4", "--gear", "joint_2=1 deg", *options]
+    posed = posed_machine(parser().parse_args(given))
+    found = budget(posed.mechanism, posed.poses.q, **posed.poses.holding)
+    assert 1e3 * found.rest_error[0] == pytest.approx(at_rest, abs=0.01)
+
+
+def test_a_file_without_a_motion_says_what_holds_it(tmp_path):
+    path = tmp_path / "arm.toml"
+    text = '[robot]\nurdf = "jointplay:ar4.urdf"\n[gears.joint_2]\nplay = "1 deg"\n'
+    for side, at_rest in (("motor", 3.56), ("link", 0.0)):
+        path.write_text(f'{text}[drive]\nkind = "computed-torque"\nencoder = "{side}"\n')
+        posed = posed_machine(parser().parse_args(["budget", str(path)]))
+        found = budget(posed.mechanism, posed.poses.q, **posed.poses.holding)
+        assert 1e3 * found.rest_error[0] == pytest.approx(at_rest, abs=0.01)
+
+
+def test_a_payload_weighs_at_rest_as_a_force_does_and_drives_do_not_know_it(capsys):
+    def at_rest(*options):
+        words = ["budget", "ur5", "--clearance", "0.1 mm", *options]
+        posed = posed_machine(parser().parse_args(words))
+        force = (0.0, 0.0, -5.0 * 9.81) if not posed.poses.machine.payloads else (0.0, 0.0, 0.0)
+        found = budget(posed.mechanism, posed.poses.q, force=force, **posed.poses.holding)
+        return found.rest_positions.at(0)
+
+    held = at_rest("--payload", "5 kg", "--set", "drive.kind=prescribed")
+    pushed = at_rest("--set", "drive.kind=prescribed")
+    assert held.whole == pytest.approx(pushed.whole, rel=1e-3, abs=1e-6)
+    assert not held.sag.any()
+    sagged = at_rest("--payload", "5 kg")
+    assert 1e3 * np.linalg.norm(sagged.sag[:3]) == pytest.approx(1.75, rel=0.01)
+    assert sagged.whole[:3] - sagged.sag[:3] == pytest.approx(held.whole[:3], abs=2e-5)

@@ -46,8 +46,7 @@ _LISTED = 2e-3
 _LINEAR = 0.02
 """Part of the worst case by which the exact kinematics may put it elsewhere."""
 _MENTIONED = 0.01
-"""Part of the worst case by which one joint's error at rest exceeds what its play lets it, to be
-mentioned among the details; and of the error at rest that a cause has to be named for it."""
+"""Part of the error at rest that a cause has to be named for it."""
 NOWHERE = 1e-9
 """Way of the tool's origin by its turn that is none [m]."""
 KNOWN = 0.3
@@ -251,28 +250,6 @@ class PlayBudget(Budget):
             f"{readable(more, 'm', 2)} off"
         )
 
-    def _beyond_play(self, at: int, least: float) -> dict[str, str]:
-        """By how much joints displace or turn the tool at rest beyond what their play lets them.
-
-        The largest first; those that do so by more than a part `least` of what the play of all
-        joints lets it.
-        """
-        rests = self.rest_positions.at(at).parts
-        found = []
-        for name, rest, far, turn in zip(
-            self.joints, rests, self.alone[at], self.turns.parts[:, at], strict=True
-        ):
-            more = {
-                "mm": (float(np.linalg.norm(rest[:3])) - far, self.worst[at]),
-                "mrad": (float(np.linalg.norm(rest[3:])) - turn, self.worst_turn[at]),
-            }
-            beyond = {unit: (x, of) for unit, (x, of) in more.items() if x > least * of}
-            if beyond:
-                said = ", ".join(f"{1e3 * x:.4f} {unit}" for unit, (x, _) in beyond.items())
-                parts = (x / of if of > 0.0 else np.inf for x, of in beyond.values())
-                found.append((max(parts), name, said))
-        return {name: said for _, name, said in sorted(found, reverse=True)}
-
     @property
     def _of_fits(self) -> str:
         """With which parts, where fits leave that open, to add to a sentence."""
@@ -410,7 +387,7 @@ class PlayBudget(Budget):
         else:
             place = ", ".join(f"{1e3 * value:.4f}" for value in whole[:3])
             begins = " (the start of a run with start=rest)"
-            begins = begins if self.rest_positions.begins_a_run else ""
+            begins = "" if self.rest_positions.force.any() else begins
             lines.append(f"at rest without friction, along x, y, z: {place} mm{begins}")
         if not np.isnan(loads).any():
             words = []
@@ -419,12 +396,6 @@ class PlayBudget(Budget):
                 size = float(np.linalg.norm(load[3:] if turns else load[:3]))
                 words.append(f"{one.name} {size:.4g} {'N m' if turns else 'N'}")
             lines.append(f"the joints bear there: {', '.join(words)}")
-        if beyond := self._beyond_play(at, _MENTIONED):
-            each = "; ".join(f"{name} {more}" for name, more in beyond.items())
-            lines.append(
-                "the worst case takes contacts as rigid; at rest they give way under the load, "
-                f"beyond the joint's worst case alone: {each}"
-            )
         return [*lines, *self._held(at), *self._cures(at)]
 
     def _cures(self, at: int) -> list[str]:

@@ -207,11 +207,6 @@ class RestPositions:
         return at(name)
 
     @property
-    def begins_a_run(self) -> bool:
-        """Whether a run with start="rest" begins there, which knows no force on the tool."""
-        return not self.force.any()
-
-    @property
     def regulated(self) -> frozenset[str]:
         """Joints with gears whose drives hold the link, which their encoders see, where it is."""
         gears = self.mechanism.gears

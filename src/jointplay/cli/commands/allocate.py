@@ -143,7 +143,7 @@ def _verify(options: argparse.Namespace, posed: inputs.PosedMachine, allotment: 
     error = dynamic_error(
         allotment.mechanism,
         posed.motion,
-        posed.simulation,
+        posed.scenario.simulation(posed.case),
         runs=options.verify,
         jobs=options.jobs,
         progress=not options.quiet,

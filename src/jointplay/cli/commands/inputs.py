@@ -170,7 +170,7 @@ HELP = """
   load:
     --force FX,FY,FZ  force on the tool, world axes [N]
   whole error:
-    --whole [CLASS]  the whole error: besides play elasticity, encoders, gears, geometry and heat,
+    --whole [CLASS]  the whole error: besides play elasticity, sag, encoders, gears, geometry, heat,
         of a robot of this class where nothing else is known (calibrated-industrial, industrial,
         printed; without CLASS that of the scenario's [errors] or of the preset)
     --causes LIST  causes that count in --whole, such as play,elasticity (default: all)
