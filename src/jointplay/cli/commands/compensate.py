@@ -69,7 +69,7 @@ def run(options: argparse.Namespace) -> int:
     found = compensate(simulation, approach=options.approach, progress=progress)
     more = []
     if options.passes:
-        found, tried = learn(found, options.passes, progress=progress)
+        found, tried = learn(found, options.passes)
         told = ", ".join(f"{1e3 * one:.4g}" for one in tried)
         more.append(f"RMS error by pass: {told} mm; {found.learned} kept")
     extra = _further(found, wanted)
