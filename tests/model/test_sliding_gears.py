@@ -106,7 +106,7 @@ def test_at_rest_a_nut_hangs_by_half_its_play_and_its_elasticity(lift, encoder, 
     assert found.rest_tool[0] == pytest.approx([-sag, 0, 0, 0, 0, 0], abs=1e-9)
     assert found.rest[0, 0, 0] == pytest.approx(-sag, abs=1e-9)
     assert found.rest_interval[0, 0] == pytest.approx([-sag, -sag], abs=1e-8)
-    assert found.rest_loads[0, 0] == pytest.approx([0, 0, -MASS * G, 0, 0, 0])
+    assert found.rest_positions.at(0).loads[0] == pytest.approx([0, 0, -MASS * G, 0, 0, 0])
     assert f"x (gear) {MASS * G:.4g} N" in str(found.table())
     motion = jp.Motion(["x"], [0, 0.01], [[0.0], [0.0]])
     result = jp.simulate(lift, motion, drive=drive, duration=1e-3, start="rest", **QUIET)

@@ -523,14 +523,14 @@ def mechanism_of(model: Model, folder: Path, built: Built) -> Mechanism:
     parts = model.loops, model.joints, model.gears, model.links
     inputs = (robot, *parts, folder)
     key = (str(description.path), description.text, *map(repr, inputs))
-    made = built.pop(key, None) or _built_anew(model, description, folder)
+    made = built.pop(key, None) or _built_anew(model, description)
     built[key] = made
     if len(built) > _LAST_BUILT:
         built.popitem(last=False)
     return made
 
 
-def _built_anew(model: Model, description: Description, folder: Path) -> Mechanism:
+def _built_anew(model: Model, description: Description) -> Mechanism:
     robot = model.robot
     loops = {}
     for name, ends in model.loops.items():

@@ -270,9 +270,7 @@ def judge(
     return Judgement(compensation, tuple(corners), firmware, left_out, complete)
 
 
-def learn(
-    compensation: Compensation, passes: int, *, progress: bool = False
-) -> tuple[Compensation, list[float]]:
+def learn(compensation: Compensation, passes: int) -> tuple[Compensation, list[float]]:
     """Correct further by what own runs leave, pass by pass, as long as that improves.
 
     Returns:

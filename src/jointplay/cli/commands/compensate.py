@@ -66,7 +66,7 @@ def run(options: argparse.Namespace) -> int:
     )
     more = []
     if options.passes:
-        found, tried = learn(found, options.passes, progress=progress)
+        found, tried = learn(found, options.passes)
         told = ", ".join(f"{1e3 * one:.4g}" for one in tried)
         more.append(f"RMS error by pass: {told} mm; {found.learned} kept")
     extra = _further(found, wanted)
