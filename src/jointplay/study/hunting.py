@@ -379,7 +379,7 @@ def _swing(
     if each >= (1 if last else 2) and spans[own] > 2.0 * least:
         cut = rises[[-1 - 3 * each, -1 - 2 * each, -1 - each, -1]]
         sizes = [float(np.ptp(places[own, i:j])) for i, j in pairwise(cut)]
-        if _lasts(*sizes, last):
+        if _lasts(sizes, last):
             at = slice(cut[1], cut[3])
             frequency = 2.0 * each / float(time[cut[3]] - time[cut[1]])
             amplitude, twist = (
@@ -395,8 +395,9 @@ def _swing(
     return QUIET._replace(unclear=not (rests | (one_way & slows)).all())
 
 
-def _lasts(first: float, second: float, third: float, last: bool) -> bool:
-    """Whether swings of these sizes, one after the other, go on so."""
+def _lasts(sizes: Sequence[float], last: bool) -> bool:
+    """Whether swings of these three sizes, one after the other, go on so."""
+    first, second, third = sizes
     before, after = second - first, third - second
     drifts = before * after > 0.0 and abs(after) > 0.5 * abs(before)
     drifts = drifts and abs(before + after) > EVEN * third
