@@ -91,8 +91,8 @@ def certify(
         progress: show a bar that names what runs.
         simulation: what made the result; built from the result if not given.
         name: of the run, which the bar shows.
-        claims: certify what the paper's claims use, too, of a run of more than 0.3 s with one joint
-            with clearance.
+        claims: certify what the paper's claims use, too, of a run with one joint with clearance of
+            which more is judged than not.
         strict: without, from two further runs, as after every run.
         jobs: processes for these runs; None takes one for each core.
 

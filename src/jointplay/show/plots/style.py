@@ -45,7 +45,7 @@ STYLES: dict[str, dict[str, Any]] = {
     "screen": _SCREEN,
     "paper": _SCREEN
     | {
-        # By name: of a family's typefaces matplotlib takes one, of these for each letter what has it.
+        # By name: matplotlib takes one typeface of a family, for all letters.
         "font.family": ["STIXGeneral", "DejaVu Serif"],
         "mathtext.fontset": "stix",
         "font.size": 8,
