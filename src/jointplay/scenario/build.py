@@ -468,19 +468,45 @@ def _of_idle_planes(mechanism: Mechanism) -> list[str]:
     lines = []
     for name, joint in mechanism.clearance.items():
         planar = joint.slides() and "x" in joint.freedoms and "y" not in joint.freedoms
-        if not planar or name in mechanism.loops:
+        if not planar:
+            continue
+        if name in mechanism.loops:
+            moves = _moving_across(mechanism, name, q)
+            if np.abs(moves[0]).max() <= _NOT_COUPLED * np.abs(moves).max():
+                lines.append(_idle_plane(name))
             continue
         at = mechanism.coordinates.index(Coordinate(name, "x"))
         others = [i for i, one in enumerate(mechanism.coordinates) if one.joint != name]
         own = np.sqrt(mass[at, at] * mass.diagonal()[others])
         idle = np.abs(mass[at, others]) <= _NOT_COUPLED * own
         if others and idle.all() and abs(weight[at]) <= _NOT_COUPLED * mass[at, at]:
-            lines.append(
-                f"joint {name!r} has planar play along x of its frame, across which nothing else "
-                "moves or weighs, so that it carries nothing: is its frame turned as meant (x "
-                "across the guide in the plane of motion)?"
-            )
+            lines.append(_idle_plane(name))
     return lines
+
+
+def _idle_plane(name: str) -> str:
+    return (
+        f"joint {name!r} has planar play along x of its frame, across which nothing else moves or "
+        "weighs, so that it carries nothing: is its frame turned as meant (x across the guide in "
+        "the plane of motion)?"
+    )
+
+
+def _moving_across(mechanism: Mechanism, name: str, q: np.ndarray) -> np.ndarray:
+    """Velocity of a loop's journal in its bearing by those of all coordinates (3, nv)."""
+    model, data = mechanism.model, mechanism.model.createData()
+    pin.computeJointJacobians(model, data, q)
+    whole, places = [], []
+    for body, place in mechanism.frames(name):
+        local = pin.getJointJacobian(model, data, body, pin.ReferenceFrame.LOCAL)
+        at = data.oMi[body] * place
+        moving = place.toActionMatrixInverse() @ local
+        whole.append([at.rotation @ moving[:3], at.rotation @ moving[3:]])
+        places.append(at)
+    (bearing, turn), (journal, _) = whole
+    carried = np.cross(turn.T, places[1].translation - places[0].translation).T
+    across: np.ndarray = places[0].rotation.T @ (journal - bearing - carried)
+    return across
 
 
 def _of_falling(model: Model, mechanism: Mechanism, motion: Motion | None) -> list[str]:

@@ -88,7 +88,7 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
         from jointplay.study.certification import number_of_runs
 
         simulations[case] = run.simulation
-        runs = 1 + (number_of_runs(run.simulation, item.certified) if item.errors else 0)
+        runs = 1 + (number_of_runs(run.simulation) if item.errors else 0)
         length = run.total_steps * run.simulation.step
         # For a case that gives, the ideal mechanism is simulated, too, if no case is it.
         lengths[case] = runs * length, length if _gives(run.simulation) else 0.0
