@@ -13,6 +13,7 @@ from jointplay.bridges import own_mjcf
 from jointplay.bridges.own_mjcf import corrected_mjcf
 from jointplay.bridges.urdf import to_urdf
 from jointplay.cli import main
+from jointplay.model.formats import read
 from jointplay.model.urdf import parse
 
 pytestmark = pytest.mark.needs("mujoco")
@@ -153,6 +154,19 @@ def test_the_stated_error_is_that_of_the_file_as_written(tmp_path, capsys, monke
     assert fine < 0.1
     assert stated("half") > 1e3 * np.radians(0.25)  # mrad: half of what is lost, either way
     assert main([*said, str(tmp_path / "checked"), "--check"]) == 1
+
+
+def test_what_reading_leaves_out_is_compiled_within_limits_before_an_export(tmp_path, capsys):
+    """A picture of 4.8 GB, which no link's inertia needs."""
+    path = tmp_path / "m.xml"
+    size = 'width="40000" height="40000"'
+    sky = f'<asset><texture name="t" type="2d" builtin="flat" {size}/></asset>'
+    text = DRIVEN.format("", "").replace("<worldbody>", f"{sky}<worldbody>")
+    path.write_text(text)
+    assert read(path).joints
+    said = ["export", "simulator", str(path), "--joint", "j", *GEAR, "--for", "mujoco"]
+    assert main([*said, "--out", str(tmp_path / "out")]) == 2
+    assert "Could not allocate memory for texture" in capsys.readouterr().err
 
 
 def test_an_equality_that_shuts_the_play_is_left_out_and_a_check_that_fails_exits_1(
