@@ -126,7 +126,13 @@ def test_what_a_ball_has_besides_freedom_is_named(tmp_path):
     assert "slides" not in note
 
 
-def test_numbers_that_are_none_are_refused(tmp_path):
-    path = written(tmp_path, 0, 'range="nan 90"', TURNS, FIRM)
+@pytest.mark.parametrize("words", ['range="nan 90"', 'pos="nan 0 0"', 'armature="1e300"'])
+def test_numbers_that_are_none_are_refused(tmp_path, words):
+    path = written(tmp_path, 0, words, TURNS, FIRM)
     with pytest.raises(JointplayError, match="not finite"):
         read(path)
+
+
+def test_a_range_the_wrong_way_round_is_said(tmp_path):
+    notes = read(written(tmp_path, 0, 'range="1 -1"', TURNS, FIRM)).beyond.notes
+    assert "note: a range from above to below is none in MuJoCo: j" in notes

@@ -24,7 +24,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.base import confined
-from jointplay.base.errors import JointplayError
+from jointplay.base.errors import LARGEST, JointplayError
 from jointplay.base.files import begins, is_file, read_text
 from jointplay.base.imports import extra
 from jointplay.base.tables import few
@@ -195,14 +195,21 @@ def read(path: Path) -> str:
         JointplayError: MuJoCo is not installed or cannot compile the file, or a mesh is missing
             from which a body takes its inertia.
     """
+    warnings: list[str] = []
+    load_mujoco().set_mju_user_warning(warnings.append)
     spec = load_spec(path)
     meshes = _lighten(spec, path)
     model = compiled(spec, path)
+    if odd := [one for one in warnings if "NaN" in one]:  # it would take it as not given
+        raise JointplayError(f"the MJCF {str(path)!r} has a number that is not finite: {odd[0]}")
     for name in _FINITE:
-        if not np.isfinite(getattr(model, name)).all():
-            words = "a number that is not finite: see " + name.replace("_", ", ", 1)
+        if not (np.abs(getattr(model, name)) <= LARGEST).all():
+            words = f"a number that is not finite, or beyond {LARGEST:g}: see "
+            words += name.replace("_", ", ", 1)
             raise JointplayError(f"the MJCF {str(path)!r} has {words}")
-    return _Reading(load_mujoco(), model, path, {int(geom.id): one for geom, one in meshes}).text()
+    reading = _Reading(load_mujoco(), model, path, {int(geom.id): one for geom, one in meshes})
+    reading.said += [f"MuJoCo: {one}" for one in dict.fromkeys(warnings)]
+    return reading.text()
 
 
 @dataclass(frozen=True)
@@ -766,6 +773,14 @@ class _Reading:
                 f"{few(list(drives))}"
             )
         yield from self.said
+        ranges = [model.jnt_range[j] for j in self.joints]
+        turned = [
+            named[j]
+            for j, (low, high) in zip(self.joints, ranges, strict=True)
+            if low > high and not model.jnt_limited[j]
+        ]
+        if turned:
+            yield f"note: a range from above to below is none in MuJoCo: {few(turned)}"
         own = sum(one.hinge in self._wrapped() for one in self.play.values())
         left = {
             "contacts": any(model.geom_contype) or any(model.geom_conaffinity),
