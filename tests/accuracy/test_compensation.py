@@ -596,6 +596,22 @@ def test_a_clearance_alone_is_for_all_joints_as_in_a_budget(level, tmp_path):
     assert done.stdout.startswith("In simulation the corrected motion")
 
 
+def test_a_format_that_knows_no_such_axis_stops_no_other(upright, tmp_path):
+    """And a rule that is judged without friction, which nobody gave, says so."""
+    motion, out = tmp_path / "m.csv", tmp_path / "out"
+    motion.write_text("time_s,j\n0,0\n0.4,0.5\n0.8,0\n")
+    command = [JOINTPLAY, "compensate", upright, "--gear", "j=0.1 mrad", "--motion", motion]
+    command += ["--gear-stiffness=800", "--gear-damping=2", "--rotor-inertia=0.05", "--jobs=1"]
+    command += ["--set", "drive.kind=computed-torque", "--set", "drive.encoder=motor", "--force"]
+    command += ["--detail", "--formats", "marlin,linuxcnc,grblhal", "--out", out]
+    done = subprocess.run(list(map(str, command)), capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    said = done.stdout + done.stderr
+    assert "no file for marlin: nothing to tell marlin, which knows axes X, Y" in said
+    assert "that is without dry friction in j" in said
+    assert {"motion.csv", "j.comp", "grblhal.txt"} < {one.name for one in out.iterdir()}
+
+
 @pytest.mark.thorough
 def test_a_motion_of_some_joints_leaves_the_others_where_they_start(tmp_path):
     """Servos that the motion does not name hold their goals, as joints without drives do."""
