@@ -402,6 +402,16 @@ def test_joints_do_not_go_far_for_little_near_singular_poses():
     assert 0.0 < np.abs(turned).max() < 1e-3
 
 
+def test_a_corrected_motion_begins_and_ends_at_rest(level):
+    own = simulated(machine(level))
+    times = np.linspace(0.0, own.motion.duration, 41)
+    moved, _ = module.corrected_motion(own, times, 0.01 * times[:, None])
+    speed = moved(np.array([0.0, own.motion.duration]))[1]
+    assert np.abs(speed).max() < 1e-4  # the shift grows by 0.01 rad/s
+    middle = moved(np.array([0.4]))[0] - own.motion(np.array([0.4]))[0]
+    assert middle == pytest.approx(0.004, abs=1e-6)
+
+
 def test_a_correction_stays_within_limits(level, tmp_path):
     place = tmp_path / "limited.urdf"
     text = level.read_text()
