@@ -99,8 +99,11 @@ def _further(found: Compensation, wanted: Sequence[str]) -> dict[str, Any]:
         elif one == "table":
             contents["table.csv"] = table_for_controllers(found).csv()
         else:
-            contents |= backlash.tables(found, one)
-            lost.append(f"note: {one} cannot say {backlash.FORMATS[one].lost}")
+            try:
+                contents |= backlash.tables(found, one)
+                lost.append(f"note: {one} cannot say {backlash.FORMATS[one].lost}")
+            except JointplayError as error:
+                lost.append(f"warning: no file for {one}: {error}")
     return contents | {"": lost}
 
 
