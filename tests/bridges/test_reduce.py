@@ -247,10 +247,22 @@ def test_the_command_writes_all_formats(path, tmp_path, capsys):
     assert "j by its actuator: link's angle off by up to" in text
 
 
-def test_the_command_asks_for_what_a_gear_needs(path, tmp_path, capsys):
+def test_the_command_takes_what_a_gear_needs_from_rules_and_the_encoder_from_its_drive(
+    path, tmp_path, capsys
+):
     options = ["--joint", "j", "--gear", "j=0.2 deg", "--out", str(tmp_path / "o")]
-    assert main(["export", "simulator", str(path), *options]) == 2
-    assert "--gear-stiffness is missing" in capsys.readouterr().err
+    order = ["export", "simulator", str(path), *options, "--format", "json", "--detail"]
+    assert main(order) == 0
+    shown = capsys.readouterr().out
+    assert "gears: stiffness of j" in shown
+    assert "gears: rotor inertia of j" in shown
+    (entry,) = json.loads((tmp_path / "o" / "j.json").read_text())["joints"]
+    assert entry["encoder"] == "motor"
+    drive = ["--set", "drive.kind=computed-torque", "--set", "drive.encoder=link"]
+    assert main([*order[:-4], str(tmp_path / "q"), *order[-3:], *drive]) == 0
+    (entry,) = json.loads((tmp_path / "q" / "j.json").read_text())["joints"]
+    assert entry["encoder"] == "link"
+    capsys.readouterr()
     assert (
         main(["export", "simulator", str(path), "--joint", "j", "--out", str(tmp_path / "p")]) == 2
     )

@@ -142,10 +142,8 @@ def made_by_joint(table: Any, mechanism: Mechanism, *place: str) -> dict[str, An
 # What acts in a scenario: drives, friction, loads, payloads.
 
 
-def drive_of(
-    model: Model, mechanism: Mechanism, motion: Motion | None
-) -> Drive | Mapping[str, Drive]:
-    """Drives of all joints, or by joint.
+def drive_of(model: Model, mechanism: Mechanism) -> dict[str, Drive]:
+    """What drives each moving joint, or would hold it: its own, or that of all.
 
     Raises:
         JointplayError: no such joint, or a drive that cannot be; `where` has the key.
@@ -157,22 +155,34 @@ def drive_of(
             raise JointplayError(
                 "a torque acts on one joint; give [drives.JOINT]", where=("drive", "kind")
             )
-        for name in mechanism.joints if motion is None else motion.joints:
-            if name in mechanism.joints:
+        for name in mechanism.joints:
+            if name in mechanism.description.joints:
                 of_joint(shared, ("drive",), partial(fit, mechanism, name))  # refuses misfits
         with within("drive"):
             common = shared.make()
-    if motion is not None and not model.drives:
-        return common
-    led = () if motion is None else motion.joints
     own = made_by_joint(model.drives, mechanism, "drives")
-    for name, drive in own.items():
-        if drive.follows and name not in led:
+    return dict.fromkeys(mechanism.joints, common) | own
+
+
+def led(
+    model: Model, drives: Mapping[str, Drive], motion: Motion | None
+) -> Drive | Mapping[str, Drive]:
+    """Drives as a run has them: of those that follow, which a motion leads.
+
+    Raises:
+        JointplayError: a joint's own drive follows a motion, and none leads it.
+    """
+    joints = () if motion is None else motion.joints
+    for name in model.drives:
+        if drives[name].follows and name not in joints:
             raise JointplayError(
-                f"a {drive.kind} drive follows a motion, but [motion] does not give one for it",
+                f"a {drives[name].kind} drive follows a motion, but [motion] does not give one for "
+                "it",
                 where=("drives", name),
             )
-    return {**(dict.fromkeys(led, common) if common.follows else {}), **own}
+    if motion is not None and not model.drives:
+        return next(iter(drives.values()))
+    return {name: one for name, one in drives.items() if not one.follows or name in joints}
 
 
 def friction_of(model: Model, mechanism: Mechanism) -> dict[str, JointFriction] | None:
@@ -374,8 +384,13 @@ def complete(
     return added.motion, added.notes()
 
 
-def build(model: Model, folder: Path, built: Built) -> tuple[Simulation, list[str]]:
+def build(
+    model: Model, folder: Path, built: Built, still: bool = False
+) -> tuple[Simulation, list[str]]:
     """Simulation that `model` describes; its paths are relative to `folder`.
+
+    Of a machine that stands (`still`) drives of joints that no motion leads are those that would
+    hold it.
 
     Returns:
         The simulation, and what was added that nobody asked for, a line each.
@@ -399,8 +414,13 @@ def build(model: Model, folder: Path, built: Built) -> tuple[Simulation, list[st
     notes += mechanism.description.doubts
     notes += [mechanism.base_words] if mechanism.base_words else []
     notes += [*_of_zero(model, mechanism), *_of_wide_clearances(mechanism)]
-    notes += [*_of_idle_planes(mechanism), *_of_falling(model, mechanism, motion)]
-    drive = drive_of(model, mechanism, motion)
+    notes += _of_idle_planes(mechanism)
+    drives = drive_of(model, mechanism)
+    if still:
+        drive: Drive | Mapping[str, Drive] = drives
+    else:
+        notes += _of_falling(model, mechanism, motion)
+        drive = led(model, drives, motion)
     errors_of(model, mechanism)  # which no run needs, but what cannot be is said
     tables = (
         (Integration, model.integration),
