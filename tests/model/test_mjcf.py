@@ -241,23 +241,36 @@ def test_position_actuators_armature_and_springs_are_the_joints(loose, tmp_path)
         "kind": "torsion-spring", "joint": "k", "stiffness": 3.0, "rest": pytest.approx(0.2)
     }  # fmt: skip
     firm = read(written(tmp_path, ARM.format(second="", more="", qpos="0 0"), "firm.xml"))
-    assert firm.beyond.tables["gears"]["j"]["play"] == 0.0
+    assert "gears" not in firm.beyond.tables
+    assert firm.beyond.armature == {"j": 0.02}
     assert firm.joints["j"].damping == 0.1
 
 
-def test_a_rotor_without_play_does_not_choose_the_tool(tmp_path):
-    arm = '<body name="{}"><joint name="{}" armature="0.1"/><geom size="0.1"/>{}</body>'
-    right = arm.format("upper", "r1", arm.format("hand", "r2", ""))
-    both = arm.format("left", "l", "") + right
-    path = written(tmp_path, f"<mujoco><worldbody>{both}</worldbody></mujoco>")
-    for still in (True, False):
-        scenario = robot_scenario(str(path), ["l"], still=still)
-        assert scenario.mechanism().tool == "left"
+def test_armature_is_inertia_of_its_joint_or_the_rotor_of_a_gear_that_one_gives(tmp_path):
+    import mujoco
+
+    path = written(tmp_path, ARM.format(second="", more="", qpos="0 0"))
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data, wanted = mujoco.MjData(model), np.zeros((2, 2))
+    mujoco.mj_forward(model, data)
+    mujoco.mj_fullM(model, data, wanted)
+    robot = jp.Mechanism(path)
+    at = [robot.coordinate(name) for name in ("j", "k")]
+    mass = robot.mass_matrix(robot.configuration({}))[np.ix_(at, at)]
+    assert mass == pytest.approx(wanted, rel=1e-9)
+    file = tmp_path / "geared.toml"
+    gear = 'play = "1 deg"\nstiffness = 1000'
+    file.write_text(f'[robot]\nurdf = "robot.xml"\n[gears.j]\n{gear}\n')
+    geared = Scenario.load(file).mechanism()
+    assert geared.gears["j"].rotor_inertia == 0.02
+    for one in (geared, geared.ideal(), type(geared).from_fields(geared.describe())):
+        assert not one.model.armature.any()
+    assert geared.with_clearance({}, {}).model.armature.sum() == 0.0
 
 
-@pytest.mark.parametrize(("second", "most"), [("", 1e-3), (PLAY, 5e-3)])
+@pytest.mark.parametrize(("second", "most"), [("", 2e-5), (PLAY, 5e-3)])
 def test_a_driven_arm_moves_as_in_mujoco(tmp_path, second, most):
-    """Its rotor, in MuJoCo rigid, swings here at 200 Hz; its stops, there soft, are springs."""
+    """Its stops, soft in MuJoCo, are springs here."""
     import mujoco
 
     zeros = "0 0 0" if second else "0 0"

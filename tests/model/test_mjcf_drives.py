@@ -52,7 +52,7 @@ def written(folder, gravity, j, k, drives):
 @pytest.mark.thorough
 @pytest.mark.parametrize("case", DRIVES)
 def test_ten_driven_arms_follow_a_step_as_in_mujoco(tmp_path, case):
-    """To 1e-4 of the step; rotors, rigid in MuJoCo, swing here at 200 Hz: to 5e-4."""
+    """To 1e-4 of the step."""
     import mujoco
 
     path = written(tmp_path, *DRIVES[case])
@@ -84,7 +84,7 @@ def test_ten_driven_arms_follow_a_step_as_in_mujoco(tmp_path, case):
     for name, place in places.items():
         wanted = np.interp(result.time.values, times, np.array(positions)[:, place])
         off = np.abs(result.sel(coordinate=name).values - wanted).max()
-        assert off < (5e-4 if case == "an armature" else 1e-4) * 0.8
+        assert off < 1e-4 * 0.8
 
 
 @pytest.mark.parametrize(

@@ -503,9 +503,9 @@ def explain(servo: Servo) -> str:
 
 
 def rotor_inertia(mechanism: Mechanism, joint: str) -> float:
-    """On the joint's side; zero without a gear [kg m^2]."""
+    """On the joint's side, of its gear or rigidly geared [kg m^2]."""
     gear = mechanism.gears.get(joint)
-    return 0.0 if gear is None else gear.rotor_inertia
+    return mechanism.armature.get(joint, 0.0) if gear is None else gear.rotor_inertia
 
 
 def tilt_axes(axis: np.ndarray) -> dict[str, np.ndarray]:

@@ -136,8 +136,8 @@ class Mechanism(Overview, Described):
         gears: gears with play between a joint and its motor, by joint.
         flexible: links that bend and twist, by name.
         gravity: in world axes, shape (3,) [m/s^2]; ``"loaded"`` is 9.81 m/s^2 along -z,
-            ``"balanced"`` none. None: what an MJCF says, as of the base, of gears with play or an
-            armature, and of balls; ``"loaded"`` of other files.
+            ``"balanced"`` none. None: what an MJCF says, as of the base, of gears with play, and
+            of balls; ``"loaded"`` of other files.
         tool: name of the frame whose motion is reported; None takes the end of the chain of moving
             joints that has most of those with clearance (`mechanism.tool`).
         allow_unphysical: links whose inertia is used although no rigid body has it; ``["all"]``
@@ -215,6 +215,7 @@ class Mechanism(Overview, Described):
         self.loops = require_table("loops", loops, "of loops by name", ("loops",))
         gears = require_table("gears", gears, "of gears by joint", ("gears",))
         self.gears = self._said(said, "gears", GEARS) | gears
+        self.description = urdf.with_geared(self.description, self.gears)
         flexible = require_table("flexible", flexible, "of flexible links by name", ("flexible",))
         self.allow_unphysical = tuple(allow_unphysical)
         self.base = base
@@ -367,12 +368,20 @@ class Mechanism(Overview, Described):
             source, self.given_joints, self.gears, locks, self.free_base
         )
         self.model.gravity.linear = np.array(self.gravity)
+        for name, inertia in self.armature.items():
+            self.model.armature[self.coordinate(name)] = inertia
         self.locks = {}
         for name, lock in locks.items():
             carriage = int(self.model.getJointId(name))
             held = lock.share(self.model, carriage)
             self.locks[name] = ((carriage, pin.SE3.Identity()), held)
         self.data = self.model.createData()
+
+    @property
+    def armature(self) -> dict[str, float]:
+        """Inertia of rotors rigidly geared to joints, on their side, by joint [kg m^2 or kg]."""
+        moving, armature = self.description.moving, self.description.beyond.armature
+        return {name: armature[name] for name in armature if name in moving}
 
     def _needs_lock(self, name: str) -> bool:
         """Whether a loop's joint locks what the loop's other joints leave free."""

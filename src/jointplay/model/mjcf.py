@@ -33,10 +33,6 @@ from jointplay.model.elements import Element, document, origin_of, put, put_fixe
 
 WIDEST_PLAY = 0.1
 """A second hinge about the same axis that turns no farther is the play of the first [rad]."""
-STIFF_HZ = 200.0
-"""Frequency of a rotor that is an armature in MuJoCo, rigid there, against its joint [Hz]."""
-STIFF_DAMPING = 0.05
-"""Its damping ratio."""
 _PARALLEL = 1e-6
 """Distance of two axes that are one, and sine of the angle between them [m, 1]."""
 _UNBOUNDED = 1e3
@@ -295,6 +291,7 @@ class _Reading:
     pictures: dict[int, _Mesh]
     """By geom."""
     tables: dict[str, Any] = field(default_factory=dict)
+    armature: dict[str, float] = field(default_factory=dict)
     said: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -562,7 +559,12 @@ class _Reading:
         self._fill_tables()
         named = self.joint_names
         hinges = {named[joint]: named[one.hinge] for joint, one in self.play.items()}
-        beyond = {"tables": self.tables, "notes": list(self.notes()), "hinges": hinges}
+        beyond = {
+            "tables": self.tables,
+            "notes": list(self.notes()),
+            "hinges": hinges,
+            "armature": self.armature,
+        }
         put(root, urdf.BEYOND).text = json.dumps(beyond)
         return document(root)
 
@@ -713,12 +715,7 @@ class _Reading:
                     "damping": play.damping,
                 } | ({"rotor_inertia": rotor} if rotor else {})  # fmt: skip
             elif armature > 0.0:
-                pace = 2.0 * math.pi * STIFF_HZ
-                gears[named[j]] = {
-                    "kind": "backlash", "play": 0.0, "rotor_inertia": armature,
-                    "stiffness": armature * pace**2,
-                    "damping": 2.0 * STIFF_DAMPING * armature * pace,
-                }  # fmt: skip
+                self.armature[named[j]] = armature
             if j in self.drives and j not in self.mimics:
                 own = self._own_losses(j) if play is not None else {}
                 drives[named[j]] = self.drives[j] | own
@@ -740,12 +737,6 @@ class _Reading:
                 parts.setdefault(f"{math.degrees(one.width):.3g} deg", []).append(named[j])
             words = "; ".join(f"{width} in {few(names)}" for width, names in parts.items())
             yield f"note: the MJCF has backlash, here of gears as stiff as its stops: {words}"
-        gears = self.tables.get("gears", {})
-        if rigid := [name for name, one in gears.items() if not one["play"]]:
-            yield (
-                "armature of the MJCF, here of rotors behind gears without play (assumed to swing "
-                f"at {STIFF_HZ:g} Hz): {few(rigid)}"
-            )
         if drives := self.tables.get("drives"):
             yield (
                 "position actuators of the MJCF, here servos with its gains, 1 V for 1 N m: "

@@ -172,6 +172,7 @@ def move(
             velocity = add(cross(row(omega, b), arm), row(speed, b))
             w = turned_back(turn, b, row(omega, b))
             momentum = spin(bodies.inertias, b, w)
+            kinetic += bodies.armature[b] * v[i, b - 1] * v[i, b - 1]
             kinetic += (
                 mass * dot(velocity, velocity)
                 + w[0] * momentum[0]
@@ -327,6 +328,7 @@ def _mass_matrix(bodies, turn, origin, arm, weight, first_moment, second, mass):
         while j > 0:
             mass[b - 1, j - 1] = _effort(bodies.slides, turn, origin, j, push, turning)
             j = bodies.parents[j]
+        mass[b - 1, b - 1] += bodies.armature[b]
         if p > 0:
             weight[p] += weight[b]
             put(first_moment, p, add(row(first_moment, p), moment))
@@ -479,6 +481,8 @@ class Bodies(NamedTuple):
     """Origin in the parent at coordinate zero (nb, 3) [m]."""
     inertias: np.ndarray
     """Mass [kg], its centre (3) [m], xx, xy, yy, xz, yz, zz about that [kg m^2]: (nb, 10)."""
+    armature: np.ndarray
+    """Inertia at its coordinate beside its own (nb,) [kg m^2 or kg]."""
     gravity: np.ndarray
     """World axes (3,) [m/s^2]."""
 
@@ -507,7 +511,7 @@ class BodyMotion(NamedTuple):
 
 
 class Tree:
-    """Bodies of a `build` without armature, whose joints turn, slide, or do both in turn."""
+    """Bodies of a `build`, whose joints turn, slide, or do both in turn."""
 
     def __init__(self, model: pin.Model) -> None:
         data = model.createData()
@@ -538,6 +542,7 @@ class Tree:
             np.array([placement.rotation.ravel() for placement in placements]),
             np.array([placement.translation for placement in placements]),
             np.array(inertias),
+            np.array([0.0, *model.armature]),
             np.array(model.gravity.linear),
         )
 

@@ -225,6 +225,8 @@ class Beyond:
     """What was read and what was left out, a line each."""
     hinges: dict[str, str] | None = None
     """Of an MJCF, by joint the second hinge that is its play; None if it was none."""
+    armature: dict[str, float] = field(default_factory=dict)
+    """Inertia of rotors that are rigidly geared to joints, by joint, on its side [kg m^2 or kg]."""
 
 
 @dataclass(frozen=True)
@@ -335,6 +337,21 @@ class Description:
     def elements(self) -> ElementTree.Element:
         """Its elements, which may be changed."""
         return deepcopy(self.declared.root)
+
+
+def with_geared(description: Description, joints: Collection[str]) -> Description:
+    """The description without the armature of these joints: their gears have rotors of their own.
+    """
+    armature = description.beyond.armature
+    if armature.keys().isdisjoint(joints):
+        return description
+    root = description.elements()
+    element = root.find(BEYOND)
+    assert element is not None
+    said = json.loads(element.text or "{}")
+    said["armature"] = {name: armature[name] for name in armature if name not in joints}
+    element.text = json.dumps(said)
+    return read_again(description, root, "gear")
 
 
 ALL = "all"

@@ -23,14 +23,17 @@ def description_of(place: str, settings: Sequence[Setting], folder: Path = Path(
 
 
 def settings_beyond(
-    description: Description, ideal: bool, still: bool, geared: Collection[str] = ()
+    description: Description, ideal: bool, geared: Collection[str] = ()
 ) -> list[Setting]:
     """What a robot's file says beyond a URDF, of joints that move; play unless it is `ideal`.
 
-    Where nothing moves (`still`) rotors without play are left out, for their elasticity is assumed,
-    but those of joints that are to have a gear (`geared`).
+    An armature is the rotor of a gear that the joint is to have (`geared`).
     """
-    settings = []
+    settings = [
+        Setting(("gears", name, "rotor_inertia"), inertia, "the MJCF", assumed=True)
+        for name, inertia in description.beyond.armature.items()
+        if name in geared and name in description.moving
+    ]
     for table, rows in description.beyond.tables.items():
         for name, row in rows.items():
             if table == "robot":
@@ -40,7 +43,5 @@ def settings_beyond(
                 continue
             if table == "gears" and ideal:
                 row = row | {"play": 0.0}
-            if table == "gears" and still and not row["play"] and name not in geared:
-                continue
             settings.append(Setting((table, name), row, "the MJCF", assumed=True))
     return settings

@@ -252,14 +252,17 @@ class Scenario(Overview):
         if not isinstance(place, str) or Path(place).name == self.path.name:
             return {}
         held = [Setting(("robot",), robot, "the scenario")]
-        key = repr(robot)
+        gears = said.get("gears")
+        geared = sorted(gears) if isinstance(gears, Mapping) else []
+        key = repr((robot, geared))
         if key not in self._read:
             found: list[Setting] = []
             with suppress(JointplayError):  # which is said when the robot is built
                 if formats.says_more(place, self.path.parent):
                     description = description_of(place, held, self.path.parent)
-                    found = settings_beyond(description, ideal=False, still=False)
-                    self.assumptions += description.beyond.notes
+                    found = settings_beyond(description, False, geared)
+                    notes = description.beyond.notes
+                    self.assumptions += [one for one in notes if one not in self.assumptions]
             self._read[key] = found
         drives = "motion" in said and "drive" not in said
         return tree(one for one in self._read[key] if drives or one.key[0] != "drives")

@@ -109,7 +109,7 @@ def _of_robot(
     description = description_of(place, settings)
     path = description.path
     said = tree(settings)
-    beyond = settings_beyond(description, ideal, still, said.get("gears", {}))
+    beyond = settings_beyond(description, ideal, said.get("gears", {}))
     settings = with_names([*beyond, *settings], description.joints)
     given = tree(settings)
     description.require_moving()

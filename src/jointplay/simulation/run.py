@@ -219,7 +219,7 @@ class Run:
         # The run's own, for payloads and prescribed motion change its inertias.
         self.model = mechanism.model.copy()
         for at, value in armature.items():
-            self.model.armature[at] = value
+            self.model.armature[at] += value
         self.data = self.model.createData()
         sites = [acting.load_site(load, mechanism, bounds) for load in simulation.loads.values()]
         self.workspace = w = Workspace(

@@ -319,7 +319,7 @@ def scenario_of(options: argparse.Namespace, still: bool = False, every: bool = 
     beyond = []
     if file is None and options.place is not None:
         geared = [name_and_number(entry)[0] for entry in _value(options, "gear") or ()]
-        beyond = settings_beyond(_description(options, wanted, None), ideal, still, geared)
+        beyond = settings_beyond(_description(options, wanted, None), ideal, geared)
     tables = merge(of_file, tree([*beyond, *settings, *wanted]))
     if names or for_joints(options):
         settings += _joint_settings(options, names, lengths, tables, file, wanted)
