@@ -55,6 +55,8 @@ SMALLEST_KNOWN = 12.0
 """Least effort of the drives to which the stiffness was fitted [N m]: hobby servos are several
 times softer."""
 STANDARD_GRAVITY_M_S2 = 9.81
+GUESS = "; a guess"
+"""What ends the reason of a stiffness of a gear like which none is known."""
 ROUNDING = 1e-9
 """Part of the largest weight that is rounding: that of joints about the vertical."""
 _WIDEST = np.pi
@@ -177,7 +179,7 @@ def _numbers(
     rotor = START_S * effort / fastest
     stiff = stiffness(effort, entry.slides)
     inertia = rotor if gear.rotor_inertia is None else gear.rotor_inertia
-    known = "" if efforts.stiffness_is_known(name) or entry.slides else "; a guess"
+    known = "" if efforts.stiffness_is_known(name) or entry.slides else GUESS
     return {
         "stiffness": Rule(stiff, "gear stiffness", f"{reason}{known}"),
         "rotor_inertia": Rule(rotor, "rotor inertia", f"{reason} and {fastest:.3g} {entry.unit}/s"),

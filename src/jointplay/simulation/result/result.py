@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from jointplay.show.plots import Plots
-    from jointplay.simulation.analysis.headline import ToolError
+    from jointplay.simulation.analysis.parts import ToolError
     from jointplay.simulation.analysis.vibration import Rattle
     from jointplay.simulation.result.certificate import Certificate
     from jointplay.simulation.simulation import Simulation
