@@ -232,6 +232,8 @@ class Mechanism(Overview, Described):
         for name, gear in self.gears.items():
             if not isinstance(gear, Gearing):
                 raise JointplayError(f"joint {name!r} needs a Gear, got {gear!r}", ("gears", name))
+            with within("gears", name):
+                self._check_gear(name, gear)
         self.tool_reason = ""
         if tool is None:
             tool, self.tool_reason = choose_tool(
@@ -251,9 +253,6 @@ class Mechanism(Overview, Described):
             self._check_free_base()
         self.tool = tool
         self.tool_frame = frame_index(self.model, self.tool, where=("tool",))
-        for name, gear in self.gears.items():
-            with within("gears", name):
-                self._check_gear(name, gear)
         for name, loop in self.loops.items():
             with within("loops", name):
                 self._check_loop(name, loop)

@@ -111,17 +111,6 @@ def tool_reason(scenario: Scenario) -> str:
     return next((one.source for one in chosen), "")
 
 
-def unsized(scenario: Scenario, case: str) -> list[str]:
-    """Joints with clearance of which nobody gave a size, nor a bearing, which has one."""
-    given = scenario.given(case).get("joints", {})
-    found = []
-    for name, joint in scenario.mechanism(case).clearance.items():
-        sizes = joint.clearance_fields
-        if sizes and not {*sizes, *sizes.values(), *_WHOLE}.intersection(given.get(name, ())):
-            found.append(name)
-    return found
-
-
 def _of_gears(scenario: Scenario, mechanism: Mechanism) -> list[str]:
     """Stiffnesses that stand for those that nobody gave: at rest they count."""
     given = {one.key for one in scenario.settings if not one.assumed}

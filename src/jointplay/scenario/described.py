@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from pathlib import Path
 
+from jointplay.base.origins import FILE
 from jointplay.model.formats import read
 from jointplay.model.urdf import Description
 from jointplay.scenario.overrides import Setting, tree
@@ -30,18 +31,18 @@ def settings_beyond(
     An armature is the rotor of a gear that the joint is to have (`geared`).
     """
     settings = [
-        Setting(("gears", name, "rotor_inertia"), inertia, "the MJCF", assumed=True)
+        Setting(("gears", name, "rotor_inertia"), inertia, "the MJCF", FILE)
         for name, inertia in description.beyond.armature.items()
         if name in geared and name in description.moving
     ]
     for table, rows in description.beyond.tables.items():
         for name, row in rows.items():
             if table == "robot":
-                settings.append(Setting((table, name), row, "the MJCF", assumed=True))
+                settings.append(Setting((table, name), row, "the MJCF", FILE))
                 continue
             if row.get("joint", name) not in description.moving:
                 continue
             if table == "gears" and ideal:
                 row = row | {"play": 0.0}
-            settings.append(Setting((table, name), row, "the MJCF", assumed=True))
+            settings.append(Setting((table, name), row, "the MJCF", FILE))
     return settings

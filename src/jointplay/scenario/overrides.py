@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from jointplay.base.errors import JointplayError
+from jointplay.base.origins import ASSUMED, GIVEN
 from jointplay.base.pairs import divided
 from jointplay.base.units import not_lost, toml_text
 from jointplay.scenario.places import Key, dotted
@@ -23,8 +24,16 @@ class Setting:
     value: Any
     source: str
     """What errors name: the option that gave it."""
-    assumed: bool = False
-    """Whether it stands for what nobody gave."""
+    origin: str = GIVEN
+    """``given``, ``file`` of the robot; of presets ``measured``, ``seen``, ``estimated``;
+    ``assumed`` if it stands for what nobody gave."""
+
+    why: str = ""
+    """Where a number was seen, or why it was chosen."""
+
+    @property
+    def assumed(self) -> bool:
+        return self.origin == ASSUMED
 
 
 def parse(text: str) -> Setting:

@@ -31,6 +31,7 @@ from jointplay.base.errors import (
     within,
 )
 from jointplay.base.files import read_text
+from jointplay.base.origins import ASSUMED
 from jointplay.base.schema import check, choice, make, quantity, read, shortest
 from jointplay.model.gear import Gearing
 from jointplay.model.urdf import Description
@@ -277,12 +278,25 @@ class Preset:
         return found
 
     def settings(self, description: Description) -> list[Setting]:
-        return [
-            Setting((table, joint, key), value, f"--preset {self.name}")
-            for table, joints in self.tables(description).items()
-            for joint, keys in joints.items()
-            for key, value in keys.items()
-        ]
+        parts = {table: part for part, table in _TABLES.items()}
+        found = []
+        for table, joints in self.tables(description).items():
+            for joint, keys in joints.items():
+                for key, value in keys.items():
+                    about = self._origin(joint, parts[table], key)
+                    found.append(
+                        Setting((table, joint, key), value, f"--preset {self.name}", *about)
+                    )
+        return found
+
+    def _origin(self, joint: str, part: str, key: str) -> tuple[str, str]:
+        """Origin of a number of a joint, and where it was seen; of what has none, that it is so."""
+        names = (f"{joint}.{part}.{key}", f"{joint}.{part}", f"{part}.{key}", part)
+        for name in names:
+            for one in self.origins:
+                if name in (each.strip() for each in one.key.split(",")):
+                    return one.origin, one.source
+        return ASSUMED, ""
 
     def mechanism(self, robot: str | Path | None = None, **options: Any) -> Mechanism:
         """A robot with these joints and gears.
@@ -303,7 +317,7 @@ class Preset:
         own = [Setting(("robot", key), value, key) for key, value in options.items()]
         description = description_of(robot_place(str(place)), own)
         settings = [*self.settings(description), *own]
-        return robot_scenario(str(place), settings=settings, still=True).mechanism()
+        return robot_scenario(str(place), settings=settings, moves=False).mechanism()
 
     def drives(self, description: Description) -> dict[str, Drive]:
         """Drives that it knows, by joint; see `tables`."""

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from jointplay.base.errors import JointplayError, MissingName, require_a
 from jointplay.base.files import is_file, read_text
+from jointplay.base.origins import FILE
 from jointplay.base.schema import check, fields_of, make, unknown_key
 from jointplay.base.tables import Overview, few
 from jointplay.base.units import toml_text
@@ -267,6 +268,17 @@ class Scenario(Overview):
         drives = "motion" in said and "drive" not in said
         return tree(one for one in self._read[key] if drives or one.key[0] != "drives")
 
+    def origins(self, case: str) -> dict[tuple[str, ...], tuple[str, str]]:
+        """Who gave each value of a case, by key: the file, or the last setting of it."""
+        found: dict[tuple[str, ...], tuple[str, str]] = {}
+        data = merge(self._base, self._changes[case])
+        if Path(str(data.get("robot", {}).get("urdf"))).name != self.path.name:
+            found = dict.fromkeys(_leaves(data), (FILE, self.path.name))
+        for one in (*self._read.get(repr(self.data(case).get("robot")), ()), *self.settings):
+            for key in _leaves(one.value, one.key):
+                found[key] = (one.origin, f"{one.source}: {one.why}" if one.why else one.source)
+        return found
+
     def given(self, case: str) -> dict[str, Any]:
         """The same without what stands for what nobody gave."""
         return merge(
@@ -329,6 +341,15 @@ def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]
         else:
             merged[key] = value
     return merged
+
+
+def _leaves(value: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
+    """Keys of all single values in a table."""
+    if not isinstance(value, Mapping):
+        yield path
+        return
+    for key, one in value.items():
+        yield from _leaves(one, (*path, key))
 
 
 def _keys(table: Mapping[str, Any]) -> Iterator[str]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from jointplay.base import files
 from jointplay.base.errors import JointplayError, require_a, require_names
+from jointplay.base.origins import ASSUMED
 from jointplay.base.schema import Preset, one_of
 from jointplay.base.tables import few
 from jointplay.base.units import round_below
@@ -25,7 +26,7 @@ from jointplay.physics.joints import (
 )
 from jointplay.physics.kernel.integrators import DEFAULT
 from jointplay.scenario.described import description_of, settings_beyond
-from jointplay.scenario.overrides import Setting, inline, tree, with_names
+from jointplay.scenario.overrides import Setting, inline, parse, tree, with_names
 from jointplay.scenario.reading import Scenario
 from jointplay.simulation.result.settings import Integration, RecordSettings
 
@@ -62,9 +63,9 @@ def _there(place: str) -> bool:
 def robot_scenario(
     place: str | None,
     joints: Sequence[str] = (),
-    settings: Sequence[Setting] = (),
+    settings: Sequence[Setting | str] = (),
     ideal: bool = False,
-    still: bool = False,
+    moves: bool = True,
 ) -> Scenario:
     """Scenario of one robot with clearance in some of its joints.
 
@@ -72,10 +73,11 @@ def robot_scenario(
         place: path of a URDF or xacro, ``jointplay:NAME``, ``example-robot-data:NAME``,
             ``robot_descriptions:NAME`` or just NAME; None takes the SCARA.
         joints: names of those with clearance; by default the SCARA's joint B.
-        settings: keys that count more than what is taken for granted.
+        settings: keys that count more than what is taken for granted, such as
+            ``"drive.encoder=link"``.
         ideal: none has clearance; those named still say which frame is the tool.
-        still: for who looks at poses only: no motion and no steps are chosen, and play is not
-            needed.
+        moves: whether a motion is chosen if none is given, and play is needed; not for who looks
+            at poses only.
 
     Returns:
         The scenario; its `assumptions` are what was chosen that nobody gave.
@@ -86,39 +88,26 @@ def robot_scenario(
     if place is not None:
         require_a("place", place, "str")
     require_a("settings", settings, "Iterable")
-    for one in settings:
+    own = [parse(one) if isinstance(one, str) else one for one in settings]
+    for one in own:
         require_a("a setting", one, "Setting")
-    scenario = _of_robot(place, joints, settings, ideal, still)
-    if place is None or still:
-        return scenario
-    more, words = _steps(scenario)
-    if more:
-        scenario = _of_robot(place, joints, [*settings, *more], ideal, still)
-        scenario.assumptions.append(words)
-    return scenario
-
-
-def _of_robot(
-    place: str | None, joints: Sequence[str], settings: Sequence[Setting], ideal: bool, still: bool
-) -> Scenario:
-    """The scenario of `robot_scenario`, with the steps of any other."""
     joints = require_names("joints", joints, "names")
     scara = place is None
     place = robot_place(place)
     # The robot alone: what is wrong elsewhere is said when the scenario is built.
-    description = description_of(place, settings)
+    description = description_of(place, own)
     path = description.path
-    said = tree(settings)
+    said = tree(own)
     beyond = settings_beyond(description, ideal, said.get("gears", {}))
-    settings = with_names([*beyond, *settings], description.joints)
-    given = tree(settings)
+    own = with_names([*beyond, *own], description.joints)
+    given = tree(own)
     description.require_moving()
     gears = given.get("gears", {})
     geared = [name for name, one in gears.items() if one.get("play", True)]
     if beyond and len(geared) < len(gears) and "tool" not in given.get("robot", {}):
         tool, why = choose_tool(description, {*joints, *given.get("joints", {}), *geared})
-        settings.append(Setting(("robot", "tool"), tool, why, assumed=True))
-    if not (joints or ideal or still or geared or "joints" in said):
+        own.append(Setting(("robot", "tool"), tool, why, ASSUMED))
+    if moves and not (joints or ideal or gears or "joints" in said):
         if not scara:
             choices = f"revolute joints of {path}: {', '.join(description.revolute) or 'none'}"
             raise JointplayError(
@@ -131,6 +120,7 @@ def _of_robot(
             wrong = one_of("joint", name, [*description.moving, *given.get("loops", {})])
             raise JointplayError(f"--joint: {wrong}")
     assumptions = []
+    chosen: list[Setting] = []
     name = place.rpartition(":")[2] if ":" in place else path.name
     loose = f", play in {few(list(joints))}" if joints and not ideal else ""
     title = f"{name.removesuffix('.xacro').removesuffix('.urdf')}{loose}"
@@ -138,19 +128,25 @@ def _of_robot(
         "title": title,
         "robot": {"urdf": place if ":" in place else str(path.resolve())},
     }
-    if "motion" not in given:
-        if scara:
-            text["motion"] = {"file": SCARA_MOTION}
-        elif not still:
-            text["motion"], words = _there_and_back(description)
-            assumptions.append(words)
+    if scara and "motion" not in given:
+        text["motion"] = {"file": SCARA_MOTION}
+    elif moves and "motion" not in given:
+        motion, words = _there_and_back(description)
+        chosen.append(Setting(("motion",), motion, "the default motion", ASSUMED, words))
+        assumptions.append(words)
     named = [
         assumed_joint(name, description, given.get("joints", {}).get(name, {}), ideal)
         for name in joints
     ]
     written = "\n".join(f"{key} = {inline(value)}" for key, value in text.items())
-    scenario = Scenario(written, place, (*named, *settings), LABEL)
+    scenario = Scenario(written, place, (*chosen, *named, *own), LABEL)
     scenario.assumptions = [*description.beyond.notes, *assumptions]
+    if scara or not moves:
+        return scenario
+    steps, words = _steps(scenario)
+    if steps:
+        scenario = Scenario(written, place, (*chosen, *named, *own, *steps), LABEL)
+        scenario.assumptions = [*description.beyond.notes, *assumptions, words]
     return scenario
 
 
@@ -178,7 +174,7 @@ def assumed_joint(
         across, instead = next(iter(kind.clearance_fields.items()))
         if across in given or not {instead, "fit"}.intersection(given):
             table[across] = ASSUMED_CLEARANCE
-    return Setting(("joints", name), table, f"--joint {name}", assumed=True)
+    return Setting(("joints", name), table, f"--joint {name}", ASSUMED)
 
 
 TOLERANCE = 1e-3

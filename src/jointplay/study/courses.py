@@ -19,7 +19,6 @@ from jointplay.base.modules import files_with
 from jointplay.base.processes import number_of
 from jointplay.model.impact import fitting_step
 from jointplay.model.mechanism import Mechanism
-from jointplay.model.payload import Payload
 from jointplay.physics.contact.functions import OfFunction
 from jointplay.simulation.analysis.twins import ideal_simulation
 from jointplay.simulation.motion.reference import Motion
@@ -71,14 +70,6 @@ def at_speed(simulation: Simulation, factor: float) -> Simulation:
     lasts = None if simulation.duration is None else simulation.duration / factor
     motion = simulation.motion.at_speed(factor)
     return dataclasses.replace(simulation, motion=motion, duration=lasts)
-
-
-def loaded(simulation: Simulation, mass: float) -> Simulation:
-    """The simulation with a mass at its tool, from the start on [kg]."""
-    if mass <= 0.0:
-        return simulation
-    added = Payload(simulation.mechanism.tool, mass)
-    return dataclasses.replace(simulation, payloads=(*simulation.payloads, added))
 
 
 RUNS = "runs"

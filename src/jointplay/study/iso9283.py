@@ -37,7 +37,7 @@ from jointplay.simulation.motion.cartesian import cartesian_path
 from jointplay.simulation.motion.reference import GOES_ON, Motion
 from jointplay.simulation.run import Run
 from jointplay.simulation.simulation import Simulation
-from jointplay.study.courses import MOST_RUNS, Trace, at_speed, errors, loaded, seeded, traces
+from jointplay.study.courses import MOST_RUNS, Trace, at_speed, errors, seeded, traces
 
 TITLES = {
     "AP": ("7.2.1", "pose accuracy"),
@@ -326,7 +326,6 @@ def iso9283(
     cycles: int | Cycles = Cycles(),
     *,
     speed: float = 1.0,
-    load: float = 0.0,
     poses: str = "poses: the stops of the motion",
     jobs: int | None = None,
     keep: Path | None = None,
@@ -339,7 +338,6 @@ def iso9283(
         cycles: how many for figures of each kind; a number is that for poses, see `Cycles.up_to`.
             Seeds are 1, 2, ... (or from the simulation's own seed on).
         speed: part of the motion's speed at which it is run.
-        load: mass at the tool besides the simulation's own payloads [kg].
         poses: where the stops are, in words.
         jobs, keep, progress: see `traces`.
 
@@ -348,11 +346,9 @@ def iso9283(
     """
     require_a("simulation", simulation, "Simulation")
     counts = cycles if isinstance(cycles, Cycles) else Cycles.up_to(cycles)
-    check(simulation, speed, load)
-    words = (
-        f"load: {_load_words(simulation, load)}; speed: {100 * speed:g} % of the motion's; {poses}"
-    )
-    simulation = loaded(at_speed(simulation, speed), load)
+    check(simulation, speed)
+    words = f"load: {_load_words(simulation)}; speed: {100 * speed:g} % of the motion's; {poses}"
+    simulation = at_speed(simulation, speed)
     assert simulation.motion is not None
     runs = [ideal_simulation(simulation), *seeded(simulation, counts.most)]
     ideal, *courses = traces(runs, jobs=jobs, keep=keep, progress=progress, what="cycles")
@@ -360,14 +356,12 @@ def iso9283(
     return replace(found, conditions=words, speed=speed)
 
 
-def _load_words(simulation: Simulation, load: float) -> str:
-    parts = [f"{one.mass:g} kg at {one.frame!r} as given" for one in simulation.payloads]
-    if load:
-        parts.append(f"{load:g} kg at {simulation.mechanism.tool!r} (taken for 100 %)")
+def _load_words(simulation: Simulation) -> str:
+    parts = [f"{one.mass:g} kg at {one.frame!r} (taken for 100 %)" for one in simulation.payloads]
     return ", ".join(parts) or "none (the rated load is not known)"
 
 
-def check(simulation: Simulation, speed: float = 1.0, load: float = 0.0) -> None:
+def check(simulation: Simulation, speed: float = 1.0) -> None:
     """Raise a JointplayError on what has no such figures, or cannot be run so."""
     if simulation.motion is None:
         raise JointplayError("ISO 9283 evaluates a motion, but this simulation has none")
@@ -378,7 +372,7 @@ def check(simulation: Simulation, speed: float = 1.0, load: float = 0.0) -> None
         raise JointplayError(
             "no joint has clearance: there are no journals that seeds could displace"
         )
-    Run(loaded(at_speed(simulation, speed), load))
+    Run(at_speed(simulation, speed))
 
 
 def cube_poses(centre: Sequence[float] | np.ndarray, edge: float) -> np.ndarray:

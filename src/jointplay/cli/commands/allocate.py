@@ -7,7 +7,7 @@ which cause of the whole error to improve at which joint. See docs/allocate.md.
 
 Example: jointplay allocate ur5 --target "0.2 mm" --workspace 200
 
-    FILE | ROBOT  robot, joints with clearance, gears, motion, poses, load, whole error
+    FILE | ROBOT  robot, joints with clearance, gears, drive, motion, poses, load, whole error
     --target LENGTH  largest error of the tool (required)
     --quantile P  share of states that must meet the target, such as 0.99 (default: all)
     --cost {reciprocal,reciprocal-squared,linear}  cost of a clearance c: 1/c, 1/c^2 or -c (default:

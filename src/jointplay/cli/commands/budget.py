@@ -7,7 +7,7 @@ docs/budget.md explains the numbers.
 
 Example: jointplay budget panda --clearance "0.05 mm" --workspace 500 --out panda
 
-    FILE | ROBOT  robot, joints with clearance, gears, motion, poses, load, whole error
+    FILE | ROBOT  robot, joints with clearance, gears, drive, motion, poses, load, whole error
     --friction MU  friction coefficient that may hold journals away from their frictionless rest
         position (default: the largest of each joint's friction law)
     --rest-everywhere  for budget.csv, find the position at rest at every pose, not only the worst

@@ -89,7 +89,7 @@ def run(options: argparse.Namespace) -> int:
 
     terms = [Term.parse(text) for text in options.term or TERMS]
     always = [Term.parse(text) for text in options.always]
-    mechanism = scenario_of(options, still=True).mechanism(options.case)
+    mechanism = scenario_of(options, moves=False).mechanism(options.case)
     payloads = []
     if options.payload is not None:
         payloads = [Payload(mechanism.tool, options.payload, centre=point)]

@@ -7,7 +7,6 @@ makes the error larger is not written. No promise about hardware. See docs/compe
 Example: jointplay compensate so101 --preset --motion pick.csv --trust "play 30 %" --out corrected
 
     [FILE | ROBOT]
-    --payload MASS  mass held at the tool
     --trust TEXT  how far the model may be off, such as "play 30 %, friction 50 %, payload 20 %,
         stiffness 30 %", or "identified, payload 20 %" with the intervals of --preset FILE (default:
         those, if it has any, or exact): both motions are run at the corners of that
@@ -17,7 +16,7 @@ Example: jointplay compensate so101 --preset --motion pick.csv --trust "play 30 
     --out DIR  folder for motion.csv, compensation.csv, corners.csv and error.png
     --formats LIST  further files in DIR: yaml, mcap (ROS 2 JointTrajectory), table (joint,
         direction, load), linuxcnc, marlin, klipper, grblhal
-    --force  write a motion that makes the error larger, too
+    --write-anyway  write a motion that makes the error larger, too
     --jobs
     --detail
     --quiet
@@ -27,11 +26,10 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from jointplay.base import streams
-from jointplay.base.errors import JointplayError, MissingName, require_non_negative, require_whole
+from jointplay.base.errors import JointplayError, MissingName, require_whole
 from jointplay.cli.commands import Outputs, print_answer
 from jointplay.cli.commands.inputs import chosen_preset, simulation_of
 
@@ -45,7 +43,6 @@ def run(options: argparse.Namespace) -> int:
     out = Outputs(options.out, names)
     from jointplay.accuracy.compensation import compensate
     from jointplay.bridges import backlash
-    from jointplay.model.payload import Payload
     from jointplay.study.corners import EXACT, IDENTIFIED, judge, learn, trust_of
 
     wanted, known = options.formats or [], ("yaml", "mcap", "table", *backlash.FORMATS)
@@ -58,11 +55,7 @@ def run(options: argparse.Namespace) -> int:
     measured = preset is not None and bool(preset.intervals)
     trust = trust_of(options.trust or (IDENTIFIED if measured else EXACT), preset)
     require_whole("--passes", options.passes, 0)
-    mass = require_non_negative("--payload", options.payload or 0.0, "kg")
-    simulation = simulation_of(options, every=True)
-    if mass:
-        held = Payload(simulation.mechanism.tool, mass)
-        simulation = replace(simulation, payloads=(*simulation.payloads, held))
+    simulation = simulation_of(options)
     out.claim()
     streams.release()
     progress = not options.quiet
@@ -77,9 +70,10 @@ def run(options: argparse.Namespace) -> int:
     body = f"{found.table()}\n{judged.table()}" if options.detail else judged.table()
     notes = [*more, *judged.notes, *found.notes, *extra.pop("", ())]
     print_answer(judged.sentence, body, notes, options.detail, more=True)
-    if judged.worse and not options.force:
+    if judged.worse and not options.write_anyway:
         where = judged.worse[0].words
-        raise JointplayError(f"nothing written: it makes the error larger ({where}); see --force")
+        words = f"nothing written: it makes the error larger ({where}); see --write-anyway"
+        raise JointplayError(words)
     if options.out:
         _write(out, judged, extra)
     return 0

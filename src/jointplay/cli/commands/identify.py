@@ -8,7 +8,7 @@ changed since an earlier measurement. docs/identify.md lists the columns of a me
 
 Example: jointplay identify my_robot.toml measured.csv --out worn
 
-    FILE | ROBOT  robot, joints with clearance, gears, motion
+    FILE | ROBOT  robot, joints with clearance, gears, drive, motion
     [DATA]  measurement: CSV with columns such as 'time [s]', 'tool x [mm]'; ROS 2 bag (.mcap or its
         folder); folder of a LeRobot dataset
   measurement:

@@ -8,7 +8,6 @@ default come from the field that the scenario's tables have for it.
 from __future__ import annotations
 
 import argparse
-import json
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -18,7 +17,9 @@ from typing import TYPE_CHECKING, Any
 
 from jointplay.base import files, streams
 from jointplay.base.errors import JointplayError, require_non_negative
+from jointplay.base.origins import ASSUMED
 from jointplay.base.pairs import misread, name_and_number
+from jointplay.base.tables import few
 from jointplay.cli import commands
 from jointplay.scenario.overrides import Setting, parse, tree
 
@@ -110,9 +111,10 @@ HELP = """
     --joint NAME[=LENGTH|=FIT|=BEARING] ...  joint with clearance, optionally with its radial
         clearance, its fit by ISO 286-1, such as elbow="20H7/g6", or the designation of its rolling
         bearing, such as elbow="6010/C3"; the options of this group and of contacts apply to these
-        joints. For compensate and where nothing moves, by default all that move the tool
-    --clearance VALUE  radial clearance of these joints; of sliders, that on each side [m]
-    --ideal  the robot without clearance
+        joints
+    --clearance VALUE  radial clearance of joints named without one, or of all others that move the
+        tool; of sliders, that on each side [m]
+    --ideal  the robot without clearance and without play in gears
     --preset [NAME]  joints, gears and drives as they are publicly known, or assumed for a class of
         robots (jointplay robots --presets lists them; without NAME that of ROBOT); what else is
         given counts more
@@ -123,7 +125,8 @@ HELP = """
     --journal-length  = joints.JOINT.journal_length
   gears:
     --gear JOINT=PLAY ...  total play of a joint's gear or screw, such as elbow="2 arcmin" or
-        lift="0.1 mm"; the options of this group apply to these gears, or to all
+        lift="0.1 mm", or all="1 arcmin"; what else a gear needs follows by rules, if it is not
+        given; the options of this group apply to these gears, or to all
     --gear-stiffness  = gears.GEAR.stiffness
     --gear-damping  = gears.GEAR.damping
     --rotor-inertia  = gears.GEAR.rotor_inertia
@@ -140,11 +143,14 @@ HELP = """
   motion:
     --motion  = motion.file
     --interpolation  = motion.interpolation
-  drive and start:
+  drive:
     --joint-friction JOINT=C,V ...  Coulomb [N m or N] and viscous [N m s/rad or N s/m] friction
         (default: from the URDF)
     --bandwidth  = drive.bandwidth
     --damping-ratio  = drive.damping_ratio
+    --encoder  = drive.encoder
+    --payload MASS  mass held at the tool
+  start:
     --seed  = integration.seed
     --start  = integration.start
     --settle  = integration.settle
@@ -164,7 +170,6 @@ HELP = """
     --workspace N  N poses spread over the limits of all joints
   load:
     --force FX,FY,FZ  force on the tool, world axes [N]
-    --payload MASS  mass held at the tool
   whole error:
     --whole [CLASS]  the whole error: besides play elasticity, encoders, gears, geometry and heat,
         of a robot of this class where nothing else is known (calibrated-industrial, industrial,
@@ -258,8 +263,11 @@ def default_of(key: Sequence[str]) -> str:
 _CLEARANCE = Flag("--clearance", (("joints", "JOINT", "clearance"),), "joints with clearance")
 """For which each kind of joint has a name of its own: the first of its ``clearance_fields``."""
 
-_OF_FIT = (_CLEARANCE.name, "--bearing-radius", "--journal-radius")
-"""What joints with a fit have by it: these are for the others, if there are others."""
+_OF_FIT = (_CLEARANCE.name, "--axial-clearance", "--bearing-radius", "--journal-radius")
+"""What joints with a fit, and bearings of a catalogue, have by that: these are for the others."""
+
+ALL = "all"
+"""Stands for all moving joints in --gear."""
 
 SCARA_JOINT = "joint_b"
 """Joint of the SCARA that has clearance where nothing is named."""
@@ -272,14 +280,13 @@ def is_scenario(options: argparse.Namespace) -> bool:
     return options.place is not None and not is_robot(options.place)
 
 
-def scenario_of(options: argparse.Namespace, still: bool = False, every: bool = False) -> Scenario:
+def scenario_of(options: argparse.Namespace, moves: bool = True) -> Scenario:
     """The scenario that the options of `entries` describe.
 
     Args:
         options: those of the command.
-        still: whether nothing moves, so that a gear's play is all that counts of it.
-        every: whether options for joints are for all that move the tool where none is named, as
-            where nothing moves.
+        moves: whether a robot of which no motion is given is to have one; where nothing moves, it
+            need not have play either.
 
     Raises:
         JointplayError: options that do not go together, or what they name is not there.
@@ -290,8 +297,7 @@ def scenario_of(options: argparse.Namespace, still: bool = False, every: bool = 
     from jointplay.scenario.robot import robot_scenario
 
     ideal, file = bool(_value(options, "ideal")), None
-    named = _name_all_loose(options) if (still or every) and not ideal else []
-    wanted = [*named, *(parse(text) for text in options.set)]
+    wanted = [parse(text) for text in options.set]
     for key in ("fix", "allow_unphysical"):
         if names := _value(options, key):
             wanted.insert(0, Setting(("robot", key), list(names), f"--{key.replace('_', '-')}"))
@@ -312,6 +318,9 @@ def scenario_of(options: argparse.Namespace, still: bool = False, every: bool = 
     names = list(named_joints(options))
     if options.place is None and not names and not ideal:
         names = [SCARA_JOINT]
+    if not ideal:
+        loose, tool = _loosened(options, names, file, wanted)
+        names, wanted = [*names, *loose], [*tool, *wanted]
     whole, lengths = _of_joints(options)
     fitted = [one.key[1] for one in whole if one.key[2] == "fit"]  # which a preset's bearing is not
     settings = [one for one in settings if one.key[0] != "joints" or one.key[1] not in fitted]
@@ -323,15 +332,17 @@ def scenario_of(options: argparse.Namespace, still: bool = False, every: bool = 
     tables = merge(of_file, tree([*beyond, *settings, *wanted]))
     if names or for_joints(options):
         settings += _joint_settings(options, names, lengths, tables, file, wanted)
-        if still and file is not None:  # who names a joint of one case wants its play
+        if file is not None:  # who names a joint of one case wants its play
             settings += [Setting(("joints", name, "ideal"), False, "--joint") for name in names]
-    settings += [
-        *_gear_settings(options, tables, file, wanted),
-        *_other_settings(options),
-        *wanted,
-    ]
+    geared = _gear_settings(options, tables, file, wanted)
+    settings += geared
+    if ideal:
+        of_gears = [one.key[1] for one in geared if one.key[0] == "gears"]
+        known = dict.fromkeys([*tables.get("gears", {}), *of_gears])
+        settings += [Setting(("gears", name, "play"), 0.0, "--ideal") for name in known]
+    settings += [*_other_settings(options, tables), *wanted]
     if file is None:
-        scenario = robot_scenario(options.place, names, settings, ideal, still)
+        scenario = robot_scenario(options.place, names, settings, ideal, moves)
     elif not settings:
         return file
     else:
@@ -341,7 +352,23 @@ def scenario_of(options: argparse.Namespace, still: bool = False, every: bool = 
             f"preset {preset.name}: {one}" for one in (preset.words, *preset.origins)
         )
         scenario.assumptions[:] = [words, *scenario.assumptions, *origins]
+    elif own := _own_preset(options):
+        scenario.assumptions.append(
+            f"note: what is publicly known of the joints of {own} is left out; --preset takes it"
+        )
     return scenario
+
+
+def _own_preset(options: argparse.Namespace) -> str:
+    """The robot's name if a preset is known for it that nobody asked for; else empty."""
+    from jointplay.scenario.presets import preset_of
+
+    if "joints with clearance" not in options.groups or is_scenario(options) or not options.place:
+        return ""
+    try:
+        return "" if preset_of(str(options.place)).assumed else str(options.place)
+    except JointplayError:
+        return ""
 
 
 def xacro_arguments(texts: Sequence[str] | None) -> dict[str, str]:
@@ -355,31 +382,49 @@ def xacro_arguments(texts: Sequence[str] | None) -> dict[str, str]:
     return found
 
 
-def _name_all_loose(options: argparse.Namespace) -> list[Setting]:
-    """Have options for joints be for all that move the tool, where nothing says for which.
+def _movers(
+    options: argparse.Namespace, file: Scenario | None, wanted: Sequence[Setting]
+) -> tuple[list[str], list[Setting]]:
+    """Joints that move the tool of the robot without play, which can have some.
 
     Returns:
-        Which tool was chosen before they had play, if it was.
+        The joints; the tool, if it was chosen.
     """
     from jointplay.physics.joints import replacing
+    from jointplay.scenario.robot import robot_scenario
 
-    if "joints with clearance" not in options.groups or options.joint or not for_joints(options):
-        return []
-    plain = argparse.Namespace(**vars(options))
-    for flag in (_CLEARANCE, *FLAGS):
-        if flag.keys[0][0] != "robot":
-            setattr(plain, flag.attribute, None)
-    plain.gear = []
-    mechanism = scenario_of(plain, still=True).mechanism(options.case)
-    if mechanism.clearance and options.clearance is None:
-        return []
+    if file is not None:
+        mechanism = file.mechanism(options.case if isinstance(options.case, str) else None)
+    else:
+        about = [*_other_settings(options, {}), *wanted]
+        about = [one for one in about if one.key[0] == "robot"]
+        mechanism = robot_scenario(options.place, (), about, moves=False).mechanism()
     mechanism, entries = mechanism.ideal(), mechanism.description.joints
     movers = mechanism.movers(_value(options, "relative_to"))
-    able = [n for n in movers if n not in entries or replacing(entries[n].kind)]
-    options.joint = [json.dumps(name) for name in able]
-    if options.tool is not None or not mechanism.tool_reason:
-        return []
-    return [Setting(("robot", "tool"), mechanism.tool, mechanism.tool_reason, assumed=True)]
+    able = [name for name in movers if name not in entries or replacing(entries[name].kind)]
+    if _value(options, "tool") is not None or not mechanism.tool_reason:
+        return able, []
+    return able, [Setting(("robot", "tool"), mechanism.tool, mechanism.tool_reason, ASSUMED)]
+
+
+def _loosened(
+    options: argparse.Namespace,
+    named: Sequence[str],
+    file: Scenario | None,
+    wanted: Sequence[Setting],
+) -> tuple[list[str], list[Setting]]:
+    """Joints that --clearance is for beside those `named`: all others that move the tool.
+
+    Unless --joint names some without a size, which it is for, or a file has some. See `_movers`.
+    """
+    if all(_value(options, one) is None for one in ("clearance", "axial_clearance")):
+        return [], []
+    if None in named_joints(options).values() or options.place is None:
+        return [], []
+    if file is not None and _tables(file)["joints"]:
+        return [], []
+    movers, tool = _movers(options, file, wanted)
+    return [name for name in movers if name not in named], tool
 
 
 @dataclass(frozen=True)
@@ -409,15 +454,11 @@ def posed_machine(options: argparse.Namespace) -> PosedMachine:
     chosen = [name for name, value in ways.items() if value not in (None, [])]
     if len(chosen) > 1:
         raise JointplayError(f"give one of --{' and --'.join(chosen)}")
-    scenario = scenario_of(options, still=True)
+    scenario = scenario_of(options, moves=False)
     case = options.case or scenario.cases[0]
     simulation = scenario.simulation(options.case) if is_scenario(options) else None
     mechanism = scenario.mechanism(options.case)
     named = named_joints(options)
-    for name in assumptions.unsized(scenario, case):
-        if name in named:
-            words = f'--clearance is missing: the radial clearance of {name!r}, such as "0.1 mm"'
-            raise JointplayError(words)
     motion = scenario.motion(case) if simulation is None else simulation.motion
     given = _given_poses(options, mechanism)
     poses = poses_of(simulation or mechanism, given, ways["workspace"], motion)
@@ -512,15 +553,15 @@ def whole_errors(options: argparse.Namespace, scenario: Scenario) -> dict[str, A
     )
 
 
-def simulation_of(options: argparse.Namespace, every: bool = False) -> Simulation:
-    """The one simulation that these options describe; `every` as `scenario_of` has it.
+def simulation_of(options: argparse.Namespace) -> Simulation:
+    """The one simulation that these options describe.
 
     Raises:
         JointplayError: several cases, or what `jointplay run` would refuse.
     """
     from jointplay.scenario.assumptions import decisive
 
-    scenario = scenario_of(options, every=every)
+    scenario = scenario_of(options)
     simulation = scenario.simulation(options.case)
     scenario.ready_run(options.case)  # says what cannot be, with its line
     lines = decisive(scenario, {options.case or scenario.cases[0]: simulation})
@@ -668,8 +709,9 @@ def _joint_settings(
     for flag in given:
         value = flag.read(_value(options, flag.attribute))
         able = [name for name, kind in kinds.items() if _has(kind, flag)]
-        fitted = [name for name in able if flag.name in _OF_FIT and "fit" in tables.get(name, {})]
-        able = [name for name in able if name not in fitted] or able or joints
+        own = [name for name in able if flag.name in _OF_FIT and _is_sized(tables.get(name, {}))]
+        own = [name for name in own if name not in named_joints(options)]
+        able = [name for name in able if name not in own] or able or joints
         for key in flag.keys:
             for name in able:
                 path = _path(key, name, kinds[name], options)
@@ -678,6 +720,11 @@ def _joint_settings(
         path = _path(_CLEARANCE.keys[0], name, kinds[name], options)
         settings.append(Setting(path, number(text), f"--joint {name}={text}"))
     return settings
+
+
+def _is_sized(table: Mapping[str, Any]) -> bool:
+    """Whether a joint has its clearance by a fit, or is a bearing of a catalogue."""
+    return not {"fit", "designation"}.isdisjoint(table)
 
 
 def _has(kind: type[Clearance], flag: Flag) -> bool:
@@ -712,7 +759,13 @@ def _gear_settings(
     if entries:
         description = _description(options, wanted, file)
         units = {name: one.unit for name, one in description.joints.items() if one.kind != "fixed"}
-        plays = commands.numbers_by_name(entries, "--gear JOINT=PLAY", units)
+        every = [text for text in entries if name_and_number(text)[0] == ALL]
+        if every:
+            movers, tool = _movers(options, file, wanted)
+            settings += tool
+            plays = _plays_of_all(every, {n: units[n] for n in movers if n in units})
+        each = [text for text in entries if text not in every]
+        plays |= commands.numbers_by_name(each, "--gear JOINT=PLAY", units)
     for name, angle in plays.items():
         settings.append(Setting(("gears", name, "play"), angle, f"--gear {name}"))
     for flag in (one for one in _given(options) if one.keys[0][0] == "gears"):
@@ -724,15 +777,36 @@ def _gear_settings(
     return settings
 
 
-def _other_settings(options: argparse.Namespace) -> list[Setting]:
+def _plays_of_all(entries: Sequence[str], units: Mapping[str, str]) -> dict[str, float]:
+    """Plays of --gear all=PLAY, by joint of which it has the unit."""
+    plays: dict[str, float] = {}
+    for text in entries:
+        value = name_and_number(text)[1]
+        if value is None:
+            raise misread(text, "--gear all=PLAY")
+        errors: list[JointplayError] = []
+        for name, unit in units.items():
+            try:
+                plays[name] = commands.quantity(value, unit, "--gear all")
+            except JointplayError as error:
+                errors.append(error)
+        if errors and not plays:
+            raise errors[0]
+    return plays
+
+
+def _other_settings(options: argparse.Namespace, said: Mapping[str, Any]) -> list[Setting]:
+    """Settings of neither joints nor gears; `said` is what file, preset and --set say."""
     settings = [
         Setting(key, flag.read(_value(options, flag.attribute)), flag.name)
         for flag in _given(options)
         for key in flag.keys
         if key[0] not in ("joints", "gears")
     ]
-    if any(one.key[0] == "drive" for one in settings):
-        settings.insert(0, Setting(("drive", "kind"), "computed-torque", "--bandwidth"))
+    settings = _of_drives(settings, said)
+    if mass := _value(options, "payload"):
+        held = [*said.get("payloads", ()), {"mass": mass}]
+        settings.append(Setting(("payloads",), held, "--payload"))
     for entry in _value(options, "joint_friction") or ():
         name, values = name_and_number(entry)
         parts = [number(value.strip()) for value in (values or "").split(",")]
@@ -741,6 +815,35 @@ def _other_settings(options: argparse.Namespace) -> list[Setting]:
         for key, value in zip(("coulomb", "viscous"), parts, strict=True):
             settings.append(Setting(("joint_friction", name, key), value, "--joint-friction"))
     return settings
+
+
+def _of_drives(settings: Sequence[Setting], said: Mapping[str, Any]) -> list[Setting]:
+    """Settings, those of drives for each drive that file or preset have, where it has their key.
+
+    Raises:
+        JointplayError: none of the drives has it.
+    """
+    from jointplay.base.schema import fields_of
+    from jointplay.simulation.loads.drive import DRIVES
+
+    drives, found = said.get("drives", {}), []
+    shared = said.get("drive") or {"kind": "computed-torque"}
+    shared = {"kind": shared} if isinstance(shared, str) else shared
+    for one in settings:
+        if one.key[0] != "drive":
+            found.append(one)
+            continue
+        kinds = {name: table.get("kind", "") for name, table in drives.items()}
+        able = [name for name, kind in kinds.items() if one.key[1] in fields_of(DRIVES[kind])]
+        found += [replace(one, key=("drives", name, one.key[1])) for name in able]
+        if not drives or (one.key[1] in fields_of(DRIVES[shared["kind"]]) and able):
+            found += [Setting(("drive", "kind"), shared["kind"], one.source, ASSUMED), one]
+        elif not able:
+            raise JointplayError(
+                f"{one.source} has no meaning for the drives there are: "
+                f"{', '.join(sorted({*kinds.values()}))} of {few(list(drives))}"
+            )
+    return found
 
 
 def _require_known(target: str) -> None:

@@ -342,15 +342,18 @@ def _execute(
     Raises:
         KeyboardInterrupt: told to stop; it is saved as far as it came.
     """
+    from jointplay.base.origins import to_text
     from jointplay.physics.kernel import Status
     from jointplay.scenario.overrides import setting_texts
     from jointplay.simulation.checkpoint import check_replaceable, continue_run
     from jointplay.simulation.saving import run_and_save
+    from jointplay.simulation.values import values
     from jointplay.study.certification import add_certificate
 
     run = ready.pop() if ready else scenario.ready_run(item.case, progress, item.records)
     notes = {"scenario": scenario.text, "scenario_file": scenario.path.name}
     notes |= {"title": scenario.title, "case": item.case}
+    notes["values"] = to_text(values(run.simulation, scenario.origins(item.case)))
     if scenario.settings:
         notes["settings"] = "\n".join(setting_texts(scenario.settings))
     status, result = Status.COMPLETED, None

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jointplay.base.errors import JointplayError
+from jointplay.base.origins import Value
 from jointplay.base.tables import few
 from jointplay.base.units import readable
 from jointplay.model.gear_rules import GUESS, SPREAD
@@ -17,7 +18,6 @@ from jointplay.simulation.analysis.tool_error import deviation, difference, erro
 from jointplay.simulation.loads.drive import Servo, assign
 from jointplay.simulation.result.certificate import alone, shown
 from jointplay.simulation.result.result import Result
-from jointplay.simulation.values import Value
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -1,4 +1,4 @@
-"""Twins of a run: the same work without play, without elasticity, as it was sent; and its inputs."""
+"""Twins of a run, the same work without one cause of error after the other, and its inputs."""
 
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ from jointplay.physics.joints import (
 )
 from jointplay.physics.kernel import Status
 from jointplay.physics.kernel.integrators import DEFAULT, integrator
+from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.result.result import Result
 from jointplay.simulation.result.stored import stored_coordinates
 
@@ -144,6 +145,8 @@ def task(result: Result) -> dict[str, Any]:
     at rest and centred.
     """
     given = inputs(result)
+    if result.beside is not None:
+        given["motion"] = result.beside
     given["state"] = _state(given)
     if given["start"] is None and has_play(result):
         given["start"] = "centred"  # nothing was to be found
@@ -330,6 +333,8 @@ def ideal_simulation(source: Simulation | Result, without: str = "elasticity") -
     changes: dict[str, Any] = {}
     if isinstance(source, Result):
         simulation = source.simulation
+        if source.beside is not None and without == "elasticity":
+            changes["motion"] = Motion.from_description(source.beside)
         changes["duration"] = float(source.time[-1]) or simulation.step
         changes["start"] = source.audit.start
     else:

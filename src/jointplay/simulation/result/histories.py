@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pinocchio as pin
 
+from jointplay.base.origins import to_text
 from jointplay.model.loop import locked
 from jointplay.model.tree import Tree
 from jointplay.physics.geometry import Form, Mode
@@ -18,6 +19,7 @@ from jointplay.simulation.result import variables
 from jointplay.simulation.result.audit import PORTION, Audit, Auditor
 from jointplay.simulation.result.result import AXES, FORMAT, Result
 from jointplay.simulation.result.stored import versions
+from jointplay.simulation.values import values
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -219,6 +221,7 @@ class HistoryBuilder:
             "jointplay_format": FORMAT,
             "simulation": json.dumps(self._simulation),
             "audit": json.dumps(self.audit().describe()),
+            "values": to_text(values(self._run.simulation)),
             "status": status.name.lower(),
             "message": self._run.message(status),
             "wall_time_s": self._run.elapsed,

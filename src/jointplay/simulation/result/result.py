@@ -14,6 +14,7 @@ import numpy as np
 from jointplay.base import files
 from jointplay.base.conveniences import provided
 from jointplay.base.errors import JointplayError, require_a, require_whole
+from jointplay.base.origins import Value, from_text, value_table
 from jointplay.physics.contact.functions import showing
 from jointplay.physics.kernel import Status
 from jointplay.simulation.result import netcdf
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
+    from jointplay.base.tables import Table
     from jointplay.show.plots import Plots
     from jointplay.simulation.analysis.parts import ToolError
     from jointplay.simulation.analysis.vibration import Rattle
@@ -118,6 +120,23 @@ class Result:
         return (
             [str(name) for name in self.dataset["joint"].values] if "joint" in self.dataset else []
         )
+
+    @property
+    def values(self) -> list[Value]:
+        """What its figures hang on: each value with its origin."""
+        return from_text(self.dataset.attrs["values"])
+
+    @property
+    def assumed(self) -> Table:
+        """What nobody gave: value, by which rule, and what another would change."""
+        return value_table([one for one in self.values if one.assumed])
+
+    @property
+    def beside(self) -> dict[str, Any] | None:
+        """The motion as it was meant, as files have it, where another was run to bring the tool
+        there; None: the motion that was run."""
+        text = self.dataset.attrs.get("beside")
+        return None if text is None else json.loads(text)  # type: ignore[no-any-return]
 
     def summary(self) -> str:
         """What came out, in the lines that `jointplay run` prints: tool error, forces, rattle."""

@@ -10,13 +10,12 @@ file of each format. See docs/simulator.md.
 Example: jointplay export simulator ur5 --joint elbow_joint --clearance "0.05 mm" --gear
 elbow_joint="2 arcmin" --gear-stiffness 2e4 --rotor-inertia 0.5 --out elbow
 
-    FILE | ROBOT  robot, joints with clearance, gears
+    FILE | ROBOT  robot, joints with clearance, gears, drive
     --pose JOINT=X,...  pose about which the joint reverses
   reversals:
     --amplitude ANGLE  amplitude of the reversals (default: 0.1)
     --period TIME  period of a reversal, there and back (default: 2)
   output:
-    --encoder {motor,link}  whether the encoder is before or after the play (default motor)
     --tilt  let the axes tilt as well, which only MJCF and JSON can hold
     --for {mujoco,newton,genesis,isaac}  what this simulator takes and nothing else; says which
         parts of the play it has, and what is lost

@@ -26,7 +26,7 @@ def run(options: argparse.Namespace) -> int:
 
     out = Path(options.out)
     files.check_new(out)
-    scenario = scenario_of(options, still=True)
+    scenario = scenario_of(options, moves=False)
     mechanism = scenario.mechanism(options.case)
     if not mechanism.clearance:
         raise JointplayError("no joint has clearance: name one with --joint NAME")

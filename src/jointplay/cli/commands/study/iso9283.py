@@ -13,7 +13,6 @@ Example: jointplay study iso9283 ur5 --joint "elbow_joint=0.05 mm" --duration 2.
     --path-cycles N  cycles for the path (default: 10, at most --cycles)
     --speed PERCENT ...  percentage of the motion's speed, which is taken as the rated speed; the
         standard asks for 100, 50 and 10 (default: 100)
-    --payload MASS  mass at the tool: the rated load, 100 % (default 0)
     --cube LENGTH  visit the five poses in a cube with this edge length instead
     --cube-centre X,Y,Z  centre of the cube, world axes [m]
     --out DIR  folder for the table, the figures and, during the run, finished cycles: with the same
@@ -28,7 +27,7 @@ from dataclasses import replace
 from typing import Any
 
 from jointplay.base import streams
-from jointplay.base.errors import JointplayError, require_non_negative, require_positive
+from jointplay.base.errors import JointplayError, require_positive
 from jointplay.cli.commands import Outputs, print_answer, vector
 from jointplay.cli.commands.inputs import simulation_of
 
@@ -52,10 +51,9 @@ def run(options: argparse.Namespace) -> int:
     check_numbers(counts.most, options.jobs)
     for percent in names:
         require_positive("--speed", percent, "%")
-    require_non_negative("--payload", options.payload, "kg")
     simulation, poses = _in_cube(options, simulation_of(options))
     for percent in names:
-        check(simulation, percent / 100.0, options.payload)
+        check(simulation, percent / 100.0)
     folder = out.claim()
     streams.release()
     for percent, (table, drawn, along) in names.items():
@@ -63,7 +61,6 @@ def run(options: argparse.Namespace) -> int:
             simulation,
             counts,
             speed=percent / 100.0,
-            load=options.payload,
             poses=poses,
             jobs=options.jobs,
             keep=None if folder is None else folder / "cycles",

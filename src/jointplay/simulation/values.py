@@ -1,0 +1,130 @@
+"""The values on which a run's figures hang, each with its origin: who gave it, or which rule did.
+
+What nobody gave is assumed: by a rule, or because it is what a field has by default. An owner who
+reads the list sees what was taken for granted, and what another value would change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any
+
+from jointplay.base.origins import ASSUMED, FILE, GIVEN, Key, Origins, Value
+from jointplay.base.schema import Described, fields_of
+from jointplay.base.tables import few
+from jointplay.base.units import readable
+from jointplay.physics.joints import SlidingClearance
+from jointplay.simulation.loads.drive import assign
+
+if TYPE_CHECKING:
+    from jointplay.simulation.simulation import Simulation
+
+
+def values(simulation: Simulation, origins: Origins | None = None) -> list[Value]:
+    """The values of a run, those of several joints that are alike in one.
+
+    Args:
+        simulation: the run's inputs.
+        origins: of those that were said; others were given if they differ from what a field has by
+            default, else assumed.
+    """
+    alike: dict[tuple[str, str, str, str, str], list[str]] = {}
+    for key, text, default in _said(simulation):
+        origin, source = _origin(key, origins or {}, default)
+        table, name, field = (key[0], "", key[1]) if len(key) == 2 else (*key, "", "")[:3]
+        alike.setdefault((table, field, text, origin, source), []).append(name)
+    found = []
+    for (table, field, text, origin, source), names in alike.items():
+        whole = ".".join(filter(None, [table, few(names) if any(names) else "", field]))
+        found.append(Value(whole, text, origin, source))
+    return found
+
+
+def _origin(key: Key, origins: Origins, default: tuple[str, str]) -> tuple[str, str]:
+    """Who gave the value at a key; of what stands in a table that was given whole, that table."""
+    for size in range(len(key), 0, -1):
+        if key[:size] in origins:
+            return origins[key[:size]]
+    return default
+
+
+def _said(simulation: Simulation) -> Iterator[tuple[Key, str, tuple[str, str]]]:
+    """Each value: its key, as text, and the origin that it has if none is known."""
+    mechanism = simulation.mechanism
+    usual, said = (ASSUMED, "nobody said otherwise"), (GIVEN, "in Python")
+    units = {name: one.unit for name, one in mechanism.description.joints.items()}
+    chosen = mechanism.tool_reason
+    yield ("robot", "tool"), mechanism.tool, (ASSUMED, chosen) if chosen else said
+    weight = "none"
+    if any(mechanism.gravity):
+        weight = " ".join(f"{g:g}" for g in mechanism.gravity) + " m/s²"
+    yield ("robot", "gravity"), weight, usual
+    hinges = {name for its in mechanism.hinges.values() for name in its}
+    for name, joint in mechanism.clearance.items():
+        if name not in hinges:
+            for field, text, is_default in _fields_of(joint, "m", SlidingClearance):
+                yield ("joints", name, field), text, usual if is_default else said
+    for name, gear in mechanism.gears.items():
+        for field, text, is_default in _fields_of(gear, units.get(name, "rad")):
+            rule = mechanism.rules.get((name, field))
+            by_rule = None if rule is None else (ASSUMED, f"rule {rule.name}: {rule.reason}")
+            yield ("gears", name, field), text, by_rule or (usual if is_default else said)
+    motion = simulation.motion
+    if motion is not None:
+        yield ("motion",), f"{few(list(motion.joints))}: {motion.summary}", said
+    for name, drive in assign(mechanism, motion, simulation.drive).items():
+        if drive.kind == "free":
+            continue
+        yield ("drives", name, "kind"), drive.kind, usual
+        for field, text, is_default in _fields_of(drive, units.get(name, "rad")):
+            if field != "encoder" or name in mechanism.gears:
+                yield ("drives", name, field), text, usual if is_default else said
+    friction = simulation.joint_friction
+    for name in mechanism.joints:
+        entry = mechanism.description.joints.get(name)
+        dry = entry.friction if friction is None and entry is not None else None
+        dry = friction[name].coulomb if friction is not None and name in friction else dry
+        if dry is not None:
+            unit = "N" if units.get(name) == "m" else "N*m"
+            yield ("joint_friction", name, "coulomb"), readable(dry, unit), (FILE, "the URDF")
+    for number, payload in enumerate(simulation.payloads, 1):
+        yield ("payloads", str(number)), f"{readable(payload.mass, 'kg')} at {payload.frame}", said
+    start = "at rest" if simulation.starts_at_rest else "centred"
+    yield ("integration", "start"), start, usual if simulation.start is None else said
+
+
+def _fields_of(one: Any, unit: str, told: type | None = None) -> Iterator[tuple[str, str, bool]]:
+    """Numbers and words of an object: name, text, and whether it is what the field has anyway.
+
+    `unit` is that of the joint's position, which chooses between two units of a field. Of an object
+    that is not one of `told` its summary stands for all.
+    """
+    if told is not None and not isinstance(one, told):
+        yield "kind", getattr(one, "summary", str(one)), False
+        return
+    own = fields_of(one.__class__)
+    for field in fields(one):
+        value, about = getattr(one, field.name), own.get(field.name)
+        if about is None or value is None or field.name.startswith("journal_"):
+            continue
+        if isinstance(value, bool) or not isinstance(value, float | int | str | Described):
+            continue
+        same = value == field.default
+        if isinstance(value, float | int):
+            if value == 0.0 and same:
+                continue
+            choice = about.units[-1 if unit == "m" and len(about.units) > 1 else 0]
+            yield field.name, readable(float(value), choice), same
+        elif isinstance(value, str):
+            yield field.name, value, same
+        else:
+            yield field.name, _words(value), same
+
+
+def _words(law: Any) -> str:
+    """Name of a law, and its first number."""
+    name = next(iter(fields_of(law.__class__)), "")
+    word = getattr(law, "name", None) or getattr(law, "kind", type(law).__name__)
+    first = getattr(law, name, None)
+    return f"{word} {name} {first:g}" if isinstance(first, float) else str(word)
