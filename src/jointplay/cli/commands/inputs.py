@@ -327,8 +327,8 @@ def scenario_of(options: argparse.Namespace, moves: bool = True) -> Scenario:
     settings += whole
     beyond = []
     if file is None and options.place is not None:
-        geared = [name_and_number(entry)[0] for entry in _value(options, "gear") or ()]
-        beyond = settings_beyond(_description(options, wanted, None), ideal, geared)
+        of_gear = [name_and_number(entry)[0] for entry in _value(options, "gear") or ()]
+        beyond = settings_beyond(_description(options, wanted, None), ideal, of_gear)
     tables = merge(of_file, tree([*beyond, *settings, *wanted]))
     if names or for_joints(options):
         settings += _joint_settings(options, names, lengths, tables, file, wanted)

@@ -11,6 +11,7 @@ import numpy as np
 
 from jointplay.base.errors import JointplayError
 from jointplay.base.tables import counted, few
+from jointplay.physics.kernel import Status
 from jointplay.simulation.analysis import twins
 from jointplay.simulation.analysis.bearings import bearing_life, rolling_bearings
 from jointplay.simulation.analysis.parts import ToolError, ended_words, since_words
@@ -63,7 +64,11 @@ def headline(result: Result, ideal: Result | None, detail: bool = False) -> list
     start = result.judge_from
     since = since_words(result)
     lines = []
-    if ideal is not None and twins.has_play(result):
+    failed = result.status not in (Status.COMPLETED, Status.INTERRUPTED)
+    if failed:
+        lines.append(result.message)
+    # Of what diverged, how far it came says nothing of the machine.
+    if ideal is not None and twins.has_play(result) and result.status != Status.RUN_AWAY:
         lines += _tool(result, ideal, detail)
     if result.joints:
         hinged = twins.hinges(result)  # they hold bodies by more than the force of their springs
@@ -83,7 +88,7 @@ def headline(result: Result, ideal: Result | None, detail: bool = False) -> list
 def headline_texts(result: Result, ideal: Result | None) -> dict[str, str]:
     """The figures of `headline` by name, as a table of several runs shows them."""
     found: dict[str, str] = {}
-    if ideal is not None and twins.has_play(result):
+    if ideal is not None and twins.has_play(result) and result.status != Status.RUN_AWAY:
         with suppress(JointplayError):  # no records
             found = ToolError(result, ideal).columns()
     if loose := [joint for joint in result.joints if joint not in twins.hinges(result)]:

@@ -119,7 +119,9 @@ class ToolError:
         found = {"elasticity" if still is mechanism else "play": self.vector}
         if still is not mechanism and still is not rigid:
             try:
-                play = difference(self._result, twins.without(self._result, "play"))
+                twin = twins.without(self._result, "play")
+                assert twin is not None
+                play = difference(self._result, twin)
                 found = {"elasticity": self.vector - play, "play": play}
             except JointplayError as error:
                 text = f"play and elasticity are not told apart: {error}"
@@ -151,19 +153,20 @@ class ToolError:
     def told(self) -> xr.DataArray:
         """What the sentence begins with (time, axis) [m].
 
-        From where the tool was sent, if the drives leave it noticeably; what play does, where a
-        rule gave the stiffness of gears; else `vector`.
+        From where the tool was sent, if the drives leave it noticeably, else `vector`; what
+        elasticity does left out, where a rule gave the stiffness of gears.
         """
+        told = self.vector
         if "drive" in self._causes:
-            return (self.parts["drive"] + self.vector).assign_attrs(self.vector.attrs)
-        return self.parts.get("play", self.vector) if self._guessed else self.vector
+            told = told + self.parts["drive"]
+        if self._guessed and "elasticity" in self.parts:
+            told = told - self.parts["elasticity"]
+        return told if told is self.vector else told.assign_attrs(self.vector.attrs)
 
     @property
     def _is_exact(self) -> bool:
         """Whether all was given that decides its size."""
-        given = not any(
-            one.assumed for name in DECISIVE for one in _of(self._result, "", name)
-        )
+        given = not any(one.assumed for name in DECISIVE for one in _of(self._result, "", name))
         return given and self.told is self.vector
 
     def texts(self, exact: bool) -> dict[str, str]:
@@ -204,11 +207,14 @@ class ToolError:
             words = f"{cause(result)} puts the tool {tool!r} up to {peak} off{when}, and turns it "
             words += turned
         elif self._guessed and "drive" not in causes:
-            play = cause(result, elastic=False) if "play" in causes else ""
-            words = f"{play} puts the tool {tool!r} up to {peak} off{when}; " if play else ""
-            words += self._elasticity()
+            words = "No play"
+            if "play" in causes:
+                play = cause(result, elastic=False)
+                words = f"{play} puts the tool {tool!r} up to {peak} off{when}"
+            words += f"; {self._elasticity()}"
         else:
             where = "from where it was sent" if "drive" in causes else "off"
+            where += ", elasticity aside," if self._guessed else ""
             each = list(map(self._part, causes))
             each = each if "drive" in causes else each[::-1]
             words = f"The tool {tool!r} is up to {peak} {where}{when}: {', '.join(each)}"
@@ -230,7 +236,7 @@ class ToolError:
     def _elasticity(self) -> str:
         """What is known of elasticity, where a rule has the stiffness."""
         if self._guessed == "unknown":
-            return "elasticity unknown: no gear of its kind is (--gear-stiffness)"
+            return "elasticity unknown without their stiffness (--gear-stiffness)"
         about = 1e3 * _peak(self.parts["elasticity"])
         least, most = (f"{about * factor:.2g}" for factor in (1.0 / SPREAD, SPREAD))
         words = f"if the gears are as stiff as usual (assumed; {least} to {most})"
@@ -248,6 +254,7 @@ class ToolError:
             each = ", ".join(
                 f"{_label(self._result, name)} {1e3 * float(one.sel(time=at).values @ way):.3g}"
                 for name, one in causes.items()
+                if not (name == "elasticity" and self._guessed)
             )
             lines.append(f"of the {_mm(_peak(told))}, along the error at its peak: {each}")
         if not self._guessed:
@@ -306,7 +313,7 @@ def _sizes(result: Result) -> str:
         for one in _of(result, "joints", name)
     )
     mark = " (assumed)" if unsure else ""
-    return "; ".join(f"{size}{mark} in {few(names)}" for size, names in loose.items())
+    return " and of ".join(f"{size}{mark} in {few(names)}" for size, names in loose.items())
 
 
 def _geared(names: list[str]) -> list[str]:
@@ -327,7 +334,7 @@ def _assumptions(result: Result) -> str:
         words.append(f"in bearings of {few(list(sizes))}, assumed")
     sides = {one.value for one in _of(result, "drives", "encoder") if one.assumed}
     if sides and any(gear.play for gear in mechanism.gears.values()):
-        words.append(f"encoders on the {' and '.join(sorted(sides))}, assumed")
+        words.append(f"encoder on the {' or '.join(sorted(sides))}, assumed")
     return "".join(f"; {one}" for one in words)
 
 

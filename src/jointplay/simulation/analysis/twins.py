@@ -297,9 +297,9 @@ def without(result: Result, cause: str, progress: bool = False) -> Result | None
     found = mechanism.tree.motion(*ideal.states(result.time), tool=frame)
     places = (found.tool[:, :3], found.tool[:, 3:], found.orientation)
     kept = result.dataset[list(COMPARED)]
-    sent = kept.assign({
-        name: kept[name].copy(data=values) for name, values in zip(COMPARED, places, strict=True)
-    })
+    sent = kept.assign(
+        {name: kept[name].copy(data=values) for name, values in zip(COMPARED, places, strict=True)}
+    )
     return Result(sent.assign_attrs(simulation=json.dumps(simulation.describe())))
 
 
