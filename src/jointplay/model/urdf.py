@@ -340,7 +340,7 @@ class Description:
 
 
 def with_geared(description: Description, joints: Collection[str]) -> Description:
-    """The description without the armature of these joints: their gears have rotors of their own."""
+    """The description without armature of joints whose gears have rotors of their own."""
     armature = description.beyond.armature
     if armature.keys().isdisjoint(joints):
         return description

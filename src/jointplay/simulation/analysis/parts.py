@@ -204,13 +204,13 @@ class ToolError:
             words = f"The tool {tool!r} is up to {peak} from where the ideal mechanism's is on the "
             words += f"motion as it was meant{when}, and turned {turned}"
         elif len(causes) == 1 and not self._guessed:
-            words = f"{cause(result)} puts the tool {tool!r} up to {peak} off{when}, and turns it "
-            words += turned
+            both = ", with elasticity," if "play and elasticity" in causes else ""
+            words = f"{cause(result)}{both} puts the tool {tool!r} up to {peak} off{when}, and "
+            words += f"turns it {turned}"
         elif self._guessed and "drive" not in causes:
             words = "No play"
             if "play" in causes:
-                play = cause(result, elastic=False)
-                words = f"{play} puts the tool {tool!r} up to {peak} off{when}"
+                words = f"{cause(result)} puts the tool {tool!r} up to {peak} off{when}"
             words += f"; {self._elasticity()}"
         else:
             where = "from where it was sent" if "drive" in causes else "off"
@@ -274,23 +274,14 @@ class ToolError:
     __repr__ = __str__
 
 
-def cause(result: Result, elastic: bool = True) -> str:
-    """Which play is where, and what gives way if `elastic`, to begin a sentence with."""
-    mechanism = result.simulation.mechanism
-    hinged = twins.hinges(result)
-    soft = [
-        name
-        for name, joint in mechanism.clearance.items()
-        if name not in hinged and not joint.has_play
-    ]
+def cause(result: Result) -> str:
+    """Which play is where, or what gives way if there is none, to begin a sentence with."""
+    if sizes := _sizes(result):
+        return f"Play of {sizes}"
+    mechanism, hinged = result.simulation.mechanism, twins.hinges(result)
+    soft = [name for name in mechanism.clearance if name not in hinged]
     soft += [f"link {name}" for name in mechanism.hinges]
-    # Each gear gives way; its play, where it has some, is what parts the two.
-    soft += _geared([name for name, gear in mechanism.gears.items() if gear.play == 0.0])
-    elasticity = f"lasticity of {few(soft)}" if soft and elastic else ""
-    sizes = _sizes(result)
-    if not sizes:
-        return f"E{elasticity}"
-    return f"Play of {sizes}{f', and e{elasticity},' if elasticity else ''}"
+    return f"Elasticity of {few(soft + _geared(list(mechanism.gears)))}"
 
 
 def _sizes(result: Result) -> str:
