@@ -18,6 +18,7 @@ from jointplay.base import processes
 from jointplay.paper import scara
 from jointplay.physics.kernel import Status
 from jointplay.show.reports import cases, sections
+from jointplay.simulation.analysis import twins
 from jointplay.simulation.analysis.headline_figures import STRETCHES, Measured, _History
 from jointplay.simulation.result.certificate import Certificate, CertifiedFigure, alone, plus_minus
 from jointplay.study.certification import (
@@ -280,6 +281,7 @@ def test_further_runs_of_several_processes_say_the_same(monkeypatch):
 def test_the_number_of_further_runs_is_known_beforehand(method, find, number, monkeypatch):
     simulation = replace(scara(2e-4), duration=2e-3, integrator=method)
     result, begun, real = simulation.run(), [], jp.Run
+    twins._recent.clear()
 
     def made(*of):
         begun.append(of)

@@ -88,13 +88,15 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
         if options.beside is not None:
             meant[case] = json.dumps(_meant(run.simulation, Path(options.beside)).describe())
         # What takes long to import is so while another process compiles, if one does.
+        from jointplay.simulation.analysis.parts import has_both
         from jointplay.study.certification import number_of_runs
 
         simulations[case] = run.simulation
         runs = 1 + (number_of_runs(run.simulation, item.certified) if item.errors else 0)
         length = run.total_steps * run.simulation.step
-        # For a case that gives, the ideal mechanism is simulated, too, if no case is it.
-        lengths[case] = runs * length, length if _gives(run.simulation) else 0.0
+        # What gives is compared with the ideal mechanism, if no case is it, and without play.
+        ideal = _gives(run.simulation) and (len(cases) > 1 or not item.errors)
+        lengths[case] = runs * length, length * (ideal + has_both(run.simulation.mechanism))
         for line in _length_and_size(run):
             remarks.setdefault(line, []).append(case)
         ready = [run] if len(cases) == 1 else []

@@ -165,9 +165,9 @@ def _at_stops(result: Result, error: xr.DataArray) -> list[str]:
         for stop in every
         if stop.at_rest and stop.end >= result.judge_from and stop.end > 0.0
     ]
-    if not times:
-        return []
     sizes = [float(error_at(error, time)[-1]) for time in times]
+    if not any(sizes):
+        return []
     known = result.certificate.headline if result.certificate else ()
     of_tool = [one.error for one in known if one.name in ("peak tool error", "RMS tool error")]
     off = max(of_tool, default=0.0)

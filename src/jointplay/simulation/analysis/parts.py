@@ -22,6 +22,8 @@ from jointplay.simulation.result.result import Result
 if TYPE_CHECKING:
     import xarray as xr
 
+    from jointplay.model.mechanism import Mechanism
+
 COUNTS = 0.01
 """Part of the whole error from which on that of the drives is told; rigid ones leave a millionth.
 """
@@ -115,9 +117,9 @@ class ToolError:
         machine does not run without play alone, there is ``play and elasticity``.
         """
         mechanism = self._result.simulation.mechanism
-        still, rigid = (mechanism.without(cause) for cause in ("play", "elasticity"))
-        found = {"elasticity" if still is mechanism else "play": self.vector}
-        if still is not mechanism and still is not rigid:
+        plays = mechanism.without("play") is not mechanism
+        found = {"play" if plays else "elasticity": self.vector}
+        if has_both(mechanism):
             try:
                 twin = twins.without(self._result, "play")
                 assert twin is not None
@@ -257,7 +259,7 @@ class ToolError:
                 if not (name == "elasticity" and self._guessed)
             )
             lines.append(f"of the {_mm(_peak(told))}, along the error at its peak: {each}")
-        if not self._guessed:
+        if not self._guessed and self.peak_turn > 0.0:
             *_, peak, rms = self.texts(self._is_exact).values()
             lines.append(f"play and elasticity turn it by up to {peak}, RMS {rms}")
         return lines
@@ -272,6 +274,12 @@ class ToolError:
         return self.sentence()
 
     __repr__ = __str__
+
+
+def has_both(mechanism: Mechanism) -> bool:
+    """Whether there is play as well as elasticity, which a run without play tells apart."""
+    still = mechanism.without("play")
+    return still is not mechanism and still is not mechanism.without("elasticity")
 
 
 def cause(result: Result) -> str:

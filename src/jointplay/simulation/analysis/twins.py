@@ -268,7 +268,7 @@ def without(result: Result, cause: str, progress: bool = False) -> Result | None
 
     Returns:
         None if the motion does not say where all joints are: without one, with free joints, or with
-        a free base.
+        a free base. In closed loops only servos are told from the motion.
 
     Raises:
         JointplayError: the twin cannot be simulated, or did not run to its end.
@@ -277,7 +277,7 @@ def without(result: Result, cause: str, progress: bool = False) -> Result | None
         run = tool_motion(ideal_simulation(result, cause), progress)
         return run.completed(f"the machine without {cause}")
     from jointplay.simulation.initial import initial_state  # these take long to import
-    from jointplay.simulation.loads.drive import assign
+    from jointplay.simulation.loads.drive import Servo, assign
     from jointplay.simulation.motion.ideal import IdealMotion
 
     simulation = ideal_simulation(result)
@@ -286,7 +286,9 @@ def without(result: Result, cause: str, progress: bool = False) -> Result | None
         return None
     drives = assign(mechanism, motion, simulation.drive)
     driven = [name for name, drive in drives.items() if drive.follows]
-    if len(driven) < len(drives) and not mechanism.loops:
+    # Loops are closed at nodes, between which other drives are nearer than a spline.
+    nearer = mechanism.loops and not any(isinstance(one, Servo) for one in drives.values())
+    if nearer or (len(driven) < len(drives) and not mechanism.loops):
         return None
     start = initial_state(simulation, driven).q
     try:
