@@ -114,8 +114,11 @@ class ToolError:
 
         They are taken out one after the other, play first (`twins.without`), and add up to the
         distance from where the motion sends the tool, or without a ``drive`` to `vector`. Where the
-        machine does not run without play alone, there is ``play and elasticity``.
+        machine does not run without play alone, there is ``play and elasticity``; against the
+        motion as it was meant, all is ``left``.
         """
+        if self._result.beside is not None:
+            return {"left": self.vector}
         mechanism = self._result.simulation.mechanism
         plays = mechanism.without("play") is not mechanism
         found = {"play" if plays else "elasticity": self.vector}
@@ -129,7 +132,7 @@ class ToolError:
                 text = f"play and elasticity are not told apart: {error}"
                 warnings.warn(text, RuntimeWarning, stacklevel=2)
                 found = {"play and elasticity": self.vector}
-        sent = None if self._result.beside else twins.without(self._result, "drive")
+        sent = twins.without(self._result, "drive")
         if sent is not None:
             found = {"drive": difference(self._result, sent) - self.vector} | found
         return {name: one.assign_attrs(self.vector.attrs) for name, one in found.items()}
@@ -147,6 +150,8 @@ class ToolError:
     @cached_property
     def _guessed(self) -> str:
         """How a rule has the stiffness of gears: ``usual`` or ``unknown``; else empty."""
+        if "elasticity" not in self.parts:
+            return ""
         stiffness = [one for one in _of(self._result, "gears", "stiffness") if one.assumed]
         unknown = any(one.source.endswith(GUESS) for one in stiffness)
         return "unknown" if unknown else "usual" if stiffness else ""
@@ -161,7 +166,7 @@ class ToolError:
         told = self.vector
         if "drive" in self._causes:
             told = told + self.parts["drive"]
-        if self._guessed and "elasticity" in self.parts:
+        if self._guessed:
             told = told - self.parts["elasticity"]
         return told if told is self.vector else told.assign_attrs(self.vector.attrs)
 
@@ -202,7 +207,7 @@ class ToolError:
         if self._stands:
             words = f"{cause(result)} turns {tool!r} {turned}{since}; its origin cannot move: "
             words += "--tool FRAME selects a point that does"
-        elif result.beside is not None:
+        elif "left" in causes:
             words = f"The tool {tool!r} is up to {peak} from where the ideal mechanism's is on the "
             words += f"motion as it was meant{when}, and turned {turned}"
         elif len(causes) == 1 and not self._guessed:
@@ -247,7 +252,7 @@ class ToolError:
     def further(self) -> list[str]:
         """What the sentence leaves out: the parts at the peak, which add up, and the turn."""
         causes, told = self._causes, self.told
-        if self._stands or self._result.beside is not None or len(causes) == 1:
+        if self._stands or len(causes) == 1:
             return []
         lines = []
         if "drive" in causes or not self._guessed:
