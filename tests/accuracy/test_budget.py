@@ -250,17 +250,6 @@ def test_the_command_prints_the_table_and_writes_the_files(two, tmp_path, capsys
         assert (out / f"{name}.png").stat().st_size > 5000
 
 
-def test_the_command_takes_a_joints_own_clearance(two, capsys):
-    def worst(*options):
-        assert main(["budget", str(two), *options]) == 0
-        row = next(x for x in capsys.readouterr().out.splitlines() if x.startswith("all"))
-        return float(row.split()[1])
-
-    one = worst("--joint", "a=0.1 mm")
-    assert one < worst("--joint", "a=0.1 mm", "--joint", "b=0.1 mm")
-    assert worst("--clearance", "0.1 mm", "--joint", "a") == pytest.approx(one)
-
-
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -268,7 +257,6 @@ def test_the_command_takes_a_joints_own_clearance(two, capsys):
         (["--clearance", "1 N"], "--clearance: .*length"),
         (["--clearance", "1 mm", "--pose", "a=99 rad"], "outside its limits"),
         (["--clearance", "1 mm", "--pose", "a"], "--pose must read"),
-        (["--joint", "a"], "--clearance is missing"),
         (["--clearance", "1 mm", "--tool", "hand"], "no frame 'hand'"),
         (["--clearance", "1 mm", "--force", "1,2"], "--force must be three numbers"),
         ([], "nothing has play"),

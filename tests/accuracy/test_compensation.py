@@ -206,7 +206,7 @@ def test_a_journal_that_turns_rests_where_its_friction_lets_it_climb(level):
         middle = (errors.times > 0.4) & (errors.times < 0.9)
         node = (found.times > 0.4) & (found.times < 0.9)
         left[law.mu_d] = (
-            errors.values[middle].mean(axis=0),
+            errors.values[middle, :3].mean(axis=0),
             found.displacement[node, :3].mean(axis=0),
         )
     (run, rest), (plain_run, plain) = left[mu], left[0.0]
@@ -291,7 +291,16 @@ def test_least_gain_and_largest_rest_are_named_of_all_corners(level):
     assert "most is left (play +30 %, stiffness -20 %)" in said
 
 
-def test_the_position_comes_before_the_turn(urdf):
+def _plane_moves(pose):
+    """How joints about y of links of 0.4 and 0.3 m along x move their end along x and z, and turn
+    it."""
+    first, second = pose["j1"], pose["j1"] + pose["j2"]
+    x = np.array([0.4 * np.cos(first) + 0.3 * np.cos(second), 0.3 * np.cos(second)])
+    z = -np.array([0.4 * np.sin(first) + 0.3 * np.sin(second), 0.3 * np.sin(second)])
+    return np.array([z, -x, [1.0, 1.0]])
+
+
+def test_the_position_comes_before_the_turn_unless_a_size_weighs_them(urdf):
     """Two joints of a plane set the position exactly; a third turns the tool, and moves it not."""
     arm = [
         *(body(name, mass=1.0, com="0.2 0 0") for name in ("a", "b")),
@@ -300,9 +309,16 @@ def test_the_position_comes_before_the_turn(urdf):
     ]
     away = np.array([2e-4, 0.0, -1e-4, 0.0, 3e-3, 0.0])
     two = Mechanism(urdf(*arm, tip("b", at="0.3 0 0")))
-    ways, left = taken_up(two, {"j1": -0.6, "j2": 0.5}, away)
+    pose = {"j1": -0.6, "j2": 0.5}
+    ways, left = taken_up(two, pose, away)
     assert np.abs(left[:3]).max() < 1e-12
     assert abs(left[4]) > 1e-3
+    by_hand = np.linalg.lstsq(
+        0.2 ** np.array([[0], [0], [1]]) * _plane_moves(pose), away[[0, 2, 4]] * [1, 1, 0.2]
+    )[0]
+    weighed, left = taken_up(two, pose, away, size=0.2)
+    assert weighed == pytest.approx(by_hand)
+    assert 1e-6 < np.abs(left[:3]).max() < 1e-3
     wrist = joint("j3", "b", "c", axis="0 1 0", at="0.3 0 0"), body("c", mass=0.1, com="0.1 0 0")
     three = Mechanism(urdf(*arm, *wrist, tip("c", at="0 0 0")))
     more, left = taken_up(three, {"j1": -0.6, "j2": 0.5, "j3": 0.2}, away)
@@ -354,7 +370,7 @@ def test_what_cannot_be_compensated_is_refused_in_a_line(level, upright):
     own = simulated(machine(level))
     wrong = {
         "is nothing to compensate": replace(own, mechanism=own.mechanism.ideal()),
-        "encoders on the links": replace(own, drive=ComputedTorque()),
+        "encoders on the links": replace(own, drive=ComputedTorque(encoder="link")),
         "no torque decides": simulated(machine(upright), to=1e-5),
         "goes on after its end": replace(
             own, motion=Motion(["j"], [0.0, 1.0], [[0.0], [0.1]], "constant-speed")
@@ -378,11 +394,11 @@ def test_joints_do_not_go_far_for_little_near_singular_poses():
     own = Simulation(arm, motion, joint_friction={})
     away = np.zeros((2, 6))
     away[:, 0] = 1e-4  # the arm lies along x, stretched
-    moved = module.through_jacobian(own, np.array([0.0, 1.0]), away)
+    moved = module.through_jacobian(own, np.array([0.0, 1.0]), away, None)
     assert np.abs(moved).max() < 0.06
     aside = np.zeros((2, 6))
     aside[:, 1] = 1e-4
-    turned = module.through_jacobian(own, np.array([0.0, 1.0]), aside)
+    turned = module.through_jacobian(own, np.array([0.0, 1.0]), aside, None)
     assert 0.0 < np.abs(turned).max() < 1e-3
 
 
@@ -513,7 +529,7 @@ def test_what_makes_the_error_larger_is_said_and_not_written(level, tmp_path, mo
     command = ["compensate", str(level), *given, "--jobs", "1", "--quiet", "--out"]
     assert main([*command, str(tmp_path / "a")]) != 0
     assert not (tmp_path / "a" / "motion.csv").exists()
-    assert main([*command, str(tmp_path / "b"), "--force"]) == 0
+    assert main([*command, str(tmp_path / "b"), "--write-anyway"]) == 0
     assert (tmp_path / "b" / "motion.csv").exists()
 
 
@@ -574,7 +590,7 @@ def test_a_clearance_alone_is_for_all_joints_as_in_a_budget(level, tmp_path):
     motion = tmp_path / "m.csv"
     motion.write_text("time_s,j\n0,0\n0.1,0.01\n")
     command = [JOINTPLAY, "compensate", level, "--clearance", "0.1 mm", "--motion", motion]
-    command += ["--jobs", "1", "--quiet", "--detail", "--approach", "--force"]
+    command += ["--jobs", "1", "--quiet", "--detail", "--approach", "--write-anyway"]
     done = subprocess.run(list(map(str, command)), capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("In simulation the corrected motion")
@@ -586,7 +602,15 @@ def test_a_motion_of_some_joints_leaves_the_others_where_they_start(tmp_path):
     motion, out = tmp_path / "motion.csv", tmp_path / "out"
     motion.write_text("time_s,elbow_flex\n0,0.2\n0.3,0.25\n")
     given = ["so101", "--preset", "--motion", motion, "--set", "start.wrist_flex=0.5", "--quiet"]
-    command = [JOINTPLAY, "compensate", *map(str, given), "--force", "--jobs=1", "--out", str(out)]
+    command = [
+        JOINTPLAY,
+        "compensate",
+        *map(str, given),
+        "--write-anyway",
+        "--jobs=1",
+        "--out",
+        str(out),
+    ]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     corrected = Motion.from_csv(out / "motion.csv")

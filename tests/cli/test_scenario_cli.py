@@ -7,7 +7,6 @@ import trimesh
 from warm import call
 
 from jointplay import Result
-from jointplay.base.files import names_for
 from jointplay.model.urdf import shipped
 
 
@@ -138,11 +137,6 @@ def test_a_mistake_is_found_before_anything_runs(short):
     assert not out.exists()
 
 
-def test_files_of_cases_differ():
-    names = names_for(["a/b", "a b", "A B", ".."], ".nc")
-    assert names == ["a_b.nc", "a_b_2.nc", "A_B_3.nc", "unnamed.nc"]
-
-
 GEARED = """
 [robot]
 urdf = "scara.urdf"
@@ -236,6 +230,8 @@ duration = "0.03 s"
 motion.speeds.crank_pin = "62.83185 rad/s"
 [cases.samples]
 motion.file = "crank.csv"
+[cases.noisy]
+motion.file = "noisy.csv"
 [cases.longer]
 motion.file = "crank.csv"
 integration.duration = "0.0301 s"
@@ -246,6 +242,8 @@ def test_a_sampled_crank_presses_its_pin_as_one_that_turns(tmp_path):
     """Stops at the samples would press it with 51 kN, and a stop at the last one with 9 kN."""
     rows = [f"{k / 1000},{62.83185 * k / 1000}" for k in range(31)]
     (tmp_path / "crank.csv").write_text("\n".join(["time_s,crank_pin", *rows]) + "\n")
+    noisy = [f"{k / 1000 + 2e-4 * (k % 3 == 1)},{62.83185 * k / 1000}" for k in range(31)]
+    (tmp_path / "noisy.csv").write_text("\n".join(["time_s,crank_pin", *noisy]) + "\n")
     (tmp_path / "sampled.toml").write_text(SAMPLED)
     out = tmp_path / "out"
     options = ["--no-figures", "--no-error-estimate", "--jobs", "1", "--out", str(out)]
@@ -253,6 +251,7 @@ def test_a_sampled_crank_presses_its_pin_as_one_that_turns(tmp_path):
     assert done.returncode == 0, done.stderr
     assert "case samples: motion: 31 samples, spline (--interpolation selects)" in done.stderr
     assert "case longer: the motion stands still beyond its points" in done.stderr
+    assert "case noisy: speeds jump from sample to sample, and the spline" in done.stderr
     assert "note: case samples" not in done.stderr
     speeds, samples = (
         float(Result.load(out / f"{case}.nc").forces.max()) for case in ("speeds", "samples")

@@ -144,10 +144,10 @@ def test_a_long_list_over_many_lines_is_placed_quickly():
     ("changes", "words"),
     [
         ({"seed": -1}, r"seed must be a whole number from 0 to 9\.22e\+18, got -1"),
-        ({"step": 1e-300}, "at most 1e\\+12 are possible"),
+        ({"step": 1e-60}, "at most 1e\\+12 are possible"),
         ({"record_every": 10**30}, "record_every must be a whole number from 1 to"),
         ({"duration": 1e6}, "GB of memory, of which there are"),
-        ({"duration": 1e300}, "at most 1e\\+12 are possible"),
+        ({"duration": 1e60}, "at most 1e\\+12 are possible"),
     ],
 )
 def test_runs_that_would_never_end_are_refused_before_anything_is_tabulated(changes, words):
@@ -216,7 +216,13 @@ def test_a_run_too_large_for_the_memory_says_how_it_would_fit(monkeypatch):
 
 def test_drives_of_no_machine_are_refused():
     with pytest.raises(JointplayError, match="bandwidth must be at most"):
-        jp.loads.ComputedTorque(bandwidth=1e300)
+        jp.loads.ComputedTorque(bandwidth=1e60)
+
+
+@pytest.mark.parametrize("size", [1e300, 1e-300])
+def test_numbers_whose_products_no_float_holds_are_refused(size):
+    with pytest.raises(JointplayError, match=r"stiffness must be .*1e[+-]100, got "):
+        jp.Gear(1e-3, 0.1, stiffness=size)
 
 
 def test_the_study_does_not_grow_without_end(tmp_path):
@@ -420,13 +426,6 @@ def test_after_the_end_of_its_motion_a_prescribed_joint_stands_still(urdf):
     assert np.abs(result["q"].values[after, 0] - 1.0).max() < 1e-8
     weight = 2.0 * 9.81 * 0.1 * np.cos(1.0)
     assert np.abs(np.abs(result["drive"].values[after, 0]) - weight).max() < 1e-6 * weight
-
-
-def test_after_its_last_point_a_torque_stays(urdf):
-    robot = jp.Mechanism(urdf(body("arm"), joint("pin", "base", "arm")), gravity=(0, 0, 0))
-    torque = jp.loads.Torque((0.0, 0.05), (0.0, 1.0))
-    result = jp.simulate(robot, drive={"pin": torque}, duration=0.2)
-    assert np.abs(result["drive"].values[result.time > 0.05, 0] - 1.0).max() < 1e-12
 
 
 def test_a_motion_that_takes_long_to_tabulate_has_a_bar(urdf, monkeypatch, capsys):

@@ -221,22 +221,6 @@ def test_a_law_of_no_name_is_refused(path):
         NormalForceLaw.from_description({"law": "custom", "function": path})
 
 
-def test_a_scenario_takes_laws_of_modules_that_were_imported(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)  # where the module leaves its file
-    text = (Path(jp.__file__).parent / "scenario" / "template.toml").read_text(encoding="utf-8")
-    law = 'normal = { law = "custom", function = "own_laws:push", parameters = [1e8] }'
-    text = text.replace('normal = "lankarani-nikravesh"', law)
-    scenario = tmp_path / "s.toml"
-    scenario.write_text(text, encoding="utf-8")
-    (tmp_path / "own_laws.py").write_text(LAW)
-    with pytest.raises(JointplayError, match="--import own_laws"):
-        jp.Scenario.load(scenario).simulation("0.2 mm")
-    jp.import_module(tmp_path / "own_laws.py")
-    assert jp.Scenario.load(scenario).simulation("0.2 mm")
-    with pytest.raises(JointplayError, match="another module is called 'json'"):
-        jp.import_module((tmp_path / "own_laws.py").rename(tmp_path / "json.py"))
-
-
 @pytest.mark.parametrize(
     ("host", "status"),
     [

@@ -3,13 +3,10 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from conftest import body, gaps, joint, journal_axis
+from conftest import body, joint
 
 from jointplay import JointplayError, Mechanism, RevoluteClearance, shipped
-from jointplay.paper import scara
-from jointplay.physics.kernel import Command, Status
 from jointplay.scenario.robot import robot_scenario
-from jointplay.simulation.run import Run
 from jointplay.simulation.simulation import Simulation
 
 PLAY = RevoluteClearance(radial_clearance=2e-4, axial_clearance=2e-4)
@@ -62,56 +59,6 @@ def test_continuous_joints_become_revolute_with_one_coordinate(urdf):
     mechanism = Mechanism(path, {"j0": PLAY})
     assert mechanism.model.nq == mechanism.model.nv == 8
     assert mechanism.description.revolute == ["j0", "j1", "j2"]
-
-
-def test_virtual_work_of_the_virtual_link_is_action_and_reaction():
-    """tau = S^T w on the six coordinates equals +F on the journal and -F on the bearing."""
-    run = Run(scara(0.2e-3))
-    mechanism, workspace = run.mechanism, run.workspace
-    model, data = mechanism.model, mechanism.data
-    joint_b = mechanism.clearance["joint_b"]
-    at = mechanism.virtual_link("joint_b")
-    workspace.q[:] = mechanism.configuration({"joint_a": 0.3, "joint_b": 0.8, "stroke": -0.05})
-    workspace.q[at : at + 6] += [1.4e-4, -1.2e-4, 1.9e-4, 0.0, 0.004, -0.006]
-    workspace.v[:] = np.linspace(-0.3, 0.4, model.nv)
-    workspace.drives["kp"] = workspace.drives["kd"] = 0.0
-    workspace.reference[:] = 0.0
-    assert workspace.execute(Command.BEGIN) == Status.COMPLETED
-    by_coordinates = pin.aba(model, data, workspace.q, workspace.v, workspace.tau).copy()
-
-    # The same forces as wrenches on the two bodies, at the contact points.
-    q, v = workspace.q, workspace.v
-    axis = journal_axis(q[at + 3 : at + 6])
-    gap, point, normal = gaps(q[at : at + 3], axis, joint_b.ri, joint_b.li, joint_b.rj, joint_b.lj)
-    pin.forwardKinematics(model, data, q, v)
-    (parent, placement), _ = mechanism.frames("joint_b")
-    child = model.getJointId("joint_b")
-    bearing = data.oMi[parent] * placement
-    normals, tangentials = (workspace.contacts[name][0] for name in ("normal", "tangential"))
-    wrench = {parent: pin.Force.Zero(), child: pin.Force.Zero()}
-    relative = data.oMi[child].rotation @ data.v[child].angular
-    relative -= data.oMi[parent].rotation @ data.v[parent].angular
-    omega = bearing.rotation.T @ relative
-    touching = np.flatnonzero(gap < 0.0)
-    assert len(touching) >= 2
-    for k in touching:
-        arm = point[k] - q[at : at + 3]
-        slip = v[at : at + 3] + np.cross(omega, arm)
-        slip -= normal[k] * (normal[k] @ slip)
-        force = normals[k] * normal[k] - tangentials[k] * slip / np.linalg.norm(slip)
-        world = bearing.rotation @ force
-        place = bearing.act(point[k])
-        for body_joint, sign in ((child, 1.0), (parent, -1.0)):
-            frame = data.oMi[body_joint]
-            local = frame.rotation.T @ (sign * world)
-            lever = frame.actInv(place)
-            wrench[body_joint] += pin.Force(local, np.cross(lever, local))
-    external = pin.StdVec_Force()
-    for index in range(model.njoints):
-        external.append(wrench.get(index, pin.Force.Zero()))
-    by_wrenches = pin.aba(model, data, q, v, np.zeros(model.nv), external)
-    assert np.abs(by_coordinates).max() > 1.0
-    assert np.allclose(by_coordinates, by_wrenches, rtol=1e-9, atol=1e-8)
 
 
 def test_unknown_joint_answers_with_the_revolute_ones():

@@ -156,7 +156,7 @@ def test_a_robot_that_floats_is_the_largest_and_its_base_is_free(tmp_path, capsy
     path = written(tmp_path, LEG)
     found = read(path).beyond
     assert found.tables["robot"] == {"base": "free", "gravity": [1.0, 2.0, -3.0]}
-    scenario = robot_scenario(str(path), ["hip"], still=True)
+    scenario = robot_scenario(str(path), ["hip"], moves=False)
     mechanism = scenario.mechanism()
     assert mechanism.free_base
     assert mechanism.gravity == (1.0, 2.0, -3.0)
@@ -207,6 +207,13 @@ def test_a_mechanism_and_a_scenario_have_what_the_file_says(loose, capsys):
         assert mechanism.gears["j"].rotor_inertia == 0.02
     assert scenario.simulation().drive["j"].effort == 5.0
     assert "k_spring" in scenario.simulation().loads
+    there = jp.Motion(["j", "k"], [0.0, 0.1], [[0.0, 0.0], [0.1, 0.0]])
+    by_hand, by_name = jp.Simulation(jp.Mechanism(loose), there), scenario.simulation()
+    assert by_hand.drive == by_name.drive
+    assert by_hand.loads == by_name.loads
+    own = jp.Simulation(jp.Mechanism(loose), there, jp.loads.Prescribed(), loads={})
+    assert (own.drive, own.loads) == (jp.loads.Prescribed(), {})
+    assert jp.Simulation(jp.Mechanism(loose), duration=1.0).drive == jp.loads.ComputedTorque()
     assert jp.Mechanism(loose, gravity="balanced").gravity == (0.0, 0.0, 0.0)
     file.write_text(file.read_text() + "[gears.j]\nplay = 0.005\n")
     assert Scenario.load(file).mechanism().gears["j"].play == 0.005
@@ -301,7 +308,7 @@ def test_a_ball_is_a_spherical_joint_without_clearance(tmp_path):
     text = LEG.replace('<joint name="knee" axis="1 0 0" range="-2 0"/>',
                        '<joint name="knee" type="ball"/>')  # fmt: skip
     path = written(tmp_path, text)
-    mechanism = robot_scenario(str(path), ["hip"], still=True).mechanism()
+    mechanism = robot_scenario(str(path), ["hip"], moves=False).mechanism()
     assert {"knee.yaw", "knee.pitch"} <= {str(one) for one in mechanism.coordinates}
 
 

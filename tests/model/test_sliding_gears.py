@@ -194,8 +194,12 @@ def test_an_option_gives_a_slide_its_play(capsys):
     assert "up to 0.1 mm off" in said
     assert "gears: stiffness 1e+07 N/m (x) (assumed); see --gear-stiffness" in said
     words = ["budget", GANTRY, "--gear", "x=0.2 mm", "--gear-stiffness", "3e6 N/m"]
-    gear = scenario_of(parser().parse_args(words), still=True).mechanism().gears["x"]
-    assert (gear.play, gear.stiffness, gear.rotor_inertia) == (2e-4, 3e6, 10.0)
+    gear = scenario_of(parser().parse_args(words), moves=False).mechanism().gears["x"]
+    assert (gear.play, gear.stiffness, gear.rotor_inertia) == (
+        2e-4,
+        3e6,
+        pytest.approx(0.02 * 400.0),
+    )
     assert main(words) == 0
     assert "gears: stiffness" not in capsys.readouterr().out
 

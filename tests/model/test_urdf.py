@@ -10,6 +10,7 @@ from conftest import body, joint
 
 from jointplay import JointplayError, shipped
 from jointplay.base.errors import MissingName
+from jointplay.cli import main
 from jointplay.model.builder import parse
 from jointplay.model.formats import read
 from jointplay.model.robots import robot_urdf, robots
@@ -326,4 +327,35 @@ def test_an_axis_next_to_nothing_has_no_direction(tmp_path):
     path = tmp_path / "r.urdf"
     path.write_text(text)
     with pytest.raises(JointplayError, match="which has no direction"):
+        read(path)
+    path.write_text(text.replace("1e-300", "1e300"))
+    with pytest.raises(JointplayError, match=r"axis must be no larger than 1e\+06"):
+        read(path)
+
+
+HALF = """<robot name="r"><link name="a"/><link name="b"><inertial><mass value="1"/>
+<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+<joint name="j" type="revolute"><parent link="a"/><child link="b"/>{}</joint></robot>"""
+
+
+@pytest.mark.parametrize(
+    ("limit", "words"),
+    [
+        ('<limit upper="1"/>', "no limit lower, effort, velocity in the URDF, and lower counts"),
+        ('<limit lower="-1" upper="1" velocity="2"/>', "no limit effort in the URDF: j"),
+        ("", "no limit lower, upper, effort, velocity in the URDF: j"),
+    ],
+)
+def test_limits_that_are_not_whole_are_said(tmp_path, limit, words, capsys):
+    path = tmp_path / "r.urdf"
+    path.write_text(HALF.format(limit))
+    assert main(["robots", str(path)]) == 0
+    assert words in capsys.readouterr().out
+    assert main(["check", str(path), "--joint", "j", "--no-picture"]) == 0
+    assert words in capsys.readouterr().out
+    path.write_text(HALF.format('<limit lower="-1" upper="1" velocity="2" effort="0"/>'))
+    assert main(["robots", str(path)]) == 0
+    assert "no limit" not in capsys.readouterr().out
+    path.write_text(HALF.format('<limit lower="0.5"/>'))
+    with pytest.raises(JointplayError, match=r"the upper one is missing, which means 0: give it"):
         read(path)

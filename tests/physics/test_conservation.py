@@ -54,15 +54,6 @@ def drift(values):
     return np.abs(values - values[0]).max() / np.linalg.norm(values[0])
 
 
-@pytest.mark.parametrize("integrator", ["semi-implicit-euler", "rk4"])
-def test_momentum_is_exact_where_it_is_linear_in_the_velocities(urdf, integrator):
-    path = urdf(*SLIDERS, body("two", 2.0, "0 0 0"), joint("pin", "one", "two", **SKEW))
-    robot, run = flying(path, ["pin"], [0.1, -0.2, 0.05], integrator=integrator)
-    result = run.finish()
-    assert result.audit.impacts > 5
-    assert drift(momenta(robot, result)[0]) < 1e-13
-
-
 @pytest.mark.parametrize("worn", [["pin"], ["pin", "pin2"]])
 def test_momentum_of_tumbling_bodies_survives_impacts(urdf, worn):
     path = urdf(

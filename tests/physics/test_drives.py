@@ -7,14 +7,12 @@ import pinocchio as pin
 import pytest
 from conftest import body, joint
 from scipy.integrate import solve_ivp
-from scipy.special import ellipk
 
 import jointplay as jp
 from jointplay.model.gear import Gear
 from jointplay.physics.kernel.integrators import INTEGRATORS
 from jointplay.simulation.loads.drive import (
     ComputedTorque,
-    Free,
     JointFriction,
     Prescribed,
     Servo,
@@ -94,26 +92,6 @@ def test_torque_of_prescribed_motion_converges_with_the_macro_step_cubed(urdf):
     assert np.polyfit(np.log(macro_steps), np.log(errors), 1)[0] == pytest.approx(3.0, abs=0.25)
 
 
-def test_reactions_of_prescribed_joints_are_those_of_the_motion(urdf):
-    """Bearing of joint b carries body two: m (a - g), acceleration of its centre by differences."""
-    robot = arm(urdf)
-    result = jp.simulate(robot, MOVE, drive=Prescribed(), **QUIET)
-    h = 1e-4
-    places = []
-    for t in (result.time - h, result.time, result.time + h):
-        found = []
-        for q in MOVE(t)[0]:
-            pin.forwardKinematics(robot.model, robot.data, q)
-            found.append(robot.data.oMi[2].act(robot.model.inertias[2].lever))
-        places.append(np.array(found))
-    acceleration = (places[0] - 2 * places[1] + places[2]) / h**2
-    force = 2.0 * (acceleration - np.array(robot.gravity))
-    found = result["reaction_force"].sel(moving_joint="b").values
-    inside = slice(5, -5)
-    assert np.abs(found - force)[inside].max() < 1e-2 * np.abs(force).max()
-    assert np.ptp(force, axis=0).max() > 20.0
-
-
 def test_prescribed_joint_beside_a_worn_one_is_exact_and_balances_the_energy(urdf):
     worn = jp.RevoluteClearance(radial_clearance=2e-4, axial_clearance=2e-4)
     robot = arm(urdf, {"b": worn})
@@ -155,15 +133,6 @@ def test_prescribed_crank_turns_on_where_the_last_step_ends_after_the_duration(u
 # Given torques, and none
 
 
-def test_constant_torque_turns_a_rotor_by_half_alpha_t_squared(urdf):
-    result = jp.simulate(
-        rotor(urdf), drive={"a": Torque((0.0,), (0.5,))}, duration=0.2, integrator="rk4", **QUIET
-    )
-    exact = 0.5 * (0.5 / 0.02) * result.time**2
-    assert result["q"].values[:, 0] == pytest.approx(exact, abs=1e-10)
-    assert result["drive_work"].values == pytest.approx(0.5 * exact, abs=1e-9)
-
-
 def test_torque_is_linear_between_its_points_and_constant_outside(urdf):
     times, values = (0.05, 0.1, 0.15), (0.2, -0.4, 0.1)
     result = jp.simulate(
@@ -175,27 +144,6 @@ def test_torque_is_linear_between_its_points_and_constant_outside(urdf):
              (np.unique([*np.linspace(0, end, 2001), *[x for x in times if x < end]])
               for end in result.time[::200])]  # fmt: skip
     assert result["v"].values[::200, 0] == pytest.approx(speed, abs=1e-6)
-
-
-@pytest.mark.parametrize("amplitude", [0.1, 2.0])
-def test_free_pendulum_has_the_period_of_the_elliptic_integral(urdf, amplitude):
-    length, mass, own = 0.25, 1.2, 3e-3
-    path = urdf(
-        body("bob", mass, f"0 0 {-length}", own), joint("a", "base", "bob", "continuous", "0 1 0")
-    )
-    robot = jp.Mechanism(path)
-    slow = np.sqrt((own + mass * length**2) / (mass * 9.81 * length))
-    period = 4.0 * slow * ellipk(np.sin(amplitude / 2) ** 2)
-    result = jp.simulate(
-        robot, drive={"a": Free()}, state={"a": amplitude}, duration=1.1 * period,
-        integrator="rk4", step=1e-4, record_every=1, **QUIET,
-    )  # fmt: skip
-    q, t = result["q"].values[:, 0], result.time
-    # It comes down through zero at a quarter, and up at three.
-    down, up = (np.flatnonzero(np.diff(np.sign(q)) == s)[0] for s in (-2, 2))
-    zeros = [t[i] - q[i] * (t[i + 1] - t[i]) / (q[i + 1] - q[i]) for i in (down, up)]
-    assert zeros == pytest.approx([period / 4, 3 * period / 4], rel=1e-6)
-    assert not result["drive"].values.any()
 
 
 # Gears

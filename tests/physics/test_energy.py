@@ -39,22 +39,6 @@ def test_energy_residual_through_impacts_falls_with_the_step(free_mass):
     assert rk4[-1] < 0.1 * rk4[0]
 
 
-@pytest.mark.parametrize("restitution", [0.9, 0.5])
-def test_what_an_impact_loses_is_what_damping_takes(free_mass, restitution):
-    result = free_mass(
-        offset=(0, 0, 1.99e-4, 0, 0, 0),
-        velocity=(0, 0, 0.2, 0, 0, 0),
-        restitution=restitution,
-        friction=jp.contact.Ambrosio(0.0),
-        integrator="rk4",
-    ).finish()
-    kinetic = result["kinetic_energy"].values
-    lost = kinetic[0] - kinetic[-1]
-    assert lost > 0.05 * kinetic[0]
-    assert result["normal_dissipation"].values[-1] == pytest.approx(lost, rel=1e-4)
-    assert not result["friction_dissipation"].values.any()
-
-
 SEAT = 5e-3
 """Radial clearance of a bearing wide enough to slide in [m]."""
 
@@ -89,28 +73,6 @@ def test_sliding_face_is_slowed_by_mu_times_its_weight(free_mass, direction, mu)
     assert work == pytest.approx(mu * weight * path, rel=1e-3)
     force = result["joint_force"].values[50, 0]
     assert force == pytest.approx([*(-mu * weight * way), weight], rel=1e-3)
-
-
-def test_ramp_of_friction_brakes_without_stopping(free_mass):
-    """Between v0 and v1 friction is a damper; below v0 there is none, and the body creeps on."""
-    v0, v1, mu, weight = 1e-3, 1e-1, 0.2, 2.0 * 9.81
-    sizes = {"radial_clearance": SEAT, "axial_clearance": 2e-4}
-    bearing = jp.RevoluteClearance(**sizes)
-    sunk = (weight / bearing.hertz_stiffness) ** (2.0 / 3.0)
-    result = free_mass(
-        **sizes,
-        normal=jp.contact.Hertz(),
-        friction=jp.contact.Ambrosio(mu, v0, v1),
-        com=f"0 0 {-bearing.lj / 2}",
-        gravity=(0, 0, -9.81),
-        offset=(0, 0, -bearing.ca - sunk, 0, 0, 0),
-        velocity=(0.05, 0, 0, 0, 0, 0),
-        duration=0.05,
-        step=5e-6,
-        record_every=100,
-    ).finish()
-    exact = v0 + (0.05 - v0) * np.exp(-mu * 9.81 / (v1 - v0) * result.time)
-    assert result["v"].values[:, 0] == pytest.approx(exact, rel=1e-3)
 
 
 def test_drives_joint_friction_and_gravity_balance_in_a_moving_robot(urdf):

@@ -253,5 +253,6 @@ def test_no_normal_law_gives_energy(free_mass, name):
     result = run.finish()
     assert result.status == Status.COMPLETED
     start = float(result["kinetic_energy"][0])
+    assert (result["normal_force"].values >= 0.0).all()
     assert np.diff(result["normal_dissipation"].values).min() >= -1e-6 * start
     assert float(result["kinetic_energy"].values.max()) < 1.001 * start

@@ -232,10 +232,3 @@ def test_what_no_joint_can_bear_is_said(urdf):
     run = jp.Run(standing(robot))
     assert run.simulation.start == "centred"
     assert not run.rest.solved
-
-
-def test_a_result_runs_again_as_it_ran(urdf):
-    robot = pendulum(urdf, jp.RevoluteClearance(**PIN))
-    result = standing(robot, seed=3).run()
-    assert result.simulation.start == "rest"
-    assert (result.simulation.run()["q"].values == result["q"].values).all()

@@ -259,7 +259,6 @@ def test_own_laws_are_found_in_modules_that_were_imported(tmp_path):
         "    out[2] = p[0] * normal\n    out[3] = out[4] = out[6] = out[7] = 0.0\n"
         "    out[5] = p[1] * normal\n"
     )
-    jp.import_module(tmp_path / "laws_of_this_test.py")
     law = '"laws_of_this_test:{}"'
     joint = (
         f'normal = {{ law = "custom", function = {law.format("push")}, parameters = ["1e8"] }}\n'
@@ -267,12 +266,16 @@ def test_own_laws_are_found_in_modules_that_were_imported(tmp_path):
         "parameters = [1e5, 0.1] }\n"
     )
     text = changed("[motion]", joint + "[motion]")
+    assert "--import laws_of_this_test" in refusal(text, tmp_path / "arm.toml")
+    jp.import_module(tmp_path / "laws_of_this_test.py")
     made = load(text, tmp_path / "arm.toml").simulation().mechanism.clearance["joint_b"]
     assert made.normal.values == (1e8,)
     assert isinstance(made.friction, CustomBristle)
     assert made.friction.values == (1e5, 0.1)
     wrong = refusal(changed("_test:push", "_test:pull", text), tmp_path / "arm.toml")
     assert "laws_of_this_test:pull" in wrong
+    with pytest.raises(jp.JointplayError, match="another module is called 'json'"):
+        jp.import_module((tmp_path / "laws_of_this_test.py").rename(tmp_path / "json.py"))
 
 
 def test_cases_merge_key_by_key():

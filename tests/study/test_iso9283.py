@@ -1,8 +1,6 @@
 """Figures of ISO 9283: points with known figures, and small runs."""
 
 import os
-import sqlite3
-from contextlib import closing
 from dataclasses import replace
 from itertools import pairwise
 
@@ -202,26 +200,6 @@ def test_runs_that_are_kept_are_not_done_again(arm, tmp_path, monkeypatch):
     monkeypatch.setattr(traces_module, "_course", lambda _: pytest.fail("run again"))
     again = traces([simulation], keep=tmp_path)
     assert np.array_equal(first[0].position, again[0].position)
-
-
-def rows_of(path):
-    with closing(sqlite3.connect(path)) as opened:
-        return opened.execute("SELECT found FROM cases").fetchall()
-
-
-def test_a_damaged_kept_run_is_done_again(arm, tmp_path):
-    simulation = pendulum(arm, duration=0.02)
-    first = traces([simulation], keep=tmp_path)
-    kept = tmp_path / "runs"
-    whole, rows = kept.read_bytes(), rows_of(kept)
-    for damaged in (whole[:-100], whole[:-200] + bytes(50) + whole[-150:]):
-        kept.write_bytes(damaged)
-        again = traces([simulation], keep=tmp_path)
-        assert np.array_equal(again[0].position, first[0].position)
-        assert rows_of(kept) == rows
-    kept.write_bytes(b"none")
-    with pytest.raises(JointplayError, match="is damaged or not a file of runs"):
-        traces([simulation], keep=tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -55,56 +55,6 @@ def groove(depth, at, width):
     return depth * np.exp(-((away / width) ** 2))
 
 
-@given(
-    reach=st.floats(1e-5, 2.4e-4), at=angles, tilt=st.floats(0, 1e-2), towards=angles,
-    depth=st.floats(0, 1e-4), place=angles,
-)  # fmt: skip
-def test_gap_of_a_worn_bore_is_its_least_over_all_directions(
-    reach, at, tilt, towards, depth, place
-):
-    profile = groove(depth, place, 0.6)
-    centre = np.array([reach * np.cos(at), reach * np.sin(at), 0.0])
-    turn = turned(tilt, towards)
-    found = touched(geometry.Shape.WORN_CYLINDER, worn(profile), 1, centre, turn)
-    rim = centre - HALF * turn[:, 2]
-    # The same spline by another road: linear interpolation of a finely sampled one.
-    fine = np.linspace(0, 2 * np.pi, 7201)
-    cell = fine / (2 * np.pi) * N
-    spline = sum(
-        row * b for row, b in zip(
-            [np.roll(profile, 1 - i)[np.floor(cell).astype(int) % N] for i in range(4)],
-            _basis(cell % 1.0), strict=True,
-        )
-    )  # fmt: skip
-    u = np.stack([np.cos(fine), np.sin(fine), 0 * fine])
-    support = rim @ u + RJ * np.sqrt(1.0 - (turn[:, 2] @ u) ** 2)
-    assert found[0] == pytest.approx((RI + spline - support).min(), abs=2e-9)
-    # The contact point lies on the rim.
-    arm = found[1:4] + HALF * turn[:, 2]
-    assert arm @ turn[:, 2] == pytest.approx(0.0, abs=1e-12)
-    assert np.linalg.norm(arm) == pytest.approx(RJ, rel=1e-12)
-
-
-def _basis(x):
-    y = 1 - x
-    return y**3 / 6, (3 * x**3 - 6 * x**2 + 4) / 6, (3 * y**3 - 6 * y**2 + 4) / 6, x**3 / 6
-
-
-@given(at=angles, tilt=st.floats(0, 1e-2), towards=angles, place=angles, way=angles)
-def test_normal_of_a_worn_bore_is_the_gradient_of_its_gap(at, tilt, towards, place, way):
-    dimensions = worn(groove(3e-5, place, 0.8))
-    turn, step = turned(tilt, towards), 1e-9
-    centre = 1.9e-4 * np.array([np.cos(at), np.sin(at), 0.0])
-    direction = np.array([np.cos(way), np.sin(way), 0.0])
-    shape = geometry.Shape.WORN_CYLINDER
-    ahead, here, behind = (
-        touched(shape, dimensions, 0, centre + s * direction, turn) for s in (step, 0.0, -step)
-    )
-    slope = (ahead[0] - behind[0]) / (2 * step)
-    if np.abs(ahead[4:] - behind[4:]).max() < 1e-3:  # not on a ridge between two places
-        assert slope == pytest.approx(here[4:] @ direction, abs=1e-4)
-
-
 def rubbing(urdf, spin, *, wear_rate=1e-13, gravity=9.81, duration=0.2, mass=2.0, **fields):
     """A heavy body whose journal turns in one place of its bore, driven steadily."""
     play = {"radial_clearance": 1e-4, "friction": jp.contact.Ambrosio(0.05)} | fields

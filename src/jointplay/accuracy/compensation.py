@@ -7,7 +7,7 @@ dynamics do: a gear's teeth lie on the side to which their torque presses them, 
 
 and journals rest where the load of the ideal motion presses them (`simulation.statics`, inertia
 forces included), which displaces the tool; the joints take that back through the Jacobian, its
-position before its turn.
+position before its turn unless the tool's size weighs both.
 Where friction can hold a gear's teeth on either side, its last side is kept; or stops are reached
 by a slow last way that is always made towards the same side, whose friction presses the teeth. What
 is found is a model's answer: `study.corners` has the engine judge it.
@@ -25,7 +25,7 @@ import pinocchio as pin
 
 from jointplay.accuracy.compensator import STILL
 from jointplay.accuracy.jacobians import taken_up, tool_place
-from jointplay.base.errors import JointplayError, require_a
+from jointplay.base.errors import JointplayError, require_a, require_positive
 from jointplay.base.progress import ProgressBar
 from jointplay.base.tables import Column, Table, counted, few
 from jointplay.model.mechanism import Coordinate, Mechanism, loaded
@@ -89,6 +89,8 @@ class Compensation:
     """Stops that are approached from one side: from when on [s], and by which gear."""
     learned: int = 0
     """Passes learned from own runs."""
+    size: float | None = None
+    """Length by which turns of the tool are weighed [m]; None: its position comes first."""
 
     @cached_property
     def motion(self) -> Motion:
@@ -169,7 +171,11 @@ def _told(found: Sequence[tuple[float, tuple[str, ...]]]) -> str:
 
 
 def compensate(
-    simulation: Simulation, *, approach: bool = False, progress: bool = False
+    simulation: Simulation,
+    *,
+    approach: bool = False,
+    size: float | None = None,
+    progress: bool = False,
 ) -> Compensation:
     """The motion of a simulation, corrected for the play, wind-up and deflection of its joints.
 
@@ -178,6 +184,9 @@ def compensate(
             friction of joints.
         approach: reach stops at which friction leaves a gear's side open from one side: the tool
             arrives aside, by somewhat more than the play, and creeps to its place.
+        size: of the tool, or of what it holds: a turn counts as much as the displacement of what is
+            so far from it [m]. None: the tool's position comes first, and its turn is taken back as
+            far as that leaves joints free.
         progress: show a bar on standard error.
 
     Raises:
@@ -187,6 +196,8 @@ def compensate(
     """
     require_a("simulation", simulation, "Simulation")
     mechanism, motion = _checked(simulation)
+    if size is not None:
+        require_positive("size of the tool", size, "m")
     count = 2 * max(round(0.5 * motion.duration / NODE_S), 2) + 1
     times = np.linspace(0.0, motion.duration, count)
     gears = tuple(n for n in mechanism.gears if n in motion.joints and _is_behind(simulation, n))
@@ -222,11 +233,11 @@ def compensate(
     for one in {(each.k, each.arrival): each for each in approaches}.values():
         one.apply(simulation, times, shift, side, undecided)
     if mechanism.clearance:
-        shift -= through_jacobian(simulation, times, displacement)
+        shift -= through_jacobian(simulation, times, displacement, size)
     shift, smoothed, clipped = _within_limits(simulation, times, shift)
     return Compensation(
         simulation, times, shift, gears, torque, side, undecided, displacement, smoothed, clipped,
-        tuple((one.stop, one.gear) for one in approaches),
+        tuple((one.stop, one.gear) for one in approaches), size=size,
     )  # fmt: skip
 
 
@@ -254,7 +265,7 @@ def corrected_motion(
 
 
 def through_jacobian(
-    simulation: Simulation, times: np.ndarray, displacement: np.ndarray
+    simulation: Simulation, times: np.ndarray, displacement: np.ndarray, size: float | None
 ) -> np.ndarray:
     """Displacements of the joints of the motion, (n, j), that move the ideal tool so (n, 6)."""
     ideal, motion = simulation.mechanism.ideal(), simulation.motion
@@ -262,7 +273,7 @@ def through_jacobian(
     found = np.zeros((len(times), len(motion.joints)))
     for k, position in enumerate(motion(times)[0]):
         at = dict(zip(motion.joints, position.tolist(), strict=True))
-        found[k], _ = taken_up(ideal, at, displacement[k])
+        found[k], _ = taken_up(ideal, at, displacement[k], size)
     return found
 
 

@@ -165,7 +165,9 @@ def configurations(
             'with base = "held"; relative_to then names the body whose motion does not count'
         )
     if isinstance(poses, Mapping):
-        q = mechanism.configuration(poses)[None]
+        entries = mechanism.description.joints
+        others = {name: entries[name].neutral for name in mechanism.joints if name in entries}
+        q = mechanism.configuration({**others, **poses})[None]
     else:
         q = np.atleast_2d(require_numbers("poses", poses, ("poses",)))
     if q.ndim != 2 or q.shape[1] != mechanism.model.nq or not np.isfinite(q).all():
@@ -240,17 +242,18 @@ _LOST = 1e-9
 
 
 def taken_up(
-    ideal: Mechanism, at: Mapping[str, float], displacement: np.ndarray
+    ideal: Mechanism, at: Mapping[str, float], displacement: np.ndarray, size: float | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """How far joints move to displace the tool, by damped least squares, and what they cannot do.
 
-    The position comes first, since no length weighs a turn against it; by the motions that leave
+    Unless a length weighs a turn against it, the position comes first; by the motions that leave
     the position as it is the tool is turned as far as it can be.
 
     Args:
         ideal: a robot without loops.
         at: positions of the joints that move [rad or m].
         displacement: of the tool, world axes, shape (6,) [m, rad].
+        size: a turn counts as the displacement of what is so far from the tool [m].
 
     Returns:
         Of each joint, shape (len(at),) [rad or m], and what is left, shape (6,).
@@ -260,6 +263,10 @@ def taken_up(
     moves = pin.getFrameJacobian(
         ideal.model, ideal.data, ideal.tool_frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     ).reshape(6, -1)[:, [ideal.coordinate(name) for name in at]]
+    if size is not None:
+        weight = np.repeat([1.0, size], 3)
+        ways = _least_squares(weight[:, None] * moves, weight * displacement)
+        return ways, displacement - moves @ ways
     ways = _least_squares(moves[:3], displacement[:3])
     _, values, right = np.linalg.svd(moves[:3])
     free = right[int(np.sum(values > _LOST * values.max(initial=0.0))) :].T

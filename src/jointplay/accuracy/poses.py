@@ -247,12 +247,7 @@ def over_workspace(
 
 def middle(mechanism: Mechanism) -> dict[str, float]:
     """Zero for each joint, or the middle of its limits if zero lies outside [rad or m]."""
-    names = moving(mechanism)
-    low, high = joint_limits(mechanism, names)
-    inside = (low <= 0.0) & (high >= 0.0)
-    with np.errstate(invalid="ignore"):
-        values = np.where(inside, 0.0, 0.5 * (low + high))
-    return dict(zip(names, values.tolist(), strict=True))
+    return {name: mechanism.description.joints[name].neutral for name in moving(mechanism)}
 
 
 def start_of(simulation: Simulation) -> dict[str, float]:

@@ -137,12 +137,19 @@ def require_a(name: str, value: Any, *kinds: str) -> None:
 _KINDS = {"str": "text", "Mapping": "a mapping of names to them", "Iterable": "a list of them"}
 
 
+LARGEST = 1e100
+"""Largest number of a quantity: products of three stay within the range of floats."""
+
+
 def require_positive(name: str, value: float, unit: str, where: Where = ()) -> float:
     """Return `value` as float if it is finite and > 0, else raise naming it with its `unit`."""
     value = require_finite(name, value, unit, where)
     if value <= 0.0:
         message = f"{name} must be greater than zero, got {readable(value, unit)}"
         raise JointplayError(message, where)
+    if value < 1.0 / LARGEST:
+        message = f"{name} must be at least {1.0 / LARGEST:g}, got {value:g} {unit}"
+        raise JointplayError(message.rstrip(), where)
     return value
 
 
@@ -173,6 +180,9 @@ def require_finite(name: str, value: float, unit: str, where: Where = ()) -> flo
         number = math.inf
     if not math.isfinite(number):
         raise JointplayError(f"{name} must be finite, got {number} {unit}".rstrip(), where)
+    if abs(number) > LARGEST:
+        message = f"{name} must be no larger than {LARGEST:g}, got {number:g} {unit}"
+        raise JointplayError(message.rstrip(), where)
     return number
 
 

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from textwrap import shorten
 from typing import NamedTuple
 
 from jointplay.base.tables import Table
 
-GIVEN, FILE, ASSUMED = "given", "file", "assumed"
+GIVEN, FILE, SEEN, ASSUMED = "given", "file", "seen", "assumed"
 """Of what the user said, in options or in files; what a robot's own file has; what nobody said.
 Numbers of presets are measured, seen, estimated or assumed."""
 
 Key = tuple[str, ...]
 Origins = Mapping[Key, tuple[str, str]]
 """Origin and source of values, by key of a scenario; of a whole table, too."""
+
+_WIDTH = 60
+"""Letters of a source that a table shows."""
 
 EFFECTS = {
     "radial_clearance": "the error, in proportion",
@@ -78,7 +82,8 @@ def to_text(found: list[Value]) -> str:
 
 def value_table(found: list[Value]) -> Table:
     """Values for readers, those that were assumed first."""
-    rows = [("value", "is", "origin", "would change")]
+    rows = [("value", "is", "by", "another would change")]
     for one in sorted(found, key=lambda one: not one.assumed):
-        rows.append((one.key, one.value, f"{one.origin}: {one.source}", one.effect))
+        by = one.source if one.assumed else f"{one.origin}: {one.source}"
+        rows.append((one.key, shorten(one.value, _WIDTH), shorten(by, _WIDTH), one.effect))
     return Table.of_texts(rows)

@@ -540,9 +540,13 @@ def _table(kind: type, data: Any, word: tuple[str, str] | None, preset: Mapping[
         if name in fields:
             with within(name):
                 values[name] = _field(fields[name], data[name])
-    for name, field in fields.items():
-        if field.required and name not in data:
-            raise MissingKey(f"the key {name} is missing")
+    missing = [name for name, one in fields.items() if one.required and name not in data]
+    if missing:
+        several = len(missing) > 1
+        raise MissingKey(
+            f"the key{'s' if several else ''} {', '.join(missing)} {'are' if several else 'is'} "
+            "missing"
+        )
     return Draft(kind, word[1] if word else None, values)
 
 

@@ -357,8 +357,9 @@ def _full_run(
     names = moving(mechanism)
     for name in pose:
         require_known("moving joint", name, names)
+    entries = mechanism.description.joints
     times = period * np.array([0.0, 0.25, 0.75, 1.25, 1.75, 2.0])
-    begin = {name: pose.get(name, 0.0) for name in names}
+    begin = {name: pose.get(name, entries[name].neutral) for name in names}
     positions = np.tile(list(begin.values()), (len(times), 1))
     positions[:, names.index(joint)] += amplitude * np.array([0.0, 1.0, -1.0, 1.0, -1.0, 0.0])
     motion = Motion(names, times, positions, "rest-to-rest")
@@ -367,7 +368,7 @@ def _full_run(
         step = fitting_step(mechanism, mechanism.configuration(begin))
     simulation = Simulation(
         mechanism, motion, drive=Prescribed(), step=step, record_every=max(round(2e-4 / step), 1),
-        joint_friction=None if friction is None else {joint: friction},
+        joint_friction=None if friction is None else {joint: friction}, loads={},
     )  # fmt: skip
     return simulation.run(progress, estimate=False).completed("the run of the full model")
 

@@ -59,10 +59,11 @@ def dataframe(result: Result, every: int = 1) -> pd.DataFrame:
     Raises:
         JointplayError: `every` is not a whole number from 1 on.
     """
-    import pandas as pd
+    import xarray as xr
 
     histories = columns(result.thinned(every))
-    table = pd.DataFrame({name: values for name, (values, _) in histories.items()})
+    made = xr.Dataset({name: ("record", values) for name, (values, _) in histories.items()})
+    table: pd.DataFrame = made.to_dataframe().rename_axis(None)
     table.attrs = {
         "units": {name: unit for name, (_, unit) in histories.items()},
         "message": result.message,

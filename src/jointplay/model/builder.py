@@ -17,7 +17,7 @@ from jointplay.base.streams import caught_stderr
 from jointplay.model.frames import motions
 from jointplay.model.gear import Gearing
 from jointplay.model.loop import Lock
-from jointplay.model.urdf import Description
+from jointplay.model.urdf import LIMITED, Description
 from jointplay.model.vocabulary import WORDS
 from jointplay.physics.joints import MOTOR, VIRTUAL_LINK, Clearance, Coordinate, replacing
 
@@ -53,8 +53,10 @@ def parse(description: Description, released: Collection[str] = ()) -> pin.Model
         if joint.get("name") in released:
             joint.set("type", _URDF_FLOATING)
         limit = joint.find("limit")
-        if limit is None:
+        if limit is None and joint.get("type") not in LIMITED:
             continue
+        if limit is None:
+            limit = ElementTree.SubElement(joint, "limit")
         # Pinocchio wants all of them, finite, and no effort of -1; nobody asks it for them.
         for key in WORDS["limit"].attributes:
             value = float(limit.get(key, "nan"))
@@ -127,7 +129,7 @@ def build(
             name.
     """
     model = pin.Model()
-    model.name = source.name
+    model.name, names = source.name, [*source.names]
     data = source.createData()
     pin.computeJointJacobians(source, data, pin.neutral(source))
     moved = {0: 0}
@@ -137,11 +139,11 @@ def build(
     def carriages(carrier: int) -> None:
         for loop, lock in locks.items():
             if lock.carrier == model.names[carrier]:
-                _virtual_link(model, carrier, lock.placement, loop, lock.freedoms)
+                _virtual_link(model, carrier, lock.placement, loop, lock.freedoms, names)
                 coordinates.extend(Coordinate(loop, freedom) for freedom in lock.freedoms)
 
     if base is not None:
-        moved[0] = _virtual_link(model, 0, pin.SE3.Identity(), base, VIRTUAL_LINK)
+        moved[0] = _virtual_link(model, 0, pin.SE3.Identity(), base, VIRTUAL_LINK, names)
         coordinates.extend(Coordinate(base, part) for part in VIRTUAL_LINK)
         model.appendBodyToJoint(moved[0], source.inertias[0], pin.SE3.Identity())
     carriages(0)
@@ -155,7 +157,7 @@ def build(
         if given is not None and (given.compound() or not given.ideal):
             turn = pin.SE3(z_to(axis), np.zeros(3))
             freedoms = given.ideal_freedoms if given.ideal else given.freedoms
-            new = _virtual_link(model, parent, placement * turn, name, freedoms)
+            new = _virtual_link(model, parent, placement * turn, name, freedoms, names)
             coordinates += [Coordinate(name, freedom) for freedom in freedoms]
             turned[old] = turn.inverse()
         else:
@@ -176,7 +178,8 @@ def build(
     for name, gear in gears.items():
         # Of a joint that slides, too: its coordinate is in metres, and gravity does not act on it.
         rotor = pin.Inertia(0.0, np.zeros(3), np.diag([0.0, 0.0, gear.rotor_inertia]))
-        motor = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), f"{name}\t{MOTOR}")
+        called = _free(names, f"{name}.{MOTOR}")
+        motor = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), called)
         model.appendBodyToJoint(motor, rotor, pin.SE3.Identity())
         coordinates.append(Coordinate(name, MOTOR))
     _check_names(coordinates)
@@ -222,9 +225,14 @@ def _axis(
 
 
 def _virtual_link(
-    model: pin.Model, parent: int, placement: pin.SE3, name: str, freedoms: tuple[str, ...]
+    model: pin.Model,
+    parent: int,
+    placement: pin.SE3,
+    name: str,
+    freedoms: tuple[str, ...],
+    taken: Collection[str],
 ) -> int:
-    """Append the joints of a virtual link; the last has the plain `name`."""
+    """Append the joints of a virtual link; the last has the plain `name`, others none `taken`."""
     parts: list[Any] = []
     for group, whole in (
         (VIRTUAL_LINK[:3], pin.JointModelTranslation),
@@ -234,10 +242,17 @@ def _virtual_link(
         parts += [whole()] if len(free) == 3 else [_SINGLE[freedom]() for freedom in free]
     for position, joint in enumerate(parts):
         last = position == len(parts) - 1
-        # Nobody looks these up, and Pinocchio refuses a name that is taken; no joint has a tab.
-        parent = model.addJoint(parent, joint, placement, name if last else f"{name}\t{position}")
+        called = name if last else _free(taken, f"{name}.{position}")
+        parent = model.addJoint(parent, joint, placement, called)
         placement = pin.SE3.Identity()
     return int(parent)
+
+
+def _free(taken: Collection[str], name: str) -> str:
+    """A name for a joint that nobody looks up, which none of the robot has."""
+    while name in taken:
+        name += "'"
+    return name
 
 
 def _revolute(axis: np.ndarray) -> Any:

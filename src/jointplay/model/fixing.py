@@ -23,8 +23,8 @@ _OF_FIXED = ("parent", "child")
 def with_fixed(description: Description, joints: Collection[str]) -> Description:
     """The description with these joints fixed, and with them those that mimic them.
 
-    A joint is held at zero, or where its limits exclude that, at the limit nearest to it. One that
-    is fixed already stays as it is.
+    A joint is held where it stands if nobody says where (`JointEntry.neutral`). One that is fixed
+    already stays as it is.
 
     Raises:
         MissingName: no such joint.
@@ -33,7 +33,7 @@ def with_fixed(description: Description, joints: Collection[str]) -> Description
         if name not in description.joints:
             raise MissingName("joint", name, description.moving, where=("fix",))
     moving = description.moving
-    places = {name: _nearest_to_zero(description, name) for name in joints if name in moving}
+    places = {name: description.joints[name].neutral for name in joints if name in moving}
     if not places:
         return description
     while followers := [
@@ -49,13 +49,6 @@ def with_fixed(description: Description, joints: Collection[str]) -> Description
         if name in places:
             _fix(joint, description.joints[name].turns, places[name])
     return read_again(description, root, "joint")
-
-
-def _nearest_to_zero(description: Description, name: str) -> float:
-    """Position of a joint [rad or m]."""
-    joint = description.joints[name]
-    lower, upper = joint.lower, joint.upper
-    return 0.0 if lower is None or upper is None else min(max(0.0, lower), upper)
 
 
 def _fix(joint: Element, turns: bool, position: float) -> None:

@@ -163,6 +163,15 @@ def completed(
     return found, rules
 
 
+def with_rotors(gears: Mapping[str, Gearing], armature: Mapping[str, float]) -> dict[str, Gearing]:
+    """Gears with the rotors that the robot's file has, as its joints' armature, if not given."""
+    found = dict(gears)
+    for name, gear in gears.items():
+        if isinstance(gear, Gearing) and "rotor_inertia" in gear.missing and name in armature:
+            found[name] = replace(gear, rotor_inertia=armature[name])  # type: ignore[type-var, call-arg]
+    return found
+
+
 def stiffness(effort: float, slides: bool) -> float:
     """Stiffness of a gear by the effort of its joint [N m/rad; N/m]."""
     return SLIDE_STIFFNESS if slides else min(STIFFNESS * effort**1.5, STIFFEST * effort)
@@ -181,14 +190,21 @@ def _numbers(
     inertia = rotor if gear.rotor_inertia is None else gear.rotor_inertia
     known = "" if efforts.stiffness_is_known(name) or entry.slides else GUESS
     return {
-        "stiffness": Rule(stiff, "gear stiffness", f"{reason}{known}"),
-        "rotor_inertia": Rule(rotor, "rotor inertia", f"{reason} and {fastest:.3g} {entry.unit}/s"),
+        "stiffness": Rule(_rounded(stiff), "gear stiffness", f"{reason}{known}"),
+        "rotor_inertia": Rule(
+            _rounded(rotor), "rotor inertia", f"{reason} and {fastest:.3g} {entry.unit}/s"
+        ),
         "damping": Rule(
-            2.0 * DAMPING * float(np.sqrt(stiff * inertia)),
+            _rounded(2.0 * DAMPING * float(np.sqrt(stiff * inertia))),
             "gear damping",
             f"{DAMPING:.0%} of critical",
         ),
     }
+
+
+def _rounded(value: float) -> float:
+    """A number as exact as a rule is."""
+    return float(f"{value:.3g}")
 
 
 def _poses(

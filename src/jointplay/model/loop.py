@@ -164,10 +164,10 @@ def assemble(
 
     Where q says of no other coordinate than `held`, these go there from the zero pose in steps that
     the loops follow: far from it, loops close in several ways. Journals stay where they are in
-    their bearings, or at `offsets` (by loop, (3,) [m]), and only turn with them; if the loops
-    cannot be closed like this, journals of the tree move too, as far as their clearance lets them,
-    and those that close a loop lie where the positions given for the others put them. If that does
-    not do, those of `held` that are `guessed` are corrected by at most `GUESS`, with a warning.
+    their bearings, or at `offsets` (by loop, (3,) [m]), and only turn with them. If the loops
+    cannot be closed like this, those of `held` that are `guessed` are corrected by at most `GUESS`,
+    with a warning. If that does not do, journals of the tree move too, as far as their clearance
+    lets them, and those that close a loop lie where the positions given for the others put them.
 
     Raises:
         JointplayError: the loops cannot be closed; the message has the gap that remains, and
@@ -179,11 +179,14 @@ def assemble(
     free = _free(mechanism, held, journals=False)
     best = closest(mechanism, _continued(mechanism, q, held, free), free, offsets)
     if _gap(mechanism, best, offsets) > ASSEMBLY_TOLERANCE_M:
+        corrected = _corrected(mechanism, q, held, guessed)
         moved = closest(mechanism, best, _free(mechanism, held, journals=True), offsets)
-        if _fit(mechanism, moved):
+        if corrected is not None:
+            best = corrected
+        elif _fit(mechanism, moved):
             best = moved
         elif not _fit(mechanism, best):
-            best = _corrected(mechanism, q, best, held, guessed)
+            raise _open(mechanism, q, best, held, guessed)
     for name in mechanism.gears:
         if mechanism.motor(name) not in held:  # unstrained
             best[mechanism.motor(name)] = best[mechanism.coordinate(name)]
@@ -358,51 +361,59 @@ def _fit(mechanism: Mechanism, q: np.ndarray) -> bool:
 
 
 def _corrected(
+    mechanism: Mechanism, q: np.ndarray, held: Sequence[int], guessed: Sequence[int]
+) -> np.ndarray | None:
+    """q with loops closed by changing what was `guessed`, too; None if that goes too far."""
+    own = _own(mechanism, guessed)
+    if not own:
+        return None
+    facts = [i for i in held if i not in guessed]
+    freed = closest(mechanism, q, _free(mechanism, facts, journals=False), {})
+    moved = {name: i for name, i in own.items() if freed[i] != q[i]}
+    for name, i in moved.items():
+        slides = mechanism.description.joints[name].slides
+        if abs(freed[i] - q[i]) > GUESS * (ANGLE_ARM_M if slides else 1.0):
+            return None
+    if not moved or _gap(mechanism, freed, {}) > ASSEMBLY_TOLERANCE_M:
+        return None
+    told = ", ".join(f"{name} {q[i]:.8g} to {freed[i]:.8g}" for name, i in moved.items())
+    warnings.warn(
+        f"start corrected, for loops determine it: {told} [rad or m]", RuntimeWarning, stacklevel=2
+    )
+    for name in moved.keys() & mechanism.gears.keys():
+        freed[mechanism.motor(name)] += freed[moved[name]] - q[moved[name]]
+    return freed
+
+
+def _own(mechanism: Mechanism, held: Sequence[int]) -> dict[str, int]:
+    """Joints whose own coordinate is `held`."""
+    own = {name: mechanism.coordinate(name) for name in mechanism.joints}
+    return {name: i for name, i in own.items() if i in held}
+
+
+def _open(
     mechanism: Mechanism,
     q: np.ndarray,
     best: np.ndarray,
     held: Sequence[int],
     guessed: Sequence[int],
-) -> np.ndarray:
-    """q with loops closed by changing what was `guessed`, too; `best` is as far as `held` allows.
-
-    Refused, with the loop that stays open the most, where that does not close them or goes too far.
-    """
+) -> JointplayError:
+    """Which loop stays open the most in `best`, and where the loops would close."""
     gaps = {name: float(np.abs(part).max()) for name, part in misfit(mechanism, best).items()}
     worst = max(gaps, key=lambda name: gaps[name])
     what = f"the mechanism cannot be assembled: loop {worst!r} stays open by {gaps[worst]:.4g} m; "
-    facts = [i for i in held if i not in guessed]
-    own = {name: mechanism.coordinate(name) for name in mechanism.joints}
-    own = {name: i for name, i in own.items() if i in held}
-    for kept in (facts, []) if guessed else ([],):
+    own, facts = _own(mechanism, held), [i for i in held if i not in guessed]
+    remedy = "check lengths and frames, or start from other joint positions"
+    for kept in (facts, []) if own else ():
         freed = closest(mechanism, q, _free(mechanism, kept, journals=False), {})
-        if not own or _gap(mechanism, freed, {}) > ASSEMBLY_TOLERANCE_M:
-            continue
-        moved = {name: i for name, i in own.items() if freed[i] != q[i]}
-        reach = {
-            name: GUESS * (ANGLE_ARM_M if mechanism.description.joints[name].slides else 1.0)
-            for name in moved
-        }
-        if facts is kept and all(abs(freed[i] - q[i]) <= reach[n] for n, i in moved.items()):
-            told = ", ".join(f"{name} {q[i]:.8g} to {freed[i]:.8g}" for name, i in moved.items())
-            warnings.warn(
-                f"start corrected, for loops determine it: {told} [rad or m]",
-                RuntimeWarning,
-                stacklevel=2,
+        if _gap(mechanism, freed, {}) < ASSEMBLY_TOLERANCE_M:
+            near = ", ".join(f"{name} = {freed[i]:.6g}" for name, i in own.items())
+            remedy = (
+                f"the positions given for {', '.join(own)} contradict each other: it closes at "
+                f"{near} [rad or m]; give fewer of them, or these"
             )
-            for name in moved.keys() & mechanism.gears.keys():
-                freed[mechanism.motor(name)] += freed[moved[name]] - q[moved[name]]
-            return freed
-        near = ", ".join(f"{name} = {freed[i]:.6g}" for name, i in own.items())
-        raise JointplayError(
-            f"{what}the positions given for {', '.join(own)} contradict each other: it closes at "
-            f"{near} [rad or m]; give fewer of them, or these",
-            where=("loops", worst),
-        )
-    raise JointplayError(
-        f"{what}check lengths and frames, or start from other joint positions",
-        where=("loops", worst),
-    )
+            break
+    return JointplayError(f"{what}{remedy}", where=("loops", worst))
 
 
 def closing_rows(

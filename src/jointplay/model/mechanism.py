@@ -46,9 +46,10 @@ from jointplay.model.frames import (
 )
 from jointplay.model.free_base import BASE, BASES, HELD
 from jointplay.model.gear import GEARS, Gear, Gearing
-from jointplay.model.gear_rules import completed
+from jointplay.model.gear_rules import completed, with_rotors
 from jointplay.model.loop import Lock, Loop, refuse_name
 from jointplay.model.payload import Payload
+from jointplay.model.pinocchio_model import description_of_model
 from jointplay.model.seats import SEAT, seat_of_joint, seat_of_loop
 from jointplay.model.tool import choose_tool
 from jointplay.model.tree import Tree
@@ -129,7 +130,8 @@ class Mechanism(Overview, Described):
 
     Args:
         path: the URDF or xacro, ``jointplay:NAME`` for one that ships with the package, or a name
-            such as ``ur5`` for a robot of example-robot-data or robot_descriptions.
+            such as ``ur5`` for a robot of example-robot-data or robot_descriptions; or a
+            ``pinocchio.Model``, whose placements, inertias, limits, gravity and armature count.
         clearance: joints with clearance, by the name of the URDF joint that each replaces or of the
             loop that each cuts. One whose field `ideal` is set has none.
         loops: joints that close loops, by name; without clearance they are ideal revolute joints.
@@ -142,8 +144,8 @@ class Mechanism(Overview, Described):
             joints that has most of those with clearance (`mechanism.tool`).
         allow_unphysical: links whose inertia is used although no rigid body has it; ``["all"]``
             stands for all of them.
-        fix: joints that are held, with those that mimic them: at zero, or at the limit nearest to
-            it.
+        fix: joints that are held, with those that mimic them: at zero, or in the middle of
+            limits that exclude it.
         base: ``"held"`` to the ground, or ``"free"``: held by nothing, as that of what walks, flies
             or is carried. Its coordinates ``base.x``, ``.y``, ``.z`` [m], ``.yaw``, ``.pitch`` and
             ``.roll`` [rad] come first; they are zero where the URDF has it. None: what an MJCF
@@ -177,7 +179,7 @@ class Mechanism(Overview, Described):
 
     def __init__(
         self,
-        path: str | Path | urdf.Description,
+        path: str | Path | urdf.Description | pin.Model,
         clearance: Mapping[str, Clearance] | None = None,
         *,
         loops: Mapping[str, Loop] | None = None,
@@ -194,11 +196,15 @@ class Mechanism(Overview, Described):
             "allow_unphysical", allow_unphysical, "names of links", ("allow_unphysical",)
         )
         fix = require_names("fix", fix, "names of joints", ("fix",))
-        if not isinstance(path, urdf.Description | str | Path):
+        if not isinstance(path, urdf.Description | str | Path | pin.Model):
             raise JointplayError(
-                f"a mechanism needs the path of a URDF, or a robot's name, got {path!r:.60}"
+                "a mechanism needs the path of a URDF, a robot's name or a pinocchio.Model, got "
+                f"{path!r:.60}"
             )
         said: Mapping[str, Mapping[str, Any]] = {}
+        if isinstance(path, pin.Model):
+            path = description_of_model(path, allow_unphysical)
+            said = path.beyond.tables
         if not isinstance(path, urdf.Description):
             arguments = require_table("xacro", xacro, "of arguments by name", ("xacro",))
             path = formats.read(path, allow_unphysical, arguments=arguments)
@@ -215,6 +221,7 @@ class Mechanism(Overview, Described):
         self.loops = require_table("loops", loops, "of loops by name", ("loops",))
         gears = require_table("gears", gears, "of gears by joint", ("gears",))
         self.gears = self._said(said, "gears", GEARS) | gears
+        self.gears = with_rotors(self.gears, self.description.beyond.armature)
         self.description = urdf.with_geared(self.description, self.gears)
         flexible = require_table("flexible", flexible, "of flexible links by name", ("flexible",))
         self.allow_unphysical = tuple(allow_unphysical)

@@ -15,7 +15,7 @@ from jointplay.model.formats import urdf_text
 from jointplay.model.massless import massless_links, massless_motions
 from jointplay.model.mechanism import Mechanism
 from jointplay.model.robots import PREFIX, SUFFIXES, source_of
-from jointplay.model.urdf import ALL, elements, impossible_inertias, mimics, parse
+from jointplay.model.urdf import ALL, elements, impossible_inertias, mimics, parse, partly_limited
 from jointplay.model.xacro import Value
 
 
@@ -39,6 +39,8 @@ class Survey:
     """Why it cannot be loaded at all; empty if it can."""
     astray: Mapping[str, str] = field(default_factory=dict)
     """Joints that shall follow one that does not exist, and so move on their own."""
+    unlimited: tuple[str, ...] = ()
+    """Joints that lack some of their limits, in words."""
     mechanism: Mechanism | None = None
     """The ideal robot, if it can be loaded."""
 
@@ -64,6 +66,7 @@ class Survey:
             (astray, "move independently, because the joint that they mimic does not exist: {}"),
         )
         found = tuple(text.format(_list(names)) for names, text in remarks if names)
+        found += self.unlimited
         if not self.moving:
             found = ("has no joint that moves: nothing can be simulated", *found)
         return (self.problem, *found) if self.problem else found
@@ -87,18 +90,21 @@ def survey(place: str | Path, xacro: Mapping[str, Value] | None = None) -> Surve
     following, lost = mimics(root)
     followers = tuple(n for n in moving if n in following)
     astray = {n: one.leader for n, one in lost.items()}
+    unlimited = tuple(partly_limited(root))
     unphysical = tuple(impossible_inertias(root))
     try:
         mechanism = Mechanism(parse(text, path, [ALL]), allow_unphysical=[ALL])
     except JointplayError as error:
-        return Survey(name, path, moving, False, unphysical, followers, (), str(error), astray)
+        more = astray, unlimited
+        return Survey(name, path, moving, False, unphysical, followers, (), str(error), *more)
     moving = {n: moving[n] for n in mechanism.coordinates}
     still = pin.neutral(mechanism.model)
     free = massless_motions(mechanism, still) if moving else np.zeros((0, 0))
     massless = tuple(massless_links(mechanism, still, free).values())
     serial = mechanism.description.serial
     return Survey(
-        name, path, moving, serial, unphysical, followers, massless, "", astray, mechanism
+        *(name, path, moving, serial, unphysical, followers, massless, "", astray, unlimited),
+        mechanism,
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import math
 import re
 import shlex
 import xml.etree.ElementTree as ElementTree
@@ -18,6 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from jointplay.base.errors import JointplayError, MissingName, closest, require_a, require_known
+from jointplay.base.tables import few
 from jointplay.model.vocabulary import check_words, numbers
 
 if TYPE_CHECKING:
@@ -116,6 +118,14 @@ class Declared:
         return transmissions
 
 
+def between(lower: float | None, upper: float | None) -> float:
+    """Zero, or the middle of limits that exclude it; of a single one, that limit."""
+    low, high = (-math.inf if lower is None else lower), (math.inf if upper is None else upper)
+    if low <= 0.0 <= high:
+        return 0.0
+    return 0.5 * (low + high) if math.isfinite(high - low) else min(max(0.0, low), high)
+
+
 @dataclass(frozen=True)
 class JointEntry:
     """A joint as the URDF declares it."""
@@ -144,6 +154,13 @@ class JointEntry:
     def unit(self) -> str:
         """Of its position: ``m`` if it slides, else ``rad``."""
         return "m" if self.slides else "rad"
+
+    @property
+    def neutral(self) -> float:
+        """Where it stands if nobody says where [rad or m]: at zero, or in the middle of limits
+        that exclude that.
+        """
+        return between(self.lower, self.upper)
 
     @property
     def way(self) -> int:
@@ -187,6 +204,9 @@ NO_AXIS = ("fixed", "floating")
 
 SHORTEST_AXIS = 1e-6
 """An axis is a unit vector: one with no longer component is rounding."""
+
+LARGEST = 1e6
+"""Largest length [m] or angle [rad]: a float there still tells 0.1 nm and 0.1 nrad apart."""
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 """In world axes [m/s^2]."""
@@ -311,13 +331,13 @@ class Description:
         return f"the base {base!r} is held fast, as if bolted to the ground"
 
     @property
-    def astray(self) -> list[str]:
-        """Joints that are to mimic one that does not exist, in words, a line each."""
+    def doubts(self) -> list[str]:
+        """Joints whose leader does not exist, or whose limits are not whole, a line each."""
         return [
             f"{name} mimics {one.leader!r}, which is no joint, and moves by itself; "
             f"{closest(one.leader, self.joints)}".rstrip("; ")
             for name, one in mimics(self.declared.root)[1].items()
-        ]
+        ] + partly_limited(self.declared.root)
 
     def require_moving(self) -> None:
         """Raise unless some joint moves.
@@ -340,7 +360,7 @@ class Description:
 
 
 def with_geared(description: Description, joints: Collection[str]) -> Description:
-    """The description without armature of joints whose gears have rotors of their own."""
+    """The description without the armature of joints whose gears have rotors of their own."""
     armature = description.beyond.armature
     if armature.keys().isdisjoint(joints):
         return description
@@ -468,9 +488,11 @@ def _limits(joint: ElementTree.Element, name: str) -> dict[str, float | None]:
         for key in ("lower", "upper", "effort", "velocity")
     )
     if lower > upper and kind in LIMITED:
+        cure = "exchange them"
+        if missing := {"lower", "upper"} - set({} if limit is None else limit.attrib):
+            cure = f"the {missing.pop()} one is missing, which means 0: give it"
         raise JointplayError(
-            f"joint {name!r} has the lower limit {lower:g} above the upper one {upper:g}; "
-            "exchange them"
+            f"joint {name!r} has the lower limit {lower:g} above the upper one {upper:g}; {cure}"
         )
     for key, value in (("effort", effort), ("velocity", velocity)):
         if value < 0.0 and value != -1.0:
@@ -482,6 +504,25 @@ def _limits(joint: ElementTree.Element, name: str) -> dict[str, float | None]:
     if lower < upper and kind != "continuous":
         found |= {"lower": lower, "upper": upper}
     return found
+
+
+def partly_limited(root: ElementTree.Element) -> list[str]:
+    """Joints of whose limits the URDF gives some only, a line each; each type needs its own."""
+    joints: dict[tuple[str, ...], list[str]] = {}
+    for joint in root.findall("joint"):
+        limit, kind = joint.find("limit"), joint.get("type")
+        if kind in NO_AXIS or (limit is None and kind not in LIMITED):
+            continue
+        needed = (*(("lower", "upper") if kind in LIMITED else ()), "effort", "velocity")
+        given = {} if limit is None else limit.attrib
+        if missing := tuple(key for key in needed if key not in given):
+            joints.setdefault(missing, []).append(joint.get("name", ""))
+    lines = []
+    for missing, names in joints.items():
+        ends = [key for key in missing if key in ("lower", "upper")]
+        zero = f", and {ends[0]} counts as 0" if len(ends) == 1 else ""
+        lines.append(f"no limit {', '.join(missing)} in the URDF{zero}: {few(names)}")
+    return lines
 
 
 def _resistance(dynamics: ElementTree.Element | None, key: str, name: str) -> float:
@@ -554,11 +595,13 @@ def _check_placements(root: ElementTree.Element) -> None:
             owner = f"{kind} {element.get('name', '')!r}"
             for origin in element.findall(path):
                 for key in ("xyz", "rpy"):
-                    numbers(origin, key, f"{owner}: origin {key}", 3, "0 0 0")
+                    what = f"{owner}: origin {key}"
+                    _require_size(numbers(origin, key, what, 3, "0 0 0"), what)
             axis = element.find("axis")
             if axis is None or kind == "link" or element.get("type") in NO_AXIS:
                 continue
             way = numbers(axis, "xyz", f"{owner}: axis", 3, "1 0 0")
+            _require_size(way, f"{owner}: axis")
             if not max(map(abs, way)) > SHORTEST_AXIS:
                 raise JointplayError(
                     f"{owner} has the axis {axis.get('xyz')!r}, which has no direction"
@@ -584,8 +627,16 @@ def _check_size(shape: ElementTree.Element, key: str, what: str) -> None:
     if key == "scale":
         text = shape.get(key, "1 1 1")
         numbers(shape, key, what, 1 if len(text.split()) == 1 else 3, text)
-    elif min(numbers(shape, key, what, 3 if key == "size" else 1)) < 0.0:
+        return
+    sizes = numbers(shape, key, what, 3 if key == "size" else 1)
+    _require_size(sizes, what)
+    if min(sizes) < 0.0:
         raise JointplayError(f"{what} must not be negative, got {shape.get(key)!r}")
+
+
+def _require_size(values: Sequence[float], what: str) -> None:
+    if max(map(abs, values)) > LARGEST:
+        raise JointplayError(f"{what} must be no larger than {LARGEST:g}, got {max(values):g}")
 
 
 def _number(

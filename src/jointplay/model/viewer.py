@@ -16,6 +16,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -29,8 +30,8 @@ _NAMES = (HOST, "localhost", "[::1]")
 _LONGEST_ADDRESS = 100
 """Bytes of a socket's name in the file system: 104 on macOS, 108 on Linux."""
 
-_WATCH_MS = 500.0
-"""Interval at which the server looks whether its parent is there."""
+_WATCH_S = 0.5
+"""Interval at which the server looks whether its parent is there [s]."""
 
 
 def visualizer() -> Any:
@@ -83,47 +84,46 @@ def _end(process: subprocess.Popen[bytes], folder: Path, parent: int) -> None:
 def main(address: str, parent: int) -> None:
     """Serve what is sent to `address` until the process `parent` ends."""
     from meshcat.servers import zmqserver
-    from tornado.ioloop import PeriodicCallback
-    from tornado.web import Application, HTTPError, RequestHandler
 
-    def require_own_name(handler: RequestHandler) -> None:
-        """Refuse a page that has its own name lead here: it asks for that name."""
+    def refusal(handler: Any) -> int | None:
+        """A page that has its own name lead here asks for that name."""
         host = handler.request.headers.get("Host", "").lower()
         name = host if host.endswith("]") else host.rpartition(":")[0] or host
-        if name not in _NAMES:
-            raise HTTPError(421)
+        return None if name in _NAMES else 421
 
     class Files(zmqserver.StaticFileHandlerNoCache):  # type: ignore[misc]
         def prepare(self) -> None:
-            require_own_name(self)
+            if status := refusal(self):
+                self.send_error(status)
 
     class Socket(zmqserver.WebSocketHandler):  # type: ignore[misc]
         def prepare(self) -> None:
-            require_own_name(self)
             # Every browser names the origin of a websocket. What names none is no page of ours, and
             # nothing else has business here, so it is refused, too; tornado would let it in.
             host = self.request.headers.get("Host", "").lower()
-            if self.request.headers.get("Origin", "").lower() != f"http://{host}":
-                raise HTTPError(403)
-
-    class Local(Application):
-        def listen(self, port: int, address: str | None = None, **options: Any) -> Any:
-            return super().listen(port, address=HOST, **options)
+            own = self.request.headers.get("Origin", "").lower() == f"http://{host}"
+            if status := refusal(self) or (None if own else 403):
+                self.send_error(status)
 
     class Bridge(zmqserver.ZMQWebSocketBridge):  # type: ignore[misc]
-        def make_app(self) -> Application:
+        def make_app(self) -> Any:
             root = {"path": zmqserver.VIEWER_ROOT, "default_filename": zmqserver.VIEWER_HTML}
-            return Local([(r"/static/(.*)", Files, root), (r"/", Socket, {"bridge": self})])
+            made = type(super().make_app())(
+                [(r"/static/(.*)", Files, root), (r"/", Socket, {"bridge": self})]
+            )
+            made.listen = partial(made.listen, address=HOST)
+            return made
 
     bridge = Bridge(zmq_url=address, host=HOST)
 
     def look() -> None:
         if os.getppid() != parent:  # it has ended, however: the system gave us another
             bridge.ioloop.stop()
+        bridge.ioloop.call_later(_WATCH_S, look)
 
     # A signal on the parent's death would come with the end of the thread that began us, and a pipe
     # stays open in processes that the parent has forked.
-    PeriodicCallback(look, _WATCH_MS).start()
+    look()
     print(bridge.web_url, flush=True)
     try:
         bridge.run()

@@ -80,6 +80,7 @@ def notes_at_poses(
     """
     mechanism = scenario.mechanism(case)
     lines = [mechanism.held] if mechanism.held else []
+    lines += mechanism.description.doubts
     if mechanism.free_base is not None:
         root = mechanism.description.root
         lines.append(
@@ -100,7 +101,7 @@ def notes_at_poses(
             parts.setdefault(joint.summary, []).append(name)
         alike = [f"{', '.join(names)} ({words})" for words, names in parts.items()]
         lines.append(f"play: {'; '.join(alike)}")
-    lines += _of_gears(scenario, mechanism)
+    lines += _of_gears(mechanism)
     lines += [*scenario.notes, *scenario.assumptions]
     return [*dict.fromkeys(lines), *([poses.loops] if poses.loops else [])]
 
@@ -111,14 +112,13 @@ def tool_reason(scenario: Scenario) -> str:
     return next((one.source for one in chosen), "")
 
 
-def _of_gears(scenario: Scenario, mechanism: Mechanism) -> list[str]:
+def _of_gears(mechanism: Mechanism) -> list[str]:
     """Stiffnesses that stand for those that nobody gave: at rest they count."""
-    given = {one.key for one in scenario.settings if not one.assumed}
     parts: dict[str, list[str]] = {}
-    for one in scenario.settings:
-        if one.assumed and one.key[::2] == ("gears", "stiffness") and one.key not in given:
-            unit = "N/m" if mechanism.description.joints[one.key[1]].slides else "N*m/rad"
-            parts.setdefault(readable(one.value, unit), []).append(one.key[1])
+    for (name, field), rule in mechanism.rules.items():
+        if field == "stiffness":
+            unit = "N/m" if mechanism.description.joints[name].slides else "N*m/rad"
+            parts.setdefault(readable(rule.value, unit, 3), []).append(name)
     words = "; ".join(f"{size} ({', '.join(names)})" for size, names in parts.items())
     return [f"gears: stiffness {words} {ASSUMED}; see --gear-stiffness"] if words else []
 
@@ -157,12 +157,21 @@ def _motion(simulation: Simulation, given: Mapping[str, Any]) -> list[str]:
     if "interpolation" not in table:
         lines.append(f"motion: {motion.summary} (--interpolation selects)")
     if cut := motion.cut_off(simulation.duration or motion.duration):
-        speeds = few([
-            f"{name} {readable(speed, f'{simulation.mechanism.description.joints[name].unit}/s')}"
-            for name, speed in cut.items()
-        ])  # fmt: skip
-        lines.append(f"note: the motion stands still beyond its points: lost there is {speeds}")
+        lines.append(
+            "note: the motion stands still beyond its points: lost there is "
+            f"{_of_joints(simulation, cut, '/s')}"
+        )
+    if noise := motion.noise:
+        lines.append(
+            "note: speeds jump from sample to sample, and the spline through them accelerates by "
+            f"up to {_of_joints(simulation, noise, '/s²')}: smooth noise of positions or times"
+        )
     return lines
+
+
+def _of_joints(simulation: Simulation, values: Mapping[str, float], rate: str) -> str:
+    joints = simulation.mechanism.description.joints
+    return few([f"{n} {readable(x, joints[n].unit + rate, 4)}" for n, x in values.items()])
 
 
 def _parts(joint: Clearance, given: Mapping[str, Any]) -> list[str]:

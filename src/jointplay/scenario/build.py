@@ -396,7 +396,7 @@ def build(model: Model, folder: Path, built: Built) -> tuple[Simulation, list[st
     notes: list[str] = []
     if motion is not None:
         motion, notes = complete(model, mechanism, motion, start)
-    notes += mechanism.description.astray
+    notes += mechanism.description.doubts
     notes += [mechanism.base_words] if mechanism.base_words else []
     notes += [*_of_zero(model, mechanism), *_of_wide_clearances(mechanism)]
     notes += [*_of_idle_planes(mechanism), *_of_falling(model, mechanism, motion)]

@@ -53,7 +53,8 @@ class Robot(LimitSettings):
     """Links whose inertias are accepted although they are physically impossible; ``["all"]`` stands
     for all of them."""
     fix: tuple[str, ...] = ()
-    """Joints that are held, with those that mimic them: at zero, or at the limit nearest to it."""
+    """Joints that are held, with those that mimic them: at zero, or in the middle of limits
+    that exclude it."""
     base: str = choice("base", BASES, default=HELD)
     """``held``: bolted to the ground; or ``free``: held by nothing, so that it moves with what its
     joints and loads do, and falls under gravity."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from jointplay.base.origins import FILE
@@ -23,18 +23,9 @@ def description_of(place: str, settings: Sequence[Setting], folder: Path = Path(
     return with_fixed(read(place, allowed, folder, arguments), fix)
 
 
-def settings_beyond(
-    description: Description, ideal: bool, geared: Collection[str] = ()
-) -> list[Setting]:
-    """What a robot's file says beyond a URDF, of joints that move; play unless it is `ideal`.
-
-    An armature is the rotor of a gear that the joint is to have (`geared`).
-    """
-    settings = [
-        Setting(("gears", name, "rotor_inertia"), inertia, "the MJCF", FILE)
-        for name, inertia in description.beyond.armature.items()
-        if name in geared and name in description.moving
-    ]
+def settings_beyond(description: Description, ideal: bool) -> list[Setting]:
+    """What a robot's file says beyond a URDF, of joints that move; play unless it is `ideal`."""
+    settings = []
     for table, rows in description.beyond.tables.items():
         for name, row in rows.items():
             if table == "robot":

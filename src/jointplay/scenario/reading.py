@@ -238,9 +238,9 @@ class Scenario(Overview):
     def data(self, case: str) -> dict[str, Any]:
         """What the file says of a case, as TOML has it; see `model`."""
         said = merge(merge(self._base, self._changes[case]), self._set)
-        return merge(tree(self._beneath(said)), said)
+        return merge(self._beneath(said), said)
 
-    def _beneath(self, said: Mapping[str, Any]) -> list[Setting]:
+    def _beneath(self, said: Mapping[str, Any]) -> dict[str, Any]:
         """What the robot's own file says beyond a URDF, over which the scenario counts.
 
         A scenario that is named like its robot is made of it and has that among its settings.
@@ -251,22 +251,20 @@ class Scenario(Overview):
         robot = said.get("robot")
         place = robot.get("urdf") if isinstance(robot, Mapping) else None
         if not isinstance(place, str) or Path(place).name == self.path.name:
-            return []
+            return {}
         held = [Setting(("robot",), robot, "the scenario")]
-        gears = said.get("gears")
-        geared = sorted(gears) if isinstance(gears, Mapping) else []
-        key = repr((robot, geared))
+        key = repr(robot)
         if key not in self._read:
             found: list[Setting] = []
             with suppress(JointplayError):  # which is said when the robot is built
                 if formats.says_more(place, self.path.parent):
                     description = description_of(place, held, self.path.parent)
-                    found = settings_beyond(description, False, geared)
+                    found = settings_beyond(description, ideal=False)
                     notes = description.beyond.notes
                     self.assumptions += [one for one in notes if one not in self.assumptions]
             self._read[key] = found
         drives = "motion" in said and "drive" not in said
-        return [one for one in self._read[key] if drives or one.key[0] != "drives"]
+        return tree(one for one in self._read[key] if drives or one.key[0] != "drives")
 
     def origins(self, case: str) -> dict[tuple[str, ...], tuple[str, str]]:
         """Who gave each value of a case, by key: the file, or the last setting of it."""
@@ -274,7 +272,7 @@ class Scenario(Overview):
         data = merge(self._base, self._changes[case])
         if Path(str(data.get("robot", {}).get("urdf"))).name != self.path.name:
             found = dict.fromkeys(_leaves(data), (FILE, self.path.name))
-        for one in (*self._beneath(merge(data, self._set)), *self.settings):
+        for one in (*self._read.get(repr(self.data(case).get("robot")), ()), *self.settings):
             for key in _leaves(one.value, one.key):
                 found[key] = (one.origin, f"{one.source}: {one.why}" if one.why else one.source)
         return found

@@ -16,7 +16,7 @@ from jointplay.base.tables import few
 from jointplay.base.units import round_below
 from jointplay.model.robots import SHIPPED, SUFFIXES, with_package
 from jointplay.model.tool import choose_tool
-from jointplay.model.urdf import Description
+from jointplay.model.urdf import Description, between
 from jointplay.physics.joints import (
     JOINT_WORDS,
     UNNAMED_KIND,
@@ -98,7 +98,7 @@ def robot_scenario(
     description = description_of(place, own)
     path = description.path
     said = tree(own)
-    beyond = settings_beyond(description, ideal, said.get("gears", {}))
+    beyond = settings_beyond(description, ideal)
     own = with_names([*beyond, *own], description.joints)
     given = tree(own)
     description.require_moving()
@@ -291,7 +291,7 @@ def _there_and_back(description: Description) -> tuple[dict[str, Any], str]:
             if factor and its.speed:
                 fastest = min(fastest, its.speed / abs(factor))
         inside = ROOM * (high - low) if np.isfinite(high - low) else 0.0
-        begin = float(np.clip(0.0, low + inside, high - inside))
+        begin = float(np.clip(between(low, high), low + inside, high - inside))
         room = max(high - begin, begin - low)
         way = min(
             SLIDE if entry.slides else SWING, PART * room, BRISK * fastest * SWING_S / STEEPEST

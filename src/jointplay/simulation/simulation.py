@@ -14,7 +14,7 @@ import numpy as np
 
 from jointplay.base.conveniences import provided
 from jointplay.base.errors import JointplayError, require_a, require_non_negative, require_table
-from jointplay.base.schema import check_fields, unknown_key
+from jointplay.base.schema import check_fields, read, unknown_key
 from jointplay.base.tables import Overview, few
 from jointplay.base.units import readable
 from jointplay.model.mechanism import Mechanism
@@ -26,7 +26,7 @@ from jointplay.simulation.loads import Load
 from jointplay.simulation.loads.drive import Drive, JointFriction
 from jointplay.simulation.motion.completion import complete_motion
 from jointplay.simulation.motion.reference import Motion
-from jointplay.simulation.result.inputs import Inputs
+from jointplay.simulation.result.inputs import FILES_DRIVES, FILES_LOADS, Inputs
 from jointplay.simulation.result.settings import START_UP
 from jointplay.simulation.run import Moment, Run
 from jointplay.simulation.saving import run_to
@@ -68,6 +68,9 @@ class Simulation(Overview, Inputs):
         if self.motion is not None:
             require_a("motion", self.motion, "Motion")
         require_a("payloads", self.payloads, "Iterable")
+        if self.loads is FILES_LOADS:
+            object.__setattr__(self, "loads", self._filed("loads", Load))
+        filed = self._filed("drives", Drive) if self.drive is FILES_DRIVES else {}
         check_fields(self)
         if self.start == "rest" and self.mechanism.free_base is not None:
             said = "start 'rest' is for a base that is held: start 'centred', or hold the base"
@@ -86,6 +89,17 @@ class Simulation(Overview, Inputs):
             object.__setattr__(self, "motion", whole.motion)
             left = {name: at for name, at in state.items() if name not in whole.held}
             object.__setattr__(self, "state", left)
+        if self.motion is not None and filed.keys() & self.motion.joints:
+            drives = {joint: filed.get(joint, FILES_DRIVES) for joint in self.motion.joints}
+            object.__setattr__(self, "drive", drives)
+
+    def _filed(self, table: str, kind: type[Any]) -> dict[str, Any]:
+        """What the robot's file says beyond a URDF, of joints that move."""
+        rows = self.mechanism.description.beyond.tables.get(table, {})
+        moving = self.mechanism.joints
+        return {
+            name: read(kind, row) for name, row in rows.items() if row.get("joint", name) in moving
+        }
 
     def facts(self) -> tuple[str, dict[str, str]]:
         headline, facts = self.mechanism.facts()

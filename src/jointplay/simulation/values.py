@@ -10,9 +10,9 @@ from collections.abc import Iterator
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
-from jointplay.base.origins import ASSUMED, FILE, GIVEN, Key, Origins, Value
+from jointplay.base.origins import ASSUMED, FILE, GIVEN, SEEN, Key, Origins, Value, value_table
 from jointplay.base.schema import Described, fields_of
-from jointplay.base.tables import few
+from jointplay.base.tables import Table, few
 from jointplay.base.units import readable
 from jointplay.physics.joints import SlidingClearance
 from jointplay.simulation.loads.drive import assign
@@ -36,17 +36,23 @@ def values(simulation: Simulation, origins: Origins | None = None) -> list[Value
         alike.setdefault((table, field, text, origin, source), []).append(name)
     found = []
     for (table, field, text, origin, source), names in alike.items():
-        whole = ".".join(filter(None, [table, few(names) if any(names) else "", field]))
+        whole = ".".join(filter(None, [table, few(names, 2) if any(names) else "", field]))
         found.append(Value(whole, text, origin, source))
     return found
 
 
+def assumed_table(simulation: Simulation, origins: Origins) -> Table:
+    """What nobody gave, for readers; see `values`."""
+    return value_table([one for one in values(simulation, origins) if one.assumed])
+
+
 def _origin(key: Key, origins: Origins, default: tuple[str, str]) -> tuple[str, str]:
-    """Who gave the value at a key; of what stands in a table that was given whole, that table."""
+    """Who gave the value at a key; a table that it is in, or the first of what it has in it."""
     for size in range(len(key), 0, -1):
         if key[:size] in origins:
             return origins[key[:size]]
-    return default
+    within = (one for at, one in origins.items() if at[: len(key)] == key)
+    return next(within, default)
 
 
 def _said(simulation: Simulation) -> Iterator[tuple[Key, str, tuple[str, str]]]:
@@ -69,17 +75,19 @@ def _said(simulation: Simulation) -> Iterator[tuple[Key, str, tuple[str, str]]]:
         for field, text, is_default in _fields_of(gear, units.get(name, "rad")):
             rule = mechanism.rules.get((name, field))
             by_rule = None if rule is None else (ASSUMED, f"rule {rule.name}: {rule.reason}")
-            yield ("gears", name, field), text, by_rule or (usual if is_default else said)
+            of_catalogue = (SEEN, known[field]) if field in (known := gear.origins()) else said
+            yield ("gears", name, field), text, by_rule or (usual if is_default else of_catalogue)
     motion = simulation.motion
     if motion is not None:
-        yield ("motion",), f"{few(list(motion.joints))}: {motion.summary}", said
+        yield ("motion",), f"{few(list(motion.joints), 2)}: {motion.summary}", said
     for name, drive in assign(mechanism, motion, simulation.drive).items():
         if drive.kind == "free":
             continue
         yield ("drives", name, "kind"), drive.kind, usual
         for field, text, is_default in _fields_of(drive, units.get(name, "rad")):
             if field != "encoder" or name in mechanism.gears:
-                yield ("drives", name, field), text, usual if is_default else said
+                of_catalogue = (SEEN, known[field]) if field in (known := drive.origins()) else said
+                yield ("drives", name, field), text, usual if is_default else of_catalogue
     friction = simulation.joint_friction
     for name in mechanism.joints:
         entry = mechanism.description.joints.get(name)
@@ -91,7 +99,7 @@ def _said(simulation: Simulation) -> Iterator[tuple[Key, str, tuple[str, str]]]:
     for number, payload in enumerate(simulation.payloads, 1):
         yield ("payloads", str(number)), f"{readable(payload.mass, 'kg')} at {payload.frame}", said
     start = "at rest" if simulation.starts_at_rest else "centred"
-    yield ("integration", "start"), start, usual if simulation.start is None else said
+    yield ("integration", "start"), start, usual
 
 
 def _fields_of(one: Any, unit: str, told: type | None = None) -> Iterator[tuple[str, str, bool]]:

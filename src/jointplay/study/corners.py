@@ -116,9 +116,11 @@ class ToolErrors:
     at_stops: float
     """RMS at the ends of stops, the start left out; NaN without any."""
     largest: float
+    turn: float
+    """RMS angle by which the tool is turned [rad]."""
     times: np.ndarray
     values: np.ndarray
-    """World axes, (n, 3)."""
+    """World axes, (n, 6) [m, rad]."""
 
 
 @dataclass(frozen=True)
@@ -195,6 +197,12 @@ class Judgement:
                 f"warning: the largest error grows from {_mm(one.before.largest)} to "
                 f"{_mm(one.after.largest)} ({one.words})"
             )
+        was, now = self.nominal.before.turn, self.nominal.after.turn
+        if now > was and self.compensation.size is None:
+            lines.append(
+                f"warning: the tool's RMS turn grows from {1e3 * was:.3g} to {1e3 * now:.3g} mrad: "
+                "--tool-size weighs it against the position"
+            )
         if self.firmware is not None:
             rule, was = self.firmware.rms, self.nominal.before.rms
             verdict = "better than nothing" if rule < was else "no better than nothing"
@@ -211,10 +219,11 @@ class Judgement:
     def table(self) -> Table:
         """A row for each corner: errors before and after."""
         columns = [Column("corner", [one.words for one in self.corners])]
-        for name in ("rms", "on_the_way", "at_stops", "largest"):
+        for name in ("rms", "on_the_way", "at_stops", "largest", "turn"):
             for when in ("before", "after"):
                 values = [getattr(getattr(one, when), name) for one in self.corners]
-                columns.append(Column(f"{name.replace('_', ' ')} {when}", values, "m"))
+                unit = "rad" if name == "turn" else "m"
+                columns.append(Column(f"{name.replace('_', ' ')} {when}", values, unit))
         return Table(columns)
 
 
@@ -275,8 +284,7 @@ def learn(
         nodes = compensation.times
         half = max(0.5 * (nodes[1] - nodes[0]), _RECORD_S)
         means = [left.values[np.abs(left.times - t) <= half].mean(axis=0) for t in nodes]
-        displacement = np.hstack([np.array(means), np.zeros((len(nodes), 3))])
-        more = -through_jacobian(compensation.simulation, nodes, displacement)
+        more = -through_jacobian(compensation.simulation, nodes, np.array(means), compensation.size)
         further = with_shift(compensation, more)
         now = _errors((further, {}, "after"))
         tried.append(now.rms)
@@ -331,17 +339,20 @@ def tool_errors(run: Simulation, original: Simulation) -> ToolErrors:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         result = run.run(check_step=False, estimate=False, only=list(COMPARED))
-        error = difference(result, tool_motion(ideal_simulation(original)))
+        ideal = tool_motion(ideal_simulation(original))
+        moved, turned = (
+            difference(result, ideal, of) for of in ("tool_position", "tool_orientation")
+        )
     motion = original.motion
     assert motion is not None
-    times, values = error["time"].values, error.values
-    size = np.linalg.norm(values, axis=1)
+    times, values = moved["time"].values, np.hstack([moved.values, turned.values])
+    size, angle = (np.linalg.norm(part, axis=1) for part in (moved.values, turned.values))
     halts = [one for one in stops(motion, float(times[-1])) if one.at_rest and one.end > 0.0]
     speed = np.abs(motion(times)[1]).max(axis=1)
     way = speed > 1e-3 * speed.max()
     at = size[np.searchsorted(times, [one.end for one in halts]).clip(0, len(size) - 1)]
     return ToolErrors(
-        _rms(size), _rms(size[way]), _rms(at), float(size.max()), times, values
+        _rms(size), _rms(size[way]), _rms(at), float(size.max()), _rms(angle), times, values
     )  # fmt: skip
 
 

@@ -414,13 +414,12 @@ class Sweep:
         Raises:
             JointplayError: damaged.
         """
-        import pandas as pd
+        import xarray as xr
 
         contents, number, values = self._read()
         columns = [*contents.values, *SAID[:2], *contents.measures]
-        frame = pd.DataFrame(
-            {one.name: values[one.name] for one in columns}, pd.Index(number, name="case")
-        )
+        made = xr.Dataset({one.name: ("case", values[one.name]) for one in columns})
+        frame: pd.DataFrame = made.assign_coords(case=number).to_dataframe()
         frame.attrs["units"] = {one.name: one.unit for one in columns}
         return frame
 

@@ -273,18 +273,3 @@ def test_a_dead_band_can_be_given_in_counts():
     servo = replace(SERVO, dead_band_counts=3.0, resolution=2e-3)
     assert servo.band == pytest.approx(6e-3)
     assert replace(SERVO, dead_band=0.01).band == 0.01
-
-
-def test_a_sampled_servo_goes_on_bit_for_bit(disc, tmp_path):
-    servo = replace(SERVO, period=2e-3, resolution=1e-3)
-    motion = jp.Motion(["a"], [0, 0.1], [[0.0], [0.1]])
-    options = {"drive": servo, "joint_friction": {}, "duration": 0.1}
-    for tolerance in (None, 1e-3):
-        simulation = jp.Simulation(disc(GEAR), motion, tolerance=tolerance, **options)
-        whole = jp.Run(simulation)
-        whole.advance(4300)
-        other = jp.Simulation.resume(whole.checkpoint(tmp_path / "kept"))
-        for run in (whole, other):
-            run.advance(3000)
-        assert np.array_equal(whole.workspace.q, other.workspace.q)
-        assert np.array_equal(whole.workspace.servos, other.workspace.servos)

@@ -91,6 +91,13 @@ def trapezoid():
     return t, (up**2 / 0.6 + t - up - down**2 / 0.6)[:, None]
 
 
+def sampled(number, end=1.0, periods=1.0, scatter=0.0):
+    """A sine by `number` samples in a time, whose time stamps scatter by a part of the interval."""
+    t = np.linspace(0.0, end, number)
+    stamps = t + scatter * t[1] * np.random.default_rng(3).normal(size=number)
+    return np.maximum.accumulate(stamps) + 1e-6 * t, np.sin(periods * 2 * np.pi * t / end)[:, None]
+
+
 ROW = np.arange(5.0)[:, None]
 PICK = np.tile([[0.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, 0.0]], (10, 1))
 
@@ -103,6 +110,13 @@ PICK = np.tile([[0.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, 0.0]], (10, 1))
         (recorded(30), "spline"),
         (trapezoid(), "spline"),
         ((np.arange(2000) / 1e3, np.round(np.arange(2000) / 30)[:, None]), "spline"),  # counts
+        ((0.2 * np.arange(11), 62.8 * 0.2 * np.arange(11)[:, None]), "spline"),
+        ((0.2 * np.arange(6), 62.8 * 0.2 * np.arange(6)[:, None]), "spline"),
+        (sampled(6, periods=0.25), "spline"),
+        (sampled(10), "spline"),
+        (sampled(101, 10.0, 10.0, scatter=0.3), "spline"),  # stamps all but meet
+        (sampled(6), "rest-to-rest"),  # each a quarter turn from the next
+        ((np.arange(7.0), 3.0 - np.abs(3.0 - np.arange(7.0))[:, None]), "rest-to-rest"),
         ((0.5 * ROW[:, 0], ROW), "rest-to-rest"),
         ((0.01 * ROW[:, 0], ROW), "rest-to-rest"),
         ((np.arange(14) / 2, np.repeat(np.arange(7.0), 2)[:, None]), "rest-to-rest"),  # pauses
@@ -114,6 +128,28 @@ def test_samples_are_passed_and_waypoints_stopped_at(points, interpolation):
     t, q = points
     names = [f"j{k}" for k in range(q.shape[1])]
     assert Motion(names, t, q).interpolation == interpolation
+
+
+@pytest.mark.parametrize(
+    ("points", "noisy"),
+    [
+        (recorded(100), True),
+        (sampled(91, 3.0, 3.0, scatter=0.1), True),
+        (sampled(91, 3.0, 3.0), False),
+        (sampled(12), False),
+        (trapezoid(), False),
+        ((np.linspace(0.0, 0.1, 101), np.round(62.83 * np.linspace(0.0, 0.1, 101), 6)), False),
+    ],
+)
+def test_a_spline_that_follows_noise_of_samples_is_told(points, noisy):
+    t, q = points
+    names = [f"j{k}" for k in range(q.reshape(len(t), -1).shape[1])]
+    motion = Motion(names, t, q.reshape(len(t), -1))
+    assert set(motion.noise) == (set(names) if noisy else set())
+    for k, name in enumerate(motion.noise):  # of these motions at most 40 rad/s^2 are their own
+        most = np.abs(motion(t)[2][:, k]).max()
+        assert motion.noise[name] == pytest.approx(most)
+        assert most > 100.0
 
 
 def test_a_turning_crank_keeps_its_speed_at_both_ends(tmp_path):

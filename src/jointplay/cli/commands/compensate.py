@@ -12,6 +12,8 @@ Example: jointplay compensate so101 --preset --motion pick.csv --trust "play 30 
         those, if it has any, or exact): both motions are run at the corners of that
     --approach  reach stops at which friction leaves open on which side teeth lie from one side:
         the tool arrives aside, and the joint creeps while it stands
+    --tool-size LENGTH  of the tool or what it holds: by that its turn is weighed against its
+        position (default: position first, the turn as far as that leaves joints free)
     --passes N  correct by what own runs leave, at most so often, as long as it improves (default 0)
     --out DIR  folder for motion.csv, original.csv (run --beside compares with it),
         compensation.csv, corners.csv and error.png
@@ -62,7 +64,9 @@ def run(options: argparse.Namespace) -> int:
     out.claim()
     streams.release()
     progress = not options.quiet
-    found = compensate(simulation, approach=options.approach, progress=progress)
+    found = compensate(
+        simulation, approach=options.approach, size=options.tool_size, progress=progress
+    )
     more = []
     if options.passes:
         found, tried = learn(found, options.passes, progress=progress)

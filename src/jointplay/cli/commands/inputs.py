@@ -102,8 +102,8 @@ HELP = """
     --xacro NAME:=VALUE ...  argument of a robot that is written in xacro
     --allow-unphysical LINK,... ...  accept these links' inertias although they are physically
         impossible, or all
-    --fix JOINT,... ...  hold these joints, at zero or the limit nearest to it; those that mimic
-        them are held, too
+    --fix JOINT,... ...  hold these joints, at zero or in the middle of limits that exclude it;
+        those that mimic them are held, too
     --tool  = robot.tool
     --gravity  = robot.gravity
     --base  = robot.base
@@ -112,8 +112,8 @@ HELP = """
         clearance, its fit by ISO 286-1, such as elbow="20H7/g6", or the designation of its rolling
         bearing, such as elbow="6010/C3"; the options of this group and of contacts apply to these
         joints
-    --clearance VALUE  radial clearance of joints named without one, or of all others that move the
-        tool; of sliders, that on each side [m]
+    --clearance VALUE  radial clearance of these joints, or of all that move the tool; of sliders,
+        that on each side [m]
     --ideal  the robot without clearance and without play in gears
     --preset [NAME]  joints, gears and drives as they are publicly known, or assumed for a class of
         robots (jointplay robots --presets lists them; without NAME that of ROBOT); what else is
@@ -124,9 +124,8 @@ HELP = """
     --journal-radius  = joints.JOINT.journal_radius
     --journal-length  = joints.JOINT.journal_length
   gears:
-    --gear JOINT=PLAY ...  total play of a joint's gear or screw, such as elbow="2 arcmin" or
-        lift="0.1 mm", or all="1 arcmin"; what else a gear needs follows by rules, if it is not
-        given; the options of this group apply to these gears, or to all
+    --gear JOINT=PLAY ...  total play of a joint's gear or screw, such as elbow="2 arcmin",
+        lift="0.1 mm", or all="1 arcmin"; the options of this group apply to these gears, or to all
     --gear-stiffness  = gears.GEAR.stiffness
     --gear-damping  = gears.GEAR.damping
     --rotor-inertia  = gears.GEAR.rotor_inertia
@@ -164,7 +163,7 @@ HELP = """
     --record-every  = output.record_every
   poses:
     --pose JOINT=X,... ...  joint positions [rad or m, or with a unit]; other joints are at zero, or
-        mid-range if zero is outside their limits (default: along the motion, or one pose)
+        in the middle of limits that exclude it (default: along the motion, or one pose)
     --poses FILE  CSV with a pose in each line and the header <joint>,..., or name,<joint>,... to
         name them
     --workspace N  N poses spread over the limits of all joints
@@ -327,8 +326,7 @@ def scenario_of(options: argparse.Namespace, moves: bool = True) -> Scenario:
     settings += whole
     beyond = []
     if file is None and options.place is not None:
-        of_gear = [name_and_number(entry)[0] for entry in _value(options, "gear") or ()]
-        beyond = settings_beyond(_description(options, wanted, None), ideal, of_gear)
+        beyond = settings_beyond(_description(options, wanted, None), ideal)
     tables = merge(of_file, tree([*beyond, *settings, *wanted]))
     if names or for_joints(options):
         settings += _joint_settings(options, names, lengths, tables, file, wanted)

@@ -11,6 +11,7 @@ Only this machine reaches the page, and only by the address that is printed: it 
 token. Ctrl-C stops the server and its processes.
 
     [FILE | ROBOT]
+    --assumed  list what nobody gave: values, by which rule, and what another would change
   page:
     --port N  port to listen on (default 7000)
     --no-browser  do not open a browser
@@ -30,6 +31,10 @@ def run(options: argparse.Namespace) -> int:
     case = options.case or scenario.cases[0]
     if simulation.duration is None and simulation.motion is None:
         raise JointplayError("nothing says how long to simulate: give a motion, or --duration")
+    if options.assumed:
+        from jointplay.simulation.values import assumed_table
+
+        print(assumed_table(simulation, scenario.origins(case)))
     from jointplay.show.live.server import serve
     from jointplay.show.live.state import State
 

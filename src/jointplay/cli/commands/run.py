@@ -21,6 +21,7 @@ reader), and the figures as .png.
     --figures  draw all figures of a single case, too: the tool's motion and path, orbits, forces
     --no-figures  do not draw figures
     --pdf  draw each figure as .pdf, too
+    --assumed  list what nobody gave: values, by which rule, and what another would change
     --jobs
     --detail
     --quiet

@@ -113,6 +113,12 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
         streams.note(line)
     for line, of in remarks.items():
         streams.note(line if of == cases else f"case {few(of)}: {line}")
+    if options.assumed:
+        from jointplay.simulation.values import assumed_table
+
+        tables = {case: assumed_table(simulations[case], scenario.origins(case)) for case in cases}
+        for case, table in tables.items():
+            print(f"{case}: assumed\n{table}\n")
     done: list[str] = []
     if options.resume:
         claim(out, ())

@@ -196,7 +196,7 @@ def before_and_after(judgement: Judgement) -> Figure:
     panels = []
     for one in corners:
         marks: list[Mark] = [
-            Curve(errors.times, np.linalg.norm(errors.values, axis=1), name, tone)
+            Curve(errors.times, np.linalg.norm(errors.values[:, :3], axis=1), name, tone)
             for errors, name, tone in (
                 (one.before, "as it was", COLOURS[1]),
                 (one.after, "corrected", COLOURS[0]),

@@ -116,6 +116,10 @@ class Drive(Described, ABC):
     follows: ClassVar[bool]
     """Whether the joint follows the reference motion."""
 
+    def origins(self) -> dict[str, str]:
+        """Where those numbers come from that a catalogue gave, by field."""
+        return {}
+
 
 @dataclass(frozen=True)
 class ComputedTorque(Drive):
@@ -288,6 +292,14 @@ class Servo(Drive):
         m^2].
         """
         return float(_servo(name)["armature"]["value"])
+
+    def origins(self) -> dict[str, str]:
+        given = {} if self.catalogue is None else _servo(self.catalogue)
+        return {
+            name: str(item["source"])
+            for name, item in given.items()
+            if name not in _BESIDE and getattr(self, name) == item["value"]
+        }
 
     @property
     def band(self) -> float:

@@ -18,7 +18,7 @@ from jointplay.model.closed_loops import ClosedLoops, followed_mimics
 from jointplay.model.loop import assemble
 from jointplay.model.mechanism import Mechanism
 from jointplay.model.urdf import Mimic
-from jointplay.simulation.motion.cartesian import SAMPLE_S, joint_limits
+from jointplay.simulation.motion.cartesian import SAMPLE_S
 from jointplay.simulation.motion.reference import Motion
 
 _SINGLE = ("revolute", "continuous", "prismatic")
@@ -61,7 +61,7 @@ def complete_motion(
     with loops those that mimic others and that no loop determines (`followed_mimics`).
 
     Args:
-        start: where joints stand [rad or m]; the others at 0, or the limit next to it.
+        start: where joints stand [rad or m]; the others as `JointEntry.neutral`.
         alone: joints that are left as they are.
     """
     start = start or {}
@@ -75,15 +75,13 @@ def complete_motion(
         return _beside_loops(mechanism, motion, start, missing)
     if not missing:
         return CompleteMotion(motion, {}, {})
-    low, high = joint_limits(mechanism, missing)
-    nearest = dict(zip(missing, np.clip(0.0, low, high).tolist(), strict=True))
     held: dict[str, float] = {}
     columns = dict(zip(motion.joints, motion.positions.T, strict=True))
     mimics: dict[str, Mimic] = {}
     for name in missing:
         mimic = entries[name].mimic
         if mimic is None or name in start:
-            held[name] = start.get(name, nearest[name])
+            held[name] = start.get(name, entries[name].neutral)
             columns[name] = np.full(len(motion.times), held[name])
         else:
             mimics[name] = mimic

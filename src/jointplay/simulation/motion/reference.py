@@ -36,13 +36,20 @@ INTERPOLATIONS = ("rest-to-rest", "spline", "constant-speed", "speed-ramps")
 GOES_ON = INTERPOLATIONS[2:]
 """Those that do not stand still after the last waypoint."""
 
-FEWEST_SAMPLES = 12
-"""Fewer points may well follow each other in a row and yet be waypoints (judged)."""
+ENOUGH_SAMPLES = 12
+"""So many points that follow each other closely by chance are rare: of waypoints drawn anywhere one
+joint does so in 0.1 %, of waypoints each drawn about the last one in 8 % of all cases. Of fewer
+points the limit is in proportion to their number, which leaves these chances as they are."""
 SAMPLED_S = 0.025
 """Points nearer to each other than this are samples [s]: no mechanism stops 40 times a second."""
 RESTS = 0.01
 """At an end where a joint moves at less than this part of its largest speed it is at rest (judged:
-what noise and the spline's own error come to)."""
+what noise and the spline's own error come to). Noise that changes speeds by less is none."""
+
+NOISY = 0.25
+"""From this part on that noise has in the squares of accelerations it is said: half the root mean
+square (judged). It is told by differences of fourth order, which of white noise have 70 / 6 times
+the squares of those of second order, and of a sine that is sampled 6 times less than one."""
 
 _SAYS = re.compile(r"#\s*interpolation:\s*(\S+)")
 
@@ -52,15 +59,19 @@ def are_samples(times: np.ndarray, positions: np.ndarray) -> bool:
 
     Samples follow each other so closely that the speed changes less from one to the next than it
     is (root mean squares over all joints, 1 m counting as 1 rad): a sine has more than six to a
-    period. Between waypoints joints turn back, or pause. Of encoder counts at a high rate only the
-    spacing in time tells.
+    period, of fewer than `ENOUGH_SAMPLES` more. That holds by their times, or evenly spaced, since
+    time stamps of a log scatter. Between waypoints joints turn back, or pause. Of encoder counts at
+    a high rate only the spacing in time tells.
     """
     if len(times) < 6:  # what a spline of fifth order needs
         return False
     spans = np.diff(times)
-    speeds = np.diff(positions, axis=0) / spans[:, None]
-    turns = np.diff(speeds, axis=0)
-    smooth = len(times) >= FEWEST_SAMPLES and (turns**2).sum() < (speeds**2).sum()
+    limit = min(len(times) / ENOUGH_SAMPLES, 1.0)
+    ways = np.diff(positions, axis=0)
+    smooth = any(
+        (np.diff(speeds, axis=0) ** 2).sum() < limit * (speeds**2).sum()
+        for speeds in (ways / spans[:, None], ways)
+    )
     return bool(np.median(spans) < SAMPLED_S or smooth)
 
 
@@ -228,9 +239,14 @@ class Motion(Described):
     def summary(self) -> str:
         number = len(self.waypoints[0])
         through = f" through {len(self.times)} points" if number < len(self.times) else ""
-        samples = self.given is None and self.interpolation == "spline"
-        what = "sample" if samples and are_samples(self.times, self.positions) else "waypoint"
+        what = "sample" if self.samples else "waypoint"
         return f"{counted(number, what)}, {self.interpolation}{through}"
+
+    @property
+    def samples(self) -> bool:
+        """Whether a spline passes through the points because they are samples."""
+        spline = self.given is None and self.interpolation == "spline"
+        return spline and are_samples(self.times, self.positions)
 
     def cut_off(self, until: float) -> dict[str, float]:
         """Largest speed that joints lose or gain at once, in a run until then [s], where the motion
@@ -242,6 +258,22 @@ class Motion(Described):
         lost = np.abs(self(self.times[[0, -1]])[1][cut]).max(axis=0, initial=0.0)
         moves = lost > RESTS * np.abs(self(self.times)[1]).max(axis=0)
         return {self.joints[k]: float(lost[k]) for k in np.flatnonzero(moves)}
+
+    @property
+    def noise(self) -> dict[str, float]:
+        """Largest acceleration of joints whose speed jumps from sample to sample, by noise of
+        positions or of time stamps, or at corners [rad/s^2 or m/s^2].
+        """
+        if not self.samples or len(self.times) < ENOUGH_SAMPLES:
+            return {}
+        speeds = np.diff(self.positions, axis=0) / np.diff(self.times)[:, None]
+        turns = np.diff(speeds, axis=0)
+        rough, turned, moved = (
+            (one**2).sum(axis=0) for one in (np.diff(turns, 2, axis=0), turns, speeds)
+        )
+        noisy = (rough * 6.0 / 70.0 > NOISY * turned) & (turned > RESTS**2 * moved)
+        most = np.abs(self(self.times)[2]).max(axis=0)
+        return {self.joints[k]: float(most[k]) for k in np.flatnonzero(noisy)}
 
     @property
     def duration(self) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field
+from types import MappingProxyType
 
 from jointplay.base.schema import Described, quantity
 from jointplay.model.mechanism import Mechanism
@@ -12,6 +13,11 @@ from jointplay.simulation.loads import Load
 from jointplay.simulation.loads.drive import ComputedTorque, Drive, JointFriction
 from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.result.settings import Integration, LimitSettings, RecordSettings
+
+FILES_DRIVES = ComputedTorque()
+"""Stands for drives that nobody gave: those of the robot's file, else this one."""
+FILES_LOADS: Mapping[str, Load] = MappingProxyType({})
+"""Stands likewise for loads."""
 
 
 @dataclass(frozen=True)
@@ -23,8 +29,9 @@ class Inputs(Integration, RecordSettings, LimitSettings, Described):
     motion: Motion | None = None
     """Reference of the joints whose drives follow one; other joints of an open tree are held where
     they start, unless there are drives by joint or their speed is given."""
-    drive: Drive | Mapping[str, Drive] = field(default_factory=ComputedTorque)
-    """One for all joints of the motion, or by joint; joints that are not named are then free."""
+    drive: Drive | Mapping[str, Drive] = FILES_DRIVES
+    """One for all joints of the motion, or by joint; joints that are not named are then free. If
+    none is given, those of an MJCF, and computed torque of all other joints of the motion."""
     _: KW_ONLY
     joint_friction: Mapping[str, JointFriction] | None = None
     """Friction by joint; None uses the URDF's <dynamics> entries."""
@@ -36,5 +43,6 @@ class Inputs(Integration, RecordSettings, LimitSettings, Described):
     """Position [rad or m], or position and speed, at the start, by name of a joint without
     reference or of any coordinate: ``joint.x`` and so on are the journal's own. None leaves
     one of the two open. In loops, what is not given follows."""
-    loads: Mapping[str, Load] = field(default_factory=dict)
-    """Other loads, each under a name of your choice: springs, wrenches, stops, controllers."""
+    loads: Mapping[str, Load] = field(default_factory=lambda: FILES_LOADS)
+    """Other loads, each under a name of your choice: springs, wrenches, stops, controllers. If none
+    are given, those of an MJCF."""
