@@ -212,8 +212,8 @@ class ToolError:
             words += f"motion as it was meant{when}, and turned {turned}"
         elif len(causes) == 1 and not self._guessed:
             both = ", with elasticity," if "play and elasticity" in causes else ""
-            words = f"{cause(result)}{both} puts the tool {tool!r} up to {peak} off{when}, and "
-            words += f"turns it {turned}"
+            words = f"{cause(result)}{both} puts the tool {tool!r} up to {peak} off{when}"
+            words += f", and turns it {turned}" if self.peak_turn > 0.0 else ""
         elif self._guessed and "drive" not in causes:
             words = "No play"
             if "play" in causes:
@@ -221,7 +221,7 @@ class ToolError:
             words += f"; {self._elasticity()}"
         else:
             where = "from where it was sent" if "drive" in causes else "off"
-            where += ", elasticity aside," if self._guessed else ""
+            where += ", elasticity aside" if self._guessed else ""
             each = list(map(self._part, causes))
             each = each if "drive" in causes else each[::-1]
             words = f"The tool {tool!r} is up to {peak} {where}{when}: {', '.join(each)}"
@@ -266,7 +266,8 @@ class ToolError:
             lines.append(f"of the {_mm(_peak(told))}, along the error at its peak: {each}")
         if not self._guessed and self.peak_turn > 0.0:
             *_, peak, rms = self.texts(self._is_exact).values()
-            lines.append(f"play and elasticity turn it by up to {peak}, RMS {rms}")
+            others = " and ".join(name for name in causes if name != "drive")
+            lines.append(f"turned by {others} by up to {peak}, RMS {rms}")
         return lines
 
     @property
