@@ -88,7 +88,7 @@ def test_what_a_rule_gave_is_said_and_left_out_of_the_figure(arm):
     assert line.startswith(
         f"Play of 4 mrad in the gear of lift puts the tool 'tip' up to {play:.3g}"
     )
-    assert "; elasticity unknown without their stiffness" in line  # its URDF has no efforts
+    assert "; elasticity unknown without the gears' stiffness" in line  # its URDF has no efforts
     assert line.endswith("; encoder on the motor, assumed")
     usual = arm.with_name("usual.urdf")
     limit = '<limit lower="-2" upper="2" effort="16" velocity="3"/>'

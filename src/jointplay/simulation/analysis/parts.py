@@ -156,6 +156,12 @@ class ToolError:
         unknown = any(one.source.endswith(GUESS) for one in stiffness)
         return "unknown" if unknown else "usual" if stiffness else ""
 
+    @property
+    def _known(self) -> dict[str, xr.DataArray]:
+        """Parts of which `told` is the sum."""
+        left = "elasticity" if self._guessed else ""
+        return {name: one for name, one in self._causes.items() if name != left}
+
     @cached_property
     def told(self) -> xr.DataArray:
         """What the sentence begins with (time, axis) [m].
@@ -191,8 +197,10 @@ class ToolError:
         """Its figures for a table of several runs."""
         found = self.texts(self._is_exact)
         del found["RMS tool turn"]
-        if len(self._causes) > 1:
-            found |= {f"by {name}": _mm(_peak(one)) for name, one in self._causes.items()}
+        if self._guessed:
+            del found["peak tool turn"]
+        if len(known := self._known) > 1:
+            found |= {f"by {name}": _mm(_peak(one)) for name, one in known.items()}
         return found
 
     def sentence(self, detail: bool = False) -> str:
@@ -243,7 +251,7 @@ class ToolError:
     def _elasticity(self) -> str:
         """What is known of elasticity, where a rule has the stiffness."""
         if self._guessed == "unknown":
-            return "elasticity unknown without their stiffness (--gear-stiffness)"
+            return "elasticity unknown without the gears' stiffness (--gear-stiffness)"
         about = 1e3 * _peak(self.parts["elasticity"])
         least, most = (f"{about * factor:.2g}" for factor in (1.0 / SPREAD, SPREAD))
         words = f"if the gears are as stiff as usual (assumed; {least} to {most})"
@@ -252,16 +260,15 @@ class ToolError:
     def further(self) -> list[str]:
         """What the sentence leaves out: the parts at the peak, which add up, and the turn."""
         causes, told = self._causes, self.told
-        if self._stands or len(causes) == 1:
+        if self._stands or len(causes) == 1 or _peak(told) == 0.0:
             return []
         lines = []
-        if "drive" in causes or not self._guessed:
+        if len(known := self._known) > 1:
             at = _time_of_peak(told)
             way = told.sel(time=at).values / _peak(told)
             each = ", ".join(
                 f"{_label(self._result, name)} {1e3 * float(one.sel(time=at).values @ way):.3g}"
-                for name, one in causes.items()
-                if not (name == "elasticity" and self._guessed)
+                for name, one in known.items()
             )
             lines.append(f"of the {_mm(_peak(told))}, along the error at its peak: {each}")
         if not self._guessed and self.peak_turn > 0.0:
