@@ -499,7 +499,7 @@ def test_the_command_writes_what_improves_and_refuses_what_it_cannot_do(level, t
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("In simulation the corrected motion takes the RMS error")
     assert {one.name for one in out.iterdir()} == {
-        *("motion.csv", "compensation.csv", "corners.csv", "error.png"),
+        *("motion.csv", "original.csv", "compensation.csv", "corners.csv", "error.png"),
         *("motion.yaml", "table.csv"),
     }
     assert Motion.from_csv(out / "motion.csv").summary == "81 samples, spline"

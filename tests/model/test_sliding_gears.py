@@ -166,7 +166,7 @@ def test_the_shipped_gantry_runs_and_its_result_is_in_si(tmp_path):
     short = ("--set", "integration.duration=20 ms", "--no-error-estimate")
     done = call("run", tmp_path / "g.toml", *short, "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
-    assert "Play in the gear of x (0.1 mm), the gear of z (0.05 mm)" in done.stdout
+    assert "of 0.1 mm in the gear of x and of 0.05 mm in the gear of z" in done.stdout
     result = jp.Result.load(tmp_path / "out" / "g.nc")
     force = result["gear_torque"]
     assert force.attrs["units"] == "N"

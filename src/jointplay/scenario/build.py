@@ -272,7 +272,7 @@ def _as_given(
         raise JointplayError(unknown_key(key, keys) + f" (with {source})", where=("motion", key))
     if source == "file":
         with within("motion", "file"):
-            return _from_file(resolve(given["file"], folder), table.interpolation)
+            return motion_from_file(resolve(given["file"], folder), table.interpolation)
     if source == "speeds":
         return _turning(model, mechanism, start)
     if table.times is None:
@@ -293,7 +293,7 @@ def _as_given(
         return Motion(list(given["joints"]), table.times, positions, table.interpolation)
 
 
-def _from_file(path: Path, interpolation: str | None) -> Motion:
+def motion_from_file(path: Path, interpolation: str | None) -> Motion:
     """Motion of a file, which is read again only once it has changed."""
     stamp: tuple[int, ...] = ()
     with suppress(OSError, ValueError):  # which reading it puts into words

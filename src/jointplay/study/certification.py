@@ -33,6 +33,7 @@ from jointplay.simulation.analysis.headline_figures import (
     headline_of,
 )
 from jointplay.simulation.analysis.twins import has_play, hinges, ideal_simulation, tool_motion
+from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.result import netcdf
 from jointplay.simulation.result.certificate import COUNTS, HEADLINE, Certificate, CertifiedFigure
 from jointplay.simulation.result.histories import HistoryBuilder
@@ -310,6 +311,8 @@ def _ideal(simulation: Simulation, result: Result, progress: bool) -> tuple[Resu
     if not has_play(result):
         return None, ""
     same = replace(simulation, duration=float(result.time[-1]), start=result.audit.start)
+    if result.beside is not None:
+        same = replace(same, motion=Motion.from_description(result.beside))
     if not fits(result):  # what lies between records is interpolated
         seldom = math.ceil(len(result.time) / SUMMARY_RECORDS)
         same = replace(same, record_every=same.record_every * seldom)

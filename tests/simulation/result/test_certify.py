@@ -18,6 +18,7 @@ from jointplay.base import processes
 from jointplay.paper import scara
 from jointplay.physics.kernel import Status
 from jointplay.show.reports import cases, sections
+from jointplay.simulation.analysis import twins
 from jointplay.simulation.analysis.headline_figures import (
     STRETCHES,
     Measured,
@@ -286,6 +287,7 @@ def test_further_runs_of_several_processes_say_the_same(monkeypatch):
 def test_the_most_further_runs_are_known_beforehand(method, find, doubt, number, monkeypatch):
     simulation = replace(scara(2e-4), duration=2e-3, integrator=method)
     result, begun, real = simulation.run(), [], jp.Run
+    twins._recent.clear()
 
     def made(*of):
         begun.append(of)

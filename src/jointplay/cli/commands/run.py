@@ -10,6 +10,8 @@ reader), and the figures as .png.
     [FILE | ROBOT]
     --out DIR  folder for the results (required)
     --case NAME ...  run only this case of FILE
+    --beside FILE  the motion as it was meant, where the one that is run was corrected: the tool's
+        error is its distance from the ideal mechanism's on that
   integration and output:
     --certify  repeat the run with finer steps to give the headline figures numerical error bounds;
         takes about two and a half times as long
