@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jointplay.base.errors import JointplayError
-from jointplay.base.origins import Value
+from jointplay.base.origins import GUESSED, Value
 from jointplay.base.tables import few
 from jointplay.base.units import readable
-from jointplay.model.gear_rules import GUESS, SPREAD
+from jointplay.model.gear_rules import SPREAD
 from jointplay.simulation.analysis import twins
 from jointplay.simulation.analysis.tool_error import deviation, difference, error_statistics
 from jointplay.simulation.loads.drive import Servo, assign
@@ -153,7 +153,7 @@ class ToolError:
         if "elasticity" not in self.parts:
             return ""
         stiffness = [one for one in _of(self._result, "gears", "stiffness") if one.assumed]
-        unknown = any(one.source.endswith(GUESS) for one in stiffness)
+        unknown = any(one.origin == GUESSED for one in stiffness)
         return "unknown" if unknown else "usual" if stiffness else ""
 
     @property
