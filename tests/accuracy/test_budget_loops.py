@@ -160,7 +160,7 @@ def test_two_hinges_of_a_door_bear_in_the_budget_what_a_run_finds_at_rest(door):
     result = simulate(mechanism, still, duration=2e-3, start="rest", estimate=False)
     ran = {name: result["joint_force"].values[-1, i] for i, name in enumerate(result.joints)}
     for j, name in enumerate(found.joints):
-        size = np.linalg.norm(found.rest_loads[0, j, :3])
+        size = np.linalg.norm(found.rest_positions.at(0).loads[j, :3])
         assert size == pytest.approx(np.linalg.norm(ran[name]), rel=0.02)
         # Neither stands still without the other: the leaf hangs on the upper hinge.
         assert size > 0.5 * 9.81 * 0.25 / height

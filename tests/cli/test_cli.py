@@ -81,7 +81,7 @@ def test_commands_are_shown_by_what_they_are_for_and_where_to_begin(capsys):
     alone = capsys.readouterr().out
     assert len(alone.splitlines()) <= 25
     assert all(re.search(rf"\b{name}\b", alone) for name in [*GROUPS, *names])
-    assert "jointplay run ur5 --joint elbow_joint" in alone
+    assert "jointplay run ar4 --gear joint_2" in alone
     with pytest.raises(SystemExit, match="0"):
         main(["--help"])
     assert capsys.readouterr().out == alone

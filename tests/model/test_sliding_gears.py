@@ -105,7 +105,7 @@ def test_at_rest_a_nut_hangs_by_half_its_play_and_its_elasticity(lift, encoder, 
     assert found.rest_tool[0] == pytest.approx([-sag, 0, 0, 0, 0, 0], abs=1e-9)
     assert found.rest[0, 0, 0] == pytest.approx(-sag, abs=1e-9)
     assert found.rest_interval[0, 0] == pytest.approx([-sag, -sag], abs=1e-8)
-    assert found.rest_loads[0, 0] == pytest.approx([0, 0, -MASS * G, 0, 0, 0])
+    assert found.rest_positions.at(0).loads[0] == pytest.approx([0, 0, -MASS * G, 0, 0, 0])
     assert f"x (gear) {MASS * G:.4g} N" in str(found.table())
     motion = jp.Motion(["x"], [0, 0.01], [[0.0], [0.0]])
     result = jp.simulate(lift, motion, drive=drive, duration=1e-3, start="rest", **QUIET)
@@ -166,7 +166,7 @@ def test_the_shipped_gantry_runs_and_its_result_is_in_si(tmp_path):
     short = ("--set", "integration.duration=20 ms", "--no-error-estimate")
     done = call("run", tmp_path / "g.toml", *short, "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
-    assert "Play in the gear of x (0.1 mm), the gear of z (0.05 mm)" in done.stdout
+    assert "of 0.1 mm in the gear of x and of 0.05 mm in the gear of z" in done.stdout
     result = jp.Result.load(tmp_path / "out" / "g.nc")
     force = result["gear_torque"]
     assert force.attrs["units"] == "N"

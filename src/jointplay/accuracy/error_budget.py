@@ -330,15 +330,6 @@ class PlayBudget(Budget):
         return np.array([self.rest_positions.at(i).whole for i in range(len(self.worst))])
 
     @property
-    def rest_loads(self) -> np.ndarray:
-        """What each source of play bears there, bearing axes, shape (n, j, 6) [N, N m].
-
-        Force and moment of its contacts about the journal's centre; of a gear the torque of its
-        teeth about its axis, or their force along it.
-        """
-        return np.array([self.rest_positions.at(i).loads for i in range(len(self.worst))])
-
-    @property
     def rest_error(self) -> np.ndarray:
         """Distance of the tool at rest from the ideal one, shape (n,) [m]."""
         return np.asarray(np.linalg.norm(self.rest_tool[:, :3], axis=1))

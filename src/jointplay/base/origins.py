@@ -9,9 +9,10 @@ from typing import NamedTuple
 
 from jointplay.base.tables import Table
 
-GIVEN, FILE, SEEN, ASSUMED = "given", "file", "seen", "assumed"
-"""Of what the user said, in options or in files; what a robot's own file has; what nobody said.
-Numbers of presets are measured, seen, estimated or assumed."""
+GIVEN, FILE, SEEN, ASSUMED, GUESSED = "given", "file", "seen", "assumed", "guessed"
+"""Of what the user said, in options or in files; what a robot's own file has; what was seen in
+a catalogue; what nobody said, by a rule that holds or by one that may not. Numbers of presets are
+measured, seen, estimated or assumed."""
 
 Key = tuple[str, ...]
 Origins = Mapping[Key, tuple[str, str]]
@@ -61,7 +62,7 @@ class Value(NamedTuple):
 
     @property
     def assumed(self) -> bool:
-        return self.origin == ASSUMED
+        return self.origin in (ASSUMED, GUESSED)
 
     @property
     def effect(self) -> str:

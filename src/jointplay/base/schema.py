@@ -634,10 +634,27 @@ def _simple(kind: Any, data: Any, units: tuple[str, ...]) -> Any:
     return data
 
 
+SYNONYMS = {
+    "backlash": "play",
+    "play": "radial_clearance",
+    "clearance": "radial_clearance",
+    "gap": "radial_clearance",
+    "inertia": "rotor_inertia",
+    "armature": "rotor_inertia",
+    "kp": "p_gain",
+    "kd": "d_gain",
+    "ki": "i_gain",
+    "mu": "mu_d",
+}
+"""What keys are called elsewhere, and here."""
+
+
 def unknown_key(key: str, keys: Iterable[str], whose: str = "") -> str:
     """What to say of a key that does not exist."""
     keys = list(keys)
-    return f'unknown key "{key}"{whose}; {closest(key, keys)}valid keys: {", ".join(keys)}'
+    meant = SYNONYMS.get(key)
+    hint = f'did you mean "{meant}"? ' if meant in keys else closest(key, keys)
+    return f'unknown key "{key}"{whose}; {hint}valid keys: {", ".join(keys)}'
 
 
 def one_of(kind: str, value: Any, choices: Iterable[str]) -> str:

@@ -36,8 +36,8 @@ BAD_INPUT = 2
 STOPPED = 1
 
 
-FIRST = 'jointplay run ur5 --joint elbow_joint --clearance "0.1 mm" --out ur5'
-"""What a newcomer types."""
+FIRST = 'jointplay run ar4 --gear joint_2="0.5 deg" --out ar4'
+"""What a newcomer types, of a robot that ships."""
 
 ENDING = """jointplay COMMAND --help shows what is needed most often, --help all everything.
 Values are in SI units (m, s, kg, N, rad), or carry a unit, as in "0.1 mm"."""

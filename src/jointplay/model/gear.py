@@ -411,6 +411,11 @@ class _Catalogued(_Lossy):
     needs: ClassVar[tuple[str, ...]]
     """Fields that either the user or the catalogue must give."""
 
+    def with_play(self, play: float) -> Self:
+        stated = self.stated_lost_motion  # in which the play counts
+        lost = None if stated is None else stated + play - self.play
+        return replace(self, play=play, stated_lost_motion=lost)
+
     def __post_init__(self) -> None:
         given = {} if self.catalogue is None else _entry(self.kind, self.catalogue)
         for name, item in given.items():

@@ -74,6 +74,8 @@ class Rule:
     """Of the rule."""
     reason: str
     """By what it was found, in words."""
+    guess: bool = False
+    """Whether no gear like it is known."""
 
 
 @dataclass(frozen=True)
@@ -180,9 +182,9 @@ def stiffness(effort: float, slides: bool) -> float:
 def stiffness_rule(name: str, entry: JointEntry, efforts: Efforts) -> Rule:
     """Stiffness of a joint's gear by what its drive is made for."""
     effort, reason = _effort(name, entry, efforts)
-    known = "" if efforts.stiffness_is_known(name) or entry.slides else "; a guess"
+    guess = not (entry.slides or efforts.stiffness_is_known(name))
     value = _rounded(stiffness(effort, entry.slides))
-    return Rule(value, "gear stiffness", f"{reason}{known}")
+    return Rule(value, "gear stiffness", reason, guess)
 
 
 def _effort(name: str, entry: JointEntry, efforts: Efforts) -> tuple[float, str]:

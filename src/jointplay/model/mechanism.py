@@ -507,21 +507,54 @@ class Mechanism(Overview, Described):
         return self.held if self.free_base is None else self.description.free_base(self.gravity)
 
     def ideal(self) -> Mechanism:
-        """The same without clearance and gears' play, always the same one; maybe itself."""
+        """Its links alone, without clearance and gears, always the same one; maybe itself."""
         return self._ideal
 
     @cached_property
     def _ideal(self) -> Mechanism:
         if not self.given_joints and not self.gears:
             return self
-        joints = {
-            name: joint
+        return self.with_clearance(self._ideal_joints(), {})
+
+    def _ideal_joints(self) -> dict[str, Clearance]:
+        """Those of the joints that say of what kind an ideal one is."""
+        return {
+            name: replace(joint, ideal=True)
             for name, joint in self.given_joints.items()
             if name in self.loops or joint.compound()
         }
-        return self.with_clearance(
-            {name: replace(one, ideal=True) for name, one in joints.items()}, {}
-        )
+
+    def without(self, what: str) -> Mechanism:
+        """The same machine without one cause of its error, always the same one; maybe itself.
+
+        Args:
+            what: ``"play"``: gears without play, and ideal joints but for those that springs or
+                preload hold. How a bearing with play gives way goes with its play.
+                ``"elasticity"``: without play and rigid. The rotors of its gears are the armature
+                of their joints; the friction of its gears is left out.
+        """
+        require_known("cause", what, ("play", "elasticity"))
+        return self._without_play if what == "play" else self._rigid
+
+    @cached_property
+    def _without_play(self) -> Mechanism:
+        if not any(joint.has_play for joint in self.clearance.values()) and not any(
+            gear.play for gear in self.gears.values()
+        ):
+            return self
+        held = {name: one for name, one in self.clearance.items() if not one.has_play}
+        if not held and not self.gears:
+            return self._rigid
+        gears = {name: gear.with_play(0.0) for name, gear in self.gears.items()}
+        return self.with_clearance(self._ideal_joints() | held, gears)
+
+    @cached_property
+    def _rigid(self) -> Mechanism:
+        if not self.gears:
+            return self.ideal()
+        rotors = {name: gear.rotor_inertia for name, gear in self.gears.items()}
+        description = urdf.with_armature(self.description, self.armature | rotors)
+        return self._like(self._ideal_joints(), {}, self.base, description)
 
     def with_clearance(
         self, clearance: Mapping[str, Clearance], gears: Mapping[str, Gearing] | None = None
@@ -534,10 +567,14 @@ class Mechanism(Overview, Described):
         return self if self.base == HELD else self._like(self.given_joints, self.gears, HELD)
 
     def _like(
-        self, clearance: Mapping[str, Clearance], gears: Mapping[str, Gearing], base: str
+        self,
+        clearance: Mapping[str, Clearance],
+        gears: Mapping[str, Gearing],
+        base: str,
+        description: urdf.Description | None = None,
     ) -> Mechanism:
         made = Mechanism(
-            self.description,
+            description or self.description,
             clearance,
             loops=self.loops,
             gears=gears,

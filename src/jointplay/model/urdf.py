@@ -364,12 +364,18 @@ def with_geared(description: Description, joints: Collection[str]) -> Descriptio
     armature = description.beyond.armature
     if armature.keys().isdisjoint(joints):
         return description
+    left = {name: armature[name] for name in armature if name not in joints}
+    return with_armature(description, left)
+
+
+def with_armature(description: Description, armature: Mapping[str, float]) -> Description:
+    """The description with other rotors that are rigidly geared to joints; see `Beyond`."""
     root = description.elements()
     element = root.find(BEYOND)
-    assert element is not None
+    if element is None:
+        element = ElementTree.SubElement(root, BEYOND)
     said = json.loads(element.text or "{}")
-    said["armature"] = {name: armature[name] for name in armature if name not in joints}
-    element.text = json.dumps(said)
+    element.text = json.dumps(said | {"armature": dict(armature)})
     return read_again(description, root, "gear")
 
 
@@ -630,7 +636,8 @@ def _check_size(shape: ElementTree.Element, key: str, what: str) -> None:
 
 def _require_size(values: Sequence[float], what: str) -> None:
     if max(map(abs, values)) > LARGEST:
-        raise JointplayError(f"{what} must be no larger than {LARGEST:g}, got {max(values):g}")
+        worst = max(values, key=abs)
+        raise JointplayError(f"{what} must be no larger than {LARGEST:g}, got {worst:g}")
 
 
 def _number(

@@ -121,7 +121,9 @@ def by_rule(mechanism: Mechanism, what: str) -> list[str]:
     for (name, field), rule in mechanism.rules.items():
         if field == what:
             unit = fields_of(Gear)[what].units[mechanism.description.joints[name].slides]
-            found.setdefault(f"{readable(rule.value, unit, 3)} {rule.reason}", []).append(name)
+            found.setdefault(
+                f"{readable(rule.value, unit, 3)} {rule.reason}{'; a guess' * rule.guess}", []
+            ).append(name)
     factor = f", to a factor of {SPREAD:g}" if what == "stiffness" else ""
     option = what if what.startswith("rotor") else f"gear-{what}"
     return [

@@ -272,7 +272,7 @@ def _as_given(
         raise JointplayError(unknown_key(key, keys) + f" (with {source})", where=("motion", key))
     if source == "file":
         with within("motion", "file"):
-            return _from_file(resolve(given["file"], folder), table.interpolation)
+            return motion_from_file(resolve(given["file"], folder), table.interpolation)
     if source == "speeds":
         return _turning(model, mechanism, start)
     if table.times is None:
@@ -293,7 +293,7 @@ def _as_given(
         return Motion(list(given["joints"]), table.times, positions, table.interpolation)
 
 
-def _from_file(path: Path, interpolation: str | None) -> Motion:
+def motion_from_file(path: Path, interpolation: str | None) -> Motion:
     """Motion of a file, which is read again only once it has changed."""
     stamp: tuple[int, ...] = ()
     with suppress(OSError, ValueError):  # which reading it puts into words
@@ -488,19 +488,45 @@ def _of_idle_planes(mechanism: Mechanism) -> list[str]:
     lines = []
     for name, joint in mechanism.clearance.items():
         planar = joint.slides() and "x" in joint.freedoms and "y" not in joint.freedoms
-        if not planar or name in mechanism.loops:
+        if not planar:
+            continue
+        if name in mechanism.loops:
+            moves = _moving_across(mechanism, name, q)
+            if np.abs(moves[0]).max() <= _NOT_COUPLED * np.abs(moves).max():
+                lines.append(_idle_plane(name))
             continue
         at = mechanism.coordinates.index(Coordinate(name, "x"))
         others = [i for i, one in enumerate(mechanism.coordinates) if one.joint != name]
         own = np.sqrt(mass[at, at] * mass.diagonal()[others])
         idle = np.abs(mass[at, others]) <= _NOT_COUPLED * own
         if others and idle.all() and abs(weight[at]) <= _NOT_COUPLED * mass[at, at]:
-            lines.append(
-                f"joint {name!r} has planar play along x of its frame, across which nothing else "
-                "moves or weighs, so that it carries nothing: is its frame turned as meant (x "
-                "across the guide in the plane of motion)?"
-            )
+            lines.append(_idle_plane(name))
     return lines
+
+
+def _idle_plane(name: str) -> str:
+    return (
+        f"joint {name!r} has planar play along x of its frame, across which nothing else moves or "
+        "weighs, so that it carries nothing: is its frame turned as meant (x across the guide in "
+        "the plane of motion)?"
+    )
+
+
+def _moving_across(mechanism: Mechanism, name: str, q: np.ndarray) -> np.ndarray:
+    """Velocity of a loop's journal in its bearing by those of all coordinates (3, nv)."""
+    model, data = mechanism.model, mechanism.model.createData()
+    pin.computeJointJacobians(model, data, q)
+    whole, places = [], []
+    for body, place in mechanism.frames(name):
+        local = pin.getJointJacobian(model, data, body, pin.ReferenceFrame.LOCAL)
+        at = data.oMi[body] * place
+        moving = place.toActionMatrixInverse() @ local
+        whole.append([at.rotation @ moving[:3], at.rotation @ moving[3:]])
+        places.append(at)
+    (bearing, turn), (journal, _) = whole
+    carried = np.cross(turn.T, places[1].translation - places[0].translation).T
+    across: np.ndarray = places[0].rotation.T @ (journal - bearing - carried)
+    return across
 
 
 def _of_falling(model: Model, mechanism: Mechanism, motion: Motion | None) -> list[str]:
@@ -543,14 +569,14 @@ def mechanism_of(model: Model, folder: Path, built: Built) -> Mechanism:
     parts = model.loops, model.joints, model.gears, model.links
     inputs = (robot, *parts, folder)
     key = (str(description.path), description.text, *map(repr, inputs))
-    made = built.pop(key, None) or _built_anew(model, description, folder)
+    made = built.pop(key, None) or _built_anew(model, description)
     built[key] = made
     if len(built) > _LAST_BUILT:
         built.popitem(last=False)
     return made
 
 
-def _built_anew(model: Model, description: Description, folder: Path) -> Mechanism:
+def _built_anew(model: Model, description: Description) -> Mechanism:
     robot = model.robot
     loops = {}
     for name, ends in model.loops.items():

@@ -107,12 +107,14 @@ def robot_scenario(
     if beyond and len(geared) < len(gears) and "tool" not in given.get("robot", {}):
         tool, why = choose_tool(description, {*joints, *given.get("joints", {}), *geared})
         own.append(Setting(("robot", "tool"), tool, why, ASSUMED))
-    if moves and not (joints or ideal or gears or "joints" in said):
+    errs = joints or ideal or gears or {"joints", "drive", "drives"} & said.keys()
+    if moves and not errs:
         if not scara:
-            choices = f"revolute joints of {path}: {', '.join(description.revolute) or 'none'}"
+            choices = f"moving joints of {path}: {', '.join(description.moving) or 'none'}"
             raise JointplayError(
-                "no joint has clearance: give one by --set joints.NAME.radial_clearance=LENGTH, "
-                f"or by --joint NAME where the command has it; {choices}"
+                "nothing has play: give --gear JOINT=PLAY (or all=PLAY), --joint NAME or "
+                f"--clearance LENGTH, --preset, or --set joints.NAME.radial_clearance=LENGTH; "
+                f"{choices}"
             )
         joints = (SCARA_JOINT,)
     for name in joints:

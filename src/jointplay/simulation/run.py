@@ -26,7 +26,7 @@ from jointplay.base.errors import (
     require_whole,
 )
 from jointplay.base.progress import Simulated
-from jointplay.base.tables import counted
+from jointplay.base.tables import counted, few
 from jointplay.model.impact import tooth_duration
 from jointplay.model.massless import require_inertia
 from jointplay.model.mechanism import Mechanism
@@ -719,9 +719,14 @@ class Run:
         elif status == Status.RUN_AWAY:
             what = "the state diverged or is not a number"
             remedy = "reduce the step or the drive's bandwidth"
-            if mechanism.gears:
-                remedy += ", which an elastic gear limits when the encoder is on the link "
-                remedy += '(encoder = "motor" puts it before the gear)'
+            drives = assign(mechanism, self.simulation.motion, self.simulation.drive)
+            through = [
+                name for name in mechanism.gears if getattr(drives[name], "encoder", "") == "link"
+            ]
+            if through:
+                remedy = f"the drive of {few(through)} acts through the teeth of its gear on what "
+                remedy += "its encoder reads: put that on the motor (--encoder motor), or lower "
+                remedy += "--bandwidth"
         else:
             name = list(mechanism.clearance)[joint]
             law = mechanism.clearance[name]

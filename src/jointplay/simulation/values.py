@@ -10,7 +10,17 @@ from collections.abc import Iterator
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
-from jointplay.base.origins import ASSUMED, FILE, GIVEN, SEEN, Key, Origins, Value, value_table
+from jointplay.base.origins import (
+    ASSUMED,
+    FILE,
+    GIVEN,
+    GUESSED,
+    SEEN,
+    Key,
+    Origins,
+    Value,
+    value_table,
+)
 from jointplay.base.schema import Described, fields_of
 from jointplay.base.tables import Table, few
 from jointplay.base.units import readable
@@ -47,7 +57,11 @@ def assumed_table(simulation: Simulation, origins: Origins) -> Table:
 
 
 def _origin(key: Key, origins: Origins, default: tuple[str, str]) -> tuple[str, str]:
-    """Who gave the value at a key; a table that it is in, or the first of what it has in it."""
+    """Who gave the value at a key: of it, of a table that it is in, of the first that is in it; of
+    a joint's drive, of the one for all.
+    """
+    if key[0] == "drives" and key[:2] not in {at[:2] for at in origins}:
+        key = ("drive", *key[2:])
     for size in range(len(key), 0, -1):
         if key[:size] in origins:
             return origins[key[:size]]
@@ -74,7 +88,10 @@ def _said(simulation: Simulation) -> Iterator[tuple[Key, str, tuple[str, str]]]:
     for name, gear in mechanism.gears.items():
         for field, text, is_default in _fields_of(gear, units.get(name, "rad")):
             rule = mechanism.rules.get((name, field))
-            by_rule = None if rule is None else (ASSUMED, f"rule {rule.name}: {rule.reason}")
+            by_rule = None
+            if rule is not None:
+                origin = GUESSED if rule.guess else ASSUMED
+                by_rule = (origin, f"rule {rule.name}: {rule.reason}")
             of_catalogue = (SEEN, known[field]) if field in (known := gear.origins()) else said
             yield ("gears", name, field), text, by_rule or (usual if is_default else of_catalogue)
     motion = simulation.motion

@@ -134,5 +134,5 @@ def test_a_run_builds_its_mechanism_once_and_its_ideal_twin_once(tmp_path, monke
     assert "puts the tool" in capsys.readouterr().out
     assert calls.count("build") == 2
     # Of the run, of the two by which its errors are estimated, and of the ideal mechanism, which
-    # stands where its drives let it, for the errors and for the figures.
-    assert calls.count("rest") == 5
+    # stands where its drives let it: of that for the errors, and the figures have the same run.
+    assert calls.count("rest") == 4

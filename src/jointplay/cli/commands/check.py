@@ -2,7 +2,8 @@
 
 Check a scenario without running it: its keys, values and units, the robot, and whether every case
 can start. Prints how the file was understood, and draws the mechanism at the start of the first
-case with clearance. All input options of jointplay run are accepted too.
+case with clearance. Of a robot alone (URDF, xacro, MJCF) it says what it is made of and what stands
+in the way. All input options of jointplay run are accepted too.
 
     [FILE | ROBOT]
     --case NAME ...  run only this case of FILE
@@ -13,17 +14,23 @@ case with clearance. All input options of jointplay run are accepted too.
     --no-picture  do not draw a picture
 """
 
+from __future__ import annotations
+
 import argparse
 import json
 import sys
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from jointplay.base import files
 from jointplay.base.errors import JointplayError
-from jointplay.cli.commands.inputs import scenario_of
+from jointplay.cli.commands.inputs import for_joints, is_scenario, scenario_of, xacro_arguments
 from jointplay.model.robots import PREFIXES
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from jointplay.model.mechanism import Mechanism
 
 MARK = "jointplay check"
 """In the PNG's metadata: a picture that this command may replace."""
@@ -40,18 +47,40 @@ def run(options: argparse.Namespace) -> int:
         raise JointplayError("the argument FILE | ROBOT is missing: what is to be checked")
     if options.picture and options.no_picture:
         raise JointplayError("give one of --picture and --no-picture")
-    scenario = scenario_of(options)
+    bare = _bare(options)
+    scenario = scenario_of(options, moves=not bare)
     place = None if options.no_picture else _place(options, scenario)
+    if bare and not _plays(mechanism := scenario.mechanism()):
+        from jointplay.cli.commands.robots import detail
+        from jointplay.model.survey import survey
+
+        print(detail(survey(options.place, xacro_arguments(options.xacro))))
+        print(*scenario.assumptions, sep="\n", end="\n" * bool(scenario.assumptions))
+        if place is not None:
+            q = mechanism.configuration({
+                name: entry.neutral
+                for name, entry in mechanism.description.joints.items()
+                if name in mechanism.joints
+            })  # fmt: skip
+            print(_drawn(*place, scenario.title, mechanism, q))
+        return 0
+    if bare:
+        scenario = scenario_of(options)
     from jointplay.scenario.summary import summary  # what comes now takes long to import
 
     runs = {case: scenario.ready_run(case) for case in options.case or scenario.cases}
     lines = [summary(scenario, runs), *(f"  {line}" for line in scenario.assumptions)]
     if scenario.sweep:
         from jointplay.study import plan_of
+        from jointplay.study.sweeps import probe
 
-        lines.append(f"sweep: {plan_of(scenario).summary}")
+        made = plan_of(scenario)
+        probe(made)
+        lines.append(f"sweep: {made.summary}")
     if place is not None:
-        lines.append(_draw(*place, scenario.title, runs))
+        first = next(iter(runs.values()))
+        shown = next((run for run in runs.values() if run.mechanism.clearance), first)
+        lines.append(_drawn(*place, scenario.title, shown.mechanism, shown.workspace.q))
     print("\n".join(lines))
     return 0
 
@@ -74,11 +103,20 @@ def _place(options: argparse.Namespace, scenario: Any) -> tuple[Path, bool]:
     return path, replaced
 
 
-def _draw(path: Path, replaced: bool, title: str, runs: Mapping[str, Any]) -> str:
+def _bare(options: argparse.Namespace) -> bool:
+    """Whether a robot's file is named and nothing else: neither play nor a motion."""
+    said = options.joint or options.gear or options.set or for_joints(options)
+    named = options.preset is not None or options.motion is not None
+    return not (is_scenario(options) or said or named or options.ideal)
+
+
+def _plays(mechanism: Mechanism) -> bool:
+    return bool(mechanism.clearance or mechanism.gears)
+
+
+def _drawn(path: Path, replaced: bool, title: str, mechanism: Mechanism, q: np.ndarray) -> str:
     from jointplay.show.picture import picture
 
-    first = next(iter(runs.values()))
-    shown = next((run for run in runs.values() if run.mechanism.clearance), first)
-    figure = picture(shown.mechanism, shown.workspace.q, title=title)
+    figure = picture(mechanism, q, title=title)
     files.picture(path, figure, mark=MARK)
     return f"picture: {path}{' (replaced)' if replaced else ''}"

@@ -15,7 +15,8 @@ Example: jointplay compensate so101 --preset --motion pick.csv --trust "play 30 
     --tool-size LENGTH  of the tool or what it holds: by that its turn is weighed against its
         position (default: position first, the turn as far as that leaves joints free)
     --passes N  correct by what own runs leave, at most so often, as long as it improves (default 0)
-    --out DIR  folder for motion.csv, compensation.csv, corners.csv and error.png
+    --out DIR  folder for motion.csv, original.csv (run --beside compares with it),
+        compensation.csv, corners.csv and error.png
     --formats LIST  further files in DIR: yaml, mcap (ROS 2 JointTrajectory), table (joint,
         direction, load), linuxcnc, marlin, klipper, grblhal
     --write-anyway  write a motion that makes the error larger, too
@@ -27,7 +28,9 @@ Example: jointplay compensate so101 --preset --motion pick.csv --trust "play 30 
 from __future__ import annotations
 
 import argparse
+import shlex
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jointplay.base import streams
@@ -41,7 +44,7 @@ if TYPE_CHECKING:
 
 
 def run(options: argparse.Namespace) -> int:
-    names = ["motion.csv", "compensation.csv", "corners.csv", "error.png"]
+    names = ["motion.csv", "original.csv", "compensation.csv", "corners.csv", "error.png"]
     out = Outputs(options.out, names)
     from jointplay.accuracy.compensation import compensate
     from jointplay.bridges import backlash
@@ -66,7 +69,7 @@ def run(options: argparse.Namespace) -> int:
     )
     more = []
     if options.passes:
-        found, tried = learn(found, options.passes, progress=progress)
+        found, tried = learn(found, options.passes)
         told = ", ".join(f"{1e3 * one:.4g}" for one in tried)
         more.append(f"RMS error by pass: {told} mm; {found.learned} kept")
     extra = further_files(found, wanted)
@@ -80,6 +83,11 @@ def run(options: argparse.Namespace) -> int:
         raise JointplayError(words)
     if options.out:
         _write(out, judged, extra)
+        motions = (str(Path(options.out) / name) for name in names[:2])
+        asked = zip(("--motion", "--beside"), motions, strict=True)
+        robot = [] if options.place is None else [str(options.place)]
+        line = shlex.join(["jointplay", "run", *robot, *(word for pair in asked for word in pair)])
+        print(f"next, with the joints and drives as here: {line} --out DIR")
     return 0
 
 
@@ -101,12 +109,9 @@ def further_files(found: Compensation, wanted: Sequence[str]) -> dict[str, Any]:
         else:
             try:
                 contents |= backlash.tables(found, one)
+                lost.append(f"note: {one} cannot say {backlash.FORMATS[one].lost}")
             except JointplayError as error:
-                if len(wanted) == 1:
-                    raise
-                lost.append(f"warning: nothing for {one}: {error}")
-                continue
-            lost.append(f"note: {one} cannot say {backlash.FORMATS[one].lost}")
+                lost.append(f"warning: no file for {one}: {error}")
     return contents | {"": lost}
 
 
@@ -114,8 +119,11 @@ def _write(out: Outputs, judged: Judgement, extra: Mapping[str, Any]) -> None:
     from jointplay.show.plots.design import before_and_after
 
     found = judged.compensation
+    meant = found.simulation.motion
+    assert meant is not None
     out.write({
         "motion.csv": found.motion.csv(),
+        "original.csv": meant.csv(),
         "compensation.csv": found.data().csv(),
         "corners.csv": judged.table().csv(),
         "error.png": before_and_after(judged),

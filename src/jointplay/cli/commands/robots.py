@@ -23,6 +23,8 @@ import argparse
 import textwrap
 from typing import TYPE_CHECKING
 
+from jointplay.base import streams
+from jointplay.base.errors import JointplayError
 from jointplay.base.tables import aligned
 from jointplay.cli.commands.inputs import xacro_arguments
 
@@ -44,9 +46,13 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.model.survey import survey
 
     if options.name is not None:
-        print(_detail(survey(options.name, xacro_arguments(options.xacro))))
+        print(detail(survey(options.name, xacro_arguments(options.xacro))))
         return 0
-    surveys = [survey(name) for name in robots.robots()]
+    try:
+        surveys = [survey(robots.with_package(name)) for name in robots.robots()]
+    except JointplayError as error:  # the package of most of them is not installed
+        surveys = [survey(robots.with_package(name)) for name in robots.OWN]
+        streams.note(f"only the robots that ship are listed: {error}")
     print("ARMS (revolute joints on one path)")
     print(*(_entry(robot) for robot in surveys if robot.serial), sep="\n")
     print("OTHERS (the base is held fast, unless it is run with --base free)")
@@ -71,7 +77,7 @@ def _wrapped(text: str) -> str:
     )
 
 
-def _detail(survey: Survey) -> str:
+def detail(survey: Survey) -> str:
     from jointplay.model.tool import choose_tool
     from jointplay.model.urdf import as_option
 

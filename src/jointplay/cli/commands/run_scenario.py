@@ -25,6 +25,7 @@ from jointplay.simulation.working_files import check_own, working_paths
 
 if TYPE_CHECKING:
     from jointplay.scenario import Scenario
+    from jointplay.simulation.motion.reference import Motion
     from jointplay.simulation.result.result import Result
     from jointplay.simulation.run import Run
     from jointplay.simulation.simulation import Simulation
@@ -78,20 +79,24 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
         check_output_folder(out, names, drawn)
     progress = not options.quiet
     items = {}
-    lengths, simulations = {}, {}
+    lengths, simulations, meant = {}, {}, dict[str, str]()
     ready: list[Run] = []
     remarks: dict[str, list[str]] = {}  # cases by what is said of them
     for case, name in zip(cases, names, strict=True):  # before anything is written
         item = items[case] = CaseRun(case, out / name, _errors(scenario, case, options))
         run = scenario.ready_run(case, progress, item.records, ahead=True)
+        if options.beside is not None:
+            meant[case] = json.dumps(_meant(run.simulation, Path(options.beside)).describe())
         # What takes long to import is so while another process compiles, if one does.
+        from jointplay.simulation.analysis.parts import has_both
         from jointplay.study.certification import number_of_runs
 
         simulations[case] = run.simulation
-        runs = 1 + (number_of_runs(run.simulation, item.certified) if item.errors else 0)
+        runs = 1 + (number_of_runs(run.simulation) if item.errors else 0)
         length = run.total_steps * run.simulation.step
-        # For a case that gives, the ideal mechanism is simulated, too, if no case is it.
-        lengths[case] = runs * length, length if _gives(run.simulation) else 0.0
+        # What gives is compared with the ideal mechanism, if no case is it, and without play.
+        ideal = _gives(run.simulation) and (len(cases) > 1 or not item.errors)
+        lengths[case] = runs * length, length * (ideal + has_both(run.simulation.mechanism))
         for line in _length_and_size(run):
             remarks.setdefault(line, []).append(case)
         ready = [run] if len(cases) == 1 else []
@@ -143,7 +148,7 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     with whole(total, progress):
         for case in done:
             summaries.keep(case)
-        work = partial(_execute, scenario, options.jobs, progress, ready, made)
+        work = partial(_execute, scenario, options.jobs, progress, ready, made, meant)
         stopped = _run_all(work, left, jobs, summaries)
         summaries.finish()
     results = summaries.results
@@ -263,7 +268,7 @@ class _Summaries:
         lines = headline(result, ideal, self.detail)
         if case in self._ideal or not lines:  # there is no error to begin with
             lines = [result.message, *lines]
-        elif self.detail or result.status != Status.COMPLETED:
+        elif result.message not in lines and (self.detail or result.status != Status.COMPLETED):
             lines.append(result.message)
         if self.detail:
             judged = result.judgement
@@ -319,6 +324,20 @@ def _length_and_size(run: Run) -> list[str]:
     return lines
 
 
+def _meant(simulation: Simulation, path: Path) -> Motion:
+    """The motion of a file, with the joints that it leaves out where the run's motion begins."""
+    from jointplay.scenario.build import motion_from_file
+
+    if simulation.motion is None:
+        raise JointplayError("--beside is for a machine that follows a motion")
+    motion, run = motion_from_file(path, None), simulation.motion
+    begin = dict(zip(run.joints, run.waypoints[1][0].tolist(), strict=True))
+    left = {name: at for name, at in begin.items() if name not in motion.joints}
+    whole = replace(simulation, motion=motion, state={**simulation.state, **left}).motion
+    assert whole is not None
+    return whole
+
+
 def _gives(simulation: Simulation) -> bool:
     return bool(simulation.mechanism.clearance or simulation.mechanism.gears)
 
@@ -336,6 +355,7 @@ def _execute(
     progress: bool,
     ready: list[Run],
     made: dict[str, Result],
+    meant: Mapping[str, str],
     item: CaseRun,
 ) -> None:
     """Run a case, save it with its scenario, find its errors.
@@ -344,6 +364,7 @@ def _execute(
         jobs: processes for further runs, if the run took long enough to share them.
         ready: the run, if it has been made ready.
         made: gets the result, if it is in memory.
+        meant: motions of --beside by case, as files have them.
 
     Raises:
         KeyboardInterrupt: told to stop; it is saved as far as it came.
@@ -360,6 +381,8 @@ def _execute(
     notes = {"scenario": scenario.text, "scenario_file": scenario.path.name}
     notes |= {"title": scenario.title, "case": item.case}
     notes["values"] = to_text(values(run.simulation, scenario.origins(item.case)))
+    if item.case in meant:
+        notes["beside"] = meant[item.case]
     if scenario.settings:
         notes["settings"] = "\n".join(setting_texts(scenario.settings))
     status, result = Status.COMPLETED, None

@@ -20,6 +20,7 @@ import numpy as np
 from jointplay.accuracy.error_budget import PlayBudget, budget
 from jointplay.accuracy.poses import Poses, poses_of
 from jointplay.base.errors import JointplayError
+from jointplay.base.origins import to_text
 from jointplay.base.units import readable
 from jointplay.model.scene import tool_places
 from jointplay.physics.kernel import Status
@@ -28,11 +29,13 @@ from jointplay.show.live.state import WHOLE, State
 from jointplay.show.player import playback
 from jointplay.show.plots.chart import Axis, Curve, Panel
 from jointplay.show.plots.result import TIME
+from jointplay.simulation.analysis.parts import ToolError
 from jointplay.simulation.analysis.tool_error import deviation
-from jointplay.simulation.analysis.twins import COMPARED, ideal_simulation
+from jointplay.simulation.analysis.twins import COMPARED, has_play, ideal_simulation
 from jointplay.simulation.result.result import Result
 from jointplay.simulation.result.variables import TERMS
 from jointplay.simulation.run import Run
+from jointplay.simulation.values import values
 
 if TYPE_CHECKING:
     from jointplay.model.mechanism import Mechanism
@@ -155,6 +158,8 @@ class Machine:
     def _message(self, run: Run, moments: int, quick: bool) -> Message:
         simulation, result = run.simulation, run.result()
         result.simulation = simulation  # made already
+        origins = self.state.scenario.origins(self.state.case)
+        result.dataset.attrs["values"] = to_text(values(simulation, origins))
         self._continue()
         twin, reason = None, ""
         try:
@@ -324,8 +329,12 @@ def cycle_message(
         moving = playback.motion("", few, twin, moments)
         picture, packed = moving.contents, moving.block
     part = bool(steps) and result.status == Status.INTERRUPTED
+    answer = ""
+    if twin is not None and not steps and result.status == Status.COMPLETED and has_play(result):
+        answer = f"{ToolError(result, twin).sentence()}."
     head = {
         "kind": "cycle",
+        "answer": answer,
         "quick": bool(steps),
         "part": part,
         "steps": steps,

@@ -7,7 +7,7 @@ from .comparison import compare as compare
 from .contact_statistics import Contacts as Contacts
 from .contact_statistics import contacts as contacts
 from .contact_statistics import time_fractions as time_fractions
-from .headline import ToolError as ToolError
+from .parts import ToolError as ToolError
 from .tool_error import COMPONENTS as COMPONENTS
 from .tool_error import ErrorStatistics as ErrorStatistics
 from .tool_error import Stop as Stop

@@ -11,9 +11,10 @@ import numpy as np
 
 from jointplay.base.errors import JointplayError
 from jointplay.base.tables import counted, few
-from jointplay.base.units import readable
+from jointplay.physics.kernel import Status
 from jointplay.simulation.analysis import twins
 from jointplay.simulation.analysis.bearings import bearing_life, rolling_bearings
+from jointplay.simulation.analysis.parts import ToolError, ended_words, since_words
 from jointplay.simulation.analysis.tool_error import deviation, error_at, error_statistics, stops
 from jointplay.simulation.analysis.vibration import Rattle, rattle
 from jointplay.simulation.motion.reference import GOES_ON
@@ -61,10 +62,14 @@ def headline(result: Result, ideal: Result | None, detail: bool = False) -> list
     if not finite.all():  # where the run stopped
         result = Result(result.dataset.isel(time=finite))
     start = result.judge_from
-    since = _since(result)
+    since = since_words(result)
     lines = []
-    if ideal is not None and twins.has_play(result):
-        lines += _tool(result, ideal)
+    failed = result.status not in (Status.COMPLETED, Status.INTERRUPTED)
+    if failed:
+        lines.append(result.message)
+    # Of what diverged, how far it came says nothing of the machine.
+    if ideal is not None and twins.has_play(result) and result.status != Status.RUN_AWAY:
+        lines += _tool(result, ideal, detail)
     if result.joints:
         hinged = twins.hinges(result)  # they hold bodies by more than the force of their springs
         if bearings := [joint for joint in result.joints if joint not in hinged]:
@@ -83,10 +88,9 @@ def headline(result: Result, ideal: Result | None, detail: bool = False) -> list
 def headline_texts(result: Result, ideal: Result | None) -> dict[str, str]:
     """The figures of `headline` by name, as a table of several runs shows them."""
     found: dict[str, str] = {}
-    if ideal is not None and twins.has_play(result):
+    if ideal is not None and twins.has_play(result) and result.status != Status.RUN_AWAY:
         with suppress(JointplayError):  # no records
-            found = ToolError(result, ideal)._texts()
-            del found["RMS tool turn"]
+            found = ToolError(result, ideal).columns()
     if loose := [joint for joint in result.joints if joint not in twins.hinges(result)]:
         forces = result.forces.sel(joint=loose)
         sizes = forces.sel(time=forces["time"] >= result.judge_from).max("time").values
@@ -95,95 +99,6 @@ def headline_texts(result: Result, ideal: Result | None) -> dict[str, str]:
         with suppress(JointplayError):
             found["impacts a second"] = alone(rattle(result, ideal).rate)
     return found
-
-
-class ToolError:
-    """How far the tool is from that of the ideal mechanism, from `Result.judge_from` on.
-
-    `print` shows it in a sentence.
-
-    Attributes:
-        vector: error along x, y, z over time (time, axis) [m].
-        distance: its size over time (time,) [m].
-        turn: angle between the two tools over time (time,) [rad].
-        ideal: the ideal mechanism's run.
-    """
-
-    def __init__(self, result: Result, ideal: Result) -> None:
-        self._result, self.ideal = result, ideal
-        self.vector = deviation(result, ideal)
-        about = "distance of the tool from the ideal one"
-        self.distance = self._size(self.vector, "tool_error", about)
-        turn = deviation(result, ideal, "tool_orientation")
-        self.turn = self._size(turn, "tool_turn", "angle between the tool and the ideal one")
-        self._off = error_statistics(self.vector)
-        self._turned = error_statistics(turn)
-
-    @staticmethod
-    def _size(vectors: xr.DataArray, name: str, about: str) -> xr.DataArray:
-        size = vectors.reduce(np.linalg.norm, "axis").rename(name)
-        size.attrs = {"units": vectors.attrs["units"], "long_name": about}
-        return size
-
-    @property
-    def peak(self) -> float:
-        """Largest distance [m]."""
-        return float(self._off.peak[-1])
-
-    @property
-    def rms(self) -> float:
-        """RMS distance [m]."""
-        return float(self._off.rms[-1])
-
-    @property
-    def peak_turn(self) -> float:
-        """Largest angle [rad]."""
-        return float(self._turned.peak[-1])
-
-    @property
-    def rms_turn(self) -> float:
-        """RMS angle [rad]."""
-        return float(self._turned.rms[-1])
-
-    @property
-    def time_of_peak(self) -> float:
-        """When the distance is largest [s]."""
-        judged = self.distance.sel(time=self.distance["time"] >= self._result.judge_from)
-        return float(judged["time"][int(judged.values.argmax())])
-
-    @property
-    def numerical_errors(self) -> dict[str, float]:
-        """Of ``peak`` and ``rms`` [m], ``peak_turn`` and ``rms_turn`` [rad], as far as known."""
-        certificate = self._result.certificate
-        known = {one.name: one.error for one in (certificate.headline if certificate else ())}
-        return {name: known[of] for name, of in _OF_TOOL.items() if of in known}
-
-    def _texts(self) -> dict[str, str]:
-        """Its figures by what certificates call them, with their errors."""
-        units = zip(_OF_TOOL.items(), ("m", "m", "rad", "rad"), strict=True)
-        certificate = self._result.certificate
-        return {of: shown(certificate, of, getattr(self, name), u) for (name, of), u in units}
-
-    def __str__(self) -> str:
-        tool = self._result.simulation.mechanism.tool
-        peak, rms, peak_turn, rms_turn = self._texts().values()
-        return (
-            f"{_cause(self._result)} puts the tool {tool!r} up to {peak} "
-            f"off{_since(self._result)} (at t = {self.time_of_peak:.4g} s), RMS {rms}, "
-            f"and turns it by up to {peak_turn}, RMS {rms_turn}, against the "
-            f"ideal mechanism{_ended(self._result, self.distance)}"
-        )
-
-    __repr__ = __str__
-
-
-_OF_TOOL = {
-    "peak": "peak tool error",
-    "rms": "RMS tool error",
-    "peak_turn": "peak tool turn",
-    "rms_turn": "RMS tool turn",
-}
-"""Figures of `ToolError`, and what certificates call them."""
 
 
 def tool_error(result: Result) -> ToolError:
@@ -214,23 +129,18 @@ def rattle_of(result: Result) -> Rattle:
     return rattle(result, result.tool_error.ideal if twins.has_play(result) else None)
 
 
-def _since(result: Result) -> str:
-    return f" from {result.judge_from:g} s on" if result.judge_from > 0.0 else ""
-
-
-def _ended(result: Result, error: xr.DataArray) -> str:
-    """Where the ideal mechanism's run is shorter; records of another step may end earlier."""
-    last = float(error["time"][-1])
-    return f", whose run ends at {last:.4g} s" if last < 0.999 * result.time[-1] else ""
-
-
-def _tool(result: Result, ideal: Result) -> list[str]:
+def _tool(result: Result, ideal: Result, detail: bool) -> list[str]:
     until = deviation(result, ideal)
     if not len(until) or float(until["time"][-1]) < result.judge_from:
-        since, ended = _since(result), _ended(result, until)
-        return [f"the tool error{since} against the ideal mechanism is unknown{ended}"]
+        since, ended = since_words(result), ended_words(result, until)
+        return [f"the tool error{since} is unknown{ended}"]
     error = ToolError(result, ideal)
-    return [str(error), *_from_base(result, ideal), *_at_stops(result, error.vector)]
+    return [
+        error.sentence(detail),
+        *error.further(),
+        *_from_base(result, ideal),
+        *_at_stops(result, error.told),
+    ]
 
 
 def _from_base(result: Result, ideal: Result) -> list[str]:
@@ -241,35 +151,8 @@ def _from_base(result: Result, ideal: Result) -> list[str]:
     found = error_statistics(deviation(result, ideal, relative_to=base))
     return [
         f"seen from the free base {base!r}, whose own motion differs as well: up to "
-        f"{_mm(found.peak[-1])} off{_since(result)}, RMS {_mm(found.rms[-1])}"
+        f"{_mm(found.peak[-1])} off{since_words(result)}, RMS {_mm(found.rms[-1])}"
     ]
-
-
-def _cause(result: Result) -> str:
-    mechanism = result.simulation.mechanism
-    joints, gears = mechanism.clearance, mechanism.gears
-    hinged = twins.hinges(result)
-    bearings = {name: joint for name, joint in joints.items() if name not in hinged}
-    loose = {name: joint for name, joint in bearings.items() if joint.has_play}
-    soft = [name for name in bearings if name not in loose]
-    soft += [f"link {name}" for name in mechanism.hinges]
-    # Each gear gives way; its play, where it has some, is what parts the two.
-    stiff = [name for name, gear in gears.items() if gear.play == 0.0]
-    if stiff:
-        soft.append(f"the gear{'s' if len(stiff) > 1 else ''} of {few(stiff)}")
-    elasticity = f"lasticity of {few(soft)}" if soft else ""
-    sizes = {name: joint.play_words for name, joint in loose.items()}
-    sizes |= {
-        f"the gear of {name}": readable(gear.play, mechanism.description.joints[name].unit)
-        for name, gear in gears.items()
-        if gear.play > 0.0
-    }
-    if not sizes:
-        return f"E{elasticity}"
-    more = f", and e{elasticity}," if soft else ""
-    if len(set(sizes.values())) == 1:
-        return f"Play of {next(iter(sizes.values()))} in {few(list(sizes))}{more}"
-    return f"Play in {few([f'{name} ({size})' for name, size in sizes.items()])}{more}"
 
 
 def _at_stops(result: Result, error: xr.DataArray) -> list[str]:
@@ -282,9 +165,9 @@ def _at_stops(result: Result, error: xr.DataArray) -> list[str]:
         for stop in every
         if stop.at_rest and stop.end >= result.judge_from and stop.end > 0.0
     ]
-    if not times:
-        return []
     sizes = [float(error_at(error, time)[-1]) for time in times]
+    if not any(sizes):
+        return []
     known = result.certificate.headline if result.certificate else ()
     of_tool = [one.error for one in known if one.name in ("peak tool error", "RMS tool error")]
     off = max(of_tool, default=0.0)

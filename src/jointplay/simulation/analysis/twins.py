@@ -1,16 +1,21 @@
-"""The ideal mechanism that does the same work as a result's, and the inputs that tell it."""
+"""Twins of a run, the same work without one cause of error after the other, and its inputs."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
+import xml.etree.ElementTree as ElementTree
+from collections import OrderedDict
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jointplay.base.errors import require_known
+from jointplay.base.errors import JointplayError, require_known
 from jointplay.model.flexible import HINGE
+from jointplay.model.frames import carried
 from jointplay.model.free_base import BASE, FREE
+from jointplay.model.urdf import BEYOND
 from jointplay.physics.joints import (
     JOINT_KINDS,
     VIRTUAL_LINK,
@@ -18,7 +23,9 @@ from jointplay.physics.joints import (
     SlidingClearance,
     class_of,
 )
+from jointplay.physics.kernel import Status
 from jointplay.physics.kernel.integrators import DEFAULT, integrator
+from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.result.result import Result
 from jointplay.simulation.result.stored import stored_coordinates
 
@@ -138,17 +145,42 @@ def task(result: Result) -> dict[str, Any]:
     at rest and centred.
     """
     given = inputs(result)
+    if result.beside is not None:
+        given["motion"] = result.beside
     given["state"] = _state(given)
     if given["start"] is None and has_play(result):
         given["start"] = "centred"  # nothing was to be found
+    mechanism = given["mechanism"]
     robot = {
         key: value
-        for key, value in given["mechanism"].items()
-        if key not in ("clearance", "gears", "urdf")  # the text counts, not the file's name
+        for key, value in mechanism.items()
+        if key not in ("clearance", "gears", "urdf", "urdf_text")
     }
+    # The text counts, not the file's name; a rotor is the same behind a gear and without it.
+    robot["text"], rotors = _without_armature(mechanism["urdf_text"])
+    gears = mechanism.get("gears") or {}
+    robot["armature"] = dict(
+        sorted((rotors | {name: one["rotor_inertia"] for name, one in gears.items()}).items())
+    )
     return {key: value for key, value in given.items() if key not in _MAY_DIFFER} | {
         "mechanism": robot
     }
+
+
+@lru_cache(maxsize=8)
+def _without_armature(text: str) -> tuple[str, dict[str, float]]:
+    """A robot's text in which no armature stands, in one form, and that armature."""
+    root = ElementTree.fromstring(text)
+    said = root.find(BEYOND)
+    if said is None:
+        return ElementTree.canonicalize(text, strip_text=True), {}
+    beyond = json.loads(said.text or "{}")
+    armature = beyond.pop("armature", {})
+    said.text = json.dumps(beyond)
+    if not beyond:
+        root.remove(said)
+    left = ElementTree.tostring(root, encoding="unicode")
+    return ElementTree.canonicalize(left, strip_text=True), armature
 
 
 def _state(given: dict[str, Any]) -> dict[str, list[float | None]]:
@@ -197,20 +229,80 @@ def twin(result: Result, progress: bool = False) -> Result:
     return simulation.run(progress, check_step=check_step, estimate=False)
 
 
+_KEPT = 4
+_recent: OrderedDict[str, Result] = OrderedDict()
+"""The last twins' motions, by what was run: whoever judges a run asks for the same ones."""
+
+
 def tool_motion(simulation: Simulation, progress: bool = False) -> Result:
-    """The ideal mechanism's run, of which only the tool's motion is kept, and that of all bodies if
-    the base is free.
+    """A twin's run, of which only the tool's motion is kept, and that of all bodies if the base is
+    free.
 
     Neither the forces in its joints are found, nor how far it is off because of its step.
     """
     from jointplay.simulation.run import Run  # takes long to import
 
-    run = Run(simulation, progress)
-    run.label = "the ideal mechanism "
-    status = run.run_to_end(progress)
-    wanted = list(COMPARED)
-    wanted += ["q", "v"] if simulation.mechanism.free_base is not None else []  # seen from the base
-    return run.result(status, only=wanted)
+    key = json.dumps(simulation.describe(), default=str)
+    if key not in _recent:
+        run = Run(simulation, progress)
+        run.label = "the ideal mechanism "
+        status = run.run_to_end(progress)
+        wanted = list(COMPARED)
+        # Seen from a free base, too.
+        wanted += ["q", "v"] if simulation.mechanism.free_base is not None else []
+        made = run.result(status, only=wanted)
+        if status != Status.COMPLETED:
+            return made
+        _recent[key] = made
+        while len(_recent) > _KEPT:
+            _recent.popitem(last=False)
+    return _recent[key]
+
+
+def without(result: Result, cause: str, progress: bool = False) -> Result | None:
+    """The tool's motion in a run without one cause of its error, of what causes are left.
+
+    They are taken out one after the other: ``"play"`` and ``"elasticity"`` as
+    `Mechanism.without` has it, then the ``"drive"``: where the tool is if each joint is exactly
+    where the motion has it at that time. Nothing is run for that.
+
+    Returns:
+        None if the motion does not say where all joints are: without one, with free joints, or with
+        a free base. In closed loops only servos are told from the motion.
+
+    Raises:
+        JointplayError: the twin cannot be simulated, or did not run to its end.
+    """
+    if cause != "drive":
+        run = tool_motion(ideal_simulation(result, cause), progress)
+        return run.completed(f"the machine without {cause}")
+    from jointplay.simulation.initial import initial_state  # these take long to import
+    from jointplay.simulation.loads.drive import Servo, assign
+    from jointplay.simulation.motion.ideal import IdealMotion
+
+    simulation = ideal_simulation(result)
+    mechanism, motion = simulation.mechanism, simulation.motion
+    if motion is None or mechanism.free_base is not None:
+        return None
+    drives = assign(mechanism, motion, simulation.drive)
+    driven = [name for name, drive in drives.items() if drive.follows]
+    # Loops are closed at nodes, between which other drives are nearer than a spline.
+    nearer = mechanism.loops and not any(isinstance(one, Servo) for one in drives.values())
+    if nearer or (len(driven) < len(drives) and not mechanism.loops):
+        return None
+    start = initial_state(simulation, driven).q
+    try:
+        ideal = IdealMotion(mechanism, motion, driven, float(result.time[-1]), start)
+    except JointplayError:  # loops leave joints free
+        return None
+    frame = carried(mechanism.model, mechanism.tool_frame)
+    found = mechanism.tree.motion(*ideal.states(result.time), tool=frame)
+    places = (found.tool[:, :3], found.tool[:, 3:], found.orientation)
+    kept = result.dataset[list(COMPARED)]
+    sent = kept.assign(
+        {name: kept[name].copy(data=values) for name, values in zip(COMPARED, places, strict=True)}
+    )
+    return Result(sent.assign_attrs(simulation=json.dumps(simulation.describe())))
 
 
 def _start(simulation: Simulation) -> str:
@@ -227,7 +319,7 @@ def state_without_play(simulation: Simulation) -> dict[str, tuple[float | None, 
     return {name: (at[0], at[1]) for name, at in _state(simulation.describe()).items()}
 
 
-def ideal_simulation(source: Simulation | Result) -> Simulation:
+def ideal_simulation(source: Simulation | Result, without: str = "elasticity") -> Simulation:
     """The ideal mechanism doing the same work: what a tool's error is measured against.
 
     By the run's own method, whose error both then share; where there are closed loops not by a
@@ -238,10 +330,13 @@ def ideal_simulation(source: Simulation | Result) -> Simulation:
 
     Args:
         source: the run with play; of a result, for as long as it lasted.
+        without: see `Mechanism.without`; ``"play"`` leaves elasticity.
     """
     changes: dict[str, Any] = {}
     if isinstance(source, Result):
         simulation = source.simulation
+        if source.beside is not None and without == "elasticity":
+            changes["motion"] = Motion.from_description(source.beside)
         changes["duration"] = float(source.time[-1]) or simulation.step
         changes["start"] = source.audit.start
     else:
@@ -251,7 +346,7 @@ def ideal_simulation(source: Simulation | Result) -> Simulation:
         changes["integrator"] = DEFAULT
     return dataclasses.replace(
         simulation,
-        mechanism=simulation.mechanism.ideal(),
+        mechanism=simulation.mechanism.without(without),
         seed=None,
         settle=None,
         judge_from=None,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -131,6 +132,23 @@ class IdealMotion:
         state = self._base.tobytes(), self._momentum.tobytes()
         return (*state, tuple(self._at), tuple(self._order)), self._ideal.model
 
+    def states(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Configurations and velocities with the driven joints on their reference, (n, nv) each.
+
+        At any times that rise; the base is held.
+
+        Raises:
+            JointplayError: loops that cannot be closed along the motion.
+        """
+        if self._ideal.loops:
+            curve = self._closed_curve(times, False)[0]
+            return curve(times), curve(times, 1)
+        q, v = np.zeros((2, len(times), self._ideal.model.nv))
+        q[:] = self._base
+        place, speed, _ = self._motion(times)
+        q[:, self._at], v[:, self._at] = place[:, self._order], speed[:, self._order]
+        return q, v
+
     def _of_tree(self, times: np.ndarray, progress: bool) -> np.ndarray:
         model, data, at = self._ideal.model, self._ideal.data, self._at
         effort = np.empty((len(times), len(at)))
@@ -206,8 +224,11 @@ class IdealMotion:
         speed: np.ndarray = np.linalg.solve(data.Ag[:, _BASE], lacking)
         return speed
 
-    def _with_loops(self, times: np.ndarray, progress: bool) -> np.ndarray:
-        """By splines through nodes at which the loops are closed.
+    def _closed_curve(
+        self, times: np.ndarray, progress: bool
+    ) -> tuple[Any, np.ndarray, np.ndarray]:
+        """Spline of configurations through nodes at which the loops are closed, the nodes, and the
+        `driven_map` at each.
 
         Nodes beyond both ends of `times` hide that splines are bound to end somewhere: what they do
         there has fallen to rounding after `_SPLINE_MARGIN` of them.
@@ -241,7 +262,14 @@ class IdealMotion:
                 q[i - low], maps[i - low] = guess, last
         from scipy.interpolate import make_interp_spline  # takes long to import
 
-        curve = make_interp_spline(nodes, q, k=5)
+        return make_interp_spline(nodes, q, k=5), nodes, maps
+
+    def _with_loops(self, times: np.ndarray, progress: bool) -> np.ndarray:
+        """By splines through nodes at which the loops are closed."""
+        from scipy.interpolate import make_interp_spline  # takes long to import
+
+        ideal = self._ideal
+        curve, nodes, maps = self._closed_curve(times, progress)
         states = (curve(nodes), curve(nodes, 1), curve(nodes, 2))
         model, data = ideal.model, ideal.data
         full = np.array([pin.rnea(model, data, *state) for state in zip(*states, strict=True)])

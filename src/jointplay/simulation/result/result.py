@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from jointplay.base.tables import Table
     from jointplay.show.plots import Plots
-    from jointplay.simulation.analysis.headline import ToolError
+    from jointplay.simulation.analysis.parts import ToolError
     from jointplay.simulation.analysis.vibration import Rattle
     from jointplay.simulation.result.certificate import Certificate
     from jointplay.simulation.simulation import Simulation
@@ -130,6 +130,13 @@ class Result:
     def assumed(self) -> Table:
         """What nobody gave: value, by which rule, and what another would change."""
         return value_table([one for one in self.values if one.assumed])
+
+    @property
+    def beside(self) -> dict[str, Any] | None:
+        """The motion as it was meant, as files have it, where another was run to bring the tool
+        there; None: the motion that was run."""
+        text = self.dataset.attrs.get("beside")
+        return None if text is None else json.loads(text)  # type: ignore[no-any-return]
 
     def summary(self) -> str:
         """What came out, in the lines that `jointplay run` prints: tool error, forces, rattle."""

@@ -84,8 +84,11 @@ def run(options: argparse.Namespace) -> int:
     more |= given(options, "plugin") | {"encoder": _encoder(posed, reductions)}
     notes += by_rule(mechanism, "rotor_inertia")
     robot = ReducedRobot(mechanism, reductions, pose, formats, options.tilt, **more)
-    shown = robot.table() if joint is None else reductions[0]
     contents: dict[str, Any] = {**robot.files(stem)}
+    shown: Any = robot.table()
+    if joint is not None:
+        shown, how_found = robot.stated()
+        notes.append(how_found)
     sentence, *coverage = robot.coverage
     notes += coverage
     if joint is not None:

@@ -456,7 +456,7 @@ class Live {
         const off = this.errorOfQuick;
         const known = off ? `; on the last question it was off by at most ${inUnits(100 * off.part, "%", 2)} (${off.name})`
             : "; how far it is off shows once the exact run is there";
-        const parts = [cycle.message];
+        const parts = cycle.answer ? [cycle.answer, cycle.message] : [cycle.message];
         if (cycle.quick) parts.unshift(`Quick run with long steps (${cycle.steps})${known}.`);
         else if (off && cycle.compared) parts.push(`the quick run was off by at most ${inUnits(100 * off.part, "%", 2)} (${off.name})`);
         if (cycle.reason) parts.push(cycle.reason);

@@ -1,0 +1,401 @@
+"""How far the tool of a run is off, and what play, elasticity and drives each add to that."""
+
+from __future__ import annotations
+
+import warnings
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from jointplay.base.errors import JointplayError
+from jointplay.base.origins import GUESSED, Value
+from jointplay.base.tables import few
+from jointplay.base.units import readable
+from jointplay.model.gear_rules import SPREAD
+from jointplay.simulation.analysis import twins
+from jointplay.simulation.analysis.tool_error import deviation, difference, error_statistics
+from jointplay.simulation.loads.drive import Servo, assign
+from jointplay.simulation.result.certificate import alone, shown
+from jointplay.simulation.result.result import Result
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from jointplay.model.mechanism import Mechanism
+
+COUNTS = 0.01
+"""Part of the whole error from which on that of the drives is told; rigid ones leave a millionth.
+"""
+
+STANDS_M = 1e-9
+"""A point that moves by less stands: that much is rounding."""
+
+DECISIVE = (
+    *("radial_clearance", "clearance", "bearing_radius", "bearing_length"),
+    *("play", "stiffness"),
+)
+"""Sizes to which the error is proportional, or nearly: where one was assumed, three digits are
+enough."""
+
+_FIGURES = {
+    "peak": "peak tool error",
+    "rms": "RMS tool error",
+    "peak_turn": "peak tool turn",
+    "rms_turn": "RMS tool turn",
+}
+"""Figures of `ToolError`, and what certificates call them."""
+
+
+class ToolError:
+    """How far the tool is from that of the ideal mechanism, from `Result.judge_from` on.
+
+    `print` shows it in a sentence, by cause.
+
+    Attributes:
+        vector: error along x, y, z over time (time, axis) [m].
+        distance: its size over time (time,) [m].
+        turn: angle between the two tools over time (time,) [rad].
+        ideal: the ideal mechanism's run.
+    """
+
+    def __init__(self, result: Result, ideal: Result) -> None:
+        self._result, self.ideal = result, ideal
+        self.vector = deviation(result, ideal)
+        about = "distance of the tool from the ideal one"
+        self.distance = self._size(self.vector, "tool_error", about)
+        turn = deviation(result, ideal, "tool_orientation")
+        self.turn = self._size(turn, "tool_turn", "angle between the tool and the ideal one")
+        self._off = error_statistics(self.vector)
+        self._turned = error_statistics(turn)
+
+    @staticmethod
+    def _size(vectors: xr.DataArray, name: str, about: str) -> xr.DataArray:
+        size = vectors.reduce(np.linalg.norm, "axis").rename(name)
+        size.attrs = {"units": vectors.attrs["units"], "long_name": about}
+        return size
+
+    @property
+    def peak(self) -> float:
+        """Largest distance [m]."""
+        return float(self._off.peak[-1])
+
+    @property
+    def rms(self) -> float:
+        """RMS distance [m]."""
+        return float(self._off.rms[-1])
+
+    @property
+    def peak_turn(self) -> float:
+        """Largest angle [rad]."""
+        return float(self._turned.peak[-1])
+
+    @property
+    def rms_turn(self) -> float:
+        """RMS angle [rad]."""
+        return float(self._turned.rms[-1])
+
+    @property
+    def time_of_peak(self) -> float:
+        """When the distance is largest [s]."""
+        return _time_of_peak(self.vector)
+
+    @property
+    def numerical_errors(self) -> dict[str, float]:
+        """Of ``peak`` and ``rms`` [m], ``peak_turn`` and ``rms_turn`` [rad], as far as known."""
+        certificate = self._result.certificate
+        known = {one.name: one.error for one in (certificate.headline if certificate else ())}
+        return {name: known[of] for name, of in _FIGURES.items() if of in known}
+
+    @cached_property
+    def parts(self) -> dict[str, xr.DataArray]:
+        """What each cause adds to where the tool is (time, axis) [m]: ``drive``, ``elasticity``,
+        ``play``, those that there are.
+
+        They are taken out one after the other, play first (`twins.without`), and add up to the
+        distance from where the motion sends the tool, or without a ``drive`` to `vector`. Where the
+        machine does not run without play alone, there is ``play and elasticity``; against the
+        motion as it was meant, all is ``left``.
+        """
+        if self._result.beside is not None:
+            return {"left": self.vector}
+        mechanism = self._result.simulation.mechanism
+        plays = mechanism.without("play") is not mechanism
+        found = {"play" if plays else "elasticity": self.vector}
+        if has_both(mechanism):
+            try:
+                twin = twins.without(self._result, "play")
+                assert twin is not None
+                play = difference(self._result, twin)
+                found = {"elasticity": self.vector - play, "play": play}
+            except JointplayError as error:
+                text = f"play and elasticity are not told apart: {error}"
+                warnings.warn(text, RuntimeWarning, stacklevel=2)
+                found = {"play and elasticity": self.vector}
+        sent = twins.without(self._result, "drive")
+        if sent is not None:
+            found = {"drive": difference(self._result, sent) - self.vector} | found
+        return {name: one.assign_attrs(self.vector.attrs) for name, one in found.items()}
+
+    # What is told of it.
+
+    @cached_property
+    def _causes(self) -> dict[str, xr.DataArray]:
+        """Parts that are told: that of the drives only if it is noticeable."""
+        drive = self.parts.get("drive")
+        if drive is not None and _peak(drive) > COUNTS * _peak(drive + self.vector):
+            return self.parts
+        return {name: one for name, one in self.parts.items() if name != "drive"}
+
+    @cached_property
+    def _guessed(self) -> str:
+        """How a rule has the stiffness of gears: ``usual`` or ``unknown``; else empty."""
+        if "elasticity" not in self.parts:
+            return ""
+        stiffness = [one for one in _of(self._result, "gears", "stiffness") if one.assumed]
+        unknown = any(one.origin == GUESSED for one in stiffness)
+        return "unknown" if unknown else "usual" if stiffness else ""
+
+    @property
+    def _known(self) -> dict[str, xr.DataArray]:
+        """Parts of which `told` is the sum."""
+        left = "elasticity" if self._guessed else ""
+        return {name: one for name, one in self._causes.items() if name != left}
+
+    @cached_property
+    def told(self) -> xr.DataArray:
+        """What the sentence begins with (time, axis) [m].
+
+        From where the tool was sent, if the drives leave it noticeably, else `vector`; what
+        elasticity does left out, where a rule gave the stiffness of gears.
+        """
+        told = self.vector
+        if "drive" in self._causes:
+            told = told + self.parts["drive"]
+        if self._guessed:
+            told = told - self.parts["elasticity"]
+        return told if told is self.vector else told.assign_attrs(self.vector.attrs)
+
+    @property
+    def _is_exact(self) -> bool:
+        """Whether all was given that decides its size."""
+        given = not any(one.assumed for name in DECISIVE for one in _of(self._result, "", name))
+        return given and self.told is self.vector
+
+    def texts(self, exact: bool) -> dict[str, str]:
+        """Its figures by what certificates call them, with their numerical errors if `exact`."""
+        found = {}
+        for (name, of), unit in zip(_FIGURES.items(), ("m", "m", "rad", "rad"), strict=True):
+            certificate = self._result.certificate if exact else None
+            found[of] = shown(certificate, of, getattr(self, name), unit)
+        if self.told is not self.vector:
+            found |= {"peak tool error": _mm(_peak(self.told))}
+            found |= {"RMS tool error": _mm(_rms(self.told))}
+        return found
+
+    def columns(self) -> dict[str, str]:
+        """Its figures for a table of several runs."""
+        found = self.texts(self._is_exact)
+        del found["RMS tool turn"]
+        if self._guessed:
+            del found["peak tool turn"]
+        if len(known := self._known) > 1:
+            found |= {f"by {name}": _mm(_peak(one)) for name, one in known.items()}
+        return found
+
+    def sentence(self, detail: bool = False) -> str:
+        """How far the tool is off, by cause; with `detail` with numerical errors that are known."""
+        result, causes = self._result, self._causes
+        tool = result.simulation.mechanism.tool
+        exact = self._is_exact or (detail and self.told is self.vector)
+        peak, rms, peak_turn, rms_turn = self.texts(exact).values()
+        since = since_words(result)
+        turned = f"by up to {peak_turn}, RMS {rms_turn}"
+        when = f"{since} (at t = {_time_of_peak(self.told):.4g} s), RMS {rms}"
+        if self._stands:
+            words = f"{cause(result)} turns {tool!r} {turned}{since}; its origin cannot move: "
+            words += "--tool FRAME selects a point that does"
+        elif "left" in causes:
+            words = f"The tool {tool!r} is up to {peak} from where the ideal mechanism's is on the "
+            words += f"motion as it was meant{when}, and turned {turned}"
+        elif len(causes) == 1 and not self._guessed:
+            both = ", with elasticity," if "play and elasticity" in causes else ""
+            words = f"{cause(result)}{both} puts the tool {tool!r} up to {peak} off{when}"
+            words += f", and turns it {turned}" if self.peak_turn > 0.0 else ""
+        elif self._guessed and "drive" not in causes:
+            words = "No play"
+            if "play" in causes:
+                words = f"{cause(result)} puts the tool {tool!r} up to {peak} off{when}"
+            words += f"; {self._elasticity()}"
+        else:
+            where = "from where it was sent" if "drive" in causes else "off"
+            where += ", elasticity aside" if self._guessed else ""
+            each = list(map(self._part, causes))
+            each = each if "drive" in causes else each[::-1]
+            words = f"The tool {tool!r} is up to {peak} {where}{when}: {', '.join(each)}"
+        return f"{words}{_assumptions(result)}{ended_words(result, self.vector)}"
+
+    def _part(self, name: str) -> str:
+        """A cause with its largest value and its RMS."""
+        one, result = self.parts[name], self._result
+        if name == "elasticity" and self._guessed:
+            return self._elasticity()
+        peak, rms = (f"{1e3 * figure(one):.3g}" for figure in (_peak, _rms))
+        if name == "play":
+            return f"play {peak} (RMS {rms}), of {_sizes(result)}"
+        stiffness = "; stiffness estimated" if name == "elasticity" and any(
+            one.origin == "estimated" for one in _of(result, "gears", "stiffness")
+        ) else ""  # fmt: skip
+        return f"{_label(result, name)} {peak} (RMS {rms}{stiffness})"
+
+    def _elasticity(self) -> str:
+        """What is known of elasticity, where a rule has the stiffness."""
+        if self._guessed == "unknown":
+            return "elasticity unknown without the gears' stiffness (--gear-stiffness)"
+        about = 1e3 * _peak(self.parts["elasticity"])
+        least, most = (f"{about * factor:.2g}" for factor in (1.0 / SPREAD, SPREAD))
+        words = f"if the gears are as stiff as usual (assumed; {least} to {most})"
+        return f"elasticity about {about:.2g} mm {words}"
+
+    def further(self) -> list[str]:
+        """What the sentence leaves out: the parts at the peak, which add up, and the turn."""
+        causes, told = self._causes, self.told
+        if self._stands or len(causes) == 1 or _peak(told) == 0.0:
+            return []
+        lines = []
+        if len(known := self._known) > 1:
+            at = _time_of_peak(told)
+            way = told.sel(time=at).values / _peak(told)
+            each = ", ".join(
+                f"{_label(self._result, name)} {1e3 * float(one.sel(time=at).values @ way):.3g}"
+                for name, one in known.items()
+            )
+            lines.append(f"of the {_mm(_peak(told))}, along the error at its peak: {each}")
+        if not self._guessed and self.peak_turn > 0.0:
+            *_, peak, rms = self.texts(self._is_exact).values()
+            others = " and ".join(name for name in causes if name != "drive")
+            lines.append(f"turned by {others} by up to {peak}, RMS {rms}")
+        return lines
+
+    @property
+    def _stands(self) -> bool:
+        """Whether the tool turns about its origin, which cannot move."""
+        way = np.ptp(self.ideal["tool_position"].values, axis=0).max()
+        return bool(max(_peak(self.vector), way) < STANDS_M < self.peak_turn)
+
+    def __str__(self) -> str:
+        return self.sentence()
+
+    __repr__ = __str__
+
+
+def has_both(mechanism: Mechanism) -> bool:
+    """Whether there is play as well as elasticity, which a run without play tells apart."""
+    still = mechanism.without("play")
+    return still is not mechanism and still is not mechanism.without("elasticity")
+
+
+def cause(result: Result) -> str:
+    """Which play is where, or what gives way if there is none, to begin a sentence with."""
+    if sizes := _sizes(result):
+        return f"Play of {sizes}"
+    mechanism, hinged = result.simulation.mechanism, twins.hinges(result)
+    soft = [name for name in mechanism.clearance if name not in hinged]
+    soft += [f"link {name}" for name in mechanism.hinges]
+    return f"Elasticity of {few(soft + _geared(list(mechanism.gears)))}"
+
+
+def _sizes(result: Result) -> str:
+    """How large play is, and where; empty without."""
+    mechanism = result.simulation.mechanism
+    loose: dict[str, list[str]] = {}
+    for name, joint in mechanism.clearance.items():
+        if joint.has_play:
+            loose.setdefault(joint.play_words, []).append(name)
+    geared: dict[str, list[str]] = {}
+    for name, gear in mechanism.gears.items():
+        if gear.play > 0.0:
+            size = readable(gear.play, mechanism.description.joints[name].unit)
+            geared.setdefault(size, []).append(name)
+    for size, names in geared.items():
+        loose.setdefault(size, []).extend(_geared(names))
+    unsure = any(
+        one.assumed
+        for name in ("radial_clearance", "clearance")
+        for one in _of(result, "joints", name)
+    )
+    mark = " (assumed)" if unsure else ""
+    return " and of ".join(f"{size}{mark} in {few(names)}" for size, names in loose.items())
+
+
+def _geared(names: list[str]) -> list[str]:
+    return [f"the gear{'s' if len(names) > 1 else ''} of {few(names)}"] if names else []
+
+
+def _assumptions(result: Result) -> str:
+    """What decides the error, and nobody said: sizes of bearings, and where encoders sit."""
+    mechanism, words = result.simulation.mechanism, []
+    bores = [*_of(result, "joints", "bearing_radius"), *_of(result, "joints", "bearing_length")]
+    if any(one.assumed for one in bores):
+        sizes = dict.fromkeys(
+            f"{readable(2.0 * joint.bearing_radius, 'm').removesuffix(' mm')} x "
+            f"{readable(joint.bearing_length, 'm')}"
+            for joint in mechanism.clearance.values()
+            if hasattr(joint, "bearing_length")
+        )
+        words.append(f"in bearings of {few(list(sizes))}, assumed")
+    sides = {one.value for one in _of(result, "drives", "encoder") if one.assumed}
+    if sides and any(gear.play for gear in mechanism.gears.values()):
+        words.append(f"encoder on the {' or '.join(sorted(sides))}, assumed")
+    return "".join(f"; {one}" for one in words)
+
+
+def _of(result: Result, table: str, field: str) -> list[Value]:
+    """Values that a result hangs on: of a field, in a table if one is named."""
+    return [
+        one
+        for one in result.values
+        if one.key.startswith(table) and one.key.rpartition(".")[2] == field
+    ]
+
+
+def _label(result: Result, name: str) -> str:
+    """What a cause is called: drives are servos if any of them is."""
+    if name != "drive":
+        return name
+    simulation = result.simulation
+    drives = assign(simulation.mechanism, simulation.motion, simulation.drive).values()
+    return "servos" if any(isinstance(one, Servo) for one in drives) else "drives"
+
+
+def since_words(result: Result) -> str:
+    """From when on it is judged; empty from the beginning on."""
+    return f" from {result.judge_from:g} s on" if result.judge_from > 0.0 else ""
+
+
+def ended_words(result: Result, error: xr.DataArray) -> str:
+    """Where the ideal mechanism's run is shorter; records of another step may end earlier."""
+    last = float(error["time"][-1])
+    short = last < 0.999 * result.time[-1]
+    return f", against the ideal mechanism, whose run ends at {last:.4g} s" if short else ""
+
+
+def _judged(vectors: xr.DataArray) -> xr.DataArray:
+    return vectors.sel(time=vectors["time"] >= vectors.attrs["judge_from"])
+
+
+def _time_of_peak(vectors: xr.DataArray) -> float:
+    judged = _judged(vectors)
+    return float(judged["time"][int(np.linalg.norm(judged.values, axis=1).argmax())])
+
+
+def _peak(vectors: xr.DataArray) -> float:
+    return float(error_statistics(vectors).peak[-1])
+
+
+def _rms(vectors: xr.DataArray) -> float:
+    return float(error_statistics(vectors).rms[-1])
+
+
+def _mm(metres: float) -> str:
+    return f"{alone(1e3 * metres)} mm"
