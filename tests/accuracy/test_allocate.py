@@ -1,5 +1,6 @@
 """Allocation of clearances, of classes of bearings and of causes of error: the cheapest of all."""
 
+import re
 from itertools import product
 
 import numpy as np
@@ -220,6 +221,21 @@ def test_allocation_by_the_command_needs_what_it_works_on(capsys):
     ):
         assert main(["allocate", "ur5", "--target", "1 mm", *options]) == 2
         assert says in capsys.readouterr().err
+
+
+def test_an_angle_is_a_target_where_a_linkages_output_turns(capsys):
+    """The rocker's origin stands on its pin; a pin's play over the rocker's length turns it."""
+    order = ["allocate", "jointplay:four_bar.toml", "--case", "0.2 mm", "--tool", "rocker"]
+    assert main([*order, "--target", "0.1 mm"]) == 2
+    assert "or give an angle as the target" in capsys.readouterr().err
+    assert main([*order, "--target", "0.1 deg"]) == 0
+    shown = capsys.readouterr().out
+    assert "keep the tool 'rocker' within 1.75 mrad" in shown.splitlines()[0]
+    size = float(re.search(r"rocker_end +(\S+)", shown)[1])
+    assert main(["budget", *order[1:], "--clearance", f"{size} um", "--detail"]) == 0
+    assert "Play turns the tool 'rocker' by up to 1.75 mrad" in capsys.readouterr().out
+    assert main([*order, "--target", "1 kg"]) == 2
+    assert "is not a length" in capsys.readouterr().err
 
 
 # Classes of bearings.

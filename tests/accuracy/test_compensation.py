@@ -28,7 +28,6 @@ from jointplay.accuracy import compensation as module
 from jointplay.accuracy.jacobians import taken_up
 from jointplay.bridges import backlash, bag
 from jointplay.bridges.trajectory import content, of_motion
-from jointplay.cli.commands.compensate import further_files
 from jointplay.model.gear import GearStage, GearTrain
 from jointplay.model.payload import Payload
 from jointplay.physics.contact import Coulomb
@@ -457,11 +456,6 @@ def test_linuxcnc_gets_what_the_joint_does_each_way(upright):
     for other in ("fluidnc", "marlin"):
         with pytest.raises(JointplayError):
             backlash.tables(found, other)
-    several = further_files(found, ["table", "marlin", "linuxcnc"])
-    assert [*several] == ["table.csv", "j.comp", ""]  # what can be written is
-    assert "nothing for marlin: it knows only axes" in several[""][0]
-    with pytest.raises(JointplayError, match="it knows only axes"):
-        further_files(found, ["marlin"])
 
 
 def test_no_name_of_a_joint_leads_out_of_the_folder(urdf):

@@ -213,7 +213,9 @@ class Allocation:
     """Sizes and bearings that keep a target."""
 
     target: float
-    """Largest error of the tool [m]."""
+    """Largest error of the tool [m or rad]."""
+    unit: str
+    """Of the error: m, or rad where it is the tool's turn."""
     kind: str
     """What the error is: a worst case, a quantile or the root mean square, in words."""
     choices: tuple[Choice, ...]
@@ -304,15 +306,15 @@ class Allocation:
         columns += [
             Column("error per clearance", [one.gain if own else None for one, own in lengths]),
             Column(
-                "mm per arcmin",
+                f"m{self.unit} per arcmin",
                 [None if own else _MM * _ARCMIN * one.gain for one, own in lengths],
                 only="text",
             ),
             Column(
                 "error per play", [None if own else one.gain for one, own in lengths], only="data"
             ),
-            of("added", "before", "m"),
-            of("adds", "after", "m"),
+            of("added", "before", self.unit),
+            of("adds", "after", self.unit),
             *([of("remains", "remaining", key="remaining")] if improved else []),
             of("price", "price", digits=4),
             Column("of all", [o.price / total for o in kept], "1", only="text", digits=4),
@@ -344,7 +346,7 @@ class Allocation:
         sizes = f": {few(gears, 7)}" if gears and not whole else ""
         return (
             f"These are the cheapest {' and '.join([*first, *kinds])} that keep the tool "
-            f"{self.mechanism.tool!r} within {readable(self.target, 'm', 3)}{sizes}"
+            f"{self.mechanism.tool!r} within {readable(self.target, self.unit, 3)}{sizes}"
             f"{self._exchanged}{self._corrected}"
         )
 
@@ -383,8 +385,9 @@ class Allocation:
         sizes = self.error, *self.spread, self.target, self.was
         error, low, high, target, was = (f"{1e3 * one:#.5g}" for one in sizes)
         interval = f" (95 %: {low} to {high})" if low != high else ""
-        line = f"{self.kind}: {error} mm{interval} of {target} mm"
-        line += "" if np.isnan(self.was) else f" (as it is {was} mm)"
+        unit = f"m{self.unit}"
+        line = f"{self.kind}: {error} {unit}{interval} of {target} {unit}"
+        line += "" if np.isnan(self.was) else f" (as it is {was} {unit})"
         line += f"; price {self.total:.5g}"
         if self.total <= self.free * (1.0 + cheapest.FITS):
             return line + "; within the target already, nothing is spent for it"
@@ -410,6 +413,7 @@ def allocate(
     poses: np.ndarray | Mapping[str, float],
     target: float,
     *,
+    turn: bool = False,
     causes: Collection[str | Cause] | None = None,
     statistical: bool = False,
     quantile: float | None = None,
@@ -441,6 +445,7 @@ def allocate(
         mechanism: what has no play, and gears with hysteresis, stay unless causes are improved.
         poses: as for `budget`.
         target: largest distance of the tool from where it should be [m].
+        turn: the target is the largest angle by which the tool is turned instead [rad].
         causes: as for `budget`; None: play alone.
         statistical: of several causes: the target is of the root mean square, not of the worst
             case.
@@ -470,7 +475,7 @@ def allocate(
         MissingName: no such cost, joint, cause or class.
     """
     require_a("mechanism", mechanism, "Mechanism")
-    target = require_positive("target", target, "m")
+    target = require_positive("target", target, "rad" if turn else "m")
     seed = require_whole("seed", seed)
     whole = causes is not None
     prices, weights, limits = dict(prices or {}), dict(weights or {}), dict(limits or {})
@@ -490,7 +495,7 @@ def allocate(
     }  # fmt: skip
     search = _Search(
         mechanism, configurations(mechanism, poses, driven), holding, own if whole else None,
-        force_on_tool(force), given, kind,
+        force_on_tool(force), given, kind, turn,
         _offers(mechanism, bought, classes, keep, whole, LEAST_M if least is None else least),
         keep, make,
     )  # fmt: skip
@@ -498,7 +503,7 @@ def allocate(
     if not whole and search.first.farthest().size.max() <= NOWHERE * MOST_RAD:
         raise JointplayError(
             f"nothing that has play moves the tool {mechanism.tool!r} at these poses: name another "
-            "frame as the tool (--tool)"
+            "frame as the tool (--tool), or give an angle as the target"
         )
     if whole:
         weight = [prices.get(cause, 1.0) * weights.get(joint, 1.0) for joint, cause in keys]
@@ -536,6 +541,7 @@ class _Search:
     force: np.ndarray
     errors: RobotErrors
     kind: str | None
+    turn: bool
     offers: Mapping[str, Sequence[Offer]]
     keep: Collection[str]
     make: Any
@@ -573,10 +579,11 @@ class _Search:
             other = self.mechanism.with_clearance(joints) if chosen else self.mechanism
             driven, payloads = self.holding["driven"], self.holding["payloads"]
             drives = holding_drives(other, self.holding["drive"])
-            return cause_model(
+            other, model = cause_model(
                 other, self.q, self.force, self.causes, self.errors, self.kind, remaining,
                 driven, None, drives, payloads,
             )  # fmt: skip
+            return other, model.turning if self.turn else model
         gears: dict[str, Any] = dict(self.mechanism.gears)
         for (name, _), x in remaining.items():
             if name in joints:
@@ -585,7 +592,8 @@ class _Search:
                 gear = gears[name.removesuffix(GEAR)]
                 gears[name.removesuffix(GEAR)] = replace(gear, play=x * gear.play)
         other = self.mechanism.with_clearance(joints, gears)
-        return other, play_model(other, self.q, driven=self.holding["driven"], loops=True)
+        model = play_model(other, self.q, driven=self.holding["driven"], loops=True)
+        return other, model.turning if self.turn else model
 
     def corrected(self, offers: Sequence[Correction], progress: bool) -> tuple[Corrected, ...]:
         """What is left of the error at rest by corrected motions, and of causes that are no play.
@@ -599,6 +607,8 @@ class _Search:
         """
         if not offers:
             return ()
+        if self.turn:
+            raise JointplayError("what compensation leaves is a distance: give one as the target")
         if self.mechanism.loops:
             raise JointplayError("motions of closed loops are not compensated: leave it out")
         model = self.first
@@ -722,8 +732,8 @@ class _Search:
         choices = tuple(self._choices(problem, z, taken, start, last))
         was = start.at(np.ones(count)) if whole else np.nan
         return Allocation(
-            target, self._words(last), choices, was, reached, ends, float(free), problem.relief,
-            mechanism, tuple(notes),
+            target, "rad" if self.turn else "m", self._words(last), choices, was, reached, ends,
+            float(free), problem.relief, mechanism, tuple(notes),
         )  # fmt: skip
 
     def _choices(
@@ -811,8 +821,9 @@ class _Search:
     def refusal(self, unreachable: cheapest.Unreachable) -> JointplayError:
         """What prevents a target."""
         count, sizes = len(self.keys), self.sizes
-        text = f"a target of {readable(unreachable.target, 'm', 4)} cannot be reached"
-        error = f"the error is {readable(unreachable.bound, 'm', 4)} at least"
+        unit = "rad" if self.turn else "m"
+        text = f"a target of {readable(unreachable.target, unit, 4)} cannot be reached"
+        error = f"the error is {readable(unreachable.bound, unit, 4)} at least"
         if self.causes is None:
             least = {
                 f"{low * size:.2g} arcmin in every gear"
@@ -840,7 +851,7 @@ class _Search:
         for cause, part in sorted(sums.items(), key=lambda one: -one[1])[:3]:
             why = [f"at least {limit[cause]:g} of it remains"] if cause in limit else []
             why += ["kept"] if cause in kept else []
-            words.append(f"{cause} {readable(part, 'm', 4)} ({' and '.join(why)})")
+            words.append(f"{cause} {readable(part, unit, 4)} ({' and '.join(why)})")
         error += f", most of it by {'; then '.join(words)}"
         return JointplayError(f"{text}: with all causes at their limits {error}")
 

@@ -307,6 +307,12 @@ class ErrorModel:
         )
         return replace(self, contributions=tuple(every))
 
+    @property
+    def turning(self) -> ErrorModel:
+        """With the tool's rotation for its displacement, and the other way round."""
+        both = self.jacobian[:, :, 3:], self.jacobian[:, :, :3]
+        return replace(self, jacobian=np.concatenate(both, axis=2))
+
     def scaled(self, scale: np.ndarray) -> ErrorModel:
         """With contributions so many times as large, (k,)."""
         return replace(self, scale=scale)

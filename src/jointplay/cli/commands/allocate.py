@@ -1,15 +1,15 @@
 """`jointplay allocate`: the largest clearances and plays that keep the error below a target.
 
-Find the cheapest clearances of joints and plays of gears that keep the tool's static error below a
-target, at a pose, along a motion or over the workspace, and the marginal cost of each. What is
-given is allocated: joints by --clearance or --joint, gears by --gear or --preset; the sizes given
-count only by their ratio of axial to radial clearance, the bearings' dimensions as they are. With
---whole, which cause of the whole error to improve at which joint. See docs/allocate.md.
+Find the cheapest clearances and plays of gears that keep the tool's static error below a target,
+at a pose, along a motion or over the workspace, and the marginal cost of each; sizes given only
+say of which. With --whole, which cause of the whole error to improve at which joint. See
+docs/allocate.md.
 
 Example: jointplay allocate ur5 --clearance "0.1 mm" --target "0.2 mm" --workspace 200
 
     FILE | ROBOT  robot, joints with clearance, gears, drive, motion, poses, load, whole error
-    --target LENGTH  largest error of the tool (required)
+    --target SIZE  largest error of the tool, such as "0.2 mm", or angle by which it may be turned,
+        such as "0.1 deg" (required)
     --quantile P  share of states that must meet the target, such as 0.99 (default: all)
     --cost {reciprocal,reciprocal-squared,linear}  cost of a clearance c: 1/c, 1/c^2 or -c (default:
         reciprocal)
@@ -40,11 +40,12 @@ Example: jointplay allocate ur5 --clearance "0.1 mm" --target "0.2 mm" --workspa
 """
 
 import argparse
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
 from jointplay.base.errors import JointplayError
-from jointplay.cli.commands import Outputs, given, inputs, numbers_by_name, print_answer
+from jointplay.cli.commands import Outputs, given, inputs, numbers_by_name, print_answer, quantity
 
 
 def run(options: argparse.Namespace) -> int:
@@ -52,6 +53,7 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.accuracy.allocation import allocate, is_bought
 
     _require_fitting(options)
+    target, turn = _target(options.target)
     whole = options.whole is not None
     posed = inputs.posed_machine(options)
     if not (whole or posed.mechanism.clearance or posed.mechanism.gears):
@@ -59,6 +61,8 @@ def run(options: argparse.Namespace) -> int:
             "say what is to be allocated: --clearance LENGTH for journals in all joints that move "
             "the tool, --joint NAME for one, or --gear JOINT=PLAY; their sizes are what is sought"
         )
+    if options.verify is not None and turn:
+        raise JointplayError("--verify looks at the tool's way: give a length as --target")
     if options.verify is not None and posed.motion is None:
         raise JointplayError("--verify simulates a motion: give --motion CSV or a scenario")
     joints = [one for one in posed.mechanism.clearance.values() if one.clearances]
@@ -87,7 +91,8 @@ def run(options: argparse.Namespace) -> int:
     allotment = allocate(
         posed.mechanism,
         posed.poses.q,
-        options.target,
+        target,
+        turn=turn,
         quantile=options.quantile,
         progress=not options.quiet,
         prices=prices,
@@ -99,7 +104,7 @@ def run(options: argparse.Namespace) -> int:
         **given(options, "cost", "least", "most"),
     )
     counts = whole or bought or offers
-    notes = [note for note in posed.notes if counts or not note.startswith("play:")]
+    notes = [note for note in posed.notes if counts or not note.startswith(("play:", "gears:"))]
     table = allotment.table()
     first, *further = table.notes
     shown = (first, *further[: bool(allotment.corrections)])
@@ -134,6 +139,16 @@ def _compensation(options: argparse.Namespace) -> dict[str, Any]:
         raise JointplayError(f"--trust {strange[0]!r}: at rest only play and friction may be off")
     parts = {name: part for name, part in trust.items() if isinstance(part, float)}
     return {COMPENSATION: [Correction(options.compensation, **parts)]}
+
+
+def _target(text: str) -> tuple[float, bool]:
+    """The target in m, or rad, and whether it is an angle."""
+    try:
+        return quantity(text, "m", "--target"), False
+    except JointplayError as error:
+        with suppress(JointplayError):
+            return quantity(text, "rad"), True
+        raise error from None
 
 
 def _verify(options: argparse.Namespace, posed: inputs.PosedMachine, allotment: Any) -> None:

@@ -72,7 +72,7 @@ def run(options: argparse.Namespace) -> int:
         found, tried = learn(found, options.passes)
         told = ", ".join(f"{1e3 * one:.4g}" for one in tried)
         more.append(f"RMS error by pass: {told} mm; {found.learned} kept")
-    extra = further_files(found, wanted)
+    extra = _further(found, wanted)
     judged = judge(found, trust, jobs=options.jobs, progress=progress)
     body = f"{found.table()}\n{judged.table()}" if options.detail else judged.table()
     notes = [*more, *judged.notes, *found.notes, *extra.pop("", ())]
@@ -91,7 +91,7 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def further_files(found: Compensation, wanted: Sequence[str]) -> dict[str, Any]:
+def _further(found: Compensation, wanted: Sequence[str]) -> dict[str, Any]:
     """Contents of further files by name, and under no name what their formats lose."""
     from jointplay.accuracy.compensation import table_for_controllers
     from jointplay.bridges import backlash, bag

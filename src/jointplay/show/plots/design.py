@@ -225,25 +225,29 @@ def workspace_map(budget: PlayBudget) -> Figure:
 
 
 def allocation(allotment: Allocation) -> Figure:
-    """What each joint adds in the end (pale: as it was) and costs, by cause; its clearance."""
+    """What each joint adds in the end (pale: as it was) and costs, by cause; its size."""
     joints = list(dict.fromkeys(allotment.joints))
     causes = list(dict.fromkeys(one.cause for one in allotment.choices))
     shown = np.zeros((3, len(causes), len(joints)))
-    sized = np.full((2, len(joints)), np.nan)
+    sized = np.full((4, len(joints)), np.nan)
     for one in allotment.choices:
         cell = shown[:, causes.index(one.cause), joints.index(one.joint)]
         cell += np.nan_to_num([one.before, one.after, one.price])
         if not np.isnan(one.clearance):
-            sized[:, joints.index(one.joint)] = one.clearance, one.saved
+            sized[:2, joints.index(one.joint)] = one.clearance, one.saved
+        if not np.isnan(one.play):
+            sized[2:, joints.index(one.joint)] = np.degrees(60.0 * one.play), one.saved
     nameless = [""] * len(causes)
     after = _stacked(shown[1], causes, shift=0.2, height=0.36)
-    part = f"part of the {allotment.kind}, {1e3 * allotment.error:.4g} mm"
+    unit = allotment.unit
+    part = f"part of the {allotment.kind}, {1e3 * allotment.error:.4g} m{unit}"
     if shown[0].any():
-        part += f"\npale as it is, {1e3 * allotment.was:.4g} mm"
+        part += f"\npale as it is, {1e3 * allotment.was:.4g} m{unit}"
         after += _stacked(shown[0], nameless, shift=-0.2, height=0.36, opacity=0.45)
-    panels = [(Axis(part, "m"), after)]
+    panels = [(Axis(part, unit), after)]
     panels.append((Axis(f"price, {allotment.total:.4g} in all"), _stacked(shown[2], nameless)))
-    names = (Axis("clearance", "m", "fine"), Axis("a µm more saves"))
+    names = [Axis("clearance", "m", "fine"), Axis("a µm more saves")]
+    names += [Axis("play [arcmin]"), Axis("an arcmin more saves")]
     for values, axis in zip(sized, names, strict=True):
         if not np.isnan(values).all():
             panels.append((axis, [Bars(np.nan_to_num(values), colour=COLOURS[1])]))
