@@ -182,7 +182,8 @@ def _joints(
             left = {"friction"} if not friction else set()
             left |= {"restitution"} if not moves else set()
             parts = [
-                f"{_LABELS.get(field, field.replace('_', ' '))} {text}{'' if known else f' {ASSUMED}'}"
+                f"{_LABELS.get(field, field.replace('_', ' '))} {text}"
+                + f" {ASSUMED}" * (not known)
                 for field, text, known in of_joint(joint, tables.get(name, ()))
                 if field not in left
             ]
