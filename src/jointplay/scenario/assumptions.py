@@ -181,13 +181,12 @@ def _joints(
         if name not in hinges:
             left = {"friction"} if not friction else set()
             left |= {"restitution"} if not moves else set()
-            parts = [
-                f"{_LABELS.get(field, field.replace('_', ' '))} {text}"
-                + f" {ASSUMED}" * (not known)
-                for field, text, known in of_joint(joint, tables.get(name, ()))
-                if field not in left
-            ]
-            alike.setdefault(", ".join(parts).strip(), []).append(name)
+            parts = []
+            for field, text, known in of_joint(joint, tables.get(name, ())):
+                label = _LABELS.get(field, field.replace("_", " "))
+                if field not in left:
+                    parts.append(f"{label} {text}{'' if known else f' {ASSUMED}'}".strip())
+            alike.setdefault(", ".join(parts), []).append(name)
     words = [f"{', '.join(names)}: {parts}" for parts, names in alike.items()]
     return ["; ".join(words)] if words else []
 
