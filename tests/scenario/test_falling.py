@@ -27,12 +27,12 @@ def test_an_arm_that_nothing_holds_is_warned_of(more, warned, tmp_path, capsys):
 def test_a_law_that_is_not_the_default_is_named_and_restitution_only_where_it_counts():
     from jointplay.physics.contact import Hertz
     from jointplay.physics.joints import RevoluteClearance
-    from jointplay.scenario.assumptions import _parts
+    from jointplay.simulation.values import of_joint
 
-    usual = _parts(RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4), {})
-    assert "restitution 0.9 (assumed)" in usual
-    assert not any("normal force" in part for part in usual)
+    usual = [*of_joint(RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4), ())]
+    assert ("restitution", "0.9", False) in usual
+    assert not any(field == "normal" for field, *_ in usual)
     elastic = RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4, normal=Hertz())
-    parts = _parts(elastic, {})
-    assert f"normal force {Hertz.name}" in parts
-    assert not any("restitution" in part for part in parts)
+    parts = [*of_joint(elastic, ())]
+    assert ("normal", Hertz.name, True) in parts
+    assert not any(field == "restitution" for field, *_ in parts)

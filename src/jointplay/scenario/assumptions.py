@@ -10,10 +10,8 @@ from jointplay.base.tables import few
 from jointplay.base.units import readable
 from jointplay.model.gear import Gear
 from jointplay.model.gear_rules import SPREAD
-from jointplay.physics.contact import LankaraniNikravesh
-from jointplay.physics.contact.law import FrictionLaw
-from jointplay.physics.joints import Clearance, SlidingClearance
 from jointplay.simulation.loads.drive import ComputedTorque
+from jointplay.simulation.values import of_joint
 
 if TYPE_CHECKING:
     from jointplay.accuracy.poses import Poses
@@ -22,6 +20,8 @@ if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
 
 ASSUMED = "(assumed)"
+_LABELS = {"kind": "", "normal": "normal force"}
+"""What fields are called, if not as they are."""
 
 
 def decisive(scenario: Scenario, simulations: Mapping[str, Simulation]) -> list[str]:
@@ -179,7 +179,13 @@ def _joints(
     alike: dict[str, list[str]] = {}
     for name, joint in mechanism.clearance.items():
         if name not in hinges:
-            parts = _parts(joint, tables.get(name, {}), friction, moves)
+            left = {"friction"} if not friction else set()
+            left |= {"restitution"} if not moves else set()
+            parts = []
+            for field, text, known in of_joint(joint, tables.get(name, ())):
+                label = _LABELS.get(field, field.replace("_", " "))
+                if field not in left:
+                    parts.append(f"{label} {text}{'' if known else f' {ASSUMED}'}".strip())
             alike.setdefault(", ".join(parts), []).append(name)
     words = [f"{', '.join(names)}: {parts}" for parts, names in alike.items()]
     return ["; ".join(words)] if words else []
@@ -209,46 +215,3 @@ def _motion(simulation: Simulation, given: Mapping[str, Any]) -> list[str]:
 def _of_joints(simulation: Simulation, values: Mapping[str, float], rate: str) -> str:
     joints = simulation.mechanism.description.joints
     return few([f"{n} {readable(x, joints[n].unit + rate, 4)}" for n, x in values.items()])
-
-
-def _parts(
-    joint: Clearance, given: Mapping[str, Any], friction: bool = True, moves: bool = True
-) -> list[str]:
-    if not isinstance(joint, SlidingClearance):
-        return [joint.summary]
-    parts = [] if joint.fitted is None else [f"fit {joint.fitted}: {joint.fitted.range} radially"]
-    said = set(given)
-    if joint.fit_size is not None and joint.fitted is not None:
-        said |= {joint.fit_size[0], next(iter(joint.clearance_fields))}
-    for name, field in fields_of(type(joint)).items():
-        value = getattr(joint, name)
-        instead = joint.clearance_fields.get(name)
-        derived = name.startswith("journal_") and name not in said
-        if field.units[0] != "m" or not isinstance(value, float) or derived or value == 0.0:
-            continue
-        known = name in said or instead in said
-        parts.append(f"{name.replace('_', ' ')} {readable(value, 'm')}{_mark(known)}")
-    if joint.normal != LankaraniNikravesh():
-        parts.append(f"normal force {joint.normal.name}")
-    if moves and _takes_restitution(joint):
-        parts.append(f"restitution {joint.restitution:g}{_mark('restitution' in said)}")
-    if friction:
-        parts.append(f"{_friction(joint.friction)}{_mark('friction' in said)}")
-    return parts
-
-
-def _takes_restitution(joint: SlidingClearance) -> bool:
-    """Whether the law of the normal force is another with another coefficient of restitution."""
-    contact = joint.contact_properties(0)
-    other = contact._replace(restitution=0.5 * contact.restitution)
-    return joint.normal.parameters(contact) != joint.normal.parameters(other)
-
-
-def _mark(known: bool) -> str:
-    return "" if known else f" {ASSUMED}"
-
-
-def _friction(law: FrictionLaw) -> str:
-    """Name of a law, and its first number, which is the coefficient."""
-    name = next(iter(fields_of(type(law))), "")
-    return f"friction {law.name}" + (f" {name} {getattr(law, name):g}" if name else "")

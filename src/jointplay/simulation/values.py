@@ -6,7 +6,7 @@ reads the list sees what was taken for granted, and what another value would cha
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
@@ -21,10 +21,12 @@ from jointplay.base.origins import (
     Value,
     value_table,
 )
-from jointplay.base.schema import Described, fields_of
+from jointplay.base.schema import fields_of
 from jointplay.base.tables import Table, few
 from jointplay.base.units import readable
-from jointplay.physics.joints import SlidingClearance
+from jointplay.physics.contact import LankaraniNikravesh
+from jointplay.physics.contact.law import FrictionLaw
+from jointplay.physics.joints import Clearance, SlidingClearance
 from jointplay.simulation.loads.drive import assign
 
 if TYPE_CHECKING:
@@ -40,8 +42,9 @@ def values(simulation: Simulation, origins: Origins | None = None) -> list[Value
             default, else assumed.
     """
     alike: dict[tuple[str, str, str, str, str], list[str]] = {}
-    for key, text, default in _said(simulation):
-        origin, source = _origin(key, origins or {}, default)
+    origins = origins or {}
+    for key, text, default in _said(simulation, origins):
+        origin, source = _origin(key, origins, default)
         table, name, field = (key[0], "", key[1]) if len(key) == 2 else (*key, "", "")[:3]
         alike.setdefault((table, field, text, origin, source), []).append(name)
     found = []
@@ -69,7 +72,34 @@ def _origin(key: Key, origins: Origins, default: tuple[str, str]) -> tuple[str, 
     return next(within, default)
 
 
-def _said(simulation: Simulation) -> Iterator[tuple[Key, str, tuple[str, str]]]:
+def of_joint(joint: Clearance, said: Collection[str]) -> Iterator[tuple[str, str, bool]]:
+    """What decides a joint's numbers: field, text, and whether it is among those `said`.
+
+    Of joints that do not slide their summary stands for all.
+    """
+    if not isinstance(joint, SlidingClearance):
+        yield "kind", joint.summary, True
+        return
+    known = {*said}
+    if joint.fitted is not None:
+        yield "fit", f"{joint.fitted}: {joint.fitted.range} radially", True
+        if joint.fit_size is not None:
+            known |= {joint.fit_size[0], next(iter(joint.clearance_fields))}
+    for name, field in fields_of(joint.__class__).items():
+        value = getattr(joint, name)
+        derived = name.startswith("journal_") and name not in known
+        if field.units[0] == "m" and isinstance(value, float) and value != 0.0 and not derived:
+            yield name, readable(value, "m"), bool({name, joint.clearance_fields.get(name)} & known)
+    if joint.normal != LankaraniNikravesh():
+        yield "normal", joint.normal.name, True
+    contact = joint.contact_properties(0)
+    other = contact._replace(restitution=0.5 * contact.restitution)
+    if joint.normal.parameters(contact) != joint.normal.parameters(other):
+        yield "restitution", f"{joint.restitution:g}", "restitution" in known
+    yield "friction", _words(joint.friction), "friction" in known
+
+
+def _said(simulation: Simulation, origins: Origins) -> Iterator[tuple[Key, str, tuple[str, str]]]:
     """Each value: its key, as text, and the origin that it has if none is known."""
     mechanism = simulation.mechanism
     usual, said = (ASSUMED, "nobody said otherwise"), (GIVEN, "in Python")
@@ -83,8 +113,10 @@ def _said(simulation: Simulation) -> Iterator[tuple[Key, str, tuple[str, str]]]:
     hinges = {name for its in mechanism.hinges.values() for name in its}
     for name, joint in mechanism.clearance.items():
         if name not in hinges:
-            for field, text, is_default in _fields_of(joint, "m", SlidingClearance):
-                yield ("joints", name, field), text, usual if is_default else said
+            own = [at[2] for at in origins if at[:2] == ("joints", name) and len(at) > 2]
+            changed = [one.name for one in fields(joint) if getattr(joint, one.name) != one.default]
+            for field, text, is_said in of_joint(joint, own or changed):
+                yield ("joints", name, field), text, said if is_said else usual
     for name, gear in mechanism.gears.items():
         for field, text, is_default in _fields_of(gear, units.get(name, "rad")):
             rule = mechanism.rules.get((name, field))
@@ -119,21 +151,17 @@ def _said(simulation: Simulation) -> Iterator[tuple[Key, str, tuple[str, str]]]:
     yield ("integration", "start"), start, usual
 
 
-def _fields_of(one: Any, unit: str, told: type | None = None) -> Iterator[tuple[str, str, bool]]:
+def _fields_of(one: Any, unit: str) -> Iterator[tuple[str, str, bool]]:
     """Numbers and words of an object: name, text, and whether it is what the field has anyway.
 
-    `unit` is that of the joint's position, which chooses between two units of a field. Of an object
-    that is not one of `told` its summary stands for all.
+    `unit` is that of the joint's position, which chooses between two units of a field.
     """
-    if told is not None and not isinstance(one, told):
-        yield "kind", getattr(one, "summary", str(one)), False
-        return
     own = fields_of(one.__class__)
     for field in fields(one):
         value, about = getattr(one, field.name), own.get(field.name)
-        if about is None or value is None or field.name.startswith("journal_"):
+        if about is None or value is None:
             continue
-        if isinstance(value, bool) or not isinstance(value, float | int | str | Described):
+        if isinstance(value, bool) or not isinstance(value, float | int | str):
             continue
         same = value == field.default
         if isinstance(value, float | int):
@@ -141,15 +169,11 @@ def _fields_of(one: Any, unit: str, told: type | None = None) -> Iterator[tuple[
                 continue
             choice = about.units[-1 if unit == "m" and len(about.units) > 1 else 0]
             yield field.name, readable(float(value), choice), same
-        elif isinstance(value, str):
-            yield field.name, value, same
         else:
-            yield field.name, _words(value), same
+            yield field.name, value, same
 
 
-def _words(law: Any) -> str:
-    """Name of a law, and its first number."""
+def _words(law: FrictionLaw) -> str:
+    """Name of a law, and its first number, which is the coefficient."""
     name = next(iter(fields_of(law.__class__)), "")
-    word = getattr(law, "name", None) or getattr(law, "kind", type(law).__name__)
-    first = getattr(law, name, None)
-    return f"{word} {name} {first:g}" if isinstance(first, float) else str(word)
+    return f"{law.name} {name} {getattr(law, name):g}" if name else law.name
