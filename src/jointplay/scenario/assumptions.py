@@ -125,7 +125,7 @@ def by_rule(mechanism: Mechanism, what: str) -> list[str]:
                 f"{readable(rule.value, unit, 3)} {rule.reason}{'; a guess' * rule.guess}", []
             ).append(name)
     factor = f", to a factor of {SPREAD:g}" if what == "stiffness" else ""
-    option = what if what.startswith("rotor") else f"gear-{what}"
+    option = (what if what.startswith("rotor") else f"gear-{what}").replace("_", "-")
     return [
         f"gears: {what.replace('_', ' ')} of {few(names)} {words}{factor} {ASSUMED}; see --{option}"
         for words, names in found.items()

@@ -440,11 +440,11 @@ class PosedMachine:
     def undecided(self, force: bool = False) -> str:
         """What decides where it rests and nobody gave, to add to a sentence.
 
-        `force`: whether one is on the tool.
+        `force`: whether one is on the tool, under which computed torque is taken for rigid.
         """
         from jointplay.scenario.assumptions import undecided_at_rest
 
-        loaded = force or bool(self.poses.machine.payloads)
+        loaded = bool(self.poses.machine.payloads) and not force
         words = undecided_at_rest(self.scenario, self.case, self.mechanism, loaded)
         return f"; assumed: {', '.join(words)}" if words else ""
 
