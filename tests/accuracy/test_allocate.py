@@ -607,7 +607,9 @@ def test_what_compensation_leaves_is_what_runs_with_other_play_show(urdf, count)
     assert shown < corrected(arm, pose).error < 1.25 * shown
     exactly = corrected(arm, pose, play=0.0).error
     assert corrected(arm, pose).error - exactly == pytest.approx(shown, rel=0.15)
-    assert corrected(arm, pose, play=0.0, friction=0.5).error == pytest.approx(1.5 * exactly)
+    # What drives sag by is left, too, whatever friction is.
+    rough = corrected(arm, pose, play=0.0, friction=0.5).error
+    assert rough == pytest.approx(1.5 * exactly, rel=0.05)
 
 
 def moving_scara():
