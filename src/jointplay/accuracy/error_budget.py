@@ -180,13 +180,12 @@ class PlayBudget(Budget):
             return f"No play moves the tool {self.tool!r}; {resting}"
         if self.worst[at] <= NOWHERE * self.worst_turn.max():
             rest = self.rest_positions.at(at)
-            turned, sag = (
-                readable(float(np.linalg.norm(x[3:])), "rad", 3) for x in (rest.whole, rest.sag)
-            )
+            turned, sag = (float(np.linalg.norm(one[3:])) for one in (rest.whole, rest.sag))
+            part = f" ({self._whose_sag} {readable(sag, 'rad', 3)})" if sag else ""
             return (
                 f"Play turns the tool {self.tool!r} by up to {turn}{where}; at rest it is turned "
-                f"by {turned}, of which {sag} by {self._whose_sag}; its origin lies where nothing "
-                "moves it: --tool names another frame"
+                f"by {readable(turned, 'rad', 3)}{part}; its origin lies where nothing moves it: "
+                "--tool names another frame"
             )
         return (
             f"Play lets the tool {self.tool!r} be up to {readable(self.worst[at], 'm', 3)} off"
@@ -600,7 +599,11 @@ class ErrorBudget(Budget):
         at = self.worst_pose
         where = f" at the worst of {len(self.worst)} poses" if len(self.worst) > 1 else ""
         causes = sorted(self.by("cause").items(), key=lambda one: -one[1][0])
-        parts = [f"{cause} {100 * worst / self.worst[at]:.0f} %" for cause, (worst, _) in causes]
+        parts = [
+            f"{cause} {100 * worst / self.worst[at]:.0f} %"
+            for cause, (worst, _) in causes
+            if worst > 0.5 * _MENTIONED * self.worst[at]
+        ]
         return (
             f"The tool {self.tool!r} is up to {readable(self.worst[at], 'm', 3)} off{where} (RMS "
             f"{readable(self.rms[at], 'm', 3)}), by {', '.join(parts)}{self._assumptions}"
