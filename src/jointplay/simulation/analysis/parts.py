@@ -343,7 +343,7 @@ def _assumptions(result: Result) -> str:
     mechanism, words = result.simulation.mechanism, []
     for what, names in _BODIES.items():
         if any(one.assumed for name in names for one in _of(result, "joints", name)):
-            sizes = {}
+            sizes: dict[str, None] = {}
             for joint in mechanism.clearance.values():
                 if all(hasattr(joint, name) for name in names):
                     # Of a bore the diameter.
