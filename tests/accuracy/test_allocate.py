@@ -126,15 +126,40 @@ def test_an_unreachable_target_says_what_can_be_reached(three):
         JointplayError, match=r"with 5 µm in every joint the error is 0.015\d* mm at least"
     ):
         allocate(robot(three), {}, 1e-5, least=5e-6)
-    with pytest.raises(JointplayError, match="cannot be reached"):
-        allocate(robot(three, a=Gear(1e-3, 0.1, 1e4)), {}, 1e-4)
+    gear = jp.StrainWaveGear(hysteresis=1e-3, ratio=50.0, stiffness_1=300.0, rotor_inertia=0.1)
+    with pytest.raises(JointplayError, match="cannot be reached"):  # what it has is not chosen
+        allocate(robot(three, a=gear), {}, 1e-4)
 
 
-def test_the_play_of_gears_is_taken_off_the_target(three):
-    gear = Gear(1e-4, 0.1, 1e4)  # 75 um at the tool
-    free, geared = (allocate(robot(three, **g), {}, 2e-4) for g in ({}, {"a": gear}))
-    assert geared.clearance.sum() < free.clearance.sum()
-    assert geared.error <= 2e-4
+def test_gears_are_allocated_and_no_journal_is_added(three):
+    """Half of each play by its lever; the price 1/play is least as the levers' roots say."""
+    gears = {"a": Gear(1e-3, 0.1, 1e4), "b": Gear(1e-3, 0.1, 1e4)}
+    found = allocate(Mechanism(three, gears=gears), {}, 1e-4)
+    assert found.joints == ("a (gear)", "b (gear)")
+    plays = found.each("play")
+    levers = budget(Mechanism(three, gears=gears), {}).alone[0] / 5e-4
+    assert (plays * levers / 2.0).sum() == pytest.approx(1e-4, rel=1e-5)
+    assert plays[0] / plays[1] == pytest.approx(np.sqrt(levers[1] / levers[0]), rel=1e-3)
+    assert found.mechanism.gears["b"].play == pytest.approx(plays[1])
+    assert not found.mechanism.clearance
+    with pytest.raises(JointplayError, match=r"0\.1 arcmin in every gear the error is"):
+        allocate(Mechanism(three, gears=gears), {}, 1e-6)
+
+
+def test_clearances_and_plays_of_gears_are_allocated_together(three):
+    mechanism = robot(three, a=Gear(1e-4, 0.1, 1e4))
+    found = allocate(mechanism, {}, 2e-4)
+    assert found.joints == ("a", "b", "c", "a (gear)")
+    assert found.error <= 2e-4
+    assert budget(found.mechanism, {}).worst[0] == pytest.approx(found.error, rel=1e-6)
+
+
+def test_the_command_names_the_gears_and_their_plays(capsys):
+    order = ["allocate", "ur5", "--target", "0.2 mm", "--gear", "elbow_joint=1 mrad"]
+    assert main(order) == 0
+    first = capsys.readouterr().out.splitlines()[0]
+    assert first.startswith("These are the cheapest plays of gears that keep the tool 'tool0'")
+    assert first.endswith("arcmin in elbow_joint")
 
 
 @pytest.mark.parametrize(
@@ -166,7 +191,8 @@ def test_slow_dynamic_runs_keep_the_static_bound_but_for_penetration(three):
 
 def test_the_command_prints_the_table_and_writes_files(three, tmp_path, capsys):
     out = tmp_path / "out"
-    assert main(["allocate", str(three), "--target", "0.5 mm", "--out", str(out)]) == 0
+    order = ["allocate", str(three), "--clearance", "0.2 mm", "--target", "0.5 mm"]
+    assert main([*order, "--out", str(out)]) == 0
     text = capsys.readouterr().out
     assert "static worst case" in text
     assert "a target 1 % wider saves" in text
@@ -183,7 +209,9 @@ def test_allocation_by_the_command_needs_what_it_works_on(capsys):
         ([*rolling, "--price", "C2"], "--price must read CLASS=X, got 'C2'"),
         (["--joint", "elbow_joint", "--price", "C2=3"], "prices of C2 are for classes of rolling"),
         (["--joint", "elbow_joint", "--weight", "elbow_joint"], "--weight must read JOINT=X"),
-        (["--verify"], "--verify simulates a motion"),
+        ([], "say what is to be allocated: --clearance LENGTH"),
+        (["--clearance", "0.1 mm", "--verify"], "--verify simulates a motion"),
+        (["--gear", "elbow_joint=1 mrad", "--least", "1 um"], "there are plays of gears only"),
         (["--whole", "industrial", "--cost", "linear"], "does not go with --whole"),
         (["--whole", "industrial", "--quantile", "0.9"], "does not go with --whole"),
         (["--keep", "heat"], "needs --whole"),
@@ -286,7 +314,7 @@ def test_classes_that_cannot_be_are_refused(rolling):
         allocate(rolling, poses, 1e-3, prices={"C9": 1.0})
     with pytest.raises(MissingName, match="elbow_joint"):
         allocate(rolling, poses, 1e-3, offers={"elbow": ()})
-    with pytest.raises(JointplayError, match="no joint has clearance to allocate"):
+    with pytest.raises(JointplayError, match="no joint or gear has play to allocate"):
         allocate(rolling, poses, 1e-3, keep=list(rolling.clearance))
 
 
@@ -305,6 +333,7 @@ def test_the_command_line_allocates_by_class(tmp_path, capsys):
 POSE = {"shoulder_lift_joint": -0.7, "elbow_joint": 0.9, "wrist_1_joint": 0.3}
 PULL = (20.0, 0.0, -50.0)
 ELBOW = {"joint_a": 0.3, "joint_b": 0.8}
+WHOLE = {"causes": CAUSES, "kind": "industrial"}
 both = pytest.mark.parametrize("statistical", [False, True])
 
 
@@ -334,10 +363,10 @@ def largest(budget, statistical):
 @both
 def test_a_general_method_finds_no_cheaper_sizes(scara, statistical):
     ideal = scara.ideal()
-    first = budget(ideal, ELBOW, causes=CAUSES)
+    first = budget(ideal, ELBOW, **WHOLE)
     target = 0.4 * largest(first, statistical)
     options = {"weights": {"joint_a": 2.0, "joint_b": 0.5}, "prices": {"encoder": 3.0}}
-    found = allocate(ideal, ELBOW, target, statistical=statistical, causes=CAUSES, **options)
+    found = allocate(ideal, ELBOW, target, statistical=statistical, **WHOLE, **options)
     keys = [(one.joint, one.cause) for one in found.choices]
     weight = np.array([options["weights"].get(joint, 1.0) * options["prices"].get(cause, 1.0)
                        for joint, cause in keys])  # fmt: skip
@@ -359,10 +388,10 @@ def test_a_general_method_finds_no_cheaper_sizes(scara, statistical):
 @both
 @pytest.mark.parametrize("part", [0.6, pytest.param(0.3, marks=later)])
 def test_the_whole_budget_with_what_remains_is_the_target(arm, statistical, part):
-    first = budget(arm, POSE, force=PULL, causes=CAUSES)
+    first = budget(arm, POSE, force=PULL, **WHOLE)
     target = part * largest(first, statistical)
-    found = allocate(arm, POSE, target, statistical=statistical, force=PULL, causes=CAUSES)
-    again = budget(arm, POSE, force=PULL, remaining=found.parts, causes=CAUSES)
+    found = allocate(arm, POSE, target, statistical=statistical, force=PULL, **WHOLE)
+    again = budget(arm, POSE, force=PULL, remaining=found.parts, **WHOLE)
     assert largest(again, statistical) == pytest.approx(target, rel=1e-6)
     assert largest(again, statistical) <= target * (1.0 + 1e-7)
     assert found.each("after").sum() == pytest.approx(target, rel=1e-6)
@@ -374,9 +403,9 @@ def test_the_target_is_kept_by_the_sizes_themselves(scara):
     """Not by factors: with the clearance, resolutions, tolerances and warmth that are left."""
     causes = [one for one in CAUSES if one != "elasticity"]
     start = jp.accuracy.robot_errors.ERROR_CLASSES["industrial"]
-    first = budget(scara, ELBOW, causes=causes)
-    target = 0.4 * float(first.worst[0])
-    found = allocate(scara, ELBOW, target, causes=causes)
+    whole = {"causes": causes, "kind": "industrial"}
+    target = 0.4 * float(budget(scara, ELBOW, **whole).worst[0])
+    found = allocate(scara, ELBOW, target, **whole)
     left = {
         name: {cause: found.parts.get((name, cause), 1.0) for cause in CAUSES}
         for name in scara.joints
@@ -391,17 +420,17 @@ def test_the_target_is_kept_by_the_sizes_themselves(scara):
         sized[name] = jp.JointErrors(**own)
     journal = scara.clearance["joint_b"].scaled(left["joint_b"]["play"])
     made = scara.with_clearance({"joint_b": journal})
-    again = budget(made, ELBOW, causes=causes, errors=jp.RobotErrors(joints=sized))
+    again = budget(made, ELBOW, **whole, errors=jp.RobotErrors(joints=sized))
     assert again.worst[0] == pytest.approx(target, rel=1e-6)
     assert left["joint_b"]["play"] < 1.0
 
 
 @pytest.mark.parametrize("statistical", [False, pytest.param(True, marks=later)])
 def test_the_marginal_price_is_that_of_a_target_a_little_wider(arm, statistical):
-    target = 0.4 * largest(budget(arm, POSE, force=PULL, causes=CAUSES), statistical)
+    target = 0.4 * largest(budget(arm, POSE, force=PULL, **WHOLE), statistical)
     options = {"statistical": statistical, "force": PULL, "keep": ["play"]}
     low, mid, high = (
-        allocate(arm, POSE, target * part, **options, causes=CAUSES) for part in (0.999, 1.0, 1.001)
+        allocate(arm, POSE, target * part, **options, **WHOLE) for part in (0.999, 1.0, 1.001)
     )
     saved = (low.total - high.total) / (0.002 * target)
     assert mid.relief == pytest.approx(saved, rel=1e-3)
@@ -410,11 +439,12 @@ def test_the_marginal_price_is_that_of_a_target_a_little_wider(arm, statistical)
 @pytest.mark.thorough
 @both
 def test_bearings_are_chosen_with_the_causes_and_no_other_choice_is_cheaper(rolling, statistical):
-    causes, names = ("play", "geometry", "encoder"), ("elbow_joint", "wrist_1_joint")
-    options = {"causes": causes, "statistical": statistical, "prices": {"C2": 3.0}}
-    target = 0.5 * largest(budget(rolling, POSE, causes=causes), statistical)
+    names = ("elbow_joint", "wrist_1_joint")
+    whole = {"causes": ("play", "geometry", "encoder"), "kind": "industrial"}
+    options = {**whole, "statistical": statistical, "prices": {"C2": 3.0}}
+    target = 0.5 * largest(budget(rolling, POSE, **whole), statistical)
     found = allocate(rolling, POSE, target, offers=dict.fromkeys(names, ()), **options)
-    again = budget(found.mechanism, POSE, causes=causes, remaining=found.parts)
+    again = budget(found.mechanism, POSE, **whole, remaining=found.parts)
     assert largest(again, statistical) == pytest.approx(target, rel=1e-6)
     best = np.inf
     for choice in product(*(offers_of(rolling.clearance[name], {"C2": 3.0}) for name in names)):
@@ -430,18 +460,18 @@ def test_bearings_are_chosen_with_the_causes_and_no_other_choice_is_cheaper(roll
 
 
 def test_play_of_rolling_bearings_stays_but_that_of_their_gears_does_not(arm):
-    target = 0.15 * budget(arm, POSE, causes=CAUSES).worst[0]
-    found = allocate(arm, POSE, float(target), causes=CAUSES)
+    target = 0.15 * budget(arm, POSE, **WHOLE).worst[0]
+    found = allocate(arm, POSE, float(target), **WHOLE)
     assert found.parts[("wrist_1_joint", "play")] < 1.0
     assert any("kept: the play of the bearings of wrist_1_joint" in one for one in found.notes)
     for remaining, part in (({}, 1.0), (found.parts, found.parts["wrist_1_joint", "play"])):
-        model = budget(arm, POSE, causes=CAUSES, remaining=remaining).model
+        model = budget(arm, POSE, **WHOLE, remaining=remaining).model
         own = [k for k, one in enumerate(model.contributions) if one.cause == "play"]
         scale = {model.names[k]: model.scale[k] for k in own}
         assert (scale["wrist_1_joint"], scale["wrist_1_joint (gear)"]) == (1.0, part)
     alone = arm.with_clearance(arm.clearance, {})
     with pytest.raises(JointplayError, match="not proportional to its clearance"):
-        budget(alone, POSE, remaining={("wrist_1_joint", "play"): 0.5}, causes=CAUSES)
+        budget(alone, POSE, remaining={("wrist_1_joint", "play"): 0.5}, **WHOLE)
     with pytest.raises(JointplayError, match="no cause is left that may be improved"):
         allocate(
             alone.with_clearance({"wrist_1_joint": arm.clearance["wrist_1_joint"]}), POSE, 1e-3,
@@ -451,15 +481,13 @@ def test_play_of_rolling_bearings_stays_but_that_of_their_gears_does_not(arm):
 
 def test_a_target_that_cannot_be_reached_names_the_cause(arm):
     with pytest.raises(JointplayError, match=r"most of it by geometry .*kept"):
-        allocate(arm, POSE, 1e-3, keep=["geometry"], causes=CAUSES)
+        allocate(arm, POSE, 1e-3, keep=["geometry"], **WHOLE)
     with pytest.raises(JointplayError, match=r"most of it by elasticity .*at least 0.5 of it"):
-        allocate(
-            arm, POSE, 1e-3, force=(0.0, 0.0, -500.0), limits={"elasticity": 0.5}, causes=CAUSES
-        )
+        allocate(arm, POSE, 1e-3, force=(0.0, 0.0, -500.0), limits={"elasticity": 0.5}, **WHOLE)
 
 
 def test_a_target_that_is_met_already_costs_nothing(arm):
-    found = allocate(arm, POSE, 1.0, causes=CAUSES)
+    found = allocate(arm, POSE, 1.0, **WHOLE)
     assert found.total == 0.0
     assert found.parts == {}
     assert set(found.each("held")) <= {"as is", "kept"}
@@ -481,11 +509,11 @@ def test_a_target_that_is_met_already_costs_nothing(arm):
 )
 def test_what_cannot_be_of_causes_is_refused_with_the_choices(arm, options, says):
     with pytest.raises((JointplayError, MissingName), match=says):
-        allocate(arm, POSE, **{"target": 1e-3, **options}, causes=CAUSES)
+        allocate(arm, POSE, **{"target": 1e-3, **options}, **WHOLE)
 
 
 def test_the_figure_shows_all_parts_and_prices(arm):
-    found = allocate(arm, POSE, 1e-3, causes=CAUSES)
+    found = allocate(arm, POSE, 1e-3, **WHOLE)
     figure = allocation(found)
     parts, prices, _ = (
         sum(bar.get_width() for bars in panel.containers for bar in bars) for panel in figure.axes
@@ -504,7 +532,10 @@ def test_the_command_line_spends_on_causes(tmp_path, capsys):
     assert main([*options, *more, "--out", str(out)]) == 0
     shown = capsys.readouterr().out
     assert "worst case: 2.0000 mm of 2.0000 mm" in shown
-    assert "assumed: prices: halving costs 1 at each joint, of elasticity, gear error" in shown
+    assert (
+        "assumed: prices: halving costs 1 at each joint, of elasticity, gear error, geometry, sag"
+        in shown
+    )
     assert (out / "allocation.csv").read_text().startswith("joint,cause,added_m,adds_m,")
     assert (out / "allocation.png").read_bytes().startswith(b"\x89PNG")
     pair = ["--joint", "elbow_joint=6010", "--by-class", "elbow_joint"]

@@ -160,7 +160,7 @@ def test_two_hinges_of_a_door_bear_in_the_budget_what_a_run_finds_at_rest(door):
     result = simulate(mechanism, still, duration=2e-3, start="rest", estimate=False)
     ran = {name: result["joint_force"].values[-1, i] for i, name in enumerate(result.joints)}
     for j, name in enumerate(found.joints):
-        size = np.linalg.norm(found.rest_loads[0, j, :3])
+        size = np.linalg.norm(found.rest_positions.at(0).loads[j, :3])
         assert size == pytest.approx(np.linalg.norm(ran[name]), rel=0.02)
         # Neither stands still without the other: the leaf hangs on the upper hinge.
         assert size > 0.5 * 9.81 * 0.25 / height
@@ -342,7 +342,7 @@ def test_deflections_that_a_loop_holds_are_refused():
     mechanism = slider_crank({}, gravity=(0.0, 0.0, -9.81))
     q = poses.at_pose(mechanism, {"crank_pin": 1.0}, near=START)
     with pytest.raises(JointplayError, match="statically indeterminate"):
-        budget(mechanism, q, causes=["elasticity"])
+        budget(mechanism, q, kind="industrial", causes=["elasticity"])
 
 
 @pytest.mark.thorough
@@ -353,13 +353,14 @@ def test_causes_of_a_loop_are_allocated_within_the_target(door, tied):
         simulation = Scenario.load("jointplay:delta.toml").simulation("ideal")
         mechanism, causes = simulation.mechanism, ["encoder", "geometry"]
         q = poses.at_pose(mechanism, {}, near=poses.start_of(simulation))
-    target = 0.5 * budget(mechanism, q, causes=causes).worst[0]
-    found = allocate(mechanism, q, target, causes=causes)
-    kept = budget(mechanism, q, causes=causes, remaining=found.parts)
+    whole = {"causes": causes, "kind": "industrial"}
+    target = 0.5 * budget(mechanism, q, **whole).worst[0]
+    found = allocate(mechanism, q, target, **whole)
+    kept = budget(mechanism, q, **whole, remaining=found.parts)
     assert 0.99 * target < kept.worst[0] <= target * (1.0 + 1e-6)
     if tied:
         with pytest.raises(JointplayError, match="variances do not add"):
-            allocate(mechanism, q, target, causes=causes, statistical=True)
+            allocate(mechanism, q, target, **whole, statistical=True)
 
 
 def test_others_than_budgets_say_that_they_take_no_loops():

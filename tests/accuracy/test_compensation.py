@@ -402,6 +402,16 @@ def test_joints_do_not_go_far_for_little_near_singular_poses():
     assert 0.0 < np.abs(turned).max() < 1e-3
 
 
+def test_a_corrected_motion_begins_and_ends_at_rest(level):
+    own = simulated(machine(level))
+    times = np.linspace(0.0, own.motion.duration, 41)
+    moved, _ = module.corrected_motion(own, times, 0.01 * times[:, None])
+    speed = moved(np.array([0.0, own.motion.duration]))[1]
+    assert np.abs(speed).max() < 1e-4  # the shift grows by 0.01 rad/s
+    middle = moved(np.array([0.4]))[0] - own.motion(np.array([0.4]))[0]
+    assert middle == pytest.approx(0.004, abs=1e-6)
+
+
 def test_a_correction_stays_within_limits(level, tmp_path):
     place = tmp_path / "limited.urdf"
     text = level.read_text()
@@ -594,6 +604,22 @@ def test_a_clearance_alone_is_for_all_joints_as_in_a_budget(level, tmp_path):
     done = subprocess.run(list(map(str, command)), capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("In simulation the corrected motion")
+
+
+def test_a_format_that_knows_no_such_axis_stops_no_other(upright, tmp_path):
+    """And a rule that is judged without friction, which nobody gave, says so."""
+    motion, out = tmp_path / "m.csv", tmp_path / "out"
+    motion.write_text("time_s,j\n0,0\n0.4,0.5\n0.8,0\n")
+    command = [JOINTPLAY, "compensate", upright, "--gear", "j=0.1 mrad", "--motion", motion]
+    command += ["--gear-stiffness=800", "--gear-damping=2", "--rotor-inertia=0.05", "--jobs=1"]
+    command += ["--set", "drive.kind=computed-torque", "--set", "drive.encoder=motor", "--force"]
+    command += ["--detail", "--formats", "marlin,linuxcnc,grblhal", "--out", out]
+    done = subprocess.run(list(map(str, command)), capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    said = done.stdout + done.stderr
+    assert "no file for marlin: nothing to tell marlin, which knows axes X, Y" in said
+    assert "that is without dry friction in j" in said
+    assert {"motion.csv", "j.comp", "grblhal.txt"} < {one.name for one in out.iterdir()}
 
 
 @pytest.mark.thorough

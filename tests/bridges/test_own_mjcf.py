@@ -1,6 +1,7 @@
 """The corrected robot as MJCF: bodies where a calibration found them, all else as it was."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -8,9 +9,11 @@ import pytest
 
 import jointplay as jp
 from jointplay.base.errors import JointplayError
+from jointplay.bridges import own_mjcf
 from jointplay.bridges.own_mjcf import corrected_mjcf
 from jointplay.bridges.urdf import to_urdf
 from jointplay.cli import main
+from jointplay.model.formats import read
 from jointplay.model.urdf import parse
 
 pytestmark = pytest.mark.needs("mujoco")
@@ -129,6 +132,41 @@ def test_friction_that_stays_before_the_play_damps_no_teeth(tmp_path, capsys):
     assert "meshdir" not in text
     assert "meshes" not in told
     assert "note: the step of the MJCF is now" in told
+
+
+def test_the_stated_error_is_that_of_the_file_as_written(tmp_path, capsys, monkeypatch):
+    path = tmp_path / "m.xml"
+    path.write_text(DRIVEN.format("", ""))
+    said = ["export", "simulator", str(path), "--joint", "j", *GEAR, "--for", "mujoco", "--out"]
+
+    def stated(out):
+        assert main([*said, str(tmp_path / out)]) == 0
+        told = capsys.readouterr().out
+        assert "the written MJCF's, run in MuJoCo" in told
+        return float(re.findall(r"link's angle, stated error +([0-9.e-]+) mrad", told)[0])
+
+    fine, whole = stated("fine"), own_mjcf._put_tendons
+    monkeypatch.setattr(  # a writer that loses half of the play, 1 degree
+        own_mjcf,
+        "_put_tendons",
+        lambda to, one, *more: whole(to, replace(one, dead_band=0.5 * one.dead_band), *more),
+    )
+    assert fine < 0.1
+    assert stated("half") > 1e3 * np.radians(0.25)  # mrad: half of what is lost, either way
+    assert main([*said, str(tmp_path / "checked"), "--check"]) == 1
+
+
+def test_what_reading_leaves_out_is_compiled_within_limits_before_an_export(tmp_path, capsys):
+    """A picture of 4.8 GB, which no link's inertia needs."""
+    path = tmp_path / "m.xml"
+    size = 'width="40000" height="40000"'
+    sky = f'<asset><texture name="t" type="2d" builtin="flat" {size}/></asset>'
+    text = DRIVEN.format("", "").replace("<worldbody>", f"{sky}<worldbody>")
+    path.write_text(text)
+    assert read(path).joints
+    said = ["export", "simulator", str(path), "--joint", "j", *GEAR, "--for", "mujoco"]
+    assert main([*said, "--out", str(tmp_path / "out")]) == 2
+    assert "Could not allocate memory for texture" in capsys.readouterr().err
 
 
 def test_an_equality_that_shuts_the_play_is_left_out_and_a_check_that_fails_exits_1(

@@ -100,6 +100,21 @@ def test_the_tilts_error_is_what_friction_and_contacts_do_to_it(plain):
     assert "tilt" not in none.history
 
 
+@pytest.mark.parametrize(
+    ("limits", "middle", "stroke"), [((-0.05, 2.0), 0.05, 0.1), ((-0.02, 0.04), 0.01, 0.03)]
+)
+def test_a_joint_reverses_within_its_limits(path, tmp_path, limits, middle, stroke):
+    text = path.read_text()
+    assert text.count('lower="-9" upper="9"') >= 1
+    place = tmp_path / "limited.urdf"
+    place.write_text(text.replace('lower="-9" upper="9"', 'lower="{}" upper="{}"'.format(*limits)))
+    found = reduce(Mechanism(place, gears={"j": GEAR}), "j", period=0.4)
+    assert found.pose["j"] == pytest.approx(middle)
+    motor = found.history["motor"]
+    assert motor.max() == pytest.approx(middle + stroke, abs=1e-6)
+    assert motor.min() == pytest.approx(middle - stroke, abs=1e-6)
+
+
 def test_a_journal_that_no_load_tilts_says_so(tmp_path, path, capsys):
     # Its axis is level: the weight, a little aside, presses both rims down.
     text = path.read_text().replace('xyz="0 0 1"', 'xyz="0 1 0"')
@@ -232,10 +247,22 @@ def test_the_command_writes_all_formats(path, tmp_path, capsys):
     assert "j by its actuator: link's angle off by up to" in text
 
 
-def test_the_command_asks_for_what_a_gear_needs(path, tmp_path, capsys):
+def test_the_command_takes_what_a_gear_needs_from_rules_and_the_encoder_from_its_drive(
+    path, tmp_path, capsys
+):
     options = ["--joint", "j", "--gear", "j=0.2 deg", "--out", str(tmp_path / "o")]
-    assert main(["export", "simulator", str(path), *options]) == 2
-    assert "--gear-stiffness is missing" in capsys.readouterr().err
+    order = ["export", "simulator", str(path), *options, "--format", "json", "--detail"]
+    assert main(order) == 0
+    shown = capsys.readouterr().out
+    assert "gears: stiffness of j" in shown
+    assert "gears: rotor inertia of j" in shown
+    (entry,) = json.loads((tmp_path / "o" / "j.json").read_text())["joints"]
+    assert entry["encoder"] == "motor"
+    drive = ["--set", "drive.kind=computed-torque", "--set", "drive.encoder=link"]
+    assert main([*order[:-4], str(tmp_path / "q"), *order[-3:], *drive]) == 0
+    (entry,) = json.loads((tmp_path / "q" / "j.json").read_text())["joints"]
+    assert entry["encoder"] == "link"
+    capsys.readouterr()
     assert (
         main(["export", "simulator", str(path), "--joint", "j", "--out", str(tmp_path / "p")]) == 2
     )

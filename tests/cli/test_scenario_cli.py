@@ -7,6 +7,7 @@ import trimesh
 from warm import call
 
 from jointplay import Result
+from jointplay.cli import main
 from jointplay.model.urdf import shipped
 
 
@@ -257,3 +258,12 @@ def test_a_sampled_crank_presses_its_pin_as_one_that_turns(tmp_path):
         float(Result.load(out / f"{case}.nc").forces.max()) for case in ("speeds", "samples")
     )
     assert samples == pytest.approx(speeds, rel=0.01)
+
+
+def test_check_looks_at_the_values_of_a_sweep(tmp_path, capsys):
+    file, motion = tmp_path / "sweep.toml", shipped("scara_motion.csv")
+    text = shipped("scara_sweep.toml").read_text().replace('"scara.urdf"', '"jointplay:scara.urdf"')
+    text = text.replace('"scara_motion.csv"', f'"{motion}"')
+    file.write_text(text.replace('"0.3 mm"', '"true mm"'))
+    assert main(["check", str(file), "--no-picture"]) == 2
+    assert "axis 'clearance' cannot take \"true mm\"" in capsys.readouterr().err

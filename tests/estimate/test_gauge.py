@@ -359,6 +359,8 @@ def test_readings_that_are_none_and_plans_that_are_none_are_refused(arm, tmp_pat
     text = path.read_text()
     for changed, said in (
         (text.replace("reading [mm]", "reading [m]"), "which no gauge follows"),
+        (text.replace(",arm [mm]", ",arm [m]"), "the arm is 100 m long, longer than any robot"),
+        (text.replace("gauge arm [mm]", "gauge arm [m]"), "the gauge arm is 50 m long"),
         (text.splitlines()[0] + "\n", "has no readings: needed are five readings"),
     ):
         path.write_text(changed)

@@ -190,7 +190,7 @@ def test_budgets_have_play_and_elasticity_of_a_seat(arm):
     assert static.joints == ("pin", "pin_seat")
     assert static.worst_parts[0, 0] == pytest.approx(static.worst[0])
     assert static.worst_parts[0, 1] == 0.0
-    found = budget(robot, {"pin": 0.3}, force=push, causes=CAUSES)
+    found = budget(robot, {"pin": 0.3}, force=push, kind="industrial", causes=CAUSES)
     by = {(one.joint, one.cause): one for one in found.model.contributions}
     at = found.model.names.index("pin_seat")
     assert by["pin", "play"].set is not None

@@ -106,7 +106,7 @@ def test_at_rest_a_nut_hangs_by_half_its_play_and_its_elasticity(lift, encoder, 
     assert found.rest_tool[0] == pytest.approx([-sag, 0, 0, 0, 0, 0], abs=1e-9)
     assert found.rest[0, 0, 0] == pytest.approx(-sag, abs=1e-9)
     assert found.rest_interval[0, 0] == pytest.approx([-sag, -sag], abs=1e-8)
-    assert found.rest_loads[0, 0] == pytest.approx([0, 0, -MASS * G, 0, 0, 0])
+    assert found.rest_positions.at(0).loads[0] == pytest.approx([0, 0, -MASS * G, 0, 0, 0])
     assert f"x (gear) {MASS * G:.4g} N" in str(found.table())
     motion = jp.Motion(["x"], [0, 0.01], [[0.0], [0.0]])
     result = jp.simulate(lift, motion, drive=drive, duration=1e-3, start="rest", **QUIET)
@@ -192,7 +192,8 @@ def test_an_option_gives_a_slide_its_play(capsys):
     assert main(["budget", GANTRY, "--gear", "x=0.2 mm"]) == 0
     said = capsys.readouterr().out
     assert "up to 0.1 mm off" in said
-    assert "gears: stiffness 1e+07 N/m (x) (assumed); see --gear-stiffness" in said
+    assert "gears: stiffness of x 1e+07 N/m by the 400 N that its drive" in said
+    assert "to a factor of 4 (assumed); see --gear-stiffness" in said
     words = ["budget", GANTRY, "--gear", "x=0.2 mm", "--gear-stiffness", "3e6 N/m"]
     gear = scenario_of(parser().parse_args(words), moves=False).mechanism().gears["x"]
     assert (gear.play, gear.stiffness, gear.rotor_inertia) == (
@@ -201,7 +202,7 @@ def test_an_option_gives_a_slide_its_play(capsys):
         pytest.approx(0.02 * 400.0),
     )
     assert main(words) == 0
-    assert "gears: stiffness" not in capsys.readouterr().out
+    assert "gears: stiffness of" not in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -556,3 +556,31 @@ def test_planar_play_across_which_a_mechanism_cannot_move_is_asked_about(tmp_pat
         scenario = Scenario.load(path)
         scenario.simulation()
         assert any("has planar play along x" in note for note in scenario.notes) == asked
+
+
+@pytest.mark.parametrize(
+    ("turned", "asked"), [('[0, "90 deg", 0]', True), ('["-90 deg", 0, "-90 deg"]', False)]
+)
+def test_planar_play_of_a_loop_across_which_nothing_moves_is_asked_about(tmp_path, turned, asked):
+    """A slider-crank in the plane x, y whose guide closes the loop, along x; its x is z, or y."""
+    bodies = [("crank", "base", 0.0), ("rod", "crank", 0.1), ("block", "rod", 0.3)]
+    parts = "".join(
+        f'<link name="{name}"><inertial><origin xyz="0.1 0 0"/><mass value="1"/>'
+        '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        f'<joint name="{name}_pin" type="continuous"><parent link="{parent}"/>'
+        f'<child link="{name}"/><origin xyz="{at} 0 0"/><axis xyz="0 0 1"/></joint>'
+        for name, parent, at in bodies
+    )
+    (tmp_path / "crank.urdf").write_text(f'<robot name="s"><link name="base"/>{parts}</robot>')
+    path = tmp_path / "crank.toml"
+    path.write_text(
+        '[robot]\nurdf = "crank.urdf"\ngravity = [0, -9.81, 0]\n[loops.guide]\n'
+        f'bearing = {{link = "base", xyz = [0.3, 0, 0], rpy = {turned}}}\n'
+        f'journal = {{link = "block", xyz = [0, 0, 0], rpy = {turned}}}\n'
+        '[joints.guide]\nkind = "prismatic"\nlength = "40 mm"\nwidth = "20 mm"\n'
+        'height = "20 mm"\nclearance = "0.1 mm"\nplanar = true\n[drives]\ncrank_pin = "free"\n'
+        'rod_pin = "free"\nblock_pin = "free"\n[integration]\nduration = "1 ms"\n'
+    )
+    scenario = Scenario.load(path)
+    scenario.simulation()
+    assert any("has planar play along x" in note for note in scenario.notes) == asked

@@ -306,5 +306,5 @@ def test_letters_that_the_usual_typeface_has_not_come_from_one_that_is_installed
     module._fallbacks.cache_clear()
     monkeypatch.undo()
     with module.style("paper"):
-        assert mpl.rcParams["font.family"][0] == "serif"
+        assert mpl.rcParams["font.family"][0] == "STIXGeneral"
     module._fallbacks.cache_clear()

@@ -480,3 +480,27 @@ def test_the_command_warns_of_an_arm_that_falls(tmp_path, capsys):
     first, warning, *_ = capsys.readouterr().out.splitlines()
     assert "2 cases" in first
     assert warning.startswith("warning: no motion and no drive: the arm falls (shoulder_lift")
+
+
+@pytest.mark.parametrize(
+    ("where", "said"),
+    [
+        ("jointplay.study.sweeps._enough", "12 of 12 cases are kept"),
+        ("jointplay.study.open_sweep", "contains cases.sqlite"),
+    ],
+)
+def test_interrupted_when_all_cases_are_stored_it_says_what_is_there(
+    done, tmp_path, monkeypatch, capsys, where, said
+):
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    store = tmp_path / "s"
+    shutil.copytree(done[0], store)
+    monkeypatch.setattr("jointplay.base.files.written", [])
+    monkeypatch.setattr(where, interrupt)
+    told = ["study", "sweep", str(done[1]), "--out", str(store), "--resume", "--quiet"]
+    assert main(told) == 130
+    words = capsys.readouterr().err
+    assert said in words
+    assert "nothing was written" not in words

@@ -7,6 +7,7 @@ solution until both agree.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -24,9 +25,9 @@ from jointplay.accuracy.causes import (
     told_apart,
 )
 from jointplay.accuracy.cheapest import COSTS, Error, Key, Problem, Sizes
-from jointplay.accuracy.error_budget import KNOWN, budget
+from jointplay.accuracy.error_budget import KNOWN, NOWHERE, budget, holding_drives
 from jointplay.accuracy.error_model import Contribution, ErrorModel, play_model
-from jointplay.accuracy.jacobians import configurations, force_on_tool
+from jointplay.accuracy.jacobians import GEAR, configurations, force_on_tool
 from jointplay.accuracy.robot_errors import RobotErrors
 from jointplay.base.errors import (
     JointplayError,
@@ -42,11 +43,18 @@ from jointplay.base.progress import ProgressBar
 from jointplay.base.tables import Column, Table, few
 from jointplay.base.units import readable
 from jointplay.model.mechanism import Mechanism
+from jointplay.model.payload import Payload
 from jointplay.physics.joints import Clearance, RollingBearing
 from jointplay.physics.joints.bearings import PRELOADED
+from jointplay.simulation.loads.drive import Drive, JointFriction
 
 LEAST_M, MOST_M = 2e-6, 1e-3
 """Clearances that can be bought, unless others are given [m]."""
+LEAST_RAD, MOST_RAD = 3e-5, 0.1
+"""Plays of gears that can be bought [rad], judged: from precision gears, 0.1 arcmin, to worn hobby
+servos, 6 degrees."""
+_ARCMIN = math.radians(1.0 / 60.0)
+"""[rad]: costs of gears that turn are of plays in arcmin."""
 LIMIT = 0.1
 """Part of a cause that remains at least, unless it is given: assumed."""
 PRICES = {"C2": 1.3, "CN": 1.0, "C3": 1.0, "C4": 1.1, "CC0": 1.5, "C0": 1.0, "C1": 1.0,
@@ -173,23 +181,31 @@ class Choice:
     remaining: float
     """How large it is, as a part of what it was; of play alone 1, for any size is sought."""
     clearance: float
-    """Radial (across x, of a slider) [m]."""
+    """Radial (across x, of a slider), or the play of a gear that moves its joint along [m]."""
+    play: float
+    """Of a gear that turns its joint [rad]."""
     offer: Offer | None
     before: float
     """What it added to the error as it was, of play alone NaN [m]."""
     after: float
     """What it adds in the end [m]."""
     gain: float
-    """Error per clearance, where the target binds."""
+    """Error per clearance or play, where the target binds [1 or m/rad]."""
     price: float
     saved: float
-    """What the last micrometre of the clearance costs: saved by one more [1/µm]."""
+    """What the last micrometre of the clearance costs: saved by one more [1/µm]; of a gear that
+    turns the last arcmin of its play."""
     held: str
     """``target``, ``least``, ``most``, of causes ``limit``, ``as is`` where nothing is bought, or
     ``kept``; ``class`` of bearings, ``fit``."""
     order: int
     """Of causes, which is bought first: rank by what the first of its price saves, from 1 on; 0
     where nothing is bought."""
+
+    @property
+    def gear(self) -> bool:
+        """Whether it is of a gear alone."""
+        return self.joint.endswith(GEAR)
 
 
 @dataclass(frozen=True)
@@ -273,24 +289,44 @@ class Allocation:
         total, offers = self.total or 1.0, [one.offer for one in kept]
         alone = len({one.cause for one in self.choices}) == 1
         improved = not np.isnan(self.was)
+        lengths = [(one, np.isnan(one.play)) for one in kept]
         columns = [
             of("joint", "joint"),
             of("cause", "cause", only="data" if alone else ""),
             of("clearance", "clearance", "m", fine=True),
+            of("play", "play", "rad", only="data"),
+            Column("play [arcmin]", [one.play / _ARCMIN for one in kept], only="text"),
             Column("class", [None if one is None else one.name for one in offers]),
         ]
         for way, axis in (("across", "x"), ("along", "z")):
             far = [np.nan if one is None else one.free(axis) for one in offers]
             columns.append(Column(f"free {way}", far, "m", fine=True, digits=3))
         columns += [
-            of("error per clearance", "gain"),
+            Column("error per clearance", [one.gain if own else None for one, own in lengths]),
+            Column(
+                "mm per arcmin",
+                [None if own else _MM * _ARCMIN * one.gain for one, own in lengths],
+                only="text",
+            ),
+            Column(
+                "error per play", [None if own else one.gain for one, own in lengths], only="data"
+            ),
             of("added", "before", "m"),
             of("adds", "after", "m"),
             *([of("remains", "remaining", key="remaining")] if improved else []),
             of("price", "price", digits=4),
             Column("of all", [o.price / total for o in kept], "1", only="text", digits=4),
             Column("bought", [one.order or None for one in kept]),
-            of("a µm more saves", "saved", key="saved_by_a_micrometre"),
+            Column(
+                "a µm more saves",
+                [one.saved if own else None for one, own in lengths],
+                key="saved_by_a_micrometre",
+            ),
+            Column(
+                "an arcmin more saves",
+                [None if own else one.saved for one, own in lengths],
+                key="saved_by_an_arcmin",
+            ),
             of("held by", "held"),
         ]
         return Table([one for one in columns if not all(map(_is_none, one.values))])
@@ -301,12 +337,27 @@ class Allocation:
         whole, offers = not np.isnan(self.was), [one.offer for one in self.choices if one.offer]
         bearings = "bearings" if whole else "classes of bearings"
         kinds = dict.fromkeys("fits" if one.instead else bearings for one in offers)
-        first = ["improvements"] if whole else [] if offers else ["clearances"]
+        first, gears = ["improvements"] if whole else [], self._gears
+        if not whole:
+            first += ["clearances"] * any(not one.gear and not one.offer for one in self.choices)
+            first += ["plays of gears"] * any(one.gear for one in self.choices)
+        sizes = f": {few(gears, 7)}" if gears and not whole else ""
         return (
             f"These are the cheapest {' and '.join([*first, *kinds])} that keep the tool "
-            f"{self.mechanism.tool!r} within {readable(self.target, 'm', 3)}{self._exchanged}"
-            f"{self._corrected}"
+            f"{self.mechanism.tool!r} within {readable(self.target, 'm', 3)}{sizes}"
+            f"{self._exchanged}{self._corrected}"
         )
+
+    @property
+    def _gears(self) -> list[str]:
+        """Plays of gears in words, of those that count."""
+        return [
+            f"{one.clearance * _MM:.3g} mm in {one.joint.removesuffix(GEAR)}"
+            if np.isnan(one.play)
+            else f"{float(f'{one.play / _ARCMIN:.2g}'):g} arcmin in {one.joint.removesuffix(GEAR)}"
+            for one in self.choices
+            if one.gear and one.held != "most"
+        ]
 
     @property
     def _corrected(self) -> str:
@@ -368,23 +419,26 @@ def allocate(
     weights: Mapping[str, float] | None = None,
     limits: Mapping[str, float] | None = None,
     cost: str = COSTS[0],
-    least: float = LEAST_M,
-    most: float = MOST_M,
+    least: float | None = None,
+    most: float | None = None,
     force: Sequence[float] = (0.0, 0.0, 0.0),
     errors: RobotErrors | None = None,
     kind: str | None = None,
     seed: int = 0,
     driven: Sequence[str] | None = None,
+    drive: Drive | Mapping[str, Drive] | None = None,
+    joint_friction: Mapping[str, JointFriction] | None = None,
+    payloads: Sequence[Payload] = (),
     progress: bool = False,
 ) -> Allocation:
     """The cheapest sizes and bearings with which the tool's error keeps `target` at all poses.
 
-    By play alone: clearances of any size, whose ratio of axial to radial clearance stays, and the
-    classes of rolling bearings and the fits of others, together. By several causes: the part of
-    each that remains at each joint, and bearings and fits for which there are `offers`.
+    By play alone: clearances of any size, whose ratio of axial to radial clearance stays, plays of
+    gears, and the classes of rolling bearings and the fits of others, together. By several causes:
+    the part of each that remains at each joint, and bearings and fits for which there are `offers`.
 
     Args:
-        mechanism: the play of its gears, and what has no play, stays unless causes are improved.
+        mechanism: what has no play, and gears with hysteresis, stay unless causes are improved.
         poses: as for `budget`.
         target: largest distance of the tool from where it should be [m].
         causes: as for `budget`; None: play alone.
@@ -402,11 +456,12 @@ def allocate(
             cause, 1 where not given.
         weights: of joints, which multiply the prices of their sizes; 1 where not given.
         limits: part of a cause that remains at least, by cause; `LIMIT` where not given.
-        cost: of clearances, one of `COSTS`.
-        least, most: clearances that can be bought [m].
+        cost: of clearances in mm and plays of gears in arcmin (mm, if they slide), one of `COSTS`.
+        least, most: clearances that can be bought, and plays of gears that slide [m]; None:
+            `LEAST_M`, `MOST_M`; gears that turn have `LEAST_RAD`, `MOST_RAD`.
         force, errors, kind: of several causes, as for `budget`.
         seed: of the sampled states.
-        driven: joints of loops that stand; see `budget`.
+        driven, drive, joint_friction, payloads: as for `budget`.
         progress: show a count of the rounds on standard error, if it takes long.
 
     Raises:
@@ -426,17 +481,25 @@ def allocate(
     if quantile is not None:
         require_share("the quantile", quantile)
     given = RobotErrors() if errors is None else errors
-    kind = kind or given.assumed or "industrial"
     classes = {name: price for name, price in prices.items() if name not in own}
     make: Any = cheapest.RootMeanSquare if statistical else cheapest.WorstCase
     if quantile is not None:
         make = partial(cheapest.Quantile, quantile=quantile, seed=seed)
+    holding = {
+        "driven": driven, "drive": drive, "joint_friction": joint_friction, "payloads": payloads,
+    }  # fmt: skip
     search = _Search(
-        mechanism, configurations(mechanism, poses, driven), driven, own if whole else None,
+        mechanism, configurations(mechanism, poses, driven), holding, own if whole else None,
         force_on_tool(force), given, kind,
-        _offers(mechanism, bought, classes, keep, whole, least), keep, make,
+        _offers(mechanism, bought, classes, keep, whole, LEAST_M if least is None else least),
+        keep, make,
     )  # fmt: skip
     keys = search.keys
+    if not whole and search.first.farthest().size.max() <= NOWHERE * MOST_RAD:
+        raise JointplayError(
+            f"nothing that has play moves the tool {mechanism.tool!r} at these poses: name another "
+            "frame as the tool (--tool)"
+        )
     if whole:
         weight = [prices.get(cause, 1.0) * weights.get(joint, 1.0) for joint, cause in keys]
         low, ones = [limits.get(cause, LIMIT) for _, cause in keys], np.ones(len(keys))
@@ -467,11 +530,12 @@ class _Search:
 
     mechanism: Mechanism
     q: np.ndarray
-    driven: Sequence[str] | None
+    holding: Mapping[str, Any]
+    """What holds it, and what it carries, as `budget` takes that."""
     causes: Mapping[str, Cause] | None
     force: np.ndarray
     errors: RobotErrors
-    kind: str
+    kind: str | None
     offers: Mapping[str, Sequence[Offer]]
     keep: Collection[str]
     make: Any
@@ -482,15 +546,21 @@ class _Search:
         self.first = self.made({}, {})[1]
         self.keys = tuple(
             dict.fromkeys(
-                (one.joint, one.cause)
+                self.key(one)
                 for one in self.first.contributions
                 if self._sizable(one) and not {one.joint, one.cause} & {*self.keep}
             )
         )
 
+    def key(self, one: Contribution) -> Key:
+        """What is chosen of a contribution: of play alone that of a gear by itself."""
+        return (one.name if self.causes is None else one.joint), one.cause
+
     def _sizable(self, one: Contribution) -> bool:
-        own = one.proportional and not (one.gear and self.causes is None)
-        return own and not self._offered(one)
+        if one.gear and self.causes is None:
+            gear = self.mechanism.gears[one.joint]
+            return 0.0 < gear.unloaded_range == gear.play
+        return one.proportional and not self._offered(one)
 
     def _offered(self, one: Contribution) -> bool:
         return one.joint in self.offers and one.cause in ("play", "elasticity") and not one.gear
@@ -501,13 +571,21 @@ class _Search:
         joints = {**self.mechanism.clearance, **{name: one.joint for name, one in chosen.items()}}
         if self.causes is not None:
             other = self.mechanism.with_clearance(joints) if chosen else self.mechanism
+            driven, payloads = self.holding["driven"], self.holding["payloads"]
+            drives = holding_drives(other, self.holding["drive"])
             return cause_model(
                 other, self.q, self.force, self.causes, self.errors, self.kind, remaining,
-                self.driven,
+                driven, None, drives, payloads,
             )  # fmt: skip
-        joints.update((name, joints[name].scaled(x)) for (name, _), x in remaining.items())
-        other = self.mechanism.with_clearance(joints)
-        return other, play_model(other, self.q, driven=self.driven, loops=True)
+        gears: dict[str, Any] = dict(self.mechanism.gears)
+        for (name, _), x in remaining.items():
+            if name in joints:
+                joints[name] = joints[name].scaled(x)
+            else:
+                gear = gears[name.removesuffix(GEAR)]
+                gears[name.removesuffix(GEAR)] = replace(gear, play=x * gear.play)
+        other = self.mechanism.with_clearance(joints, gears)
+        return other, play_model(other, self.q, driven=self.holding["driven"], loops=True)
 
     def corrected(self, offers: Sequence[Correction], progress: bool) -> tuple[Corrected, ...]:
         """What is left of the error at rest by corrected motions, and of causes that are no play.
@@ -524,11 +602,9 @@ class _Search:
         if self.mechanism.loops:
             raise JointplayError("motions of closed loops are not compensated: leave it out")
         model = self.first
-        play = budget(
-            self.mechanism, self.q, force=self.force.tolist(), driven=self.driven,
-        )  # fmt: skip
-        others = [k for k, one in enumerate(model.contributions) if one.cause != "play"]
-        rest = model.subset(others).farthest().size if others else np.zeros(len(self.q))
+        play = budget(self.mechanism, self.q, force=self.force.tolist(), **self.holding)
+        beside = [k for k, one in enumerate(model.contributions) if one.cause != "play"]
+        others = model.subset(beside).farthest().size if beside else np.zeros(len(self.q))
         left = np.zeros((len(offers), len(self.q)))
         poses = ProgressBar(
             range(len(self.q)),
@@ -538,10 +614,11 @@ class _Search:
             leave=False,
         )
         for k in poses:
-            place = float(np.linalg.norm(play.rest_positions.at(k).whole[:3]))
+            rest = play.rest_positions.at(k)
+            place = float(np.linalg.norm((rest.whole - rest.sag)[:3]))
             for one, own in zip(offers, left, strict=True):
                 unknown = one.play * min(place, play.worst[k])  # what gives way stays
-                own[k] = rest[k] + play.compensated(k, 0.0, one.friction) + unknown
+                own[k] = others[k] + play.compensated(k, 0.0, one.friction) + unknown
         if np.isnan(left).any():
             raise JointplayError(
                 "no place of rest was found: what compensation leaves is not known"
@@ -581,14 +658,17 @@ class _Search:
             )
         return ErrorModel.join(models), of
 
+    def _by_key(self, model: ErrorModel, parts: np.ndarray) -> dict[Key, float]:
+        found = dict[Key, float]()
+        for one, part in zip(model.contributions, parts, strict=True):
+            found[self.key(one)] = found.get(self.key(one), 0.0) + float(part)
+        return found
+
     def choice(self, model: ErrorModel) -> list[int]:
         """Which of the sizes each contribution is, -1 for none."""
         place = {key: i for i, key in enumerate(self.keys)}
         return [
-            place.get((one.joint, one.cause), -1)
-            if one.proportional and not (one.gear and self.causes is None)
-            else -1
-            for one in model.contributions
+            place.get(self.key(one), -1) if one.proportional else -1 for one in model.contributions
         ]
 
     def allocated(self, target: float, bar: Any, notes: Sequence[str]) -> Allocation:
@@ -652,8 +732,8 @@ class _Search:
         """By joint and cause; `start` and `last` are the error as it was and is."""
         sizes, whole, count = self.sizes, self.causes is not None, len(self.keys)
         x, ones = z[:count], np.ones(count)
-        before = _by_key(start.model, start.parts(ones)) if whole else {}
-        after = _by_key(last.model, last.parts(x))
+        before = self._by_key(start.model, start.parts(ones)) if whole else {}
+        after = self._by_key(last.model, last.parts(x))
         held, slopes, gains = sizes.held(x), sizes.slopes(x), problem.gains(z)
         paid = sizes.prices(x) - (sizes.prices(sizes.most) if whole else 0.0)
         worth = start.slopes(ones) / sizes.weight
@@ -662,25 +742,34 @@ class _Search:
         of_joints = dict.fromkeys((name, "play") for name in self.mechanism.clearance)
         rows = [*before, *(key for key in of_joints if key[0] in taken and key not in before)]
         if not whole:
+            of_joints |= dict.fromkeys((name + GEAR, "play") for name in self.mechanism.gears)
             rows = [key for key in of_joints if key in place or key[0] in taken]
         for key in rows:
             k, offer = place.get(key), taken.get(key[0]) if key[1] == "play" else None
             adds, cost = after.get(key, 0.0), 0.0 if offer is None else offer.price
-            part, size, gain, saved, order = 1.0, np.nan, np.nan, np.nan, 0
+            part, size, play, gain, saved, order = 1.0, np.nan, np.nan, np.nan, np.nan, 0
             how = "kept" if offer is None else "fit" if offer.instead else "class"
             if k is not None:
                 how, cost = held[k], cost + float(paid[k])
+                gear = self.mechanism.gears.get(key[0].removesuffix(GEAR))
                 if key[1] == "play" and is_proportional(self.mechanism, key[0]):
                     size = self.mechanism.clearance[key[0]].radial_travel * x[k]
+                elif not whole and gear is not None:
+                    size = gear.play * x[k]
                 if whole:
                     how, part = {"least": "limit", "most": "as is"}.get(how, how), float(x[k])
                     order = bought.index(k) + 1 if k in bought else 0
                 else:
-                    unit = float(sizes.unit[k]) / _MM
-                    gain, saved = gains[k] / unit, -1e-6 * slopes[k] / unit
+                    now = size / x[k]
+                    gain, saved = gains[k] / now, -1e-6 * slopes[k] / now
                     adds = gain * size
+                    if key[0].endswith(GEAR) and self._turns(key[0]):
+                        play, size, saved = size, np.nan, saved * 1e6 * _ARCMIN
             had = before.get(key, 0.0) if whole else np.nan
-            yield Choice(*key, part, size, offer, had, adds, gain, cost, saved, how, order)
+            yield Choice(*key, part, size, play, offer, had, adds, gain, cost, saved, how, order)
+
+    def _turns(self, gear: str) -> bool:
+        return not self.mechanism.description.joints[gear.removesuffix(GEAR)].slides
 
     @staticmethod
     def _words(error: Error) -> str:
@@ -693,8 +782,10 @@ class _Search:
     def notes(self, prices: Collection[str], limits: Collection[str]) -> list[str]:
         """What was given and assumed of causes, prices and limits, and which plays stay."""
         if self.causes is None:
-            return [f"price of clearances in mm: {self.sizes.cost}"] if self.keys else []
-        given, assumed = told_apart(self.first, self.kind)
+            arcmin = any(name.endswith(GEAR) and self._turns(name) for name, _ in self.keys)
+            units = " and plays in arcmin" if arcmin else ""
+            return [f"price of clearances in mm{units}: {self.sizes.cost}"] if self.keys else []
+        given, assumed = told_apart(self.first)
         notes = [*(f"given: {one}" for one in given), *(f"assumed: {one}" for one in assumed)]
         causes = list(dict.fromkeys(cause for _, cause in self.keys))
         if unpriced := [cause for cause in causes if cause not in prices]:
@@ -723,15 +814,22 @@ class _Search:
         text = f"a target of {readable(unreachable.target, 'm', 4)} cannot be reached"
         error = f"the error is {readable(unreachable.bound, 'm', 4)} at least"
         if self.causes is None:
-            least = sizes.least[0] * sizes.unit[0] / _MM if count else 0.0
-            means = [f"{readable(least, 'm', 4)} in every joint"] if count else []
+            least = {
+                f"{low * size:.2g} arcmin in every gear"
+                if turns
+                else f"{readable(low * size / _MM, 'm', 4)} in every "
+                f"{'gear' if name.endswith(GEAR) else 'joint'}": None
+                for (name, _), low, size in zip(self.keys, sizes.least, sizes.unit, strict=True)
+                for turns in [name.endswith(GEAR) and self._turns(name)]
+            }
+            means = list(least)
             bought = [one for some in self.offers.values() for one in some]
             kinds = dict.fromkeys("fits" if one.instead else "bearings" for one in bought)
             means += [f"the tightest {' and '.join(kinds)} offered"] if kinds else []
             return JointplayError(f"{text}: with {' and '.join(means)} {error}")
         x = unreachable.z[:count]
         _, model = self.made(self.remaining(x), {})
-        parts = _by_key(model, self.error(model, x).parts(x))
+        parts = self._by_key(model, self.error(model, x).parts(x))
         sums = dict[str, float]()
         for (_, cause), part in parts.items():
             sums[cause] = sums.get(cause, 0.0) + part
@@ -745,14 +843,6 @@ class _Search:
             words.append(f"{cause} {readable(part, 'm', 4)} ({' and '.join(why)})")
         error += f", most of it by {'; then '.join(words)}"
         return JointplayError(f"{text}: with all causes at their limits {error}")
-
-
-def _by_key(model: ErrorModel, parts: np.ndarray) -> dict[Key, float]:
-    found = dict[Key, float]()
-    for one, part in zip(model.contributions, parts, strict=True):
-        key = one.joint, one.cause
-        found[key] = found.get(key, 0.0) + float(part)
-    return found
 
 
 # What is refused.
@@ -783,8 +873,8 @@ def _clearances(
     keys: tuple[Key, ...],
     cost: str,
     weights: Mapping[str, float],
-    least: float,
-    most: float,
+    least: float | None,
+    most: float | None,
     quantile: float | None,
 ) -> Sizes:
     require_known("cost", cost, COSTS)
@@ -793,18 +883,29 @@ def _clearances(
             "the cost 'linear' is possible for the worst case only, because a quantile is not "
             "convex; use " + " or ".join(COSTS[:2])
         )
-    most = require_positive("the most clearance", most, "m")
-    if require_positive("least clearance", least, "m") >= most:
+    names = [name for name, _ in keys]
+    joints = [name.removesuffix(GEAR) for name in names]
+    for name in weights:
+        require_known("joint with clearance", name, joints)
+    geared = [name.endswith(GEAR) for name in names]
+    entries = mechanism.description.joints
+    turns = np.array([own and not entries[n].slides for n, own in zip(joints, geared, strict=True)])
+    if turns.all() and len(keys) and not (least is None and most is None):
+        raise JointplayError("least and most are of clearances, and there are plays of gears only")
+    most = require_positive("the most clearance", MOST_M if most is None else most, "m")
+    low = require_positive("least clearance", LEAST_M if least is None else least, "m")
+    if low >= most:
         raise JointplayError(
-            f"the least clearance {readable(least, 'm')} must be below the most, "
+            f"the least clearance {readable(low, 'm')} must be below the most, "
             f"{readable(most, 'm')}"
         )
-    names = [name for name, _ in keys]
-    for name in weights:
-        require_known("joint with clearance", name, names)
-    radial = np.array([mechanism.clearance[name].radial_travel for name in names])
-    weight = np.array([weights.get(name, 1.0) for name in names])
-    return Sizes(keys, weight, least / radial, most / radial, _MM * radial, cost)
+    own = np.array([
+        mechanism.gears[name].play if gear else mechanism.clearance[name].radial_travel
+        for name, gear in zip(joints, geared, strict=True)
+    ])  # fmt: skip
+    weight = np.array([weights.get(name, 1.0) for name in joints])
+    ends = np.where(turns, LEAST_RAD, low) / own, np.where(turns, MOST_RAD, most) / own
+    return Sizes(keys, weight, *ends, own / np.where(turns, _ARCMIN, 1.0 / _MM), cost)
 
 
 def _check(
@@ -845,4 +946,4 @@ def _refuse_nothing(mechanism: Mechanism, whole: bool) -> None:
     for name, joint in mechanism.clearance.items():
         if not joint.clearances:
             raise JointplayError(f"joint {name!r} is {joint.kind}: it has no clearance to allocate")
-    raise JointplayError("no joint has clearance to allocate")
+    raise JointplayError("no joint or gear has play to allocate")

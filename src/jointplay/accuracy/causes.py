@@ -26,8 +26,8 @@ from jointplay.accuracy.error_model import (
     play_of_gear,
     play_of_joint,
 )
-from jointplay.accuracy.jacobians import LINK, jacobians
-from jointplay.accuracy.rest import deflected
+from jointplay.accuracy.jacobians import LINK, carrying, jacobians
+from jointplay.accuracy.rest import deflected, held, standing_joints
 from jointplay.accuracy.robot_errors import (
     CLASSES,
     ERROR_CLASSES,
@@ -36,9 +36,18 @@ from jointplay.accuracy.robot_errors import (
     refuse_misfit,
 )
 from jointplay.base.errors import JointplayError, MissingName, require_known, require_positive
+from jointplay.model.builder import parse
 from jointplay.model.closed_loops import ClosedLoops
+from jointplay.model.gear_rules import SPREAD, Rule, rated_efforts, stiffness_rule
 from jointplay.model.mechanism import Mechanism
+from jointplay.model.payload import Payload
 from jointplay.physics.joints import Clearance, RollingBearing
+from jointplay.simulation.loads.drive import Drive, Servo
+
+GIVEN = "given"
+"""Origin of numbers that are a robot's own."""
+RULED = f"gears' stiffness by rule, to a factor of {SPREAD:g}"
+"""Said where stiffnesses are of `gear_rules`."""
 
 _TURNING = ("encoder", "zero_offset", "gear_error")
 """What robots and their classes have of joints that turn."""
@@ -57,8 +66,14 @@ class JointAt:
     stands: bool
     """Whether a drive and an encoder hold it; joints of closed loops may follow others instead."""
     given: RobotErrors
-    kind: str
+    kind: str | None
     """Class of robots from which all else is taken, of `ERROR_CLASSES`."""
+    stiffness: Rule | None = None
+    """Of its gear, if nobody gave it."""
+    sag: np.ndarray | None = None
+    """How far its drive gives way, (n,) [rad or m]; None: not at all."""
+    dead_band: float = 0.0
+    """Of its drive [rad or m]."""
 
     @property
     def mount(self) -> bool:
@@ -85,27 +100,27 @@ class JointAt:
     def size(self, key: str, told: dict[str, str], form: str, times: float = 1.0) -> float:
         """A number of `JointErrors` or `RobotErrors`.
 
-        What `form` makes of it, so many times as large, is put into `told` with ``"given"`` or
-        ``"assumed"``.
+        What `form` makes of it, so many times as large, is put into `told` with where it is from.
+
+        Raises:
+            JointplayError: nobody gave it, and no class is named.
         """
         value = getattr(self.given.joints.get(self.name), key, None)
         turns = self.slides and key in _TURNING
         if value is None and not turns:
             value = getattr(self.given, key)
-        origin = "assumed" if value is None else "given"
+        origin = GIVEN
         if value is None:
+            if self.kind is None:
+                raise JointplayError(
+                    f"nobody gave the {key.replace('_', ' ')} of joint {self.name!r}: name a class "
+                    "of robots, from which all such numbers are taken (--whole CLASS, or assumed "
+                    f"in [errors]): {', '.join(CLASSES)}"
+                )
+            origin = f"class {self.kind!r}"
             value = getattr(ERROR_CLASSES[self.kind], key) * (_PINION if turns else 1.0)
         told[form.format(times * value)] = origin
         return float(value)
-
-    def origin(self, parts: Mapping[str, str], others: Sequence[str] = ()) -> str:
-        """Where numbers come from, by their texts, those that are assumed first."""
-        found = []
-        for origin, head in (("assumed", f"class {self.kind!r}, assumed"), ("given", "given")):
-            if any(own == origin for own in parts.values()):
-                texts = [text for text, own in parts.items() if own == origin]
-                found.append(f"{head}: {', '.join(texts)}")
-        return "; ".join([*found, *others])
 
 
 class Cause(ABC):
@@ -145,23 +160,49 @@ class Compliance(Cause):
         if not joint.mount:
             carried[:, along] = 0.0
         shift, words = self._of_bearing(bearing, carried)
-        if not joint.mount:
-            own = joint.given.joints.get(joint.name, JointErrors())
-            gear, load = joint.mechanism.gears.get(joint.name), joint.load[:, along]
-            if own.elasticity is not None:
-                shift += own.elasticity.displacements(carried)
-                told[own.elasticity.summary] = "given"
-            elif bearing is None:
-                stiffness = joint.size("tilt_stiffness", told, "{:g} N m/rad in tilt")
-                shift[:, 3:5] += carried[:, 3:5] / stiffness
-            if joint.stands and own.torsional_stiffness is None and gear is not None:
-                shift[:, along] += np.sign(load) * gear.curve().depth(np.abs(load))
-                words.append("its gear")
-            elif joint.stands and (own.torsional_stiffness is not None or not joint.slides):
-                unit = "N/m along the axis" if joint.slides else "N m/rad in torsion"
-                shift[:, along] += load / joint.size("torsional_stiffness", told, f"{{:g}} {unit}")
-        spread = joint.size("stiffness_spread", told, "either way {:g} %", 100.0)
-        yield Contribution(joint.name, self.name, None, shift, spread, joint.origin(told, words))
+        own = joint.given.joints.get(joint.name, JointErrors())
+        if own.elasticity is not None:
+            shift += own.elasticity.displacements(carried)
+            told[own.elasticity.summary] = GIVEN
+        elif bearing is None:
+            stiffness = joint.size("tilt_stiffness", told, "{:g} N m/rad in tilt")
+            shift[:, 3:5] += carried[:, 3:5] / stiffness
+        yield self._shifted(joint, shift, told, words)
+        if joint.stands:
+            yield self._of_gear(joint)
+
+    def _of_gear(self, joint: JointAt) -> Contribution:
+        """What turns or moves a joint about its own axis: gear and shaft."""
+        along, told, load = joint.about, dict[str, str](), joint.load[:, joint.about]
+        shift, gear = np.zeros_like(joint.load), joint.mechanism.gears.get(joint.name)
+        unit = "N/m along the axis" if joint.slides else "N m/rad in torsion"
+        own = joint.given.joints.get(joint.name)
+        given = own and own.torsional_stiffness
+        if given is None and gear is None and not joint.slides:
+            given = joint.given.torsional_stiffness
+        if given is not None:
+            shift[:, along] = load / given
+            told[f"{given:g} {unit}"] = GIVEN
+            return self._shifted(joint, shift, told)
+        rule = joint.stiffness
+        if gear is not None:
+            shift[:, along] = np.sign(load) * gear.curve().depth(np.abs(load))
+        elif rule is not None:
+            shift[:, along] = load / rule.value
+        if rule is None:
+            return self._shifted(joint, shift, told, ["its gear"])
+        told[f"{rule.value:.3g} {unit}"] = f"by rule, {rule.reason}, to a factor of {SPREAD:g}"
+        numbers = tuple(told.items())
+        return Contribution(joint.name, self.name, None, shift, SPREAD - 1.0, numbers=numbers)
+
+    def _shifted(
+        self, joint: JointAt, shift: np.ndarray, told: dict[str, str], words: Sequence[str] = ()
+    ) -> Contribution:
+        spread = 0.0
+        if shift.any():
+            spread = joint.size("stiffness_spread", told, "either way {:g} %", 100.0)
+        numbers, origin = tuple(told.items()), ", ".join(words)
+        return Contribution(joint.name, self.name, None, shift, spread, origin, numbers)
 
     def _of_bearing(
         self, own: Clearance | None, carried: np.ndarray
@@ -180,6 +221,20 @@ class Compliance(Cause):
         return deflected(own, carried, point, pressed) - point, [what]
 
 
+class Sag(Cause):
+    """Drives give way: servos to all that they bear, computed torque to what it does not know."""
+
+    name = "sag"
+
+    def at(self, joint: JointAt) -> Iterator[Contribution]:
+        if joint.sag is None or not joint.stands:
+            return
+        shift = np.zeros_like(joint.load)
+        shift[:, joint.about] = joint.sag
+        band = Line(joint.driven(joint.dead_band)) if joint.dead_band else None
+        yield Contribution(joint.name, self.name, band, shift, origin="its drive")
+
+
 class Encoder(Cause):
     """An encoder's resolution, of which half a step counts, and where its zero is."""
 
@@ -193,7 +248,7 @@ class Encoder(Cause):
             told = dict[str, str]()
             size = joint.size(key, told, f"{word} {{:.4g}} {joint.unit}")
             box = Box(joint.driven(part * size))
-            yield Contribution(joint.name, self.name, box, origin=joint.origin(told))
+            yield Contribution(joint.name, self.name, box, numbers=tuple(told.items()))
 
 
 class GearError(Cause):
@@ -205,13 +260,14 @@ class GearError(Cause):
         told = dict[str, str]()
         if not joint.stands:
             return
-        size = joint.size("gear_error", told, f"amplitude {{:.4g}} {joint.unit}")
-        words = joint.origin(told)
         gear, own = joint.mechanism.gears.get(joint.name), joint.given.joints.get(joint.name)
         if gear is not None and gear.error_terms and (own is None or own.gear_error is None):
-            size = sum(abs(amplitude) for _, amplitude, _ in gear.error_terms)
-            words = "its gear"
-        yield Contribution(joint.name, self.name, Line(joint.driven(size), wave=True), origin=words)
+            size, words = sum(abs(amplitude) for _, amplitude, _ in gear.error_terms), "its gear"
+        else:
+            size = joint.size("gear_error", told, f"amplitude {{:.4g}} {joint.unit}")
+            words = ""
+        wave = Line(joint.driven(size), wave=True)
+        yield Contribution(joint.name, self.name, wave, origin=words, numbers=tuple(told.items()))
 
 
 class Geometry(Cause):
@@ -224,7 +280,7 @@ class Geometry(Cause):
         offset = joint.size("axis_offset", told, "offset {:.4g} m")
         tilt = joint.size("axis_tilt", told, "tilt {:.4g} rad")
         box = Box((offset, offset, offset, tilt, tilt, 0.0))
-        yield Contribution(joint.name, self.name, box, origin=joint.origin(told))
+        yield Contribution(joint.name, self.name, box, numbers=tuple(told.items()))
 
 
 class Heat(Cause):
@@ -239,14 +295,14 @@ class Heat(Cause):
         if joint.name not in joint.mechanism.loops:
             shift = np.zeros_like(joint.load)
             shift[:, 0] = 0.5 * heating * expansion
-            origin = joint.origin(told)
-            yield Contribution(joint.name, self.name, None, shift, 1.0, origin, part=LINK)
+            numbers = tuple(told.items())
+            yield Contribution(joint.name, self.name, None, shift, 1.0, numbers=numbers, part=LINK)
 
 
 ALL: dict[str, Cause] = {
     one.name: one
     for one in (
-        *(ClearanceAndBacklash(), Compliance(), Encoder()),
+        *(ClearanceAndBacklash(), Compliance(), Sag(), Encoder()),
         *(GearError(), Geometry(), Heat()),
     )
 }
@@ -268,16 +324,20 @@ def cause_model(
     force: np.ndarray,
     causes: Mapping[str, Cause],
     errors: RobotErrors,
-    kind: str,
+    kind: str | None,
     remaining: Mapping[tuple[str, str], float],
-    driven: Sequence[str] | None = None,
-    relative_to: str | None = None,
+    driven: Sequence[str] | None,
+    relative_to: str | None,
+    drives: Mapping[str, Drive],
+    payloads: Sequence[Payload],
 ) -> tuple[Mechanism, ErrorModel]:
     """The error by causes at configurations q (n, nq), and the mechanism as it remains.
 
-    All else as for `budget`.
+    All else as for `budget`; `drives` are of all joints.
     """
-    require_known("class of errors", kind, CLASSES)
+    kind = kind or errors.assumed
+    if kind is not None:
+        require_known("class of errors", kind, CLASSES)
     refuse_misfit(errors, mechanism)
     parts = _checked(mechanism, remaining, causes)
     smaller = {
@@ -288,15 +348,24 @@ def cause_model(
     if smaller:
         mechanism = mechanism.with_clearance({**mechanism.clearance, **smaller})
     names = [*mechanism.joints, *mechanism.mounts, *mechanism.loops]
-    found = jacobians(mechanism, q, names, force, driven, relative_to)
+    laden = carrying(mechanism, payloads)
+    found = jacobians(laden, q, names, force, driven, relative_to)
     follows = set[str]()
     if mechanism.loops:
         passive = ClosedLoops(mechanism, q[0], driven).passive
         follows = {mechanism.coordinates[i].joint for i in passive} | {*mechanism.loops}
+    loads = dict(zip(names, found.load, strict=True))
+    sags = {}
+    if Sag.name in causes:
+        sags = _sags(laden, q, drives, driven, loads, bool(payloads))
+    stiffness = _stiffnesses(mechanism) if Compliance.name in causes else {}
     contributions: list[Contribution] = []
     for k, name in enumerate(names):
         if found.tool[k].any() or found.tie[k].any():
-            at = JointAt(mechanism, name, found.load[k], name not in follows, errors, kind)
+            at = JointAt(
+                mechanism, name, found.load[k], name not in follows, errors, kind,
+                stiffness.get(name), *sags.get(name, ()),
+            )  # fmt: skip
             for cause in causes.values():
                 if cause.of_mounts or not at.mount:
                     contributions += cause.at(at)
@@ -309,6 +378,56 @@ def cause_model(
         for one in kept
     ]
     return mechanism, ErrorModel.of(kept, names, found, scale)
+
+
+def _stiffnesses(mechanism: Mechanism) -> dict[str, Rule]:
+    """Stiffnesses of gears that nobody gave, by the rules for these."""
+    without = [n for n in mechanism.joints if n not in mechanism.gears]
+    entries = mechanism.description.joints
+    own = {name: rule for (name, what), rule in mechanism.rules.items() if what == "stiffness"}
+    needed = [name for name in without if name in entries]
+    if not needed:
+        return own
+    efforts = rated_efforts(mechanism.description, parse(mechanism.description), mechanism.tool)
+    return own | {name: stiffness_rule(name, entries[name], efforts) for name in needed}
+
+
+def _sags(
+    mechanism: Mechanism,
+    q: np.ndarray,
+    drives: Mapping[str, Drive],
+    driven: Sequence[str] | None,
+    loads: Mapping[str, np.ndarray],
+    carries: bool,
+) -> dict[str, tuple[np.ndarray, float]]:
+    """How far drives give way at configurations q (n, nq), and their dead bands, by joint.
+
+    Raises:
+        JointplayError: a servo that cannot hold its joint.
+    """
+    names = standing_joints(mechanism, q[0], driven)
+    if not carries:  # computed torque gives what holds the machine as it knows it
+        names = [name for name in names if isinstance(drives[name], Servo)]
+    found = {name: np.zeros(len(q)) for name in names}
+    bands = dict.fromkeys(names, 0.0)
+    for i, row in enumerate(q if names else ()):
+        own = {n: drives[n] for n in standing_joints(mechanism, q[0], driven)}
+        balance = held(mechanism, row, own, np.zeros(3))
+        for name in names:
+            at = mechanism.motor(name)
+            if getattr(drives[name], "encoder", "") == "link":
+                at = mechanism.coordinate(name)
+            effort = float(loads[name][i, mechanism.description.joints[name].way])
+            found[name][i], bands[name] = balance.gives_way(at, effort)
+    for name, sag in found.items():
+        if not np.isfinite(sag).all():
+            several = f" at {np.sum(~np.isfinite(sag))} of {len(q)} poses" if len(q) > 1 else ""
+            unit = "N" if mechanism.description.joints[name].slides else "N m"
+            most = np.abs(loads[name][:, mechanism.description.joints[name].way]).max()
+            raise JointplayError(
+                f"the servo of joint {name!r} cannot hold what it bears{several}, {most:.3g} {unit}"
+            )
+    return {name: (found[name], bands[name]) for name in names}
 
 
 def _counts(one: Contribution) -> bool:
@@ -345,20 +464,20 @@ def _checked(
     return parts
 
 
-def told_apart(model: ErrorModel, kind: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def told_apart(model: ErrorModel) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """What was given and what was assumed of a robot, lines of text."""
-    assumed, stated = dict[str, None](), dict[str, list[str]]()
+    lines: dict[tuple[str, str, str], list[str]] = {}
     for one in model.contributions:
-        head, mark, told = one.origin.partition("given: ")
-        if mark:
-            line = f"{one.cause}: {told.partition(';')[0]}"
-            stated.setdefault(line, []).append(one.joint)
-        if head.startswith("class"):
-            told = head.partition(";")[0].partition("assumed: ")[2]
-            assumed[f"{one.cause}: {told} (class {kind!r})"] = None
+        for origin, texts in one.by_origin.items():
+            lines.setdefault((origin, one.cause, texts), []).append(one.joint)
     moved = len({one.joint for one in model.contributions})
-    given = (
-        f"{line} ({'all joints' if len(names) == moved else ', '.join(names)})"
-        for line, names in stated.items()
-    )
+    given, assumed = [], []
+    for (origin, cause, texts), names in lines.items():
+        whose = "all joints" if len({*names}) == moved else ", ".join(dict.fromkeys(names))
+        if origin == GIVEN:
+            given.append(f"{cause}: {texts} ({whose})")
+        elif origin.startswith("class"):
+            assumed.append(f"{cause}: {texts} ({origin})")
+        else:
+            assumed.append(f"{cause}: {texts} ({whose}; {origin})")
     return tuple(given), tuple(assumed)

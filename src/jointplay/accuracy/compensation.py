@@ -42,6 +42,9 @@ NODE_S = 0.02
 """Interval at which sides are found, and at every other places of rest [s]; commands change so."""
 SAMPLE_S = 0.01
 """Interval of the corrected motion's points [s]."""
+EASE_S = 0.25
+"""Time in which shifts begin and end, lest the corrected motion begin at a speed [s]: of 0.1 s its
+spline keeps some acceleration (judged by a UR5 with six journals)."""
 STANDS_S = 1.0
 """How long a machine is taken to stand before its motion and after it [s]."""
 NEAR = 0.05
@@ -250,7 +253,7 @@ def corrected_motion(
     count = max(round(motion.duration / SAMPLE_S), 12) + 1
     dense = np.linspace(0.0, motion.duration, count)
     own = motion(dense)[0]
-    moved = own + _smooth(times, shift, dense)
+    moved = own + _smooth(times, shift, _eased(dense))
     clipped = []
     entries = simulation.mechanism.description.joints
     for k, name in enumerate(motion.joints):
@@ -262,6 +265,18 @@ def corrected_motion(
             clipped.append(name)
         moved[:, k] = inside
     return Motion(motion.joints, dense, moved, "spline"), tuple(clipped)
+
+
+def _eased(times: np.ndarray) -> np.ndarray:
+    """Times at which shifts are taken that neither begin nor end at speed, as spline ends may."""
+    ease = min(EASE_S, 0.5 * times[-1])
+
+    def late(x: np.ndarray) -> np.ndarray:
+        """x from 1 on, and from 0 to 1 a curve that begins at rest and joins it smoothly."""
+        return np.where(x < 1.0, x**3 * (6.0 - 8.0 * x + 3.0 * x**2), x)
+
+    first = ease * late(times / ease)
+    return np.asarray(times[-1] - ease * late((times[-1] - first) / ease))
 
 
 def through_jacobian(

@@ -13,9 +13,10 @@ from typing import overload
 
 import numpy as np
 
-from jointplay.accuracy.causes import Cause, cause_model, named, told_apart
+from jointplay.accuracy.causes import GIVEN, RULED, Cause, cause_model, named, told_apart
 from jointplay.accuracy.error_model import ErrorModel, Farthest, covering, half_sphere, play_model
 from jointplay.accuracy.jacobians import (
+    carrying,
     check_body,
     configurations,
     displaced,
@@ -25,28 +26,36 @@ from jointplay.accuracy.jacobians import (
 )
 from jointplay.accuracy.rest import AGREES_M, RestPositions
 from jointplay.accuracy.robot_errors import RobotErrors
-from jointplay.base.errors import JointplayError, require_a, require_finite
+from jointplay.base.errors import JointplayError, require_a, require_finite, require_known
 from jointplay.base.tables import Column, Table, few
 from jointplay.base.units import readable
 from jointplay.model.closed_loops import ClosedLoops
 from jointplay.model.mechanism import Mechanism, frame_index
-from jointplay.simulation.loads.drive import ComputedTorque, Drive
+from jointplay.model.payload import Payload
+from jointplay.simulation.loads.drive import (
+    ComputedTorque,
+    Drive,
+    JointFriction,
+    Prescribed,
+    Servo,
+    urdf_friction,
+)
 
 _LISTED = 2e-3
 """Part of the worst case below which a contribution has no line of its own."""
 _LINEAR = 0.02
 """Part of the worst case by which the exact kinematics may put it elsewhere."""
-_MENTIONED, _MATTERS = 0.01, 0.1
-"""Parts of the worst case by which one joint's error at rest exceeds what its play lets it, to be
-mentioned among the details and in the answer."""
+_MENTIONED = 0.01
+"""Part of the worst case by which one joint's error at rest exceeds what its play lets it, to be
+mentioned among the details; and of the error at rest that a cause has to be named for it."""
+NOWHERE = 1e-9
+"""Way of the tool's origin by its turn that is none [m]."""
 KNOWN = 0.3
 """Part by which play is taken to be off where a motion is corrected for it."""
 _DECIDES = 0.5
 """Part of the error at rest by which friction decides it, if it can shift the tool so far."""
 _TRUE = 0.25
 """Part of the error by which loops closed exactly may put the tool elsewhere than linear ones."""
-FOLLOW: Drive = ComputedTorque()
-"""Drives of a run that says nothing of them."""
 AXES = ("x", "y", "z", "about x", "about y", "about z")
 """Components of the tool's error, in world axes [m, rad]."""
 
@@ -165,21 +174,70 @@ class PlayBudget(Budget):
         at = self.worst_pose
         poses = len(self.worst)
         where = f" at the worst of {poses} poses" if poses > 1 else ""
-        ends = self.rest_positions.interval(at)[3]
-        rests = " to ".join(dict.fromkeys(f"{1e3 * one:.3g}" for one in ends))
-        gives_way = "contacts and gears giving way under the load"
-        if beyond := self._beyond_play(at, _MATTERS):
-            first, *others = beyond
-            names, its = (f"{first} and {len(others)} more", "their") if others else (first, "its")
-            gives_way = (
-                f"{names} giving way under the load beyond {its} play, and more when the arm moves"
+        turn = readable(self.worst_turn.max(), "rad", 3)
+        turns = f", and turn by up to {turn}" if self.worst_turn.any() else ""
+        resting = f"at rest it is {self._resting(at)}{self._regulated}"
+        if not self.worst[at] and not self.worst_turn.any():
+            return f"No play moves the tool {self.tool!r}; {resting}"
+        if self.worst[at] <= NOWHERE * self.worst_turn.max():
+            rest = self.rest_positions.at(at)
+            turned, sag = (
+                readable(float(np.linalg.norm(x[3:])), "rad", 3) for x in (rest.whole, rest.sag)
+            )
+            return (
+                f"Play turns the tool {self.tool!r} by up to {turn}{where}; at rest it is turned "
+                f"by {turned}, of which {sag} by {self._whose_sag}; its origin lies where nothing "
+                "moves it: --tool names another frame"
             )
         return (
             f"Play lets the tool {self.tool!r} be up to {readable(self.worst[at], 'm', 3)} off"
-            f"{where} (RMS {readable(self.rms[at], 'm', 3)}), and turn by up to "
-            f"{readable(self.worst_turn.max(), 'rad', 3)}; at rest it is {rests} mm off, "
-            f"{gives_way}{self._regulated}{self._of_fits}{self._far}"
+            f"{where} (RMS {readable(self.rms[at], 'm', 3)}), {self._most(at)}{turns}; {resting}"
+            f"{self._of_fits}{self._far}"
         )
+
+    def _most(self, at: int) -> str:
+        """Which source of play adds most at a pose."""
+        share = self._shares[at]
+        most = int(share.argmax())
+        part = "all" if share[most] > 1.0 - _LISTED else f"{100 * share[most]:.0f} %"
+        return f"{part} of it by {self.joints[most]}"
+
+    def _resting(self, at: int) -> str:
+        """How far off the tool is at rest, and by what."""
+        rest, ends = self.rest_positions.at(at), self.rest_positions.interval(at)[3]
+        words = " to ".join(dict.fromkeys(f"{1e3 * one:.3g}" for one in ends))
+        whole = rest.whole[:3]
+        if np.isnan(whole).any():
+            return f"{words} mm off"
+        play = self._free(at)
+        if not (size := float(np.linalg.norm(whole))):
+            return f"{words} mm off"
+        along = {
+            "play": float(play @ whole) / size,
+            self._whose_sag: float(rest.sag[:3] @ whole) / size,
+        }
+        beyond = size - sum(along.values())
+        if beyond > 0.0:
+            along["contacts and gears giving way"] = beyond
+        else:  # on arcs the play lets the tool less far than along straight lines
+            along["play"] += beyond
+        told = [
+            f"{name} {1e3 * part:.3g}"
+            for name, part in sorted(along.items(), key=lambda one: -abs(one[1]))
+            if abs(part) > _MENTIONED * size
+        ]
+        return f"{words} mm off{': ' * bool(told)}{', '.join(told)}"
+
+    @property
+    def _whose_sag(self) -> str:
+        servos = any(isinstance(one, Servo) for one in self.rest_positions.drives.values())
+        return "servos' sag" if servos else "drives' sag"
+
+    def _free(self, pose: int) -> np.ndarray:
+        """The tool's displacement at rest by play alone, without what gives way, (3,) [m]."""
+        model = self.rest_positions.unregulated(self.rest_positions.model)
+        free = model.subset(poses=[pose]).at_rest().error[:, 0, 0, :3]
+        return np.asarray(free.sum(axis=0))
 
     @property
     def _far(self) -> str:
@@ -235,10 +293,10 @@ class PlayBudget(Budget):
         """Largest error at rest of a motion that takes the play out (`compensate`) [m].
 
         What friction, larger by a part `friction` than it is known, may shift the tool from its
-        place of rest, the part `trust` of the play on the way there that is not known, and what the
-        joints cannot take back of what journals do, as where an arm is stretched. Deflection, which
-        may be larger than the play, is taken for known. NaN where no place of rest is found, and
-        of loops.
+        place of rest, the part `trust` of the play on the way there that is not known, what the
+        joints cannot take back of what journals do, as where an arm is stretched, and the sag of
+        drives. Deflection, which may be larger than the play, is taken for known. NaN where no
+        place of rest is found, and of loops.
         """
         if self.mechanism.loops:
             return float("nan")
@@ -250,10 +308,8 @@ class PlayBudget(Budget):
         q, robot = self.rest_positions.q[pose], self.mechanism
         at = {name: float(q[robot.coordinate(name)]) for name in robot.joints}
         _, left = taken_up(self._ideal, at, rest.parts[own].sum(axis=0))
-        model = self.rest_positions.unregulated(self.rest_positions.model)
-        free = model.subset(poses=[pose]).at_rest().error[:, 0, 0, :3]
-        unknown = trust * np.linalg.norm(free.sum(axis=0))
-        return float(shift + unknown + np.linalg.norm(left[:3]))
+        unknown = trust * np.linalg.norm(self._free(pose))
+        return float(shift + unknown + np.linalg.norm(left[:3]) + np.linalg.norm(rest.sag[:3]))
 
     @cached_property
     def _ideal(self) -> Mechanism:
@@ -297,15 +353,6 @@ class PlayBudget(Budget):
         return np.array([self.rest_positions.at(i).whole for i in range(len(self.worst))])
 
     @property
-    def rest_loads(self) -> np.ndarray:
-        """What each source of play bears there, bearing axes, shape (n, j, 6) [N, N m].
-
-        Force and moment of its contacts about the journal's centre; of a gear the torque of its
-        teeth about its axis, or their force along it.
-        """
-        return np.array([self.rest_positions.at(i).loads for i in range(len(self.worst))])
-
-    @property
     def rest_error(self) -> np.ndarray:
         """Distance of the tool at rest from the ideal one, shape (n,) [m]."""
         return np.asarray(np.linalg.norm(self.rest_tool[:, :3], axis=1))
@@ -322,7 +369,7 @@ class PlayBudget(Budget):
 
     def table(self, pose: int | None = None) -> Table:
         at = self.worst_pose if pose is None else pose
-        rests, whole, _ = self.rest_positions.at(at)
+        rests, whole, *_ = self.rest_positions.at(at)
         worst = float(self.worst[at])
         sums = (worst, worst, 1.0 if worst > 0.0 else None, np.linalg.norm(whole[:3]))
         return Table(
@@ -340,11 +387,12 @@ class PlayBudget(Budget):
         )
 
     def _notes(self, at: int) -> list[str]:
-        _, whole, loads = self.rest_positions.at(at)
+        _, whole, loads, _ = self.rest_positions.at(at)
         axes = [f"{1e3 * value:.4f}" for value in self.axis_worst[at].sum(axis=0)]
         lines = [
             "alone: with play in this joint only; part: along the worst direction of all; at rest: "
-            "under gravity and the force on the tool, without friction",
+            "under gravity and the force on the tool, without friction (the first line has its "
+            "parts along the error)",
             f"worst case along x, y, z: {', '.join(axes[:3])} mm; "
             f"about x, y, z: {', '.join(axes[3:])} mrad",
         ]
@@ -430,11 +478,11 @@ class PlayBudget(Budget):
         second = f"rotations of second order up to {more}"
         if self.mechanism.loops:
             second = f"loops closed exactly put the tool {more} elsewhere"
-        at_rest = f"at rest within {1e6 * AGREES_M:g} µm of where a run begins"
-        if not self.rest_positions.begins_a_run:
-            at_rest = "at rest, with servos that do not sag, as an ideal robot's do as much"
+        at_rest = "friction of servos, which may hold them before they have sagged, is left out"
         if self.rest_positions.force.any():
-            at_rest = "at rest, with drives assumed rigid under the force on the tool"
+            at_rest += "; computed torque is taken for rigid under the force on the tool"
+        else:
+            at_rest += f"; at rest within {1e6 * AGREES_M:g} µm of where a run begins"
         return (
             "free travel with rigid contacts, to which contacts and drives that give way add; "
             f"worst case missed by at most {100 * search:.2g} % "
@@ -518,7 +566,7 @@ class ErrorBudget(Budget):
                 Column("worst", self.worst_parts[self.worst_pose], "m"),
                 Column("rms", [one.subset([k]).rms[0] for k in range(len(every))], "m"),
                 *(Column(f"mean {x}", one.means[:, 0, k], "m") for k, x in enumerate("xyz")),
-                Column("origin", [own.origin for own in every]),
+                Column("origin", [own.source for own in every]),
             )
         )
 
@@ -584,8 +632,19 @@ class ErrorBudget(Budget):
         parts = [f"{cause} {100 * worst / self.worst[at]:.0f} %" for cause, (worst, _) in causes]
         return (
             f"The tool {self.tool!r} is up to {readable(self.worst[at], 'm', 3)} off{where} (RMS "
-            f"{readable(self.rms[at], 'm', 3)}), by {', '.join(parts)}"
+            f"{readable(self.rms[at], 'm', 3)}), by {', '.join(parts)}{self._assumptions}"
         )
+
+    @property
+    def _assumptions(self) -> str:
+        """What kinds of numbers nobody gave, to add to a sentence."""
+        every = (origin for one in self.model.contributions for _, origin in one.numbers)
+        kinds = dict.fromkeys(
+            RULED if origin.startswith("by rule") else f"what {origin} has"
+            for origin in every
+            if origin != GIVEN
+        )
+        return f"; assumed: {', '.join(kinds)}" if kinds else ""
 
     def _notes(self) -> list[str]:
         at = self.worst_pose
@@ -616,7 +675,9 @@ def budget(
     second_order: bool = ...,
     driven: Sequence[str] | None = ...,
     friction: float | None = ...,
-    drive: Drive | Mapping[str, Drive] = ...,
+    drive: Drive | Mapping[str, Drive] | None = ...,
+    joint_friction: Mapping[str, JointFriction] | None = ...,
+    payloads: Sequence[Payload] = ...,
     relative_to: str | None = ...,
 ) -> PlayBudget: ...
 
@@ -632,6 +693,9 @@ def budget(
     kind: str | None = ...,
     remaining: Mapping[tuple[str, str], float] | None = ...,
     driven: Sequence[str] | None = ...,
+    drive: Drive | Mapping[str, Drive] | None = ...,
+    joint_friction: Mapping[str, JointFriction] | None = ...,
+    payloads: Sequence[Payload] = ...,
     relative_to: str | None = ...,
 ) -> ErrorBudget: ...
 
@@ -648,7 +712,9 @@ def budget(
     second_order: bool = True,
     driven: Sequence[str] | None = None,
     friction: float | None = None,
-    drive: Drive | Mapping[str, Drive] = FOLLOW,
+    drive: Drive | Mapping[str, Drive] | None = None,
+    joint_friction: Mapping[str, JointFriction] | None = None,
+    payloads: Sequence[Payload] = (),
     relative_to: str | None = None,
 ) -> Budget:
     """How far off the tool can be, without dynamics: by play alone, or by several causes.
@@ -675,10 +741,12 @@ def budget(
         driven: joints of loops that stand; None: the first that determine the others.
         friction: coefficient of all contacts, with which a machine may rest elsewhere than without;
             None: the largest that the law of each joint has.
-        drive: of all joints that stand, as in a run, or of joints by name, others hold by computed
-            torque: where they rest, drives of finite stiffness deflect a little, unless a force
-            acts on the tool. `Prescribed` does not; servos sag as much without play, which does
-            not count.
+        drive: of all joints that stand, or of joints by name; None: computed torque, by which
+            others hold, too. Servos sag under all they bear, computed torque under payloads, of
+            which it does not know in a run either, but is rigid under a force on the tool.
+        joint_friction: of joints besides their bearings', which may hold the teeth of their gears
+            on either side; None: the URDF's.
+        payloads: what the machine carries, at all poses, whenever it is picked up.
         relative_to: link or frame whose own motion does not count, such as a palm or a trunk:
             errors, directions and positions are those seen from it, in its axes. The base stays
             held, for loads. None: the world.
@@ -693,32 +761,30 @@ def budget(
         MissingName: no such joint, body, class or cause.
     """
     require_a("mechanism", mechanism, "Mechanism")
+    drives = holding_drives(mechanism, drive)
+    if np.any(force):  # of which computed torque would have to be told
+        rigid = [name for name, one in drives.items() if isinstance(one, ComputedTorque)]
+        drives |= dict.fromkeys(rigid, Prescribed())
+    losses = urdf_friction(mechanism) | dict(joint_friction or {})
     if causes is not None:
         if friction is not None:
             raise JointplayError("friction is for play alone: leave it or causes out")
         if relative_to is not None:
             check_body(mechanism, relative_to)
-        known = RobotErrors() if errors is None else errors
-        kind = kind or known.assumed or "industrial"
         push, q = force_on_tool(force), configurations(mechanism, poses, driven)
+        known, about = RobotErrors() if errors is None else errors, (driven, relative_to)
         mechanism, model = cause_model(
-            mechanism, q, push, named(causes), known, kind, remaining or {}, driven, relative_to
-        )
-        own = told_apart(model, kind)
-        seen = driven, relative_to, _positions(mechanism, q, relative_to)
-        return ErrorBudget(mechanism, q, model, push, *seen, model.farthest(), *own)
+            mechanism, q, push, named(causes), known, kind, remaining or {}, *about,
+            drives, payloads,
+        )  # fmt: skip
+        seen = *about, _positions(mechanism, q, relative_to)
+        return ErrorBudget(mechanism, q, model, push, *seen, model.farthest(), *told_apart(model))
     if friction is not None and require_finite("friction coefficient", friction, "") < 0.0:
         raise JointplayError(f"the friction coefficient must be >= 0, got {friction:g}")
-    for one in drive.values() if isinstance(drive, Mapping) else [drive]:
-        if one.follows:
-            continue
-        raise JointplayError(
-            f"a {one.kind} drive holds no position: the budget's drives must follow a motion, "
-            "such as ComputedTorque() or Prescribed()"
-        )
     if any(gear.error_terms for gear in mechanism.gears.values()):  # which is no play
         exact = {name: gear.without_error() for name, gear in mechanism.gears.items()}
         mechanism = mechanism.with_clearance(mechanism.given_joints, exact)
+    mechanism = carrying(mechanism, payloads)
     q = configurations(mechanism, poses, driven)
     model = play_model(
         mechanism, q, force=force, second_order=second_order, driven=driven, loops=True,
@@ -744,11 +810,36 @@ def budget(
         outwards = relative_to is None or _carries(mechanism, relative_to)
         more = _second_order(model, outwards)
     push = force_on_tool(force)
-    rest = RestPositions(mechanism, q, middle, push, driven, friction, drive, more, relative_to)
+    rest = RestPositions(
+        mechanism, q, middle, push, driven, friction, drives, losses, more, relative_to
+    )
     if rest.regulated and not mechanism.loops:  # their links are held still
         rest = replace(rest, second_order=_second_order(rest.unregulated(model), outwards))
     seen = driven, relative_to, _positions(mechanism, q, relative_to)
     return PlayBudget(mechanism, q, model, push, *seen, found, rest, more, rms, rms_parts)
+
+
+def holding_drives(
+    mechanism: Mechanism, drive: Drive | Mapping[str, Drive] | None
+) -> dict[str, Drive]:
+    """What holds each joint: what is given, and computed torque else.
+
+    Raises:
+        MissingName: no such joint.
+        JointplayError: a drive that holds no position.
+    """
+    common = drive if isinstance(drive, Drive) else ComputedTorque()
+    drives = dict.fromkeys(mechanism.joints, common)
+    for name, one in drive.items() if isinstance(drive, Mapping) else ():
+        require_known("moving joint", name, drives)
+        drives[name] = one
+    for one in drives.values():
+        if not one.follows:
+            raise JointplayError(
+                f"a {one.kind} drive holds no position: the budget's drives must follow a motion, "
+                "such as ComputedTorque() or Prescribed()"
+            )
+    return drives
 
 
 def _positions(mechanism: Mechanism, q: np.ndarray, relative_to: str | None) -> np.ndarray:

@@ -140,8 +140,9 @@ class Contribution:
     spread: float = 0.0
     """Relative uncertainty of `shift`, either way."""
     origin: str = ""
-    """Where the numbers come from. What follows "given: " up to a semicolon is listed as given,
-    what follows "class 'industrial', assumed: " as assumed, and nothing else is."""
+    """What its numbers are those of, in words, such as ``its gear``."""
+    numbers: tuple[tuple[str, str], ...] = ()
+    """Numbers in words, and whether each is ``given``, of a ``class`` or by a ``rule``."""
     proportional: bool = True
     """Whether it is proportional to a size that can be chosen; the play of a rolling bearing or of
     a fit is not."""
@@ -155,6 +156,20 @@ class Contribution:
     @property
     def name(self) -> str:
         return self.joint + self.part
+
+    @property
+    def by_origin(self) -> dict[str, str]:
+        """What of `numbers` is of each origin."""
+        found: dict[str, list[str]] = {}
+        for text, origin in self.numbers:
+            found.setdefault(origin, []).append(text)
+        return {origin: ", ".join(texts) for origin, texts in found.items()}
+
+    @property
+    def source(self) -> str:
+        """Where all its numbers are from, in words."""
+        parts = [f"{origin}: {texts}" for origin, texts in self.by_origin.items()]
+        return "; ".join([*parts, *filter(None, [self.origin])])
 
     @property
     def gear(self) -> bool:

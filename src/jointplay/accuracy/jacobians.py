@@ -7,7 +7,9 @@ joints to each other.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +18,8 @@ import pinocchio as pin
 from jointplay.base.errors import JointplayError, require_finite, require_numbers
 from jointplay.model.builder import z_to
 from jointplay.model.closed_loops import ClosedLoops, is_closed, opening, own_opening
-from jointplay.model.mechanism import Mechanism, frame_index
+from jointplay.model.mechanism import Mechanism, frame_index, loaded
+from jointplay.model.payload import Payload
 from jointplay.physics.joints import Coordinate
 
 GEAR = " (gear)"
@@ -144,6 +147,18 @@ def check_body(mechanism: Mechanism, body: str) -> None:
             f"relative_to {body!r} is the tool itself: name another body, or another tool",
             where=("relative_to",),
         )
+
+
+def carrying(mechanism: Mechanism, payloads: Sequence[Payload]) -> Mechanism:
+    """The same with all payloads in hand, of which computed torque, as in a run, does not know."""
+    if not payloads:
+        return mechanism
+    held = copy.copy(mechanism)
+    always = [replace(one, pick=0.0, release=None) for one in payloads]
+    held.model = loaded(mechanism.model, always, 0.0)
+    held.data = held.model.createData()
+    vars(held)["_ideal"] = mechanism.ideal()  # of which drives know
+    return held
 
 
 def configurations(

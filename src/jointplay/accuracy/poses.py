@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from jointplay.accuracy.error_budget import FOLLOW
 from jointplay.base.errors import JointplayError, require_finite, require_known, require_whole
 from jointplay.base.tables import counted
 from jointplay.model.closed_loops import ClosedLoops
@@ -34,7 +34,8 @@ _SLACK = 1e-6
 class Poses:
     """A machine that stands, its base held and its loops closed, at one pose or at several."""
 
-    mechanism: Mechanism
+    machine: Simulation
+    """Its mechanism, what holds it and what it carries."""
     q: np.ndarray
     """Configurations, (n, nq)."""
     kind: str
@@ -47,8 +48,22 @@ class Poses:
     """Of those along a motion, (n,) [s]."""
     driven: tuple[str, ...] | None = None
     """Joints of closed loops that stand; None without loops."""
-    drive: Drive | Mapping[str, Drive] = FOLLOW
-    """What holds them."""
+
+    @property
+    def mechanism(self) -> Mechanism:
+        return self.machine.mechanism
+
+    @property
+    def holding(self) -> dict[str, Any]:
+        """What `budget` takes of the machine that stands; drives that hold nothing left out."""
+        drive, known = self.machine.drive, self.machine
+        every = dict.fromkeys(self.mechanism.joints, drive) if isinstance(drive, Drive) else drive
+        return {
+            "driven": self.driven,
+            "drive": {name: one for name, one in every.items() if one.follows},
+            "joint_friction": known.joint_friction,
+            "payloads": known.payloads,
+        }
 
     @property
     def loops(self) -> str:
@@ -85,17 +100,11 @@ def poses_of(
         JointplayError: see `at_pose`, `along_motion`, `over_workspace`.
         MissingName: no such joint.
     """
-    drive: Drive | Mapping[str, Drive] = FOLLOW
-    near, driven = dict[str, float](), None
     if isinstance(machine, Mechanism):
-        mechanism = machine.bolted()
-    else:
-        mechanism, motion = machine.mechanism.bolted(), motion or machine.motion
-        if isinstance(machine.drive, Mapping):
-            drive = {name: one for name, one in machine.drive.items() if one.follows}
-        elif machine.drive.follows:
-            drive = machine.drive
-        near = start_of(machine) if mechanism.loops else {}
+        machine = Simulation(machine)
+    machine = replace(machine, mechanism=machine.mechanism.bolted())
+    mechanism, motion, driven = machine.mechanism, motion or machine.motion, None
+    near = start_of(machine) if mechanism.loops else {}
     if mechanism.loops:
         driven = standing(mechanism, motion, near)
     if workspace is not None:
@@ -103,11 +112,11 @@ def poses_of(
         words = f"{counted(len(q), 'pose')} over the workspace"
         if out := workspace - len(q):
             words += f" ({out} others were left out because the loops do not close there)"
-        return Poses(mechanism, q, "workspace", words, driven=driven, drive=drive)
+        return Poses(machine, q, "workspace", words, driven=driven)
     if given is None and motion is not None:
         q, times = along_motion(mechanism, motion, near=near), times_along(motion)
         words = f"{counted(len(q), 'pose')} along the motion"
-        return Poses(mechanism, q, "motion", words, (), times, driven, drive)
+        return Poses(machine, q, "motion", words, (), times, driven)
     asked, rows = given or {"": {}}, []
     for name, positions in asked.items():
         with _of_pose(name):
@@ -115,12 +124,12 @@ def poses_of(
     q = np.concatenate(rows)
     if len(asked) > 1:
         words = counted(len(asked), "pose")
-        return Poses(mechanism, q, "pose", words, tuple(asked), None, driven, drive)
+        return Poses(machine, q, "pose", words, tuple(asked), None, driven)
     at, shown = {**middle(mechanism), **next(iter(asked.values()))}, driven or mechanism.movers()
     words = "pose " + ", ".join(f"{name} {x:.4g}" for name, x in at.items() if name in shown)
     if not given:
         words += " (chosen: zero, or the middle of the limits; see --pose, --motion)"
-    return Poses(mechanism, q, "pose", words, driven=driven, drive=drive)
+    return Poses(machine, q, "pose", words, driven=driven)
 
 
 @contextmanager

@@ -18,7 +18,7 @@ side. Sets of several joints add up, so the tool's interval along a direction is
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import NamedTuple
 
@@ -27,14 +27,14 @@ import pinocchio as pin
 
 from jointplay.accuracy import loop_play
 from jointplay.accuracy.error_model import ErrorModel, half_sphere
-from jointplay.accuracy.jacobians import GEAR, displaced_configuration, tool_place
+from jointplay.accuracy.jacobians import GEAR, displaced_configuration, jacobians, tool_place
 from jointplay.model.closed_loops import ClosedLoops
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import RELATIVE, Clearance
 from jointplay.physics.joints.bearings import RollingBearing
 from jointplay.physics.joints.play import Play, Pressed
 from jointplay.simulation.acting import load_site
-from jointplay.simulation.loads.drive import ComputedTorque, Drive, Prescribed, Servo, assign
+from jointplay.simulation.loads.drive import Drive, JointFriction, Servo, assign
 from jointplay.simulation.loads.drive_tables import tabulate
 from jointplay.simulation.loads.wrench import Wrench
 from jointplay.simulation.motion.reference import Motion
@@ -46,6 +46,8 @@ STATES = 1296
 """Friction states of each joint that are tried, half of them at random."""
 _INSTANT_S = 1e-3
 """How long the motion lasts that does not move, of which drives know gains and torques [s]."""
+_TAKEN_BACK = 1e3
+"""By how much stiffer a servo is in the end that has an I term: without end, in truth."""
 _ANGLES = np.arange(12) * np.pi / 6.0
 _CORNERS = np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES)]) / np.cos(np.pi / 12.0)
 """Of the polygon around a round cone of friction, at most 3.5 % wider; with 16 corners so many
@@ -79,6 +81,8 @@ class RestPlace(NamedTuple):
     """What each source of play bears: force and moment of the contacts on the journal about its
     centre, bearing axes; torque of a gear's teeth about its axis, or force along it, shape (j, 6)
     [N, N m]."""
+    sag: np.ndarray
+    """The tool's error by drives that give way, which is in `whole`, shape (6,) [m, rad]."""
 
 
 @dataclass(frozen=True)
@@ -86,6 +90,7 @@ class RestPositions:
     """A machine with play in static equilibrium, at n poses."""
 
     mechanism: Mechanism
+    """With what it carries in hand."""
     q: np.ndarray
     """Configurations, journals centred and loops closed, shape (n, nq)."""
     model: ErrorModel
@@ -94,8 +99,10 @@ class RestPositions:
     driven: Sequence[str] | None
     friction: float | None
     """Coefficient of all contacts; None: the largest of each joint's own law."""
-    drive: Drive | Mapping[str, Drive]
-    """Of all joints, or of joints by name: computed torque holds the others."""
+    drives: Mapping[str, Drive]
+    """Of all joints."""
+    joint_friction: Mapping[str, JointFriction]
+    """Of joints, which may hold the teeth of their gears on either side."""
     second_order: np.ndarray
     """By how much the tool at rest may be elsewhere than the Jacobians say, shape (n,) [m]."""
     relative_to: str | None = None
@@ -130,9 +137,9 @@ class RestPositions:
     def words(self) -> str:
         values = self.coefficients
         if self.friction is not None or len(set(values.values())) == 1:
-            return f"friction ({next(iter(values.values()), 0.0):g} assumed)"
+            return f"friction {next(iter(values.values()), 0.0):g}"
         each = ", ".join(f"{name} {value:g}" for name, value in values.items())
-        return f"friction ({each or 'none'} assumed)"
+        return f"friction ({each or 'none'})"
 
     def unpressed(self, pose: int) -> np.ndarray:
         """Which sources of play bear no load at a pose, and rest anywhere, shape (j,).
@@ -150,8 +157,7 @@ class RestPositions:
     def at(self, pose: int) -> RestPlace:
         """Where the machine rests without friction at a pose, as a run with start="rest" begins.
 
-        Contacts, teeth and drives deflect by their laws; not so the drives under a force on the
-        tool, for those of a run do not know of it.
+        Contacts, teeth and drives deflect by their laws.
         """
         if pose not in self._rests:
             self._rests[pose] = self._rest(pose)
@@ -159,30 +165,14 @@ class RestPositions:
 
     def _rest(self, pose: int) -> RestPlace:
         mechanism, q = self.mechanism, self.q[pose]
-        nothing = np.zeros(mechanism.model.nv)
-        names = list(mechanism.joints)
-        if mechanism.loops:
-            passive = set(ClosedLoops(mechanism, q, self.driven).passive)
-            names = [name for name in names if mechanism.coordinate(name) not in passive]
-        at = [mechanism.coordinate(name) for name in names]
-        motion = Motion(names, [0.0, _INSTANT_S], np.array([q[at], q[at]])) if names else None
-        # A run's drives know nothing of a force on the tool and would sag, which is no play.
-        rigid = dict.fromkeys(names, Prescribed()) if self.force.any() else {}
-        drives = assign(mechanism, motion, rigid or self._holding(names))
-        tables, _, reference = tabulate(mechanism, motion, drives, _INSTANT_S, {}, q)
-        x, y, z = map(float, self.force)
-        loads = {"tool": Wrench(mechanism.tool, force=(x, y, z))} if self.force.any() else {}
-        sites = [load_site(one, mechanism, {}) for one in loads.values()]
-        balance = StaticEquilibrium(
-            mechanism, mechanism.model, q, nothing, drives, tables.drives, tables.servos,
-            reference.table[0], {}, StaticLoads(loads, mechanism, sites), nothing.copy(),
-        )  # fmt: skip
+        names = standing_joints(mechanism, q, self.driven)
+        balance = held(mechanism, q, {name: self.drives[name] for name in names}, self.force)
         found = balance.settle(None if mechanism.loops else self._near(pose))
         if not found.solved:
             found = balance.settle()
         if not found.solved:
             each = np.full((len(self.model.names), 6), np.nan)
-            return RestPlace(each, np.full(6, np.nan), each)
+            return RestPlace(each, np.full(6, np.nan), each, np.full(6, np.nan))
         ideal, there = (tool_place(mechanism, one, self.relative_to) for one in (q, found.q))
         turn = ideal.rotation @ pin.log3(ideal.rotation.T @ there.rotation)
         whole = np.concatenate([there.translation - ideal.translation, turn])
@@ -196,30 +186,36 @@ class RestPositions:
             np.eye(6)[self._way(name)] * own if name in self._gears else borne[name]
             for name, own in own_loads
         ]
-        return RestPlace(parts, whole, np.array(bearing))
+        return RestPlace(parts, whole, np.array(bearing), self._sag(pose, names, found.q))
 
-    def _holding(self, names: Sequence[str]) -> dict[str, Drive]:
-        """What holds joints; a servo as if it did not sag, which the ideal robot's does as much."""
-        own = self.drive if isinstance(self.drive, Mapping) else dict.fromkeys(names, self.drive)
-        found = {name: own.get(name, ComputedTorque()) for name in names}
-        return {
-            name: ComputedTorque(encoder=one.encoder) if isinstance(one, Servo) else one
-            for name, one in found.items()
-        }
+    def _sag(self, pose: int, names: Sequence[str], there: np.ndarray) -> np.ndarray:
+        """The tool's error by what drives hold being elsewhere than commanded, (6,) [m, rad]."""
+        mechanism, q, sag = self.mechanism, self.q[pose], np.zeros(6)
+        bent = {name: there[i] - q[i] for name in names if (i := self._encoder(name)) is not None}
+        seen = self.driven, self.relative_to
+        move = jacobians(mechanism, q[None], list(bent), np.zeros(3), *seen).tool
+        for own, (name, way) in zip(move[:, 0], bent.items(), strict=True):
+            sag += own[:, mechanism.description.joints[name].way] * way
+        return sag
+
+    def _encoder(self, name: str) -> int | None:
+        """Coordinate that a joint's drive holds; None where it is prescribed."""
+        encoder = getattr(self.drives[name], "encoder", None)
+        if encoder is None or name not in self.mechanism.description.joints:
+            return None
+        at = self.mechanism.coordinate if encoder == "link" else self.mechanism.motor
+        return at(name)
 
     @property
     def begins_a_run(self) -> bool:
-        """Whether a run with start="rest" begins there: its drives know no force on the tool."""
-        own = self.drive.values() if isinstance(self.drive, Mapping) else [self.drive]
-        return not (self.force.any() or any(isinstance(one, Servo) for one in own))
+        """Whether a run with start="rest" begins there, which knows no force on the tool."""
+        return not self.force.any()
 
     @property
     def regulated(self) -> frozenset[str]:
         """Joints with gears whose drives hold the link, which their encoders see, where it is."""
-        if self.force.any():  # the motors stand
-            return frozenset()
-        holding = self._holding(list(self.mechanism.gears))
-        return frozenset(n for n, one in holding.items() if getattr(one, "encoder", "") == "link")
+        gears = self.mechanism.gears
+        return frozenset(n for n in gears if getattr(self.drives[n], "encoder", "") == "link")
 
     def unregulated(self, model: ErrorModel) -> ErrorModel:
         """A model without the gears whose links drives hold where they are."""
@@ -243,11 +239,16 @@ class RestPositions:
         most = np.sum([cloud.max(axis=0) for cloud in clouds], axis=0) + more
         far = np.sum([(cloud @ directions.T).max(axis=0) for cloud in clouds], axis=0)
         near = np.sum([(cloud @ directions.T).min(axis=0) for cloud in clouds], axis=0)
+        rest = self.at(pose)
+        sag = np.nan_to_num(rest.sag[:3])
+        least, most, near = least + sag, most + sag, near + directions @ sag
         # The farthest point lies at most this angle beside a direction that is looked at.
         widest = 2.2 / np.sqrt(len(directions))
-        nearest, farthest = max(near.max() - more, 0.0), far.max() / np.cos(widest) + more
+        away = (far + directions @ sag).max() / np.cos(widest)
+        away = min(away, np.linalg.norm(sag) + far.max() / np.cos(widest))
+        nearest, farthest = max(near.max() - more, 0.0), away + more
         ends = np.array([np.append(least, nearest), np.append(most, farthest)]).T
-        place = self.at(pose).whole[:3]  # no friction is a friction within the cone
+        place = rest.whole[:3]  # no friction is a friction within the cone
         own = np.append(place, np.linalg.norm(place))
         ends[:, 0] = np.fmin(ends[:, 0], own)
         ends[:, 1] = np.fmax(ends[:, 1], own)
@@ -331,7 +332,8 @@ class RestPositions:
                     continue
                 way = self._way(name)
                 half, load = max(plays.plays[j].reach), plays.load[j, 0, way]
-                resists = grip.get(joint_name, 0.0)
+                losses = self.joint_friction.get(joint_name, JointFriction())
+                resists = grip.get(joint_name, 0.0) + losses.coulomb + losses.excess
                 ends = np.array([load - resists, load + resists])
                 gear = self.mechanism.gears[joint_name]
                 held = gear.bristles[0] * np.array([-1.0, 1.0])
@@ -365,6 +367,43 @@ class RestPositions:
             whole = whole + weight_curvature(weight, weight.createData(), q)
         columns = np.hstack([_coordinates(mechanism, q, name) for name in names])
         return np.asarray(columns.T @ whole @ columns)
+
+
+def standing_joints(mechanism: Mechanism, q: np.ndarray, driven: Sequence[str] | None) -> list[str]:
+    """Joints that drives hold: all but those that follow in closed loops."""
+    names = list(mechanism.joints)
+    if mechanism.loops:
+        passive = set(ClosedLoops(mechanism, q, driven).passive)
+        names = [name for name in names if mechanism.coordinate(name) not in passive]
+    return names
+
+
+def held(
+    mechanism: Mechanism, q: np.ndarray, drives: Mapping[str, Drive], force: np.ndarray
+) -> StaticEquilibrium:
+    """A machine that drives hold by name, in configuration q (nq,), with a force on its tool (3,).
+
+    What the I term of a servo does in the end is done.
+    """
+    at, nothing = [mechanism.coordinate(name) for name in drives], np.zeros(mechanism.model.nv)
+    names = list(drives)
+    motion = Motion(names, [0.0, _INSTANT_S], np.array([q[at], q[at]])) if names else None
+    own = assign(mechanism, motion, {name: _in_the_end(one) for name, one in drives.items()})
+    tables, _, reference = tabulate(mechanism, motion, own, _INSTANT_S, {}, q)
+    x, y, z = map(float, force)
+    loads = {"tool": Wrench(mechanism.tool, force=(x, y, z))} if force.any() else {}
+    sites = [load_site(one, mechanism, {}) for one in loads.values()]
+    return StaticEquilibrium(
+        mechanism, mechanism.model, q, nothing, own, tables.drives, tables.servos,
+        reference.table[0], {}, StaticLoads(loads, mechanism, sites), nothing.copy(),
+    )  # fmt: skip
+
+
+def _in_the_end(drive: Drive) -> Drive:
+    """A servo whose I term has taken back all beyond the dead band."""
+    if not (isinstance(drive, Servo) and drive.i_gain):
+        return drive
+    return replace(drive, p_gain=_TAKEN_BACK * drive.p_gain, i_gain=0.0)
 
 
 def _coordinates(mechanism: Mechanism, q: np.ndarray, name: str) -> np.ndarray:

@@ -37,8 +37,8 @@ class JointErrors(Described):
     heating: float | None = quantity("K", default=None, least=0.0, label="heating")
     """By how much its link may become warmer [K]."""
     torsional_stiffness: float | None = quantity("N*m/rad", "N/m", default=None, above=0.0)
-    """About (along) the axis, of gear, shaft and drive [N m/rad or N/m]; if not given, a gear's
-    own."""
+    """About (along) the axis, of gear and shaft [N m/rad or N/m]; if not given, a gear's own, or by
+    a rule."""
     elasticity: Elasticity | None = None
     """Of housings and links at the joint, besides its bearing's; free in the direction in which the
     joint moves. Of a joint without bearing, if not given, the robot's
@@ -74,7 +74,7 @@ class RobotErrors(Described):
     tilt_stiffness: float | None = quantity("N*m/rad", default=None, above=0.0)
     """In tilt, of joints without bearing or clearance of their own [N m/rad]."""
     torsional_stiffness: float | None = quantity("N*m/rad", default=None, above=0.0)
-    """About the axes of joints that turn without gear [N m/rad]."""
+    """About the axes of joints that turn without gear [N m/rad]; by a rule if not given."""
     joints: Mapping[str, JointErrors] = field(default_factory=dict)
     """What differs at single joints."""
 
@@ -97,7 +97,6 @@ _ASSUMED: dict[str, tuple[Any, ...]] = {  # by the order of `CLASSES`; 4096 coun
     "heating": (10.0, 15.0, 20.0),
     "expansion": (2.3e-5, 2.3e-5, 7e-5),
     "tilt_stiffness": (5e5, 2e5, 300.0),
-    "torsional_stiffness": (5e4, 2e4, 60.0),
 }
 ERROR_CLASSES: Mapping[str, RobotErrors] = {
     name: RobotErrors(**{key: values[k] for key, values in _ASSUMED.items()})

@@ -24,6 +24,7 @@ from jointplay.base.files import names_for
 
 LINES = 65
 """Lines of a table; LinuxCNC takes at most 256 a joint."""
+_LETTERS = "axes X, Y and Z that slide"
 _LOST = "the side a joint rests on, payload and acceleration"
 
 
@@ -35,13 +36,15 @@ class Format:
     """Texts by name of the file."""
     lost: str
     """What it cannot say."""
+    axes: str = ""
+    """Which it knows, if not all."""
 
 
 def tables(compensation: Compensation, name: str) -> dict[str, str]:
     """Files for a firmware of `FORMATS`, by name.
 
     Raises:
-        JointplayError: no such firmware; it has no compensation; no joint changes sides.
+        JointplayError: it has no compensation; no joint that it knows changes sides.
     """
     if name == "fluidnc":
         raise JointplayError(
@@ -51,7 +54,12 @@ def tables(compensation: Compensation, name: str) -> dict[str, str]:
         raise JointplayError(
             f"nothing to tell {name}: no gear's teeth change sides, and its rule goes by reversals"
         )
-    return FORMATS[name].write(compensation)
+    found = FORMATS[name].write(compensation)
+    if not found:
+        raise JointplayError(
+            f"nothing to tell {name}, which knows {FORMATS[name].axes}: none of them changes sides"
+        )
+    return found
 
 
 def _crossing(compensation: Compensation) -> list[tuple[str, bool, float]]:
@@ -103,20 +111,19 @@ def _letters(compensation: Compensation) -> list[tuple[str, str, float]]:
     mechanism = compensation.simulation.mechanism
     sliding = [name for name in mechanism.joints if mechanism.description.joints[name].slides]
     letters = dict(zip(sliding, "XYZ", strict=False))
-    found = [(n, letters[n], 1e3 * p) for n, _, p in _crossing(compensation) if n in letters]
-    if not found:
-        raise JointplayError("only axes X, Y and Z that slide are known to it, none changes sides")
-    return found
+    return [(n, letters[n], 1e3 * p) for n, _, p in _crossing(compensation) if n in letters]
 
 
 def _marlin(compensation: Compensation) -> dict[str, str]:
     words = " ".join(f"{letter}{play:.4f}" for _, letter, play in _letters(compensation))
+    if not words:
+        return {}
     return {"marlin.gcode": f"; play by axis, full correction\nM425 F1.0 {words}\n"}
 
 
 def _klipper(compensation: Compensation) -> dict[str, str]:
     lines = [f"{one.lower()}_backlash: {play:.4f}" for _, one, play in _letters(compensation)]
-    return {"klipper.cfg": "\n".join(["[backlash_compensation]", *lines]) + "\n"}
+    return {"klipper.cfg": "\n".join(["[backlash_compensation]", *lines]) + "\n"} if lines else {}
 
 
 def _grblhal(compensation: Compensation) -> dict[str, str]:
@@ -126,14 +133,16 @@ def _grblhal(compensation: Compensation) -> dict[str, str]:
         for name, slides, play in _crossing(compensation)
         if joints.index(name) < 6
     ]
-    return {"grblhal.txt": "\n".join(lines) + "\n"}
+    return {"grblhal.txt": "\n".join(lines) + "\n"} if lines else {}
 
 
 FORMATS = {
     "linuxcnc": Format(_linuxcnc, f"{_LOST}; goes by position and commanded direction"),
-    "marlin": Format(_marlin, f"{_LOST}, wind-up; one number for each of X, Y, Z"),
-    "klipper": Format(_klipper, f"{_LOST}, wind-up; one number for each of X, Y, Z"),
-    "grblhal": Format(_grblhal, f"{_LOST}, wind-up; one number for each of six axes"),
+    "marlin": Format(_marlin, f"{_LOST}, wind-up; one number for each of X, Y, Z", _LETTERS),
+    "klipper": Format(_klipper, f"{_LOST}, wind-up; one number for each of X, Y, Z", _LETTERS),
+    "grblhal": Format(
+        _grblhal, f"{_LOST}, wind-up; one number for each of six axes", "the first six axes"
+    ),
     "fluidnc": Format(lambda _: {}, "everything"),
 }
 """By firmware."""

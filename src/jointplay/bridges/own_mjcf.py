@@ -25,7 +25,8 @@ from jointplay.bridges.reduction import Reduction, is_own
 from jointplay.bridges.urdf import to_urdf
 from jointplay.model.elements import Element, put, written
 from jointplay.model.mechanism import Mechanism
-from jointplay.model.mjcf import load_mujoco, load_spec, placed
+from jointplay.model.mjcf import compiled, load_mujoco, load_spec, placed
+from jointplay.model.mjcf_whole import require_compiles
 from jointplay.model.urdf import parse
 
 _DEEPEST = 20
@@ -238,8 +239,9 @@ def corrected_mjcf(
 def _whole(mechanism: Mechanism) -> tuple[Element, Any]:
     """The text of an MJCF in one piece, and as MuJoCo compiles it."""
     path = mechanism.description.path.resolve()
+    require_compiles(path)
     spec = load_spec(path)
-    model = _compiled(spec.compile, mechanism)
+    model = compiled(spec, path)
     root = _parse(path)
     _include(root, path.parent, _DEEPEST)
     folders = {"meshdir": spec.meshdir, "texturedir": spec.texturedir}

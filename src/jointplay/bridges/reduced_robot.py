@@ -136,9 +136,7 @@ class ReducedRobot:
         if "sdf" in self.formats:
             texts[f"{stem}.sdf"] = reduced_files.to_sdf(self.mechanism, *self.reductions)
         if "mjcf" in self.formats:
-            texts[f"{stem}.xml"] = self._compiled.mjcf(
-                self.reductions, encoder=self.encoder, servos=self.servos
-            )
+            texts[f"{stem}.xml"] = self._mjcf
         if "usd" in self.formats:
             from jointplay.bridges.usd import to_usd
 
@@ -187,11 +185,36 @@ class ReducedRobot:
             if one.joint in self.tilting and one.tilt_error > one.tilt
         ]
 
+    @cached_property
+    def _mjcf(self) -> str:
+        return self._compiled.mjcf(self.reductions, encoder=self.encoder, servos=self.servos)
+
+    @cached_property
+    def _followed(self) -> list[Followed]:
+        """How MuJoCo moves the MJCF as it is written, by reduction."""
+        return [follow(self._mjcf, one, self.meshes) for one in self.reductions]
+
+    def stated(self) -> tuple[Reduction, str]:
+        """The one reduction with the errors of what is written, and how they were found."""
+        (one,) = self.reductions
+        if "mjcf" not in self.formats:
+            return one, "stated errors are those of the fit: no simulator has run the files"
+        (seen,) = self._followed
+        one = replace(
+            one,
+            angle_error=max(one.angle_error, seen.error),
+            angle_rms=max(one.angle_rms, seen.rms),
+            tilt_error=max(one.tilt_error, seen.tilt_error or 0.0),
+        )
+        others = [name for name in ("sdf", "usd", "urdf") if name in self.formats]
+        unseen = f"; no simulator has run {', '.join(others)}" if others else ""
+        words = "stated errors are the larger of the fit's and the written MJCF's, run in MuJoCo"
+        return one, f"{words}{unseen}"
+
     def check(self) -> Iterator[str]:
         """Run the MJCF in MuJoCo: how it differs from the full model, and which play it has."""
-        mjcf = self._compiled.mjcf(self.reductions, encoder=self.encoder, servos=self.servos)
-        for one in self.reductions:
-            seen = follow(mjcf, one, self.meshes)
+        mjcf = self._mjcf
+        for one, seen in zip(self.reductions, self._followed, strict=True):
             yield f"MuJoCo: {one.joint}: {_angle_kept(seen, one)}"
             if seen.tilt_error is not None:
                 kept = "within" if seen.tilt_error <= one.tilt_error else BEYOND

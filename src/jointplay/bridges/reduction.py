@@ -40,7 +40,7 @@ from jointplay.base.units import told
 from jointplay.model.gear import Gear, Gearing
 from jointplay.model.impact import fitting_step
 from jointplay.model.mechanism import Mechanism
-from jointplay.model.urdf import Description
+from jointplay.model.urdf import Description, JointEntry
 from jointplay.physics.joints import JOINT_KINDS, Clearance, Coordinate, RollingBearing
 from jointplay.simulation.analysis.bearings import element_loads
 from jointplay.simulation.loads.drive import JointFriction, Prescribed
@@ -219,7 +219,8 @@ def reduce(
     """Fit the reduced model of a revolute joint with clearance, or a gear with play, or both.
 
     Args:
-        pose: joint positions about which the joint reverses [rad or m]; the rest zero.
+        pose: joint positions about which the joint reverses [rad or m]; the rest zero. Where limits
+            are nearer than the amplitude, it reverses beside them.
         amplitude, period: of the reversals [rad, s].
         joint_friction: of the joint besides its bearing's; None takes the URDF's, and none of an
             MJCF's, where it stays before the play.
@@ -242,6 +243,9 @@ def reduce(
     gears = {joint: mechanism.gears[joint]} if joint in mechanism.gears else {}
     alone = mechanism.with_clearance(bearings, gears)
     positions = dict(pose or {})
+    positions[joint], amplitude = _within_limits(
+        mechanism.description.joints[joint], positions.get(joint, 0.0), amplitude
+    )
     result = _full_run(alone, joint, positions, amplitude, period, joint_friction, progress)
     entry = mechanism.description.joints[joint]
     own = joint_friction or JointFriction(entry.friction, entry.damping)
@@ -343,6 +347,14 @@ def _plain_gears(gear: Gearing, top: float, inertia: float) -> list[Gear]:
         damping = max(damping, 2.0 * _DAMPED * math.sqrt(stiffness * inertia))
     bands = dict.fromkeys([gear.play, gear.unloaded_range])
     return [Gear(band, gear.rotor_inertia, stiffness, damping) for band in bands]
+
+
+def _within_limits(entry: JointEntry, middle: float, amplitude: float) -> tuple[float, float]:
+    """About where a joint reverses, and how far, that it stays within its limits [rad]."""
+    if entry.lower is None or entry.upper is None:
+        return middle, amplitude
+    amplitude = min(amplitude, 0.5 * (entry.upper - entry.lower))
+    return min(max(middle, entry.lower + amplitude), entry.upper - amplitude), amplitude
 
 
 def _full_run(

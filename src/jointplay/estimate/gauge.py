@@ -64,6 +64,8 @@ _LEVERS = 0.02
 """Part by which levers are off, and so all angles."""
 _BAR_M, _SHORT_M = 0.1, 0.02
 """Bar that is clamped to links that are shorter than the second [m]."""
+_FARTHEST = 10.0
+"""Longest arm [m]: the largest robots reach half as far."""
 _TURNS = 0.35
 """Largest angle between readings that a gauge follows, for its stem is straight; a sine is 2 % less
 than this angle [rad]."""
@@ -137,6 +139,12 @@ class Readings:
         )
         n, own = len(names), dict(noise or {})
         given = {name: numbers.get((name, ""), np.full(n, np.nan)) for name in _NUMBERS}
+        for name in ("arm", "gauge arm"):
+            if (far := float(np.nanmax(given[name], initial=0.0))) > _FARTHEST:
+                raise JointplayError(
+                    f"{path}: the {name} is {readable(far, 'm', 3)} long, longer than any robot: "
+                    "is it in the unit of its title?"
+                )
         if slides_all:
             push, turned = given["force"], given["reading"]
             error = np.full(n, own.get("tool", GAUGE_M))

@@ -23,7 +23,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.model.gear import Gearing
-from jointplay.model.urdf import Description
+from jointplay.model.urdf import Description, JointEntry
 
 STIFFNESS, STIFFEST = 25.0, 300.0
 """Stiffness by effort^1.5 [1/sqrt(N m)], and at most by effort: fitted to the table."""
@@ -51,6 +51,9 @@ UNSTATED = 4.5
 """Times the largest weight that the drive of such a robot is made for: 3 times `ENOUGH`."""
 SHORTEST_ARM = 0.1
 """Part of the reach at which a drive holds the payload at least: wrists turn what they carry."""
+SMALLEST = 1.0
+"""Least effort of a drive that turns a joint whose file has no efforts [N m]: that of hobby servos;
+weights say nothing of joints about the vertical."""
 SMALLEST_KNOWN = 12.0
 """Least effort of the drives to which the stiffness was fitted [N m]: hobby servos are several
 times softer."""
@@ -88,7 +91,7 @@ class Efforts:
 
     def stiffness_is_known(self, joint: str) -> bool:
         """Whether the stiffness of a joint's gear is one of those to which the rule was fitted."""
-        return self.stated and self.by_joint[joint] >= SMALLEST_KNOWN
+        return self.stated and self.by_joint.get(joint, 0.0) >= SMALLEST_KNOWN
 
 
 def rated_efforts(description: Description, source: pin.Model, tool: str) -> Efforts:
@@ -131,9 +134,8 @@ def rated_efforts(description: Description, source: pin.Model, tool: str) -> Eff
     own = UNSTATED * np.abs([_gravity(loaded, q) for q in poses])[:, at].max(axis=0, initial=0.0)
     reach = _reach(source, poses, frame)
     turning = np.array([not entries[name].slides for name in rows])
-    least = (
-        UNSTATED * carried * STANDARD_GRAVITY_M_S2 * np.where(turning, SHORTEST_ARM * reach, 1.0)
-    )
+    held = UNSTATED * carried * STANDARD_GRAVITY_M_S2
+    least = np.where(turning, np.maximum(held * SHORTEST_ARM * reach, SMALLEST), held)
     efforts = dict(zip(rows, np.maximum(own, least).tolist(), strict=True))
     for name, index in reversed(joints.items()):  # those farther out come later
         for above in source.supports[index].tolist()[1:-1]:
@@ -177,25 +179,36 @@ def stiffness(effort: float, slides: bool) -> float:
     return SLIDE_STIFFNESS if slides else min(STIFFNESS * effort**1.5, STIFFEST * effort)
 
 
+def stiffness_rule(name: str, entry: JointEntry, efforts: Efforts) -> Rule:
+    """Stiffness of a joint's gear by what its drive is made for."""
+    effort, reason = _effort(name, entry, efforts)
+    known = "" if efforts.stiffness_is_known(name) or entry.slides else GUESS
+    value = _rounded(stiffness(effort, entry.slides))
+    return Rule(value, "gear stiffness", f"{reason}{known}")
+
+
+def _effort(name: str, entry: JointEntry, efforts: Efforts) -> tuple[float, str]:
+    """What the drive of a joint is made for [N m or N], and why."""
+    effort = max(efforts.by_joint.get(name, 0.0), 1e-3)  # what bears nothing still has a motor
+    unit = "N" if entry.slides else "N m"
+    return effort, f"by the {effort:.3g} {unit} that its drive is made for ({efforts.reason})"
+
+
 def _numbers(
     name: str, gear: Gearing, description: Description, efforts: Efforts
 ) -> dict[str, Rule]:
-    entry, effort = description.joints[name], efforts.by_joint.get(name, 0.0)
-    effort = max(effort, 1e-3)  # a joint that bears nothing still has a motor
-    unit = "N" if entry.slides else "N m"
-    reason = f"by the {effort:.3g} {unit} that its drive is made for ({efforts.reason})"
+    entry = description.joints[name]
+    effort, reason = _effort(name, entry, efforts)
     fastest = entry.speed or SPEED[entry.unit]
-    rotor = START_S * effort / fastest
-    stiff = stiffness(effort, entry.slides)
+    rotor, stiff = START_S * effort / fastest, stiffness_rule(name, entry, efforts)
     inertia = rotor if gear.rotor_inertia is None else gear.rotor_inertia
-    known = "" if efforts.stiffness_is_known(name) or entry.slides else GUESS
     return {
-        "stiffness": Rule(_rounded(stiff), "gear stiffness", f"{reason}{known}"),
+        "stiffness": stiff,
         "rotor_inertia": Rule(
             _rounded(rotor), "rotor inertia", f"{reason} and {fastest:.3g} {entry.unit}/s"
         ),
         "damping": Rule(
-            _rounded(2.0 * DAMPING * float(np.sqrt(stiff * inertia))),
+            _rounded(2.0 * DAMPING * float(np.sqrt(stiff.value * inertia))),
             "gear damping",
             f"{DAMPING:.0%} of critical",
         ),

@@ -12,7 +12,7 @@ import math
 import os
 import re
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib.util import find_spec
@@ -24,7 +24,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.base import confined
-from jointplay.base.errors import JointplayError
+from jointplay.base.errors import LARGEST, JointplayError
 from jointplay.base.files import begins, is_file, read_text
 from jointplay.base.imports import extra
 from jointplay.base.tables import few
@@ -85,6 +85,18 @@ def load_spec(path: Path) -> Any:
     return spec
 
 
+def compiled(spec: Any, path: Path) -> Any:
+    """The model of an MJCF.
+
+    Raises:
+        JointplayError: MuJoCo cannot compile it.
+    """
+    try:
+        return spec.compile()
+    except (ValueError, load_mujoco().FatalError) as error:
+        raise _refused(path, error) from None
+
+
 def _refused(path: Path, error: Exception) -> JointplayError:
     reason = " ".join(str(error).split())
     return JointplayError(f"MuJoCo cannot read the MJCF {str(path)!r}: {reason}")
@@ -132,7 +144,16 @@ def _named_files(text: str, path: Path, seen: set[Path]) -> Iterator[tuple[str, 
 
 @lru_cache(maxsize=8)
 def _read_apart(path: Path, stamps: tuple[tuple[str, int, int], ...]) -> str:
-    with confined.process(__name__, path, TIME_S, min(ROOM, confined.memory())) as process:
+    return told_apart(__name__, path)
+
+
+def told_apart(module: str, path: Path) -> str:
+    """What a module's `serve` tells of an MJCF by `tell`, in a process with limits.
+
+    Raises:
+        JointplayError: it is a fault, or the limits were reached.
+    """
+    with confined.process(module, path, TIME_S, min(ROOM, confined.memory())) as process:
         assert process.stdout
         output = process.stdout.read()
         if not output.endswith(b"}"):
@@ -147,13 +168,18 @@ def _read_apart(path: Path, stamps: tuple[tuple[str, int, int], ...]) -> str:
 
 
 def serve(path: str) -> None:
-    """What the process does: it writes the URDF, or what is wrong, to standard output."""
+    """What the process does: it tells the URDF."""
+    tell(path, read)
+
+
+def tell(path: str, find: Callable[[Path], str]) -> None:
+    """Write what is found of an MJCF, or what is wrong, to standard output, and end."""
     try:
-        told = {"text": read(Path(path))}
+        told = {"text": find(Path(path))}
     except JointplayError as error:
         told = {"fault": str(error)}
-    except MemoryError:
-        told = {"fault": f"the MJCF {path!r} takes more memory than a robot may"}
+    except (MemoryError, RuntimeError):  # which MuJoCo raises if it gets no memory
+        told = {"fault": f"MuJoCo gives up on the MJCF {path!r}: it may take {ROOM / 1e9:g} GB"}
     sys.stdout.write(json.dumps(told))
     sys.stdout.flush()
     os._exit(0)
@@ -169,17 +195,21 @@ def read(path: Path) -> str:
         JointplayError: MuJoCo is not installed or cannot compile the file, or a mesh is missing
             from which a body takes its inertia.
     """
+    warnings: list[str] = []
+    load_mujoco().set_mju_user_warning(warnings.append)
     spec = load_spec(path)
     meshes = _lighten(spec, path)
-    try:
-        model = spec.compile()
-    except (ValueError, load_mujoco().FatalError) as error:
-        raise _refused(path, error) from None
+    model = compiled(spec, path)
+    if odd := [one for one in warnings if "NaN" in one]:  # it would take it as not given
+        raise JointplayError(f"the MJCF {str(path)!r} has a number that is not finite: {odd[0]}")
     for name in _FINITE:
-        if not np.isfinite(getattr(model, name)).all():
-            words = "a number that is not finite: see " + name.replace("_", ", ", 1)
+        if not (np.abs(getattr(model, name)) <= LARGEST).all():
+            words = f"a number that is not finite, or beyond {LARGEST:g}: see "
+            words += name.replace("_", ", ", 1)
             raise JointplayError(f"the MJCF {str(path)!r} has {words}")
-    return _Reading(load_mujoco(), model, path, {int(geom.id): one for geom, one in meshes}).text()
+    reading = _Reading(load_mujoco(), model, path, {int(geom.id): one for geom, one in meshes})
+    reading.said += [f"MuJoCo: {one}" for one in dict.fromkeys(warnings)]
+    return reading.text()
 
 
 @dataclass(frozen=True)
@@ -743,6 +773,14 @@ class _Reading:
                 f"{few(list(drives))}"
             )
         yield from self.said
+        ranges = [model.jnt_range[j] for j in self.joints]
+        turned = [
+            named[j]
+            for j, (low, high) in zip(self.joints, ranges, strict=True)
+            if low > high and not model.jnt_limited[j]
+        ]
+        if turned:
+            yield f"note: a range from above to below is none in MuJoCo: {few(turned)}"
         own = sum(one.hinge in self._wrapped() for one in self.play.values())
         left = {
             "contacts": any(model.geom_contype) or any(model.geom_conaffinity),

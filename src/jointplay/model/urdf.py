@@ -636,7 +636,8 @@ def _check_size(shape: ElementTree.Element, key: str, what: str) -> None:
 
 def _require_size(values: Sequence[float], what: str) -> None:
     if max(map(abs, values)) > LARGEST:
-        raise JointplayError(f"{what} must be no larger than {LARGEST:g}, got {max(values):g}")
+        worst = max(values, key=abs)
+        raise JointplayError(f"{what} must be no larger than {LARGEST:g}, got {worst:g}")
 
 
 def _number(

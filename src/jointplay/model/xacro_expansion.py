@@ -115,7 +115,10 @@ def _confine(parent: _Parent, xacro: Any) -> None:
     substitution = xacro.substitution_args
 
     def environment(name: str) -> str:
-        raise Refused(f"a xacro sees no environment: {name!r} is not known; $(optenv NAME DEFAULT)")
+        raise Refused(
+            f"a xacro sees no environment, so {name!r} is not known: write $(arg {name}) and give "
+            f"--xacro {name}:=VALUE, or $(optenv {name} DEFAULT)"
+        )
 
     def find(name: str) -> str:
         return str(parent.ask("find", name))

@@ -8,9 +8,12 @@ from typing import TYPE_CHECKING, Any
 from jointplay.base.schema import fields_of
 from jointplay.base.tables import few
 from jointplay.base.units import readable
+from jointplay.model.gear import Gear
+from jointplay.model.gear_rules import SPREAD
 from jointplay.physics.contact import LankaraniNikravesh
 from jointplay.physics.contact.law import FrictionLaw
 from jointplay.physics.joints import Clearance, SlidingClearance
+from jointplay.simulation.loads.drive import ComputedTorque
 
 if TYPE_CHECKING:
     from jointplay.accuracy.poses import Poses
@@ -19,8 +22,6 @@ if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
 
 ASSUMED = "(assumed)"
-_WHOLE = ("designation", "fit")
-"""Keys of a joint that say its sizes."""
 
 
 def decisive(scenario: Scenario, simulations: Mapping[str, Simulation]) -> list[str]:
@@ -67,6 +68,7 @@ def notes_at_poses(
     *,
     named: Collection[str] = (),
     play: bool = True,
+    friction: bool = True,
     relative_to: str | None = None,
 ) -> list[str]:
     """What to know of a robot that is looked at where it stands, a line each.
@@ -76,6 +78,7 @@ def notes_at_poses(
         poses: where it stands.
         named: joints whose play was asked for, of which is said if it does not count.
         play: whether the play of all joints is told.
+        friction: and their friction.
         relative_to: see `budget`.
     """
     mechanism = scenario.mechanism(case)
@@ -96,12 +99,12 @@ def notes_at_poses(
             tool = f"{mechanism.tool!r}{seen}"
             lines.append(f"note: {name} does not move {tool}, so it adds nothing to the error")
     if play and mechanism.clearance:
-        parts: dict[str, list[str]] = {}
-        for name, joint in mechanism.clearance.items():
-            parts.setdefault(joint.summary, []).append(name)
-        alike = [f"{', '.join(names)} ({words})" for words, names in parts.items()]
-        lines.append(f"play: {'; '.join(alike)}")
-    lines += _of_gears(mechanism)
+        own = _joints(mechanism, scenario.given(case), friction, moves=False)
+        lines += [f"play: {one}" for one in own]
+    lines += by_rule(mechanism, "stiffness")
+    if bodies := poses.machine.payloads:
+        mass = " and ".join(f"{one.mass:g} kg" for one in bodies)
+        lines.append(f"payload: {mass}, in hand at all poses")
     lines += [*scenario.notes, *scenario.assumptions]
     return [*dict.fromkeys(lines), *([poses.loops] if poses.loops else [])]
 
@@ -112,15 +115,44 @@ def tool_reason(scenario: Scenario) -> str:
     return next((one.source for one in chosen), "")
 
 
-def _of_gears(mechanism: Mechanism) -> list[str]:
-    """Stiffnesses that stand for those that nobody gave: at rest they count."""
-    parts: dict[str, list[str]] = {}
+def by_rule(mechanism: Mechanism, what: str) -> list[str]:
+    """What rules have for gears of which nobody gave that, a line for each number."""
+    found: dict[str, list[str]] = {}
     for (name, field), rule in mechanism.rules.items():
-        if field == "stiffness":
-            unit = "N/m" if mechanism.description.joints[name].slides else "N*m/rad"
-            parts.setdefault(readable(rule.value, unit, 3), []).append(name)
-    words = "; ".join(f"{size} ({', '.join(names)})" for size, names in parts.items())
-    return [f"gears: stiffness {words} {ASSUMED}; see --gear-stiffness"] if words else []
+        if field == what:
+            unit = fields_of(Gear)[what].units[mechanism.description.joints[name].slides]
+            found.setdefault(f"{readable(rule.value, unit, 3)} {rule.reason}", []).append(name)
+    factor = f", to a factor of {SPREAD:g}" if what == "stiffness" else ""
+    option = what if what.startswith("rotor") else f"gear-{what}"
+    return [
+        f"gears: {what.replace('_', ' ')} of {few(names)} {words}{factor} {ASSUMED}; see --{option}"
+        for words, names in found.items()
+    ]
+
+
+def undecided_at_rest(
+    scenario: Scenario, case: str, mechanism: Mechanism, loaded: bool
+) -> list[str]:
+    """What decides where a machine rests and nobody gave, a few words each.
+
+    `loaded`: whether it bears what its drives do not know.
+    """
+    given, found = scenario.given(case), list[str]()
+    tables = given.get("joints", {})
+    for name, joint in mechanism.clearance.items():
+        sizes = [key for key in ("bearing_radius", "bearing_length") if hasattr(joint, key)]
+        known = {*tables.get(name, {})} | ({sizes[0]} if joint.fitted and sizes else set())
+        if len(sizes) == 2 and not known.issuperset(sizes):
+            diameter, length = 2e3 * getattr(joint, sizes[0]), 1e3 * getattr(joint, sizes[1])
+            found.append(f"bearings of {diameter:g} x {length:g} mm")
+    if any(what == "stiffness" for _, what in mechanism.rules):
+        found.append(f"gears' stiffness by rule, to a factor of {SPREAD:g}")
+    geared = set(mechanism.gears) - set(given.get("drives", {}))
+    if geared and not given.get("drive", {}).get("encoder"):
+        found.append("encoders on the motors")
+    if loaded and "drive" not in given and set(mechanism.joints) - set(given.get("drives", {})):
+        found.append(f"drives of {ComputedTorque.bandwidth:g} rad/s")
+    return list(dict.fromkeys(found))
 
 
 def _robot(mechanism: Mechanism, reason: str) -> list[str]:
@@ -137,13 +169,16 @@ def _robot(mechanism: Mechanism, reason: str) -> list[str]:
     return lines
 
 
-def _joints(mechanism: Mechanism, given: Mapping[str, Any]) -> list[str]:
+def _joints(
+    mechanism: Mechanism, given: Mapping[str, Any], friction: bool = True, moves: bool = True
+) -> list[str]:
     tables = given.get("joints", {})
     hinges = {name for its in mechanism.hinges.values() for name in its}
     alike: dict[str, list[str]] = {}
     for name, joint in mechanism.clearance.items():
         if name not in hinges:
-            alike.setdefault(", ".join(_parts(joint, tables.get(name, {}))), []).append(name)
+            parts = _parts(joint, tables.get(name, {}), friction, moves)
+            alike.setdefault(", ".join(parts), []).append(name)
     words = [f"{', '.join(names)}: {parts}" for parts, names in alike.items()]
     return ["; ".join(words)] if words else []
 
@@ -174,7 +209,9 @@ def _of_joints(simulation: Simulation, values: Mapping[str, float], rate: str) -
     return few([f"{n} {readable(x, joints[n].unit + rate, 4)}" for n, x in values.items()])
 
 
-def _parts(joint: Clearance, given: Mapping[str, Any]) -> list[str]:
+def _parts(
+    joint: Clearance, given: Mapping[str, Any], friction: bool = True, moves: bool = True
+) -> list[str]:
     if not isinstance(joint, SlidingClearance):
         return [joint.summary]
     parts = [] if joint.fitted is None else [f"fit {joint.fitted}: {joint.fitted.range} radially"]
@@ -191,9 +228,10 @@ def _parts(joint: Clearance, given: Mapping[str, Any]) -> list[str]:
         parts.append(f"{name.replace('_', ' ')} {readable(value, 'm')}{_mark(known)}")
     if joint.normal != LankaraniNikravesh():
         parts.append(f"normal force {joint.normal.name}")
-    if _takes_restitution(joint):
+    if moves and _takes_restitution(joint):
         parts.append(f"restitution {joint.restitution:g}{_mark('restitution' in said)}")
-    parts.append(f"{_friction(joint.friction)}{_mark('friction' in said)}")
+    if friction:
+        parts.append(f"{_friction(joint.friction)}{_mark('friction' in said)}")
     return parts
 
 

@@ -142,10 +142,8 @@ def made_by_joint(table: Any, mechanism: Mechanism, *place: str) -> dict[str, An
 # What acts in a scenario: drives, friction, loads, payloads.
 
 
-def drive_of(
-    model: Model, mechanism: Mechanism, motion: Motion | None
-) -> Drive | Mapping[str, Drive]:
-    """Drives of all joints, or by joint.
+def drive_of(model: Model, mechanism: Mechanism) -> dict[str, Drive]:
+    """What drives each moving joint, or would hold it: its own, or that of all.
 
     Raises:
         JointplayError: no such joint, or a drive that cannot be; `where` has the key.
@@ -157,22 +155,34 @@ def drive_of(
             raise JointplayError(
                 "a torque acts on one joint; give [drives.JOINT]", where=("drive", "kind")
             )
-        for name in mechanism.joints if motion is None else motion.joints:
-            if name in mechanism.joints:
+        for name in mechanism.joints:
+            if name in mechanism.description.joints:
                 of_joint(shared, ("drive",), partial(fit, mechanism, name))  # refuses misfits
         with within("drive"):
             common = shared.make()
-    if motion is not None and not model.drives:
-        return common
-    led = () if motion is None else motion.joints
     own = made_by_joint(model.drives, mechanism, "drives")
-    for name, drive in own.items():
-        if drive.follows and name not in led:
+    return dict.fromkeys(mechanism.joints, common) | own
+
+
+def led(
+    model: Model, drives: Mapping[str, Drive], motion: Motion | None
+) -> Drive | Mapping[str, Drive]:
+    """Drives as a run has them: of those that follow, which a motion leads.
+
+    Raises:
+        JointplayError: a joint's own drive follows a motion, and none leads it.
+    """
+    joints = () if motion is None else motion.joints
+    for name in model.drives:
+        if drives[name].follows and name not in joints:
             raise JointplayError(
-                f"a {drive.kind} drive follows a motion, but [motion] does not give one for it",
+                f"a {drives[name].kind} drive follows a motion, but [motion] does not give one for "
+                "it",
                 where=("drives", name),
             )
-    return {**(dict.fromkeys(led, common) if common.follows else {}), **own}
+    if motion is not None and not model.drives:
+        return next(iter(drives.values()))
+    return {name: one for name, one in drives.items() if not one.follows or name in joints}
 
 
 def friction_of(model: Model, mechanism: Mechanism) -> dict[str, JointFriction] | None:
@@ -374,8 +384,13 @@ def complete(
     return added.motion, added.notes()
 
 
-def build(model: Model, folder: Path, built: Built) -> tuple[Simulation, list[str]]:
+def build(
+    model: Model, folder: Path, built: Built, still: bool = False
+) -> tuple[Simulation, list[str]]:
     """Simulation that `model` describes; its paths are relative to `folder`.
+
+    Of a machine that stands (`still`) drives of joints that no motion leads are those that would
+    hold it.
 
     Returns:
         The simulation, and what was added that nobody asked for, a line each.
@@ -399,8 +414,13 @@ def build(model: Model, folder: Path, built: Built) -> tuple[Simulation, list[st
     notes += mechanism.description.doubts
     notes += [mechanism.base_words] if mechanism.base_words else []
     notes += [*_of_zero(model, mechanism), *_of_wide_clearances(mechanism)]
-    notes += [*_of_idle_planes(mechanism), *_of_falling(model, mechanism, motion)]
-    drive = drive_of(model, mechanism, motion)
+    notes += _of_idle_planes(mechanism)
+    drives = drive_of(model, mechanism)
+    if still:
+        drive: Drive | Mapping[str, Drive] = drives
+    else:
+        notes += _of_falling(model, mechanism, motion)
+        drive = led(model, drives, motion)
     errors_of(model, mechanism)  # which no run needs, but what cannot be is said
     tables = (
         (Integration, model.integration),
@@ -468,19 +488,45 @@ def _of_idle_planes(mechanism: Mechanism) -> list[str]:
     lines = []
     for name, joint in mechanism.clearance.items():
         planar = joint.slides() and "x" in joint.freedoms and "y" not in joint.freedoms
-        if not planar or name in mechanism.loops:
+        if not planar:
+            continue
+        if name in mechanism.loops:
+            moves = _moving_across(mechanism, name, q)
+            if np.abs(moves[0]).max() <= _NOT_COUPLED * np.abs(moves).max():
+                lines.append(_idle_plane(name))
             continue
         at = mechanism.coordinates.index(Coordinate(name, "x"))
         others = [i for i, one in enumerate(mechanism.coordinates) if one.joint != name]
         own = np.sqrt(mass[at, at] * mass.diagonal()[others])
         idle = np.abs(mass[at, others]) <= _NOT_COUPLED * own
         if others and idle.all() and abs(weight[at]) <= _NOT_COUPLED * mass[at, at]:
-            lines.append(
-                f"joint {name!r} has planar play along x of its frame, across which nothing else "
-                "moves or weighs, so that it carries nothing: is its frame turned as meant (x "
-                "across the guide in the plane of motion)?"
-            )
+            lines.append(_idle_plane(name))
     return lines
+
+
+def _idle_plane(name: str) -> str:
+    return (
+        f"joint {name!r} has planar play along x of its frame, across which nothing else moves or "
+        "weighs, so that it carries nothing: is its frame turned as meant (x across the guide in "
+        "the plane of motion)?"
+    )
+
+
+def _moving_across(mechanism: Mechanism, name: str, q: np.ndarray) -> np.ndarray:
+    """Velocity of a loop's journal in its bearing by those of all coordinates (3, nv)."""
+    model, data = mechanism.model, mechanism.model.createData()
+    pin.computeJointJacobians(model, data, q)
+    whole, places = [], []
+    for body, place in mechanism.frames(name):
+        local = pin.getJointJacobian(model, data, body, pin.ReferenceFrame.LOCAL)
+        at = data.oMi[body] * place
+        moving = place.toActionMatrixInverse() @ local
+        whole.append([at.rotation @ moving[:3], at.rotation @ moving[3:]])
+        places.append(at)
+    (bearing, turn), (journal, _) = whole
+    carried = np.cross(turn.T, places[1].translation - places[0].translation).T
+    across: np.ndarray = places[0].rotation.T @ (journal - bearing - carried)
+    return across
 
 
 def _of_falling(model: Model, mechanism: Mechanism, motion: Motion | None) -> list[str]:
@@ -523,14 +569,14 @@ def mechanism_of(model: Model, folder: Path, built: Built) -> Mechanism:
     parts = model.loops, model.joints, model.gears, model.links
     inputs = (robot, *parts, folder)
     key = (str(description.path), description.text, *map(repr, inputs))
-    made = built.pop(key, None) or _built_anew(model, description, folder)
+    made = built.pop(key, None) or _built_anew(model, description)
     built[key] = made
     if len(built) > _LAST_BUILT:
         built.popitem(last=False)
     return made
 
 
-def _built_anew(model: Model, description: Description, folder: Path) -> Mechanism:
+def _built_anew(model: Model, description: Description) -> Mechanism:
     robot = model.robot
     loops = {}
     for name, ends in model.loops.items():

@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from jointplay.accuracy.robot_errors import RobotErrors
     from jointplay.model.mechanism import Mechanism
     from jointplay.scenario.build import Built
-    from jointplay.simulation.motion.reference import Motion
     from jointplay.simulation.run import Run
     from jointplay.simulation.simulation import Simulation
 
@@ -137,13 +136,18 @@ class Scenario(Overview):
         return cls(read_text(Path(path), "scenario"), path, settings)
 
     def simulation(
-        self, case: str | None = None, changes: Mapping[str, Any] | None = None
+        self,
+        case: str | None = None,
+        changes: Mapping[str, Any] | None = None,
+        still: bool = False,
     ) -> Simulation:
         """The simulation of a case.
 
         Args:
             case: its label; may be left out if there is only one.
             changes: further changes, nested as in the file, on top of those of the case.
+            still: as for who looks at the machine where it stands: with drives of all joints, led
+                or not, that hold it.
 
         Raises:
             MissingName: no such case.
@@ -154,7 +158,7 @@ class Scenario(Overview):
         from jointplay.scenario.build import build  # what it takes to simulate, not to check
 
         with self._building(case):
-            simulation, notes = build(model, self.path.parent, self._built)
+            simulation, notes = build(model, self.path.parent, self._built, still)
         self.notes += [line for line in notes if line not in self.notes]
         return simulation
 
@@ -187,14 +191,6 @@ class Scenario(Overview):
         case = self._chosen(case)
         with self._building(case):
             return errors_of(self.model(case), mechanism)
-
-    def motion(self, case: str | None = None) -> Motion | None:
-        """The motion that a case gives, no joint added to it; None if it has none."""
-        case, mechanism = self._chosen(case), self.mechanism(case)
-        from jointplay.scenario.build import motion_of
-
-        with self._building(case):
-            return motion_of(self.model(case), mechanism, self.path.parent, {})
 
     def ready_run(
         self,

@@ -235,7 +235,7 @@ class Simulation(Overview, Inputs):
             progress: show bars.
             certify: find the errors in `Result.certificate` by several further runs, more finely.
             check_step: see `Run.finish`.
-            estimate: find them by one further run, which takes about half the time of the run.
+            estimate: find them by two further runs, in doubt three: see docs/certificates.md.
             only: names of the histories that the result shall have, for less memory and time; what
                 it is asked for afterwards must do with these. None: all.
         """

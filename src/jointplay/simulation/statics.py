@@ -545,6 +545,19 @@ class StaticEquilibrium:
             sprung.add(mechanism.coordinate(followed[at]))
         return sprung
 
+    def gives_way(self, coordinate: int, effort: float) -> tuple[float, float]:
+        """How far what holds a coordinate gives way to an effort, beyond a dead band and within it.
+
+        Infinite where it cannot hold it, zero where nothing of finite stiffness holds [rad or m].
+        """
+        spring = float(self._springs[coordinate])
+        if spring == 0.0:
+            return 0.0, 0.0
+        bent = (effort + float(self._constant[coordinate])) / spring
+        if abs(bent) > self._reach[coordinate]:
+            bent = math.copysign(math.inf, bent)
+        return bent, float(self._bands[coordinate])
+
     def _pulls(self, q: np.ndarray) -> np.ndarray:
         """What the springs of drives are bent by (nv,), dead bands and limits counted."""
         away = self._rest - q

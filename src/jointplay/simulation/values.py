@@ -47,7 +47,11 @@ def assumed_table(simulation: Simulation, origins: Origins) -> Table:
 
 
 def _origin(key: Key, origins: Origins, default: tuple[str, str]) -> tuple[str, str]:
-    """Who gave the value at a key; a table that it is in, or the first of what it has in it."""
+    """Who gave the value at a key: of it, of a table that it is in, of the first that is in it; of
+    a joint's drive, of the one for all.
+    """
+    if key[0] == "drives" and key[:2] not in {at[:2] for at in origins}:
+        key = ("drive", *key[2:])
     for size in range(len(key), 0, -1):
         if key[:size] in origins:
             return origins[key[:size]]

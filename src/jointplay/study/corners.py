@@ -23,12 +23,13 @@ from jointplay.accuracy.compensation import (
     with_shift,
 )
 from jointplay.base.errors import JointplayError, MissingName
-from jointplay.base.tables import Column, Table
+from jointplay.base.tables import Column, Table, few
 from jointplay.base.units import readable
 from jointplay.model.gear import Gearing
 from jointplay.simulation.analysis.tool_error import difference, stops
 from jointplay.simulation.analysis.twins import COMPARED, ideal_simulation, tool_motion
 from jointplay.simulation.checks import joint_friction
+from jointplay.simulation.loads.drive import JointFriction
 from jointplay.simulation.simulation import Simulation
 from jointplay.study.study import Study
 
@@ -187,6 +188,16 @@ class Judgement:
         return words + "; hardware may differ"
 
     @property
+    def _coasting(self) -> str:
+        """Which joints nothing brakes, so that their teeth change sides when the motor brakes."""
+        simulation = self.compensation.simulation
+        friction = joint_friction(simulation)
+        names = [n for n in self.compensation.gears if not friction.get(n, JointFriction()).coulomb]
+        if not names:
+            return ""
+        return f"; that is without dry friction in {few(names)} (--joint-friction gives it)"
+
+    @property
     def notes(self) -> list[str]:
         lines = []
         for one in self.worse:
@@ -209,6 +220,7 @@ class Judgement:
             lines.append(
                 f"the firmware's rule, half the play by the sign of the commanded speed, would "
                 f"leave {_mm(rule)} ({verdict}), at stops {_mm(self.firmware.at_stops)}"
+                f"{self._coasting}"
             )
         if self.left_out:
             lines.append(f"note: the machine has no {', '.join(self.left_out)}: not varied")
@@ -270,9 +282,7 @@ def judge(
     return Judgement(compensation, tuple(corners), firmware, left_out, complete)
 
 
-def learn(
-    compensation: Compensation, passes: int, *, progress: bool = False
-) -> tuple[Compensation, list[float]]:
+def learn(compensation: Compensation, passes: int) -> tuple[Compensation, list[float]]:
     """Correct further by what own runs leave, pass by pass, as long as that improves.
 
     Returns:

@@ -23,7 +23,6 @@ from jointplay.physics.contact.functions import OfFunction
 from jointplay.simulation.analysis.twins import ideal_simulation
 from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.result.result import Result
-from jointplay.simulation.result.settings import START_UP
 from jointplay.simulation.simulation import Simulation
 from jointplay.study.runs import MOST_RUNS, Arrays, Runs
 from jointplay.study.study import Measure, Memory, Study
@@ -203,7 +202,7 @@ def dynamic_error(
         except JointplayError as error:
             failed = error
             continue
-        since = min(START_UP, 0.5 * float(ideal.time[-1]))
+        since = drawn[1].judged_from
         size = np.linalg.norm(errors(courses, ideal)[:, ideal.time >= since], axis=2)
         return DynamicError(size.max(axis=1), np.sqrt((size**2).mean(axis=1)), since, step)
     raise JointplayError(f"to verify: {failed}")

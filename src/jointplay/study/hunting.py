@@ -38,9 +38,10 @@ from jointplay.study.study import Study
 STARTS = (0.5, 2.0, 8.0)
 """How far joint and motor start from the goal, in plays of the gear."""
 
-LONGEST_S, PERIODS, MOST_S = 12.0, 12.0, 60.0
-"""A run that does not end before, because it is clear whether its swings last, lasts so long, or
-so many of the predicted periods, up to the third."""
+LONGEST_S, SEARCH_S, MAP_S = 300.0, 60.0, 12.0
+"""A run that does not end before, because it is clear whether its swings last, lasts so long: an
+integral that winds up in 25 s, or friction that creeps for a minute, is seen to its end. One of the
+many that look for a gain, or make a map, lasts less, and more of them are unclear."""
 
 STEP_S, RECORD_S = 2e-4, 1e-3
 """Longest step, and interval of records."""
@@ -49,22 +50,32 @@ FIRST_LOOK_S, LOOKS = 0.7, 1.5
 """When a run is looked at first, and by how much later each time; it is a time of several swings
 of what is fast."""
 
-STEADY, LASTS, ENDS = 0.02, 0.9, 0.5
-"""Speed in the later half of a run's last swings over that in the earlier. One that differs from 1
-by less than the first stays as it is; at the end of the longest run swings that keep more than the
-second last, and what keeps less than the third comes to rest; in between it is unclear."""
+LEAST = 0.01
+"""Half a swing, in plays of the gear, below which nothing is said to hunt. What at its pace, not
+growing, would come no farther in the longest run than a whole one is at rest."""
 
-ONE_WAY = 0.98
-"""Part of a motion that leads one way, so that it is no swing: it comes to rest, if slowly."""
+ROUNDING = 1e-3
+"""What would not even come by this part of it need not slow down."""
 
-LEAST_RAD = 2e-5
-"""Half a swing below which nothing is said to hunt."""
+STEADY, EVEN = 0.02, 2e-3
+"""Swings of three spans of a run that differ by less than the first last: unless they shrink or
+grow from each to the next by half as much again or more, as they do before they end, and by more
+than the second in all."""
+
+LASTS = 0.9
+"""At the end of the longest run swings need be no steadier than that the last keep so much."""
+
+SLOWS, CONVEX = 0.95, 0.9
+"""What leads one way all the time, and no faster, ends where forces balance. Where an integral may
+wind up meanwhile it must slow down as decaying exponentials do: by the first from a quarter of the
+longest run to the next, and by no smaller a factor than before, but for the second. Before a turn
+factors become smaller."""
 
 UNITS = {"p_gain": "V/rad", "i_gain": "V/(rad*s)", "d_gain": "V*s/rad"}
 """Of a servo's gains."""
 
 REACH = 6
-"""Largest gain that is tried is so many times doubled, the smallest so many times halved."""
+"""A gain is doubled so many times until it hunts, and halved until it is quiet."""
 
 BETWEEN = 7
 """Gains that are tried between the largest quiet and the smallest that hunts, twice."""
@@ -81,7 +92,7 @@ class Swing(NamedTuple):
     twist: float = 0.0
     """Half of what the gear turns in itself to and fro [rad or m]."""
     unclear: bool = False
-    """Whether it still moves at the end of the longest run, but has not swung often enough."""
+    """Whether it still moves at the end of the longest run, which does not tell how it goes on."""
 
 
 QUIET = Swing(False, 0.0, 0.0)
@@ -300,20 +311,15 @@ class Trial:
     """How far joints and motors begin aside, in plays of their gears."""
     play: bool = True
     """Whether gears have their play."""
-    longest: float | None = None
-    """[s]; None: by the screen."""
+    longest: float = LONGEST_S
+    """[s]."""
 
 
 def swings(trial: Trial) -> list[Swing]:
     """What each axis does in the end: run until its swings last or are over."""
-    axes, longest = trial.released.axes, trial.longest
-    if longest is None:
-        slow = min(
-            (one.frequency for axis in axes if (one := predicted(axis, COARSE)).hunts), default=0.0
-        )
-        longest = min(max(LONGEST_S, PERIODS / slow), MOST_S) if slow else LONGEST_S
+    axes = trial.released.axes
     with within(", ".join(axis.joint for axis in axes)):
-        simulation = trial.released.simulation(longest)
+        simulation = trial.released.simulation(trial.longest)
         for finer in (1, FINER):
             run = Run(replace(
                 simulation, step=simulation.step / finer,
@@ -334,54 +340,75 @@ def _watched(run: Run, trial: Trial) -> list[Swing] | None:
     for moment in run.steps(0.25 * FIRST_LOOK_S):
         if moment.time >= look:
             look *= LOOKS
-            if all(found := _seen(run, trial.released.axes, last=False)):
+            if all(found := _seen(run, trial, last=False)):
                 return [one for one in found if one]
-    result = run.result(only=("q", "v"))
+    result = run.result(only=("q",))
     if result.status == Status.RUN_AWAY:
         return None
     result.completed(", ".join(axis.joint for axis in trial.released.axes))
-    return [one for one in _seen(run, trial.released.axes, last=True) if one]
+    return [one for one in _seen(run, trial, last=True) if one]
 
 
-def _seen(run: Run, axes: Sequence[Axis], last: bool) -> list[Swing | None]:
-    """What the last two thirds of a run show of each axis; None before its end if not clear yet."""
-    result, robot = run.result(only=("q", "v")), run.mechanism
-    third = len(result.time) // 3
-    time, q, v = (one[third:] for one in (result.time, result["q"].values, result["v"].values))
-    places = [[robot.coordinate(axis.joint), robot.motor(axis.joint)] for axis in axes]
-    return [_swing(time, q[:, at].T, v[:, at].T, third, last) for at in places]
+def _seen(run: Run, trial: Trial, last: bool) -> list[Swing | None]:
+    """What a run shows of each axis; None before its end if not clear yet."""
+    result, robot, axes = run.result(only=("q",)), run.mechanism, trial.released.axes
+    time, q = result.time, result["q"].values
+    places = [q[:, [robot.coordinate(axis.joint), robot.motor(axis.joint)]].T for axis in axes]
+    return [
+        _swing(time, at, axis, trial.longest, last) for axis, at in zip(axes, places, strict=True)
+    ]
 
 
 def _swing(
-    time: np.ndarray, places: np.ndarray, speed: np.ndarray, third: int, last: bool
+    time: np.ndarray, places: np.ndarray, axis: Axis, longest: float, last: bool
 ) -> Swing | None:
-    """Likewise of one, from link and motor, (2, n)."""
-    link, motor = places
-    spans = np.ptp(places[:, third:], axis=1)
-    if spans[int(last) :].max() < 2.0 * LEAST_RAD:
+    """Likewise of one, from link and motor, (2, n), without the first quarter of the run."""
+    least = LEAST * axis.gear.play
+    quarter = (len(time) - 1) // 4
+    late = len(time) - 1 - 3 * quarter
+    ways = [np.ptp(places[:, late + k * quarter :][:, : quarter + 1], axis=1) for k in range(3)]
+    pace = ways[2] * max(longest / float(time[-1] - time[-1 - quarter]), 1.0)
+    rests = pace < 2.0 * least * np.where(ways[2] <= ways[1], 1.0, ROUNDING)
+    if rests.all() or (last and rests[1]):
         return QUIET  # in the end a link may float in its play, beside a motor that stands
+    later = places[:, late:]
+    spans = np.ptp(later, axis=1)
     own = int(np.argmax(spans))  # the motor may swing within the play of a link that stands
-    rises = _rises(places[own], third)
-    half = (len(rises) - 1) // 2
-    cut = [0, third, len(time) - 1] if half < 1 else [*rises[-1 - 2 * half :: half]]
-    before, after = (np.sqrt(np.mean(speed[own, i:j] ** 2)) for i, j in pairwise(cut))
-    kept = float(after / before) if before > 0.0 else 0.0
-    if not last and not (half > 2 and abs(kept - 1.0) < STEADY):
+    rises = late + _rises(later[own])
+    each = (len(rises) - 1) // 3
+    if each >= (1 if last else 2) and spans[own] > 2.0 * least:
+        cut = rises[[-1 - 3 * each, -1 - 2 * each, -1 - each, -1]]
+        sizes = [float(np.ptp(places[own, i:j])) for i, j in pairwise(cut)]
+        if _lasts(sizes, last):
+            at = slice(cut[1], cut[3])
+            frequency = 2.0 * each / float(time[cut[3]] - time[cut[1]])
+            amplitude, twist = (
+                0.5 * float(np.ptp(one[at])) for one in (places[0], places[1] - places[0])
+            )
+            return Swing(True, amplitude, frequency, twist)
+    if not last:
         return None
-    if half < 1 or kept <= LASTS:
-        one_way = abs(places[own, -1] - places[own, 0]) > ONE_WAY * np.ptp(places[own])
-        slow = np.sqrt(np.mean(speed[1, third:] ** 2)) < JOINT_FRICTION_SPEED  # friction would hold
-        rests = half < 1 and (one_way or slow)
-        return QUIET._replace(unclear=kept >= ENDS and not rests)
-    at = slice(*cut[1:])
-    frequency = half / float(time[cut[2]] - time[cut[1]])
-    amplitude, twist = (0.5 * float(np.ptp(one[at])) for one in (link, motor - link))
-    return Swing(True, amplitude, frequency, twist)
+    one_way = np.abs(later[:, -1] - later[:, 0]) >= (1.0 - ROUNDING) * spans
+    slows = ways[2] <= (1.0 + ROUNDING) * ways[1]
+    if not isinstance(axis.drive, Servo) or axis.drive.i_gain > 0.0:
+        slows = (ways[2] < SLOWS * ways[1]) & (ways[2] * ways[0] > CONVEX * ways[1] ** 2)
+    return QUIET._replace(unclear=not (rests | (one_way & slows)).all())
 
 
-def _rises(values: np.ndarray, late: int) -> np.ndarray:
-    """Where values pass the middle of the later ones upwards, noise left out."""
-    low, high = values[late:].min(), values[late:].max()
+def _lasts(sizes: Sequence[float], last: bool) -> bool:
+    """Whether swings of these three sizes, one after the other, go on so."""
+    first, second, third = sizes
+    before, after = second - first, third - second
+    drifts = before * after > 0.0 and abs(after) > 0.5 * abs(before)
+    drifts = drifts and abs(before + after) > EVEN * third
+    if last:
+        return third > LASTS * max(first, second) and not (drifts and after < 0.0)
+    return max(abs(before), abs(after)) < STEADY * third and not drifts
+
+
+def _rises(values: np.ndarray) -> np.ndarray:
+    """Where values pass their middle upwards, noise left out."""
+    low, high = values.min(), values.max()
     away = values - 0.5 * (low + high)
     side = np.sign(np.where(np.abs(away) > 0.125 * (high - low), away, 0.0))
     at = np.flatnonzero(side)
@@ -464,10 +491,10 @@ class Hunting:
     gain: float | None
     """The one that was varied; None: none."""
     quiet: float | None
-    """Largest value of it at which no start of all tried up to it hunted; None: none. Of a
-    `MultiAxis` no joint that was looked at."""
+    """Largest value of it at which all starts came to rest, below the smallest that hunts; None:
+    none. Of a `MultiAxis` all joints that were looked at."""
     hunting: float | None
-    """Smallest one at which one did; None: none up to the largest tried."""
+    """Smallest one of those tried at which a start hunts; None: none."""
     above: Swing = QUIET
     """Without play at `hunting`."""
 
@@ -487,34 +514,49 @@ class _Search:
     jobs: int | None
     bar: ProgressBar
 
-    def largest(self, these: Sequence[Released], play: bool) -> list[list[Swing]]:
+    def largest(
+        self, these: Sequence[Released], play: bool, longest: float = SEARCH_S
+    ) -> list[list[Swing]]:
         """The largest swing of each axis of each that is released."""
-        trials = [Trial(one, start, play, self.longest) for one in these for start in self.starts]
+        longest = longest if self.longest is None else self.longest
+        trials = [Trial(one, start, play, longest) for one in these for start in self.starts]
         self.bar.total = (self.bar.total or 0) + len(trials)
         found = Study(trials, swings).run(self.jobs, self.bar)
         n = len(self.starts)
         each = (zip(*found[k : k + n], strict=True) for k in range(0, len(found), n))
         return [[max(own, key=_size) for own in axes] for axes in each]
 
-    def safe_gain(self, one: Released, gain: str) -> tuple[float | None, float | None]:
-        """Largest value up to which all that were tried are quiet, and the next, which hunts."""
-        gains = [one.gains[gain] * 2.0**k for k in range(-REACH, REACH + 1)]
-        quiet: float | None = None
-        hunts: float | None = None
-        below, clear = gains[0], True
-        for _ in range(3):
-            for value, axes in zip(
-                gains, self.largest([one.with_gains(**{gain: x}) for x in gains], True), strict=True
-            ):
-                if any(each.hunts for each in axes):
-                    hunts = value
-                    break
-                clear = clear and not any(each.unclear for each in axes)
-                below, quiet = value, value if clear else quiet
-            if hunts is None or hunts == below:
-                break
-            gains = list(np.geomspace(below, hunts, BETWEEN + 2)[1:-1])
-        return quiet, hunts
+    def safe_gain(
+        self, one: Released, gain: str, given: Sequence[Swing]
+    ) -> tuple[float | None, float | None]:
+        """The largest value that is quiet below the smallest that hunts, and that.
+
+        From the one that it has, and what it does with that: up until it hunts, down until it is
+        quiet, and between the two.
+        """
+        value = one.gains[gain]
+        found = {value: given}
+
+        def ends() -> tuple[float | None, float | None]:
+            hunts = min(
+                (x for x, axes in found.items() if any(y.hunts for y in axes)), default=None
+            )
+            calm = (x for x, axes in found.items() if not any(y.hunts or y.unclear for y in axes))
+            return max((x for x in calm if hunts is None or x < hunts), default=None), hunts
+
+        def look(values: Sequence[float]) -> None:
+            axes = self.largest([one.with_gains(**{gain: x}) for x in values], True)
+            found.update(zip(values, axes, strict=True))
+
+        for factor, end in ((2.0, 1), (0.5, 0)):
+            for k in range(1, REACH + 1):
+                if ends()[end] is None:
+                    look([value * factor**k])
+        for _ in range(2):
+            quiet, hunts = ends()
+            if quiet is not None and hunts is not None:
+                look([float(x) for x in np.geomspace(quiet, hunts, BETWEEN + 2)[1:-1]])
+        return ends()
 
 
 def _size(one: Swing) -> tuple[bool, bool, float]:
@@ -538,8 +580,8 @@ def hunting(
         simulation, joints, pose: see `released`.
         gain: that is varied, of `UNITS` or a parameter of an own controller; None: the P gain of
             servos, none of controllers.
-        longest: run, if it is not clear before whether swings last [s]; None: `LONGEST_S`, or more
-            where slow swings are predicted.
+        longest: run, if it is not clear before whether swings last [s]; None: `LONGEST_S`, or
+            `SEARCH_S` to look for the gain.
         starts: how far aside runs begin, in plays of the gear.
         jobs: processes; None takes one for each core.
         progress: show a bar.
@@ -557,12 +599,12 @@ def hunting(
     with ProgressBar(disable=not progress, unit="run", total=0) as bar:
         search = _Search(starts, longest, jobs, bar)
         for one in these:
-            (loose,), (tight,) = (search.largest([one], play) for play in (True, False))
+            (loose,), (tight,) = (search.largest([one], play, LONGEST_S) for play in (True, False))
             name, quiet, hunts, above = gain, None, None, tight
             if name is None and isinstance(one, Axis):
                 name = "p_gain"
             if name is not None:
-                quiet, hunts = search.safe_gain(one, name)
+                quiet, hunts = search.safe_gain(one, name, loose)
             if name is not None and hunts is not None:
                 (above,) = search.largest([one.with_gains(**{name: hunts})], False)
             varied = None if name is None else one.gains[name]
@@ -640,12 +682,12 @@ def gain_map(
 ) -> GainMap:
     """Run a joint at all pairs of two gains, with play and without, once each from one start.
 
-    No run is longer than `longest`, `LONGEST_S` if that is None.
+    No run is longer than `longest`, `MAP_S` if that is None.
 
     Raises:
         JointplayError: no such gain, twice the same, or several joints.
     """
-    longest = require_positive("longest run", LONGEST_S if longest is None else longest, "s")
+    longest = require_positive("longest run", MAP_S if longest is None else longest, "s")
     for gain, _ in (first, second):
         _require_gain(one, gain)
     if first.gain == second.gain:

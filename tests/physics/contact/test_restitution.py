@@ -116,7 +116,25 @@ def test_gharib_hurmuzlu_is_the_soft_limit_of_the_exact_factor():
     assert law.effective_restitution(1.0) == pytest.approx(0.5936, abs=1e-4)
 
 
+def test_anagnostopoulos_is_a_spring_and_a_dashpot():
+    law = jp.contact.Anagnostopoulos(2.0, 1e8)
+    p = law.parameters(jp.RevoluteClearance.planar(radial_clearance=1e-4).contact_properties(0))
+    assert law.function(1e-5, 0.2, 1.0, *p) == pytest.approx(p[0] * 1e-5 + p[1] * 0.2, rel=1e-12)
+    damping = -2.0 * math.log(0.9) / math.hypot(math.pi, math.log(0.9)) * math.sqrt(2.0 * 1e8)
+    assert p == pytest.approx((1e8, damping))  # restitution is 0.9 if none is given
+
+
+def test_a_dashpot_that_never_pulls_gives_back_less_than_asked():
+    """exp(-2 phi cot phi) of the damping ratio -ln(c)/sqrt(pi^2 + ln^2 c)."""
+    for c in (0.3, 0.5, 0.9):
+        zeta = -math.log(c) / math.hypot(math.pi, math.log(c))
+        phi = math.acos(zeta)
+        expected = math.exp(-2 * phi / math.tan(phi))
+        assert jp.contact.Anagnostopoulos(2.0).effective_restitution(c) == pytest.approx(expected)
+
+
 def test_linear_spring_stores_hertz_energy_at_ten_micrometres():
     contact = jp.RevoluteClearance.planar(radial_clearance=1e-4).contact_properties(0)
     k, *_ = jp.contact.LinearSpring().parameters(contact)
+    assert jp.contact.LinearSpring().effective_restitution(0.5) == 1.0
     assert k * 1e-5**2 / 2 == pytest.approx(0.4 * contact.stiffness * 1e-5**2.5, rel=1e-12)

@@ -276,7 +276,7 @@ def test_a_sliders_torsion_is_in_its_rest_and_in_its_budget(tmp_path):
     result = held(robot, start="rest")
     turn = -2.0 * 9.81 * 0.05 / 3e3
     assert 2.0 * result["tool_orientation"].values[-1, 1] == pytest.approx(turn, rel=1e-3)
-    model = budget(robot, {}, causes=["elasticity"]).model
+    model = budget(robot, {}, kind="industrial", causes=["elasticity"]).model
     (k,) = [k for k, one in enumerate(model.contributions) if one.joint == "pin"]
     assert (model.jacobian[k, 0] @ model.contributions[k].shift[0])[3] == pytest.approx(
         turn, rel=1e-6

@@ -287,7 +287,8 @@ def test_options_for_clearances_are_for_the_joints_without_a_fit():
     more = ("--joint", "wrist_1_joint", "--clearance", "0.05 mm", "--bearing-radius", "12 mm")
     done = command("budget", "ur5", "--joint", "elbow_joint=20H7/g6", *more, "--detail")
     assert done.returncode == 0, done.stderr
-    assert "wrist_1_joint (radial 0.05 mm, axial 0.05 mm, bearing 24 x 40 mm)" in done.stdout
+    assert "wrist_1_joint: bearing radius 12 mm, radial clearance 0.05 mm, " in done.stdout
+    assert "bearing length 40 mm (assumed), axial clearance 0.05 mm (assumed)" in done.stdout
     done = command("budget", "ur5", "--joint", "elbow_joint=20H7/g6", *more[4:])
     assert "bearing radius 12 mm contradicts the fit 20H7/g6" in done.stderr
 

@@ -1,9 +1,13 @@
 """Verdicts on ensembles with known differences."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from jointplay.simulation.analysis.claims import CLAIMS, judge
+from jointplay import analysis
+from jointplay.paper import scara
+from jointplay.simulation.analysis.claims import CLAIMS, can_be_measured, judge
 
 TYPICAL = {
     "deviation_mm": 3.0,
@@ -78,3 +82,11 @@ def test_every_claim_is_judged_with_its_numbers():
     for verdict in found:
         assert "→" in verdict.numbers
         assert any(character.isdigit() for character in verdict.numbers)
+
+
+@pytest.mark.parametrize(("judge_from", "right"), [(0.02, True), (0.025, False), (None, False)])
+def test_runs_of_any_length_are_measured_if_more_of_them_is_judged_than_not(judge_from, right):
+    """A start that lasts longer than the run is in all of it."""
+    run = replace(scara(2e-4), duration=0.045, judge_from=judge_from).run(estimate=False)
+    assert can_be_measured(run, analysis.twin(run)) is right
+    assert not can_be_measured(run, None)

@@ -212,16 +212,25 @@ def test_energy_balances_with_gear_and_servo(pendulum, options):
 
 
 def test_a_budget_with_servos_rests_where_a_run_begins(pendulum):
-    """Sag and dead band are the ideal robot's as well; play and wind-up of the gear are not."""
+    """By its sag, its dead band, the play and the wind-up of the gear."""
     servo = replace(SERVO, dead_band=0.01)
     found = jp.budget(pendulum(GEAR), {"a": 0.0}, drive=servo)
     rest = found.rest_positions.at(0).whole
     weight = 0.3 * 9.81 * 0.1
-    expected = GEAR.play / 2 + weight / 300.0
+    sag = weight / (servo.p_gain * servo.stall) + servo.dead_band
+    expected = sag + GEAR.play / 2 + weight / 300.0
     assert np.linalg.norm(rest[3:]) == pytest.approx(expected, rel=1e-2)
+    assert np.linalg.norm(found.rest_positions.at(0).sag[3:]) == pytest.approx(sag, rel=1e-2)
+    assert "servos' sag" in found.sentence
+    patient = jp.budget(pendulum(GEAR), {"a": 0.0}, drive=replace(servo, i_gain=1.0))
+    left = np.linalg.norm(patient.rest_positions.at(0).sag[3:])
+    assert left == pytest.approx(servo.dead_band, rel=1e-2)  # the I term takes back the rest
+    whole = jp.budget(pendulum(GEAR), {"a": 0.0}, drive=servo, causes=["sag"])
+    assert whole.model.farthest(turn=True).size[0] == pytest.approx(sag, rel=1e-2)
     motion = jp.Motion(["a"], [0, 0.1], [[0.0], [0.0]])
     run = jp.simulate(pendulum(GEAR), motion, drive=servo, duration=1e-3, **QUIET)
-    assert float(run.tool_error.turn[0]) == pytest.approx(expected, rel=3e-2)
+    turned = 2.0 * np.arcsin(np.linalg.norm(run["tool_orientation"].values[0, 1:]))
+    assert turned == pytest.approx(expected, rel=3e-2)
 
 
 def test_reactions_of_a_geared_arm_are_those_of_its_motion(pendulum):

@@ -19,7 +19,12 @@ from jointplay.paper import scara
 from jointplay.physics.kernel import Status
 from jointplay.show.reports import cases, sections
 from jointplay.simulation.analysis import twins
-from jointplay.simulation.analysis.headline_figures import STRETCHES, Measured, _History
+from jointplay.simulation.analysis.headline_figures import (
+    STRETCHES,
+    Measured,
+    _History,
+    figures,
+)
 from jointplay.simulation.result.certificate import Certificate, CertifiedFigure, alone, plus_minus
 from jointplay.study.certification import (
     add_certificate,
@@ -82,7 +87,7 @@ def test_errors_of_runs_with_bristles_are_covered(law, options):
     for name, truth in BRISTLES_TRUTH[law].items():
         figure = found[name]
         assert abs(figure.value - truth) < 0.025 * truth
-        assert abs(figure.value - truth) <= 1.02 * figure.error < 0.12 * truth
+        assert abs(figure.value - truth) <= 1.02 * figure.error < 0.15 * truth
 
 
 @pytest.fixture(
@@ -275,10 +280,11 @@ def test_further_runs_of_several_processes_say_the_same(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("find", "number"), [(certify, 4), (estimate_errors, 3)], ids=["certify", "estimate"]
+    ("find", "doubt", "number"),
+    [(certify, False, 5), (estimate_errors, True, 5), (estimate_errors, False, 4)],
 )
 @pytest.mark.parametrize("method", ["multi-rate", "rk4"])
-def test_the_number_of_further_runs_is_known_beforehand(method, find, number, monkeypatch):
+def test_the_most_further_runs_are_known_beforehand(method, find, doubt, number, monkeypatch):
     simulation = replace(scara(2e-4), duration=2e-3, integrator=method)
     result, begun, real = simulation.run(), [], jp.Run
     twins._recent.clear()
@@ -289,15 +295,17 @@ def test_the_number_of_further_runs_is_known_beforehand(method, find, number, mo
 
     for place in ("study.certification", "simulation.run"):  # that of the ideal mechanism, too
         monkeypatch.setattr(f"jointplay.{place}.Run", made)
+    if not doubt:
+        monkeypatch.setattr("jointplay.study.certification.leave_open", lambda *_: False)
     find(result)
-    assert len(begun) == number_of_runs(simulation, strict=find is certify) == number
+    assert len(begun) == number <= number_of_runs(simulation) == 5
 
 
 def test_a_run_with_a_tolerance_is_compared_with_coarser_and_finer_ones():
     run = replace(scara(2e-4), duration=0.02, tolerance=1e-4).run(estimate=True)
     assert run.certificate.runs == (
-        "multi-rate, tolerance 0.0004",
-        "multi-rate, tolerance 2.5e-05, journals 100 nm aside",
+        "multi-rate, tolerance 0.0004, journals 100 nm aside",
+        "multi-rate, tolerance 2.5e-05",
     )
 
 
@@ -306,7 +314,7 @@ def test_further_runs_are_judged_from_when_the_run_is():
     simulation = replace(scara(2e-4), duration=0.15)
     result = simulation.run()
     assert result.judge_from == 0.0 != replace(simulation, duration=result.time[-1]).judged_from
-    for other in further_runs(simulation, result, strict=True):
+    for other in further_runs(simulation, result):
         assert other.simulation.judged_from == 0.0
 
 
@@ -537,3 +545,41 @@ def test_the_report_shows_what_certificates_say_as_text(short):
     assert "&lt;script&gt;" in page
     assert "<b>" not in page
     assert str(found["peak joint force"]) in page
+
+
+SPACECRAFT = """<robot name="m">
+<link name="bus"><inertial><mass value="154.3"/>
+<inertia ixx="25.3" iyy="22.7" izz="27.8" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="upper"><inertial><origin xyz="0.14 0 0"/><mass value="0.53"/>
+<inertia ixx="0.0004" iyy="0.0034" izz="0.0034" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="shoulder" type="revolute"><parent link="bus"/><child link="upper"/>
+<origin xyz="0.2 0.1 0"/><axis xyz="0 0 1"/>
+<limit lower="-6" upper="6" effort="1e6" velocity="100"/></joint>
+<link name="lower"><inertial><origin xyz="0.231 0 0"/><mass value="5.96"/>
+<inertia ixx="0.0048" iyy="0.106" izz="0.106" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="elbow" type="revolute"><parent link="upper"/><child link="lower"/>
+<origin xyz="0.277 0 0"/><axis xyz="0 0 1"/>
+<limit lower="-6" upper="6" effort="1e6" velocity="100"/></joint>
+<link name="tip"/><joint name="tipping" type="fixed"><parent link="lower"/><child link="tip"/>
+<origin xyz="0.462 0 0"/></joint></robot>"""
+
+
+def test_what_the_ideal_run_of_a_free_base_is_off_is_in_the_error(tmp_path):
+    """Its macro steps put the tool 84 nm away; beside it every run of the certificate shares that.
+
+    Truth: rk4 at 2 us, both runs.
+    """
+    path = tmp_path / "craft.urdf"
+    path.write_text(SPACECRAFT)
+    loose = {"elbow": jp.RevoluteClearance(radial_clearance=3.67e-5, axial_clearance=2.1e-4)}
+    robot = jp.Mechanism(path, loose, base="free", gravity=(0.0, 0.0, -9.81))
+    ways = [[0.0, 0.0], [0.2616, 0.0051], [0.0933, 0.1731]]
+    motion = jp.Motion(["shoulder", "elbow"], [0.0, 0.147, 0.294], ways)
+    run = jp.Simulation(robot, motion, duration=0.1, tolerance=1e-3)
+    found = estimate_errors(run)
+    exact = replace(run, tolerance=None, integrator="rk4", step=2e-6, record_every=50).run(
+        estimate=False, check_step=False
+    )
+    truth = figures(exact, analysis.twin(exact))
+    for name in ("peak tool error", "peak tool turn"):
+        assert abs(found[name].value - truth[name][0]) <= found[name].error < 0.02 * truth[name][0]

@@ -1,11 +1,12 @@
-"""`jointplay allocate`: the largest clearances that keep the tool's error below a target.
+"""`jointplay allocate`: the largest clearances and plays that keep the error below a target.
 
-Find the cheapest clearances of all joints that keep the tool's static error below a target, at a
-pose, along a motion or over the workspace, and the marginal cost of each. The bearings' dimensions
-come from the options or the scenario; the ratio of axial to radial clearance is kept. With --whole,
-which cause of the whole error to improve at which joint. See docs/allocate.md.
+Find the cheapest clearances of joints and plays of gears that keep the tool's static error below a
+target, at a pose, along a motion or over the workspace, and the marginal cost of each. What is
+given is allocated: joints by --clearance or --joint, gears by --gear or --preset; the sizes given
+count only by their ratio of axial to radial clearance, the bearings' dimensions as they are. With
+--whole, which cause of the whole error to improve at which joint. See docs/allocate.md.
 
-Example: jointplay allocate ur5 --target "0.2 mm" --workspace 200
+Example: jointplay allocate ur5 --clearance "0.1 mm" --target "0.2 mm" --workspace 200
 
     FILE | ROBOT  robot, joints with clearance, gears, drive, motion, poses, load, whole error
     --target LENGTH  largest error of the tool (required)
@@ -28,8 +29,8 @@ Example: jointplay allocate ur5 --target "0.2 mm" --workspace 200
     --trust TEXT  how far play and friction may be off then, such as "play 30 %, friction 50 %"
         (default: play 30 %)
   bounds:
-    --least LENGTH  smallest possible clearance (default: 2 um)
-    --most LENGTH  largest possible clearance (default: 1 mm)
+    --least LENGTH  smallest possible clearance (default: 2 um; of gears that turn 0.1 arcmin)
+    --most LENGTH  largest possible clearance (default: 1 mm; of gears that turn 6 deg)
   whole error:
     --statistical  with --whole, the target is of the RMS, not of the worst case
     --by-class LIST  with --whole, joints whose rolling bearings or fits are chosen, too, among all
@@ -52,14 +53,12 @@ def run(options: argparse.Namespace) -> int:
 
     _require_fitting(options)
     whole = options.whole is not None
-    chosen = inputs.chosen_preset(options)
-    tables = () if chosen is None else (chosen.every, *chosen.ordered)
-    named = inputs.is_scenario(options) or any("bearing" in one for one in tables)
-    given_as = inputs.named_joints(options).values()
-    named |= bool(given_as) and None not in given_as
-    if options.clearance is None and not named and not whole:
-        options.clearance = options.axial_clearance or 1e-4  # sizes are what is sought
     posed = inputs.posed_machine(options)
+    if not (whole or posed.mechanism.clearance or posed.mechanism.gears):
+        raise JointplayError(
+            "say what is to be allocated: --clearance LENGTH for journals in all joints that move "
+            "the tool, --joint NAME for one, or --gear JOINT=PLAY; their sizes are what is sought"
+        )
     if options.verify is not None and posed.motion is None:
         raise JointplayError("--verify simulates a motion: give --motion CSV or a scenario")
     joints = [one for one in posed.mechanism.clearance.values() if one.clearances]
@@ -77,7 +76,7 @@ def run(options: argparse.Namespace) -> int:
             "statistical": options.statistical,
             "keep": options.keep or (),
             "offers": dict.fromkeys(options.by_class or (), ()),
-            "force": inputs.load_on_tool(options, posed.mechanism.gravity),
+            "force": inputs.force_on_tool(options),
             **inputs.whole_errors(options, posed.scenario),
         }
     prices = numbers_by_name(options.price, f"--price {'CAUSE' if whole else 'CLASS'}=X")
@@ -90,12 +89,12 @@ def run(options: argparse.Namespace) -> int:
         posed.poses.q,
         options.target,
         quantile=options.quantile,
-        driven=posed.poses.driven,
         progress=not options.quiet,
         prices=prices,
         weights=weights,
         limits=limits,
         offers=offers,
+        **posed.poses.holding,
         **more,
         **given(options, "cost", "least", "most"),
     )

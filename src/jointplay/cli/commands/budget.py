@@ -44,15 +44,16 @@ def run(options: argparse.Namespace) -> int:
         raise JointplayError(f"{words}: give --whole CLASS, too")
     posed = inputs.posed_machine(options)
     mechanism, poses = posed.mechanism, posed.poses
-    force = inputs.load_on_tool(options, mechanism.gravity)
     body = options.relative_to
+    about: dict[str, Any] = {
+        "force": inputs.force_on_tool(options), "relative_to": body, **poses.holding
+    }  # fmt: skip
     seen = [] if body is None else [f"seen from {body!r}, in its axes"]
     at = [f"at: {poses.words}", *seen, *posed.notes]
     if options.whole is not None:
         out.names.append("errors.png")
         out.claim()
-        about = inputs.whole_errors(options, posed.scenario)
-        about |= {"force": force, "driven": poses.driven, "relative_to": body}
+        about |= inputs.whole_errors(options, posed.scenario)
         whole = budget(mechanism, poses.q, **about)
         table, of_class = whole.table(), f"what nobody gave is that of class {about['kind']!r}"
         notes = [*[of_class] * bool(whole.assumed), *at, *table.notes]
@@ -68,8 +69,7 @@ def run(options: argparse.Namespace) -> int:
     of_kind = {"motion": ["course.png"], "workspace": [] if body else ["map.png"]}
     out.names += of_kind.get(poses.kind, [])
     out.claim()
-    about = {"force": force, "driven": poses.driven, "friction": options.friction}
-    about |= {"drive": poses.drive, "relative_to": body}
+    about["friction"] = options.friction
     errors = budget(mechanism, poses.q, **about)
     shown = [str(errors.by_pose(poses.names))] if poses.names else []
     if len(errors.worst) > 1:
@@ -85,7 +85,8 @@ def run(options: argparse.Namespace) -> int:
     shown += [str(replace(table, notes=())), errors.ranking]
     shown += _at_ends(options, mechanism, poses.q, about)
     notes = [*at, *table.notes, errors.validity]
-    print_answer(errors.sentence, "\n".join(shown), notes, options.detail)
+    sentence = f"{errors.sentence}{posed.undecided(any(about['force']))}"
+    print_answer(sentence, "\n".join(shown), notes, options.detail)
     if not options.out:
         return 0
     from jointplay.show.plots import design as plots

@@ -72,8 +72,11 @@ def run(options: argparse.Namespace) -> int:
     lines = [summary(scenario, runs), *(f"  {line}" for line in scenario.assumptions)]
     if scenario.sweep:
         from jointplay.study import plan_of
+        from jointplay.study.sweeps import probe
 
-        lines.append(f"sweep: {plan_of(scenario).summary}")
+        made = plan_of(scenario)
+        probe(made)
+        lines.append(f"sweep: {made.summary}")
     if place is not None:
         first = next(iter(runs.values()))
         shown = next((run for run in runs.values() if run.mechanism.clearance), first)

@@ -69,7 +69,7 @@ def run(options: argparse.Namespace) -> int:
     )
     more = []
     if options.passes:
-        found, tried = learn(found, options.passes, progress=progress)
+        found, tried = learn(found, options.passes)
         told = ", ".join(f"{1e3 * one:.4g}" for one in tried)
         more.append(f"RMS error by pass: {told} mm; {found.learned} kept")
     extra = _further(found, wanted)
@@ -107,8 +107,11 @@ def _further(found: Compensation, wanted: Sequence[str]) -> dict[str, Any]:
         elif one == "table":
             contents["table.csv"] = table_for_controllers(found).csv()
         else:
-            contents |= backlash.tables(found, one)
-            lost.append(f"note: {one} cannot say {backlash.FORMATS[one].lost}")
+            try:
+                contents |= backlash.tables(found, one)
+                lost.append(f"note: {one} cannot say {backlash.FORMATS[one].lost}")
+            except JointplayError as error:
+                lost.append(f"warning: no file for {one}: {error}")
     return contents | {"": lost}
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jointplay.base import files, streams
-from jointplay.base.errors import JointplayError, require_non_negative
+from jointplay.base.errors import JointplayError
 from jointplay.base.origins import ASSUMED
 from jointplay.base.pairs import misread, name_and_number
 from jointplay.base.tables import few
@@ -430,20 +430,43 @@ class PosedMachine:
     """What the options say of a machine that stands."""
 
     scenario: Scenario
-    simulation: Simulation | None
-    """Of a scenario file."""
-    mechanism: Mechanism
-    motion: Motion | None
+    case: str
+    of_file: bool
+    """Whether the scenario is one of a file, and not of a robot."""
     poses: Poses
     notes: list[str]
     """What was chosen for the user, a line each."""
+
+    def undecided(self, force: bool = False) -> str:
+        """What decides where it rests and nobody gave, to add to a sentence.
+
+        `force`: whether one is on the tool.
+        """
+        from jointplay.scenario.assumptions import undecided_at_rest
+
+        loaded = force or bool(self.poses.machine.payloads)
+        words = undecided_at_rest(self.scenario, self.case, self.mechanism, loaded)
+        return f"; assumed: {', '.join(words)}" if words else ""
+
+    @property
+    def mechanism(self) -> Mechanism:
+        return self.poses.mechanism
+
+    @property
+    def motion(self) -> Motion | None:
+        return self.poses.machine.motion
+
+    @property
+    def simulation(self) -> Simulation | None:
+        """As a run of a scenario file has it; None of a robot."""
+        return self.scenario.simulation(self.case) if self.of_file else None
 
 
 def posed_machine(options: argparse.Namespace) -> PosedMachine:
     """The machine that the options describe, and the poses at which it is to be looked at.
 
     Raises:
-        JointplayError: see `scenario_of`; a joint with clearance of which nobody says the size.
+        JointplayError: see `scenario_of`.
     """
     from jointplay.accuracy.poses import poses_of
     from jointplay.scenario import assumptions
@@ -454,23 +477,19 @@ def posed_machine(options: argparse.Namespace) -> PosedMachine:
         raise JointplayError(f"give one of --{' and --'.join(chosen)}")
     scenario = scenario_of(options, moves=False)
     case = options.case or scenario.cases[0]
-    simulation = scenario.simulation(options.case) if is_scenario(options) else None
-    mechanism = scenario.mechanism(options.case)
-    named = named_joints(options)
-    motion = scenario.motion(case) if simulation is None else simulation.motion
-    given = _given_poses(options, mechanism)
-    poses = poses_of(simulation or mechanism, given, ways["workspace"], motion)
-    if simulation is None and (preset := chosen_preset(options)) is not None:
-        poses = replace(poses, drive=preset.drives(mechanism.description))
+    machine, named = scenario.simulation(options.case, still=True), named_joints(options)
+    given = _given_poses(options, machine.mechanism)
+    poses = poses_of(machine, given, ways["workspace"])
     notes = assumptions.notes_at_poses(
         scenario,
         case,
         poses,
         named=named,
         play=bool(named or for_joints(options)),
+        friction=_value(options, "friction") is None,
         relative_to=_value(options, "relative_to"),
     )
-    return PosedMachine(scenario, simulation, poses.mechanism, motion, poses, notes)
+    return PosedMachine(scenario, case, is_scenario(options), poses, notes)
 
 
 def _given_poses(
@@ -520,35 +539,21 @@ def _position(mechanism: Mechanism, joint: str, text: str, where: str) -> float:
     return commands.quantity(text, "m" if entry is not None and entry.slides else "rad", where)
 
 
-def load_on_tool(
-    options: argparse.Namespace, gravity: Sequence[float]
-) -> tuple[float, float, float]:
-    """Force on the tool in world axes [N]: what --force and --payload say."""
-    force = (0.0, 0.0, 0.0)
-    if options.force is not None:
-        force = commands.vector(options.force, "N", "--force")
-    require_non_negative("--payload", options.payload or 0.0, "kg")
-    x, y, z = (f + (options.payload or 0.0) * g for f, g in zip(force, gravity, strict=True))
-    return x, y, z
+def force_on_tool(options: argparse.Namespace) -> tuple[float, float, float]:
+    """What --force says, world axes [N]."""
+    if options.force is None:
+        return (0.0, 0.0, 0.0)
+    return commands.vector(options.force, "N", "--force")
 
 
 def whole_errors(options: argparse.Namespace, scenario: Scenario) -> dict[str, Any]:
-    """What budgets of the whole error take: its causes, errors that are known, class of the rest.
-
-    Raises:
-        JointplayError: neither --whole nor the scenario nor the preset names a class.
-    """
+    """What whole budgets take: their causes, errors that are known, class of the rest."""
     from jointplay.accuracy.causes import CAUSES
-    from jointplay.accuracy.robot_errors import CLASSES
 
     errors, preset = scenario.robot_errors(options.case), chosen_preset(options)
     said = (options.whole, errors and errors.assumed, preset and preset.errors)
-    for kind in filter(None, said):
-        return {"causes": options.causes or CAUSES, "errors": errors, "kind": kind}
-    raise JointplayError(
-        f"--whole needs a class of robots, from which is taken what is not given: "
-        f'{", ".join(CLASSES)}; or [errors] of the scenario, such as assumed = "{CLASSES[1]}"'
-    )
+    kind = next(filter(None, said), None)
+    return {"causes": options.causes or CAUSES, "errors": errors, "kind": kind}
 
 
 def simulation_of(options: argparse.Namespace) -> Simulation:

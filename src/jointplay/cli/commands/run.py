@@ -15,7 +15,7 @@ reader), and the figures as .png.
   integration and output:
     --certify  repeat the run with finer steps to give the headline figures numerical error bounds;
         takes about two and a half times as long
-    --no-error-estimate  leave out the further run that estimates the numerical errors of the
+    --no-error-estimate  leave out the further runs that estimate the numerical errors of the
         headline figures
     --resume  continue the interrupted runs in DIR, bit for bit; finished ones are kept
     --figures  draw all figures of a single case, too: the tool's motion and path, orbits, forces

@@ -92,7 +92,7 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
         from jointplay.study.certification import number_of_runs
 
         simulations[case] = run.simulation
-        runs = 1 + (number_of_runs(run.simulation, item.certified) if item.errors else 0)
+        runs = 1 + (number_of_runs(run.simulation) if item.errors else 0)
         length = run.total_steps * run.simulation.step
         # What gives is compared with the ideal mechanism, if no case is it, and without play.
         ideal = _gives(run.simulation) and (len(cases) > 1 or not item.errors)

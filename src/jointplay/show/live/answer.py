@@ -120,8 +120,9 @@ class Machine:
         if whole or self._worst is None:
             poses = poses_of(simulation)
         else:
-            poses = replace(self._worst, mechanism=simulation.mechanism.bolted())
-        errors = budget(poses.mechanism, poses.q, driven=poses.driven, drive=poses.drive)
+            held = replace(simulation, mechanism=simulation.mechanism.bolted())
+            poses = replace(self._worst, machine=held)
+        errors = budget(poses.mechanism, poses.q, **poses.holding)
         at = errors.worst_pose
         if not whole and len(poses.q) > 1:  # from now on at this pose
             self._worst = replace(poses, q=poses.q[at : at + 1])

@@ -55,7 +55,7 @@ def _row(panels: Iterable[Panel], size: tuple[float, float], **more: Any) -> Fig
 def bars(budget: PlayBudget, pose: int | None = None) -> Figure:
     """What each joint adds to the tool's error at a pose, by default the worst one."""
     at = budget.worst_pose if pose is None else pose
-    rests, whole, _ = budget.rest_positions.at(at)
+    rests, whole, *_ = budget.rest_positions.at(at)
     size, sizes = np.linalg.norm(whole[:3]), np.linalg.norm(rests[:, :3], axis=1)
     marks = [
         Bars(values, f"{words}, all {1e3 * total:.3g} mm", colour, shift=shift, height=0.25)
@@ -131,12 +131,12 @@ def robot(mechanism: Mechanism, budget: PlayBudget, q: np.ndarray) -> Figure:
 def reachable(budget: PlayBudget, pose: int | None = None) -> Figure:
     """All places that the tool can take at a pose, seen along x, y and z; and where it rests.
 
-    The box holds all places in which friction can hold it.
+    The box holds all places in which friction can hold it. The sag of drives is left out.
     """
     at = budget.worst_pose if pose is None else pose
     angle = np.linspace(0.0, 2.0 * np.pi, 241)
-    rest = budget.rest_positions.at(at).whole
-    ends = budget.rest_positions.interval(at)
+    place, sag = budget.rest_positions.at(at), np.nan_to_num(budget.rest_positions.at(at).sag[:3])
+    rest, ends = place.whole[:3] - sag, budget.rest_positions.interval(at)[:3] - sag[:, None]
     held = f"{budget.rest_positions.words} may hold it"
     if budget.rest_positions.unsearched:
         held = "entire play: friction not searched"

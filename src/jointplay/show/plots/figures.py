@@ -497,8 +497,10 @@ def pdf(cases: Cases, start: float | None = None, look: str = "paper") -> bytes:
     """
     from matplotlib.backends.backend_pdf import PdfPages  # takes long to import
 
+    from jointplay.show.plots.style import style
+
     drawn = io.BytesIO()
-    with PdfPages(drawn) as pages:
+    with style(look), PdfPages(drawn) as pages:  # which embeds typefaces when it is closed
         pages.infodict()["Title"] = f"jointplay: {', '.join(cases)}"
         charts = (chart for _, chart in _charts(cases))
         for chart in (*charts, *_states(cases), spectra(cases, start)):

@@ -45,8 +45,8 @@ STYLES: dict[str, dict[str, Any]] = {
     "screen": _SCREEN,
     "paper": _SCREEN
     | {
-        "font.family": "serif",
-        "font.serif": ["STIXGeneral", "DejaVu Serif"],
+        # By name: matplotlib takes one typeface of a family, for all letters.
+        "font.family": ["STIXGeneral", "DejaVu Serif"],
         "mathtext.fontset": "stix",
         "font.size": 8,
         "axes.titlesize": 8,
@@ -75,8 +75,8 @@ def style(name: str = "screen") -> Iterator[None]:
     """Use this package's look, leaving the user's own settings alone."""
     require_known("style", name, STYLES)
     own = STYLES[name]
-    family = own.get("font.family", "sans-serif")
-    settings: Any = {**own, "font.family": [family, *_fallbacks()]}
+    families = own.get("font.family", ["sans-serif"])
+    settings: Any = {**own, "font.family": [*families, *_fallbacks()]}
     with mpl.rc_context(settings):
         yield
 

@@ -42,11 +42,10 @@ from jointplay.show.reports.html import (
     worst_first,
 )
 from jointplay.simulation import analysis
-from jointplay.simulation.analysis.claims import CLAIM_COLUMNS, measure
+from jointplay.simulation.analysis.claims import CLAIM_COLUMNS, can_be_measured, measure
 from jointplay.simulation.analysis.headline import headline
 from jointplay.simulation.result.certificate import MARKED, CertifiedFigure
 from jointplay.simulation.result.result import AXES
-from jointplay.simulation.result.settings import START_UP
 
 # What the paper claims, and what these runs say of it.
 
@@ -95,17 +94,14 @@ def claims(cases: Sequence[Case], source: Path | None) -> Html:
         parts.append(table(Table.of_texts([lines[0], *rows]), caption))
     found: dict[Html, dict[str, Quantity]] = {}
     for case in cases:
-        if case.error is None or case.ideal is None or len(case.joints) != 1:
-            continue
-        same = np.array_equal(case.result.time, case.ideal.time)
-        if same and case.duration > 2.0 * START_UP:
+        if case.ideal is not None and can_be_measured(case.result, case.ideal):
             values = measure(case.result, case.ideal)
             found[dark(case)] = {name: (float(values[key]), "") for key, name in _MEASURES.items()}
     if found:
         caption = "What the claims are about, in these single runs"
         made = by_case("measure", list(found), list(found.values()), caption=caption)
         parts += [made, paragraph(note("single-runs"))]
-    return joined(parts) or paragraph(note("no-claims", f"{2.0 * START_UP:g}"))
+    return joined(parts) or paragraph(note("no-claims"))
 
 
 # Modes, forms and impacts in joints with clearance.

@@ -39,6 +39,16 @@ def _path(points: np.ndarray) -> np.ndarray:
     return kept
 
 
+def can_be_measured(result: Result, ideal: Result | None) -> bool:
+    """Whether `measure` has what it needs, and more of the run is judged than not."""
+    if ideal is None or len(result.joints) != 1:
+        return False
+    settled = result.judge_from > 0.0 or result.audit.start == "rest"
+    longer = float(result.time[-1]) > 2.0 * result.judge_from
+    same = result.time.shape == ideal.time.shape and np.allclose(result.time, ideal.time, 0.0, 1e-9)
+    return settled and longer and same
+
+
 def measure(result: Result, ideal: Result) -> Measures:
     """Reduce a run to the numbers that the claims are about.
 

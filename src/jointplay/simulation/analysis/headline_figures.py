@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jointplay.simulation import spool
-from jointplay.simulation.analysis.claims import measure
+from jointplay.simulation.analysis.claims import can_be_measured, measure
 from jointplay.simulation.analysis.tool_error import Reference
 from jointplay.simulation.analysis.twins import hinges
 from jointplay.simulation.result import netcdf
 from jointplay.simulation.result.histories import HistoryBuilder
 from jointplay.simulation.result.result import Result
-from jointplay.simulation.result.settings import START_UP
 from jointplay.simulation.result.variables import LOSSES, Records
 from jointplay.simulation.run import Run
 
@@ -90,7 +89,7 @@ def headline_of(result: Result, ideal: Result | None, claims: bool) -> dict[str,
 
 def claims_of(result: Result, ideal: Result | None) -> dict[str, Measured]:
     """What the claims use, of a long run with one joint with clearance."""
-    if ideal is None or len(result.joints) != 1 or not result.time[-1] > 2.0 * START_UP:
+    if ideal is None or not can_be_measured(result, ideal):
         return {}
     found = measure(result, ideal)
     return {

@@ -147,7 +147,7 @@ class Certificate(Described):
     note: str = ""
     """What else the reader must know."""
     strict: bool = True
-    """Whether several finer runs found the errors; else one further run estimated them."""
+    """Whether several finer runs found the errors; else two, in doubt three, estimated them."""
 
     def __getitem__(self, name: str) -> CertifiedFigure:
         for figure in self.figures:

@@ -33,6 +33,7 @@ elbow_joint="2 arcmin" --gear-stiffness 2e4 --rotor-inertia 0.5 --out elbow
 """
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -62,7 +63,7 @@ def run(options: argparse.Namespace) -> int:
     options.pose = [options.pose or ""]
     posed = inputs.posed_machine(options)
     mechanism, pose = posed.mechanism, posed.poses.positions()
-    if not (joint is None or options.joint or posed.simulation or joint in mechanism.gears):
+    if not (joint is None or options.joint or posed.of_file or joint in mechanism.gears):
         raise JointplayError("--clearance or --gear is missing: there is no play to reduce")
     play = [*mechanism.clearance, *mechanism.gears] if joint is None else [joint]
     refuse_without_play(mechanism, play, formats, options.tilt)
@@ -78,10 +79,16 @@ def run(options: argparse.Namespace) -> int:
     more |= {"servos": _servos(posed) if remade else {}}
     if more["servos"]:
         notes.append(f"servos (MJCF): {', '.join(more['servos'])}")
-    more |= given(options, "encoder", "plugin")
+    from jointplay.scenario.assumptions import by_rule
+
+    more |= given(options, "plugin") | {"encoder": _encoder(posed, reductions)}
+    notes += by_rule(mechanism, "rotor_inertia")
     robot = ReducedRobot(mechanism, reductions, pose, formats, options.tilt, **more)
-    shown = robot.table() if joint is None else reductions[0]
     contents: dict[str, Any] = {**robot.files(stem)}
+    shown: Any = robot.table()
+    if joint is not None:
+        shown, how_found = robot.stated()
+        notes.append(how_found)
     sentence, *coverage = robot.coverage
     notes += coverage
     if joint is not None:
@@ -122,10 +129,20 @@ def _joint(options: argparse.Namespace) -> str:
     return joint
 
 
-def _servos(posed: inputs.PosedMachine) -> dict[str, Any]:
-    from jointplay.simulation.loads.drive import Drive, Servo
+def _encoder(posed: inputs.PosedMachine, reductions: Sequence[Any]) -> str:
+    """Where the encoders of these joints sit, if all sit alike."""
+    from jointplay.simulation.loads.drive import ENCODERS
 
-    drives = posed.poses.drive
-    if isinstance(drives, Drive):
-        drives = dict.fromkeys(posed.mechanism.joints, drives)
-    return {name: one for name, one in drives.items() if isinstance(one, Servo)}
+    drives = posed.poses.holding["drive"]
+    own = {one.joint: getattr(drives.get(one.joint), "encoder", ENCODERS[0]) for one in reductions}
+    if len({*own.values()}) > 1:
+        words = ", ".join(f"of {name} on the {side}" for name, side in own.items())
+        raise JointplayError(f"encoders sit {words}: --encoder says where all of the file are")
+    return next(iter(own.values()), ENCODERS[0])
+
+
+def _servos(posed: inputs.PosedMachine) -> dict[str, Any]:
+    from jointplay.simulation.loads.drive import Servo
+
+    held = posed.poses.holding["drive"].items()
+    return {name: one for name, one in held if isinstance(one, Servo)}

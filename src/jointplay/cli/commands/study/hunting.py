@@ -13,8 +13,8 @@ Example: jointplay study hunting so101 --preset --of elbow_flex
   hunting:
     --of JOINT ...  joint to look at (default: all that have play and a servo or controller)
     --held JOINT=X,...  positions at which joints are held (default: where the motion begins)
-    --time TIME  longest run, if it is not clear before whether swings last (default: 12 s, or as
-        slow swings need that are predicted)
+    --time TIME  longest run, if it is not clear before whether swings last (default: 300 s;
+        60 s to look for a gain, 12 s for a map)
     --gain GAIN  gain that is varied: p_gain, i_gain, d_gain, or a parameter of your controller, by
         the name in its class or p0, p1, ... (default: p_gain of servos, none of controllers)
     --map GAIN=FROM:TO:COUNT ...  two of them, such as p_gain=10:400:20 d_gain=0:5:20: a map of the
