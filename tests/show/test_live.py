@@ -22,6 +22,7 @@ from warm import JOINTPLAY
 
 import jointplay as jp
 from jointplay.accuracy.error_budget import budget
+from jointplay.base.origins import to_text
 from jointplay.physics.joints import RollingBearing
 from jointplay.scenario import Scenario
 from jointplay.scenario.robot import robot_scenario
@@ -30,6 +31,7 @@ from jointplay.show.live.answer import Machine
 from jointplay.show.live.state import State
 from jointplay.show.live.workers import Workers
 from jointplay.simulation.analysis import tool_error, twin
+from jointplay.simulation.values import values
 
 DURATION = 0.3
 SLIDER_CRANK = "jointplay:slider_crank.toml"
@@ -684,6 +686,17 @@ def test_quick_and_exact_answers_agree(place):
     for name, value in fine.items():
         if place or name == "largest tool error":
             assert quick[name] == pytest.approx(value, rel=0.1 if place else 0.05, abs=1e-12), name
+
+
+def test_the_exact_answer_begins_as_that_of_the_command():
+    chosen = scenario()
+    case = next(one for one in chosen.cases if one != "ideal")
+    answering = Machine(state_of(chosen, case))
+    (fine,) = (head for head, _ in answering.fine({}) if head["kind"] == "cycle")
+    result = chosen.simulation(case).run(estimate=False, check_step=False)
+    result.dataset.attrs["values"] = to_text(values(result.simulation, chosen.origins(case)))
+    assert fine["answer"] == f"{result.summary().splitlines()[0]}."
+    assert {head.get("answer", "") for head, _ in answering.quick({})} == {""}
 
 
 def test_the_first_part_of_a_long_answer_is_shown_soon(monkeypatch):

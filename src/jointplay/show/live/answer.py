@@ -6,11 +6,9 @@ run, then the budget along the whole motion and the run as `jointplay run` makes
 
 from __future__ import annotations
 
-import json
 import math
 import time
 import warnings
-from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -31,7 +29,7 @@ from jointplay.show.plots.chart import Axis, Curve, Panel
 from jointplay.show.plots.result import TIME
 from jointplay.simulation.analysis.parts import ToolError
 from jointplay.simulation.analysis.tool_error import deviation
-from jointplay.simulation.analysis.twins import COMPARED, has_play, ideal_simulation
+from jointplay.simulation.analysis.twins import has_play, ideal_simulation, tool_motion
 from jointplay.simulation.result.result import Result
 from jointplay.simulation.result.variables import TERMS
 from jointplay.simulation.run import Run
@@ -57,8 +55,6 @@ QUICK_RECORDS = 2000
 SHOWN = 1500  # records that are sent, about; peaks among those that are not are kept
 QUICK_MOMENTS, MOMENTS = 120, 600
 """Moments at which the picture shows the machine; between them it is interpolated."""
-_TWINS = 6
-"""Ideal twins that are kept: moving one clearance back and forth asks for the same one again."""
 
 
 class Superseded(Exception):
@@ -74,7 +70,6 @@ class Machine:
     def __init__(self, state: State) -> None:
         self.state = state
         self.superseded: Callable[[], bool] = lambda: False
-        self._twins: OrderedDict[str, Result] = OrderedDict()
         self._worst: Poses | None = None
         self._rested: tuple[Mapping[str, float], Mapping[str, np.ndarray]] = {}, {}
         """Numbers of the last quick run, and where its journals rested."""
@@ -175,19 +170,11 @@ class Machine:
 
     def _twin(self, simulation: Simulation) -> Result:
         """Where the ideal machine goes, which most changes of a clearance leave as it is."""
-        ideal = ideal_simulation(simulation)
-        key = json.dumps(ideal.describe(), default=str)
-        found = self._twins.pop(key, None)
-        if found is None:
-            run = Run(ideal)
-            status = self._to_end(run)
-            if status != Status.COMPLETED:
-                raise JointplayError(run.message(status))
-            found = run.result(status, only=("q", *COMPARED))
-        self._twins[key] = found
-        while len(self._twins) > _TWINS:
-            self._twins.popitem(last=False)
-        return found
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # the page has the message
+            found = tool_motion(ideal_simulation(simulation), stop=self.superseded)
+        self._continue()
+        return found.completed()
 
 
 def _safely(kind: str, compute: Callable[[], Message]) -> Message:

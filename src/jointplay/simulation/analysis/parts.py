@@ -32,11 +32,17 @@ STANDS_M = 1e-9
 """A point that moves by less stands: that much is rounding."""
 
 DECISIVE = (
-    *("radial_clearance", "clearance", "bearing_radius", "bearing_length"),
+    *("radial_clearance", "clearance", "bearing_radius", "bearing_length", "length"),
     *("play", "stiffness"),
 )
 """Sizes to which the error is proportional, or nearly: where one was assumed, three digits are
 enough."""
+
+_BODIES = {
+    "bearings": ("bearing_radius", "bearing_length"),
+    "guides": ("width", "height", "length"),
+}
+"""What holds a journal or a slider, and the fields of its size."""
 
 _FIGURES = {
     "peak": "peak tool error",
@@ -335,15 +341,17 @@ def _geared(names: list[str]) -> list[str]:
 def _assumptions(result: Result) -> str:
     """What decides the error, and nobody said: sizes of bearings, and where encoders sit."""
     mechanism, words = result.simulation.mechanism, []
-    bores = [*_of(result, "joints", "bearing_radius"), *_of(result, "joints", "bearing_length")]
-    if any(one.assumed for one in bores):
-        sizes = dict.fromkeys(
-            f"{readable(2.0 * joint.bearing_radius, 'm').removesuffix(' mm')} x "
-            f"{readable(joint.bearing_length, 'm')}"
-            for joint in mechanism.clearance.values()
-            if hasattr(joint, "bearing_length")
-        )
-        words.append(f"in bearings of {few(list(sizes))}, assumed")
+    for what, names in _BODIES.items():
+        if any(one.assumed for name in names for one in _of(result, "joints", name)):
+            sizes: dict[str, None] = {}
+            for joint in mechanism.clearance.values():
+                if all(hasattr(joint, name) for name in names):
+                    # Of a bore the diameter.
+                    each = [
+                        (1 + (name == "bearing_radius")) * getattr(joint, name) for name in names
+                    ]
+                    sizes[" x ".join(f"{1e3 * size:.3g}" for size in each)] = None
+            words.append(f"in {what} of {few(list(sizes))} mm, assumed")
     sides = {one.value for one in _of(result, "drives", "encoder") if one.assumed}
     if sides and any(gear.play for gear in mechanism.gears.values()):
         words.append(f"encoder on the {' or '.join(sorted(sides))}, assumed")

@@ -6,6 +6,7 @@ import dataclasses
 import json
 import xml.etree.ElementTree as ElementTree
 from collections import OrderedDict
+from collections.abc import Callable
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -229,16 +230,18 @@ def twin(result: Result, progress: bool = False) -> Result:
     return simulation.run(progress, check_step=check_step, estimate=False)
 
 
-_KEPT = 4
+_KEPT = 6
 _recent: OrderedDict[str, Result] = OrderedDict()
 """The last twins' motions, by what was run: whoever judges a run asks for the same ones."""
 
 
-def tool_motion(simulation: Simulation, progress: bool = False) -> Result:
-    """A twin's run, of which only the tool's motion is kept, and that of all bodies if the base is
-    free.
+def tool_motion(
+    simulation: Simulation, progress: bool = False, stop: Callable[[], bool] = lambda: False
+) -> Result:
+    """A twin's run, of which only the tool's motion and the coordinates are kept.
 
-    Neither the forces in its joints are found, nor how far it is off because of its step.
+    Neither the forces in its joints are found, nor how far it is off because of its step. It is
+    interrupted as soon as `stop` says so.
     """
     from jointplay.simulation.run import Run  # takes long to import
 
@@ -246,16 +249,17 @@ def tool_motion(simulation: Simulation, progress: bool = False) -> Result:
     if key not in _recent:
         run = Run(simulation, progress)
         run.label = "the ideal mechanism "
+        run.stop_checks.append(stop)
         status = run.run_to_end(progress)
-        wanted = list(COMPARED)
-        # Seen from a free base, too.
-        wanted += ["q", "v"] if simulation.mechanism.free_base is not None else []
-        made = run.result(status, only=wanted)
+        # Seen from a free base it needs all velocities.
+        more = ("v",) if simulation.mechanism.free_base is not None else ()
+        made = run.result(status, only=("q", *COMPARED, *more))
         if status != Status.COMPLETED:
             return made
         _recent[key] = made
-        while len(_recent) > _KEPT:
-            _recent.popitem(last=False)
+    _recent.move_to_end(key)
+    while len(_recent) > _KEPT:
+        _recent.popitem(last=False)
     return _recent[key]
 
 
