@@ -360,7 +360,7 @@ WRITERS = re.compile(
 ELSEWHERE = {
     "in memory": "bridges/notebook bridges/table show/plots/figures show/plots/style "
     "show/reports/sections show/reports/sweep simulation/result/netcdf simulation/checkpoint "
-    "simulation/analysis/headline simulation/result/result",
+    "simulation/analysis/parts simulation/result/result",
     "text, or standard output": "bridges/trajectory cli/commands/check base/streams",
     "in temporary folders and the user's cache": "model/viewer model/meshes model/builder "
     "show/player/movie study/case base/locks",

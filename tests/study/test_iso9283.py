@@ -9,7 +9,7 @@ import pytest
 from conftest import body, joint, tip
 from scipy.spatial.transform import Rotation
 
-from jointplay import JointplayError, Mechanism, Motion, RevoluteClearance, Simulation
+from jointplay import JointplayError, Mechanism, Motion, Payload, RevoluteClearance, Simulation
 from jointplay.cli import main
 from jointplay.study import courses as traces_module
 from jointplay.study.courses import Trace, traces
@@ -189,7 +189,7 @@ def test_a_pendulum_hangs_in_its_bearing_by_its_clearance(arm):
 
 
 def test_speed_and_load_are_conditions_of_the_test(arm):
-    found = iso9283(pendulum(arm, clearance=True), 3, speed=0.5, load=2.0)
+    found = iso9283(pendulum(arm, payloads=[Payload("tool", 2.0)]), 3, speed=0.5)
     assert found.poses[0].time == pytest.approx(0.6)  # twice as late
     assert "2 kg at 'tool' (taken for 100 %); speed: 50 %" in found.conditions
 
@@ -265,7 +265,7 @@ def test_the_robot_of_a_cube_is_driven_to_the_limit_of_its_speed(urdf):
     [
         (["--cube", "0.1 m"], "go together"),
         (["--speed", "0"], "--speed must be greater than zero"),
-        (["--payload", "-1"], "--payload must not be negative"),
+        (["--payload", "-1"], "--payload: payload mass must not be negative"),
         (["--path-cycles", "2"], "path = 2"),
         (["--cycles", "1"], "at least 3 cycles"),
         (["--cube", "0.1 m", "--cube-centre", "1,2"], "three numbers"),

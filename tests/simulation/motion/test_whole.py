@@ -55,13 +55,13 @@ def test_followers_follow_at_every_time(arm, interpolation):
     assert "d = 3 c - 0.2" in found.notes()[0]
 
 
-def test_what_is_not_named_is_held_at_zero_or_the_limit_next_to_it(arm):
+def test_what_is_not_named_is_held_at_zero_or_between_limits_that_exclude_it(arm):
     found = complete_motion(Mechanism(arm), Motion(["d"], [0.0, 1.0], [[0.0], [0.3]]))
-    assert found.held == {"a": 0.0, "b": 0.4}
+    assert found.held == {"a": 0.0, "b": 4.7}  # midway between 0.4 and 9
     assert set(found.following) == {"c"}  # d is named, and does as it is told
-    assert "a at 0; b at 0.4" in found.notes()[0]
+    assert "a at 0; b at 4.7" in found.notes()[0]
     assert found.motion(np.array([0.5]))[0][0, found.motion.joints.index("c")] == pytest.approx(
-        -2.0 * 0.4 + 0.1
+        -2.0 * 4.7 + 0.1
     )
 
 

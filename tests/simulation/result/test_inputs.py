@@ -133,6 +133,7 @@ def test_a_run_builds_its_mechanism_once_and_its_ideal_twin_once(tmp_path, monke
     assert main(["run", "jointplay:scara.urdf", "--joint", "joint_b=0.2mm", *options]) == 0
     assert "puts the tool" in capsys.readouterr().out
     assert calls.count("build") == 2
-    # Of the run, of the two by which its errors are estimated, and of the ideal mechanism, which
-    # stands where its drives let it: of that for the errors, and the figures have the same run.
-    assert calls.count("rest") == 4
+    # Of the run, of the three by which its errors are estimated, and of the ideal mechanism, which
+    # stands where its drives let it: of that beside the run, whose run the figures have, too, and
+    # of that beside the finest.
+    assert calls.count("rest") == 6

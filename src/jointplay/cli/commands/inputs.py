@@ -704,6 +704,7 @@ def _joint_settings(
         raise JointplayError(f"{given[0].name} is for a joint with clearance: name it by --joint")
     description = _description(options, wanted, file)
     settings, kinds = [], {}
+    bare = [name for name, size in named_joints(options).items() if size is None]
     for name in joints:
         own = tables.get(name, {})
         kinds[name] = class_of_joint(kind_of_joint(name, description, own))
@@ -713,7 +714,7 @@ def _joint_settings(
         value = flag.read(_value(options, flag.attribute))
         able = [name for name, kind in kinds.items() if _has(kind, flag)]
         own = [name for name in able if flag.name in _OF_FIT and _is_sized(tables.get(name, {}))]
-        own = [name for name in own if name not in named_joints(options)]
+        own = [name for name in own if name not in bare]
         able = [name for name in able if name not in own] or able or joints
         for key in flag.keys:
             for name in able:
