@@ -49,7 +49,10 @@ def step_cost():
     with temporary("run") as folder:
         command = [sys.executable, Path(__file__).parents[1], "step_cost", "--quick"]
         done = subprocess.run(
-            [*command, "--write-anyway", "--out", folder], capture_output=True, text=True, check=True
+            [*command, "--write-anyway", "--out", folder],
+            capture_output=True,
+            text=True,
+            check=True,
         )
     return {"step cost over a bare aba": float(re.findall(r"ratio ([\d.]+)", done.stdout)[-1])}
 
