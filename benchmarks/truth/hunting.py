@@ -114,7 +114,7 @@ def truth(axis: hunting.Axis, start: float, duration: float, step: float) -> tup
     away = link - 0.5 * (link.max() + link.min())
     turns = np.count_nonzero(np.diff(np.sign(away[np.abs(away) > 0.25 * np.abs(away).max()])) > 0)
     amplitude = 0.5 * float(np.ptp(link))
-    lasts = amplitude > hunting.LEAST_RAD and after > 0.9 * before and turns >= 3
+    lasts = amplitude > hunting.LEAST * gear.play and after > 0.9 * before and turns >= 3
     return lasts, amplitude if lasts else 0.0
 
 

@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 
 from jointplay.accuracy.error_budget import budget
+from jointplay.base.errors import JointplayError
 from jointplay.base.schema import fields_at
 from jointplay.cli import main, parser, parsers
 from jointplay.cli.commands.inputs import FLAGS, explanation, posed_machine, scenario_of
 from jointplay.scenario.declarations import Model
+from jointplay.simulation.loads import ComputedTorque
 
 SCARA = "jointplay:scara.toml"
 CALLS = {
@@ -99,6 +101,15 @@ def test_of_a_gear_its_play_suffices_everywhere_and_what_is_given_counts():
     own = ["--gear-stiffness", "2e4", "--rotor-inertia", "0.5 kg*m^2"]
     gear = read("run", *words, *own, "--out", "o").mechanism().gears["joint_a"]
     assert (gear.stiffness, gear.rotor_inertia) == (2e4, 0.5)
+
+
+def test_a_drive_is_told_by_one_key_and_refuses_what_it_does_not_have():
+    gear = ["jointplay:ar4.urdf", "--gear", "joint_2=1 deg"]
+    for said in (["--encoder", "link"], ["--set", "drive.encoder=link"]):
+        drive = read("run", *gear, "--out", "o", *said).simulation().drive
+        assert drive == ComputedTorque(encoder="link")
+    with pytest.raises(JointplayError, match=r"--bandwidth has no meaning .* prescribed"):
+        read("run", *gear, "--out", "o", "--set", "drive=prescribed", "--bandwidth", "50")
 
 
 def test_a_file_counts_more_than_a_preset_and_options_more_than_both():

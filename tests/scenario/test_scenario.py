@@ -367,7 +367,7 @@ LOOPS_REFUSED = [
     (("loops.rocker_end", "loops.crank_pin"), "the name of a joint"),
     (('duration = "0.5 s"', ""), "motion.speeds", "give duration"),
     (('"prescribed"', '"torque"\ntimes = [0]\nvalues = [1]'), "drive.kind", "give [drives.JOINT]"),
-    (('"prescribed"', '"torque"'), "drive", "times is missing"),
+    (('"prescribed"', '"torque"'), "drive", "the keys times, values are missing"),
 ]  # fmt: skip
 
 

@@ -216,8 +216,7 @@ def compensate(
     if not (gears or mechanism.clearance):
         raise JointplayError(
             "encoders on the links see the play of their gears, and the drives take it out: there "
-            "is nothing to compensate; encoders on motors: --set drive.kind=computed-torque "
-            "--set drive.encoder=motor"
+            "is nothing to compensate; --encoder motor puts them on the motors"
         )
     if gears and not mechanism.clearance and undecided.all():
         raise JointplayError(

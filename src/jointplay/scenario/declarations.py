@@ -172,7 +172,7 @@ class Model:
     links: dict[str, LinkTable] = field(default_factory=dict)
     """Flexible links, by the name of a link of the URDF."""
     drive: Drive | None = None
-    """Drive of all joints of the motion; if not given, ``computed-torque``."""
+    """Drive of all joints of the motion; ``computed-torque`` if it or its kind is not given."""
     drives: dict[str, Drive] = field(default_factory=dict)
     """Drives of single joints; if this table is given, joints with neither motion nor drive are
     free."""

@@ -26,6 +26,7 @@ from jointplay.scenario.declarations import (
 )
 from jointplay.scenario.overrides import Setting, given_by, tree, with_names
 from jointplay.scenario.places import Key, dotted, lines, parsed, said_at
+from jointplay.simulation.loads.drive import ComputedTorque
 
 if TYPE_CHECKING:
     from jointplay.accuracy.robot_errors import RobotErrors
@@ -234,6 +235,8 @@ class Scenario(Overview):
     def data(self, case: str) -> dict[str, Any]:
         """What the file says of a case, as TOML has it; see `model`."""
         said = merge(merge(self._base, self._changes[case]), self._set)
+        if isinstance(drive := said.get("drive"), Mapping):
+            said["drive"] = {"kind": ComputedTorque.kind, **drive}
         return merge(self._beneath(said), said)
 
     def _beneath(self, said: Mapping[str, Any]) -> dict[str, Any]:

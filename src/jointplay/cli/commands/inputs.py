@@ -828,24 +828,30 @@ def _of_drives(settings: Sequence[Setting], said: Mapping[str, Any]) -> list[Set
         JointplayError: none of the drives has it.
     """
     from jointplay.base.schema import fields_of
-    from jointplay.simulation.loads.drive import DRIVES
+    from jointplay.simulation.loads.drive import DRIVES, ComputedTorque
+
+    def kind_of(table: Any) -> str:
+        word = table if isinstance(table, str) else table.get("kind", ComputedTorque.kind)
+        return str(word)
+
+    def takes(kind: str, key: str) -> bool:
+        return kind not in DRIVES or key in fields_of(DRIVES[kind])  # of none: refused later
 
     drives, found = said.get("drives", {}), []
-    shared = said.get("drive") or {"kind": "computed-torque"}
-    shared = {"kind": shared} if isinstance(shared, str) else shared
+    common = kind_of(said.get("drive", {}))
     for one in settings:
         if one.key[0] != "drive":
             found.append(one)
             continue
-        kinds = {name: table.get("kind", "") for name, table in drives.items()}
-        able = [name for name, kind in kinds.items() if one.key[1] in fields_of(DRIVES[kind])]
+        kinds = {name: kind_of(table) for name, table in drives.items()}
+        able = [name for name, kind in kinds.items() if takes(kind, one.key[1])]
         found += [replace(one, key=("drives", name, one.key[1])) for name in able]
-        if not drives or (one.key[1] in fields_of(DRIVES[shared["kind"]]) and able):
-            found += [Setting(("drive", "kind"), shared["kind"], one.source, ASSUMED), one]
+        if takes(common, one.key[1]) and (able or not drives):
+            found.append(one)
         elif not able:
+            own = f"{', '.join(sorted({*kinds.values()}))} of {few(list(drives))}"
             raise JointplayError(
-                f"{one.source} has no meaning for the drives there are: "
-                f"{', '.join(sorted({*kinds.values()}))} of {few(list(drives))}"
+                f"{one.source} has no meaning for the drives there are: {own if drives else common}"
             )
     return found
 
