@@ -350,23 +350,25 @@ def scenario_of(options: argparse.Namespace, moves: bool = True) -> Scenario:
             f"preset {preset.name}: {one}" for one in (preset.words, *preset.origins)
         )
         scenario.assumptions[:] = [words, *scenario.assumptions, *origins]
-    elif own := _own_preset(options):
+    elif own_preset(options) is not None:
         scenario.assumptions.append(
-            f"note: what is publicly known of the joints of {own} is left out; --preset takes it"
+            f"note: what is publicly known of the joints of {options.place} is left out; --preset "
+            "takes it"
         )
     return scenario
 
 
-def _own_preset(options: argparse.Namespace) -> str:
-    """The robot's name if a preset is known for it that nobody asked for; else empty."""
+def own_preset(options: argparse.Namespace) -> Preset | None:
+    """What is publicly known of the robot, if nobody asked for it."""
     from jointplay.scenario.presets import preset_of
 
     if "joints with clearance" not in options.groups or is_scenario(options) or not options.place:
-        return ""
+        return None
     try:
-        return "" if preset_of(str(options.place)).assumed else str(options.place)
+        own = preset_of(str(options.place))
     except JointplayError:
-        return ""
+        return None
+    return None if own.assumed else own
 
 
 def xacro_arguments(texts: Sequence[str] | None) -> dict[str, str]:
