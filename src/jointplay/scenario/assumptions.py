@@ -68,7 +68,6 @@ def notes_at_poses(
     *,
     named: Collection[str] = (),
     play: bool = True,
-    friction: bool = True,
     relative_to: str | None = None,
 ) -> list[str]:
     """What to know of a robot that is looked at where it stands, a line each.
@@ -78,7 +77,6 @@ def notes_at_poses(
         poses: where it stands.
         named: joints whose play was asked for, of which is said if it does not count.
         play: whether the play of all joints is told.
-        friction: and their friction.
         relative_to: see `budget`.
     """
     mechanism = scenario.mechanism(case)
@@ -99,7 +97,7 @@ def notes_at_poses(
             tool = f"{mechanism.tool!r}{seen}"
             lines.append(f"note: {name} does not move {tool}, so it adds nothing to the error")
     if play and mechanism.clearance:
-        own = _joints(mechanism, scenario.given(case), friction, moves=False)
+        own = _joints(mechanism, scenario.given(case), moves=False)
         lines += [f"play: {one}" for one in own]
     lines += by_rule(mechanism, "stiffness")
     if bodies := poses.machine.payloads:
@@ -169,15 +167,13 @@ def _robot(mechanism: Mechanism, reason: str) -> list[str]:
     return lines
 
 
-def _joints(
-    mechanism: Mechanism, given: Mapping[str, Any], friction: bool = True, moves: bool = True
-) -> list[str]:
+def _joints(mechanism: Mechanism, given: Mapping[str, Any], moves: bool = True) -> list[str]:
     tables = given.get("joints", {})
     hinges = {name for its in mechanism.hinges.values() for name in its}
     alike: dict[str, list[str]] = {}
     for name, joint in mechanism.clearance.items():
         if name not in hinges:
-            parts = _parts(joint, tables.get(name, {}), friction, moves)
+            parts = _parts(joint, tables.get(name, {}), moves)
             alike.setdefault(", ".join(parts), []).append(name)
     words = [f"{', '.join(names)}: {parts}" for parts, names in alike.items()]
     return ["; ".join(words)] if words else []
@@ -209,9 +205,7 @@ def _of_joints(simulation: Simulation, values: Mapping[str, float], rate: str) -
     return few([f"{n} {readable(x, joints[n].unit + rate, 4)}" for n, x in values.items()])
 
 
-def _parts(
-    joint: Clearance, given: Mapping[str, Any], friction: bool = True, moves: bool = True
-) -> list[str]:
+def _parts(joint: Clearance, given: Mapping[str, Any], moves: bool = True) -> list[str]:
     if not isinstance(joint, SlidingClearance):
         return [joint.summary]
     parts = [] if joint.fitted is None else [f"fit {joint.fitted}: {joint.fitted.range} radially"]
@@ -230,8 +224,7 @@ def _parts(
         parts.append(f"normal force {joint.normal.name}")
     if moves and _takes_restitution(joint):
         parts.append(f"restitution {joint.restitution:g}{_mark('restitution' in said)}")
-    if friction:
-        parts.append(f"{_friction(joint.friction)}{_mark('friction' in said)}")
+    parts.append(f"{_friction(joint.friction)}{_mark('friction' in said)}")
     return parts
 
 

@@ -111,8 +111,9 @@ def robot_scenario(
         if not scara:
             choices = f"revolute joints of {path}: {', '.join(description.revolute) or 'none'}"
             raise JointplayError(
-                "no joint has clearance: give one by --set joints.NAME.radial_clearance=LENGTH, "
-                f"or by --joint NAME where the command has it; {choices}"
+                "no joint or gear has play: give --set joints.NAME.radial_clearance=LENGTH or "
+                "gears.NAME.play=ANGLE, or --joint NAME or --gear NAME=PLAY where the command has "
+                f"them; {choices}"
             )
         joints = (SCARA_JOINT,)
     for name in joints:

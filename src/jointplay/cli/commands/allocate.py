@@ -8,7 +8,8 @@ count only by their ratio of axial to radial clearance, the bearings' dimensions
 
 Example: jointplay allocate ur5 --clearance "0.1 mm" --target "0.2 mm" --workspace 200
 
-    FILE | ROBOT  robot, joints with clearance, gears, drive, motion, poses, load, whole error
+    FILE | ROBOT  robot, joints with clearance, gears, contacts, drive, motion, poses, load, whole
+        error
     --target LENGTH  largest error of the tool (required)
     --quantile P  share of states that must meet the target, such as 0.99 (default: all)
     --cost {reciprocal,reciprocal-squared,linear}  cost of a clearance c: 1/c, 1/c^2 or -c (default:

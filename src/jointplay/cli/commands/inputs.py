@@ -110,8 +110,8 @@ HELP = """
   joints with clearance:
     --joint NAME[=LENGTH|=FIT|=BEARING] ...  joint with clearance, optionally with its radial
         clearance, its fit by ISO 286-1, such as elbow="20H7/g6", or the designation of its rolling
-        bearing, such as elbow="6010/C3"; the options of this group and of contacts apply to these
-        joints
+        bearing, such as elbow="6010/C3"; the options of this group, of contacts and of impacts
+        apply to these joints
     --clearance VALUE  radial clearance of these joints, or of all that move the tool; of sliders,
         that on each side [m]
     --ideal  the robot without clearance and without play in gears
@@ -135,10 +135,11 @@ HELP = """
     --stiffness  = joints.JOINT.stiffness
     --axial-stiffness  = joints.JOINT.axial_stiffness
     --law  = joints.JOINT.normal.law
+    --friction  = joints.JOINT.friction.mu_d
+  impacts:
     --restitution  = joints.JOINT.restitution
     --damping  = joints.JOINT.normal.damping
     --impact-mass  = joints.JOINT.normal.mass
-    --friction  = joints.JOINT.friction.mu_d
   motion:
     --motion  = motion.file
     --interpolation  = motion.interpolation
@@ -488,7 +489,6 @@ def posed_machine(options: argparse.Namespace) -> PosedMachine:
         poses,
         named=named,
         play=bool(named or for_joints(options)),
-        friction=_value(options, "friction") is None,
         relative_to=_value(options, "relative_to"),
     )
     return PosedMachine(scenario, case, is_scenario(options), poses, notes)
