@@ -7,7 +7,7 @@ import pytest
 
 from jointplay import cli
 
-QUICK = ["--settle", "1", "--keep", "3", "--records", "200", "--jobs", "1", "--quiet"]
+QUICK = ["--leave-out", "1", "--keep", "3", "--records", "200", "--jobs", "1", "--quiet"]
 CRANK = ["jointplay:slider_crank.toml", "--case", "0.5 mm", "--set", "integration.step=4 us"]
 
 

@@ -263,7 +263,7 @@ def test_tables_that_cannot_be_are_refused(arm, tmp_path, capsys, change, said):
     assert err.count("\n") == 1
 
 
-@pytest.mark.parametrize("option", ["--known friction", "--stiffness all=inf", "--lag 0"])
+@pytest.mark.parametrize("option", ["--known friction", "--known-stiffness all=inf", "--lag 0"])
 def test_options_of_motions_are_refused(arm, tmp_path, capsys, option):
     path = table(tmp_path / "dial.csv")
     order = ["identify", str(arm.description.path), str(path), "--tool", "tool"]

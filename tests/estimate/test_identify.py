@@ -222,7 +222,7 @@ def test_what_is_identified_is_a_preset_for_other_commands(geared, tmp_path, cap
     data, own = tmp_path / "seen.csv", tmp_path / "my.toml"
     data.write_text(lagging().csv())
     robot, gear = str(geared.description.path), ["--gear", "j=1e-3"]
-    order = ["identify", robot, str(data), "--tool", "tool", "--stiffness", "j=1e3", *gear]
+    order = ["identify", robot, str(data), "--tool", "tool", "--known-stiffness", "j=1e3", *gear]
     assert main([*order, "--write-preset", str(own)]) == 0
     assert f"every command takes it as --preset {own}" in capsys.readouterr().out
     one = preset(own)

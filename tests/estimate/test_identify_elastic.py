@@ -124,7 +124,7 @@ def test_pushes_of_one_size_cannot_tell_and_the_message_names_more(arm):
     found = identify(expected(arm, 60e-6), seen(machine, (-80.0, 80.0)))
     assert found.estimates[0].reason.startswith("elasticity (")
     assert "pushes of 1 size are not enough" in found.estimates[0].reason
-    assert "--stiffness" in found.estimates[0].reason
+    assert "--known-stiffness" in found.estimates[0].reason
     assert "would determine it" in found.estimates[0].advice
     assert "N and" in found.estimates[0].advice  # two sizes, or a third besides
 
@@ -137,7 +137,7 @@ def test_a_stiffness_that_is_given_is_used_and_printed(arm):
     value, half = about(found["shoulder radial clearance"])
     assert abs(value - 60e-6) < half < 6e-6
     for words in (
-        "shoulder torsional 1e+05 N*m/rad", "--reference place", "--stiffness", "--drift 3",
+        "shoulder torsional 1e+05 N*m/rad", "--reference place", "--known-stiffness", "--drift 3",
         "shoulder dry friction 0 N m", "shoulder bearing 0", "contacts deform", "(of the records)",
     ):  # fmt: skip
         assert words in str(found)
@@ -226,7 +226,7 @@ def test_a_stiffness_that_cannot_be_is_refused(arm, tmp_path, capsys):
             compliances(mechanism, given)
     order = ["identify", str(arm), str(tmp_path / "none.csv"), "--joint", "shoulder=0.1 mm"]
     for option, words in (("shoulder", "must read"), ("shoulder=1 kg", "kg")):
-        assert main([*order, "--tool", "tool", "--stiffness", option]) == 2
+        assert main([*order, "--tool", "tool", "--known-stiffness", option]) == 2
         assert words in capsys.readouterr().err
 
 

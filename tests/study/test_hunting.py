@@ -1,5 +1,6 @@
 """Hunting of position servos: swings at rest beside theory, without play, and beside no servo."""
 
+import re
 import subprocess
 from dataclasses import replace
 
@@ -9,6 +10,7 @@ from conftest import body, joint
 from warm import JOINTPLAY
 
 import jointplay as jp
+from jointplay.cli import main
 from jointplay.study import hunting
 from jointplay.study.hunting import Axis, Span, Trial, describing_function, predicted
 
@@ -316,7 +318,12 @@ def command(*options):
 
 
 BAD = [
-    (["ur5"], "hunting is of gears with play under servos: give a scenario or --preset, or --gear"),
+    (
+        ["ur5"],
+        "gears with play under servos, none is given: add --gear JOINT=PLAY and --set 'drives",
+    ),
+    (["so101", "--gear", "elbow_flex=1 deg"], "add --preset, which has the servos of so101"),
+    (["ar4", "--preset"], "'joint_1' has neither a servo nor a controller of its own: give --set"),
     (["so101", "--preset", "--of", "elbow"], "no moving joint 'elbow'"),
     (["so101", "--preset", "--map", "p_gain=1:2"], "--map must read GAIN=FROM:TO:COUNT"),
     (["so101", "--preset", "--map", "p_gain=1:2:3"], "give --map twice, got 1"),
@@ -330,6 +337,28 @@ def test_what_cannot_be_asked_is_refused_in_a_line(options, words):
     assert done.returncode == 2
     assert done.stderr.count("\n") <= 1 + len(options)  # what was chosen, and the refusal
     assert words in done.stderr
+
+
+def test_the_servo_that_the_refusal_names_is_one(capsys):
+    gear = ["ar4", "--gear", "joint_2=1 deg", "--time", "1", "--jobs", "1", "--quiet"]
+    assert main(["study", "hunting", *gear]) == 2
+    option, table = re.search(r"add (--set) '(.*)' with", capsys.readouterr().err).groups()
+    assert main(["study", "hunting", *gear, option, table]) == 0
+    assert "joint_2" in capsys.readouterr().out
+
+
+def test_others_stand_where_their_limits_let_them(urdf):
+    links = [body("one", com="0.2 0 0"), body("two", com="0.2 0 0")]
+    first = joint("a", "base", "one", axis="0 1 0")
+    second = joint("b", "one", "two", axis="0 1 0", at="0.4 0 0")
+    limits = '<limit lower="1" upper="2" effort="9" velocity="9"/></joint>'
+    limited = re.sub("<limit.*", limits, second)
+    robot = jp.Mechanism(urdf(*links, first, limited), gears={"a": GEAR})
+    whole = jp.Simulation(robot, drive={"a": axis(20.0).drive})
+    inertias = [
+        hunting.released(whole, ["a"], pose)[0].inertia for pose in (None, {"b": 1.5}, {"b": 0.0})
+    ]
+    assert inertias[0] == inertias[1] != pytest.approx(inertias[2])
 
 
 def test_the_command_says_whether_a_robot_hunts(tmp_path):

@@ -9,10 +9,20 @@ import pytest
 from conftest import body, joint, tip
 from scipy.spatial.transform import Rotation
 
-from jointplay import JointplayError, Mechanism, Motion, Payload, RevoluteClearance, Simulation
+from jointplay import (
+    JointplayError,
+    Mechanism,
+    Motion,
+    RevoluteClearance,
+    Simulation,
+)
 from jointplay.cli import main
+from jointplay.model.gear import Gear
+from jointplay.model.payload import Payload
+from jointplay.simulation.loads import ComputedTorque, JointFriction
+from jointplay.simulation.run import Run
 from jointplay.study import courses as traces_module
-from jointplay.study.courses import Trace, traces
+from jointplay.study.courses import Trace, seeded, traces
 from jointplay.study.iso9283 import (
     Cycles,
     cube_motion,
@@ -188,8 +198,46 @@ def test_a_pendulum_hangs_in_its_bearing_by_its_clearance(arm):
     assert "conditions: load: none" in str(found)
 
 
+def geared(urdf, axis, **options):
+    """An arm with play in its gear alone, which rests, swings, and rests again."""
+    arm = urdf(body("one", com="0.2 0 0"), joint("a", "base", "one", axis=axis), tip("one"))
+    gear = Gear(play=2e-3, stiffness=1e5, rotor_inertia=0.1, damping=50.0)
+    motion = Motion(["a"], [0.0, 0.3, 0.6, 0.9], [[0.0], [0.0], [0.1], [0.1]])
+    return Simulation(Mechanism(arm, gears={"a": gear}, tool="tool"), motion, **options)
+
+
+def test_weight_puts_teeth_to_one_flank_whichever_way_seeds_laid_them(urdf):
+    found = iso9283(geared(urdf, "0 1 0"), 3)
+    begin, end = found.poses
+    assert begin.figures["AP_z"].value == pytest.approx(-0.5e-3, rel=0.2)  # half the play, 0.5 m
+    assert end.figures["AP_z"].value == pytest.approx(-0.5e-3, rel=0.2)
+    assert end.figures["RP_l"].value < 1e-6
+
+
+@pytest.mark.parametrize("encoder", ["motor", "link"])
+def test_friction_keeps_teeth_where_seeds_laid_them_until_the_joint_moves(urdf, encoder):
+    drive = ComputedTorque(encoder=encoder)
+    rubs = {"a": JointFriction(coulomb=2.0)}
+    machine = geared(urdf, "0 0 1", drive=drive, joint_friction=rubs)
+    starts = [Run(one).workspace.q.copy() for one in seeded(machine, 8)]
+    link, motor = (
+        np.array([q[at] for q in starts])
+        for at in (machine.mechanism.coordinate("a"), machine.mechanism.motor("a"))
+    )
+    twist = link - motor
+    assert np.abs(twist).max() <= 1e-3
+    assert (twist.max(), twist.min()) == pytest.approx((1e-3, -1e-3), abs=6e-4)  # anywhere
+    led = motor if encoder == "motor" else link
+    assert led == pytest.approx(0.0, abs=1e-12)  # what the encoder reads is as it was sent
+    if encoder == "motor":
+        begin, end = iso9283(machine, 8).poses
+        across = 0.5 * twist  # at the tool
+        assert begin.attained[:, 1] == pytest.approx(across, abs=2e-5)
+        assert end.figures["RP_l"].value < 0.2 * begin.figures["RP_l"].value
+
+
 def test_speed_and_load_are_conditions_of_the_test(arm):
-    found = iso9283(pendulum(arm, payloads=[Payload("tool", 2.0)]), 3, speed=0.5)
+    found = iso9283(pendulum(arm, payloads=(Payload("tool", 2.0),)), 3, speed=0.5)
     assert found.poses[0].time == pytest.approx(0.6)  # twice as late
     assert "2 kg at 'tool' (taken for 100 %); speed: 50 %" in found.conditions
 

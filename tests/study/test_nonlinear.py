@@ -207,7 +207,7 @@ def test_a_bifurcation_names_quantity_unit_and_turns(tmp_path, monkeypatch):
     monkeypatch.setattr(plots, "figure", lambda found: drawn.append(made(found)) or drawn[-1])
     status = cli.main(
         ["study", "dynamics", "jointplay:slider_crank.toml", "bifurcation", "--case", "0.2 mm",
-         "--settle", "1", "--keep", "2",
+         "--leave-out", "1", "--keep", "2",
          "--vary", "joints.piston_pin.radial_clearance=0.1:0.2:2 mm", "--out",
          str(tmp_path / "out"), "--quiet", "--jobs", "1"]
     )  # fmt: skip

@@ -74,7 +74,7 @@ def test_a_run_up_that_cannot_be_is_refused(speeds, more, words, tmp_path, capsy
 
 
 def test_the_command_draws_a_run_up(tmp_path, capsys):
-    options = ["--keep", "6", "--settle", "1", "--records", "100", "--window", "2"]
+    options = ["--keep", "6", "--leave-out", "1", "--records", "100", "--window", "2"]
     options += ["--orders", "10", "--quiet", "--jobs", "1"]
     vary = ["--vary", "motion.speeds.crank_pin=1000:3000:4 rpm", "--set", "integration.step=5 us"]
     assert main([*COMMAND, *options, *vary, "--out", str(tmp_path)]) == 0

@@ -155,7 +155,7 @@ def _explained(i: int, fit: Fit, made: Visits) -> str:
     return (
         f"elasticity ({words}) explains the data equally well: pushes of {max(count, 0)} "
         f"size{'s' * (count != 1)} are not enough here; push with others, or give the stiffness "
-        f"(--stiffness{f' of {which[0]}' if which else ''})"
+        f"(--known-stiffness{f' of {which[0]}' if which else ''})"
     )
 
 
@@ -610,13 +610,14 @@ def _assumptions(
     lines = [
         *measured.notes,
         f"assumed (--reference {reference}): {_IDEAL[reference]}",
-        f"assumed (--stiffness): {', '.join(stated) or 'nothing'}; other compliances are unknown",
+        f"assumed (--known-stiffness): {', '.join(stated) or 'nothing'}; other compliances are "
+        "unknown",
     ]
     softest = [
         f"{one.label} at most {one.shown(one.most)}" for one in model.unknowns if one.name in WOUND
     ]
     if weak or softest:
-        lines.append(f"assumed (--stiffness) of compliances: {', '.join([*softest, *weak])}")
+        lines.append(f"assumed (--known-stiffness) of compliances: {', '.join([*softest, *weak])}")
     words = f"like a polynomial in time of degree {drift}" if drift else "not at all"
     lines.append(f"assumed (--drift {drift}): readings drift {words}")
     lag = measured.lag

@@ -68,7 +68,6 @@ def notes_at_poses(
     *,
     named: Collection[str] = (),
     play: bool = True,
-    friction: bool = True,
     relative_to: str | None = None,
 ) -> list[str]:
     """What to know of a robot that is looked at where it stands, a line each.
@@ -78,7 +77,6 @@ def notes_at_poses(
         poses: where it stands.
         named: joints whose play was asked for, of which is said if it does not count.
         play: whether the play of all joints is told.
-        friction: and their friction.
         relative_to: see `budget`.
     """
     mechanism = scenario.mechanism(case)
@@ -99,7 +97,7 @@ def notes_at_poses(
             tool = f"{mechanism.tool!r}{seen}"
             lines.append(f"note: {name} does not move {tool}, so it adds nothing to the error")
     if play and mechanism.clearance:
-        own = _joints(mechanism, scenario.given(case), friction, moves=False)
+        own = _joints(mechanism, scenario.given(case), moves=False)
         lines += [f"play: {one}" for one in own]
     lines += by_rule(mechanism, "stiffness")
     if bodies := poses.machine.payloads:
@@ -171,20 +169,16 @@ def _robot(mechanism: Mechanism, reason: str) -> list[str]:
     return lines
 
 
-def _joints(
-    mechanism: Mechanism, given: Mapping[str, Any], friction: bool = True, moves: bool = True
-) -> list[str]:
+def _joints(mechanism: Mechanism, given: Mapping[str, Any], moves: bool = True) -> list[str]:
     tables = given.get("joints", {})
     hinges = {name for its in mechanism.hinges.values() for name in its}
     alike: dict[str, list[str]] = {}
     for name, joint in mechanism.clearance.items():
         if name not in hinges:
-            left = {"friction"} if not friction else set()
-            left |= {"restitution"} if not moves else set()
             parts = []
             for field, text, known in of_joint(joint, tables.get(name, ())):
                 label = _LABELS.get(field, field.replace("_", " "))
-                if field not in left:
+                if moves or field != "restitution":
                     parts.append(f"{label} {text}{'' if known else f' {ASSUMED}'}".strip())
             alike.setdefault(", ".join(parts), []).append(name)
     words = [f"{', '.join(names)}: {parts}" for parts, names in alike.items()]

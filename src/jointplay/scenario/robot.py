@@ -112,9 +112,9 @@ def robot_scenario(
         if not scara:
             choices = f"moving joints of {path}: {', '.join(description.moving) or 'none'}"
             raise JointplayError(
-                "nothing has play: give --gear JOINT=PLAY (or all=PLAY), --joint NAME or "
-                f"--clearance LENGTH, --preset, or --set joints.NAME.radial_clearance=LENGTH; "
-                f"{choices}"
+                "no joint or gear has play: give --gear NAME=PLAY (or all=PLAY), --joint NAME, "
+                "--clearance LENGTH or --preset where the command has them, or --set "
+                f"joints.NAME.radial_clearance=LENGTH or gears.NAME.play=ANGLE; {choices}"
             )
         joints = (SCARA_JOINT,)
     for name in joints:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -72,11 +72,13 @@ class InitialState:
     led: list[int]
     moving: list[int]
 
-    def perturb(self, seed: int, at_rest: bool) -> None:
+    def perturb(self, seed: int, at_rest: bool, behind: Container[str] = ()) -> None:
         """Displace each journal by a random vector of up to `PERTURBATION` times its clearances.
 
         From the centre; a journal at rest moves so far from where it lies towards such a place, and
         straightens as much: between two places where it fits it fits as well, leaning included.
+        Teeth of gears stand anywhere in their play, where friction may have left them: the joint is
+        moved, or the motor where loops or an encoder `behind` the gear say where the joint is.
         """
         mechanism = self.mechanism
         random = np.random.default_rng(seed)
@@ -103,6 +105,13 @@ class InitialState:
                     i = mechanism.coordinates.index(Coordinate(name, part))
                     self.q[i] -= PERTURBATION * self.q[i] if i not in self.given else 0.0
         self.q = loop.assemble(mechanism, self.q, self.led, offsets)
+        for name, gear in mechanism.gears.items():
+            motor, link = mechanism.motor(name), mechanism.coordinate(name)
+            twist = 0.5 * gear.play * random.uniform(-1.0, 1.0)
+            if gear.play > 0.0:
+                aside = twist - gear.twist(self.q[motor], self.q[link])
+                turned = motor if mechanism.loops or name in behind else link
+                self.q[turned] += aside if turned == link else -aside
 
     def move(self) -> None:
         self.v = loop.consistent_velocity(

@@ -197,7 +197,7 @@ class Run:
         base_chart.check_start(mechanism, start.q)
         require_inertia(mechanism, start.q)
         if simulation.seed is not None and not simulation.starts_at_rest:
-            start.perturb(simulation.seed, at_rest=False)
+            start.perturb(simulation.seed, at_rest=False, behind=_behind_gears(drives))
         kind = time_loop.Adaptive if simulation.tolerance else time_loop.MultiRate
         macro = simulation.macro_step or kind.longest_macro_step_s
         tables, armature, self._reference = tabulate(
@@ -322,12 +322,12 @@ class Run:
             # As the result says: to run it again is to run it like this.
             self.simulation = replace(simulation, start="centred")
             if simulation.seed is not None:
-                start.perturb(simulation.seed, at_rest=False)
+                start.perturb(simulation.seed, at_rest=False, behind=_behind_gears(drives))
         else:
             self.simulation = replace(simulation, start="rest")
             start.q = rest.q
             if simulation.seed is not None:
-                start.perturb(simulation.seed, at_rest=True)
+                start.perturb(simulation.seed, at_rest=True, behind=_behind_gears(drives))
         start.move()
         self.workspace.q[:], self.workspace.v[:] = start.q, start.v
 
@@ -753,6 +753,11 @@ _COMPILES_S = 5.0
 
 _said = threading.Event()
 """Whether this process has said so: each of several kernels is compiled when it is called for."""
+
+
+def _behind_gears(drives: Mapping[str, Drive]) -> set[str]:
+    """Joints whose drives look at the joint itself, behind its gear if it has one."""
+    return {name for name, one in drives.items() if getattr(one, "encoder", None) == "link"}
 
 
 @contextmanager

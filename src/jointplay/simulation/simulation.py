@@ -141,8 +141,8 @@ class Simulation(Overview, Inputs):
         """When figures begin to be judged [s].
 
         `judge_from` if given, else when `settle` is over; else, where journals fall into their
-        bearings at the start, after the first turn of a joint of the motion, at most `START_UP`, if
-        the run is longer; else 0.
+        bearings or perturbed teeth through their play at the start, after the first turn of a joint
+        of the motion, at most `START_UP`, if the run is longer; else 0.
         Refused if it makes no sense, as turns of what does not turn.
         """
         duration = self._simulated_time()
@@ -156,8 +156,9 @@ class Simulation(Overview, Inputs):
         elif self.settle is not None:
             start = _settling_time(self, self.settle, duration)
         else:
-            falls = not self.starts_at_rest or self.seed is not None
-            if not (falls and self.mechanism.clearance):
+            perturbed, machine = self.seed is not None, self.mechanism
+            falls = machine.clearance and (perturbed or not self.starts_at_rest)
+            if not (falls or (perturbed and any(one.play > 0.0 for one in machine.gears.values()))):
                 return 0.0
             fallen = START_UP
             if self.motion is not None:

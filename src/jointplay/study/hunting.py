@@ -226,6 +226,13 @@ def _drives(simulation: Simulation) -> dict[str, Servo | Controller]:
     return {name: one for name, one in given.items() if isinstance(one, Servo)} | own
 
 
+def servo_of(joint: str) -> str:
+    """The option that gives a joint a servo, with all that it must have."""
+    table = 'kind="servo", voltage="12 V", p_gain="20 V/rad"'
+    table += ', torque_constant="1.2 N*m/A", resistance="2.7 ohm"'
+    return f"--set 'drives.{joint}={{{table}}}' with its numbers"
+
+
 def released(
     simulation: Simulation, joints: Sequence[str] = (), pose: Mapping[str, float] | None = None
 ) -> list[Released]:
@@ -254,14 +261,18 @@ def released(
             )
         if name not in drives:
             raise JointplayError(
-                f"{name!r} has neither a servo nor a controller of its own: give --preset, or "
-                f"--set 'drives.{name}.kind=\"servo\"' and its numbers"
+                f"{name!r} has neither a servo nor a controller of its own: give {servo_of(name)}"
             )
     if robot.loops:
         raise JointplayError("the other joints of a closed loop cannot be held: open it")
     motion = simulation.motion
     begin = {} if motion is None else dict(zip(motion.joints, motion.positions[0], strict=True))
-    at = dict.fromkeys(robot.joints, 0.0) | begin | dict(pose or {})
+    entries = robot.description.joints
+    at = (
+        {name: entries[name].neutral for name in robot.joints if name in entries}
+        | begin
+        | dict(pose or {})
+    )
     axes = [_axis(simulation, name, at) for name in dict.fromkeys(joints or able)]
     found: list[Released] = [one for one in axes if isinstance(one.drive, Servo)]
     own = tuple(one for one in axes if isinstance(one.drive, Controller))

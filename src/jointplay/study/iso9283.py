@@ -9,9 +9,10 @@ Figures with a, b, c are of components in world axes of the rotation vector that
 tool into the attained one: rotations by play are so small that the order in which the standard
 would count angles does not matter.
 
-What differs from a test of a robot: each cycle is a run of its own, whose journals begin displaced
-at random; and the command pose is where the ideal mechanism under the same drives is, so that only
-play counts, not the drives' lag, calibration, heat or the measurement.
+What differs from a test of a robot: each cycle is a run of its own, whose journals and teeth begin
+displaced at random; and the command pose is where the ideal mechanism under the same drives is, so
+that only play and what gives way with it count, not the drives' lag, calibration, heat or the
+measurement.
 """
 
 from __future__ import annotations
@@ -365,13 +366,10 @@ def check(simulation: Simulation, speed: float = 1.0) -> None:
     """Raise a JointplayError on what has no such figures, or cannot be run so."""
     if simulation.motion is None:
         raise JointplayError("ISO 9283 evaluates a motion, but this simulation has none")
-    if not (simulation.mechanism.clearance or simulation.mechanism.gears):
+    mechanism = simulation.mechanism
+    loose = any(not getattr(joint, "ideal", False) for joint in mechanism.clearance.values())
+    if not (loose or any(gear.play > 0.0 for gear in mechanism.gears.values())):
         raise JointplayError("no joint or gear has play: every cycle would be the same")
-    joints = simulation.mechanism.clearance.values()
-    if all(getattr(joint, "ideal", False) for joint in joints):
-        raise JointplayError(
-            "no joint has clearance: there are no journals that seeds could displace"
-        )
     Run(at_speed(simulation, speed))
 
 

@@ -83,6 +83,11 @@ def _bore(simulation: Simulation, joint: str) -> BoreWear:
                 f"joint {joint!r} has a rolling bearing, which has no wear rate but a rating life "
                 "L10: see jointplay run or jointplay report"
             )
+        if one is None and joint in simulation.mechanism.joints:
+            raise JointplayError(
+                f"joint {joint!r} has no clearance, and wear is of bores, not of the teeth of "
+                f"gears: give --set joints.{joint}.radial_clearance=LENGTH and its wear_rate"
+            )
         raise MissingName("joint with a wear rate", joint, wearing)
     return wearing[joint]
 

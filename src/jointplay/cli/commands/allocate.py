@@ -7,7 +7,8 @@ docs/allocate.md.
 
 Example: jointplay allocate ur5 --clearance "0.1 mm" --target "0.2 mm" --workspace 200
 
-    FILE | ROBOT  robot, joints with clearance, gears, drive, motion, poses, load, whole error
+    FILE | ROBOT  robot, joints with clearance, gears, contacts, drive, motion, poses, load, whole
+        error
     --target SIZE  largest error of the tool, such as "0.2 mm", or angle by which it may be turned,
         such as "0.1 deg" (required)
     --quantile P  share of states that must meet the target, such as 0.99 (default: all)

@@ -7,9 +7,8 @@ docs/budget.md explains the numbers.
 
 Example: jointplay budget panda --clearance "0.05 mm" --workspace 500 --out panda
 
-    FILE | ROBOT  robot, joints with clearance, gears, drive, motion, poses, load, whole error
-    --friction MU  friction coefficient that may hold journals away from their frictionless rest
-        position (default: the largest of each joint's friction law)
+    FILE | ROBOT  robot, joints with clearance, gears, contacts, drive, motion, poses, load, whole
+        error
     --rest-everywhere  for budget.csv, find the position at rest at every pose, not only the worst
         one (0.1 s per pose with one joint, 0.4 s with six)
     --out DIR  folder for budget.csv (errors.csv) and the figures
@@ -69,7 +68,6 @@ def run(options: argparse.Namespace) -> int:
     of_kind = {"motion": ["course.png"], "workspace": [] if body else ["map.png"]}
     out.names += of_kind.get(poses.kind, [])
     out.claim()
-    about["friction"] = options.friction
     errors = budget(mechanism, poses.q, **about)
     shown = [str(errors.by_pose(poses.names))] if poses.names else []
     if len(errors.worst) > 1:

@@ -24,9 +24,9 @@ Example: jointplay identify my_robot.toml measured.csv --out worn
     --also {friction,stiffness,hysteresis} ...  identify the dry friction on the joint's side of
         every gear, or its hysteresis, not only where the scenario has some; stiffness: of rolling
         bearings' elements, and of each piece of a gear's curve (K1, K2, K3)
-    --stiffness PART=X[+-Y%] ...  known stiffness, such as "elbow=1e5 N*m/rad" (about its axis, of
-        the gear if there is one), "elbow radial=2e8 N/m +- 20 %", "tool=1e6 N/m", "elbow=inf"
-        (rigid), "all=inf" (except gears); stiffnesses that are not given are unknown
+    --known-stiffness PART=X[+-Y%] ...  such as "elbow=1e5 N*m/rad" (about its axis, of the gear if
+        there is one), "elbow radial=2e8 N/m +- 20 %", "tool=1e6 N/m", "elbow=inf" (rigid),
+        "all=inf" (except gears); stiffnesses that are not given are unknown
     --drift N  degree of the polynomial in time by which readings may drift; 0: no drift (default 3)
     --lag TIME|inf  about how late readings of the tool, and of links, may be behind the motors'
         encoders [s]; 0: simultaneous, inf: unknown (default: 0, of bags and datasets inf)
@@ -85,7 +85,7 @@ if TYPE_CHECKING:
 
 PLANS = ("motion", "dial")
 OF_MOTIONS = (
-    *("known", "also", "stiffness", "lag", "signal", "source", "map", "episode", "world"),
+    *("known", "also", "known_stiffness", "lag", "signal", "source", "map", "episode", "world"),
 )
 """Options that readings of a dial gauge have no use for."""
 OUTPUTS = ("write_preset", "urdf", "mjcf")
@@ -133,7 +133,7 @@ def run(options: argparse.Namespace) -> int:
     notes = list(posed.notes)
     if options.gear and posed.simulation is None:
         notes.append(
-            "note: gears of --gear have no stiffness of their own; unless --stiffness gives "
+            "note: gears of --gear have no stiffness of their own; unless --known-stiffness gives "
             "it, it is sought from 1e+04 N m/rad on"
         )
     print_answer(fit.sentence, replace(fit, notes=()), [*fit.notes, *notes], options.detail)
@@ -228,7 +228,7 @@ def _about(options: argparse.Namespace) -> tuple[dict[str, Any], float | None]:
         "noise": numbers_by_name(options.noise, "--noise SIGNAL=X", units),
         "also": options.also,
         "known": options.known,
-        "stiffness": _stiffness(options.stiffness),
+        "stiffness": _stiffness(options.known_stiffness),
     }
     return shared, lag
 
@@ -339,7 +339,7 @@ def _pairs(entries: list[str], form: str) -> dict[str, str]:
 
 def _stiffness(entries: list[str]) -> dict[str, tuple[float, float]]:
     """Stiffness by label and its relative standard deviation [SI]."""
-    words = '--stiffness PART=X or "PART=X +- Y %", such as "elbow=1e5 N*m/rad"'
+    words = '--known-stiffness PART=X or "PART=X +- Y %", such as "elbow=1e5 N*m/rad"'
     given = {}
     for text in entries:
         label, value = pair(text, words)
@@ -352,5 +352,5 @@ def _stiffness(entries: list[str]) -> dict[str, tuple[float, float]]:
             raise misread(text, words) from None
         lengthwise = label.endswith((" radial", " axial")) or label == "tool"
         unit = "N/m" if lengthwise else "N*m/rad"
-        given[label] = (_size(value, unit, f"--stiffness {label}"), deviation)
+        given[label] = (_size(value, unit, f"--known-stiffness {label}"), deviation)
     return given

@@ -110,8 +110,8 @@ HELP = """
   joints with clearance:
     --joint NAME[=LENGTH|=FIT|=BEARING] ...  joint with clearance, optionally with its radial
         clearance, its fit by ISO 286-1, such as elbow="20H7/g6", or the designation of its rolling
-        bearing, such as elbow="6010/C3"; the options of this group and of contacts apply to these
-        joints
+        bearing, such as elbow="6010/C3"; the options of this group, of contacts and of impacts
+        apply to these joints
     --clearance VALUE  radial clearance of these joints, or of all that move the tool; of sliders,
         that on each side [m]
     --ideal  the robot without clearance and without play in gears
@@ -135,10 +135,11 @@ HELP = """
     --stiffness  = joints.JOINT.stiffness
     --axial-stiffness  = joints.JOINT.axial_stiffness
     --law  = joints.JOINT.normal.law
+    --friction  = joints.JOINT.friction.mu_d
+  impacts:
     --restitution  = joints.JOINT.restitution
     --damping  = joints.JOINT.normal.damping
     --impact-mass  = joints.JOINT.normal.mass
-    --friction  = joints.JOINT.friction.mu_d
   motion:
     --motion  = motion.file
     --interpolation  = motion.interpolation
@@ -350,23 +351,25 @@ def scenario_of(options: argparse.Namespace, moves: bool = True) -> Scenario:
             f"preset {preset.name}: {one}" for one in (preset.words, *preset.origins)
         )
         scenario.assumptions[:] = [words, *scenario.assumptions, *origins]
-    elif own := _own_preset(options):
+    elif own_preset(options) is not None:
         scenario.assumptions.append(
-            f"note: what is publicly known of the joints of {own} is left out; --preset takes it"
+            f"note: what is publicly known of the joints of {options.place} is left out; --preset "
+            "takes it"
         )
     return scenario
 
 
-def _own_preset(options: argparse.Namespace) -> str:
-    """The robot's name if a preset is known for it that nobody asked for; else empty."""
+def own_preset(options: argparse.Namespace) -> Preset | None:
+    """What is publicly known of the robot, if nobody asked for it."""
     from jointplay.scenario.presets import preset_of
 
     if "joints with clearance" not in options.groups or is_scenario(options) or not options.place:
-        return ""
+        return None
     try:
-        return "" if preset_of(str(options.place)).assumed else str(options.place)
+        own = preset_of(str(options.place))
     except JointplayError:
-        return ""
+        return None
+    return None if own.assumed else own
 
 
 def xacro_arguments(texts: Sequence[str] | None) -> dict[str, str]:
@@ -486,7 +489,6 @@ def posed_machine(options: argparse.Namespace) -> PosedMachine:
         poses,
         named=named,
         play=bool(named or for_joints(options)),
-        friction=_value(options, "friction") is None,
         relative_to=_value(options, "relative_to"),
     )
     return PosedMachine(scenario, case, is_scenario(options), poses, notes)

@@ -33,7 +33,8 @@ class Integration:
     duration: float | None = quantity("s", default=None)
     """Simulated time; if not given, the duration of the motion."""
     seed: int | None = None
-    """Seed of random displacements: each journal starts displaced by up to half its clearances."""
+    """Seed of random displacements: each journal starts displaced by up to half its clearances,
+    teeth of gears anywhere in their play."""
     start: str | None = choice("start", STARTS, default=None)
     """Where journals start: ``rest``, at their equilibrium under gravity and drives, or
     ``centred``, in the middle of their bearings. If not given: at rest if gravity acts or the

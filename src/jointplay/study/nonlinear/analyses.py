@@ -78,7 +78,7 @@ class Analysis:
         varied: Varied | None = None,
         names: Sequence[str] = (),
         *,
-        settle: int | None = None,
+        leave_out: int | None = None,
         keep: int | None = None,
         phase: float = 0.25,
         records: int = RECORDS,
@@ -95,7 +95,7 @@ class Analysis:
             kind: one of `TURNS`.
             varied: a key and its values, of the kinds `OVER_VALUES`.
             names: quantities, see `observables.names`; none: those usual for the kind.
-            settle, keep: turns that are left out at the start, and turns that are looked at.
+            leave_out, keep: turns that are left out at the start, and turns that are looked at.
             phase: where in the turn a section is, in turns.
             records: in a turn.
             orders: largest order of spectra.
@@ -123,7 +123,7 @@ class Analysis:
         joint = (joint or next(iter(mechanism.clearance))) if kind == "basin" else ""
         study = replace(
             study,
-            settle=usual[0] if settle is None else settle,
+            leave_out=usual[0] if leave_out is None else leave_out,
             keep=usual[1] if keep is None else keep,
             joint=joint,
             names=_names(kind, tuple(names), simulation, joint),
@@ -136,7 +136,7 @@ class Analysis:
             study = replace(study, window=window)
             study.run_up().windows(len(varied.values), study.window)
         else:
-            Turning.of(simulation, study.settle, study.keep, study.records)
+            Turning.of(simulation, study.leave_out, study.keep, study.records)
         return cls(kind, study, threshold, require_whole("--grid", grid, 1))
 
     def run(
@@ -187,7 +187,7 @@ class Analysis:
         study = self.study
         case = f", case {study.case}" if study.case else ""
         case += " changed" if case and (study.varied or study.scenario.settings) else ""
-        return f"{self.file}{case}: turns {study.settle + 1} to {study.end}"
+        return f"{self.file}{case}: turns {study.leave_out + 1} to {study.end}"
 
     @property
     def file(self) -> str:
@@ -202,8 +202,8 @@ class Analysis:
         given = f" Changed: {changed}." if changed else ""
         return (
             f"One point a turn (period of the motion), {study.phase:g} of a turn after its start: "
-            f"turns {study.settle + 1} to {study.end} at each of {len(self.keys)} values, "
-            f"{study.settle} turns of settling left out.{base}{given}"
+            f"turns {study.leave_out + 1} to {study.end} at each of {len(self.keys)} values, "
+            f"{study.leave_out} turns of settling left out.{base}{given}"
         )
 
     @property
@@ -223,7 +223,7 @@ class Analysis:
 
     def per_turn(self, *what: str) -> list[str]:
         """Columns of a table: these in each turn that is looked at."""
-        first, end = self.study.settle + 1, self.study.end
+        first, end = self.study.leave_out + 1, self.study.end
         return [f"{name} turn {k}" for k in range(first, end + 1) for name in what]
 
 
@@ -339,7 +339,7 @@ def _turns(job: Analysis, rows: Rows, say: Say) -> Findings:
     for name, history, plain in zip(labels, values.T, ideal.T, strict=True):
         ratio = np.abs(history).max() / max(np.abs(plain).max(), 1e-300)
         say(f"{name}: largest {np.abs(history).max():.4g}, {ratio:.3g} of the ideal's")
-    angle = study.settle + np.arange(number) / study.records
+    angle = study.leave_out + np.arange(number) / study.records
     data = {"angle": angle, "values": values, "ideal": ideal, "labels": labels}
     return Findings("turns", {**data, "title": job.title})
 

@@ -90,7 +90,7 @@ class Observation:
 
     scenario: Scenario
     case: str | None
-    settle: int
+    leave_out: int
     """Turns at the start that are not looked at."""
     keep: int
     """Turns that are."""
@@ -112,7 +112,7 @@ class Observation:
 
     @property
     def end(self) -> int:
-        return self.settle + self.keep
+        return self.leave_out + self.keep
 
     def orders(self, turns: int) -> np.ndarray:
         """Orders of a spectrum of so many turns, shape (m,)."""
@@ -125,7 +125,7 @@ class Observation:
         return self.scenario.simulation(self.case, changes)
 
     def turning(self, simulation: Simulation) -> steady_motion.Turning:
-        return steady_motion.Turning.of(simulation, self.settle, self.keep, self.records)
+        return steady_motion.Turning.of(simulation, self.leave_out, self.keep, self.records)
 
     def _kept(self, simulation: Simulation, place: Place | None = None) -> np.ndarray:
         turning = self.turning(simulation)
@@ -145,7 +145,7 @@ class Observation:
         """From the first of the values to the last."""
         assert self.varied is not None
         slow, fast = (self.simulation(self.varied.values[k]) for k in (0, -1))
-        return RunUp.of(slow, fast, self.settle, self.keep, self.records)
+        return RunUp.of(slow, fast, self.leave_out, self.keep, self.records)
 
     def rising(self, key: Key) -> np.ndarray:
         """Amplitudes of the first quantity in each window of a run-up, window by window."""
@@ -159,8 +159,8 @@ class Observation:
         """Mean growth of a small difference in each turn that is looked at [1/s], shape (keep,)."""
         turning = self.turning(self.simulation(*key))
         grown = lyapunov.stretching(turning.simulation, turning.turn / PIECES)
-        per_turn = grown.reshape(self.settle + self.keep, PIECES).sum(axis=1)
-        return per_turn[self.settle :] / turning.turn
+        per_turn = grown.reshape(self.leave_out + self.keep, PIECES).sum(axis=1)
+        return per_turn[self.leave_out :] / turning.turn
 
     def course(self, key: Key) -> np.ndarray:
         """Quantities every so many records, record by record."""

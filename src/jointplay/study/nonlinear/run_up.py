@@ -29,7 +29,7 @@ class RunUp:
     """To be run."""
     joint: str
     """That turns, by whose angle turns are counted."""
-    settle: int
+    leave_out: int
     """Turns at the first speed."""
     turns: int
     """Turns in which it rises."""
@@ -37,14 +37,16 @@ class RunUp:
     """Of a turn, in the spectra."""
 
     @classmethod
-    def of(cls, slow: Simulation, fast: Simulation, settle: int, turns: int, records: int) -> RunUp:
+    def of(
+        cls, slow: Simulation, fast: Simulation, leave_out: int, turns: int, records: int
+    ) -> RunUp:
         """From the speed of one simulation to that of another, which are otherwise the same.
 
         Raises:
             JointplayError: they have no motion at constant speed, or the same speed; numbers that
                 make no sense.
         """
-        check_turns(settle, turns, records)
+        check_turns(leave_out, turns, records)
         one, other = slow.motion, fast.motion
         if one is None or other is None or one.interpolation != "constant-speed":
             raise JointplayError("a run-up needs cranks at constant speed: give motion.speeds")
@@ -57,7 +59,7 @@ class RunUp:
                 "motion.speeds.crank_pin=1000:6000:40 rpm"
             )
         turn = 2.0 * math.pi
-        steady = max(settle, 1) * turn / abs(first[at])
+        steady = max(leave_out, 1) * turn / abs(first[at])
         ramp = turns * turn / abs(0.5 * (first[at] + last[at]))
         start = one(np.zeros(1))[0][0]
         middle = start + steady * first
@@ -73,7 +75,7 @@ class RunUp:
             settle=None,
             judge_from=0.0,
         )
-        return cls(changed, one.joints[at], max(settle, 1), turns, records)
+        return cls(changed, one.joints[at], max(leave_out, 1), turns, records)
 
     def run(self) -> Result:
         """Simulate.
@@ -86,7 +88,7 @@ class RunUp:
     def over_angle(self, result: Result, name: str) -> np.ndarray:
         """A quantity at equal angles of the crank in the turns of the rise, (turns records,)."""
         angle = self._angle(result.time)
-        wanted = self.settle + np.arange(self.turns * self.records) / self.records
+        wanted = self.leave_out + np.arange(self.turns * self.records) / self.records
         return np.asarray(np.interp(wanted, angle, observe(result, name)))
 
     def windows(self, number: int, window: int) -> np.ndarray:
@@ -124,7 +126,7 @@ class RunUp:
         motion = self._motion
         time = np.linspace(0.0, motion.duration, 20001)
         angle = self._angle(time)
-        middle = self.settle + self.windows(number, window) + 0.5 * window
+        middle = self.leave_out + self.windows(number, window) + 0.5 * window
         at = motion.joints.index(self.joint)
         return np.asarray(np.abs(motion(np.interp(middle, angle, time))[1][:, at]))
 

@@ -59,9 +59,13 @@ def turn(motion: Motion | None) -> float:
     return float(2.0 * math.pi / moving[0])
 
 
-def check_turns(settle: int, keep: int, records: int) -> None:
+def check_turns(leave_out: int, keep: int, records: int) -> None:
     """Raise a JointplayError on numbers of turns, or of records in one, that make no sense."""
-    for word, value, least in (("settle", settle, 0), ("keep", keep, 1), ("records", records, 4)):
+    for word, value, least in (
+        ("leave-out", leave_out, 0),
+        ("keep", keep, 1),
+        ("records", records, 4),
+    ):
         require_whole(word, value, least)
 
 
@@ -85,7 +89,7 @@ class Turning:
     simulation: Simulation
     turn: float
     """Time of one [s]."""
-    settle: int
+    leave_out: int
     """Turns at the start that are not looked at."""
     keep: int
     """Turns that are."""
@@ -93,16 +97,18 @@ class Turning:
     """Records in a turn."""
 
     @classmethod
-    def of(cls, simulation: Simulation, settle: int, keep: int, records: int = RECORDS) -> Turning:
+    def of(
+        cls, simulation: Simulation, leave_out: int, keep: int, records: int = RECORDS
+    ) -> Turning:
         """Repeat the motion of a simulation; its step is shortened until it divides the turn.
 
         Raises:
             JointplayError: see `turn`; or numbers of turns or records that make no sense.
         """
-        check_turns(settle, keep, records)
+        check_turns(leave_out, keep, records)
         check_base(simulation.mechanism)
         period = turn(simulation.motion)
-        turns = settle + keep
+        turns = leave_out + keep
         every = max(math.ceil(period / records / simulation.step - 1e-9), 1)
         changed = dataclasses.replace(
             simulation,
@@ -110,10 +116,10 @@ class Turning:
             duration=turns * period,
             step=period / (records * every),
             record_every=every,
-            settle=settle * period if settle else None,
-            judge_from=None if settle else 0.0,
+            settle=leave_out * period if leave_out else None,
+            judge_from=None if leave_out else 0.0,
         )
-        return cls(changed, period, settle, keep, records)
+        return cls(changed, period, leave_out, keep, records)
 
     def run(self, place: Place | None = None) -> Result:
         """Simulate to the end; `place` changes the state before the run begins.
@@ -132,7 +138,7 @@ class Turning:
     def observed(self, result: Result, names: Sequence[str]) -> np.ndarray:
         """Quantities in the turns that are looked at, shape (keep records + 1, names)."""
         columns = [observe(result, name) for name in names]
-        return np.stack(columns, axis=1)[self.settle * self.records :]
+        return np.stack(columns, axis=1)[self.leave_out * self.records :]
 
 
 def repeated(motion: Motion | None, turns: int) -> Motion | None:

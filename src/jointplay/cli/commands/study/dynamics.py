@@ -18,7 +18,7 @@ Example: jointplay study dynamics jointplay:slider_crank.toml bifurcation --case
     --vary KEY=FROM:TO:COUNT  key of the scenario, its range of values, and their unit
     --of NAME ...  quantity, such as guide.acceleration, crank_pin.moment, piston_pin.eccentricity;
         an unknown name lists all of them
-    --settle N  turns left out at the start (default: depends on KIND)
+    --leave-out N  turns left out at the start, while it settles (default: depends on KIND)
     --keep N  turns that are analysed (default: depends on KIND)
     --phase X  phase of the section [turns] (default 0.25)
     --records N  records per turn (default 1000)
@@ -45,13 +45,14 @@ def run(options: argparse.Namespace) -> int:
     processes.number_of(options.jobs)
     from jointplay.study.nonlinear import Analysis, Varied
 
-    names = ("settle", "keep", "phase", "records", "orders", "window", "threshold", "joint", "grid")
+    names = ("keep", "phase", "records", "orders", "window", "threshold", "joint", "grid")
     analysis = Analysis.of(
         scenario_of(options),
         options.kind,
         options.case,
         Varied.parse(options.vary) if options.vary else None,
         options.of,
+        leave_out=options.leave_out,
         **{name: getattr(options, name) for name in names},
     )
     out, mark = files.claim(options.out, []), f"jointplay study dynamics {options.kind}"

@@ -30,9 +30,15 @@ from typing import Any
 
 from jointplay.base import streams
 from jointplay.base.errors import JointplayError
-from jointplay.base.pairs import misread, pair
+from jointplay.base.pairs import misread, name_and_number, pair
 from jointplay.cli.commands import Outputs, print_answer
-from jointplay.cli.commands.inputs import is_scenario, positions, scenario_of
+from jointplay.cli.commands.inputs import (
+    ALL,
+    is_scenario,
+    own_preset,
+    positions,
+    scenario_of,
+)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -40,14 +46,21 @@ def run(options: argparse.Namespace) -> int:
     spans = [_span(text) for text in options.map or ()]
     if spans and len(spans) != 2:
         raise JointplayError(f"a map is over two gains: give --map twice, got {len(spans)}")
-    bare = options.preset is None and not (options.gear or options.set)
-    if bare and not is_scenario(options):
-        raise JointplayError(
-            "hunting is of gears with play under servos: give a scenario or --preset, or --gear "
-            "JOINT=ANGLE and --set 'drives.JOINT.kind=\"servo\"' with its numbers"
-        )
+    from jointplay.simulation.loads import Servo
     from jointplay.study import hunting
 
+    if options.preset is None and not (options.set or is_scenario(options)):
+        names = [name_and_number(text)[0] for text in options.gear]
+        joint = names[0] if names and names[0] != ALL else "JOINT"
+        add = hunting.servo_of(joint)
+        add = add if names else f"--gear {joint}=PLAY and {add}"
+        robot = scenario_of(options, moves=False).mechanism().description
+        own = own_preset(options)
+        if own is not None and any(isinstance(one, Servo) for one in own.drives(robot).values()):
+            add = f"--preset, which has the servos of {options.place}"
+        raise JointplayError(
+            f"hunting is of gears with play under servos, none is given: add {add}"
+        )
     simulation = scenario_of(options).simulation(options.case)
     held = positions(simulation.mechanism, options.held or "", "--held")
     how = {"longest": options.time, "jobs": options.jobs, "progress": not options.quiet}

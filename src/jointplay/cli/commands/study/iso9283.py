@@ -1,9 +1,9 @@
 """`jointplay study iso9283`: accuracy and repeatability by ISO 9283, from perturbed cycles.
 
-Simulate the cycle of a scenario or robot many times, with journals displaced at random at the
-start, and print pose accuracy AP and repeatability RP at each stop, and path accuracy AT and
-repeatability RT, with confidence intervals. All input options of jointplay run are accepted too.
-docs/iso9283.md explains the figures.
+Simulate the cycle of a scenario or robot many times, with journals and teeth of gears displaced at
+random at the start, and print pose accuracy AP and repeatability RP at each stop, and path accuracy
+AT and repeatability RT, with confidence intervals. All input options of jointplay run are accepted
+too. docs/iso9283.md explains the figures.
 
 Example: jointplay study iso9283 ur5 --joint "elbow_joint=0.05 mm" --duration 2.2 --out ur5
 
