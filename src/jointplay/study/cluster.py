@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import logging
 import queue
 import time
@@ -88,10 +89,14 @@ class ClusterWorkers(Generic[Item, Value]):
             try:
                 return client(self.address, timeout=CONNECT_S, set_as_default=False)
             except AssertionError:
+                gc.collect()  # see below
                 reason = f"its client could not start, {TRIES} times: the machine is too busy"
             except (OSError, ValueError, TypeError, ImportError) as error:
                 reason = one_line(error) or type(error).__name__
                 break
+        # What is left of clients that failed closes itself when it is collected; within the start
+        # of the next one, which holds the same lock, it would wait for ever.
+        gc.collect()
         raise JointplayError(f"no Dask scheduler answers at {self.address!r}: {reason}")
 
     def _check(self) -> None:
