@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 HISTORIES = (
-    *(*twins.COMPARED, "joint_force_peak", "normal_force_peak"),
+    *(*twins.TOOL_MOTIONS, "joint_force_peak", "normal_force_peak"),
     *("q", "v", "cage_angle", "normal_dissipation"),
 )
 """What `headline` looks at, in the run and in the ideal mechanism's."""
