@@ -181,6 +181,24 @@ def test_the_stated_error_of_a_peak_covers_what_records_miss():
     assert seldom.tool_error.peak == found.value
 
 
+def test_samples_that_turn_round_do_not_rest():
+    time = np.linspace(0.0, 0.05, 51)
+    swings = jp.Motion(["a"], time, 0.2 * np.sin(50.0 * np.pi * time)[:, None], "spline")
+    assert [one for one in analysis.stops(swings, 0.05) if one.at_rest] == []
+    way = time / 0.05
+    rests = (way**3 * (10.0 - 15.0 * way + 6.0 * way**2))[:, None]
+    there_and_back = np.concatenate([rests, rests[-2::-1]])
+    moves = jp.Motion(["a"], np.linspace(0.0, 0.1, 101), there_and_back, "spline")
+    found = [one.start for one in analysis.stops(moves, 0.1) if one.at_rest]
+    assert found == pytest.approx([0.0, 0.05, 0.1])
+
+
+def test_a_short_run_says_that_its_figures_have_the_fall_of_the_journals():
+    made = jp.Scenario.load("jointplay:slider_crank.toml").simulation("0.2 mm")
+    result = replace(made, duration=0.004, start="centred", judge_from=0.0).run()
+    assert "judged from the start, with the fall of the journals" in headline.summary(result)
+
+
 def test_stops_are_where_the_reference_rests():
     motion = jp.Motion(["a"], [0, 1, 1.5, 2], [[0], [1], [1], [0.5]])
     found = analysis.stops(motion, 2.0)

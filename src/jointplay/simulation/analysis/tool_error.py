@@ -304,6 +304,11 @@ _OSCILLATION = 3e-3
 on; 2e-3 was found at lines of ten points, the coarsest."""
 
 
+_RESTS = 0.1
+"""Acceleration at a sample at which a spline rests, at most, relative to its largest: judged. A
+sine turns round with all of it, motion from rest to rest ends with none."""
+
+
 def stops(motion: Motion, end: float) -> list[Stop]:
     """Waypoints of the reference motion up to the time `end` [s], pauses joined into dwells.
 
@@ -323,6 +328,10 @@ def stops(motion: Motion, end: float) -> list[Stop]:
     same = (np.abs(np.diff(positions, axis=0)) <= 1e-12).all(axis=1)
     still = same & (fastest <= np.maximum(limit, around))
     rest = speed <= np.maximum(limit, beside)
+    if motion.interpolation == "spline" and motion.given is None:
+        # Where samples turn round, they do not rest.
+        pull = np.abs(motion(times)[2]).max(axis=1)
+        rest &= pull <= _RESTS * pull.max()
     waypoints: list[Stop] = []
     for index, time in enumerate(times):
         if waypoints and still[index - 1]:
