@@ -457,3 +457,12 @@ def test_a_loop_is_not_closed_by_a_journal_beside_its_open_bearing(urdf):
         else:
             with pytest.raises(jp.JointplayError, match="'two' stays open by"):
                 assemble(mechanism, np.zeros(mechanism.model.nq), [])
+
+
+@pytest.mark.parametrize("gap", [0.003, 0.125])
+def test_planar_play_closes_no_loop_that_is_open_along_its_axis(gap):
+    play = jp.RevoluteClearance(radial_clearance=1e-4, lock_tilt=True, lock_axial=True)
+    pin = {"piston_pin": Loop("rod", "slider", bearing_xyz=(L, 0, gap))}
+    made = jp.Mechanism(jp.shipped("slider_crank.urdf"), {"piston_pin": play}, loops=pin)
+    with pytest.raises(jp.JointplayError, match="'piston_pin' stays open by"):
+        assemble(made, np.zeros(made.model.nq), [])

@@ -26,8 +26,13 @@ from jointplay.base.errors import JointplayError, MissingName
 from jointplay.base.tables import Column, Table, few
 from jointplay.base.units import readable
 from jointplay.model.gear import Gearing
-from jointplay.simulation.analysis.tool_error import difference, stops
-from jointplay.simulation.analysis.twins import COMPARED, ideal_simulation, tool_motion
+from jointplay.simulation.analysis.tool_error import (
+    difference,
+    error_statistics,
+    stops,
+    time_weights,
+)
+from jointplay.simulation.analysis.twins import TOOL_MOTIONS, ideal_simulation, tool_motion
 from jointplay.simulation.checks import joint_friction
 from jointplay.simulation.loads.drive import JointFriction
 from jointplay.simulation.simulation import Simulation
@@ -348,26 +353,29 @@ def tool_errors(run: Simulation, original: Simulation) -> ToolErrors:
     """The tool's error in a run, from the ideal twin of another motion of the same machine."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        result = run.run(check_step=False, estimate=False, only=list(COMPARED))
+        result = run.run(check_step=False, estimate=False, only=list(TOOL_MOTIONS))
         ideal = tool_motion(ideal_simulation(original))
-        moved, turned = (
+        moved, turn = (
             difference(result, ideal, of) for of in ("tool_position", "tool_orientation")
         )
     motion = original.motion
     assert motion is not None
-    times, values = moved["time"].values, np.hstack([moved.values, turned.values])
-    size, angle = (np.linalg.norm(part, axis=1) for part in (moved.values, turned.values))
+    times, values = moved["time"].values, np.hstack([moved.values, turn.values])
+    size = np.linalg.norm(moved.values, axis=1)
     halts = [one for one in stops(motion, float(times[-1])) if one.at_rest and one.end > 0.0]
     speed = np.abs(motion(times)[1]).max(axis=1)
     way = speed > 1e-3 * speed.max()
     at = size[np.searchsorted(times, [one.end for one in halts]).clip(0, len(size) - 1)]
+    weights, (off, turned) = (
+        time_weights(times),
+        (error_statistics(one, 0.0) for one in (moved, turn)),
+    )
+    underway = np.sqrt(np.average(size[way] ** 2, weights=weights[way])) if way.any() else np.nan
+    halted = np.sqrt(np.mean(at**2)) if len(at) else np.nan
     return ToolErrors(
-        _rms(size), _rms(size[way]), _rms(at), float(size.max()), _rms(angle), times, values
+        float(off.rms[-1]), float(underway), float(halted), float(off.peak[-1]),
+        float(turned.rms[-1]), times, values
     )  # fmt: skip
-
-
-def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
 
 
 def _varied(simulation: Simulation) -> set[str]:

@@ -20,6 +20,7 @@ from jointplay.base.processes import number_of
 from jointplay.model.impact import fitting_step
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.contact.functions import OfFunction
+from jointplay.simulation.analysis.tool_error import rms_in_time
 from jointplay.simulation.analysis.twins import ideal_simulation
 from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.result.result import Result
@@ -203,6 +204,8 @@ def dynamic_error(
             failed = error
             continue
         since = drawn[1].judged_from
-        size = np.linalg.norm(errors(courses, ideal)[:, ideal.time >= since], axis=2)
-        return DynamicError(size.max(axis=1), np.sqrt((size**2).mean(axis=1)), since, step)
+        judged = ideal.time >= since
+        size = np.linalg.norm(errors(courses, ideal)[:, judged], axis=2)
+        rms = rms_in_time(ideal.time[judged], size.T)
+        return DynamicError(size.max(axis=1), rms, since, step)
     raise JointplayError(f"to verify: {failed}")

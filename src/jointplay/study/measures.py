@@ -11,10 +11,15 @@ from jointplay.base.errors import JointplayError
 from jointplay.physics.contact.functions import function_at
 from jointplay.physics.geometry import Mode
 from jointplay.simulation.analysis.bearings import bearing_life
-from jointplay.simulation.analysis.tool_error import COMPONENTS, deviation, stops
+from jointplay.simulation.analysis.tool_error import (
+    COMPONENTS,
+    difference,
+    error_at,
+    error_statistics,
+    stops,
+)
 from jointplay.simulation.analysis.twins import rolls
 from jointplay.simulation.motion.reference import Motion
-from jointplay.simulation.result.audit import lengths
 from jointplay.simulation.result.result import Result
 from jointplay.simulation.result.variables import LOSSES
 
@@ -182,22 +187,16 @@ def _tool_error(
     result: Result, ideal: Result, start: float, rests: Sequence[float]
 ) -> Iterator[tuple[str, float]]:
     """Peak, RMS and largest error at rest of the tool: those of `analysis.error_statistics`."""
-    time = result.time
-    if np.array_equal(ideal.time, time):
-        error = _values(result, "tool_position") - _values(ideal, "tool_position")
-    else:
-        error = deviation(result, ideal).values
-        time = time[: len(error)]
-    parts = [*np.ascontiguousarray(error.T), lengths(error)]
-    kept = time >= start
-    at = [int(np.abs(time - rest).argmin()) for rest in rests if start <= rest <= time[-1]]
-    for part, values in zip(COMPONENTS, parts, strict=True):
-        judged = values[kept]
-        if len(judged):
-            yield f"tool_error_peak_{part}", float(np.abs(judged).max())
-            yield f"tool_error_rms_{part}", float(np.sqrt(np.mean(judged**2)))
-        if at:
-            yield f"tool_error_stops_{part}", float(np.abs(values[at]).max())
+    error = difference(result, ideal)
+    last = error["time"].values[-1]
+    at = [error_at(error, rest) for rest in rests if start <= rest <= last]
+    found = {"stops": np.abs(at).max(axis=0)} if at else {}
+    if last >= start:
+        over = error_statistics(error, start)
+        found |= {"peak": over.peak, "rms": over.rms}
+    for what, values in found.items():
+        for part, value in zip(COMPONENTS, values, strict=True):
+            yield f"tool_error_{what}_{part}", float(value)
 
 
 def rests_of(motion: Motion | None, end: float) -> tuple[float, ...]:

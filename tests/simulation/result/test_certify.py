@@ -25,6 +25,7 @@ from jointplay.simulation.analysis.headline_figures import (
     _History,
     figures,
 )
+from jointplay.simulation.analysis.tool_error import time_weights
 from jointplay.simulation.result.certificate import Certificate, CertifiedFigure, alone, plus_minus
 from jointplay.study.certification import (
     add_certificate,
@@ -189,7 +190,7 @@ def test_records_that_miss_impacts_widen_the_error_of_a_root_mean_square():
 
     def rms(sizes):
         history = _History("RMS", "N", len(sizes))
-        history.add(sizes)
+        history.add(sizes, time_weights(time))
         return history.measured()
 
     smooth = rms(10.0 + np.sin(2.0 * np.pi * time))
@@ -206,15 +207,16 @@ def test_records_that_miss_impacts_widen_the_error_of_a_root_mean_square():
     st.integers(1, 60), st.lists(st.integers(0, 60), max_size=5), st.sampled_from(["peak", "RMS"])
 )
 def test_a_history_in_parts_comes_to_what_it_comes_to_in_one(count, cuts, how):
-    sizes = np.random.default_rng(count).random(count)
+    random, time = np.random.default_rng(count), np.arange(float(count))
+    sizes, rates, weights = random.random(count), random.normal(size=count), time_weights(time)
     whole, parted = (_History(how, "N", count) for _ in range(2))
-    whole.add(sizes)
-    for part in np.split(sizes, sorted(min(cut, count) for cut in cuts)):
-        parted.add(part)
+    whole.add(sizes, weights, (time, rates))
+    cuts = sorted(min(cut, count) for cut in cuts)
+    for at in np.split(np.arange(count), cuts):
+        parted.add(sizes[at], weights[at], (time[at], rates[at]))
     one, other = whole.measured(), parted.measured()
-    assert one.value == pytest.approx(
-        np.max(sizes) if how == "peak" else np.sqrt(np.mean(sizes**2))
-    )
+    least = np.max(sizes) if how == "peak" else np.sqrt(weights @ sizes**2)
+    assert one.value == pytest.approx(least) or (how == "peak" and one.value > least)
     assert (other.value, other.sampling) == pytest.approx((one.value, one.sampling), rel=1e-9)
     assert other.parts == pytest.approx(one.parts, rel=1e-12)
 

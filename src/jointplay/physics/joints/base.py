@@ -410,10 +410,11 @@ class Clearance(Described, ABC):
         """The pose nearest to a given one that the journal could have without clearance.
 
         Rotation (3, 3) and centre (3,) [m] in the bearing frame, both ways. Along the axis, what
-        nothing limits stays as it is.
+        nothing limits stays as it is; planar play has nothing there.
         """
         outline = self.outline
-        stays = self.slides() or (outline.form == "cylinder" and not outline.walls)
+        open_along = outline.form == "cylinder" and not outline.walls
+        stays = self.slides() or (open_along and VIRTUAL_LINK[2] in self.freedoms)
         place = np.array([0.0, 0.0, centre[2] if stays else 0.0])
         if not self.holds_axis():
             return rotation, place

@@ -28,7 +28,7 @@ from jointplay.show.player import playback
 from jointplay.show.plots.chart import Axis, Curve, Panel
 from jointplay.show.plots.result import TIME
 from jointplay.simulation.analysis.parts import ToolError
-from jointplay.simulation.analysis.tool_error import deviation
+from jointplay.simulation.analysis.tool_error import deviation, error_statistics
 from jointplay.simulation.analysis.twins import has_play, ideal_simulation, tool_motion
 from jointplay.simulation.result.result import Result
 from jointplay.simulation.result.variables import TERMS
@@ -291,13 +291,14 @@ def cycle_message(
     for what, of, unit in (("error", "tool_position", "m"), ("turn", "tool_orientation", "rad")):
         if twin is None:
             break
-        sizes = np.linalg.norm(deviation(result, twin, of).values, axis=1)
+        off = deviation(result, twin, of)
+        sizes = np.linalg.norm(off.values, axis=1)
         if what == "error":
             largest = np.maximum.reduceat(sizes, np.minimum(begin, len(sizes) - 1))
             error = curves.chart(Panel(TIME, Axis("error", "m"), [Curve(few.time, largest)]))
-        judged = sizes[since[: len(sizes)]]
-        figure(f"largest tool {what}", judged.max(initial=0.0), unit)
-        figure(f"RMS tool {what}", np.sqrt(np.mean(judged**2)) if len(judged) else 0.0, unit)
+        over = error_statistics(off)
+        figure(f"largest tool {what}", over.peak[-1], unit)
+        figure(f"RMS tool {what}", over.rms[-1], unit)
     peaks = result["joint_force_peak"].values[since] if result.joints else np.empty((0, 0, 3))
     for name, forces in zip(result.joints, np.linalg.norm(peaks, axis=2).T, strict=True):
         shown = {"orbit": ("orbit", name), "force": ("forces", "total", name)}

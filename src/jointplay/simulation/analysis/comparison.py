@@ -7,15 +7,13 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 
-import numpy as np
-
 from jointplay.base.errors import JointplayError, require_a
 from jointplay.base.schema import differences, short
 from jointplay.base.tables import Column, Table
 from jointplay.base.units import told
 from jointplay.simulation.analysis.headline import reference
 from jointplay.simulation.analysis.headline_figures import figures
-from jointplay.simulation.analysis.tool_error import difference
+from jointplay.simulation.analysis.tool_error import difference, error_statistics
 from jointplay.simulation.analysis.twins import inputs, is_twin
 from jointplay.simulation.analysis.vibration import rattle
 from jointplay.simulation.result.certificate import HEADLINE, CertifiedFigure
@@ -138,8 +136,8 @@ def compare(results: Mapping[str, Result], progress: bool = False) -> Comparison
     )
     apart = None
     if a.simulation.mechanism.tool == b.simulation.mechanism.tool:
-        away = np.linalg.norm(difference(b, a).values, axis=1)
-        apart = float(away.max()), float(np.sqrt((away**2).mean()))
+        off = error_statistics(difference(b, a), 0.0)
+        apart = float(off.peak[-1]), float(off.rms[-1])
     return Comparison((first, second), tuple(differences(inputs(a), inputs(b))), pairs, apart)
 
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 HISTORIES = (
-    *(*twins.COMPARED, "joint_force_peak", "normal_force_peak"),
+    *(*twins.TOOL_MOTIONS, "joint_force_peak", "normal_force_peak"),
     *("q", "v", "cage_angle", "normal_dissipation"),
 )
 """What `headline` looks at, in the run and in the ideal mechanism's."""
@@ -63,7 +63,7 @@ def headline(result: Result, ideal: Result | None, detail: bool = False) -> list
         result = Result(result.dataset.isel(time=finite))
     start = result.judge_from
     since = since_words(result)
-    lines = []
+    lines: list[str] = []
     failed = result.status not in (Status.COMPLETED, Status.INTERRUPTED)
     if failed:
         lines.append(result.message)
@@ -73,7 +73,9 @@ def headline(result: Result, ideal: Result | None, detail: bool = False) -> list
     if result.joints:
         hinged = twins.hinges(result)  # they hold bodies by more than the force of their springs
         if bearings := [joint for joint in result.joints if joint not in hinged]:
-            lines.append(_forces(result, bearings, start, since))
+            fall = result.audit.start == "centred" and not start
+            words = ", judged from the start, with the fall of the journals" if fall else ""
+            lines.append(_forces(result, bearings, start, since) + words)
         lines += _bearings(result, since)
         with suppress(JointplayError):  # too few records
             found = rattle(result, ideal)

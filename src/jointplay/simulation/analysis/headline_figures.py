@@ -10,8 +10,8 @@ import numpy as np
 
 from jointplay.simulation import spool
 from jointplay.simulation.analysis.claims import can_be_measured, measure
-from jointplay.simulation.analysis.tool_error import Reference
-from jointplay.simulation.analysis.twins import hinges
+from jointplay.simulation.analysis.tool_error import Reference, growth, time_weights, tops
+from jointplay.simulation.analysis.twins import TOOL_MOTIONS, hinges
 from jointplay.simulation.result import netcdf
 from jointplay.simulation.result.histories import HistoryBuilder
 from jointplay.simulation.result.result import Result
@@ -106,7 +106,7 @@ class Headline:
 
     HISTORIES = (
         *("joint_force_peak", "joint_force", "reaction_force", "load_work"),
-        *("tool_position", "tool_orientation", *LOSSES),
+        *(*TOOL_MOTIONS, *LOSSES),
     )
 
     builder: HistoryBuilder
@@ -117,9 +117,12 @@ class Headline:
         self._judge_from, self._soft = judge_from, soft
         self._ideal = None if ideal is None else Reference(ideal)
         judged = time[time >= judge_from]
-        self._count, self._told = len(judged), 0
-        if self._ideal is not None:
-            self._told = int(np.count_nonzero(judged <= self._ideal.until))
+        told = judged[:0] if self._ideal is None else judged[judged <= self._ideal.until]
+        self._count, self._weights, self._told = (
+            len(judged),
+            time_weights(judged),
+            time_weights(told),
+        )
         self._ends = np.linspace(0, max(self._count - 1, 0), STRETCHES + 1).astype(int)
         self._histories: dict[str, _History] = {}
         self._seen = 0
@@ -139,6 +142,7 @@ class Headline:
 
     def add(self, part: xr.Dataset) -> None:
         judged = part["time"].values >= self._judge_from
+        here = slice(self._seen, self._seen + int(np.count_nonzero(judged)))
         self._play = "joint" in part.dims
         if self._play:
             forces = {"peak": part["joint_force_peak"], "RMS": part["joint_force"]}
@@ -151,15 +155,18 @@ class Headline:
             for k, name in enumerate(names):
                 if name not in self._soft:
                     at = "" if len(names) - len(self._soft) == 1 else f", {name}"
-                    self._of(f"{how} joint force{at}", how, "N", self._count).add(sizes[judged, k])
+                    history = self._of(f"{how} joint force{at}", how, "N", self._count)
+                    history.add(sizes[judged, k], self._weights[here])
         if self._ideal is not None:
             for what, of in (("error", "tool_position"), ("turn", "tool_orientation")):
                 error = self._ideal.difference(part, of)
+                error = error.sel(time=error["time"].values >= self._judge_from)
                 sizes = np.linalg.norm(error.values, axis=1)
-                sizes = sizes[error["time"].values >= self._judge_from]
+                moves = error["time"].values, growth(error.values, error["rate"].values)
                 for how in ("peak", "RMS"):
                     unit = error.attrs["units"]
-                    self._of(f"{how} tool {what}", how, unit, self._told).add(sizes)
+                    history = self._of(f"{how} tool {what}", how, unit, len(self._told))
+                    history.add(sizes, self._told[here], moves)
         self._add_losses(part, judged)
 
     def _of(self, name: str, how: str, unit: str, count: int) -> _History:
@@ -200,15 +207,31 @@ class _History:
         each, more = divmod(count, STRETCHES)
         self._ends = np.cumsum([each + (k < more) for k in range(STRETCHES)])
         self._largest, self._squares = np.zeros(STRETCHES), np.zeros(STRETCHES)
+        self._most, self._last = 0.0, np.empty((3, 0))
         self._subsets, self._left = np.zeros(SUBSETS), np.empty(0)
-        self._seen, self._total = 0, 0.0
+        self._seen = 0
 
-    def add(self, sizes: np.ndarray) -> None:
-        stretches = np.split(sizes, np.clip(self._ends[:-1] - self._seen, 0, len(sizes)))
-        for k, part in enumerate(stretches):
-            self._largest[k] = part.max(initial=self._largest[k])
-            self._squares[k] += float(part @ part)
-        self._total += float(np.sum(sizes**2))
+    def add(
+        self,
+        sizes: np.ndarray,
+        weights: np.ndarray,
+        moves: tuple[np.ndarray, np.ndarray] | None = None,
+    ) -> None:
+        """Add sizes with their weights in the mean, and where known their times and rates."""
+        top = most = sizes
+        if moves is not None:
+            known = np.hstack([self._last, [moves[0], sizes, moves[1]]])
+            top, most = tops(*known)
+            top = top[self._last.shape[1] :]
+            self._last = known[:, -3:]  # what follows tells more of the last records
+        self._most = most.max(initial=self._most)
+        cuts = np.clip(self._ends[:-1] - self._seen, 0, len(sizes))
+        squares = weights * sizes**2
+        for k, (tall, part) in enumerate(
+            zip(np.split(top, cuts), np.split(squares, cuts), strict=True)
+        ):
+            self._largest[k] = tall.max(initial=self._largest[k])
+            self._squares[k] += float(part.sum())
         self._seen += len(sizes)
         sizes = np.concatenate([self._left, sizes]) if len(self._left) else sizes
         even = len(sizes) // SUBSETS * SUBSETS
@@ -217,10 +240,10 @@ class _History:
 
     def measured(self) -> Measured:
         if self._how == "peak":
-            return Measured(float(self._largest.max()), self._unit, self._largest, math.inf)
-        value = math.sqrt(self._total / self._seen)
-        parts = self._squares / self._seen
-        return Measured(value, self._unit, parts, 2.0, self._sampling_error(value))
+            value = float(self._largest.max())
+            return Measured(value, self._unit, self._largest, math.inf, self._most - value)
+        value = math.sqrt(self._squares.sum())
+        return Measured(value, self._unit, self._squares, 2.0, self._sampling_error(value))
 
     def _sampling_error(self, value: float) -> float:
         """Twice the standard error of a root mean square: from how subsets of the records differ.

@@ -33,8 +33,8 @@ from jointplay.simulation.result.stored import stored_coordinates
 if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
 
-COMPARED = ("tool_position", "tool_velocity", "tool_orientation")
-"""What a tool's error needs of the ideal mechanism's run."""
+TOOL_MOTIONS = ("tool_position", "tool_velocity", "tool_orientation", "tool_angular_velocity")
+"""Histories of the tool that are measured against those of the ideal mechanism."""
 
 SLIDING_KINDS = {name for name, kind in JOINT_KINDS.items() if issubclass(kind, SlidingClearance)}
 """Kinds of joint whose surfaces slide on each other."""
@@ -251,9 +251,7 @@ def tool_motion(
         run.label = "the ideal mechanism "
         run.stop_checks.append(stop)
         status = run.run_to_end(progress)
-        # Seen from a free base it needs all velocities.
-        more = ("v",) if simulation.mechanism.free_base is not None else ()
-        made = run.result(status, only=("q", *COMPARED, *more))
+        made = run.result(status, only=("q", "v", *TOOL_MOTIONS))
         if status != Status.COMPLETED:
             return made
         _recent[key] = made
@@ -301,11 +299,10 @@ def without(result: Result, cause: str, progress: bool = False) -> Result | None
         return None
     frame = carried(mechanism.model, mechanism.tool_frame)
     found = mechanism.tree.motion(*ideal.states(result.time), tool=frame)
-    places = (found.tool[:, :3], found.tool[:, 3:], found.orientation)
-    kept = result.dataset[list(COMPARED)]
-    sent = kept.assign(
-        {name: kept[name].copy(data=values) for name, values in zip(COMPARED, places, strict=True)}
-    )
+    places = (found.tool[:, :3], found.tool[:, 3:], found.orientation, found.spin)
+    kept = result.dataset[list(TOOL_MOTIONS)]
+    pairs = zip(TOOL_MOTIONS, places, strict=True)
+    sent = kept.assign({name: kept[name].copy(data=values) for name, values in pairs})
     return Result(sent.assign_attrs(simulation=json.dumps(simulation.describe())))
 
 
