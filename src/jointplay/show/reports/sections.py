@@ -33,6 +33,7 @@ from jointplay.show.reports.html import (
     Quantity,
     bullets,
     by_case,
+    details,
     folded,
     joined,
     markup,
@@ -435,8 +436,19 @@ def glance(cases: Sequence[Case], start: float) -> Html:
             markup('<div class="first">{}{}</div>', made, _robot(cases)),
             folded(_warnings(cases), "warnings"),
             bullets(_what_errors_mean(cases, start)),
+            joined(_values_assumed(case, len(cases) > 1) for case in cases),
         ]
     )
+
+
+def _values_assumed(case: Case, named: bool) -> Html:
+    """What nobody gave of a case, to unfold."""
+    made = case.result.assumed
+    if not made.columns[0].values:
+        return Html("")
+    of = markup(" in {}", dark(case)) if named else Html("")
+    summary = markup("{} values are assumed{}", len(made.columns[0].values), of)
+    return details(summary, markup('<div class="assumed">{}</div>', table(made)))
 
 
 _GLANCE = (
