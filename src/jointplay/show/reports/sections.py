@@ -433,10 +433,10 @@ def glance(cases: Sequence[Case], start: float) -> Html:
     return joined(
         [
             folded(_answers(cases), "cases"),
+            joined(_values_assumed(case, len(cases) > 1) for case in cases),
             markup('<div class="first">{}{}</div>', made, _robot(cases)),
             folded(_warnings(cases), "warnings"),
             bullets(_what_errors_mean(cases, start)),
-            joined(_values_assumed(case, len(cases) > 1) for case in cases),
         ]
     )
 
