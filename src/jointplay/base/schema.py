@@ -634,10 +634,15 @@ def _simple(kind: Any, data: Any, units: tuple[str, ...]) -> Any:
     return data
 
 
+SYNONYMS = {"backlash": "play", "lost_motion": "play", "rotor": "rotor_inertia"}
+"""What others call what keys here are for."""
+
+
 def unknown_key(key: str, keys: Iterable[str], whose: str = "") -> str:
     """What to say of a key that does not exist."""
     keys = list(keys)
-    return f'unknown key "{key}"{whose}; {closest(key, keys)}valid keys: {", ".join(keys)}'
+    meant = SYNONYMS.get(key) if SYNONYMS.get(key) in keys else key
+    return f'unknown key "{key}"{whose}; {closest(meant, keys)}valid keys: {", ".join(keys)}'
 
 
 def one_of(kind: str, value: Any, choices: Iterable[str]) -> str:

@@ -134,7 +134,7 @@ def run(options: argparse.Namespace) -> int:
     if options.gear and posed.simulation is None:
         notes.append(
             "note: gears of --gear have no stiffness of their own; unless --known-stiffness gives "
-            "it, it is sought from 1e+04 N m/rad on"
+            "it, it is sought from that of the rule on"
         )
     print_answer(fit.sentence, replace(fit, notes=()), [*fit.notes, *notes], options.detail)
     _write_robot(options, fit.preset(_place(options), posed.simulation), fit.mechanism)
