@@ -264,7 +264,7 @@ def test_what_a_contribution_lacks_is_said(tmp_path, capsys, change, said):
         (('"my arm"', '"my arm"\nerrors = "print"'), 'no class of errors "print"; did you mean'),
         (("[joint.e", "origin = [5]\n[joint.e"), "origin"),
         (("[preset]", "origin = 5\n[preset]"), "origin: expected a list"),
-        ((OWN, OWN + "[[origin]]\nkey = 'gear.play'"), "line 7, origin.1.: the keys value, origin, source"),
+        ((OWN, OWN + "[[origin]]\nkey = 'gear.play'"), "line 7, origin.1.: the keys value, origin"),
         *(
             ((OWN, OWN + ORIGIN.replace(*change)), said)
             for change, said in [
