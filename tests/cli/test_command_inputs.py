@@ -202,3 +202,20 @@ def test_a_payload_weighs_at_rest_as_a_force_does_and_drives_do_not_know_it(caps
     sagged = at_rest("--payload", "5 kg")
     assert 1e3 * np.linalg.norm(sagged.sag[:3]) == pytest.approx(1.75, rel=0.01)
     assert sagged.whole[:3] - sagged.sag[:3] == pytest.approx(held.whole[:3], abs=2e-5)
+
+
+def test_what_others_call_play_is_asked_for_by_its_key(capsys):
+    words = ["--gear", "joint_a=1 mrad", "--set", "gears.joint_a.backlash=1 deg"]
+    assert main(["check", "jointplay:scara.urdf", "--no-picture", *words]) == 2
+    assert 'unknown key "backlash" of the kind backlash; did you mean "play"?' in (
+        capsys.readouterr().err
+    )
+
+
+def test_without_clearance_no_journal_of_a_preset_or_of_a_key_has_any():
+    words = ["--preset", "ur-like", "--set", "joints.elbow_joint.radial_clearance=0.05 mm"]
+    loose = read("run", "ur5", *words, "--out", "o").mechanism()
+    ideal = read("run", "ur5", *words, "--ideal", "--out", "o").mechanism()
+    assert {"elbow_joint", "wrist_1_joint"} <= set(loose.clearance)
+    assert all(joint.ideal for joint in ideal.clearance.values())
+    assert all(gear.play == 0.0 for gear in ideal.gears.values())

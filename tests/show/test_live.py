@@ -375,6 +375,13 @@ def test_all_controls_and_charts_have_names(tab):
 def test_the_page_fits(browser, address, width, scheme):
     with opened(browser, address, size=(width, 800), color_scheme=scheme) as page:
         assert page.evaluate("() => document.documentElement.scrollWidth") <= width
+        values = page.locator(".assumed").first
+        assert not values.is_visible()  # folded
+        page.locator("summary", has_text="What was assumed").press("Enter")
+        box = values.bounding_box()
+        assert 0 <= box["x"] < box["x"] + box["width"] <= width
+        assert "integration.start: at rest" in page.inner_text(".controls")
+        assert page.evaluate("() => document.documentElement.scrollWidth") <= width
         back, ink = page.evaluate(
             """() => {
                 const style = getComputedStyle(document.querySelector(".jp-live"));

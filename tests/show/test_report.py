@@ -230,6 +230,16 @@ def test_answer_picture_and_three_charts_come_first_the_rest_is_folded(
         text = tab.inner_text("#at-a-glance")
         assert f"in {', '.join(TURNING[:number])} puts the tool" in text
         assert tab.locator("#at-a-glance img").count() == 1
+        # What nobody gave is on the first screen, one key away, and as wide as that.
+        unfold = tab.locator("#at-a-glance summary", has_text="values are assumed")
+        assert unfold.bounding_box()["y"] < 900
+        unfold.press("Enter")
+        cells = tab.locator(".assumed").locator("tbody th, tbody td")
+        assert "joints" in " ".join(cells.all_inner_texts())
+        for cell in (cells.first, cells.nth(1), cells.nth(3)):
+            box = cell.bounding_box()
+            assert 0 <= box["x"] < box["x"] + box["width"] <= width
+        unfold.press("Enter")
         names = ["Further figures", "Parameters", "Assumptions", "Audit", "Motion of the tool"]
         names += ["Accuracy", "Journal", "Forces", "Impacts", "Spectrum"]
         for name, title in zip(names, seen["folded"], strict=True):

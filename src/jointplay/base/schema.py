@@ -636,25 +636,25 @@ def _simple(kind: Any, data: Any, units: tuple[str, ...]) -> Any:
 
 SYNONYMS = {
     "backlash": "play",
+    "lost_motion": "play",
     "play": "radial_clearance",
     "clearance": "radial_clearance",
     "gap": "radial_clearance",
-    "inertia": "rotor_inertia",
+    "rotor": "rotor_inertia",
     "armature": "rotor_inertia",
     "kp": "p_gain",
     "kd": "d_gain",
     "ki": "i_gain",
     "mu": "mu_d",
 }
-"""What keys are called elsewhere, and here."""
+"""What others call what keys here are for."""
 
 
 def unknown_key(key: str, keys: Iterable[str], whose: str = "") -> str:
     """What to say of a key that does not exist."""
     keys = list(keys)
-    meant = SYNONYMS.get(key)
-    hint = f'did you mean "{meant}"? ' if meant in keys else closest(key, keys)
-    return f'unknown key "{key}"{whose}; {hint}valid keys: {", ".join(keys)}'
+    meant = SYNONYMS.get(key) if SYNONYMS.get(key) in keys else key
+    return f'unknown key "{key}"{whose}; {closest(meant, keys)}valid keys: {", ".join(keys)}'
 
 
 def one_of(kind: str, value: Any, choices: Iterable[str]) -> str:

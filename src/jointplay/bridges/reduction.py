@@ -286,6 +286,7 @@ def reduce_all(
     *,
     amplitude: float = AMPLITUDE,
     period: float = PERIOD,
+    joint_friction: Mapping[str, JointFriction] | None = None,
     progress: bool = False,
 ) -> tuple[list[Reduction], dict[str, str]]:
     """Reduce every joint that has play, each alone, as `reduce` does.
@@ -304,7 +305,10 @@ def reduce_all(
         raise JointplayError(f"no joint with play can be reduced: {'; '.join(refused.values())}")
     with ProgressBar(able, "reducing", unit="joint", disable=not progress) as bar:
         how: dict[str, Any] = {"amplitude": amplitude, "period": period}
-        return [reduce(mechanism, name, pose, **how) for name in bar], refused
+        rubs = joint_friction or {}
+        return [
+            reduce(mechanism, name, pose, joint_friction=rubs.get(name), **how) for name in bar
+        ], refused
 
 
 def _with_play(mechanism: Mechanism) -> list[str]:

@@ -12,18 +12,19 @@ Example: jointplay allocate ur5 --clearance "0.1 mm" --target "0.2 mm" --workspa
     --target SIZE  largest error of the tool, such as "0.2 mm", or angle by which it may be turned,
         such as "0.1 deg" (required)
     --quantile P  share of states that must meet the target, such as 0.99 (default: all)
-    --cost {reciprocal,reciprocal-squared,linear}  cost of a clearance c: 1/c, 1/c^2 or -c (default:
-        reciprocal)
-    --weight JOINT=X ...  weight of a joint's cost (default: 1)
-    --price NAME=X ...  price of a class of rolling bearings (C2, CN, C3, C4, CC0, C0, C1,
-        preloaded) or of a grade of a fit (IT6), relative: joints given as NAME=BEARING or NAME=FIT
-        are allocated by class and by fit; with --whole, of halving a cause
     --verify [RUNS=3]  simulate the motion with the clearances found, in this many perturbed runs (3
         if no number is given)
     --out DIR  folder for allocation.csv and the figure
     --jobs
     --detail
     --quiet
+  costs:
+    --cost {reciprocal,reciprocal-squared,linear}  cost of a clearance c: 1/c, 1/c^2 or -c (default:
+        reciprocal)
+    --weight JOINT=X ...  weight of a joint's cost (default: 1)
+    --price NAME=X ...  price of a class of rolling bearings (C2, CN, C3, C4, CC0, C0, C1,
+        preloaded) or of a grade of a fit (IT6), relative: joints given as NAME=BEARING or NAME=FIT
+        are allocated by class and by fit; with --whole, of halving a cause
   compensation:
     --compensation X  price of a motion corrected for play (jointplay compensate): put beside, with
         what it leaves of the error at rest

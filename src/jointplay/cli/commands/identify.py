@@ -134,7 +134,7 @@ def run(options: argparse.Namespace) -> int:
     if options.gear and posed.simulation is None:
         notes.append(
             "note: gears of --gear have no stiffness of their own; unless --known-stiffness gives "
-            "it, it is sought from 1e+04 N m/rad on"
+            "it, it is sought from that of the rule on"
         )
     print_answer(fit.sentence, replace(fit, notes=()), [*fit.notes, *notes], options.detail)
     _write_robot(options, fit.preset(_place(options), posed.simulation), fit.mechanism)
@@ -237,7 +237,8 @@ def _gauged(options: argparse.Namespace) -> tuple[PosedMachine, dict[str, Any]]:
     """The machine, and how readings were taken: noise and pose."""
     for name in OF_MOTIONS:
         if getattr(options, name) not in (None, []):
-            raise JointplayError(f"--{name} is not for a dial gauge, which tells single joints")
+            option = f"--{name.replace('_', '-')}"
+            raise JointplayError(f"{option} is not for a dial gauge, which tells single joints")
     noise = numbers_by_name(options.noise, "--noise SIGNAL=X", {"tool": "m", "link": "rad"})
     options.pose = [options.pose or ""] if options.pose or not options.motion else []
     posed = posed_machine(options)

@@ -197,12 +197,13 @@ STATIC = ("poses", "load", "whole error")
 
 
 def entries(parser: argparse.ArgumentParser, about: str) -> Iterator[commands.Entry]:
-    """The options that say what a command looks at, of these groups, or all but `STATIC`."""
+    """The options that say what a command looks at, of these groups, and single ones; all but
+    those of `STATIC` if none are named.
+    """
     every = dict.fromkeys(group for *_, group in ENTRIES if group not in STATIC)
     groups = about.split(", ") if about else list(every)
-    parser.set_defaults(groups=groups)
     for name, said, group in ENTRIES:
-        if group in ("", *groups):
+        if group in ("", *groups) or name.partition(" ")[0] in groups:
             key = said.startswith("= ")
             yield (f"{name} VALUE", "", group) if key else (name, said, group)
 
@@ -314,7 +315,8 @@ def scenario_of(options: argparse.Namespace, moves: bool = True) -> Scenario:
     preset, settings = chosen_preset(options), []
     if preset is not None:
         said = preset.settings(_description(options, wanted, file))
-        settings = [one for one in said if one.key[1] not in of_file.get(one.key[0], {})]
+        left = {**of_file, "joints": [one.key[1] for one in said]} if ideal else of_file
+        settings = [one for one in said if one.key[1] not in left.get(one.key[0], {})]
     names = list(named_joints(options))
     if options.place is None and not names and not ideal:
         names = [SCARA_JOINT]
@@ -339,6 +341,8 @@ def scenario_of(options: argparse.Namespace, moves: bool = True) -> Scenario:
         of_gears = [one.key[1] for one in geared if one.key[0] == "gears"]
         known = dict.fromkeys([*tables.get("gears", {}), *of_gears])
         settings += [Setting(("gears", name, "play"), 0.0, "--ideal") for name in known]
+        loose = tree(wanted).get("joints", {})
+        settings += [Setting(("joints", name, "ideal"), True, "--ideal") for name in loose]
     settings += [*_other_settings(options, tables), *wanted]
     if file is None:
         scenario = robot_scenario(options.place, names, settings, ideal, moves)
@@ -363,7 +367,7 @@ def own_preset(options: argparse.Namespace) -> Preset | None:
     """What is publicly known of the robot, if nobody asked for it."""
     from jointplay.scenario.presets import preset_of
 
-    if "joints with clearance" not in options.groups or is_scenario(options) or not options.place:
+    if not hasattr(options, "preset") or is_scenario(options) or not options.place:
         return None
     try:
         own = preset_of(str(options.place))
@@ -582,7 +586,7 @@ def named_joints(options: argparse.Namespace) -> dict[str, str | None]:
     """Joints of --joint, each with its clearance, fit or bearing if it has one."""
     from jointplay.physics.joints.bearings import is_designation
 
-    if "joints with clearance" not in options.groups:
+    if not hasattr(options, "clearance"):  # a command's own --joint is another
         return {}
     return dict(name_and_number(entry, is_number=is_designation) for entry in options.joint)
 
@@ -593,8 +597,7 @@ def for_joints(options: argparse.Namespace) -> list[Flag]:
 
 
 def _given(options: argparse.Namespace) -> list[Flag]:
-    flags = (flag for flag in (_CLEARANCE, *FLAGS) if flag.group in options.groups)
-    return [flag for flag in flags if _value(options, flag.attribute) is not None]
+    return [one for one in (_CLEARANCE, *FLAGS) if _value(options, one.attribute) is not None]
 
 
 def chosen_preset(options: argparse.Namespace) -> Preset | None:

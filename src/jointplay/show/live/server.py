@@ -19,6 +19,7 @@ from jointplay.show.live.workers import Workers
 from jointplay.show.player.pages import components, filled, static, viewer
 from jointplay.show.player.server import PORT
 from jointplay.show.player.server import serve as serve_page
+from jointplay.simulation.values import assumed_table
 
 if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
@@ -48,10 +49,17 @@ def contents(state: State, simulation: Simulation, title: str) -> tuple[dict[str
         "title": title,
         "controls": state.described(),
         "assumptions": [*state.scenario.assumptions, *state.scenario.notes],
+        "assumed": _assumed(state, simulation),
         "bodies": seen,
         "joints": list(simulation.mechanism.clearance),
     }
     return said, block
+
+
+def _assumed(state: State, simulation: Simulation) -> list[list[str]]:
+    """What nobody gave, row by row: value, what it is, by which rule, what another would change."""
+    made = assumed_table(simulation, state.scenario.origins(state.case))
+    return [list(row) for row in zip(*(one.values for one in made.columns), strict=True)]
 
 
 def page(said: Mapping[str, Any], block: bytes) -> bytes:

@@ -33,6 +33,7 @@ from jointplay.show.reports.html import (
     Quantity,
     bullets,
     by_case,
+    details,
     folded,
     joined,
     markup,
@@ -432,11 +433,22 @@ def glance(cases: Sequence[Case], start: float) -> Html:
     return joined(
         [
             folded(_answers(cases), "cases"),
+            joined(_values_assumed(case, len(cases) > 1) for case in cases),
             markup('<div class="first">{}{}</div>', made, _robot(cases)),
             folded(_warnings(cases), "warnings"),
             bullets(_what_errors_mean(cases, start)),
         ]
     )
+
+
+def _values_assumed(case: Case, named: bool) -> Html:
+    """What nobody gave of a case, to unfold."""
+    made = case.result.assumed
+    if not made.columns[0].values:
+        return Html("")
+    of = markup(" in {}", dark(case)) if named else Html("")
+    summary = markup("{} values are assumed{}", len(made.columns[0].values), of)
+    return details(summary, markup('<div class="assumed">{}</div>', table(made)))
 
 
 _GLANCE = (

@@ -10,7 +10,7 @@ file of each format. See docs/simulator.md.
 Example: jointplay export simulator ur5 --joint elbow_joint --clearance "0.05 mm" --gear
 elbow_joint="2 arcmin" --gear-stiffness 2e4 --rotor-inertia 0.5 --out elbow
 
-    FILE | ROBOT  robot, joints with clearance, gears, drive
+    FILE | ROBOT  robot, joints with clearance, gears, contacts, --joint-friction, --encoder
     --pose JOINT=X,...  pose about which the joint reverses
   reversals:
     --amplitude ANGLE  amplitude of the reversals (default: 0.1)
@@ -69,11 +69,12 @@ def run(options: argparse.Namespace) -> int:
     refuse_without_play(mechanism, play, formats, options.tilt)
     out.claim()
     how = given(options, "amplitude", "period") | {"progress": not options.quiet}
+    rubs = posed.poses.holding["joint_friction"] or {}
     if joint is None:
-        reductions, refused = reduce_all(mechanism, pose, **how)
+        reductions, refused = reduce_all(mechanism, pose, joint_friction=rubs, **how)
         notes += [f"not reduced: {why}" for why in refused.values()]
     else:
-        reductions = [reduce(mechanism, joint, pose, **how)]
+        reductions = [reduce(mechanism, joint, pose, joint_friction=rubs.get(joint), **how)]
     more: dict[str, Any] = {} if spread is None else {"spread": spread}
     remade = "mjcf" in formats and not is_own(mechanism.description)
     more |= {"servos": _servos(posed) if remade else {}}

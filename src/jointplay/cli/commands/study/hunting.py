@@ -9,7 +9,7 @@ Gears and servos come from a scenario, --preset, or --gear and --set; see docs/d
 Example: jointplay study hunting so101 --preset --of elbow_flex
 --set 'drives.elbow_flex.encoder="link"'
 
-    [FILE | ROBOT]
+    [FILE | ROBOT]  robot, joints with clearance, gears, drive
   hunting:
     --of JOINT ...  joint to look at (default: all that have play and a servo or controller)
     --held JOINT=X,...  positions at which joints are held (default: where the motion begins)
@@ -25,8 +25,10 @@ Example: jointplay study hunting so101 --preset --of elbow_flex
     --quiet
 """
 
+from __future__ import annotations
+
 import argparse
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from jointplay.base import streams
 from jointplay.base.errors import JointplayError
@@ -34,11 +36,15 @@ from jointplay.base.pairs import misread, name_and_number, pair
 from jointplay.cli.commands import Outputs, print_answer
 from jointplay.cli.commands.inputs import (
     ALL,
+    for_joints,
     is_scenario,
     own_preset,
     positions,
     scenario_of,
 )
+
+if TYPE_CHECKING:
+    from jointplay.simulation.simulation import Simulation
 
 
 def run(options: argparse.Namespace) -> int:
@@ -61,7 +67,7 @@ def run(options: argparse.Namespace) -> int:
         raise JointplayError(
             f"hunting is of gears with play under servos, none is given: add {add}"
         )
-    simulation = scenario_of(options).simulation(options.case)
+    simulation = released(options)
     held = positions(simulation.mechanism, options.held or "", "--held")
     how = {"longest": options.time, "jobs": options.jobs, "progress": not options.quiet}
     joints = options.of or ()
@@ -87,6 +93,14 @@ def run(options: argparse.Namespace) -> int:
     if options.out:
         out.write({"hunting.csv": table.csv()})
     return 0
+
+
+def released(options: argparse.Namespace) -> Simulation:
+    """The machine of whose joints some are released; journals, which are held, are refused."""
+    if options.joint or (journals := for_joints(options)):
+        option = "--joint" if options.joint else journals[0].name
+        raise JointplayError(f"{option} is of journals, which are held here: hunting is of gears")
+    return scenario_of(options).simulation(options.case)
 
 
 def _span(text: str) -> tuple[str, Any]:

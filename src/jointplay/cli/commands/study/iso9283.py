@@ -89,6 +89,9 @@ def _in_cube(options: argparse.Namespace, simulation: Any) -> tuple[Any, str]:
         raise JointplayError("--cube LENGTH and --cube-centre X,Y,Z go together")
     if options.cube is None:
         return simulation, "poses: the stops of the motion"
+    for option in ("motion", "interpolation", "duration"):
+        if getattr(options, option) is not None:
+            raise JointplayError(f"--cube has a motion of its own: leave out --{option}")
     from jointplay.study.iso9283 import cube_motion
 
     centre = vector(options.cube_centre, "m", "--cube-centre")

@@ -189,8 +189,10 @@ class Live {
         for (const [group, parts] of groups) {
             controls.append(element("details", {open: open-- > 0}, element("summary", {}, group), ...parts));
         }
-        if (contents.assumptions.length) {
-            controls.append(element("details", {}, element("summary", {}, "What was assumed"),
+        if (contents.assumptions.length + contents.assumed.length) {
+            const values = contents.assumed.map(([name, value, rule, effect]) => element("div", {class: "assumed"},
+                element("dt", {}, `${name}: ${value}`), element("dd", {class: "soft"}, effect ? `${rule}; another would change ${effect}` : rule)));
+            controls.append(element("details", {}, element("summary", {}, "What was assumed"), element("dl", {}, ...values),
                 ...contents.assumptions.map(line => element("p", {class: "soft"}, line))));
         }
         root.replaceChildren(header, element("div", {class: "grid"}, controls, this.buildResults()));

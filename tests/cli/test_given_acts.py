@@ -1,0 +1,144 @@
+"""What is given acts or is refused: every option of the inputs, in every command that takes it."""
+
+import json
+from functools import cache
+
+import pytest
+from test_command_inputs import CALLS
+
+from jointplay import JointplayError
+from jointplay.cli import parser, parsers
+from jointplay.cli.commands import inputs
+from jointplay.cli.commands.inputs import ENTRIES
+from jointplay.cli.commands.study import hunting
+
+STANDING = ("budget", "allocate", "export simulator", "identify")
+"""Commands that look at poses."""
+BODIES = ("calibrate", "export urdf")
+"""Commands that look at the robot alone."""
+MACHINES = {
+    "journals": (["ur5", "--joint", "elbow_joint=0.05 mm"], "elbow_joint", "wrist_1_joint"),
+    "gears": (["ar4", "--gear", "joint_2=1 deg"], "joint_2", "joint_3"),
+    "file": (["jointplay:scara.toml", "--case", "0.2 mm"], "joint_b", "joint_a"),
+}
+"""What is looked at; a joint of it that has play, unless it is taken out; and one that has none."""
+ELSEWHERE = {"--case": "of several", "--import": "of what a file names", "--xacro": "of xacro"}
+"""What has no meaning for these machines."""
+OWN = {"study wear --joint", "study dynamics --joint", "calibrate --payload"}
+"""Options that mean something else to a command."""
+SAID = {f"{command} --base" for command in STANDING}
+"""What does not act, as the answer says."""
+
+
+def values(loose, tight, folder):
+    """Something to give for each option, and what it needs beside it."""
+    poses = folder / "poses.csv"
+    poses.write_text(f"{tight}\n0.1\n0.2\n")
+    motion = folder / "motion.csv"
+    motion.write_text(f"time_s,{tight}\n0,0\n0.5,0.1\n1,0\n")
+    return {
+        "--set": ["robot.gravity=[0, 0, -1]"], "--allow-unphysical": ["all"], "--fix": [tight],
+        "--tool": ["base_link"], "--gravity": ["0,0,-2"], "--base": ["free"],
+        "--joint": [f"{tight}=0.07 mm"], "--clearance": ["0.13 mm"], "--ideal": [],
+        "--preset": ["ur-like"], "--axial-clearance": ["0.3 mm"], "--bearing-radius": ["12 mm"],
+        "--bearing-length": ["33 mm"], "--journal-radius": ["9.9 mm"],
+        "--journal-length": ["50 mm"], "--gear": [f"{tight}=0.5 deg"], "--gear-stiffness": ["4e4"],
+        "--gear-damping": ["11"], "--rotor-inertia": ["0.07"], "--young": ["71 GPa"],
+        "--poisson": ["0.23"], "--stiffness": ["3e9"], "--axial-stiffness": ["4e9"],
+        "--law": ["flores"], "--restitution": ["0.61"],
+        "--damping": ["17", "--law=kelvin-voigt", "--damping=16"],
+        "--impact-mass": ["0.9", "--law=anagnostopoulos", "--impact-mass=0.8"],
+        "--friction": ["0.27"],
+        "--motion": [str(motion)], "--interpolation": ["linear", f"--motion={motion}"],
+        "--joint-friction": [f"{loose}=0.7,0.2"], "--bandwidth": ["37"], "--damping-ratio": ["0.6"],
+        "--encoder": ["link"], "--payload": ["0.5 kg"], "--seed": ["3"], "--start": ["rest"],
+        "--settle": ["0.1 s"], "--judge-from": ["0.1 s"], "--step": ["21 us"],
+        "--duration": ["1.7 s"], "--integrator": ["rk4"], "--macro-step": ["0.2 ms"],
+        "--tolerance": ["0.01"], "--record-every": ["7"], "--pose": [f"{tight}=0.3 rad"],
+        "--poses": [str(poses)], "--workspace": ["5"], "--force": ["0,0,-9"],
+        "--whole": ["printed"], "--causes": ["play", "--whole=printed"],
+    }  # fmt: skip
+
+
+@cache
+def looked_at(command, *words):
+    """What the command takes of the options."""
+    options = parser().parse_args(words)
+    if command == "study hunting":
+        simulation = hunting.released(options)
+        return json.dumps([simulation.describe(), repr(simulation.drive)], default=str)
+    if command in STANDING:
+        if command == "export simulator":
+            options.pose = [options.pose or ""]
+        posed = inputs.posed_machine(options)
+        found = [posed.mechanism.describe(), posed.poses.q.tolist(), repr(posed.poses.holding)]
+        if hasattr(options, "force"):
+            found += [
+                inputs.force_on_tool(options),
+                repr(inputs.whole_errors(options, posed.scenario)),
+            ]
+        return json.dumps(found, default=str)
+    if isinstance(options.case, list):
+        options.case = next(iter(options.case), None)  # runs take several
+    scenario = inputs.scenario_of(options, moves=command not in BODIES)
+    if command in BODIES:
+        return json.dumps(scenario.mechanism(options.case).describe(), default=str)
+    simulation = scenario.simulation(options.case)
+    return json.dumps([simulation.describe(), repr(simulation.drive)], default=str)
+
+
+def alike():
+    """Commands, one of those that take the same options in the same way."""
+    found = {}
+    for command in CALLS:
+        taken = {word for one in parsers()[command]._actions for word in one.option_strings}
+        words = tuple(name for name, *_ in ENTRIES if name.partition(" ")[0] in taken)
+        found.setdefault((words, command in STANDING, command in BODIES), command)
+    return {command: words for (words, *_), command in found.items()}
+
+
+def line_of(command, machine, takes):
+    """How the command is typed for the machine, with play in one of its joints."""
+    words, loose, _ = MACHINES[machine]
+    more = [word for word in CALLS[command] if word not in ("--joint", "joint_b")]
+    if command == "study wear":
+        more += ["--joint", loose]
+    if command == "study hunting" and machine == "journals":
+        words = [words[0], "--gear", f"{loose}=1 deg"]
+    if not takes.issuperset(words[1:2]):
+        words = [words[0], "--set", f"joints.{loose}.radial_clearance=0.05 mm"]
+    return [*command.split(), *words, *more]
+
+
+def outcome(command, line, option, value, *beside):
+    """What is wrong with a command's answer to an option; None if it acts or is refused."""
+    try:
+        plain = looked_at(command, *line, *beside)
+        given = [option, *[value][: bool(value)]]
+        found = looked_at(command, *line, *beside, *given)
+    except JointplayError as error:
+        about = [
+            option,
+            *(one.partition("=")[0] for one in beside),
+            *option.strip("-").split("-"),
+            *value.partition("=")[:1],
+        ]
+        named = any(len(word) > 4 and word in str(error) for word in about)
+        return None if named else f"{command} {option}: {error}"
+    return f"{command} {option}" if found == plain else None
+
+
+@pytest.mark.parametrize(
+    "machine",
+    [pytest.param(one, marks=pytest.mark.thorough if one != "gears" else ()) for one in MACHINES],
+)
+def test_each_option_of_each_command_acts_or_is_refused_by_name(machine, tmp_path):
+    given, silent = values(*MACHINES[machine][1:], tmp_path), []
+    for command, takes in alike().items():
+        known = {name.partition(" ")[0] for name in takes}
+        known = {option for option in known if f"{command} {option}" not in OWN}
+        line = line_of(command, machine, known)
+        for option in sorted(known - set(ELSEWHERE)):
+            if f"{command} {option}" not in SAID:
+                silent.append(outcome(command, line, option, *(given[option] or [""])))
+    assert not any(silent), "\n".join(filter(None, silent))
