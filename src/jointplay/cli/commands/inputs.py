@@ -359,14 +359,11 @@ def scenario_of(options: argparse.Namespace, moves: bool = True) -> Scenario:
 
 def _own_preset(options: argparse.Namespace) -> str:
     """The robot's name if a preset is known for it that nobody asked for; else empty."""
-    from jointplay.scenario.presets import preset_of
+    from jointplay.scenario.presets import own_preset
 
     if "joints with clearance" not in options.groups or is_scenario(options) or not options.place:
         return ""
-    try:
-        return "" if preset_of(str(options.place)).assumed else str(options.place)
-    except JointplayError:
-        return ""
+    return str(options.place) if own_preset(str(options.place)) else ""
 
 
 def xacro_arguments(texts: Sequence[str] | None) -> dict[str, str]:
