@@ -12,7 +12,7 @@ from jointplay.model.urdf import shipped
 from jointplay.paper import scara
 from jointplay.physics.kernel import Status
 from jointplay.simulation import step_check
-from jointplay.simulation.loads.drive import Free
+from jointplay.simulation.loads.drive import ComputedTorque, Free
 
 RATTLING = jp.Gear(play=2e-3, rotor_inertia=0.5, stiffness=2e5, damping=5.0)
 """Controlled by what the joint does, the motor rattles in its play."""
@@ -37,6 +37,7 @@ def geared(gear, step, integrator):
     return jp.simulate(
         robot,
         scara(None).motion,
+        drive=ComputedTorque(encoder="link"),
         duration=1.0,
         step=step,
         record_every=every,

@@ -341,10 +341,27 @@ class Preset:
         return "\n".join([tables, *(one.replace("[origin]", "[[origin]]") for one in origins)])
 
 
+def _files() -> list[Path]:
+    return sorted((Path(__file__).parent / "data").glob("*.toml"))
+
+
 @cache
 def _presets() -> dict[str, Preset]:
-    folder = Path(__file__).parent / "data"
-    return {path.stem: _read(path, path.stem) for path in sorted(folder.glob("*.toml"))}
+    return {path.stem: _read(path, path.stem) for path in _files()}
+
+
+@cache
+def _known() -> dict[str, str]:
+    """Names of presets by the robots of which they tell what is publicly known.
+
+    Read without a check, which takes as long as the rest of a command's start.
+    """
+    found = {}
+    for path in _files():
+        data = parsed(read_text(path, "preset"), path)
+        if any(one["origin"] != ASSUMED for one in data["origin"]):
+            found |= dict.fromkeys(data["preset"].get("robots", ()), path.stem)
+    return found
 
 
 def _read(path: Path, name: str) -> Preset:
@@ -421,6 +438,16 @@ def preset(name: str | Path) -> Preset:
     return known[text]
 
 
+def own_preset(robot: str) -> str:
+    """Name of the preset that tells what is publicly known of a robot's joints; else empty."""
+    return _known().get(_short(robot), "")
+
+
+def _short(robot: str) -> str:
+    """What a robot, or a file of it, is called in presets."""
+    return Path(robot).name.partition(".")[0].lower()
+
+
 def preset_of(robot: str) -> Preset:
     """The preset for a robot, by its short name such as ``so101``, or a file of that name.
 
@@ -428,12 +455,10 @@ def preset_of(robot: str) -> Preset:
         JointplayError: nothing is publicly known of its joints; the message has what to choose.
     """
     require_a("robot", robot, "str", "Path")
-    name = Path(robot).name.partition(".")[0].lower()
-    fitting = [one for one in _presets().values() if name in one.robots]
-    for one in fitting:
-        if not one.assumed:
-            return one
-    classes = [one.name for one in fitting]
+    if own := own_preset(robot):
+        return preset(own)
+    name = _short(robot)
+    classes = [one.name for one in _presets().values() if name in one.robots]
     classes += [kind for kind, one in _presets().items() if one.ordered and kind not in classes]
     little = "too little" if name in LEFT_OUT else "nothing"
     why = f" ({LEFT_OUT[name]})" if name in LEFT_OUT else ""

@@ -355,7 +355,7 @@ def scenario_of(options: argparse.Namespace, moves: bool = True) -> Scenario:
             f"preset {preset.name}: {one}" for one in (preset.words, *preset.origins)
         )
         scenario.assumptions[:] = [words, *scenario.assumptions, *origins]
-    elif own_preset(options) is not None:
+    elif own_preset(options):
         scenario.assumptions.append(
             f"note: what is publicly known of the joints of {options.place} is left out; --preset "
             "takes it"
@@ -363,17 +363,15 @@ def scenario_of(options: argparse.Namespace, moves: bool = True) -> Scenario:
     return scenario
 
 
-def own_preset(options: argparse.Namespace) -> Preset | None:
-    """What is publicly known of the robot, if nobody asked for it."""
-    from jointplay.scenario.presets import preset_of
+def own_preset(options: argparse.Namespace) -> str:
+    """Name of the preset with what is publicly known of the robot, if nobody asked for it."""
+    from jointplay.scenario import presets
 
-    if not hasattr(options, "preset") or is_scenario(options) or not options.place:
-        return None
-    try:
-        own = preset_of(str(options.place))
-    except JointplayError:
-        return None
-    return None if own.assumed else own
+    if not hasattr(options, "preset") or options.preset is not None:
+        return ""
+    if is_scenario(options) or not options.place:
+        return ""
+    return presets.own_preset(str(options.place))
 
 
 def xacro_arguments(texts: Sequence[str] | None) -> dict[str, str]:

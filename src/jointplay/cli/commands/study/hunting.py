@@ -52,6 +52,7 @@ def run(options: argparse.Namespace) -> int:
     spans = [_span(text) for text in options.map or ()]
     if spans and len(spans) != 2:
         raise JointplayError(f"a map is over two gains: give --map twice, got {len(spans)}")
+    from jointplay.scenario.presets import preset
     from jointplay.simulation.loads import Servo
     from jointplay.study import hunting
 
@@ -62,7 +63,8 @@ def run(options: argparse.Namespace) -> int:
         add = add if names else f"--gear {joint}=PLAY and {add}"
         robot = scenario_of(options, moves=False).mechanism().description
         own = own_preset(options)
-        if own is not None and any(isinstance(one, Servo) for one in own.drives(robot).values()):
+        servos = preset(own).drives(robot).values() if own else ()
+        if any(isinstance(one, Servo) for one in servos):
             add = f"--preset, which has the servos of {options.place}"
         raise JointplayError(
             f"hunting is of gears with play under servos, none is given: add {add}"
