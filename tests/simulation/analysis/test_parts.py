@@ -165,3 +165,11 @@ def test_a_corrected_motion_is_judged_by_the_one_that_was_meant(arm, tmp_path, c
     assert words in said
     assert words in result.summary()
     assert result.certificate is None
+
+
+def test_blanks_between_the_numbers_of_a_file_make_no_other_robot(urdf):
+    path = urdf(body("arm", com="0.3  0\t0"), joint("j", "base", "arm", axis="0  1 0"))
+    gear = jp.Gear(play=1e-3, stiffness=1e4, rotor_inertia=0.1, damping=20.0)
+    motion = jp.Motion(["j"], [0.0, 0.02], [[0.0], [0.01]])
+    result = jp.simulate(jp.Mechanism(path, gears={"j": gear}), motion)
+    assert twins.is_twin(result, twins.twin(result))

@@ -172,16 +172,16 @@ def task(result: Result) -> dict[str, Any]:
 def _without_armature(text: str) -> tuple[str, dict[str, float]]:
     """A robot's text in which no armature stands, in one form, and that armature."""
     root = ElementTree.fromstring(text)
-    said = root.find(BEYOND)
-    if said is None:
-        return ElementTree.canonicalize(text, strip_text=True), {}
-    beyond = json.loads(said.text or "{}")
-    armature = beyond.pop("armature", {})
-    said.text = json.dumps(beyond)
-    if not beyond:
-        root.remove(said)
+    armature: dict[str, float] = {}
+    if (said := root.find(BEYOND)) is not None:
+        beyond = json.loads(said.text or "{}")
+        armature = beyond.pop("armature", {})
+        said.text = json.dumps(beyond)
+        if not beyond:
+            root.remove(said)
     left = ElementTree.tostring(root, encoding="unicode")
-    return ElementTree.canonicalize(left, strip_text=True), armature
+    left = ElementTree.canonicalize(left, strip_text=True)
+    return " ".join(left.split()), armature  # files have several blanks between numbers
 
 
 def _state(given: dict[str, Any]) -> dict[str, list[float | None]]:
