@@ -355,7 +355,7 @@ def test_budget_command_names_the_body(walker, tmp_path, capsys):
     assert all(name in said for name in ("hip", "knee", "wag"))
     assert sorted(file.name for file in out.iterdir()) == ["bars.png", "budget.csv"]
     assert main([*line, "thigh", "--detail"]) == 0
-    assert "play: knee (" in capsys.readouterr().out
+    assert "play: knee: " in capsys.readouterr().out
     assert main([*line, "leg"]) == 2
     assert "no body 'leg'" in capsys.readouterr().err
     assert main([*line, "thigh", "--whole", "printed"]) == 0

@@ -356,7 +356,7 @@ def _known() -> dict[str, str]:
 
     Read without a check, which takes as long as the rest of a command's start.
     """
-    found = {}
+    found: dict[str, str] = {}
     for path in _files():
         data = parsed(read_text(path, "preset"), path)
         if any(one["origin"] != ASSUMED for one in data["origin"]):
