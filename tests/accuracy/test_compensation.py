@@ -612,7 +612,8 @@ def test_a_format_that_knows_no_such_axis_stops_no_other(upright, tmp_path):
     motion.write_text("time_s,j\n0,0\n0.4,0.5\n0.8,0\n")
     command = [JOINTPLAY, "compensate", upright, "--gear", "j=0.1 mrad", "--motion", motion]
     command += ["--gear-stiffness=800", "--gear-damping=2", "--rotor-inertia=0.05", "--jobs=1"]
-    command += ["--set", "drive.kind=computed-torque", "--set", "drive.encoder=motor", "--write-anyway"]
+    command += ["--set", "drive.kind=computed-torque", "--set", "drive.encoder=motor"]
+    command += ["--write-anyway"]
     command += ["--detail", "--formats", "marlin,linuxcnc,grblhal", "--out", out]
     done = subprocess.run(list(map(str, command)), capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

@@ -140,7 +140,7 @@ def test_a_torque_acts_on_the_motor(urdf):
     [
         (lambda: Controller((), pd), "needs the names of its joints"),
         (lambda: Controller(("a", "a"), pd), "has a joint twice: a, a"),
-        (lambda: Controller(("a",), pd, encoder="tool"), "no encoder 'tool'; available: motor, link"),
+        (lambda: Controller(("a",), pd, encoder="tool"), "no encoder .tool.; available: motor"),
         (lambda: Controller(("a",), pd, period=0.0), "period of a controller must be greater"),
         (lambda: Controller(("a",), sampled_pd), r"it must take \(time, q, v, p, out\)"),
     ],
