@@ -210,7 +210,7 @@ def test_any_robot_by_name_moves_and_says_what_came_out(tmp_path):
     )
     assert done.returncode == 0, done.stderr
     assert "no motion given" in done.stderr
-    play = "Play in elbow_joint (0.1 mm), wrist_1_joint (0.1 mm and 0.3 mm)"
+    play = "Play of 0.1 mm in elbow_joint and of 0.1 mm and 0.3 mm in wrist_1_joint"
     for words in (play, "peak force in elbow_joint", "rattle: ", "next: "):
         assert words in done.stdout
     result = Result.load(tmp_path / "result.nc")
