@@ -125,7 +125,7 @@ BAD_INPUT = {
     "gravity": (["--gravity", "down"], '--gravity: no gravity "down"'),
     "motion": (["--motion", "none.csv"], "none.csv"),
     "unphysical link": ([shipped("scara_as_printed.urdf")], "'arm1'"),
-    "no joint chosen": ([shipped("scara.urdf")], "joint_a, joint_b, joint_c"),
+    "no joint chosen": ([shipped("scara.urdf")], "joint_a, joint_b, stroke, joint_c"),
     "no robot": (["nothing_like_it"], "nothing_like_it"),
     "not a setting": (["--set", "step"], '--set "step": give KEY=VALUE'),
     "not a key": (["--set", "a..b=1"], '"a..b" is not a key'),

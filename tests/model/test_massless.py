@@ -106,7 +106,7 @@ def test_holding_the_joint_that_has_the_clearance_is_not_advised(urdf):
         require_inertia(mechanism, np.full(mechanism.model.nq, 0.1))
 
 
-def test_held_joints_stand_at_zero_or_the_limit_nearest_to_it_and_what_mimics_them_follows(urdf):
+def test_held_joints_stand_at_zero_or_midway_between_limits_and_what_mimics_them_follows(urdf):
     place = {"at": "0.1 0.2 0.3", "rpy": "0.3 -0.5 0.7"}
     turning = joint("turn", "a", "b", axis="0 2 1", **place)
     sliding = joint("slide", "b", "c", "prismatic", axis="1 0 2", **place)
@@ -114,14 +114,14 @@ def test_held_joints_stand_at_zero_or_the_limit_nearest_to_it_and_what_mimics_th
     path = urdf(
         *map(body, "abc"),
         joint("base_joint", "base", "a"),
-        turning.replace('lower="-9"', 'lower="0.4"'),
+        turning.replace('lower="-9"', 'lower="0.4"').replace('upper="9"', 'upper="0.8"'),
         sliding.replace("</joint>", mimic),
     )
     free, held = Mechanism(path), Mechanism(path, fix=["turn"])
     assert held.joints == ("base_joint",)
     places = []
     for one, q in (
-        (free, {"base_joint": 0.2, "turn": 0.4, "slide": 0.1}),
+        (free, {"base_joint": 0.2, "turn": 0.6, "slide": 0.2}),
         (held, {"base_joint": 0.2}),
     ):
         pin.framesForwardKinematics(one.model, one.data, one.configuration(q))

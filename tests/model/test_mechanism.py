@@ -148,7 +148,7 @@ def test_description_round_trip():
         ({"flexible": ["x"]}, "flexible must be a dictionary"),
         ({"gravity": 9.81}, "gravity must have three components, got 9.81"),
         ({"allow_unphysical": "arm1"}, "must be a list of names of links, got 'arm1'"),
-        ({"path": 3}, "needs the path of a URDF, or a robot's name, got 3"),
+        ({"path": 3}, "needs the path of a URDF, a robot's name or a pinocchio.Model, got 3"),
     ],
 )
 def test_the_wrong_container_is_refused_in_words(given, said):

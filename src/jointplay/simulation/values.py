@@ -176,4 +176,5 @@ def _fields_of(one: Any, unit: str) -> Iterator[tuple[str, str, bool]]:
 def _words(law: FrictionLaw) -> str:
     """Name of a law, and its first number, which is the coefficient."""
     name = next(iter(fields_of(law.__class__)), "")
-    return f"{law.name} {name} {getattr(law, name):g}" if name else law.name
+    first = getattr(law, name, None)
+    return f"{law.name} {name} {first:g}" if isinstance(first, float) else law.name
