@@ -6,6 +6,7 @@ rests; or of all causes.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -59,8 +60,8 @@ AXES = ("x", "y", "z", "about x", "about y", "about z")
 """Components of the tool's error, in world axes [m, rad]."""
 
 
-@dataclass(frozen=True)
-class Budget:
+@dataclass(frozen=True, repr=False)
+class Budget(ABC):
     """Error of the tool at n poses by k contributions; lengths in m, angles in rad.
 
     `worst` is a bound that can be reached: no state of the contributions is worse, up to the second
@@ -80,6 +81,20 @@ class Budget:
     positions: np.ndarray
     """Of the ideal tool, shape (n, 3)."""
     farthest: Farthest
+
+    @property
+    @abstractmethod
+    def sentence(self) -> str:
+        """The answer in a sentence."""
+
+    def __str__(self) -> str:
+        return f"{self.sentence}\n{self.table()}"
+
+    __repr__ = __str__
+
+    @abstractmethod
+    def table(self) -> Table:
+        """What it is made up of."""
 
     @property
     def tool(self) -> str:
@@ -121,7 +136,7 @@ class Budget:
         return int(self.worst.argmax())
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class PlayBudget(Budget):
     """Error of the tool by play alone, by j joints and gears.
 
@@ -493,7 +508,7 @@ class PlayBudget(Budget):
         return Table(columns)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ErrorBudget(Budget):
     """Error of the tool by several causes, each with its variance."""
 

@@ -406,4 +406,4 @@ def _rms(vectors: xr.DataArray) -> float:
 
 
 def _mm(metres: float) -> str:
-    return f"{alone(1e3 * metres)} mm"
+    return f"{alone(1e3 * metres) if metres > STANDS_M else 0} mm"

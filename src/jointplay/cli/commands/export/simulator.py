@@ -39,6 +39,7 @@ from typing import Any
 
 from jointplay.base import files
 from jointplay.base.errors import JointplayError, require_non_negative
+from jointplay.base.pairs import name_and_number
 from jointplay.bridges.reduced_formats import FORMATS, choose
 from jointplay.cli.commands import Outputs, given, inputs, print_answer
 
@@ -120,12 +121,20 @@ def _share(text: str) -> float:
 
 
 def _joint(options: argparse.Namespace) -> str:
-    """The one joint that is named; if it has no clearance of its own, it is no option any more."""
+    """The one joint that is named, by its gear or else by --joint; if that has no clearance of its
+    own, it is no option any more.
+    """
+    geared = list(dict.fromkeys(name_and_number(one)[0] for one in options.gear))
+    if not options.joint and len(geared) == 1 and geared != [inputs.ALL]:
+        return geared[0]
     if len(options.joint) != 1:
         number = len(options.joint) or "none"
-        raise JointplayError(f"--joint must name one joint, got {number}; --all reduces every one")
+        raise JointplayError(
+            f"--joint or --gear must name one joint, got {number}; --all reduces every one"
+        )
     ((joint, length),) = inputs.named_joints(options).items()
-    if length is None and options.clearance is None:
+    known = joint in geared or options.preset is not None or inputs.is_scenario(options)
+    if known and length is None and options.clearance is None:
         options.joint = []  # its play is the scenario's, or its gear's alone
     return joint
 
