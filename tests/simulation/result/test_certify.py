@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import signal
 import sys
 from dataclasses import replace
@@ -437,7 +438,7 @@ def test_scenarios_ask_for_certificates(tmp_path, capsys):
     assert cli.main(["run", str(path), "--out", str(out), "--detail", "--jobs", "2"]) == 0
     shown = capsys.readouterr().out
     assert "numerical errors, certified by 3 further runs" in shown
-    assert "numerical errors, estimated from 2 further runs" in shown
+    assert re.search(r"numerical errors, estimated from [23] further runs", shown)
     one, two, three = (jp.Result.load(out / f"{name}.nc") for name in ("one", "two", "three"))
     assert one.certificate.strict
     assert f"peak joint force   {one.certificate['peak joint force']}" in shown

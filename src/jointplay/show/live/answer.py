@@ -172,7 +172,7 @@ class Machine:
         """Where the ideal machine goes, which most changes of a clearance leave as it is."""
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # the page has the message
-            found = tool_motion(ideal_simulation(simulation), stop=self.superseded)
+            found = tool_motion(ideal_simulation(simulation), stop=self.superseded, also=["q"])
         self._continue()
         return found.completed()
 

@@ -6,7 +6,7 @@ import dataclasses
 import json
 import xml.etree.ElementTree as ElementTree
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -230,29 +230,36 @@ def twin(result: Result, progress: bool = False) -> Result:
     return simulation.run(progress, check_step=check_step, estimate=False)
 
 
-_KEPT = 6
+_KEPT, _LARGE = 6, 1e7
 _recent: OrderedDict[str, Result] = OrderedDict()
-"""The last twins' motions, by what was run: whoever judges a run asks for the same ones."""
+"""The last twins' motions, by what was run: whoever judges a run asks for the same ones. Those of
+more bytes than `_LARGE` are run again, lest memory grow with the length of runs."""
 
 
 def tool_motion(
-    simulation: Simulation, progress: bool = False, stop: Callable[[], bool] = lambda: False
+    simulation: Simulation,
+    progress: bool = False,
+    stop: Callable[[], bool] = lambda: False,
+    also: Sequence[str] = (),
 ) -> Result:
-    """A twin's run, of which only the tool's motion and the coordinates are kept.
+    """A twin's run, of which only the tool's motion is kept, and what is `also` asked for; of a
+    free base that of all bodies.
 
     Neither the forces in its joints are found, nor how far it is off because of its step. It is
     interrupted as soon as `stop` says so.
     """
     from jointplay.simulation.run import Run  # takes long to import
 
-    key = json.dumps(simulation.describe(), default=str)
+    key = json.dumps([simulation.describe(), *also], default=str)
     if key not in _recent:
         run = Run(simulation, progress)
         run.label = "the ideal mechanism "
         run.stop_checks.append(stop)
         status = run.run_to_end(progress)
-        made = run.result(status, only=("q", "v", *TOOL_MOTIONS))
-        if status != Status.COMPLETED:
+        # Seen from a free base it needs all velocities.
+        more = ("q", "v") if simulation.mechanism.free_base is not None else ()
+        made = run.result(status, only=(*TOOL_MOTIONS, *also, *more))
+        if status != Status.COMPLETED or made.dataset.nbytes > _LARGE:
             return made
         _recent[key] = made
     _recent.move_to_end(key)
