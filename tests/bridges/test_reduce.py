@@ -266,7 +266,7 @@ def test_the_command_takes_what_a_gear_needs_from_rules_and_the_encoder_from_its
     assert (
         main(["export", "simulator", str(path), "--joint", "j", "--out", str(tmp_path / "p")]) == 2
     )
-    assert "missing" in capsys.readouterr().err
+    assert "add --tilt" in capsys.readouterr().err  # its clearance is assumed
 
 
 SERVO = {"voltage": 9.0, "p_gain": 40.0, "torque_constant": 1.2, "resistance": 2.7}
