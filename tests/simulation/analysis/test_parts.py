@@ -5,6 +5,7 @@ import warnings
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from conftest import body, joint
 
@@ -13,6 +14,7 @@ from jointplay import analysis
 from jointplay.cli import main
 from jointplay.physics.kernel import Status
 from jointplay.simulation.analysis import twins
+from jointplay.simulation.analysis.headline import headline
 
 SERVO = jp.loads.Servo(voltage=12.0, p_gain=40.0, torque_constant=2.0, resistance=2.0)
 GEAR = jp.Gear(play=4e-3, stiffness=400.0, rotor_inertia=0.05, damping=0.3)
@@ -173,3 +175,20 @@ def test_blanks_between_the_numbers_of_a_file_make_no_other_robot(urdf):
     motion = jp.Motion(["j"], [0.0, 0.02], [[0.0], [0.01]])
     result = jp.simulate(jp.Mechanism(path, gears={"j": gear}), motion)
     assert twins.is_twin(result, twins.twin(result))
+
+
+def test_servos_of_a_machine_without_play_are_told_from_where_the_motion_sends_the_tool():
+    robot = jp.Mechanism("so101")
+    servo = jp.loads.Servo.of("STS3215", voltage=7.4, p_gain=38.6)
+    motion = jp.Motion(["elbow_flex"], [0.0, 0.05, 0.1], [[0.0], [0.02], [0.0]])
+    result = jp.Simulation(robot, motion, drive=servo).run(**QUIET)
+    motion = result.simulation.motion  # in which the other joints stand
+    data, farthest = robot.model.createData(), 0.0
+    for time, place in zip(result.time, result["tool_position"].values, strict=True):
+        at = dict(zip(motion.joints, motion(np.array([time]))[0][0], strict=True))
+        pin.framesForwardKinematics(robot.model, data, robot.configuration(at))
+        sent = data.oMf[robot.tool_frame].translation
+        farthest = max(farthest, float(np.linalg.norm(place - sent)))
+    (line,) = headline(result, None)
+    assert line.endswith(": servos")
+    assert f"is up to {1e3 * farthest:.3g} mm from where it was sent" in line

@@ -14,7 +14,12 @@ from jointplay.base.tables import counted, few
 from jointplay.physics.kernel import Status
 from jointplay.simulation.analysis import twins
 from jointplay.simulation.analysis.bearings import bearing_life, rolling_bearings
-from jointplay.simulation.analysis.parts import ToolError, ended_words, since_words
+from jointplay.simulation.analysis.parts import (
+    ToolError,
+    drives_alone,
+    ended_words,
+    since_words,
+)
 from jointplay.simulation.analysis.tool_error import deviation, error_at, error_statistics, stops
 from jointplay.simulation.analysis.vibration import Rattle, rattle
 from jointplay.simulation.motion.reference import GOES_ON
@@ -70,6 +75,8 @@ def headline(result: Result, ideal: Result | None, detail: bool = False) -> list
     # Of what diverged, how far it came says nothing of the machine.
     if ideal is not None and twins.has_play(result) and result.status != Status.RUN_AWAY:
         lines += _tool(result, ideal, detail)
+    elif not (failed or twins.has_play(result)):
+        lines += drives_alone(result)
     if result.joints:
         hinged = twins.hinges(result)  # they hold bodies by more than the force of their springs
         if bearings := [joint for joint in result.joints if joint not in hinged]:

@@ -367,6 +367,21 @@ def _of(result: Result, table: str, field: str) -> list[Value]:
     ]
 
 
+def drives_alone(result: Result) -> list[str]:
+    """How far servos leave the tool of a machine without play from where it was sent."""
+    servos = _label(result, "drive")
+    if servos == "drives" or not len(result.time):
+        return []
+    sent = twins.without(result, "drive")
+    if sent is None:
+        return []
+    off, tool = difference(result, sent), result.simulation.mechanism.tool
+    return [
+        f"The tool {tool!r} is up to {_mm(_peak(off))} from where it was sent"
+        f"{since_words(result)} (at t = {_time_of_peak(off):.4g} s), RMS {_mm(_rms(off))}: {servos}"
+    ]
+
+
 def _label(result: Result, name: str) -> str:
     """What a cause is called: drives are servos if any of them is."""
     if name != "drive":
