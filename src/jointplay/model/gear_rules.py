@@ -23,7 +23,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.model.gear import Gearing
-from jointplay.model.urdf import Description, JointEntry
+from jointplay.model.urdf import STANDARD_GRAVITY, Description, JointEntry
 
 STIFFNESS, STIFFEST = 25.0, 300.0
 """Stiffness by effort^1.5 [1/sqrt(N m)], and at most by effort: fitted to the table."""
@@ -42,11 +42,12 @@ POSES = 64
 """Poses over the limits of all joints at which weights are looked at."""
 ENOUGH, LEAST, PLAUSIBLE = 1.5, 0.5, 10.0
 """Times the largest weight a drive must hold that is made for a joint; from and up to how many
-times as much efforts are taken for those of the drives: robots of the table have 0.9 to 7."""
+times as much efforts are taken for those of the drives: judged; UR5, UR10, Panda, xArm7, Z1 and
+SO-101 have 1.1 to 8.0."""
 PLACEHOLDER = 3.0
 """As many times as much have drives whose efforts are placeholders (PAROL6: 300 N m each)."""
 PAYLOAD = 0.1
-"""Part of what moves that a robot carries for which no efforts are known: arms carry 5 to 50 %."""
+"""Part of what moves that a robot carries for which no efforts are known: judged."""
 UNSTATED = 4.5
 """Times the largest weight that the drive of such a robot is made for: 3 times `ENOUGH`."""
 SHORTEST_ARM = 0.1
@@ -57,7 +58,6 @@ weights say nothing of joints about the vertical."""
 SMALLEST_KNOWN = 12.0
 """Least effort of the drives to which the stiffness was fitted [N m]: hobby servos are several
 times softer."""
-STANDARD_GRAVITY_M_S2 = 9.81
 ROUNDING = 1e-9
 """Part of the largest weight that is rounding: that of joints about the vertical."""
 _WIDEST = np.pi
@@ -134,7 +134,7 @@ def rated_efforts(description: Description, source: pin.Model, tool: str) -> Eff
     own = UNSTATED * np.abs([_gravity(loaded, q) for q in poses])[:, at].max(axis=0, initial=0.0)
     reach = _reach(source, poses, frame)
     turning = np.array([not entries[name].slides for name in rows])
-    held = UNSTATED * carried * STANDARD_GRAVITY_M_S2
+    held = UNSTATED * carried * -STANDARD_GRAVITY[2]
     least = np.where(turning, np.maximum(held * SHORTEST_ARM * reach, SMALLEST), held)
     efforts = dict(zip(rows, np.maximum(own, least).tolist(), strict=True))
     for name, index in reversed(joints.items()):  # those farther out come later
