@@ -363,6 +363,6 @@ def test_others_stand_where_their_limits_let_them(urdf):
 
 def test_the_command_says_whether_a_robot_hunts(tmp_path):
     options = ["--of", "wrist_roll", "--preset", "--quiet", "--jobs", "1", "--out", str(tmp_path)]
-    done = command("so101", *options)
+    done = command("so101", *options, "--time", "5 s")
     assert "at rest" in done.stdout
     assert "wrist_roll" in (tmp_path / "hunting.csv").read_text()

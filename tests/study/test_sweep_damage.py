@@ -141,7 +141,14 @@ def test_what_sqlite_says_of_bytes_that_are_no_text_is_one_line(store):
             assert "\n" not in said
 
 
-@pytest.mark.parametrize("flips", [300, pytest.param(20_000, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize(
+    "flips",
+    [
+        100,
+        pytest.param(300, marks=pytest.mark.thorough),
+        pytest.param(20_000, marks=pytest.mark.nightly),
+    ],
+)
 def test_no_flipped_bit_gives_another_number(flips, whole):
     """What cannot be read is said in a line. SQLite may hide rows behind a flipped bit of its own;
     then they are missing, as if they had not been run.
@@ -206,21 +213,26 @@ def test_what_is_damaged_runs_again_and_gives_what_it_was(places, whole, here, s
     ("statement", "again"),
     [
         ("UPDATE cases SET peak_force = peak_force + 1e-9 WHERE place = '0 0 0'", 1),
-        ("UPDATE cases SET clearance = 3e-4 WHERE place = '0 0 0'", 1),
-        ("UPDATE cases SET rough = 'yes' WHERE place = '0 0 0'", 1),
         ("UPDATE cases SET status = 'done', error = '' WHERE status = 'failed'", 4),
-        ("UPDATE cases SET peak_force = NULL WHERE place = '0 0 0'", 1),
-        ("UPDATE cases SET peak_force = 'much' WHERE place = '0 0 0'", 1),
-        ("UPDATE cases SET peak_force = x'00' WHERE place = '0 0 0'", 1),
-        ("UPDATE cases SET error = CAST(x'ff' AS TEXT) WHERE place = '0 0 0'", 1),
-        ("UPDATE cases SET place = '0 0 1' WHERE place = '0 0 0'", 1),
-        ("UPDATE cases SET place = NULL, checksum = NULL WHERE place = '0 0 0'", 1),
-        ("UPDATE cases SET peak_force = 1e999 WHERE place = '0 0 0'", 1),
-        ("INSERT INTO cases SELECT * FROM cases WHERE place = '0 0 0'", 0),
         ("DELETE FROM cases WHERE place = '0 0 0'", 1),
-        ("UPDATE about SET content = '{}' WHERE rowid = 1", 0),
         ("UPDATE about SET checksum = NULL WHERE rowid = 2", 0),
-        ("DELETE FROM about WHERE rowid = 1", 0),
+        *(
+            pytest.param(*one, marks=pytest.mark.thorough)
+            for one in [
+                ("UPDATE cases SET clearance = 3e-4 WHERE place = '0 0 0'", 1),
+                ("UPDATE cases SET rough = 'yes' WHERE place = '0 0 0'", 1),
+                ("UPDATE cases SET peak_force = NULL WHERE place = '0 0 0'", 1),
+                ("UPDATE cases SET peak_force = 'much' WHERE place = '0 0 0'", 1),
+                ("UPDATE cases SET peak_force = x'00' WHERE place = '0 0 0'", 1),
+                ("UPDATE cases SET error = CAST(x'ff' AS TEXT) WHERE place = '0 0 0'", 1),
+                ("UPDATE cases SET place = '0 0 1' WHERE place = '0 0 0'", 1),
+                ("UPDATE cases SET place = NULL, checksum = NULL WHERE place = '0 0 0'", 1),
+                ("UPDATE cases SET peak_force = 1e999 WHERE place = '0 0 0'", 1),
+                ("INSERT INTO cases SELECT * FROM cases WHERE place = '0 0 0'", 0),
+                ("UPDATE about SET content = '{}' WHERE rowid = 1", 0),
+                ("DELETE FROM about WHERE rowid = 1", 0),
+            ]
+        ),
     ],
 )
 def test_a_row_that_another_hand_has_changed_runs_again(statement, again, whole, here, store):
@@ -288,7 +300,16 @@ def test_a_page_that_sqlite_cannot_read_costs_its_rows_alone(where, tmp_path):
         assert opened.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
 
 
-@pytest.mark.parametrize("way", ["flipped", "gone", "that of another case", "a link", "cut short"])
+@pytest.mark.parametrize(
+    "way",
+    [
+        "flipped",
+        *(
+            pytest.param(way, marks=pytest.mark.thorough)
+            for way in ("gone", "that of another case", "a link", "cut short")
+        ),
+    ],
+)
 def test_a_result_that_is_not_what_its_row_says_runs_again(way, whole, here, store, tmp_path):
     path, other = store / "results" / "0-0-0.nc", store / "results" / "2-1-1.nc"
     content = path.read_bytes()
