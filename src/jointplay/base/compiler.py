@@ -1,8 +1,8 @@
 """Functions that are compiled: `compiled` has those that Python or compiled code calls.
 
 What is called for the first time is taken from kept object code (`objects`), or compiled with all
-that it calls into one object (`numba_inside`) and kept; numba is imported for that alone. Where
-numba has other internals, or checks bounds, the same functions are compiled by its plain `njit`.
+that it calls into one object (`linking`) and kept; numba is imported for that alone. Where it
+checks bounds, the same functions are compiled by its plain `njit`.
 
 `calling` and `pointer_to` make calls and pointers of addresses.
 """
@@ -14,7 +14,6 @@ import hashlib
 import os
 import sys
 import threading
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from functools import cache, cached_property
@@ -25,29 +24,7 @@ import numpy as np
 
 from jointplay.base import objects, progress
 
-MOVED = (
-    "numba {} has internals that this package does not know ({}): results are the same, but "
-    "compiled code cannot be kept, so every start compiles anew (a minute); install a version of "
-    "numba that jointplay's requirements name"
-)
-"""What a user with another numba is told."""
-
 _PACKAGE = Path(__file__).parents[1]
-
-
-@cache
-def insides() -> Any:
-    """The module that uses numba's internals; None, with a warning, where those are others."""
-    import numba
-
-    if numba.config.BOUNDSCHECK:  # errors are raised by numba's own calls only
-        return None
-    try:
-        from jointplay.base import numba_inside
-    except (ImportError, AttributeError) as error:
-        warnings.warn(MOVED.format(numba.__version__, error), RuntimeWarning, stacklevel=2)
-        return None
-    return numba_inside
 
 
 def _on(name: str) -> bool:
@@ -116,14 +93,19 @@ class Compiled:
         import numba
 
         make_lazy()
-        if (inside := insides()) is not None:
-            own = self.__module__.startswith("jointplay.")
-            return inside.part(own, **self.targetoptions)(self.py_func)
-        return numba.njit(**self.targetoptions)(self.py_func)
+        if numba.config.BOUNDSCHECK:  # errors are raised by numba's own calls only
+            return numba.njit(**self.targetoptions)(self.py_func)
+        from jointplay.base import linking
+
+        return linking.offer(self, self.targetoptions)
 
     @property
     def _numba_type_(self) -> Any:
-        return self.dispatcher._numba_type_
+        """numba's type of this name in compiled code; without one, numba finds what is offered."""
+        if _on("BOUNDSCHECK"):
+            return self.dispatcher._numba_type_
+        _ = self.dispatcher
+        raise AttributeError("_numba_type_")
 
     def __call__(self, *arguments: Any) -> Any:
         values: list[Any] = []
@@ -207,8 +189,6 @@ class Compiled:
         with _turn:
             if self.made or targets or not about[-1] or _on("BOUNDSCHECK") or needless():
                 return False
-            if insides() is None:
-                return False
             with progress.aside(), objects.alone():
                 if needless():
                     return False
@@ -227,7 +207,7 @@ class Compiled:
         if _on("BOUNDSCHECK"):
             return None
         with _turn:
-            if (found := self._loaded(signature)) or insides() is None:
+            if found := self._loaded(signature):
                 return found
             with progress.aside(), nullcontext() if _held(self) else objects.alone():
                 if found := self._loaded(signature):
@@ -242,7 +222,9 @@ class Compiled:
 
     def _begun(self, signature: str, target: objects.Target) -> Callable[[], tuple[Any, bytes]]:
         """Compile it as far as Python does; gives what does the rest, and keeps it."""
-        translate, returns = insides().build(self.dispatcher, signature, target)
+        from jointplay.base import linking
+
+        translate, returns = linking.build(self.dispatcher, signature, target)
         about = self._name, signature, self._fingerprint(), target.system, target.features, returns
         head = objects.Head(*about)
 
@@ -289,7 +271,7 @@ def sources() -> str:
     """
     digest = hashlib.sha256()
     here = Path(__file__)
-    own = [here, here.with_name("numba_inside.py"), here.with_name("intrinsics.py")]
+    own = [here, here.with_name("linking.py"), here.with_name("intrinsics.py")]
     for path in (*own, *(path for part in _parts() for path in sorted(part.glob("*.py")))):
         digest.update(path.read_bytes())
     return digest.hexdigest()

@@ -1,0 +1,361 @@
+"""One object of a compiled function and all that it calls, by numba's public ways.
+
+By itself numba optimises and translates every function it meets, with all that it calls, on its
+own, and once more in every caller: most of what a first start takes. Here each function is a part:
+numba types and lowers it without optimising, and a caller only declares the parts that it calls
+(`offer`). `build` links what a function needs once, optimises that as a whole and translates it.
+
+`compiler` imports this module when something is compiled.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import importlib
+import inspect
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache
+from typing import Any
+
+import numpy as np
+from llvmlite import binding, ir
+from numba import config, from_dtype, njit, types
+from numba.core import cgutils
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.registry import cpu_target
+from numba.extending import lower_builtin, type_callable
+
+from jointplay.base.intrinsics import numba_type
+from jointplay.base.objects import Target, Unresolved
+
+__all__ = ["build", "offer"]
+
+_parts: dict[str, tuple[Any, tuple[Any, ...]]] = {}
+"""By the name of its symbol each part that was lowered: its dispatcher and types of arguments."""
+
+_lowering_part = False
+"""Whether numba lowers a part, whose own parts `build` links; else those are linked by numba."""
+
+
+def offer(function: Any, options: dict[str, Any]) -> Any:
+    """Let what numba compiles call a function as a part; returns the part's dispatcher.
+
+    Args:
+        function: the object under whose name code finds it, with the attribute `py_func`.
+        options: numba's.
+    """
+    plain = options | {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "no_rewrites": True}
+    dispatcher = njit(**plain)(function.py_func)
+
+    @type_callable(function)
+    def typer_of(context: Any) -> Callable[..., Any]:
+        def typer(*given: Any) -> Any:
+            return _lowered(dispatcher, given).signature.return_type
+
+        typer.__signature__ = inspect.signature(function.py_func)  # type: ignore[attr-defined]
+        return typer
+
+    @lower_builtin(function, types.VarArg(types.Any))
+    def call(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        part = _lowered(dispatcher, signature.args).fndesc
+        status, answer = context.call_conv.call_function(
+            builder,
+            context.declare_function(builder.module, part),
+            part.restype,
+            part.argtypes,
+            args,
+        )
+        with cgutils.if_unlikely(builder, status.is_error):
+            context.call_conv.return_status_propagate(builder, status)
+        if not _lowering_part:
+            context.add_linking_libs([_library(part.llvm_func_name)])
+        return answer
+
+    cpu_target.typing_context.refresh()
+    cpu_target.target_context.refresh()
+    return dispatcher
+
+
+def _lowered(dispatcher: Any, kinds: tuple[Any, ...]) -> Any:
+    """numba's result for these types of arguments, not optimised: `build` does that once."""
+    kinds = tuple(kinds)
+    if kinds not in dispatcher.overloads:
+        with _as_part():
+            dispatcher.compile(kinds)
+        _parts[dispatcher.overloads[kinds].fndesc.llvm_func_name] = dispatcher, kinds
+    return dispatcher.overloads[kinds]
+
+
+@contextmanager
+def _as_part() -> Iterator[None]:
+    """Within the block numba optimises nothing; garbage collection would find nothing, either."""
+    global _lowering_part
+    _ = cpu_target.target_context  # makes the code generator, which is to optimise all else
+    level, collects, within = config.OPT, gc.isenabled(), _lowering_part
+    config.OPT, _lowering_part = type(level)(0), True
+    gc.disable()
+    try:
+        yield
+    finally:
+        config.OPT, _lowering_part = level, within
+        if collects:
+            gc.enable()
+
+
+def _linked(module: Any) -> Any:
+    """A module with all parts that it declares, and those that these declare."""
+    missing = _declared(module)
+    while missing:
+        for name in missing:
+            dispatcher, kinds = _parts[name]
+            module.link_in(binding.parse_assembly(dispatcher.inspect_llvm(kinds)))
+        missing = _declared(module)
+    return module
+
+
+def _declared(module: Any) -> list[str]:
+    return [one.name for one in module.functions if one.is_declaration and one.name in _parts]
+
+
+@cache
+def _library(name: str) -> Any:
+    """A part with all that it calls, as numba links it into functions of others."""
+    dispatcher, kinds = _parts[name]
+    library = cpu_target.target_context.codegen().create_library(name)
+    library.add_llvm_module(_linked(binding.parse_assembly(dispatcher.inspect_llvm(kinds))))
+    library.finalize()
+    return library
+
+
+_ENTRY = "jointplay_entry"
+"""Name of the function that an object is made for."""
+
+
+def build(dispatcher: Any, signature: str, target: Target) -> tuple[Callable[[], bytes], str]:
+    """What makes object code of a function, and a letter for each number that it returns.
+
+    What it makes it of is typed, lowered and linked: what is left is LLVM's work.
+
+    Args:
+        dispatcher: of a part, from `offer`.
+        signature: types of arguments, as `compiler.Compiled` writes them.
+        target: the processor and system that it is made for.
+
+    Raises:
+        Unresolved: by what makes it: it needs numba's own libraries.
+    """
+    with global_compiler_lock:
+        kinds = tuple(_types(signature))
+        made = _lowered(dispatcher, kinds)
+        context = cpu_target.target_context
+        module = ir.Module(_ENTRY)
+        returns = _enter(context, module, made, kinds, signature[0])
+        whole = _linked(binding.parse_assembly(cgutils.normalize_ir_text(str(module))))
+        _add_runtime(whole)
+    machine = _machine(target)
+    whole.triple, whole.data_layout = target.triple, str(machine.target_data)
+    for value in (*whole.functions, *whole.global_variables):
+        if not value.is_declaration and value.name != _ENTRY:
+            value.linkage = "internal"
+
+    def translate() -> bytes:
+        tuning = binding.create_pipeline_tuning_options(speed_level=3)
+        tuning.loop_vectorization, tuning.slp_vectorization = True, False  # as numba has them
+        passes = binding.create_pass_builder(machine, tuning)
+        passes.getModulePassManager().run(whole, passes)
+        _check(whole)
+        return machine.emit_object(whole)  # type: ignore[no-any-return]
+
+    return translate, returns
+
+
+_ALLOCATE = ("NRT_MemInfo_alloc_aligned", "NRT_MemInfo_alloc_safe_aligned")
+_BEFORE, _DATA = 64, 24
+"""Bytes of a block before its numbers, and where among them lies the address of the numbers."""
+
+
+def _add_runtime(whole: Any) -> None:
+    """Add what counts references to arrays and frees them: numba's own needs numba.
+
+    Where nothing is allocated there is nothing to count.
+    """
+    byte, word, size = ir.IntType(8).as_pointer(), ir.IntType(64), ir.IntType(32)
+    module = ir.Module("runtime")
+    used = [one.name for one in whole.functions if one.name in _ALLOCATE]
+
+    def define(name: str, answer: Any, *given: Any) -> tuple[Any, Any]:
+        function = ir.Function(module, ir.FunctionType(answer, given), name)
+        return ir.IRBuilder(function.append_basic_block("entry")), function
+
+    counting = [define(name, ir.VoidType(), byte) for name in ("NRT_incref", "NRT_decref")]
+    if used:
+        malloc = ir.Function(module, ir.FunctionType(byte, [word]), "malloc")
+        free = ir.Function(module, ir.FunctionType(ir.VoidType(), [byte]), "free")
+        for (builder, function), step in zip(counting, (1, -1), strict=True):
+            (block,) = function.args
+            with builder.if_then(builder.icmp_unsigned("!=", block, byte(None))):
+                # No other thread has these arrays: they are made and freed within one call.
+                count = builder.bitcast(block, word.as_pointer())
+                left = builder.add(builder.load(count), word(step))
+                builder.store(left, count)
+                if step < 0:
+                    with builder.if_then(builder.icmp_unsigned("==", left, word(0))):
+                        builder.call(free, [block])
+        for name in used:
+            builder, function = define(name, byte, word, size)
+            align = builder.zext(function.args[1], word)
+            most = builder.add(align, word(_BEFORE))
+            block = builder.call(malloc, [builder.add(function.args[0], most)])
+            with builder.if_then(builder.icmp_unsigned("!=", block, byte(None))):
+                start = builder.add(builder.ptrtoint(block, word), most)
+                start = builder.sub(start, builder.urem(start, align))
+                builder.store(word(1), builder.bitcast(block, word.as_pointer()))
+                place = builder.bitcast(builder.gep(block, [word(_DATA)]), word.as_pointer())
+                builder.store(start, place)
+            builder.ret(block)
+        builder, function = define("NRT_MemInfo_data_fast", byte, byte)
+        place = builder.gep(function.args[0], [word(_DATA)])
+        builder.ret(builder.load(builder.bitcast(place, byte.as_pointer())))
+    for builder, _ in counting:
+        builder.ret_void()
+    whole.link_in(binding.parse_assembly(str(module)))
+
+
+def _machine(target: Target) -> Any:
+    """What translates for a target, into code that may lie anywhere."""
+    if target.triple != binding.get_process_triple():
+        binding.initialize_all_targets()
+        binding.initialize_all_asmprinters()
+    return binding.Target.from_triple(target.triple).create_target_machine(
+        cpu=target.cpu, features=target.flags, opt=3, reloc="pic", codemodel="default"
+    )
+
+
+def _check(module: Any) -> None:
+    """One symbol that is not found would leave all without addresses, without a word.
+
+    Raises:
+        Unresolved: one is not the system's.
+    """
+    system = ctypes.CDLL(None)
+    used = [value for value in (*module.functions, *module.global_variables)
+            if value.is_declaration and not value.name.startswith("llvm.")]  # fmt: skip
+    missing = [value.name for value in used if not hasattr(system, value.name)]
+    if missing:
+        raise Unresolved(", ".join(missing))
+
+
+def _types(signature: str) -> list[Any]:
+    """numba's types of the arguments of a signature."""
+    text = signature[signature.index("(") + 1 : -1]
+    found, rest = _several(text)
+    assert not rest, signature
+    return found
+
+
+def _several(text: str) -> tuple[list[Any], str]:
+    """Types until a closing bracket, and what comes after them."""
+    found: list[Any] = []
+    while text and not text.startswith(")"):
+        kind, text = re.match(r"([^,()]*)(.*)", text).groups()  # type: ignore[union-attr]
+        if text.startswith("("):
+            inner, text = _several(text[1:])
+            module, _, name = kind.partition(":")
+            made: Any = importlib.import_module(module)
+            for part_of_name in name.split("."):
+                made = getattr(made, part_of_name)
+            found.append(types.BaseTuple.from_types(inner, made if made is not tuple else None))
+            text = text[1:]
+        elif "." in kind:
+            dtype, _, shape = kind.partition(".")
+            found.append(types.Array(from_dtype(np.dtype(dtype)), int(shape[:-1]), shape[-1]))
+        else:
+            found.append(numba_type(kind))
+        text = text.removeprefix(",")
+    return found, text
+
+
+def _enter(context: Any, module: Any, made: Any, kinds: tuple[Any, ...], answer: str) -> str:
+    """Write the function that enters the code: it makes arrays of what the machine gives.
+
+    It returns what the function does, or where `answer` is no letter, numba's status: what the
+    function returns is written to the address that comes first.
+    """
+    word, double = ir.IntType(64), ir.DoubleType()
+    letters = {types.float64: (double, "d"), types.none: (ir.VoidType(), "v")}
+    given: list[Any] = []
+
+    def take(kind: Any) -> None:
+        if isinstance(kind, types.Array):
+            given.extend([word] * (1 + 2 * kind.ndim))
+        elif isinstance(kind, types.BaseTuple):
+            for one in kind.types:
+                take(one)
+        else:
+            given.append(context.get_value_type(kind))
+
+    for kind in kinds:
+        take(kind)
+    returned = made.signature.return_type
+    several = returned.types if isinstance(returned, types.BaseTuple) else (returned,)
+    returns = "".join("d" if one == types.float64 else "i" for one in several)
+    if returned == types.none:
+        returns = ""
+    if answer == "(":
+        kind = ir.FunctionType(ir.IntType(32), [word, *given])
+    else:
+        native = letters.get(returned, (word, "i"))[0] if answer != "v" else ir.VoidType()
+        kind = ir.FunctionType(native, given)
+    function = ir.Function(module, kind, _ENTRY)
+    builder = ir.IRBuilder(function.append_basic_block("entry"))
+    rest = list(function.args)
+    room = rest.pop(0) if answer == "(" else None
+
+    def value(kind: Any) -> Any:
+        if isinstance(kind, types.Array):
+            array = context.make_array(kind)(context, builder)
+            pointer = context.get_value_type(types.CPointer(kind.dtype))
+            data = builder.inttoptr(rest.pop(0), pointer)
+            shape = [rest.pop(0) for _ in range(kind.ndim)]
+            strides = [rest.pop(0) for _ in range(kind.ndim)]
+            count = word(1)
+            for size in shape:
+                count = builder.mul(count, size)
+            array.data, array.nitems = data, count
+            array.itemsize = word(context.get_abi_sizeof(context.get_data_type(kind.dtype)))
+            pair = types.UniTuple(types.intp, kind.ndim)
+            array.shape = context.make_tuple(builder, pair, shape)
+            array.strides = context.make_tuple(builder, pair, strides)
+            array.meminfo = context.get_constant_null(types.MemInfoPointer(types.voidptr))
+            array.parent = context.get_constant_null(types.pyobject)
+            return array._getvalue()
+        if isinstance(kind, types.BaseTuple):
+            return context.make_tuple(builder, kind, [value(one) for one in kind.types])
+        return rest.pop(0)
+
+    values = [value(kind) for kind in kinds]
+    called = context.declare_function(module, made.fndesc)
+    status, result = context.call_conv.call_function(
+        builder, called, returned, made.signature.args, values
+    )
+    if answer == "v":
+        builder.ret_void()
+        return returns
+    if answer != "(":
+        native = kind.return_type
+        if native == word:
+            result = context.cast(builder, result, returned, types.int64)
+        builder.ret(builder.select(status.is_ok, result, ir.Constant(native, 0)))
+        return returns
+    with builder.if_then(status.is_ok):
+        for index, one in enumerate(several if returns else ()):
+            own = builder.extract_value(result, index) if len(several) > 1 else result
+            wanted = types.float64 if one == types.float64 else types.int64
+            own = context.cast(builder, own, one, wanted)
+            place = builder.add(room, word(8 * index))
+            builder.store(own, builder.inttoptr(place, own.type.as_pointer()))
+    builder.ret(builder.zext(status.is_error, ir.IntType(32)))
+    return returns
