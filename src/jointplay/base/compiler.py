@@ -90,22 +90,25 @@ class Compiled:
 
     @cached_property
     def dispatcher(self) -> Any:
+        """numba's own, where it checks bounds: errors are raised by its calls only."""
         import numba
 
         make_lazy()
-        if numba.config.BOUNDSCHECK:  # errors are raised by numba's own calls only
-            return numba.njit(**self.targetoptions)(self.py_func)
+        return numba.njit(**self.targetoptions)(self.py_func)
+
+    @cached_property
+    def part(self) -> Any:
+        """What it is for those that call it, and for `linking.build`."""
+        # numba writes thousands of errors while it types, in colours, and nobody reads them.
+        os.environ.setdefault("NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING", "1")
         from jointplay.base import linking
 
-        return linking.offer(self, self.targetoptions)
+        make_lazy()
+        return linking.Part(self, self.targetoptions)
 
     @property
     def _numba_type_(self) -> Any:
-        """numba's type of this name in compiled code; without one, numba finds what is offered."""
-        if _on("BOUNDSCHECK"):
-            return self.dispatcher._numba_type_
-        _ = self.dispatcher
-        raise AttributeError("_numba_type_")
+        return self.dispatcher._numba_type_ if _on("BOUNDSCHECK") else self.part.kind
 
     def __call__(self, *arguments: Any) -> Any:
         values: list[Any] = []
@@ -224,7 +227,7 @@ class Compiled:
         """Compile it as far as Python does; gives what does the rest, and keeps it."""
         from jointplay.base import linking
 
-        translate, returns = linking.build(self.dispatcher, signature, target)
+        translate, returns = linking.build(self.part, signature, target)
         about = self._name, signature, self._fingerprint(), target.system, target.features, returns
         head = objects.Head(*about)
 

@@ -2,8 +2,8 @@
 
 By itself numba optimises and translates every function it meets, with all that it calls, on its
 own, and once more in every caller: most of what a first start takes. Here each function is a part:
-numba types and lowers it without optimising, and a caller only declares the parts that it calls
-(`offer`). `build` links what a function needs once, optimises that as a whole and translates it.
+numba types and lowers it without optimising, and a caller only declares the parts that it calls.
+`build` links what a function needs once, optimises that as a whole and translates it.
 
 `compiler` imports this module when something is compiled.
 """
@@ -26,12 +26,13 @@ from numba import config, from_dtype, njit, types
 from numba.core import cgutils
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import cpu_target
-from numba.extending import lower_builtin, type_callable
+from numba.core.typing.templates import CallableTemplate
+from numba.extending import lower_builtin
 
 from jointplay.base.intrinsics import numba_type
 from jointplay.base.objects import Target, Unresolved
 
-__all__ = ["build", "offer"]
+__all__ = ["Part", "build"]
 
 _parts: dict[str, tuple[Any, tuple[Any, ...]]] = {}
 """By the name of its symbol each part that was lowered: its dispatcher and types of arguments."""
@@ -40,53 +41,49 @@ _lowering_part = False
 """Whether numba lowers a part, whose own parts `build` links; else those are linked by numba."""
 
 
-def offer(function: Any, options: dict[str, Any]) -> Any:
-    """Let what numba compiles call a function as a part; returns the part's dispatcher.
+class Part:
+    """A function that numba types and lowers, for each types of arguments, without optimising.
 
-    Args:
-        function: the object under whose name code finds it, with the attribute `py_func`.
-        options: numba's.
+    Attributes:
+        kind: numba's type of it, where compiled code names it.
     """
-    plain = options | {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "no_rewrites": True}
-    dispatcher = njit(**plain)(function.py_func)
 
-    @type_callable(function)
-    def typer_of(context: Any) -> Callable[..., Any]:
+    def __init__(self, function: Any, options: dict[str, Any]) -> None:
+        plain = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "no_rewrites": True}
+        self._dispatcher = njit(**options, **plain)(function.py_func)
+
         def typer(*given: Any) -> Any:
-            return _lowered(dispatcher, given).signature.return_type
+            return self.lowered(given).signature.return_type
 
         typer.__signature__ = inspect.signature(function.py_func)  # type: ignore[attr-defined]
-        return typer
+        members = {"key": function, "generic": lambda template: typer}
+        self.kind = types.Function(type(function.__name__, (CallableTemplate,), members))
+        lower_builtin(function, types.VarArg(types.Any))(self._call)
 
-    @lower_builtin(function, types.VarArg(types.Any))
-    def call(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        part = _lowered(dispatcher, signature.args).fndesc
+    def lowered(self, kinds: tuple[Any, ...]) -> Any:
+        """numba's result for these types of arguments."""
+        if kinds not in self._dispatcher.overloads:
+            with _as_part():
+                self._dispatcher.compile(kinds)
+            symbol = self._dispatcher.overloads[kinds].fndesc.llvm_func_name
+            _parts[symbol] = self._dispatcher, kinds
+        return self._dispatcher.overloads[kinds]
+
+    def _call(self, context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        """Write the call of it; its own code comes later, or from a library of numba's."""
+        callee = self.lowered(signature.args).fndesc
         status, answer = context.call_conv.call_function(
             builder,
-            context.declare_function(builder.module, part),
-            part.restype,
-            part.argtypes,
+            context.declare_function(builder.module, callee),
+            callee.restype,
+            callee.argtypes,
             args,
         )
         with cgutils.if_unlikely(builder, status.is_error):
             context.call_conv.return_status_propagate(builder, status)
         if not _lowering_part:
-            context.add_linking_libs([_library(part.llvm_func_name)])
+            context.add_linking_libs([_library(callee.llvm_func_name)])
         return answer
-
-    cpu_target.typing_context.refresh()
-    cpu_target.target_context.refresh()
-    return dispatcher
-
-
-def _lowered(dispatcher: Any, kinds: tuple[Any, ...]) -> Any:
-    """numba's result for these types of arguments, not optimised: `build` does that once."""
-    kinds = tuple(kinds)
-    if kinds not in dispatcher.overloads:
-        with _as_part():
-            dispatcher.compile(kinds)
-        _parts[dispatcher.overloads[kinds].fndesc.llvm_func_name] = dispatcher, kinds
-    return dispatcher.overloads[kinds]
 
 
 @contextmanager
@@ -134,13 +131,13 @@ _ENTRY = "jointplay_entry"
 """Name of the function that an object is made for."""
 
 
-def build(dispatcher: Any, signature: str, target: Target) -> tuple[Callable[[], bytes], str]:
+def build(part: Part, signature: str, target: Target) -> tuple[Callable[[], bytes], str]:
     """What makes object code of a function, and a letter for each number that it returns.
 
     What it makes it of is typed, lowered and linked: what is left is LLVM's work.
 
     Args:
-        dispatcher: of a part, from `offer`.
+        part: the function.
         signature: types of arguments, as `compiler.Compiled` writes them.
         target: the processor and system that it is made for.
 
@@ -149,7 +146,7 @@ def build(dispatcher: Any, signature: str, target: Target) -> tuple[Callable[[],
     """
     with global_compiler_lock:
         kinds = tuple(_types(signature))
-        made = _lowered(dispatcher, kinds)
+        made = part.lowered(kinds)
         context = cpu_target.target_context
         module = ir.Module(_ENTRY)
         returns = _enter(context, module, made, kinds, signature[0])
