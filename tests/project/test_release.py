@@ -3,6 +3,7 @@
 import os
 import re
 import runpy
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -70,6 +71,37 @@ def test_the_oldest_versions_that_are_allowed_work(tmp_path):
     scenario.write_text(SCENARIO.format(duration="20 ms", options="", axes=GRID))
     does(jointplay, "study", "sweep", str(scenario), "--quiet", "--out", "sweep")
     does(jointplay, "report", "sweep", "--out", "sweep.html")
+
+
+COMPILES = """
+import hashlib, numba, jointplay as jp
+from jointplay.paper import scara
+made = scara(2e-4)
+result = jp.simulate(made.mechanism, made.motion, duration=0.05).dataset
+numbers = [v.values.tobytes() for v in result.variables.values() if v.dtype.kind == "f"]
+print(len(numbers), hashlib.sha256(b"".join(numbers)).hexdigest())
+"""
+
+
+@pytest.mark.nightly
+def test_numbas_newest_three_releases_compile_to_the_same_numbers(tmp_path):
+    def does(*command):
+        own = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+        return subprocess.check_output(command, cwd=tmp_path, text=True, env=own)
+
+    does(sys.executable, "-m", "venv", "new")
+    does("new/bin/pip", "install", "-q", str(ROOT))
+    said = does("new/bin/pip", "index", "versions", "numba")
+    newest = re.search(r"Available versions: (.*)", said)[1].split(", ")
+    minors = list(dict.fromkeys(one.rpartition(".")[0] for one in newest))[:3]
+    answers = set()
+    for minor in minors:
+        does("new/bin/pip", "install", "-q", f"numba=={minor}.*")
+        (tmp_path / "cache").mkdir()
+        answers.add(does("new/bin/python", "-c", COMPILES))
+        shutil.rmtree(tmp_path / "cache")
+    assert len(minors) == 3
+    assert len(answers) == 1
 
 
 @pytest.mark.nightly
