@@ -245,9 +245,9 @@ class JournalPlay(Play):
         leans = not math.isinf(self.length)
         if leans:
             outward, lean, forces = self._borne_leaning(loads, point, walled)
-            heights = (0.5 * self.length, -0.5 * self.length)
+            heights = [0.5 * self.length, -0.5 * self.length]
         else:
-            outward, lean, heights = [_unit(loads[:, :2])], np.zeros((n, 2)), (0.0,)
+            outward, lean, heights = [_unit(loads[:, :2])], np.zeros((n, 2)), [0.0]
             axial = loads[:, 2] * walled
             radial = np.linalg.norm(loads[:, :2], axis=1)
             forces = [radial, np.maximum(axial, 0.0), np.maximum(-axial, 0.0)]
