@@ -355,6 +355,7 @@ class _Reading:
         hidden = {one.hinge for one in self.play.values()}
         self.joints = [j for j in self.joints if j not in hidden]
         self.mimics = self._mimics()
+        self.passive = {*self._not_acted_on()}
 
     # Bodies and joints.
 
@@ -437,6 +438,22 @@ class _Reading:
                     self._leave("several actuators with limits on one joint", i)
                 continue
             yield joint, self._servo(joint, actuators)
+
+    def _not_acted_on(self) -> Iterator[int]:
+        """Joints without actuator, in a robot that has some: they are free in MuJoCo."""
+        mujoco, model = self.mujoco, self.model
+        if not model.nu:
+            return
+        data = mujoco.MjData(model)
+        # Somewhere, lest a tendon's arm be zero there by chance.
+        data.qpos[:] = np.random.default_rng(0).uniform(-1.0, 1.0, model.nq)
+        for step in ("kinematics", "comPos", "tendon", "transmission"):
+            getattr(mujoco, f"mj_{step}")(model, data)
+        acted = {*data.moment_colind[data.actuator_moment != 0.0].tolist()}
+        for j in self.joints:
+            ball = self.types[j] == mujoco.mjtJoint.mjJNT_BALL
+            if not ball and j not in self.mimics and self._dof(j) not in acted:
+                yield j
 
     def _leave(self, reason: str, actuator: int) -> None:
         name = self.model.actuator(actuator).name or f"actuator {actuator + 1}"
@@ -749,6 +766,8 @@ class _Reading:
             if j in self.drives and j not in self.mimics:
                 own = self._own_losses(j) if play is not None else {}
                 drives[named[j]] = self.drives[j] | own
+            elif j in self.passive:
+                drives[named[j]] = {"kind": "free"}
             spring = float(model.jnt_stiffness.reshape(model.njnt, -1)[j, 0])
             if spring > 0.0:
                 rest = float(model.qpos_spring[model.jnt_qposadr[j]])
@@ -767,10 +786,18 @@ class _Reading:
                 parts.setdefault(f"{math.degrees(one.width):.3g} deg", []).append(named[j])
             words = "; ".join(f"{width} in {few(names)}" for width, names in parts.items())
             yield f"note: the MJCF has backlash, here of gears as stiff as its stops: {words}"
-        if drives := self.tables.get("drives"):
+        if driven := [named[j] for j in self.joints if j in self.drives and j not in self.mimics]:
             yield (
                 "position actuators of the MJCF, here servos with its gains, 1 V for 1 N m: "
-                f"{few(list(drives))}"
+                f"{few(driven)}"
+            )
+        if self.passive:
+            names = few([named[j] for j in self.joints if j in self.passive])
+            yield f"note: no actuator of the MJCF acts on {names}: free, unless [drives] drives it"
+        elif self.joints and not model.nu:
+            yield (
+                "note: the MJCF has no actuators, and all its joints are free in MuJoCo; here the "
+                "usual drives hold them, or follow a motion"
             )
         yield from self.said
         ranges = [model.jnt_range[j] for j in self.joints]
