@@ -42,7 +42,9 @@ DRIVES = {
         0, "", 'type="slide" axis="1 0 0"',
         one('kp="200" kv="20"') + '<position joint="k" kp="900" kv="60" forcerange="-50 50"/>',
     ),
-    "none on the second": (-9.81, "", TURNS + ' damping=".02" stiffness=".5"', one('kp="90" kv="9"')),
+    "none on the second": (
+        -9.81, "", TURNS + ' damping=".02" stiffness=".5"', one('kp="90" kv="9"'),
+    ),
     "an armature": (0, 'armature="0.05"', TURNS, one('kp="200" kv="20" forcerange="-9 9"') + FIRM),
 }  # fmt: skip
 
@@ -134,7 +136,9 @@ def test_motors_tendons_and_sites_act_too(tmp_path, drives, free):
     path = written(tmp_path, 0, "", TURNS, drives)
     tendon = '<tendon><fixed name="t"><joint joint="k" coef="2"/></fixed></tendon><actuator>'
     text = path.read_text().replace("<actuator>", tendon)
-    path.write_text(text.replace("</body>\n</body>", '<site name="s" pos=".2 .1 0"/></body></body>'))
+    path.write_text(
+        text.replace("</body>\n</body>", '<site name="s" pos=".2 .1 0"/></body></body>')
+    )
     beyond = read(path).beyond
     assert list(beyond.tables.get("drives", {})) == free
     assert ("the MJCF has no actuators" in " ".join(beyond.notes)) == (not drives)

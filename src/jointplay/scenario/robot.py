@@ -265,12 +265,11 @@ def _led_by(description: Description, name: str) -> tuple[str, float, float]:
     return name, factor, offset
 
 
-def _there_and_back(
-    description: Description, free: Collection[str]
-) -> tuple[dict[str, Any], str]:
+def _there_and_back(description: Description, free: Collection[str]) -> tuple[dict[str, Any], str]:
     """A motion for who gave none: every joint a little way there and back, within its limits.
 
-    Those but the `free` ones. The limits are its own, of position and speed, and those of the joints that mimic it and follow.
+    Those are its own, of position and speed, and those of the joints that mimic it and follow.
+    Those in `free` are not moved.
     """
     from jointplay.model.builder import parse
 
