@@ -44,6 +44,11 @@ _FINITE = (
     *("actuator_gear", "tendon_range", "tendon_stiffness", "tendon_damping", "wrap_prm"),
 )
 """Arrays of a compiled MJCF whose numbers are used."""
+_BESIDE = {
+    "armature": "dof_armature", "damping": "dof_damping", "friction": "dof_frictionloss",
+    "springs": "jnt_stiffness", "limits": "jnt_limited",
+}  # fmt: skip
+"""What a joint may have besides its freedom, and the arrays with it."""
 TIME_S = 20.0
 """Longest processor time that reading an MJCF may take [s]; large robots take 2 s."""
 ROOM = 4e9
@@ -817,16 +822,22 @@ class _Reading:
             "flexes": model.nflex,
             "gravity compensation": any(model.body_gravcomp),
             "fluid": model.opt.density or model.opt.viscosity,
-            "armature of balls": self._balls_have("dof_armature"),
-            "damping of balls": self._balls_have("dof_damping"),
-            "friction of balls": self._balls_have("dof_frictionloss"),
-            "springs of balls": self._balls_have("jnt_stiffness"),
-            "limits of balls": self._balls_have("jnt_limited"),
             "damping or springs that are not linear": any(
                 getattr(model, name).reshape(rows, -1)[:, 1:].any()
                 for name, rows in (("dof_damping", model.nv), ("jnt_stiffness", model.njnt))
             ),
         }
+        for group, joints in self._of_which_little_is_read().items():
+            for word, array in _BESIDE.items():
+                left[f"{word} of {group}"] = any(self._has(array, j) for j in joints)
+        if all(self._loss("armature", j) == 0.0 for j in self.play):  # else that of the hinge is it
+            left["armature of hinges of play"] = False
+        left["limits of hinges of play"] = False  # which are the play
+        left["that springs and friction stand before the play"] = any(
+            self._has("jnt_stiffness", j)
+            or (j not in self.drives and any(self._losses(j).values()))
+            for j in self.play
+        )
         for word in ("frictionloss", "limit", "passive", "spring", "damper", "equality"):
             flag = getattr(self.mujoco.mjtDisableBit, f"mjDSBL_{word.upper()}", 0)
             left[f"that {word} is disabled"] = bool(model.opt.disableflags & int(flag))
@@ -837,12 +848,22 @@ class _Reading:
         if unread:
             yield f"note: not read of the MJCF: {', '.join(unread)}"
 
-    def _balls_have(self, name: str) -> bool:
-        """Whether a ball has something of this array, of joints or of their freedoms."""
-        values = getattr(self.model, name).reshape(len(getattr(self.model, name)), -1)
-        balls = [j for j in self.joints if self.types[j] == self.mujoco.mjtJoint.mjJNT_BALL]
-        place = (lambda j: j) if name.startswith("jnt") else self._dof
-        return any(bool(values[place(j), 0]) for j in balls)
+    def _of_which_little_is_read(self) -> dict[str, list[int]]:
+        """Joints of whose losses, springs and limits nothing is read, by what they are."""
+        ball, free = self.mujoco.mjtJoint.mjJNT_BALL, self.mujoco.mjtJoint.mjJNT_FREE
+        return {
+            "balls": [j for j in self.joints if self.types[j] == ball],
+            "the free base": [
+                j for i in self.bodies for j in self._joints(i) if self.types[j] == free
+            ],
+            "hinges of play": [one.hinge for one in self.play.values()],
+        }
+
+    def _has(self, array: str, joint: int) -> bool:
+        """Whether a joint has something of an array, of joints or of their freedoms."""
+        values = getattr(self.model, array)
+        row = joint if array.startswith("jnt") else self._dof(joint)
+        return bool(values.reshape(len(values), -1)[row, 0])
 
     def _wrapped(self) -> set[int]:
         """Joints that have a tendon of their own."""
