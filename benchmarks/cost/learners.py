@@ -28,6 +28,7 @@ from jointplay.bridges.reduced_files import actuator
 from jointplay.bridges.reduced_mjcf import follow
 from jointplay.bridges.reduced_robot import ReducedRobot
 from jointplay.bridges.reduction import Reduction, reduce
+from jointplay.model.mjcf_whole import compile_text
 
 GEAR = jp.Gear(play=2e-3, rotor_inertia=0.02, stiffness=2e3, damping=1.0)
 HELD = 1e4
@@ -215,7 +216,10 @@ def main() -> None:
     stiff = past["motor"] - past["full"]
     rows = [["no play", one.dead_band, np.abs(stiff).max(), np.sqrt(np.mean(stiff**2)), plain]]
     for name, (text, way) in ways.items():
-        seen, free = follow(text, one, robot.meshes, way), turns_freely(text, one, way)
+        seen, free = (
+            follow(compile_text(text, robot.meshes), one, way),
+            turns_freely(text, one, way),
+        )
         rows.append([name, abs(free - one.dead_band), seen.error, seen.rms, cost(text, way)])
     for library, (module, run) in BATCHED.items():
         if args.quick or importlib.util.find_spec(module) is None:

@@ -25,6 +25,7 @@ from jointplay.base.files import temporary
 from jointplay.base.tables import Table
 from jointplay.bridges.reduced_mjcf import compile_robot, follow
 from jointplay.bridges.reduction import reduce
+from jointplay.model.mjcf_whole import compile_text
 from jointplay.model.robots import robot_urdf
 from jointplay.study.courses import dynamic_error
 
@@ -145,8 +146,8 @@ def reductions(quick: bool) -> list[list[str]]:
             stiff, tilting = (
                 compile_robot(mechanism, [fitted], pose, tilt) for tilt in (False, True)
             )
-            seen = follow(stiff.mjcf([fitted]), past, stiff.meshes)
-            tilt = follow(tilting.mjcf([fitted]), past, tilting.meshes).tilt_error
+            seen = follow(compile_text(stiff.mjcf([fitted]), stiff.meshes), past)
+            tilt = follow(compile_text(tilting.mjcf([fitted]), tilting.meshes), past).tilt_error
             angles = (fitted.angle_error, seen.error, seen.rms)
             tilts = (fitted.tilt_error, tilt)
             rows.append(

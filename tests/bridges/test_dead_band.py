@@ -16,6 +16,7 @@ from jointplay.bridges.reduced_mjcf import follow
 from jointplay.bridges.reduced_robot import ReducedRobot
 from jointplay.bridges.reduction import Reduction, reduce
 from jointplay.cli import main
+from jointplay.model.mjcf_whole import compile_text
 
 GEAR = Gear(play=4e-3, rotor_inertia=0.05, stiffness=2e3, damping=2.0)
 PLAY = DeadBand(*np.array([[2e-3, 1e-3], [2e3, 500.0], [2.0, 0.0], [0.05, 0.01], [0, 0], [0, 0]]))
@@ -69,10 +70,12 @@ def test_a_light_motor_stays_calm_in_long_steps():
 def test_mujocos_link_follows_the_full_model_by_the_actuator(robot):
     (one,) = robot.reductions
     _, play = actuator([one])
-    seen = follow(robot.without_play(), one, robot.meshes, play)
+    seen = follow(compile_text(robot.without_play(), robot.meshes), one, play)
     assert seen.error < one.angle_error
     stiff = play._replace(half=np.zeros(1))
-    assert follow(robot.without_play(), one, robot.meshes, stiff).error > 1e-3  # half the play
+    assert (
+        follow(compile_text(robot.without_play(), robot.meshes), one, stiff).error > 1e-3
+    )  # half the play
 
 
 @pytest.mark.needs("mujoco")

@@ -12,9 +12,11 @@ from conftest import ARM_WITH_HAND
 from jointplay import Gear, JointplayError, Mechanism, Motion, RevoluteClearance, Simulation
 from jointplay.bridges.reduced_files import to_json, to_urdf, to_yaml
 from jointplay.bridges.reduced_mjcf import compile_robot, follow
+from jointplay.bridges.reduced_robot import ReducedRobot
 from jointplay.bridges.reduction import reduce
 from jointplay.cli import main
 from jointplay.model.mjcf import load_mujoco
+from jointplay.model.mjcf_whole import compile_text
 from jointplay.simulation.loads.drive import Prescribed, Servo
 
 GEAR = Gear(play=4e-3, rotor_inertia=0.05, stiffness=2e3, damping=2.0)
@@ -140,16 +142,16 @@ def test_a_journal_that_no_load_tilts_says_so(tmp_path, path, capsys):
 @pytest.mark.needs("mujoco")
 def test_mujocos_axis_tilts_as_the_full_model_within_the_stated_error(plain, geared):
     for mechanism, found in (plain, geared):
-        seen = follow(to_mjcf(mechanism, found, tilt=True), found)
+        seen = follow(compile_text(to_mjcf(mechanism, found, tilt=True)), found)
         assert 0.0 < seen.tilt_error <= found.tilt_error
         assert seen.error <= found.angle_error + 1e-9
-        assert follow(to_mjcf(mechanism, found), found).tilt_error is None
+        assert follow(compile_text(to_mjcf(mechanism, found)), found).tilt_error is None
 
 
 @pytest.mark.needs("mujoco")
 def test_mujoco_follows_the_link_through_reversals_within_the_stated_error(geared):
     mechanism, found = geared
-    seen = follow(to_mjcf(mechanism, found), found)
+    seen = follow(compile_text(to_mjcf(mechanism, found)), found)
     # The link changes flanks: the error is small against the play that it crosses.
     lag = found.history["motor"] - found.history["full"]
     assert lag.max() - lag.min() > GEAR.play
@@ -214,6 +216,21 @@ def test_json_and_yaml_say_the_same_and_ranges_hold_the_values(geared):
     flat = yaml.safe_load(to_yaml([small]))["j"]
     assert flat == {key: data[key] for key in flat}
     assert set(data) - set(flat) == {"ranges", "ranges_note"}
+
+
+def test_what_a_rule_has_in_place_of_a_gears_number_ranges_as_gears_do(geared):
+    mechanism, found = geared
+    assumed = mechanism.with_clearance({}, {"j": Gear(0.02)})
+    assert ("j", "stiffness") in assumed.rules
+    robot = ReducedRobot(assumed, [found], {}, ["json"])
+    (data,) = json.loads(robot.files("r")["r.json"])["joints"]
+    for name, (low, high) in {"stiffness": (0.25, 4.0), "rotor_inertia": (0.2, 4.5)}.items():
+        assert data["ranges"][name] == pytest.approx([low * data[name], high * data[name]])
+    assert data["ranges"]["dead_band"][0] == pytest.approx(0.7 * data["dead_band"])
+    assert "stiffness: 0.25 to 4 times what a rule has" in data["ranges_note"]
+    (given,) = json.loads(to_json([found]))["joints"]
+    assert "rotor_inertia" not in given["ranges"]
+    assert given["ranges"]["stiffness"][1] == pytest.approx(1.3 * data["stiffness"])
 
 
 @pytest.mark.parametrize(

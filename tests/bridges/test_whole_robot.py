@@ -17,6 +17,7 @@ from jointplay.bridges.reduction import Reduction, reduce_all
 from jointplay.cli import main
 from jointplay.model.gear import Gear
 from jointplay.model.mechanism import Mechanism
+from jointplay.model.mjcf_whole import compile_text
 from jointplay.physics.joints import RevoluteClearance
 
 PLAYS = {"a": 6e-3, "b": 4e-3}
@@ -260,7 +261,7 @@ def test_the_tilt_of_the_axes_moves_mujocos_tool_as_far_as_the_budget_says(path)
     # What is missing is at most the travel aside and along of two journals.
     assert 0.0 < own.worst[0] - written < 2 * np.hypot(1e-4, 1e-4)
     assert written > 0.9 * own.worst[0]
-    found = find_reach(text, {}, "slider", pose, own.direction[0])
+    found = find_reach(compile_text(text), "slider", pose, own.direction[0])
     assert found == pytest.approx(written, rel=0.02)
     model = mujoco.MjModel.from_xml_string(text)
     for name in tilting:
@@ -339,7 +340,7 @@ def test_a_missing_package_leaves_its_format_out_and_says_how_to_get_it(
     assert "package mujoco is missing" in capsys.readouterr().err
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(JointplayError, match="pip install"):
-        find_play("<mujoco/>")
+        compile_text("<mujoco/>")
 
 
 @pytest.mark.needs("mujoco")
@@ -361,7 +362,7 @@ def test_the_so101_of_the_preset_stands_in_mujoco_with_its_servos_and_play(tmp_p
     ]
     assert main([*order, "--quiet", "--out", str(out)]) == 0
     text = (out / "robot.xml").read_text()
-    found = find_play(text)
+    found = find_play(compile_text(text))
     arm = ["shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll"]
     assert list(found) == arm
     for one in found.values():

@@ -7,6 +7,7 @@ from conftest import body, joint
 
 from jointplay import JointplayError, Mechanism, PrismaticClearance, RevoluteClearance, shipped
 from jointplay.model.massless import massless_motions, require_inertia
+from jointplay.model.survey import survey
 from jointplay.scenario import Scenario
 
 PLAY = {"radial_clearance": 1e-4, "axial_clearance": 1e-4}
@@ -64,6 +65,20 @@ def test_light_links_are_links(urdf):
     path = urdf(body("a"), body("b", mass=1e-6, inertia=1e-10), *CHAIN[:2])
     mechanism = Mechanism(path, {"j2": RevoluteClearance(**PLAY)})
     require_inertia(mechanism, np.zeros(mechanism.model.nq))
+
+
+def test_negative_moments_that_are_allowed_are_named_as_what_they_are(tmp_path, urdf):
+    hip = body("b", inertia=-1.2e-3)
+    path = urdf(body("a"), hip, body("c"), *CHAIN[:3])
+    mechanism = Mechanism(path, {"j3": RevoluteClearance(**PLAY)}, allow_unphysical=["b"])
+    blame = r"indefinite, .*j2.*: link 'b' has .*-0.0012"
+    with pytest.raises(JointplayError, match=blame) as told:
+        require_inertia(mechanism, np.zeros(mechanism.model.nq))
+    assert "'a'" not in str(told.value)
+    assert "no mass" not in str(told.value)
+    seen = survey(urdf(body("a"), hip, *CHAIN[:2]))
+    assert "indefinite" in seen.remarks[0]
+    assert not seen.massless
 
 
 def test_the_scaras_quill_is_what_its_stroke_cannot_do_with_play():

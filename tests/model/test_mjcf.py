@@ -174,7 +174,10 @@ def test_a_second_hinge_is_play_and_the_command_says_so(loose, capsys):
     assert main(["budget", str(loose), "--tool", "tip"]) == 0
     out = capsys.readouterr().out
     assert "note: the MJCF has backlash, here of gears as stiff as its stops: 1.15 deg in j" in out
-    assert "note: not read of the MJCF: keyframes, actuators without position gains (pull)" in out
+    assert (
+        "note: not read of the MJCF: keyframes, armature of hinges of play, actuators with" in out
+    )
+    assert "out position gains (pull)" in out
     assert "up to 5 mm off" in out  # 0.01 rad either way at 0.5 m
     assert main(["budget", str(loose), "--tool", "tip", "--gear", "j=0.01"]) == 0
     assert "up to 2.5 mm off" in capsys.readouterr().out
@@ -217,6 +220,67 @@ def test_a_mechanism_and_a_scenario_have_what_the_file_says(loose, capsys):
     assert jp.Mechanism(loose, gravity="balanced").gravity == (0.0, 0.0, 0.0)
     file.write_text(file.read_text() + "[gears.j]\nplay = 0.005\n")
     assert Scenario.load(file).mechanism().gears["j"].play == 0.005
+
+
+MOON = """<mujoco><compiler angle="radian"/><option gravity="0 0 -1.62"/><worldbody>
+<body name="m" pos="0 0 .5"><joint name="motor" axis="0 1 0" damping=".1" armature=".05"/>
+<joint name="motor_play" axis="0 1 0" range="-.01 .01" solreflimit=".004 1"/>
+<geom type="capsule" fromto="0 0 0 .3 0 0" size=".02" mass="1" contype="0" conaffinity="0"/>
+<body name="n" pos=".3 0 0"><joint name="second" axis="0 1 0" armature=".02" frictionloss=".1"/>
+<geom type="capsule" fromto="0 0 0 .2 0 0" size=".02" mass=".4" contype="0" conaffinity="0"/>
+</body></body></worldbody><actuator><position joint="motor" kp="200" kv="20" forcerange="-20 20"/>
+<position joint="second" kp="90" kv="6"/></actuator></mujoco>"""
+
+
+def test_every_way_in_obeys_gravity_armature_play_and_drives(tmp_path, capsys):
+    path = written(tmp_path, MOON, "moon.xml")
+    goals = {"motor": [0.0, 0.3], "second": [0.0, -0.2]}
+    step, joints = "20 us", ", ".join(f"{name} = {at}" for name, at in goals.items())
+    file = tmp_path / "file.toml"
+    file.write_text(
+        f'[robot]\nurdf = "moon.xml"\n[motion]\ntimes = [0.0, 0.05]\njoints = {{{joints}}}\n'
+        f'[integration]\nduration = 0.05\nstep = "{step}"\n'
+    )
+    sets = [
+        f"motion={{times=[0.0, 0.05], joints={{{joints}}}}}",
+        "integration.duration=0.05", f"integration.step={step}",
+    ]  # fmt: skip
+    motion = jp.Motion([*goals], [0.0, 0.05], np.array([*goals.values()]).T)
+    wanted = jp.simulate(jp.Mechanism(path), motion, duration=0.05, step=step)
+    assert wanted.simulation.mechanism.gravity == (0.0, 0.0, -1.62)
+    assert wanted.simulation.mechanism.armature == {"second": 0.02}
+    assert wanted.simulation.mechanism.gears["motor"].rotor_inertia == 0.05
+    assert {one.kind for one in wanted.simulation.drive.values()} == {"servo"}
+    ways = [
+        Scenario.load(file).simulation().run(),
+        robot_scenario(str(path), settings=sets).simulation().run(),
+    ]
+    for command in (["run", str(file)], ["run", str(path)]):
+        out = tmp_path / f"o{len(ways)}"
+        more = [part for one in sets for part in ("--set", one)] * (command[1] == str(path))
+        assert main([*command, *more, "--no-figures", "--quiet", "--out", str(out)]) == 0
+        ways.append(jp.Result.load(next(out.glob("*.nc"))))
+    for way in ways:
+        assert way.simulation.mechanism == wanted.simulation.mechanism
+        assert way.simulation.drive == wanted.simulation.drive
+        assert np.array_equal(way["q"].values, wanted["q"].values)
+
+
+def test_what_hinges_of_play_and_a_free_base_have_besides_is_named(tmp_path):
+    more = 'damping="3" stiffness="4" range="-.01 .01" solreflimit=".004 1"'
+    path = written(tmp_path, MOON.replace('range="-.01 .01" solreflimit=".004 1"', more))
+    (note,) = (one for one in read(path).beyond.notes if "not read" in one)
+    assert "damping of hinges of play, springs of hinges of play" in note
+    assert "limits of hinges" not in note
+    base = '<body name="m" pos="0 0 .5"><joint type="free" damping="1"/><geom size=".1"/></body>'
+    text = f"<mujoco><worldbody>{base.replace('</body>', LIMB)}</worldbody></mujoco>"
+    assert "damping of the free base" in " ".join(read(written(tmp_path, text)).beyond.notes)
+    behind = MOON.replace('<position joint="motor" kp="200" kv="20" forcerange="-20 20"/>', "")
+    notes = read(written(tmp_path, behind)).beyond.notes
+    assert "springs and friction stand before the play" in " ".join(notes)
+
+
+LIMB = '<body name="l"><joint name="hip"/><geom size=".1"/></body></body>'
 
 
 def test_a_tendons_dead_band_is_play_too(tmp_path):

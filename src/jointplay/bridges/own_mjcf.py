@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import copy
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,8 +25,8 @@ from jointplay.bridges.reduction import Reduction, is_own
 from jointplay.bridges.urdf import to_urdf
 from jointplay.model.elements import Element, put, written
 from jointplay.model.mechanism import Mechanism
-from jointplay.model.mjcf import compiled, load_mujoco, load_spec, placed
-from jointplay.model.mjcf_whole import require_compiles
+from jointplay.model.mjcf import load_mujoco, placed
+from jointplay.model.mjcf_whole import compile_file, compile_text
 from jointplay.model.urdf import parse
 
 _DEEPEST = 20
@@ -162,9 +162,7 @@ class OwnRobot:
         self, root: Element, loose: Sequence[Reduction], hinges: Sequence[str]
     ) -> float:
         """The longest step of the whole file that resolves the teeth [s]."""
-        model = _compiled(
-            lambda: load_mujoco().MjModel.from_xml_string(_text(root)), self.mechanism
-        )
+        model = compile_text(_text(root))
         rows = [int(model.joint(name).dofadr[0]) for name in hinges]
         mass = mass_at(model, self.pose)
         return resolving_step(mass, rows, [one.stiffness for one in loose])
@@ -239,13 +237,14 @@ def corrected_mjcf(
 def _whole(mechanism: Mechanism) -> tuple[Element, Any]:
     """The text of an MJCF in one piece, and as MuJoCo compiles it."""
     path = mechanism.description.path.resolve()
-    require_compiles(path)
-    spec = load_spec(path)
-    model = compiled(spec, path)
+    model = compile_file(path)
     root = _parse(path)
     _include(root, path.parent, _DEEPEST)
-    folders = {"meshdir": spec.meshdir, "texturedir": spec.texturedir}
     if [*_with_files(root)]:  # which stay where they lie
+        folders = {"meshdir": "", "texturedir": ""}
+        for compiler in root.findall("compiler"):
+            for key in folders:
+                folders[key] = compiler.get(key, compiler.get("assetdir", folders[key]))
         for key, value in folders.items():
             _last(root, "compiler").set(key, str(path.parent / value))
     for part in root.findall("asset/model"):
@@ -281,14 +280,6 @@ def _set_place(body: Element, place: pin.SE3) -> None:
     x, y, z, w = pin.Quaternion(place.rotation).coeffs()
     body.set("pos", written(place.translation))
     body.set("quat", written([w, x, y, z]))
-
-
-def _compiled(load: Callable[[], Any], mechanism: Mechanism) -> Any:
-    try:
-        return load()
-    except (ValueError, load_mujoco().FatalError) as error:
-        place, reason = str(mechanism.description.path), " ".join(str(error).split())
-        raise JointplayError(f"MuJoCo cannot load {place!r}: {reason}") from None
 
 
 def _text(root: Element) -> str:

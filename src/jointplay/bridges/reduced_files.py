@@ -12,7 +12,7 @@ import inspect
 import json
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -26,6 +26,7 @@ from jointplay.bridges import dead_band
 from jointplay.bridges.reduction import LONGEST_STEP_S, RESOLVED, Reduction
 from jointplay.model.elements import Element, document, moments, put, put_inertial, written
 from jointplay.model.frames import motions
+from jointplay.model.gear_rules import BRACKETS
 from jointplay.model.mechanism import Mechanism
 from jointplay.model.urdf import BEYOND
 from jointplay.physics.joints.play import Play
@@ -258,26 +259,40 @@ def to_yaml(reductions: Iterable[Reduction], encoder: str = "motor") -> str:
     return "\n".join(lines) + "\n"
 
 
-def to_json(reductions: Iterable[Reduction], encoder: str = "motor", spread: float = SPREAD) -> str:
+def to_json(
+    reductions: Iterable[Reduction],
+    encoder: str = "motor",
+    spread: float = SPREAD,
+    by_rule: Collection[tuple[str, str]] = (),
+) -> str:
     """All parameters with ranges for domain randomisation, as JSON: a list ``joints``.
 
     Args:
         encoder: where the encoders sit, ``motor`` (before the play) or ``link`` (after).
         spread: half width of the ranges of what is not measured, relative; an assumption. The
             friction's range is that of the full model's run.
+        by_rule: joints with those numbers of their gears that are a rule's; their ranges are its.
 
     Raises:
         MissingName: no such place for an encoder.
     """
     require_non_negative("spread", spread, "")
     check_encoder(encoder)
-    note = f"5 % to 95 % of the full model's run; all others: +-{100 * spread:g} %, assumed"
     joints = []
+    plain = ("dead_band", "stiffness", "damping", "viscous", "tilt", "lateral", "axial")
     for one in reductions:
         ranges: dict[str, Any] = {}
-        for name in ("dead_band", "stiffness", "damping", "viscous", "tilt", "lateral", "axial"):
+        note = "5 % to 95 % of the full model's run; "
+        parts = dict.fromkeys(plain, (max(1.0 - spread, 0.0), 1.0 + spread))
+        for name, bracket in BRACKETS.items():
+            if (one.joint, name) in by_rule:
+                parts[name] = bracket
+                wide = " to ".join(f"{part:g}" for part in bracket)
+                note += f"{name}: {wide} times what a rule has, as gears differ; "
+        for name, (low, high) in parts.items():
             if (value := getattr(one, name)) > 0.0:
-                ranges[name] = [value * max(1.0 - spread, 0.0), value * (1.0 + spread)]
+                ranges[name] = [value * low, value * high]
+        note += f"all others: +-{100 * spread:g} %, assumed"
         if one.friction > 0.0:
             low, high = one.friction_range
             ranges["friction"] = [min(low, one.friction), max(high, one.friction)]

@@ -347,31 +347,24 @@ class PlayFound(NamedTuple):
     """Of what stops it [N m/rad]."""
 
 
-def _load(mujoco: Any, text: str, meshes: Mapping[str, bytes], bare: bool = False) -> Any:
-    """The model without contacts between shapes; a bare one also without gravity and friction."""
-    try:
-        model = mujoco.MjModel.from_xml_string(
-            text, {f"{FOLDER}/{k}": v for k, v in meshes.items()}
-        )
-    except ValueError as error:
-        raise JointplayError(f"MuJoCo cannot load the MJCF: {error}") from None
-    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+def _alone(model: Any, bare: bool = False) -> Any:
+    """A copy without contacts between shapes; a bare one also without gravity and friction."""
+    model = copy.copy(model)
+    model.opt.disableflags |= int(load_mujoco().mjtDisableBit.mjDSBL_CONTACT)
     if bare:
         for numbers in (model.opt.gravity, model.tendon_frictionloss, model.dof_frictionloss):
             numbers[:] = 0.0
     return model
 
 
-def find_play(
-    text: str, meshes: Mapping[str, bytes] = MappingProxyType({})
-) -> dict[str, PlayFound]:
-    """Play of each joint of a written MJCF: pushed both ways with two torques in MuJoCo.
+def find_play(written: Any) -> dict[str, PlayFound]:
+    """Play of each joint of a compiled MJCF: pushed both ways with two torques in MuJoCo.
 
     All other joints are held; gravity, friction and contacts are switched off. The torques turn the
     link by a tenth and by a fifth of its play beyond it.
     """
     mujoco = load_mujoco()
-    model = _load(mujoco, text, meshes, bare=True)
+    model = _alone(written, bare=True)
     found = {}
     for index in range(model.ntendon):
         tendon = model.tendon(index)
@@ -420,20 +413,14 @@ _PUSH_N, _CROSSING_S = 100.0, 0.05
 """Force by which MuJoCo's tool is pushed, and time in which journals tilt from side to side."""
 
 
-def find_reach(
-    text: str,
-    meshes: Mapping[str, bytes],
-    tool: str,
-    pose: Mapping[str, float],
-    direction: np.ndarray,
-) -> float:
-    """How far the tilts of a written MJCF let the tool move along a direction, either way [m].
+def find_reach(written: Any, tool: str, pose: Mapping[str, float], direction: np.ndarray) -> float:
+    """How far the tilts of a compiled MJCF let the tool move along a direction, either way [m].
 
     The tool is pushed along the unit vector (3,) and back in MuJoCo, all hinges but those of tilt
     held at the pose, without gravity, friction and contacts.
     """
     mujoco = load_mujoco()
-    model = _load(mujoco, text, meshes, bare=True)
+    model = _alone(written, bare=True)
     tilts = [
         int(model.jnt_dofadr[i])
         for i in range(model.njnt)
@@ -535,19 +522,14 @@ class Followed(NamedTuple):
     file's joint cannot tilt."""
 
 
-def follow(
-    text: str,
-    reduction: Reduction,
-    meshes: Mapping[str, bytes] = MappingProxyType({}),
-    actuator: DeadBand | None = None,
-) -> Followed:
-    """Load a written MJCF in MuJoCo, move a motor as the full model's, and compare the links.
+def follow(written: Any, reduction: Reduction, actuator: DeadBand | None = None) -> Followed:
+    """Move a motor of a compiled MJCF as the full model's, and compare the links.
 
     The other joints stand as in the full model's run, whose history the reduction has. With an
     `actuator` the file is without play, and its joint is the link, which the motor turns by it.
     """
     mujoco = load_mujoco()
-    model = _load(mujoco, text, meshes)
+    model = _alone(written)
     data = mujoco.MjData(model)
     joint, past = reduction.joint, reduction.history
     time, step = past["time"], float(model.opt.timestep)

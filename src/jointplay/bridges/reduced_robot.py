@@ -6,6 +6,7 @@ import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 from jointplay.accuracy.error_budget import PlayBudget
 from jointplay.base.errors import JointplayError
@@ -23,6 +24,7 @@ from jointplay.bridges.reduced_mjcf import (
 )
 from jointplay.bridges.reduction import Reduction, is_own
 from jointplay.model.mechanism import Mechanism
+from jointplay.model.mjcf_whole import compile_text
 from jointplay.simulation.loads.drive import Servo
 
 BEYOND = "beyond"
@@ -147,7 +149,9 @@ class ReducedRobot:
             )
             texts[f"{stem}.yaml"] = reduced_files.to_yaml(self.reductions, self.encoder)
         if "json" in self.formats:
-            text = reduced_files.to_json(self.reductions, self.encoder, self.spread)
+            text = reduced_files.to_json(
+                self.reductions, self.encoder, self.spread, self.mechanism.rules
+            )
             texts[f"{stem}.json"] = text
         if "py" in self.formats:
             text = reduced_files.to_python(self.mechanism, self.reductions, self.pose)
@@ -190,9 +194,14 @@ class ReducedRobot:
         return self._compiled.mjcf(self.reductions, encoder=self.encoder, servos=self.servos)
 
     @cached_property
+    def _written(self) -> Any:
+        """MuJoCo's model of the MJCF."""
+        return compile_text(self._mjcf, self.meshes)
+
+    @cached_property
     def _followed(self) -> list[Followed]:
         """How MuJoCo moves the MJCF as it is written, by reduction."""
-        return [follow(self._mjcf, one, self.meshes) for one in self.reductions]
+        return [follow(self._written, one) for one in self.reductions]
 
     def stated(self) -> tuple[Reduction, str]:
         """The one reduction with the errors of what is written, and how they were found."""
@@ -213,7 +222,6 @@ class ReducedRobot:
 
     def check(self) -> Iterator[str]:
         """Run the MJCF in MuJoCo: how it differs from the full model, and which play it has."""
-        mjcf = self._mjcf
         for one, seen in zip(self.reductions, self._followed, strict=True):
             yield f"MuJoCo: {one.joint}: {_angle_kept(seen, one)}"
             if seen.tilt_error is not None:
@@ -222,7 +230,7 @@ class ReducedRobot:
                     f"MuJoCo: {one.joint}: axis' tilt off by up to {1e3 * seen.tilt_error:.4g} "
                     f"mrad, {kept} the stated {1e3 * one.tilt_error:.4g}"
                 )
-        found = find_play(mjcf, self.meshes)
+        found = find_play(self._written)
         for one in self.reductions:
             if one.joint in found:
                 pushed = found[one.joint]
@@ -240,7 +248,7 @@ class ReducedRobot:
             yield "MuJoCo: no joint has a dead band about its axis"
         if self.tilting:
             direction = self.reach[1].direction[0]
-            moved = find_reach(mjcf, self.meshes, self.mechanism.tool, self.pose, direction)
+            moved = find_reach(self._written, self.mechanism.tool, self.pose, direction)
             yield (
                 f"MuJoCo: the axes' tilt moves the tool by {1e3 * moved:.5g} mm along the "
                 "budget's worst direction"
@@ -249,7 +257,7 @@ class ReducedRobot:
     def _check_actuator(self) -> Iterator[str]:
         """Run the robot without play in MuJoCo, its links turned by the actuator."""
         try:
-            robot = self.without_play()
+            robot = compile_text(self.without_play(), self._rigid.meshes)
         except JointplayError as error:
             yield f"the actuator was not run in MuJoCo: {error}"
             return
@@ -257,7 +265,7 @@ class ReducedRobot:
             if one.dead_band <= 0.0:
                 continue
             _, play = reduced_files.actuator([one])
-            seen = follow(robot, one, self._rigid.meshes, play)
+            seen = follow(robot, one, play)
             yield f"MuJoCo: {one.joint} by its actuator: {_angle_kept(seen, one)}"
 
     def without_play(self) -> str:

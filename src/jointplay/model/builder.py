@@ -3,23 +3,32 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from jointplay.base.errors import JointplayError
+from jointplay.base.errors import JointplayError, MissingName, within
 from jointplay.base.files import temporary
 from jointplay.base.streams import caught_stderr
-from jointplay.model.frames import motions
-from jointplay.model.gear import Gearing
-from jointplay.model.loop import Lock
+from jointplay.model.frames import Frames, motion_between, motions, signs_between
+from jointplay.model.loop import Lock, Loop
 from jointplay.model.urdf import LIMITED, Description
 from jointplay.model.vocabulary import WORDS
-from jointplay.physics.joints import MOTOR, VIRTUAL_LINK, Clearance, Coordinate, replacing
+from jointplay.physics.joints import (
+    MOTOR,
+    RELATIVE,
+    VIRTUAL_LINK,
+    Clearance,
+    Coordinate,
+    replacing,
+)
+
+if TYPE_CHECKING:
+    from jointplay.model.design import Design
 
 _REVOLUTE = ("JointModelR", "JointModelRevolute")
 _PRISMATIC = ("JointModelP", "JointModelPrismatic")
@@ -28,6 +37,10 @@ _URDF_FLOATING, _URDF_FIXED = "floating", "fixed"
 
 _SAME_MASS = 1e-9
 """Relative difference of masses that passes for rounding."""
+
+_NO_MOTION = 1e-9
+"""Motion of a locked freedom per unit speed of a coordinate that passes for rounding [1, m, 1/m].
+"""
 
 _SINGLE = {
     "x": pin.JointModelPX,
@@ -105,29 +118,110 @@ def _parsed(text: str, path: str) -> pin.Model:
             raise JointplayError(f"Pinocchio cannot read the URDF {path!r}: {reason}") from None
 
 
-def build(
-    source: pin.Model,
-    joints: Mapping[str, Clearance],
-    gears: Mapping[str, Gearing],
-    locks: Mapping[str, Lock],
-    base: str | None = None,
+class Built(NamedTuple):
+    """Pinocchio's model of a mechanism."""
+
+    model: pin.Model
+    coordinates: tuple[Coordinate, ...]
+    """Names of the generalised coordinates, in the order of q and v."""
+    locks: dict[str, Frames]
+    """Carriage and what is fixed to it, by loop; see `Mechanism`."""
+
+
+def build(design: Design) -> Built:
+    """The model of a mechanism.
+
+    Which loops need locks shows only in a model without: where there are some it is made again.
+
+    Raises:
+        JointplayError: a joint of a kind that has no single coordinate, or two coordinates of one
+            name; a free base without inertia; a loop between links that do not exist or that do
+            not move against each other, or that cannot be locked.
+    """
+    model, coordinates = _assembled(design, {})
+    if design.free_base is not None:
+        _check_free_base(design, model)
+    for name, loop in design.loops.items():
+        with within("loops", name):
+            _check_loop(name, loop, model, design.description)
+    needed = dict(_needed_locks(design, model))
+    if needed:
+        model, coordinates = _assembled(design, needed)
+    model.gravity.linear = np.array(design.gravity)
+    for name, inertia in design.armature.items():
+        model.armature[coordinates.index(design.own_coordinate(name))] = inertia
+    locks = {}
+    for name, lock in needed.items():
+        carriage = int(model.getJointId(name))
+        held = lock.share(model, carriage)
+        locks[name] = (carriage, pin.SE3.Identity()), held
+    return Built(model, coordinates, locks)
+
+
+def _check_free_base(design: Design, model: pin.Model) -> None:
+    """Refuse a free base that nothing but forces without inertia would move."""
+    body = model.inertias[model.getJointId(design.free_base)]
+    least = float(np.linalg.eigvalsh(body.inertia).min())
+    if not body.mass > 0.0 or not least > 0.0:
+        raise JointplayError(
+            f"a free base needs mass and moments of inertia, and {design.description.root!r} with "
+            f"what is fixed to it has {body.mass:g} kg and a least principal moment of "
+            f"{least:.4g} kg m2: give it an <inertial> in the URDF, or hold the base",
+            where=("base",),
+        )
+
+
+def _check_loop(name: str, loop: Loop, model: pin.Model, description: Description) -> None:
+    for link in (loop.bearing_link, loop.journal_link):
+        if not model.existFrame(link, pin.FrameType.BODY):
+            raise MissingName(f"link for loop {name!r}:", link, description.links)
+    (i, _), (j, _) = loop.frames(model)
+    if i == j:
+        raise JointplayError(
+            f"loop {name!r} joins {loop.bearing_link!r} and {loop.journal_link!r}, which do not "
+            "move against each other"
+        )
+
+
+def _needed_locks(design: Design, model: pin.Model) -> Iterator[tuple[str, Lock]]:
+    """Locks of the loops whose joints lock what the other joints of the loop leave free.
+
+    Found at some configurations, since what is free in all of them is free.
+    """
+    data = model.createData()
+    for name, loop in design.loops.items():
+        joint = design.clearance.get(name)
+        if joint is None or joint.freedoms == VIRTUAL_LINK:
+            continue
+        ends = loop.frames(model)
+        bearing, journal = ends[::-1] if joint.exchanged else ends
+        signs = signs_between(model, bearing[0], journal[0])
+        locked = [row for row, part in enumerate(RELATIVE) if part not in joint.freedoms]
+        for q in np.random.default_rng(0).uniform(-1.0, 1.0, (3, model.nq)):
+            pin.computeJointJacobians(model, data, q)
+            columns = data.J.reshape(6, model.nv) * signs
+            moves = motion_between(data, (bearing, journal), columns)[locked]
+            if np.abs(moves).max() > _NO_MOTION:
+                yield name, Lock.between(name, joint.freedoms, model, bearing, journal)
+                break
+
+
+def _assembled(
+    design: Design, locks: Mapping[str, Lock]
 ) -> tuple[pin.Model, tuple[Coordinate, ...]]:
-    """Copy `source` joint by joint, those with clearance as virtual links; append the motors.
+    """Copy the source joint by joint, those with clearance as virtual links; append the motors.
 
     A bearing frame is turned so that its z is the joint's axis. The bodies, frames and joints
     beyond are turned back, so that at zero yaw everything stands where it stood.
     Continuous joints become ordinary revolute ones: one coordinate, which may exceed a turn.
     Carriages of `locks` come straight after the body that carries them: Pinocchio needs the joints
-    of a branch side by side. A `base` of this name comes first, if it is given: six coordinates
-    that nothing holds, which carry all that is fixed to the URDF's root.
+    of a branch side by side. A free base comes first: six coordinates that nothing holds, which
+    carry all that is fixed to the URDF's root.
 
     Returns:
         The model, and the names of its coordinates.
-
-    Raises:
-        JointplayError: a joint of a kind that has no single coordinate, or two coordinates of one
-            name.
     """
+    source, base = design.source, design.free_base
     model = pin.Model()
     model.name, names = source.name, [*source.names]
     data = source.createData()
@@ -149,7 +243,7 @@ def build(
     carriages(0)
     for old in range(1, source.njoints):
         name = source.names[old]
-        given = joints.get(name)
+        given = design.given_joints.get(name)
         parent = moved[source.parents[old]]
         placement = turned[source.parents[old]] * source.jointPlacements[old]
         axis, slides = _axis(source, data, old, given)
@@ -175,7 +269,7 @@ def build(
         model.addFrame(
             pin.Frame(frame.name, moved[frame.parentJoint], 0, placement, frame.type), False
         )
-    for name, gear in gears.items():
+    for name, gear in design.gears.items():
         # Of a joint that slides, too: its coordinate is in metres, and gravity does not act on it.
         rotor = pin.Inertia(0.0, np.zeros(3), np.diag([0.0, 0.0, gear.rotor_inertia]))
         called = _free(names, f"{name}.{MOTOR}")

@@ -36,6 +36,10 @@ START_S = 0.02
 DAMPING = 0.05
 """Part of critical damping: judged; what play does changes by less than 4 % from a fifth to four
 times of it."""
+BRACKETS = {
+    "stiffness": (1.0 / SPREAD, SPREAD), "rotor_inertia": (0.2, 4.5), "damping": (0.2, 4.0),
+}  # fmt: skip
+"""Least and greatest part of a rule's number: of gears of the table; of damping as judged above."""
 SPEED = {"rad": 3.0, "m": 0.5}
 """Largest speed of a joint whose file has none [rad/s, m/s]: judged, as arms of the table have."""
 POSES = 64

@@ -93,16 +93,21 @@ class Loop(Described):
     @property
     def bearing(self) -> pin.SE3:
         """Bearing frame in its link's frame."""
-        return _placement(self.bearing_xyz, self.bearing_rpy)
+        return pin.SE3(pin.rpy.rpyToMatrix(*self.bearing_rpy), np.array(self.bearing_xyz))
 
     @property
     def journal(self) -> pin.SE3:
         """Journal frame in its link's frame."""
-        return _placement(self.journal_xyz, self.journal_rpy)
+        return pin.SE3(pin.rpy.rpyToMatrix(*self.journal_rpy), np.array(self.journal_xyz))
 
-
-def _placement(xyz: Vector, rpy: Vector) -> pin.SE3:
-    return pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array(xyz))
+    def frames(self, model: pin.Model) -> Frames:
+        """Bearing and journal in a model that has both links."""
+        links = (self.bearing_link, self.bearing), (self.journal_link, self.journal)
+        found = []
+        for link, place in links:
+            frame = model.frames[model.getFrameId(link, pin.FrameType.BODY)]
+            found.append((int(frame.parentJoint), frame.placement * place))
+        return found[0], found[1]
 
 
 class Closure(NamedTuple):

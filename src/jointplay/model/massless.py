@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.base.errors import JointplayError
-from jointplay.model.urdf import as_option
+from jointplay.model.urdf import as_option, impossible_inertias
 
 if TYPE_CHECKING:
     from jointplay.model.mechanism import Mechanism
@@ -22,7 +22,12 @@ _STILL = 1e-6
 
 
 def massless_motions(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
-    """Motions that cost no energy, one a column, shape (nv, n); none in a sound mechanism."""
+    """Motions that cost no energy, one a column, shape (nv, n); none in a sound mechanism.
+
+    Raises:
+        JointplayError: nothing can move, or a motion has negative energy, of links with inertias
+            that no body has.
+    """
     model = mechanism.model
     if not model.nv:
         raise JointplayError("nothing can move: the mechanism has no joint that is not fixed")
@@ -31,13 +36,30 @@ def massless_motions(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
     bare = diagonal <= _NO_INERTIA
     scale = np.where(bare, 0.0, 1.0 / np.sqrt(np.where(bare, 1.0, diagonal)))
     values, vectors = np.linalg.eigh(mass * np.outer(scale, scale) + np.diag(bare * 1.0))
+    if values[0] < -_SINGULAR or diagonal.min() < -_NO_INERTIA:
+        way = scale * vectors[:, 0] if values[0] < -_SINGULAR else diagonal == diagonal.min()
+        raise JointplayError(_negative(mechanism, q, way.astype(float)))
     motions = [scale * vector for vector in vectors.T[values <= _SINGULAR]]
     motions += list(np.eye(model.nv)[bare])
     return np.array([one / np.abs(one).max() for one in motions]).reshape(-1, model.nv).T
 
 
+def _negative(mechanism: Mechanism, q: np.ndarray, motion: np.ndarray) -> str:
+    """Why the energy of a motion (nv,) is negative: links that it moves with negative moments."""
+    moved = massless_links(mechanism, q, motion[:, None])
+    inertias = impossible_inertias(mechanism.description.elements())
+    faults = [fault.partition(";")[0] for link, fault in inertias.items() if link in moved]
+    faults = [fault for fault in faults if "positive" in fault]
+    names = [mechanism.coordinates[i] for i in np.flatnonzero(np.abs(motion) > _STILL)]
+    return (
+        f"the mass matrix is indefinite, {', '.join(names)} would move with negative energy: "
+        f"{'; '.join(faults) or 'see the inertias of the links'}; that was allowed, but only "
+        "jointplay budget can do with it: correct it"
+    )
+
+
 def massless_links(mechanism: Mechanism, q: np.ndarray, motions: np.ndarray) -> dict[str, str]:
-    """Links that move in `massless_motions` (nv, n), and the URDF joint that moves each."""
+    """Links that move in motions (nv, n), and the URDF joint that moves each."""
     model, data = mechanism.model, mechanism.data
     if not motions.size:
         return {}

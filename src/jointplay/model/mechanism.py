@@ -18,56 +18,24 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from jointplay.base.errors import (
-    JointplayError,
-    MissingName,
-    Where,
-    require_known,
-    require_names,
-    require_table,
-    require_vector,
-    within,
-)
+from jointplay.base.errors import MissingName, Where, require_known
 from jointplay.base.schema import Described, choice, plain, quantity
 from jointplay.base.tables import Overview, counted, few
 from jointplay.base.units import readable, typeset
-from jointplay.model import formats, urdf
+from jointplay.model import urdf
 from jointplay.model.beams import FlexibleLink
-from jointplay.model.builder import build, parse
-from jointplay.model.fixing import with_fixed
-from jointplay.model.flexible import cut_links, end_of_tool, hinges_of
-from jointplay.model.frames import (
-    Frame,
-    Frames,
-    carried,
-    motion_between,
-    pose_between,
-    signs_between,
-)
-from jointplay.model.free_base import BASE, BASES, HELD
-from jointplay.model.gear import GEARS, Gear, Gearing
-from jointplay.model.gear_rules import completed, with_rotors
-from jointplay.model.loop import Lock, Loop, refuse_name
+from jointplay.model.builder import build
+from jointplay.model.design import Design, design
+from jointplay.model.flexible import hinges_of
+from jointplay.model.frames import Frame, Frames, motion_between, pose_between, signs_between
+from jointplay.model.free_base import BASES, HELD
+from jointplay.model.gear import Gear, Gearing
+from jointplay.model.loop import Loop
 from jointplay.model.payload import Payload
-from jointplay.model.pinocchio_model import description_of_model
-from jointplay.model.seats import SEAT, seat_of_joint, seat_of_loop
-from jointplay.model.tool import choose_tool
 from jointplay.model.tree import Tree
-from jointplay.model.urdf import GRAVITY, STANDARD_GRAVITY
+from jointplay.model.urdf import Description
 from jointplay.model.xacro import Value
-from jointplay.physics.joints import (
-    JOINT_WORDS,
-    MOTOR,
-    RELATIVE,
-    UNNAMED_KIND,
-    VIRTUAL_LINK,
-    Clearance,
-    Coordinate,
-    parts_of_seat,
-)
-
-# Where bearing and journal of joints are, how they move, and what holds loops together.
-
+from jointplay.physics.joints import MOTOR, UNNAMED_KIND, VIRTUAL_LINK, Clearance, Coordinate
 
 _AXIS_ARM_M = 0.05
 """Distance of the two points that hold the axis of an ideal revolute joint in a loop."""
@@ -99,14 +67,6 @@ def loaded(model: pin.Model, payloads: Sequence[Payload], time: float) -> pin.Mo
     return bodies
 
 
-def _gravity(given: Sequence[float] | str) -> tuple[float, float, float]:
-    """Gravity by components or by word, checked."""
-    if isinstance(given, str):
-        require_known("gravity", given, GRAVITY, where=("gravity",))
-        given = GRAVITY[given]
-    return require_vector("gravity", given, "m/s^2", ("gravity",))
-
-
 @dataclass(frozen=True, kw_only=True)
 class WrittenMechanism:
     """A mechanism as result files have it."""
@@ -125,7 +85,7 @@ class WrittenMechanism:
     base: str = choice("base", BASES, default=HELD)
 
 
-class Mechanism(Overview, Described):
+class Mechanism(Overview, Described, Design):
     """A robot or linkage from a URDF, ideal or with clearance in some of its joints.
 
     Args:
@@ -152,23 +112,11 @@ class Mechanism(Overview, Described):
             says, else ``"held"``.
         xacro: arguments of a robot that is written in xacro, by name.
 
-    Attributes:
+    Attributes besides those of `Design`:
         model, data: the Pinocchio model and data that the simulation uses.
         coordinates: names of the generalised coordinates, in the order of q and v.
-        given_joints: as given, ideal ones too, which say of what kind a loop's joint or a ball is.
-            One with a seat stands here without it, and its mount ``JOINT_seat`` beside it; a
-            flexible link as its hinges ``LINK_hinge_1``, ....
-        clearance: those of them that have clearance.
-        free_base: name of the free base's coordinates; None if the base is held.
-        rules: numbers of gears that nobody gave, by joint and field, and by which rule.
-        description, loops: as given, with the bushes of seats, links ``JOINT_bush``, and the pieces
-            of flexible links, ``LINK_2``, ....
-        gears: as given, completed by rules; base: as given.
-        flexible: what was made of each flexible link, in words; empty if the mechanism was built
-            from another one, which has its pieces already.
-        tool_reason: why this tool, in words, if none was named; else empty.
         locks: by loop whose joint locks what nothing else in the loop does: frames of the carriage
-            and of what is fixed to it (`mechanism.loop`).
+            and of what is fixed to it (`model.loop`).
 
     Raises:
         JointplayError: see `formats.read`; also a joint or link that does not exist, a joint of a
@@ -179,7 +127,7 @@ class Mechanism(Overview, Described):
 
     def __init__(
         self,
-        path: str | Path | urdf.Description | pin.Model,
+        path: str | Path | Description | pin.Model,
         clearance: Mapping[str, Clearance] | None = None,
         *,
         loops: Mapping[str, Loop] | None = None,
@@ -192,236 +140,20 @@ class Mechanism(Overview, Described):
         base: str | None = None,
         xacro: Mapping[str, Value] | None = None,
     ) -> None:
-        allow_unphysical = require_names(
-            "allow_unphysical", allow_unphysical, "names of links", ("allow_unphysical",)
-        )
-        fix = require_names("fix", fix, "names of joints", ("fix",))
-        if not isinstance(path, urdf.Description | str | Path | pin.Model):
-            raise JointplayError(
-                "a mechanism needs the path of a URDF, a robot's name or a pinocchio.Model, got "
-                f"{path!r:.60}"
-            )
-        said: Mapping[str, Mapping[str, Any]] = {}
-        if isinstance(path, pin.Model):
-            path = description_of_model(path, allow_unphysical)
-            said = path.beyond.tables
-        if not isinstance(path, urdf.Description):
-            arguments = require_table("xacro", xacro, "of arguments by name", ("xacro",))
-            path = formats.read(path, allow_unphysical, arguments=arguments)
-            said = path.beyond.tables
-        self.description = with_fixed(path, fix)
-        robot = said.get("robot", {})
-        gravity = robot.get("gravity", STANDARD_GRAVITY) if gravity is None else gravity
-        base = robot.get("base", HELD) if base is None else base
-        self.fix = fix
-        # Names out of NumPy arrays print as np.str_(...).
-        joints = require_table("clearance", clearance, "of joints by name", ("clearance",))
-        self.given_joints = self._said(said, "joints", JOINT_WORDS)
-        self.given_joints |= {str(name): joint for name, joint in joints.items()}
-        self.loops = require_table("loops", loops, "of loops by name", ("loops",))
-        gears = require_table("gears", gears, "of gears by joint", ("gears",))
-        self.gears = self._said(said, "gears", GEARS) | gears
-        self.gears = with_rotors(self.gears, self.description.beyond.armature)
-        self.description = urdf.with_geared(self.description, self.gears)
-        flexible = require_table("flexible", flexible, "of flexible links by name", ("flexible",))
-        self.allow_unphysical = tuple(allow_unphysical)
-        self.base = base
-        self.free_base = self._name_of_free_base()
-        self.gravity = _gravity(gravity)
-        for name in self.loops:
-            with within("loops", name):
-                refuse_name(name, self.description.joints)
-        cut = cut_links(self.description, self.loops, flexible)
-        self.description, self.loops, self.flexible = cut.description, cut.loops, cut.words
-        for name, joint in self.given_joints.items():
-            with within("clearance", name):
-                self._check_joint(name, joint)
-        for name, gear in self.gears.items():
-            if not isinstance(gear, Gearing):
-                raise JointplayError(f"joint {name!r} needs a Gear, got {gear!r}", ("gears", name))
-            with within("gears", name):
-                self._check_gear(name, gear)
-        self.tool_reason = ""
-        if tool is None:
-            tool, self.tool_reason = choose_tool(
-                self.description, {*self.given_joints, *self.gears}
-            )
-            tool = end_of_tool(tool, flexible)
-        if not isinstance(tool, str):
-            raise JointplayError(f"tool must be the name of a frame, got {tool!r}", ("tool",))
-        self.given_joints |= cut.hinges
-        self._take_seats()
-        self.clearance = {name: one for name, one in self.given_joints.items() if not one.ideal}
-        fixed = {name for name, one in self.description.joints.items() if one.kind == "fixed"}
-        source = parse(self.description, tuple(sorted(fixed.intersection(self.clearance))))
-        self.gears, self.rules = completed(self.gears, self.description, source, tool)
-        self._make(source, {})
-        if self.free_base is not None:
-            self._check_free_base()
-        self.tool = tool
+        own = design(
+            path, clearance, loops=loops, gears=gears, flexible=flexible, gravity=gravity,
+            tool=tool, allow_unphysical=allow_unphysical, fix=fix, base=base, xacro=xacro,
+        )  # fmt: skip
+        vars(self).update(vars(own))
+        self.model, self.coordinates, self.locks = build(own)
+        self.data = self.model.createData()
         self.tool_frame = frame_index(self.model, self.tool, where=("tool",))
-        for name, loop in self.loops.items():
-            with within("loops", name):
-                self._check_loop(name, loop)
-        needed = {
-            name: Lock.between(name, self.clearance[name].freedoms, self.model, *self.frames(name))
-            for name in self.loops
-            if self._needs_lock(name)
-        }
-        if needed:
-            self._make(source, needed)
-            self.tool_frame = frame_index(self.model, self.tool)
-
-    def _said(
-        self, tables: Mapping[str, Mapping[str, Any]], table: str, kinds: Mapping[str, Any]
-    ) -> dict[str, Any]:
-        """Joints or gears that the robot's file has beyond a URDF, of joints that move."""
-        return {
-            name: kinds[row["kind"]](**{key: row[key] for key in row if key != "kind"})
-            for name, row in tables.get(table, {}).items()
-            if name in self.description.moving
-        }
-
-    def _take_seats(self) -> None:
-        """Put a bush and its mount between the two links of each joint in a seat."""
-        given, self.given_joints = self.given_joints, {}
-        for name, joint in given.items():
-            parts = parts_of_seat(joint)
-            if parts is None:
-                self.given_joints[name] = joint
-                continue
-            with within("clearance", name, "seat"):
-                if name in self.loops:
-                    if joint.freedoms != VIRTUAL_LINK:
-                        locked = [part for part in VIRTUAL_LINK if part not in joint.freedoms]
-                        raise JointplayError(
-                            f"loop {name!r} has a seat and locks {', '.join(locked)}: its bush "
-                            "gives way in these directions, too; leave out the locks or the seat"
-                        )
-                    seated = seat_of_loop(self.description, name, self.loops[name], joint, parts)
-                    self.description, self.loops[name] = seated
-                else:
-                    self.description = seat_of_joint(self.description, name, joint, parts)
-            self.given_joints[name] = parts.joint
-            self.given_joints[f"{name}{SEAT}"] = parts.mount
-
-    def _name_of_free_base(self) -> str | None:
-        """Name of the base's coordinates; None if it is held."""
-        require_known("base", self.base, BASES, where=("base",))
-        if self.base == HELD:
-            return None
-        if self.loops:
-            raise JointplayError(
-                "a mechanism with loops cannot have a free base yet: the base must be held; loops: "
-                f"{', '.join(self.loops)}",
-                where=("base",),
-            )
-        if BASE in self.description.joints:
-            raise JointplayError(
-                f"the URDF has a joint called {BASE!r}, as the coordinates of a free base are; "
-                "give it another name, or hold the base",
-                where=("base",),
-            )
-        return BASE
-
-    def _check_free_base(self) -> None:
-        """Refuse a free base that nothing but forces without inertia would move."""
-        body = self.model.inertias[self.base_joint]
-        least = float(np.linalg.eigvalsh(body.inertia).min())
-        if not body.mass > 0.0 or not least > 0.0:
-            root = self.description.root
-            raise JointplayError(
-                f"a free base needs mass and moments of inertia, and {root!r} with what is fixed "
-                f"to it has {body.mass:g} kg and a least principal moment of {least:.4g} kg m2: "
-                "give it an <inertial> in the URDF, or hold the base",
-                where=("base",),
-            )
+        self._known_signs: dict[tuple[int, int], np.ndarray] = {}
 
     @property
     def base_joint(self) -> int:
         """Pinocchio joint that carries the base: 0, the ground, if it is held."""
         return 0 if self.free_base is None else int(self.model.getJointId(self.free_base))
-
-    def _check_gear(self, name: str, gear: Gearing) -> None:
-        entry = self.description.joints.get(name)
-        entries = self.description.joints.values()
-        if entry is None or not (entry.turns or entry.slides):
-            able = [one.name for one in entries if one.turns or one.slides]
-            raise MissingName("joint for a gear", name, able)
-        if entry.slides and not gear.linear:
-            able = [word for word, kind in GEARS.items() if kind.linear]
-            raise JointplayError(
-                f"joint {name!r} slides, and a {gear.kind} gear turns its joint; kinds of gear for "
-                f"joints that slide: {', '.join(able)}",
-                ("kind",),
-            )
-
-    def _check_loop(self, name: str, loop: Loop) -> None:
-        for link in (loop.bearing_link, loop.journal_link):
-            if not self.model.existFrame(link, pin.FrameType.BODY):
-                raise MissingName(f"link for loop {name!r}:", link, self.description.links)
-        (i, _), (j, _) = self.frames(name)
-        if i == j:
-            raise JointplayError(
-                f"loop {name!r} joins {loop.bearing_link!r} and {loop.journal_link!r}, which "
-                "do not move against each other"
-            )
-
-    def _make(self, source: pin.Model, locks: Mapping[str, Lock]) -> None:
-        """Build the model, with what `locks` need."""
-        self._known_signs: dict[tuple[int, int], np.ndarray] = {}
-        self.model, self.coordinates = build(
-            source, self.given_joints, self.gears, locks, self.free_base
-        )
-        self.model.gravity.linear = np.array(self.gravity)
-        for name, inertia in self.armature.items():
-            self.model.armature[self.coordinate(name)] = inertia
-        self.locks = {}
-        for name, lock in locks.items():
-            carriage = int(self.model.getJointId(name))
-            held = lock.share(self.model, carriage)
-            self.locks[name] = ((carriage, pin.SE3.Identity()), held)
-        self.data = self.model.createData()
-
-    @property
-    def armature(self) -> dict[str, float]:
-        """Inertia of rotors rigidly geared to joints, on their side, by joint [kg m^2 or kg]."""
-        moving, armature = self.description.moving, self.description.beyond.armature
-        return {name: armature[name] for name in armature if name in moving}
-
-    def _needs_lock(self, name: str) -> bool:
-        """Whether a loop's joint locks what the loop's other joints leave free."""
-        joint = self.clearance.get(name)
-        if joint is None or joint.freedoms == VIRTUAL_LINK:
-            return False
-        locked = [row for row, part in enumerate(RELATIVE) if part not in joint.freedoms]
-        somewhere = np.random.default_rng(0).uniform(-1.0, 1.0, (3, self.model.nq))
-        moves = [self.relative_jacobian(name, q)[locked] for q in somewhere]
-        return bool(np.abs(moves).max() > 1e-9)
-
-    def _check_joint(self, name: str, joint: Clearance) -> None:
-        if not isinstance(joint, Clearance):
-            raise JointplayError(
-                f"joint {name!r} needs a joint with clearance, such as a RevoluteClearance, "
-                f"got {joint!r}"
-            )
-        if name in self.loops:
-            if joint.ideal and joint.slides():
-                raise JointplayError(
-                    f"loop {name!r} cannot be closed by an ideal slider; "
-                    "cut the loop at another joint and leave the slider in the URDF"
-                )
-            return
-        choices = [j.name for j in self.description.joints.values() if j.kind in joint.replaces]
-        entry = self.description.joints.get(name)
-        words = " or ".join(joint.replaces)
-        if entry is None:
-            raise MissingName("joint", name, [*choices, *self.loops], f" (the {words} joints)")
-        if entry.kind not in joint.replaces:
-            raise JointplayError(
-                f"joint {name!r} is {entry.kind}, not {words}; "
-                f"{words} joints: {', '.join(choices) or 'none'}"
-            )
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -447,10 +179,7 @@ class Mechanism(Overview, Described):
         Raises:
             MissingName: no such joint.
         """
-        given = self.given_joints.get(joint)
-        name = Coordinate(joint)
-        if given is not None and (joint in self.clearance or given.compound()):
-            name = Coordinate(joint, given.drive_coordinate or "")
+        name = self.own_coordinate(joint)
         if name not in self.coordinates or joint in self.loops:
             raise MissingName("moving joint", joint, self.joints)
         return self.coordinates.index(name)
@@ -571,7 +300,7 @@ class Mechanism(Overview, Described):
         clearance: Mapping[str, Clearance],
         gears: Mapping[str, Gearing],
         base: str,
-        description: urdf.Description | None = None,
+        description: Description | None = None,
     ) -> Mechanism:
         made = Mechanism(
             description or self.description,
@@ -705,9 +434,7 @@ class Mechanism(Overview, Described):
         """Bearing and journal of a joint: Pinocchio joint that carries it, and placement in it."""
         model = self.model
         if name in self.loops:
-            loop = self.loops[name]
-            bearing = self._on_link(loop.bearing_link, loop.bearing)
-            journal = self._on_link(loop.journal_link, loop.journal)
+            bearing, journal = self.loops[name].frames(model)
         else:
             last = int(model.getJointId(name))
             first = last
@@ -717,10 +444,6 @@ class Mechanism(Overview, Described):
             journal = (last, pin.SE3.Identity())
         given = self.given_joints.get(name)
         return (journal, bearing) if given is not None and given.exchanged else (bearing, journal)
-
-    def _on_link(self, link: str, place: pin.SE3) -> Frame:
-        index, placement = carried(self.model, self.model.getFrameId(link, pin.FrameType.BODY))
-        return index, placement * place
 
     def mass_matrix(self, q: np.ndarray) -> np.ndarray:
         """M(q) of eq. 22, shape (nv, nv), symmetric [kg, kg m or kg m2 by its two coordinates].

@@ -44,6 +44,11 @@ _FINITE = (
     *("actuator_gear", "tendon_range", "tendon_stiffness", "tendon_damping", "wrap_prm"),
 )
 """Arrays of a compiled MJCF whose numbers are used."""
+_BESIDE = {
+    "armature": "dof_armature", "damping": "dof_damping", "friction": "dof_frictionloss",
+    "springs": "jnt_stiffness", "limits": "jnt_limited",
+}  # fmt: skip
+"""What a joint may have besides its freedom, and the arrays with it."""
 TIME_S = 20.0
 """Longest processor time that reading an MJCF may take [s]; large robots take 2 s."""
 ROOM = 4e9
@@ -355,6 +360,7 @@ class _Reading:
         hidden = {one.hinge for one in self.play.values()}
         self.joints = [j for j in self.joints if j not in hidden]
         self.mimics = self._mimics()
+        self.passive = {*self._not_acted_on()}
 
     # Bodies and joints.
 
@@ -437,6 +443,22 @@ class _Reading:
                     self._leave("several actuators with limits on one joint", i)
                 continue
             yield joint, self._servo(joint, actuators)
+
+    def _not_acted_on(self) -> Iterator[int]:
+        """Joints without actuator, in a robot that has some: they are free in MuJoCo."""
+        mujoco, model = self.mujoco, self.model
+        if not model.nu:
+            return
+        data = mujoco.MjData(model)
+        # Somewhere, lest a tendon's arm be zero there by chance.
+        data.qpos[:] = np.random.default_rng(0).uniform(-1.0, 1.0, model.nq)
+        for step in ("kinematics", "comPos", "tendon", "transmission"):
+            getattr(mujoco, f"mj_{step}")(model, data)
+        acted = {*data.moment_colind[data.actuator_moment != 0.0].tolist()}
+        for j in self.joints:
+            ball = self.types[j] == mujoco.mjtJoint.mjJNT_BALL
+            if not ball and j not in self.mimics and self._dof(j) not in acted:
+                yield j
 
     def _leave(self, reason: str, actuator: int) -> None:
         name = self.model.actuator(actuator).name or f"actuator {actuator + 1}"
@@ -749,6 +771,8 @@ class _Reading:
             if j in self.drives and j not in self.mimics:
                 own = self._own_losses(j) if play is not None else {}
                 drives[named[j]] = self.drives[j] | own
+            elif j in self.passive:
+                drives[named[j]] = {"kind": "free"}
             spring = float(model.jnt_stiffness.reshape(model.njnt, -1)[j, 0])
             if spring > 0.0:
                 rest = float(model.qpos_spring[model.jnt_qposadr[j]])
@@ -767,10 +791,18 @@ class _Reading:
                 parts.setdefault(f"{math.degrees(one.width):.3g} deg", []).append(named[j])
             words = "; ".join(f"{width} in {few(names)}" for width, names in parts.items())
             yield f"note: the MJCF has backlash, here of gears as stiff as its stops: {words}"
-        if drives := self.tables.get("drives"):
+        if driven := [named[j] for j in self.joints if j in self.drives and j not in self.mimics]:
             yield (
                 "position actuators of the MJCF, here servos with its gains, 1 V for 1 N m: "
-                f"{few(list(drives))}"
+                f"{few(driven)}"
+            )
+        if self.passive:
+            names = few([named[j] for j in self.joints if j in self.passive])
+            yield f"note: no actuator of the MJCF acts on {names}: free, unless [drives] drives it"
+        elif self.joints and not model.nu:
+            yield (
+                "note: the MJCF has no actuators, and all its joints are free in MuJoCo; here the "
+                "usual drives hold them, or follow a motion"
             )
         yield from self.said
         ranges = [model.jnt_range[j] for j in self.joints]
@@ -790,16 +822,22 @@ class _Reading:
             "flexes": model.nflex,
             "gravity compensation": any(model.body_gravcomp),
             "fluid": model.opt.density or model.opt.viscosity,
-            "armature of balls": self._balls_have("dof_armature"),
-            "damping of balls": self._balls_have("dof_damping"),
-            "friction of balls": self._balls_have("dof_frictionloss"),
-            "springs of balls": self._balls_have("jnt_stiffness"),
-            "limits of balls": self._balls_have("jnt_limited"),
             "damping or springs that are not linear": any(
                 getattr(model, name).reshape(rows, -1)[:, 1:].any()
                 for name, rows in (("dof_damping", model.nv), ("jnt_stiffness", model.njnt))
             ),
         }
+        for group, joints in self._of_which_little_is_read().items():
+            for word, array in _BESIDE.items():
+                left[f"{word} of {group}"] = any(self._has(array, j) for j in joints)
+        if all(self._loss("armature", j) == 0.0 for j in self.play):  # else that of the hinge is it
+            left["armature of hinges of play"] = False
+        left["limits of hinges of play"] = False  # which are the play
+        left["that springs and friction stand before the play"] = any(
+            self._has("jnt_stiffness", j)
+            or (j not in self.drives and any(self._losses(j).values()))
+            for j in self.play
+        )
         for word in ("frictionloss", "limit", "passive", "spring", "damper", "equality"):
             flag = getattr(self.mujoco.mjtDisableBit, f"mjDSBL_{word.upper()}", 0)
             left[f"that {word} is disabled"] = bool(model.opt.disableflags & int(flag))
@@ -810,12 +848,22 @@ class _Reading:
         if unread:
             yield f"note: not read of the MJCF: {', '.join(unread)}"
 
-    def _balls_have(self, name: str) -> bool:
-        """Whether a ball has something of this array, of joints or of their freedoms."""
-        values = getattr(self.model, name).reshape(len(getattr(self.model, name)), -1)
-        balls = [j for j in self.joints if self.types[j] == self.mujoco.mjtJoint.mjJNT_BALL]
-        place = (lambda j: j) if name.startswith("jnt") else self._dof
-        return any(bool(values[place(j), 0]) for j in balls)
+    def _of_which_little_is_read(self) -> dict[str, list[int]]:
+        """Joints of whose losses, springs and limits nothing is read, by what they are."""
+        ball, free = self.mujoco.mjtJoint.mjJNT_BALL, self.mujoco.mjtJoint.mjJNT_FREE
+        return {
+            "balls": [j for j in self.joints if self.types[j] == ball],
+            "the free base": [
+                j for i in self.bodies for j in self._joints(i) if self.types[j] == free
+            ],
+            "hinges of play": [one.hinge for one in self.play.values()],
+        }
+
+    def _has(self, array: str, joint: int) -> bool:
+        """Whether a joint has something of an array, of joints or of their freedoms."""
+        values = getattr(self.model, array)
+        row = joint if array.startswith("jnt") else self._dof(joint)
+        return bool(values.reshape(len(values), -1)[row, 0])
 
     def _wrapped(self) -> set[int]:
         """Joints that have a tendon of their own."""

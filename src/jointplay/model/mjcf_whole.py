@@ -2,18 +2,45 @@
 
 from __future__ import annotations
 
+from base64 import b64decode, b64encode
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
-from jointplay.model.mjcf import compiled, load_spec, tell, told_apart
+import numpy as np
+
+from jointplay.base.errors import JointplayError
+from jointplay.base.files import temporary
+from jointplay.model.meshes import FOLDER
+from jointplay.model.mjcf import compiled, load_mujoco, load_spec, tell, told_apart
 
 
-def require_compiles(path: Path) -> None:
-    """Refuse an MJCF that MuJoCo cannot compile, or not within the limits of reading one.
+def compile_file(path: Path) -> Any:
+    """An MJCF as MuJoCo's `MjModel`, all its bodies and joints with names.
+
+    A process with the limits of reading one compiles it; here its arrays alone are read.
 
     Raises:
-        JointplayError: so it is.
+        JointplayError: MuJoCo is not installed, or cannot compile it within the limits.
     """
-    told_apart(__name__, path)
+    mujoco, name = load_mujoco(), "whole.mjb"
+    return mujoco.MjModel.from_binary_path(name, {name: b64decode(told_apart(__name__, path))})
+
+
+def compile_text(text: str, meshes: Mapping[str, bytes] = MappingProxyType({})) -> Any:
+    """The same of an MJCF in one piece; `meshes` are files for the folder `FOLDER` beside it."""
+    with temporary("mjcf") as place:
+        path = Path(place) / "robot.xml"
+        path.write_text(text, encoding="utf-8")
+        path.with_name(FOLDER).mkdir()
+        for name, content in meshes.items():
+            (path.parent / FOLDER / name).write_bytes(content)
+        try:
+            return compile_file(path)
+        except JointplayError as error:
+            said = str(error).replace(repr(str(path)), "that is written")
+            raise JointplayError(said) from None
 
 
 def serve(path: str) -> None:
@@ -22,5 +49,7 @@ def serve(path: str) -> None:
 
 
 def _compile(path: Path) -> str:
-    compiled(load_spec(path), path)
-    return ""
+    mujoco, model = load_mujoco(), compiled(load_spec(path), path)
+    arrays = np.empty(mujoco.mj_sizeModel(model), np.uint8)
+    mujoco.mj_saveModel(model, None, arrays)
+    return b64encode(arrays.tobytes()).decode()

@@ -36,7 +36,7 @@ class Survey:
     massless: tuple[str, ...] = ()
     """Joints that move no mass: nothing can be simulated unless they are fixed."""
     problem: str = ""
-    """Why it cannot be loaded at all; empty if it can."""
+    """Why it cannot be loaded, or simulated, at all; empty if it can."""
     astray: Mapping[str, str] = field(default_factory=dict)
     """Joints that shall follow one that does not exist, and so move on their own."""
     unlimited: tuple[str, ...] = ()
@@ -99,11 +99,16 @@ def survey(place: str | Path, xacro: Mapping[str, Value] | None = None) -> Surve
         return Survey(name, path, moving, False, unphysical, followers, (), str(error), *more)
     moving = {n: moving[n] for n in mechanism.coordinates}
     still = pin.neutral(mechanism.model)
-    free = massless_motions(mechanism, still) if moving else np.zeros((0, 0))
-    massless = tuple(massless_links(mechanism, still, free).values())
+    massless: tuple[str, ...] = ()
+    problem = ""
+    try:
+        free = massless_motions(mechanism, still) if moving else np.zeros((0, 0))
+        massless = tuple(massless_links(mechanism, still, free).values())
+    except JointplayError as error:
+        problem = str(error)
     serial = mechanism.description.serial
     return Survey(
-        *(name, path, moving, serial, unphysical, followers, massless, "", astray, unlimited),
+        *(name, path, moving, serial, unphysical, followers, massless, problem, astray, unlimited),
         mechanism,
     )
 

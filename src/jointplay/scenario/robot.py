@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -133,7 +133,8 @@ def robot_scenario(
     if scara and "motion" not in given:
         text["motion"] = {"file": SCARA_MOTION}
     elif moves and "motion" not in given:
-        motion, words = _there_and_back(description)
+        free = [name for name, one in given.get("drives", {}).items() if one.get("kind") == "free"]
+        motion, words = _there_and_back(description, free)
         chosen.append(Setting(("motion",), motion, "the default motion", ASSUMED, words))
         assumptions.append(words)
     named = [
@@ -264,10 +265,11 @@ def _led_by(description: Description, name: str) -> tuple[str, float, float]:
     return name, factor, offset
 
 
-def _there_and_back(description: Description) -> tuple[dict[str, Any], str]:
+def _there_and_back(description: Description, free: Collection[str]) -> tuple[dict[str, Any], str]:
     """A motion for who gave none: every joint a little way there and back, within its limits.
 
     Those are its own, of position and speed, and those of the joints that mimic it and follow.
+    Those in `free` are not moved.
     """
     from jointplay.model.builder import parse
 
@@ -278,7 +280,7 @@ def _there_and_back(description: Description) -> tuple[dict[str, Any], str]:
     ways = {}
     for name in list(parse(description).names)[1:]:
         entry = description.joints[name]
-        if entry.mimic:  # it follows
+        if entry.mimic or name in free:  # it follows others, or what acts on it
             continue
         low, high = entry.lower, entry.upper
         low, high = (-np.inf if low is None else low), (np.inf if high is None else high)

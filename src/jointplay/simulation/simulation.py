@@ -84,12 +84,13 @@ class Simulation(Overview, Inputs):
         self._check_tables()
         if self.motion is not None and isinstance(self.drive, Drive) and self.drive.follows:
             moving = {name for name, (_, speed) in state.items() if speed is not None}
+            moving |= {name for name, one in filed.items() if not one.follows}
             places = {name: at for name, (at, _) in state.items() if at is not None}
             whole = complete_motion(self.mechanism, self.motion, places, moving)
             object.__setattr__(self, "motion", whole.motion)
             left = {name: at for name, at in state.items() if name not in whole.held}
             object.__setattr__(self, "state", left)
-        if self.motion is not None and filed.keys() & self.motion.joints:
+        if self.motion is not None and filed:
             drives = {joint: filed.get(joint, FILES_DRIVES) for joint in self.motion.joints}
             object.__setattr__(self, "drive", drives)
 
