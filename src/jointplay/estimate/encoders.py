@@ -25,7 +25,7 @@ from jointplay.model.mechanism import Mechanism
 if TYPE_CHECKING:
     from jointplay.model.payload import Payload
 
-CAUSES = (
+CAUSES: tuple[tuple[str, ...], ...] = (
     ("ratio",), ("eccentricity",), ("eccentricity", "second-harmonic"), ("sawtooth",),
     ("compliance",), ("play",), ("hysteresis",),
 )  # fmt: skip

@@ -419,7 +419,7 @@ def _gravity(
     texts = dict.fromkeys(readings.pose[i] for i in np.flatnonzero(mine)) if readings.pose else {}
     poses = [_pose(ideal, text, readings.source) for text in texts if text]
     if pose is not None and (not poses or "" in texts):
-        poses.append(pose)
+        poses.append(dict(pose))
     rows = [ideal.configuration(one) for one in poses]
     known = bool(rows)
     loads = [
