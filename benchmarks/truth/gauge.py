@@ -18,7 +18,7 @@ from jointplay.base.progress import ProgressBar
 from jointplay.estimate.changes import changes
 from jointplay.estimate.gauge import GAUGE_M, Readings, gauge_problems, identify_gauged
 
-JOINT = "shoulder_lift"
+JOINT, POSE = "shoulder_lift", "shoulder_lift=-0.54,elbow_flex=-0.64,wrist_flex=-0.48"
 COUNT, SOFTER, HALF = 2.0 * np.pi / 4096.0, 4.0, np.radians(0.5)
 GROWN = 0.25
 """Part by which play has grown: by 2 % a month in a year."""
@@ -55,7 +55,8 @@ def joint(
         if encoder:
             seen, deviation = COUNT * np.round(seen / COUNT), COUNT / np.sqrt(12.0)
         push = arm * np.array(forces)
-        return Readings((JOINT,) * n, ("",) * n, push, seen, np.full(n, deviation))
+        poses = (POSE,) * n
+        return Readings((JOINT,) * n, ("",) * n, push, seen, np.full(n, deviation), pose=poses)
 
     plays, read = [play], [readings(play, 1.0, 1.0)]
     if grown is not None:

@@ -323,6 +323,24 @@ def test_an_encoder_that_jumps_is_told_though_poses_beside_the_jump_are_left_out
     assert jump.low < 0.17 < jump.high
 
 
+def test_a_wrong_ratio_is_called_a_ratio_and_sag_is_called_sag(arm):
+    truth = Truth(arm, 9, n=25).compliance(wrist=5e-2)
+    link = truth.q + 1e-3 * truth.random.normal(size=truth.q.shape)
+    link[:, 1] -= truth.motor[:, 1] / 3.0
+    poses = StaticPoses(JOINTS, truth.motor, link=link)
+    found = {one.play[0].joint: one for one in encoder_differences(arm, poses)}
+    assert [term.kind for term in found["shoulder"].kept] == ["ratio"]
+    assert "shoulder: its link turns 0.666" in str(found["shoulder"])
+    assert "predicted by compliance (sag under its load)" in str(found["wrist"])
+    # Only what is asked for is tried, but a wrong ratio, beside which nothing could be told.
+    asked = encoder_differences(arm, poses, terms=[Term("offset"), Term("play", ("shoulder",))])
+    found = {one.play[0].joint: one for one in asked}
+    assert [term.kind for term in found["shoulder"].kept] == ["ratio"]
+    assert "shoulder: its link turns 0.666" in str(found["shoulder"])
+    assert not found["shoulder"].play[0].found
+    assert [len(found[name].steps) for name in ("shoulder", "wrist")] == [2, 1]
+
+
 def test_the_right_one_of_two_encoders_is_told_by_the_tool(arm):
     truth = Truth(arm, 10).play(elbow=4e-3, transition=0.3)
     link = truth.motor.copy()

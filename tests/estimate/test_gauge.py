@@ -1,5 +1,6 @@
 """A dial gauge and five pushes: play of single joints, or why it cannot be told."""
 
+import csv
 import importlib
 import json
 import math
@@ -147,9 +148,13 @@ def test_gravity_that_holds_the_joint_is_said(urdf):
     told = identify_gauged(robot, read(), pose={"j": 0.0})
     assert "gravity loads it by 19.6 N m, more than the smallest push, 0.2 N m" in str(told)
     assert not told["j gear play"].identified
-    told = identify_gauged(robot, read())
+    # Nobody says in which pose: what play shows is told, that none shows is not.
+    told = identify_gauged(robot, read(stiffness=1e3))
     assert told["j gear play"].identified
     assert "note: gravity may load j by" in str(told)
+    told = identify_gauged(robot, read(0.0))
+    assert not told["j gear play"].identified
+    assert "say in which pose it was" in str(told)
     assert identify_gauged(robot, read(), pose={"j": math.pi / 2})["j gear play"].identified
 
 
@@ -322,6 +327,41 @@ def drawn(random, law, forces):
     turned += 1e-4 * random.normal(size=n)
     push = ARM * np.array(forces)
     return play, Readings(("j",) * n, ("",) * n, push, turned, np.full(n, 1e-4))
+
+
+def test_each_joint_is_judged_in_the_pose_of_the_plan(tmp_path, capsys):
+    """Gravity holds an SO-101's shoulder, without play that would show, but not in that pose."""
+    assert main(["identify", "so101", "--plan", "dial", "--out", str(tmp_path / "plan")]) == 0
+    rows = list(csv.DictReader((tmp_path / "plan" / "dial.csv").read_text().splitlines()))
+    for row in rows:
+        force = float(row["force [N]"])
+        row["reading [mm]"] = f"{5.0 + 0.02 * force:.4f}"
+    path = tmp_path / "dial.csv"
+    for kept, said in ((list(rows[0]), "of 6 of 6 joints"), (list(rows[0])[:-1], "of 3 of 6")):
+        with path.open("w") as file:
+            writer = csv.DictWriter(file, kept, extrasaction="ignore")
+            writer.writeheader()
+            writer.writerows(rows)
+        capsys.readouterr()
+        assert main(["identify", "so101", str(path)]) == 0
+        assert capsys.readouterr().out.startswith(f"The readings tell the play {said}")
+
+
+def test_poses_pushes_and_angles_that_cannot_be_are_doubted(tmp_path, capsys):
+    path, order = tmp_path / "dial.csv", ["identify", "so101", str(tmp_path / "dial.csv")]
+
+    def told(angle="deg", torque=1.0, pose="gripper=10 deg"):
+        pairs = ((0, 0), (torque, 1), (-torque, -1), (0.2, 0.6), (-0.2, -0.6))
+        rows = [f"gripper,{push},{turned},{pose}" for push, turned in pairs]
+        path.write_text("\n".join([f"joint,torque [N*m],angle [{angle}],pose", *rows]) + "\n")
+        status, said = main(order), capsys.readouterr()
+        return status, said.out + said.err
+
+    assert "no joint 'knee'" in told(pose="knee=0")[1]
+    assert '"5 mm" is not an angle' in told(pose="gripper=5 mm")[1]
+    assert "warning" not in told()[1]
+    assert "no gear has so much play as gripper" in told("rad")[1]
+    assert "beyond its limit of effort" in told(torque=1000.0)[1]
 
 
 @pytest.mark.parametrize("forces", [FORCES, THREE])

@@ -24,8 +24,9 @@ import pinocchio as pin
 from jointplay.accuracy.poses import moving, over_workspace
 from jointplay.base import files
 from jointplay.base.errors import JointplayError, MissingName, require_known, require_positive
+from jointplay.base.pairs import name_and_number
 from jointplay.base.tables import counted, few
-from jointplay.base.units import readable, told
+from jointplay.base.units import NUMBER, convert, readable, told
 from jointplay.estimate import columns
 from jointplay.estimate.least_squares import Fit, LeastSquares, search
 from jointplay.estimate.machine import preset_found
@@ -79,7 +80,7 @@ _HOW = (
 _NUMBERS = ("force", "arm", "reading", "gauge arm", "torque", "angle", "motor")
 _COLUMNS = (
     "joint, setup (names), force [N], arm [mm], reading [mm], gauge arm [mm], or torque [N*m], "
-    "angle [deg], and motor [deg]"
+    "angle [deg], motor [deg], and pose (JOINT=X,... in rad or m)"
 )
 
 
@@ -98,6 +99,8 @@ class Readings:
     error: np.ndarray
     """Standard deviations of these, shape (n,)."""
     source: str = "the readings"
+    pose: tuple[str, ...] = ()
+    """In which each was taken, as ``JOINT=X,...`` [rad or m]; none: nobody says."""
 
     @classmethod
     def from_csv(
@@ -135,7 +138,7 @@ class Readings:
             return ((title, ""), units[title]) if title in units else None
 
         numbers, texts = columns.read(
-            path, "readings", known, _COLUMNS, ("joint", "setup"), _NUMBERS
+            path, "readings", known, _COLUMNS, ("joint", "setup", "pose"), _NUMBERS
         )
         n, own = len(names), dict(noise or {})
         given = {name: numbers.get((name, ""), np.full(n, np.nan)) for name in _NUMBERS}
@@ -186,7 +189,8 @@ class Readings:
                 turned[mine] -= side * (motor[mine] - motor[mine].mean())
                 step = resolution(np.sort(motor[mine]))
                 error[mine] = np.hypot(error[mine], step / np.sqrt(12.0))
-        return cls(tuple(names), tuple(map(str, setups)), push, turned, error, str(path))
+        pose = texts.get("pose", ())
+        return cls(tuple(names), tuple(map(str, setups)), push, turned, error, str(path), pose)
 
 
 def _of_column(path: Path, title: str) -> list[str]:
@@ -265,8 +269,14 @@ def identify_gauged(
     friction, found, fits, notes = urdf_friction(ideal), list[Estimate](), dict[str, Fit](), []
     for joint, mine, slides in _by_joint(mechanism, readings):
         smallest, unit = _smallest(readings, mine), "N" if slides else "N*m"
-        weight, said = _gravity(ideal, joint, pose)
+        weight, said = _gravity(ideal, readings, joint, mine, pose)
         _require_yielding(readings, joint, mine)
+        problem = _problem(readings, joint, mine, friction[joint].coulomb, slides)
+        play, give, rubs, bends = problem.unknowns
+        start = np.array([0.5 * play.scale, give.scale, rubs.nominal, bends.nominal])
+        fitted = fits[joint] = search(problem, start)
+        (first, second, *_) = fitted.estimates()
+        sure = first.value > first.half_width
         reason = ""
         if weight >= smallest:
             words = f"{readable(weight, unit, 3)}, more than the smallest push, " + readable(
@@ -274,27 +284,39 @@ def identify_gauged(
             )
             if said:
                 reason = f"gravity loads it by {words}: push harder, or measure in another pose"
+            elif not sure:  # gravity may have held the teeth to one side all the time
+                reason = (
+                    f"gravity may load it by {words}: say in which pose it was (--pose, or a "
+                    "column pose as --plan dial writes it)"
+                )
             else:
                 notes.append(
                     f"note: gravity may load {joint} by {words}: it counts only if the pose is one "
-                    "in which gravity does not (give it by --pose)"
+                    "in which gravity does not (give it by --pose, or in a column pose)"
                 )
-        problem = _problem(readings, joint, mine, friction[joint].coulomb, slides)
-        play, give, rubs, bends = problem.unknowns
-        start = np.array([0.5 * play.scale, give.scale, rubs.nominal, bends.nominal])
-        fitted = fits[joint] = search(problem, start)
-        (first, second, *_) = fitted.estimates()
         if reason:
             first = replace(first, reason=reason)
         else:  # where there may be none, how large it is at most
             upper = first.value + first.half_width
-            first = replace(first, reason="", found=first.value > first.half_width, upper=upper)
+            first = replace(first, reason="", found=sure, upper=upper)
         vague = first.half_width > first.unknown.widest(first.value)
         if vague and _forces(readings, mine) == 2:
             notes.append(
                 f"note: two forces do not tell the play of {joint} from teeth that stiffen: push "
                 f"with a third one, as far below {readable(smallest, unit, 2)} as friction and "
                 "gravity allow"
+            )
+        most = mechanism.description.joints[joint].effort
+        largest = float(np.abs(readings.push[mine]).max())
+        if most and largest > most:
+            notes.append(
+                f"warning: a push on {joint} is {readable(largest, unit, 3)}, beyond its limit of "
+                f"effort, {readable(most, unit, 3)}: is it in the unit of its title?"
+            )
+        if not slides and first.value > _TURNS:
+            notes.append(
+                f"warning: no gear has so much play as {joint}: are angles in the unit of their "
+                "title?"
             )
         found += [first, second]
         notes += _outside(readings, joint, mine, fitted)
@@ -318,7 +340,8 @@ def gauge_problems(
     return [
         _problem(readings, joint, mine, urdf_friction(ideal)[joint].coulomb, slides)
         for joint, mine, slides in _by_joint(mechanism, readings)
-        if pose is None or _gravity(ideal, joint, pose)[0] < _smallest(readings, mine)
+        if not (gravity := _gravity(ideal, readings, joint, mine, pose))[1]
+        or gravity[0] < _smallest(readings, mine)
     ]
 
 
@@ -383,12 +406,42 @@ def _require_yielding(readings: Readings, joint: str, mine: np.ndarray) -> None:
             )
 
 
-def _gravity(ideal: Mechanism, joint: str, pose: Mapping[str, float] | None) -> tuple[float, bool]:
-    """Load of gravity on a joint [N m or N], and whether the pose is known: else the largest."""
+def _gravity(
+    ideal: Mechanism,
+    readings: Readings,
+    joint: str,
+    mine: np.ndarray,
+    pose: Mapping[str, float] | None,
+) -> tuple[float, bool]:
+    """Load of gravity on a joint [N m or N], the largest where it differs, and whether the pose is
+    known: by the readings, or else `pose`."""
     at, data = ideal.coordinate(joint), ideal.model.createData()
-    rows = over_workspace(ideal, 64) if pose is None else [ideal.configuration(pose)]
-    loads = [abs(pin.computeGeneralizedGravity(ideal.model, data, q)[at]) for q in rows]
-    return float(max(loads)), pose is not None
+    texts = dict.fromkeys(readings.pose[i] for i in np.flatnonzero(mine)) if readings.pose else {}
+    poses = [_pose(ideal, text, readings.source) for text in texts if text]
+    if pose is not None and (not poses or "" in texts):
+        poses.append(dict(pose))
+    rows = [ideal.configuration(one) for one in poses]
+    known = bool(rows)
+    loads = [
+        abs(pin.computeGeneralizedGravity(ideal.model, data, q)[at])
+        for q in (rows if known else over_workspace(ideal, 64))
+    ]
+    return float(max(loads)), known
+
+
+def _pose(ideal: Mechanism, text: str, source: str) -> dict[str, float]:
+    """Positions of joints [rad or m] in text such as ``JOINT=X,JOINT=X``."""
+    found, known = {}, moving(ideal)
+    for part in text.split(","):
+        name, value = name_and_number(part.strip(), known)
+        require_known("joint", name, known)
+        unit = "m" if ideal.description.joints[name].slides else "rad"
+        value = value or ""
+        try:
+            found[name] = float(value if NUMBER.fullmatch(value) else convert(value, unit))
+        except ValueError as error:
+            raise JointplayError(f"{source}, pose of {name}: {error}") from None
+    return found
 
 
 def _bent(
@@ -483,9 +536,9 @@ class GaugePlan:
 
     def csv(self) -> str:
         """A table to fill in."""
-        head = "joint,force [N],arm [mm],reading [mm],gauge arm [mm],motor [deg]"
+        head = "joint,force [N],arm [mm],reading [mm],gauge arm [mm],motor [deg],pose"
         rows = [
-            f"{one.joint},{force:g},{1e3 * one.arm:.3g},,{1e3 * one.arm:.3g},"
+            f'{one.joint},{force:g},{1e3 * one.arm:.3g},,{1e3 * one.arm:.3g},,"{one.pose}"'
             for one in self.steps
             for force in one.forces
         ]

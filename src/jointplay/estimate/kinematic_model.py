@@ -495,6 +495,10 @@ TERM_KINDS: Mapping[str, TermKind] = {
         "encoder with a wrong gain that jumps at one angle", 0.1, _sawtooth,
         absent="slides: it has no sawtooth",
     ),
+    "ratio": TermKind(
+        "joint moves by a constant part more than its encoder says", 0.1,
+        lambda poses, term, j, asked: [Feature(poses.q[:, j], "error", "")],
+    ),
     "hysteresis": TermKind(
         "joint stays where it came from", 5e-3,
         lambda poses, term, j, asked: [Feature(poses.approach[:, j])],

@@ -595,6 +595,9 @@ class Selection:
     ) -> Step:
         """The model with those candidates that predict better than chance, and no needless ones.
 
+        Each time the best is added, or the simplest of those that it does not beat by more than
+        chance.
+
         Args:
             name: of the model with the given terms alone.
             given: terms that are in every model.
@@ -616,10 +619,17 @@ class Selection:
                 good, gain, margin = improves(now.loss, new.loss, self.units)
                 made.append(replace(new, kept=False, gain=gain, margin=margin))
                 better += made[-1:] if good else []
-            best = min(better, key=lambda one: float(one.loss.mean()), default=None)
-            self.steps += [one for one in made if one is not best]
-            if best is None:
+            if not better:
+                self.steps += made
                 break
+            best = min(better, key=lambda one: float(one.loss.mean()))
+            simpler = [
+                one for one in better
+                if one.unknowns < best.unknowns
+                and not improves(one.loss, best.loss, self.units)[0]
+            ]  # fmt: skip
+            best = min(simpler or [best], key=lambda one: (one.unknowns, float(one.loss.mean())))
+            self.steps += [one for one in made if one is not best]
             now = replace(best, kept=True)
             self.steps.append(now)
         now = self._dropped(now, len(given))

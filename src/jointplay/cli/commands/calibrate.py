@@ -19,7 +19,7 @@ Example: jointplay calibrate my_robot.urdf poses.csv --tool flange --out found
   causes:
     --term TERM ...  cause to try, such as "compliance", "play elbow,wrist", "rail shoulder by lift"
         (default: offset, placement, compliance, eccentricity, play; others: second-harmonic,
-        sawtooth, hysteresis, link-encoder, rail, suspension; gear, bearing, seat where the
+        sawtooth, ratio, hysteresis, link-encoder, rail, suspension; gear, bearing, seat where the
         scenario has one)
     --always TERM ...  cause that is in every model
     --link JOINT ...  joint whose encoder on the link's side is read instead of the motor's
@@ -109,7 +109,8 @@ def run(options: argparse.Namespace) -> int:
         return 0
     poses = read_poses(mechanism, options.csv)
     if poses.link is not None:
-        found += encoder_differences(mechanism, poses, payloads)
+        asked = [*always, *terms] if options.term or options.always else None
+        found += encoder_differences(mechanism, poses, payloads, asked)
         notes += ["encoders, link less motor:", *(f"{one}\n" for one in found)]
         contents[ENCODERS] = data([row for one in found for row in one.rows]).csv(6)
         poses = poses.read_by_link(*options.link)
