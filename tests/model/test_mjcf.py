@@ -351,6 +351,22 @@ def test_what_mujoco_refuses_is_told_in_its_words(tmp_path, capsys):
     assert "MuJoCo cannot read the MJCF" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("<worldbody>", "<worldbody>mass 3", "no text between elements: 'mass 3' in <worldbody>"),
+        ("<joint ", '<joint ref="" ', "takes what is empty as not given: ref in <joint>"),
+        ("</mujoco>", "</mujoco><worldbody/>", "no well-formed XML, and MuJoCo read what it could"),
+    ],
+)
+def test_what_mujoco_passes_over_is_said(tmp_path, old, new, said):
+    path = tmp_path / "leg.xml"
+    path.write_text(LEG)
+    assert not any("MuJoCo" in line for line in read(path).beyond.notes)
+    path.write_text(LEG.replace(old, new, 1))
+    assert any(said in line for line in read(path).beyond.notes)
+
+
 def test_without_mujoco_it_is_said_how_to_get_it(loose, monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(JointplayError, match=r"pip install '\.\[simulators\]'"):

@@ -12,6 +12,7 @@ import math
 import os
 import re
 import sys
+import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -48,6 +49,9 @@ TIME_S = 20.0
 """Longest processor time that reading an MJCF may take [s]; large robots take 2 s."""
 ROOM = 4e9
 """Memory that it may take [bytes], addresses counted; large robots take a quarter."""
+_SHOWN = 30
+"""Letters that are shown of a text that nobody reads."""
+_MAY_BE_BLANK = ("name", "meshdir", "texturedir", "assetdir", "user", "data")
 _FILE = re.compile(r"""\bfile\s*=\s*["']([^"'<>]+)["']""")
 _FOLDER = re.compile(r"""\b(?:mesh|texture|asset)dir\s*=\s*["']([^"'<>]+)["']""")
 _LFS = b"version https://git-lfs"
@@ -209,7 +213,33 @@ def read(path: Path) -> str:
             raise JointplayError(f"the MJCF {str(path)!r} has {words}")
     reading = _Reading(load_mujoco(), model, path, {int(geom.id): one for geom, one in meshes})
     reading.said += [f"MuJoCo: {one}" for one in dict.fromkeys(warnings)]
+    reading.said += _passed_over(path)
     return reading.text()
+
+
+def _passed_over(path: Path) -> Iterator[str]:
+    """What MuJoCo does not read of a file's XML and says nothing of, a line each."""
+    try:
+        root = ElementTree.fromstring(read_text(path, "MJCF"))
+    except (ElementTree.ParseError, ValueError) as error:
+        yield f"note: the MJCF is no well-formed XML, and MuJoCo read what it could: {error}"
+        return
+    texts = [
+        f"{text.strip()[:_SHOWN]!r} in <{one.tag}>"
+        for one in root.iter()
+        for text in (one.text, *(inner.tail for inner in one))
+        if text and text.strip()
+    ]
+    blank = [
+        f"{name} in <{one.tag}>"
+        for one in root.iter()
+        for name, value in one.attrib.items()
+        if not value.strip() and name not in _MAY_BE_BLANK
+    ]
+    if texts:
+        yield f"note: MuJoCo reads no text between elements: {few(texts)}"
+    if blank:
+        yield f"note: MuJoCo takes what is empty as not given: {few(blank)}"
 
 
 @dataclass(frozen=True)
