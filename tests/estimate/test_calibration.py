@@ -483,7 +483,7 @@ def test_the_command_tells_of_the_encoders_alone(arm, tmp_path, capsys):
             "",
             "line 15: 'waist motor [deg]' is at",
         ),
-        (lambda t: re.sub("(?m)^(?!#)", "group,group,", t), "", "'group' appears twice"),
+        (lambda t: re.sub(r"(?m)^(?=[^#\n])", "group,group,", t), "", "'group' appears twice"),
         (str, "--term|magic", "no kind of term 'magic'"),
         (str, "--term|play knee", "'knee'"),
         (str, "--term|rail elbow", "rail ARM by LIFT"),

@@ -13,7 +13,7 @@ import os
 import re
 import sys
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib.util import find_spec
@@ -51,6 +51,8 @@ ROOM = 4e9
 """Memory that it may take [bytes], addresses counted; large robots take a quarter."""
 _SHOWN = 30
 """Letters that are shown of a text that nobody reads."""
+_MERGED = ("compiler", "option", "flag", "statistic", "size")
+"""Elements that MuJoCo makes one of, wherever they stand."""
 _MAY_BE_BLANK = ("name", "meshdir", "texturedir", "assetdir", "user", "data")
 _FILE = re.compile(r"""\bfile\s*=\s*["']([^"'<>]+)["']""")
 _FOLDER = re.compile(r"""\b(?:mesh|texture|asset)dir\s*=\s*["']([^"'<>]+)["']""")
@@ -236,10 +238,27 @@ def _passed_over(path: Path) -> Iterator[str]:
         for name, value in one.attrib.items()
         if not value.strip() and name not in _MAY_BE_BLANK
     ]
+    twice = [
+        f"{name} in <{tag}>"
+        for tag in dict.fromkeys(one.tag for one in root.iter() if one.tag in _MERGED)
+        for name, values in _values(root.iter(tag)).items()
+        if len(values) > 1
+    ]
+    if twice:
+        yield f"note: given twice in the MJCF, where the last holds: {few(twice)}"
     if texts:
         yield f"note: MuJoCo reads no text between elements: {few(texts)}"
     if blank:
         yield f"note: MuJoCo takes what is empty as not given: {few(blank)}"
+
+
+def _values(elements: Iterable[ElementTree.Element]) -> dict[str, set[str]]:
+    """Different values of each attribute of elements."""
+    found: dict[str, set[str]] = {}
+    for one in elements:
+        for name, value in one.attrib.items():
+            found.setdefault(name, set()).add(value)
+    return found
 
 
 @dataclass(frozen=True)
@@ -435,6 +454,8 @@ class _Reading:
                 continue
             low, high = model.tendon_lengthspring[t]
             arm, spring = float(model.wrap_prm[at]), float(np.ravel(model.tendon_stiffness[t])[0])
+            if arm == 0.0:
+                continue
             if model.wrap_objid[at] == joint and spring > 0.0 and high > low:
                 damping = float(np.ravel(model.tendon_damping[t])[0])
                 width = float(high - low) / abs(arm)
@@ -737,7 +758,7 @@ class _Reading:
         """Shapes of a URDF that a geom is made of; none of one that is endless or odd."""
         model, kinds = self.model, self.mujoco.mjtGeom
         place = placed(model.geom_pos[geom], model.geom_quat[geom])
-        size, kind = model.geom_size[geom], model.geom_type[geom]
+        size, kind = model.geom_size[geom], kinds(model.geom_type[geom])
         if geom in self.pictures:
             mesh, moved = self.pictures[geom], int(model.geom_dataid[geom])
             if moved >= 0:  # MuJoCo has put the mesh's frame into its centre of mass
