@@ -246,6 +246,8 @@ class Beyond:
     """Of an MJCF, by joint the second hinge that is its play; None if it was none."""
     armature: dict[str, float] = field(default_factory=dict)
     """Inertia of rotors that are rigidly geared to joints, by joint, on its side [kg m^2 or kg]."""
+    doubts: tuple[str, ...] = ()
+    """What was not taken as it stands, a line each."""
 
 
 @dataclass(frozen=True)
@@ -519,7 +521,8 @@ def doubts(root: ElementTree.Element) -> list[str]:
         lines.append(f"no unit vector as axis, so only its direction counts: {few(long)}")
     if idle:
         lines.append(f"transmissions of no joint in the URDF, left out: {few(idle)}")
-    return lines + unread(root)
+    told = json.loads(root.findtext(BEYOND) or "{}").get("doubts", ())
+    return [*lines, *unread(root), *told]
 
 
 def _axes(root: ElementTree.Element) -> dict[str, float]:
