@@ -272,6 +272,7 @@ def test_slips_of_the_pen_are_refused(tmp_path, old, new, said):
         ("<limit ", '<limit friction="0.3" ', "\"friction\" in joint 'joint_a': <limit>"),
         ("</link>", '<origin xyz="0 0 1"/></link>', "<origin> in link"),
         ('xyz="0 0 1"', 'xyz="0 0 2"', "only its direction counts: joint_a"),
+        ('<material name="blue">', '<material name="bleu">', "without a colour in the URDF: blue"),
         ("</robot>", '<transmission name="t"><joint name="J"/></transmission></robot>', ": t"),
     ],
 )

@@ -151,7 +151,7 @@ def test_whole_speeds_that_look_like_rpm_are_asked_about(tmp_path, speed, asks):
     text = text.replace('"slider_crank.urdf"', '"jointplay:slider_crank.urdf"')
     path = tmp_path / "crank.toml"
     path.write_text(text.replace('"5000 rpm"', speed))
-    told = pytest.raises(JointplayError, match='rpm. write "5000 rpm", or "5000 rad/s"')
+    told = pytest.raises(JointplayError, match=r'rpm. write "5000 rpm", or "5000 rad/s"')
     with told if asks else nullcontext():
         scenario = Scenario.load(path)
         scenario.simulation(scenario.cases[0])

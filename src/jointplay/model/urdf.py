@@ -521,6 +521,11 @@ def doubts(root: ElementTree.Element) -> list[str]:
         lines.append(f"no unit vector as axis, so only its direction counts: {few(long)}")
     if idle:
         lines.append(f"transmissions of no joint in the URDF, left out: {few(idle)}")
+    found = [one for one in root.iter("material") if {"color", "texture"} & {x.tag for x in one}]
+    coloured = {one.get("name", "") for one in found}
+    used = [one.get("name", "") for one in root.findall("link/visual/material")]
+    if pale := [name for name in dict.fromkeys(used) if name not in coloured and name]:
+        lines.append(f"materials without a colour in the URDF: {few(pale)}")
     told = json.loads(root.findtext(BEYOND) or "{}").get("doubts", ())
     return [*lines, *unread(root), *told]
 
