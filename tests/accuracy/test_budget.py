@@ -458,6 +458,7 @@ def test_several_poses_are_a_table_of_poses_and_joints(two, tmp_path, capsys):
         ("a,c\n0,0\n", "pose 1: no moving joint 'c'; available: a, b"),
         ("a\n0\nfar\n", "line 3, a: "),
         ("name,a\nx,0\nx,1\n", "line 3: there are two poses 'x'"),
+        ("name,a,b,a\nx,0,0,1\n", "column 'a' appears twice"),
     ],
 )
 def test_a_file_of_poses_that_cannot_be_is_refused(two, tmp_path, capsys, text, message):

@@ -137,6 +137,12 @@ def test_too_little_says_the_least_recipe(arm, forces):
         identify_gauged(arm, read(forces=forces))
 
 
+def test_a_table_without_a_column_of_joints_is_refused(tmp_path):
+    path = table(tmp_path / "readings.csv", "Joint,force [N],arm [mm],reading [mm],gauge arm [mm]")
+    with pytest.raises(JointplayError, match="has no column 'joint'; columns are: joint, setup"):
+        Readings.from_csv(path, {"j": False})
+
+
 def test_gravity_that_holds_the_joint_is_said(urdf):
     robot = Mechanism(
         urdf(

@@ -345,7 +345,7 @@ def test_units_of_columns_are_read_in_brackets_and_behind_underscores(tmp_path):
         ("time [s],tool x [m]\n" + "0,1\n" * 30, "times must increase"),
         ("time [s],tool x [m]\n0,1\n1,soft\n", "line 3: 'tool x [m]' must be a number"),
         ("time [s],tool x [m]\n0,1,2\n", "line 2: 2 cells expected, got 3"),
-        ("time [s],tool x [m]\n0,inf\n", "infinite"),
+        ("time [s],tool x [m]\n0,inf\n", "line 2: 'tool x [m]' is at most 1e+12 in SI, got inf"),
         ("", "is empty"),
     ],
 )

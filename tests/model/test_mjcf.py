@@ -152,6 +152,13 @@ def test_limits_losses_and_frames_are_in_the_description(tmp_path):
     assert found.root == "world"
 
 
+def test_shapes_of_all_kinds_that_a_urdf_has_are_in_the_description(tmp_path):
+    root = read(written(tmp_path, SHOULDER)).declared.root
+    for role in ("visual", "collision"):  # a capsule is a cylinder and two spheres
+        shapes = [one.tag for one in root.iterfind(f".//{role}/geometry/*")]
+        assert sorted(shapes) == ["box", "cylinder", "cylinder", "sphere", "sphere", "sphere"]
+
+
 def test_a_robot_that_floats_is_the_largest_and_its_base_is_free(tmp_path, capsys):
     path = written(tmp_path, LEG)
     found = read(path).beyond
@@ -281,6 +288,13 @@ def test_what_hinges_of_play_and_a_free_base_have_besides_is_named(tmp_path):
 
 
 LIMB = '<body name="l"><joint name="hip"/><geom size=".1"/></body></body>'
+
+
+def test_a_tendon_without_an_arm_is_no_play(loose):
+    fixed = '<fixed limited="true" range="0 1"><joint joint="j_backlash" coef="0"/></fixed>'
+    tendon = f"<tendon>{fixed}</tendon></mujoco>"
+    loose.write_text(loose.read_text().replace("</mujoco>", tendon))
+    assert read(loose).beyond.hinges == {"j": "j_backlash"}
 
 
 def test_a_tendons_dead_band_is_play_too(tmp_path):
@@ -413,6 +427,23 @@ def test_what_mujoco_refuses_is_told_in_its_words(tmp_path, capsys):
     path = written(tmp_path, ARM.format(second="<joimt/>", more="", qpos="0 0"))
     assert main(["budget", str(path), "--joint", "j=0.1mm"]) == 2
     assert "MuJoCo cannot read the MJCF" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("<worldbody>", "<worldbody>mass 3", "no text between elements: 'mass 3' in <worldbody>"),
+        ("<joint ", '<joint ref="" ', "takes what is empty as not given: ref in <joint>"),
+        ("<option ", '<option gravity="0 0 0"/><option ', "the last holds: gravity in <option>"),
+        ("</mujoco>", "</mujoco><worldbody/>", "no well-formed XML, and MuJoCo read what it could"),
+    ],
+)
+def test_what_mujoco_passes_over_is_said(tmp_path, old, new, said):
+    path = tmp_path / "leg.xml"
+    path.write_text(LEG)
+    assert not any("MuJoCo" in line for line in read(path).beyond.notes)
+    path.write_text(LEG.replace(old, new, 1))
+    assert any(said in line for line in read(path).beyond.notes)
 
 
 def test_without_mujoco_it_is_said_how_to_get_it(loose, monkeypatch):

@@ -181,8 +181,7 @@ def test_every_robot_is_surveyed():
     assert not found["so101"].unphysical
     assert not found["quadrotor_base"].moving
     astray = found["alex_psyonic_hands"]
-    assert astray.astray["Left_index_q2"] == "index_q1"
-    assert any("does not exist: Left_index_q2 (index_q1)" in one for one in astray.remarks)
+    assert any("Left_index_q2 mimics 'index_q1', which is no joint" in x for x in astray.remarks)
 
 
 def test_all_impossible_inertias_are_named_at_once():

@@ -251,11 +251,39 @@ def test_masses_are_those_that_the_urdf_gives(monkeypatch):
         ('lower="-2.3"', 'lower="23"', "'joint_a' has the lower limit 23 above the upper one 2.3"),
         ('velocity="10"', 'velocity="-10"', "limit velocity must not be negative, got -10"),
         ("<axis", '<dynamics damping="-1"/><axis', "'joint_a': damping must not be negative"),
+        ('velocity="10"', 'velocity="1e-400"', "velocity must be a number, got '1e-400'"),
+        ('upper="2.3"', 'upper="1e999"', "upper must be a number, got '1e999'"),
+        ('value="5.78"', 'value="1e-200"', "no body of 1e-200 kg reaches so far"),
     ],
 )
 def test_slips_of_the_pen_are_refused(tmp_path, old, new, said):
     with pytest.raises(JointplayError, match=said):
         read(changed(tmp_path, old, new))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("<axis", '<dynamics damping="1"><friction>4</friction></dynamics><axis', "<friction> in"),
+        ("<axis", '<dynamics damping="1">0.4</dynamics><axis', "the text '0.4' in joint 'joint_a'"),
+        ("</joint>", "</joint> left over", "the text 'left over' in the robot"),
+        ("<axis", '<physics><limit effort="9"/></physics><axis', "<physics> in joint 'joint_a'"),
+        ("<visual>", '<visual xyz="0 0 1">', '"xyz" in link'),
+        ("<limit ", '<limit friction="0.3" ', "\"friction\" in joint 'joint_a': <limit>"),
+        ("</link>", '<origin xyz="0 0 1"/></link>', "<origin> in link"),
+        ('xyz="0 0 1"', 'xyz="0 0 2"', "only its direction counts: joint_a"),
+        ('<material name="blue">', '<material name="bleu">', "without a colour in the URDF: blue"),
+        ("</robot>", '<transmission name="t"><joint name="J"/></transmission></robot>', ": t"),
+    ],
+)
+def test_what_nobody_reads_is_said(tmp_path, old, new, said, capsys):
+    assert not read(shipped("scara.urdf")).doubts
+    path = changed(tmp_path, old, new)
+    assert main(["robots", str(path)]) == 0
+    assert said in " ".join(capsys.readouterr().out.split())
+    scenario = robot_scenario(str(path), ["joint_b"])
+    scenario.simulation()
+    assert any(said in line for line in scenario.notes)
 
 
 def test_elements_may_not_be_nested_without_end(tmp_path):

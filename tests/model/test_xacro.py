@@ -317,6 +317,28 @@ def test_wrong_included_file_is_named(robot):
         formats.read(macros)
 
 
+@pytest.mark.parametrize(
+    ("inside", "said"),
+    [
+        ('<xacro:property name="r" value="2" unit="mm"/>', "unknown attribute(s): unit"),
+        ('<xacro:property name="r" value="1"/><xacro:property name="r" value="2"/>', "'r' stands"),
+        ('<xacro:arg name="r" default="1"/><xacro:arg name="r" default="2"/>', "'r' stands there"),
+        ('<xacro:arg name="r" default="1">mass 3</xacro:arg>', "'r' has the text 'mass 3'"),
+        ('<xacro:property name="r" value="1_0"/>', "value='1_0' is no number as other programs"),
+        ('<xacro:property name="r" value="1e-400"/>', "value='1e-400' is no number as other"),
+    ],
+)
+def test_what_the_library_takes_otherwise_than_it_stands_is_said(inside, said, tmp_path):
+    path = tmp_path / "bare.xacro"
+    for fine in ("", '<xacro:property name="r"><origin/></xacro:property><xacro:if value="1"/>'):
+        path.write_text(BARE % fine)
+        assert not formats.read(path).doubts
+    path.write_text(BARE % inside)
+    (doubt,) = formats.read(path).doubts
+    assert doubt.startswith("bare.xacro: ")
+    assert said in doubt
+
+
 def test_arguments_that_nothing_asks_for_are_refused(robot, urdf, capsys):
     with pytest.raises(MissingName, match=r"no xacro argument .*'lenght'; did you mean \"length\""):
         formats.read(robot, arguments={"lenght": 1.0})

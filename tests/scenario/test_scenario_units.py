@@ -1,11 +1,13 @@
 """Quantities of scenario files."""
 
 import math
+from contextlib import nullcontext
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from jointplay import shipped
 from jointplay.base.errors import JointplayError
 from jointplay.base.units import WORDS, convert, plain_number, readable
 from jointplay.cli.commands import quantity
@@ -141,6 +143,18 @@ radial_clearance = "{clearance}"
 times = [0, 1]
 joints = {{ joint_a = [0, {angle}], joint_b = [0, 0], stroke = [0, 0], joint_c = [0, 0] }}
 """
+
+
+@pytest.mark.parametrize(("speed", "asks"), [("5000", True), ("5000.5", False), ("100", False)])
+def test_whole_speeds_that_look_like_rpm_are_asked_about(tmp_path, speed, asks):
+    text = shipped("slider_crank.toml").read_text()
+    text = text.replace('"slider_crank.urdf"', '"jointplay:slider_crank.urdf"')
+    path = tmp_path / "crank.toml"
+    path.write_text(text.replace('"5000 rpm"', speed))
+    told = pytest.raises(JointplayError, match=r'rpm. write "5000 rpm", or "5000 rad/s"')
+    with told if asks else nullcontext():
+        scenario = Scenario.load(path)
+        scenario.simulation(scenario.cases[0])
 
 
 def test_whole_numbers_that_look_like_degrees_are_asked_about(tmp_path):

@@ -79,6 +79,9 @@ _QUANTITY = re.compile(rf"\s*(?P<number>{NUMBER.pattern})\s*(?P<unit>.*?)\s*")
 _DEGREES = (10.0, 360.0)
 """Whole numbers from and to here are degrees rather than radians: a turn has 6.28 of these."""
 
+_RPM = 1000.0
+"""Whole numbers from here on are rpm rather than rad/s: 9549 rpm are seldom (judged)."""
+
 
 class Measured(float):
     """A value in SI that remembers in which of several possible units it was given."""
@@ -166,13 +169,19 @@ def not_lost(text: str) -> float:
     return value
 
 
-def ask_degrees(value: float) -> None:
-    """Refuse an angle without a unit that looks like degrees.
+def ask_unit(value: float, unit: str) -> None:
+    """Refuse a number without a unit that looks like degrees or rpm; its unit would be `unit`.
 
     Raises:
         ValueError: it asks.
     """
-    if float(value).is_integer() and _DEGREES[0] <= abs(value) <= _DEGREES[1]:
+    whole = float(value).is_integer()
+    if unit == "rad/s" and whole and abs(value) >= _RPM:
+        raise ValueError(
+            f"{value:g} without a unit would be rad/s, {value * 30.0 / math.pi:.3g} rpm: "
+            f'rpm? write "{value:g} rpm", or "{value:g} rad/s" if that is meant'
+        )
+    if unit == "rad" and whole and _DEGREES[0] <= abs(value) <= _DEGREES[1]:
         raise ValueError(
             f"{value:g} without a unit would be radians, {abs(value) / math.tau:.3g} turns: "
             f'degrees? write "{value:g} deg", or "{value:g} rad" if that is meant'

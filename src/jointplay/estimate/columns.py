@@ -19,6 +19,8 @@ Key = tuple[str, str]
 """``("tool", "x")``, ``("link", "elbow")``: kind of a signal, then its axis or joint."""
 _BRACKETS = re.compile(r"^(.*?)\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\))\s*$")
 _SHOWN = 60
+_LARGEST = 1e12
+"""Largest number in a measurement [SI]: times since 1970 have ten digits, all else has fewer."""
 
 
 def read(
@@ -40,7 +42,7 @@ def read(
 
     Raises:
         JointplayError: no such file; a column without unit, of an unknown name or given twice; a
-            cell that is not a number (with its line).
+            cell that is not a number, or larger than any (with its line).
     """
     rows = files.csv_rows(path, what)
     numbers: dict[Key, np.ndarray] = {}
@@ -48,6 +50,8 @@ def read(
     for column, title in enumerate(cell.strip() for cell in rows[0][1]):
         cells = [(line, row[column].strip()) for line, row in rows[1:]]
         if title in words:
+            if title in texts:
+                raise JointplayError(f"{path}: {title!r} appears twice")
             texts[title] = tuple(cell for _, cell in cells)
             continue
         name, unit = split_title(title, path)
@@ -70,6 +74,11 @@ def read(
                     f"{path}, line {line}: {title!r} must be a number, got {cell[:_SHOWN]!r}"
                 ) from None
         numbers[key] = factor * values
+        if (far := np.flatnonzero(np.abs(numbers[key]) > _LARGEST)).size:
+            line, cell = cells[far[0]]
+            raise JointplayError(
+                f"{path}, line {line}: {title!r} is at most {_LARGEST:g} in SI, got {cell[:_SHOWN]}"
+            )
     return numbers, texts
 
 

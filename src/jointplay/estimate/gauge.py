@@ -195,8 +195,10 @@ class Readings:
 
 def _of_column(path: Path, title: str) -> list[str]:
     (_, head), *rows = files.csv_rows(path, "readings")
-    k = [cell.strip() for cell in head].index(title)
-    return [row[k].strip() for _, row in rows]
+    titles = [cell.strip() for cell in head]
+    if title not in titles:
+        raise JointplayError(f"{path} has no column {title!r}; columns are: {_COLUMNS}")
+    return [row[titles.index(title)].strip() for _, row in rows]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -123,10 +123,6 @@ class Measurement:
         )
         gaps = ("time", *TOOL_UNITS, *JOINT_UNITS)
         signals, _ = columns.read(path, "measurement", known, words, gaps=gaps)
-        for key, values in signals.items():
-            if np.isinf(values).any():
-                record = int(np.isinf(values).argmax()) + 1
-                raise JointplayError(f"{path}: {' '.join(key)} is infinite in record {record}")
         time = signals.pop(_TIME, None)
         if time is None:
             raise JointplayError(f"{path} has no times: a column 'time [s]' is needed")

@@ -12,7 +12,8 @@ import math
 import os
 import re
 import sys
-from collections.abc import Callable, Iterator, Sequence
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib.util import find_spec
@@ -53,6 +54,11 @@ TIME_S = 20.0
 """Longest processor time that reading an MJCF may take [s]; large robots take 2 s."""
 ROOM = 4e9
 """Memory that it may take [bytes], addresses counted; large robots take a quarter."""
+_SHOWN = 30
+"""Letters that are shown of a text that nobody reads."""
+_MERGED = ("compiler", "option", "flag", "statistic", "size")
+"""Elements that MuJoCo makes one of, wherever they stand."""
+_MAY_BE_BLANK = ("name", "meshdir", "texturedir", "assetdir", "user", "data")
 _FILE = re.compile(r"""\bfile\s*=\s*["']([^"'<>]+)["']""")
 _FOLDER = re.compile(r"""\b(?:mesh|texture|asset)dir\s*=\s*["']([^"'<>]+)["']""")
 _LFS = b"version https://git-lfs"
@@ -214,7 +220,50 @@ def read(path: Path) -> str:
             raise JointplayError(f"the MJCF {str(path)!r} has {words}")
     reading = _Reading(load_mujoco(), model, path, {int(geom.id): one for geom, one in meshes})
     reading.said += [f"MuJoCo: {one}" for one in dict.fromkeys(warnings)]
+    reading.said += _passed_over(path)
     return reading.text()
+
+
+def _passed_over(path: Path) -> Iterator[str]:
+    """What MuJoCo does not read of a file's XML and says nothing of, a line each."""
+    try:
+        root = ElementTree.fromstring(read_text(path, "MJCF"))
+    except (ElementTree.ParseError, ValueError) as error:
+        yield f"note: the MJCF is no well-formed XML, and MuJoCo read what it could: {error}"
+        return
+    texts = [
+        f"{text.strip()[:_SHOWN]!r} in <{one.tag}>"
+        for one in root.iter()
+        for text in (one.text, *(inner.tail for inner in one))
+        if text and text.strip()
+    ]
+    blank = [
+        f"{name} in <{one.tag}>"
+        for one in root.iter()
+        for name, value in one.attrib.items()
+        if not value.strip() and name not in _MAY_BE_BLANK
+    ]
+    twice = [
+        f"{name} in <{tag}>"
+        for tag in dict.fromkeys(one.tag for one in root.iter() if one.tag in _MERGED)
+        for name, values in _values(root.iter(tag)).items()
+        if len(values) > 1
+    ]
+    if twice:
+        yield f"note: given twice in the MJCF, where the last holds: {few(twice)}"
+    if texts:
+        yield f"note: MuJoCo reads no text between elements: {few(texts)}"
+    if blank:
+        yield f"note: MuJoCo takes what is empty as not given: {few(blank)}"
+
+
+def _values(elements: Iterable[ElementTree.Element]) -> dict[str, set[str]]:
+    """Different values of each attribute of elements."""
+    found: dict[str, set[str]] = {}
+    for one in elements:
+        for name, value in one.attrib.items():
+            found.setdefault(name, set()).add(value)
+    return found
 
 
 @dataclass(frozen=True)
@@ -411,6 +460,8 @@ class _Reading:
                 continue
             low, high = model.tendon_lengthspring[t]
             arm, spring = float(model.wrap_prm[at]), float(np.ravel(model.tendon_stiffness[t])[0])
+            if arm == 0.0:
+                continue
             if model.wrap_objid[at] == joint and spring > 0.0 and high > low:
                 damping = float(np.ravel(model.tendon_damping[t])[0])
                 width = float(high - low) / abs(arm)
@@ -729,7 +780,7 @@ class _Reading:
         """Shapes of a URDF that a geom is made of; none of one that is endless or odd."""
         model, kinds = self.model, self.mujoco.mjtGeom
         place = placed(model.geom_pos[geom], model.geom_quat[geom])
-        size, kind = model.geom_size[geom], model.geom_type[geom]
+        size, kind = model.geom_size[geom], kinds(model.geom_type[geom])
         if geom in self.pictures:
             mesh, moved = self.pictures[geom], int(model.geom_dataid[geom])
             if moved >= 0:  # MuJoCo has put the mesh's frame into its centre of mass

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,7 @@ from jointplay.model.formats import urdf_text
 from jointplay.model.massless import massless_links, massless_motions
 from jointplay.model.mechanism import Mechanism
 from jointplay.model.robots import PREFIX, SUFFIXES, source_of
-from jointplay.model.urdf import ALL, elements, impossible_inertias, mimics, parse, partly_limited
+from jointplay.model.urdf import ALL, doubts, elements, impossible_inertias, mimics, parse
 from jointplay.model.xacro import Value
 
 
@@ -37,10 +37,8 @@ class Survey:
     """Joints that move no mass: nothing can be simulated unless they are fixed."""
     problem: str = ""
     """Why it cannot be loaded, or simulated, at all; empty if it can."""
-    astray: Mapping[str, str] = field(default_factory=dict)
-    """Joints that shall follow one that does not exist, and so move on their own."""
-    unlimited: tuple[str, ...] = ()
-    """Joints that lack some of their limits, in words."""
+    doubts: tuple[str, ...] = ()
+    """What its file says that is not whole or not read, in words."""
     mechanism: Mechanism | None = None
     """The ideal robot, if it can be loaded."""
 
@@ -58,15 +56,13 @@ class Survey:
     @property
     def remarks(self) -> tuple[str, ...]:
         """What is not as it should be, in words."""
-        astray = tuple(f"{name} ({leader})" for name, leader in self.astray.items())
         remarks = (
             (self.massless, "cannot be simulated unless held: {} move links without mass"),
             (self.unphysical, "physically impossible inertia, must be allowed: {}"),
             (self.mimics, "joints that follow others: {}"),
-            (astray, "move independently, because the joint that they mimic does not exist: {}"),
         )
         found = tuple(text.format(_list(names)) for names, text in remarks if names)
-        found += self.unlimited
+        found += self.doubts
         if not self.moving:
             found = ("has no joint that moves: nothing can be simulated", *found)
         return (self.problem, *found) if self.problem else found
@@ -87,16 +83,15 @@ def survey(place: str | Path, xacro: Mapping[str, Value] | None = None) -> Surve
     joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
     moving = {n: joint.get("type", "") for n, joint in joints.items()}
     moving = {n: kind for n, kind in moving.items() if kind != "fixed"}
-    following, lost = mimics(root)
+    following, _ = mimics(root)
     followers = tuple(n for n in moving if n in following)
-    astray = {n: one.leader for n, one in lost.items()}
-    unlimited = tuple(partly_limited(root))
+    doubtful = tuple(doubts(root))
     unphysical = tuple(impossible_inertias(root))
     try:
         mechanism = Mechanism(parse(text, path, [ALL]), allow_unphysical=[ALL])
     except JointplayError as error:
-        more = astray, unlimited
-        return Survey(name, path, moving, False, unphysical, followers, (), str(error), *more)
+        why = str(error)
+        return Survey(name, path, moving, False, unphysical, followers, (), why, doubtful)
     moving = {n: moving[n] for n in mechanism.coordinates}
     still = pin.neutral(mechanism.model)
     massless: tuple[str, ...] = ()
@@ -108,7 +103,7 @@ def survey(place: str | Path, xacro: Mapping[str, Value] | None = None) -> Surve
         problem = str(error)
     serial = mechanism.description.serial
     return Survey(
-        *(name, path, moving, serial, unphysical, followers, massless, problem, astray, unlimited),
+        *(name, path, moving, serial, unphysical, followers, massless, problem, doubtful),
         mechanism,
     )
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from jointplay.base.errors import JointplayError, MissingName, closest, require_a, require_known
 from jointplay.base.tables import few
-from jointplay.model.vocabulary import check_words, numbers
+from jointplay.model.vocabulary import BEYOND, check_words, numbers, unread
 
 if TYPE_CHECKING:
     import yourdfpy
@@ -205,6 +205,9 @@ NO_AXIS = ("fixed", "floating")
 SHORTEST_AXIS = 1e-6
 """An axis is a unit vector: one with no longer component is rounding."""
 
+UNIT = 1e-3
+"""Error of an axis' length that passes for rounding, of three digits."""
+
 LARGEST = 1e6
 """Largest length [m] or angle [rad]: a float there still tells 0.1 nm and 0.1 nrad apart."""
 
@@ -231,10 +234,6 @@ def shipped(name: str) -> Path:
     return folder / name
 
 
-BEYOND = "beyond_urdf"
-"""Element of a robot that holds, as JSON, what no URDF says."""
-
-
 @dataclass(frozen=True)
 class Beyond:
     """What a file of another format says and a URDF does not."""
@@ -247,6 +246,8 @@ class Beyond:
     """Of an MJCF, by joint the second hinge that is its play; None if it was none."""
     armature: dict[str, float] = field(default_factory=dict)
     """Inertia of rotors that are rigidly geared to joints, by joint, on its side [kg m^2 or kg]."""
+    doubts: tuple[str, ...] = ()
+    """What was not taken as it stands, a line each."""
 
 
 @dataclass(frozen=True)
@@ -332,12 +333,8 @@ class Description:
 
     @property
     def doubts(self) -> list[str]:
-        """Joints whose leader does not exist, or whose limits are not whole, a line each."""
-        return [
-            f"{name} mimics {one.leader!r}, which is no joint, and moves by itself; "
-            f"{closest(one.leader, self.joints)}".rstrip("; ")
-            for name, one in mimics(self.declared.root)[1].items()
-        ] + partly_limited(self.declared.root)
+        """What the URDF says that is not whole or not read; see `doubts`."""
+        return doubts(self.declared.root)
 
     def require_moving(self) -> None:
         """Raise unless some joint moves.
@@ -504,6 +501,44 @@ def _limits(joint: ElementTree.Element, name: str) -> dict[str, float | None]:
     if lower < upper and kind != "continuous":
         found |= {"lower": lower, "upper": upper}
     return found
+
+
+def doubts(root: ElementTree.Element) -> list[str]:
+    """What is not whole or not read, a line each: leaders that do not exist, limits, axes, ..."""
+    names = [joint.get("name", "") for joint in root.findall("joint")]
+    geared = {
+        one.get("name", ""): [joint.get("name", "") for joint in one.findall("joint")]
+        for one in root.findall("transmission")
+    }
+    idle = [name for name, joints in geared.items() if not {*joints} & {*names}]
+    lines = [
+        f"{name} mimics {one.leader!r}, which is no joint, and moves by itself; "
+        f"{closest(one.leader, names)}".rstrip("; ")
+        for name, one in mimics(root)[1].items()
+    ]
+    lines += partly_limited(root)
+    if long := [name for name, length in _axes(root).items() if abs(length - 1.0) > UNIT]:
+        lines.append(f"no unit vector as axis, so only its direction counts: {few(long)}")
+    if idle:
+        lines.append(f"transmissions of no joint in the URDF, left out: {few(idle)}")
+    found = [one for one in root.iter("material") if {"color", "texture"} & {x.tag for x in one}]
+    coloured = {one.get("name", "") for one in found}
+    used = [one.get("name", "") for one in root.findall("link/visual/material")]
+    if pale := [name for name in dict.fromkeys(used) if name not in coloured and name]:
+        lines.append(f"materials without a colour in the URDF: {few(pale)}")
+    told = json.loads(root.findtext(BEYOND) or "{}").get("doubts", ())
+    return [*lines, *unread(root), *told]
+
+
+def _axes(root: ElementTree.Element) -> dict[str, float]:
+    """Length of the axis of each joint that has one."""
+    moving = [joint for joint in root.findall("joint") if joint.get("type") not in NO_AXIS]
+    found = {joint.get("name", ""): joint.find("axis") for joint in moving}
+    return {
+        name: math.hypot(*numbers(axis, "xyz", f"joint {name!r}: axis", 3, "1 0 0"))
+        for name, axis in found.items()
+        if axis is not None
+    }
 
 
 def partly_limited(root: ElementTree.Element) -> list[str]:
@@ -740,6 +775,8 @@ def _fault(name: str, inertial: ElementTree.Element) -> str:
     hint = f"; correct it, or allow this link by name (--allow-unphysical {as_option([name])})"
     if low <= 0.0:
         return f"{owner} has {moments}: not positive definite{hint}"
+    if high > mass * LARGEST**2:
+        return f"{owner} has {moments}: no body of {mass:g} kg reaches so far{hint}"
     if high > (low + middle) * (1.0 + INERTIA_TOLERANCE):
         return (
             f"{owner} has {moments}: no rigid body has {high:.4g} > {low:.4g} + {middle:.4g}{hint}"

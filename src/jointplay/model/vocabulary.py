@@ -12,7 +12,11 @@ from typing import NamedTuple
 
 from jointplay.base.errors import JointplayError, closest
 from jointplay.base.schema import one_of
-from jointplay.base.units import NUMBER
+from jointplay.base.tables import few
+from jointplay.base.units import NUMBER, not_lost
+
+BEYOND = "beyond_urdf"
+"""Element of a robot that holds, as JSON, what no URDF says."""
 
 _INFINITE = re.compile(r"[+-]?inf(inity)?", re.ASCII | re.IGNORECASE)
 
@@ -37,8 +41,8 @@ _SHAPED = Words(("name",), ("origin", "geometry", "material"), ("material",))
 WORDS = {
     "robot": Words(
         ("name", "version"),
-        ("link", "joint", "material", "transmission", "gazebo", "sensor"),
-        ("link", "joint", "material", "transmission", "gazebo", "sensor"),
+        ("link", "joint", "material", "transmission", "gazebo", "sensor", "ros2_control"),
+        ("link", "joint", "material", "transmission", "gazebo", "sensor", "ros2_control"),
     ),
     "link": Words(
         ("name", "type"),
@@ -83,6 +87,9 @@ WORDS = {
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 """Types of joint that Pinocchio reads."""
 
+_SHOWN = 30
+"""Letters that are shown of a text that nobody reads."""
+
 _ALIKE = 0.7
 """Likeness from which a word is a slip of the pen rather than another program's."""
 
@@ -111,6 +118,25 @@ def check_words(root: ElementTree.Element) -> None:
             raise JointplayError(f"joint {name!r}: {one_of('type of joint', kind, JOINT_TYPES)}")
 
 
+def unread(root: ElementTree.Element) -> list[str]:
+    """Words and text that nobody reads in elements that are read, in one line if there are any."""
+    found: dict[str, list[str]] = {}
+    for element, place in _read(root, "the robot", ""):
+        words, texts = WORDS[element.tag], [element.text, *(one.tail for one in element)]
+        tags = (one.tag for one in element if one.tag != BEYOND)
+        said = [f'"{name}"' for name in element.attrib if _foreign(name, words.attributes)]
+        said += [f"<{tag}>" for tag in tags if _foreign(tag, words.elements)]
+        said += [f"the text {text.strip()[:_SHOWN]!r}" for text in texts if text and text.strip()]
+        for one in said:
+            found.setdefault(one, []).append(place)
+    lines = [f"{word} in {few(list(dict.fromkeys(at)), 2)}" for word, at in found.items()]
+    return [f"not read in the URDF: {few(lines)}"] if lines else []
+
+
+def _foreign(word: str, known: Collection[str]) -> bool:
+    return not (word in known or ":" in word or "}" in word)
+
+
 def _read(
     element: ElementTree.Element, place: str, owner: str
 ) -> Iterator[tuple[ElementTree.Element, str]]:
@@ -130,7 +156,7 @@ def _check(
     words: Words,
     elsewhere: Collection[str],
 ) -> None:
-    if word in known or word in words.others or ":" in word or "}" in word:
+    if word in words.others or not _foreign(word, known):
         return
     likeness = _ALIKE if not words.whole else 0.6 if len(known) > 1 else 0.0
     near = words.meant.get(word)
@@ -168,16 +194,21 @@ def numbers(
         raise JointplayError(f"{what} is missing in the URDF")
     parts = [part for part in re.split(r"[ \t\r\n]+", text) if part]
     values = [
-        float(part)
-        if NUMBER.fullmatch(part) or (infinite and _INFINITE.fullmatch(part))
-        else math.nan
-        for part in parts
+        float(part) if infinite and _INFINITE.fullmatch(part) else _number(part) for part in parts
     ]
-    fine = math.isfinite if not infinite else lambda value: not math.isnan(value)
-    if len(values) != count or not all(map(fine, values)):
+    if len(values) != count or any(map(math.isnan, values)):
         kind = "" if infinite else "finite "
         word = {1: f"a {kind}number", 3: f"three {kind}numbers", 4: f"four {kind}numbers"}[count]
         raise JointplayError(f"{what} must be {word}, got {text!r}")
     if element is not None and key in element.attrib:
         element.set(key, " ".join(parts))
     return values
+
+
+def _number(text: str) -> float:
+    """A number that a float can hold; NaN of any other text."""
+    try:
+        value = not_lost(text) if NUMBER.fullmatch(text) else math.nan
+    except ValueError:  # too small
+        return math.nan
+    return value if math.isfinite(value) else math.nan

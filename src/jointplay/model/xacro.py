@@ -12,16 +12,18 @@ import glob
 import json
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
+from xml.sax.saxutils import escape
 
 from jointplay.base import confined
 from jointplay.base.errors import JointplayError, MissingName
 from jointplay.base.files import read_text
 from jointplay.base.imports import extra
 from jointplay.model import packages
+from jointplay.model.vocabulary import BEYOND
 
 Value = str | bool | int | float
 """Of an argument; text is taken as it is, as if typed."""
@@ -178,7 +180,9 @@ def _expand(files: _Files, arguments: Mapping[str, str]) -> tuple[str, list[str]
             if "fault" in told:
                 raise JointplayError(f"{subject}{told['fault']}")
             if "text" in told:
-                return _portable(told["text"], files.path.parent, files.found), told["asked"]
+                made = _portable(told["text"], files.path.parent, files.found)
+                said = [f"{files.path.name}: {one}" for one in told["said"]]
+                return _saying(made, said), told["asked"]
             answer = _answer(files, arguments, told["ask"], told["of"])
             try:
                 process.stdin.write(json.dumps(answer).encode() + b"\n")
@@ -197,6 +201,15 @@ def _answer(files: _Files, arguments: Mapping[str, str], what: str, subject: str
         return {"failed": [error.errno, error.strerror, subject]}
     except (JointplayError, ValueError) as error:
         return {"refused": str(error)}
+
+
+def _saying(text: str, said: Sequence[str]) -> str:
+    """A URDF with words that come to its doubts (`urdf.doubts`)."""
+    if not said:
+        return text
+    inside = escape(json.dumps({"doubts": said}))
+    head, end, tail = text.rpartition("</robot>")
+    return f"{head}<{BEYOND}>{inside}</{BEYOND}>{end}{tail}" if end else text
 
 
 def _portable(text: str, folder: Path, found: Mapping[str, Path]) -> str:

@@ -10,6 +10,7 @@ gives those of the robot only.
 import ast
 import io
 import json
+import math
 import os
 import string
 import sys
@@ -20,6 +21,7 @@ from typing import Any
 from xml.dom import expatbuilder, minidom  # the former is imported at the first use otherwise
 
 from jointplay.base import confined
+from jointplay.base.units import NUMBER, not_lost
 
 _REFUSED = (ast.Await, ast.Yield, ast.YieldFrom, ast.NamedExpr)
 _AUDITED = {"compile", "exec", "builtins.id"}
@@ -92,13 +94,14 @@ def serve(path: str) -> None:
     assert substitution_args.yaml
     os.environ.clear()
     arguments = _Arguments(parent.ask())
-    _confine(parent, xacro)
+    warnings = _confine(parent, xacro)
     with confined.closed(), redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
         sys.addaudithook(_audit)
         try:
             root = xacro.process_file(path, mappings=arguments).documentElement
             _require_links(root, path, parent)
-            told = {"text": root.toxml()}
+            said = [*warnings, *_passed_over(minidom.parseString(parent.ask("read", path)))]
+            told = {"text": root.toxml(), "said": list(dict.fromkeys(said))}
         except Exception as error:  # noqa: BLE001 - expressions in files raise anything
             told = {"fault": _fault(error, path, arguments, xacro)}
         parent.tell(**told, asked=sorted(arguments.asked))
@@ -110,8 +113,19 @@ def _audit(event: str, _: Any) -> None:
         raise Refused(f"no xacro may do what Python calls {event}")
 
 
-def _confine(parent: _Parent, xacro: Any) -> None:
-    """Have the library evaluate as `_evaluate` does, and take all that it reads from the parent."""
+def _confine(parent: _Parent, xacro: Any) -> list[str]:
+    """Have the library evaluate as `_evaluate` does, and take all that it reads from the parent.
+
+    Returns:
+        Its warnings, as they come.
+    """
+    warnings: list[str] = []
+
+    def warn(*words: Any, **_: Any) -> None:
+        text = " ".join(map(str, words))
+        if "deprecated" not in text:  # which changes nothing
+            warnings.append(text)
+
     substitution = xacro.substitution_args
 
     def environment(name: str) -> str:
@@ -127,6 +141,7 @@ def _confine(parent: _Parent, xacro: Any) -> None:
         names = _Substitution(substitution, context.get("arg", {}))
         return str(_evaluate(text, names, xacro))
 
+    xacro.warning = warn
     xacro.open = lambda name: io.StringIO(parent.ask("read", name))
     xacro.glob = SimpleNamespace(glob=lambda pattern: parent.ask("match", pattern))
     xacro.safe_eval = lambda text, names, _=None: _evaluate(text, names, xacro)
@@ -138,6 +153,7 @@ def _confine(parent: _Parent, xacro: Any) -> None:
     python = xacro._global_symbols["python"]
     dict.pop(python, "vars", None)
     dict.__setitem__(python, "type", _type)
+    return warnings
 
 
 class _Substitution(dict[str, Any]):
@@ -236,6 +252,49 @@ def _require_links(root: Any, path: str, parent: _Parent) -> None:
     macros = ", ".join(one.getAttribute("name") for one in made)
     hint = f": it only defines {macros}; give the file that uses it" if macros else ""
     raise Refused(f"makes no link{hint}")
+
+
+def _passed_over(document: Any) -> Iterator[str]:
+    """What the library takes otherwise than it stands in a file, and does not warn of."""
+    for one in document.getElementsByTagName("*"):
+        for name, value in one.attributes.items():
+            if _misread(value):
+                yield f"<{one.tagName}>: {name}={value!r} is no number as other programs read them"
+        if one.prefix != "xacro":
+            continue
+        texts = [text.data.strip() for text in one.childNodes if text.nodeType == text.TEXT_NODE]
+        kept = one.localName in _WITH_TEXT and not one.hasAttribute("value")
+        for text in filter(None, texts if not kept and one.localName not in _PASSED_ON else ()):
+            yield f"<{one.tagName}> {one.getAttribute('name')!r} has the text {text[:30]!r}"
+        for other in one.parentNode.childNodes if one.localName in _DEFINE else ():
+            same = other.nodeName == one.tagName and other is not one
+            if same and other.getAttribute("name") == one.getAttribute("name"):
+                values = [it.getAttribute(_DEFINE[one.localName]) for it in (one, other)]
+                if values[0] != values[1] and not other.hasAttribute("remove"):
+                    yield f"<{one.tagName}> {one.getAttribute('name')!r} stands there twice"
+
+
+_DEFINE = {"property": "value", "arg": "default"}
+"""Elements that give a name its value, and the attribute that has it."""
+_WITH_TEXT = ("property",)
+"""Elements whose text is their value if no attribute has one."""
+_PASSED_ON = ("macro", "if", "unless", "element")
+"""Elements whose text the URDF has."""
+
+
+def _misread(text: str) -> bool:
+    """Whether Python takes a text for another number than it shows."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    text = text.strip()
+    if not NUMBER.fullmatch(text):
+        return not text.strip("+-").isalpha()  # nan, inf
+    try:
+        return math.isinf(not_lost(text))
+    except ValueError:
+        return True
 
 
 def _causes(error: Any) -> Iterator[Any]:

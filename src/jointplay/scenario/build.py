@@ -23,7 +23,7 @@ from jointplay.base.errors import (
 )
 from jointplay.base.schema import Draft, Preset, fields_of, unknown_key
 from jointplay.base.tables import few
-from jointplay.base.units import Measured, ask_degrees, expected, named, readable, toml_text
+from jointplay.base.units import Measured, ask_unit, expected, named, readable, toml_text
 from jointplay.model.beams import FlexibleLink
 from jointplay.model.fixing import with_fixed
 from jointplay.model.flexible import end_of_tool
@@ -101,9 +101,9 @@ def _in_unit(value: float, unit: str, whose: str, path: tuple[str | int, ...]) -
             f"expected {expected(unit)}",
             where=path,
         )
-    if unit == "rad" and not (isinstance(value, Measured) and value.unit):
+    if not (isinstance(value, Measured) and value.unit):
         try:
-            ask_degrees(value)
+            ask_unit(value, unit)
         except ValueError as error:
             raise JointplayError(str(error), path) from None
     return float(value)

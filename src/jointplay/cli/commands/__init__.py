@@ -153,15 +153,15 @@ def in_unit(unit: str) -> Callable[[str], float]:
 
 def quantity(text: str, unit: str, option: str = "") -> float:
     """A number in SI units of text such as ``0.1 mm``; errors name the option."""
-    from jointplay.base.units import ask_degrees, convert, plain_number
+    from jointplay.base.units import ask_unit, convert, plain_number
 
     try:
         value: float | str = plain_number(text)
     except ValueError:
         value = text
     try:
-        if unit == "rad" and isinstance(value, float):
-            ask_degrees(value)
+        if isinstance(value, float):
+            ask_unit(value, unit)
         return float(convert(value, unit))
     except ValueError as error:
         raise JointplayError(f"{option}: {error}" if option else str(error)) from None

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import re
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -507,6 +508,8 @@ def _given_poses(
     (_, header), *rows = files.csv_rows(Path(file), "poses")
     header = [cell.strip() for cell in header]
     named = header[0] == "name"
+    if twice := [one for one, count in Counter(header).items() if count > 1]:
+        raise JointplayError(f"{file}: column {twice[0]!r} appears twice")
     found: dict[str, dict[str, float]] = {}
     for number, row in rows:
         line, cells = f"{file}, line {number}", [cell.strip() for cell in row]
