@@ -359,6 +359,13 @@ def _assumptions(result: Result) -> str:
     sides = {one.value for one in _of(result, "drives", "encoder") if one.assumed}
     if sides and any(gear.play for gear in mechanism.gears.values()):
         words.append(f"encoder on the {' or '.join(sorted(sides))}, assumed")
+    lowered = [
+        one.value
+        for one in _of(result, "drives", "bandwidth")
+        if one.assumed and one.source.startswith("rule")
+    ]
+    if lowered:
+        words.append(f"drives of {few(lowered, 2)} by what their teeth allow, assumed")
     return "".join(f"; {one}" for one in words)
 
 
