@@ -27,7 +27,8 @@ def folder(tmp_path_factory):
     path = tmp_path_factory.mktemp("study")
     for name, clearance in (("ideal", None), ("worn", 0.2e-3)):
         made = scara(clearance)
-        jp.simulate(made.mechanism, made.motion, duration=0.4).save(path / f"{name}.nc")
+        start = {"judge_from": 0.15} if clearance else {}
+        jp.simulate(made.mechanism, made.motion, duration=0.4, **start).save(path / f"{name}.nc")
     return path
 
 
