@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 import jointplay as jp
 from jointplay.base.processes import cores
 from jointplay.base.tables import Table
+from jointplay.paper.cases import JUDGED_FROM_S
 from jointplay.physics.kernel.integrators import DEFAULT
 from jointplay.simulation import PERTURBATION
 from jointplay.simulation.result.certificate import plus_minus
@@ -87,15 +88,11 @@ def ideal_tool(loaded: bool) -> np.ndarray:
 
 
 def measure(case: Case, seed: int | None, **options: Any) -> dict[str, float]:
-    """Run once and reduce the run to its figures, from `Result.judge_from` on, at joint B.
+    """Run once and reduce the run to its figures, as the study judges them, at joint B.
 
-    The ideal robot, whose journals fall nowhere, is judged from when the others are. Options are
-    of the simulation.
+    Options are of the simulation.
     """
-    simulation = case.simulation(seed, **options)
-    if case.ideal:
-        start = Case(loaded=case.loaded, step=case.step).simulation().judged_from
-        simulation = replace(simulation, judge_from=start)
+    simulation = replace(case.simulation(seed, **options), judge_from=JUDGED_FROM_S)
     with warnings.catch_warnings():
         warnings.simplefilter("error", RuntimeWarning)  # a run that fails must not enter a mean
         result = simulation.run()
@@ -338,4 +335,4 @@ QUANTITIES: Labels = {
 }
 """What is measured and its unit; the tool deviation is the distance from the ideal robot's tool.
 
-The journal's fall into its bearing, before `Result.judge_from`, is left out."""
+The journal's fall into its bearing, before `JUDGED_FROM_S`, is left out."""

@@ -62,7 +62,7 @@ def numbers(name: str) -> list[dict[str, str]]:
             continue
         ideal = next((r for r in results.values() if analysis.is_twin(result, r)), None)
         ideal = analysis.twin(result) if ideal is None else ideal
-        start = result.simulation.judged_from
+        start = result.judge_from
         error = analysis.deviation(result, ideal)
         sizes = np.linalg.norm(error.sel(time=error["time"] >= start).values, axis=1)
         force, count = float("nan"), 0

@@ -37,6 +37,7 @@ import jointplay as jp
 from jointplay.base.processes import cores
 from jointplay.base.progress import ProgressBar
 from jointplay.model.impact import effective_mass, impact_duration
+from jointplay.paper.cases import JUDGED_FROM_S
 from jointplay.physics.contact import FILM_LAWS, FRICTION_LAWS, NORMAL_LAWS, FilmProperties
 from jointplay.physics.contact.compiled import MAX_PARAMETERS, compiled_law
 
@@ -328,6 +329,7 @@ class Trial:
         if self.mechanism == SCARA:
             options |= {"step": 1e-5, "record_every": round(RECORD_INTERVAL / 1e-5)}
             options |= {"duration": QUICK} if self.quick else {}
+            options["judge_from"] = JUDGED_FROM_S
         else:
             options |= {"step": 1e-6, "record_every": 4, "duration": self.turns * TURN}
             options["judge_from"] = TURN

@@ -291,7 +291,7 @@ def test_shapes_go_with_the_mjcf(path, tmp_path):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--all"], "no joint has play; joints that could have it: a, b, c"),
+        (["--all"], "in Python clearance or gears; joints: a, b, c"),
         (["--all", *OPTIONS, "--spread", "-1"], "--spread must not be negative"),
         (["--all", *OPTIONS, "--gear", "zz=1 mrad"], "zz"),
         (["--all", *OPTIONS, "--tilt", "--format", "sdf"], "--format sdf with --tilt"),

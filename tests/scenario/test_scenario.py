@@ -103,7 +103,9 @@ def test_the_papers_study_is_its_shipped_scenario(clearance, condition):
         allow_unphysical=("arm1",) if printed else (),
     )
     motion = jp.Motion.from_csv(jp.shipped("scara_motion.csv"))
-    expected = jp.Simulation(robot, motion, record_every=20, seed=3, start="centred").describe()
+    settings = {"record_every": 20, "seed": 3, "start": "centred"}
+    drive = jp.loads.ComputedTorque(bandwidth=100.0)
+    expected = jp.Simulation(robot, motion, drive=drive, **settings).describe()
     assert scara(clearance, condition, 20, 3).describe() == expected
 
 

@@ -25,7 +25,7 @@ import pinocchio as pin
 
 from jointplay.accuracy.compensator import STILL
 from jointplay.accuracy.jacobians import taken_up, tool_place
-from jointplay.base.errors import JointplayError, require_a, require_positive
+from jointplay.base.errors import JointplayError, nothing_has_play, require_a, require_positive
 from jointplay.base.progress import ProgressBar
 from jointplay.base.tables import Column, Table, counted, few
 from jointplay.model.mechanism import Coordinate, Mechanism, loaded
@@ -316,10 +316,7 @@ def _checked(simulation: Simulation) -> tuple[Mechanism, Motion]:
         raise JointplayError(f"only robots without loops on a base that is held, not with {what}")
     loose = any(max(one.play().reach) > 0.0 for one in mechanism.clearance.values())
     if not (loose or any(gear.play > 0.0 for gear in mechanism.gears.values())):
-        raise JointplayError(
-            "nothing has play, and there is nothing to compensate: give joints with clearance or "
-            'gears with play, such as --clearance "0.1 mm" or --gear NAME="2 arcmin"'
-        )
+        raise nothing_has_play(mechanism.joints)
     if simulation.limits != "ignore":
         limits.check_motion(mechanism, motion, motion.joints)
     return mechanism, motion

@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jointplay.accuracy import jacobians, loop_play
-from jointplay.base.errors import JointplayError, require_whole
+from jointplay.base.errors import JointplayError, nothing_has_play, require_whole
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints.fits import Fit
 from jointplay.physics.joints.play import DRAWS, Cone, Cones, JournalPlay, Play, Support
@@ -563,11 +563,7 @@ def play_model(
             "loops; jointplay budget, allocate and run accept them"
         )
     if not mechanism.clearance and not mechanism.gears:
-        raise JointplayError(
-            "nothing has play: give joints with clearance, or gears with play (in a "
-            'command: --clearance "0.1 mm" for all that move the tool, or --joint '
-            'NAME="0.1 mm"); joints: ' + ", ".join([*mechanism.joints, *mechanism.loops])
-        )
+        raise nothing_has_play([*mechanism.joints, *mechanism.loops])
     q = jacobians.configurations(mechanism, poses, driven)
     push = jacobians.force_on_tool(force)
     for name in {name + jacobians.GEAR for name in mechanism.gears} & set(mechanism.clearance):

@@ -31,7 +31,13 @@ from scipy.optimize import nnls
 from jointplay.accuracy.error_model import play_model, toward
 from jointplay.accuracy.jacobians import place
 from jointplay.accuracy.poses import moving
-from jointplay.base.errors import JointplayError, require_a, require_known, require_positive
+from jointplay.base.errors import (
+    JointplayError,
+    nothing_has_play,
+    require_a,
+    require_known,
+    require_positive,
+)
 from jointplay.base.files import is_file
 from jointplay.base.progress import ProgressBar
 from jointplay.base.schema import plain
@@ -296,9 +302,7 @@ def reduce_all(
     """
     names = _with_play(mechanism)
     if not names:
-        raise JointplayError(
-            "no joint has play; joints that could have it: " + ", ".join(mechanism.joints)
-        )
+        raise nothing_has_play(mechanism.joints)
     refused = {name: why for name in names if (why := _no_hinge(mechanism, name))}
     able = [name for name in names if name not in refused]
     if not able:

@@ -15,7 +15,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from jointplay.base.errors import JointplayError, require_known
+from jointplay.base.errors import JointplayError, nothing_has_play, require_known
 from jointplay.estimate import parts
 from jointplay.estimate.unknowns import PLAYS, Estimate, Unknown
 from jointplay.model.mechanism import Mechanism
@@ -138,10 +138,7 @@ class Machine:
         """
         mechanism, friction = self.mechanism, self.friction
         if not mechanism.clearance and not mechanism.gears:
-            raise JointplayError(
-                'nothing has play: give clearance (--clearance "0.1 mm", --joint NAME="0.1 mm") or '
-                f"gears with play; joints: {', '.join(mechanism.joints)}"
-            )
+            raise nothing_has_play(mechanism.joints)
         sliding = [n for n in mechanism.gears if mechanism.description.joints[n].slides]
         if sliding:
             raise JointplayError(

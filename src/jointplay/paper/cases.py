@@ -43,6 +43,10 @@ VARIANTS = {"consistent": ("scara.urdf", ()), "as printed": ("scara_as_printed.u
 
 _RECORD_EVERY = 50  # of the perturbed runs
 
+JUDGED_FROM_S = 0.15
+"""Start that figures of the study leave out [s]: so long do journals bounce that fall under their
+weight at restitution 0.9 (0.14 s at 0.2 mm, 0.2 s at 0.5 mm; `simulation.settling`)."""
+
 EARLY_S = 0.5
 EARLY = f"peak joint force, first {EARLY_S:g} s"
 """Figure of the first strokes, before impacts have magnified small differences."""
@@ -90,6 +94,14 @@ def scara(
     return scenario().simulation("0.2 mm", changes | {"joints": {JOINT: play}})
 
 
+def judged(simulation: Simulation) -> Simulation:
+    """The same, judged from when the study judges, if it has play and lasts longer."""
+    duration = simulation.duration or (simulation.motion.duration if simulation.motion else 0.0)
+    if not simulation.mechanism.clearance or duration <= JUDGED_FROM_S:
+        return simulation
+    return replace(simulation, judge_from=JUDGED_FROM_S)
+
+
 @cache
 def _ideal(condition: Condition, integrator: str) -> Result:
     simulation = scara(None, condition, _RECORD_EVERY, integrator=integrator)
@@ -98,7 +110,7 @@ def _ideal(condition: Condition, integrator: str) -> Result:
 
 def perturbed(condition: Condition, label: str, seed: int, integrator: str = DEFAULT) -> Measures:
     """Measures of one perturbed run of the case `label`."""
-    simulation = scara(CASES[label], condition, _RECORD_EVERY, seed, integrator)
+    simulation = judged(scara(CASES[label], condition, _RECORD_EVERY, seed, integrator))
     run = simulation.run(estimate=False).completed(f"{condition}, {label}, seed {seed}")
     return measure(run, _ideal(condition, integrator))
 
@@ -122,7 +134,8 @@ def run_case(
     Raises:
         KeyboardInterrupt: after Ctrl-C, when the case has been saved as far as it came.
     """
-    simulation, file = scara(CASES[label], condition, integrator=integrator), out / FILES[label]
+    simulation = judged(scara(CASES[label], condition, integrator=integrator))
+    file = out / FILES[label]
     run = Run(simulation, progress)
     run.label = f"case {label} "
     _, result = run_and_save(run, file, progress, {"title": scenario().title, "case": label})
@@ -153,7 +166,7 @@ def early_peak(result: Result) -> float:
 
 
 def _with(clearance: float | None, method: str, condition: Condition) -> Result:
-    return replace(scara(clearance, condition), **METHODS[method]).run(estimate=False)
+    return judged(replace(scara(clearance, condition), **METHODS[method])).run(estimate=False)
 
 
 @cache

@@ -21,7 +21,6 @@ from jointplay.paper import cases
 from jointplay.physics.kernel.integrators import DEFAULT
 from jointplay.simulation.analysis.claims import CLAIM_COLUMNS, ISOLATED, Measures, Verdict, judge
 from jointplay.simulation.initial import PERTURBATION
-from jointplay.simulation.result.settings import START_UP
 from jointplay.simulation.result.stored import versions
 from jointplay.study.study import Memory, Study
 
@@ -144,7 +143,7 @@ def write_claims(verdicts: Sequence[Verdict], ensembles: Ensembles, out: Path) -
         planned=len(ensembles.plan),
         displaced=f"{100 * PERTURBATION:.0f}",
         isolated=f"{100 * ISOLATED:.0f}",
-        start=f"{START_UP:g}",
+        start=f"{cases.JUDGED_FROM_S:g}",
     )
     files.write(out / "claims.md", text)
 

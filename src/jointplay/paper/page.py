@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jointplay.base import files
-from jointplay.paper.cases import CASES, JOINT, scara
+from jointplay.paper.cases import CASES, JOINT, JUDGED_FROM_S, scara
 from jointplay.paper.ensembles import claim_rows, filled
 from jointplay.paper.outputs import DRAWINGS, PAGE
 from jointplay.physics.geometry import Form, Mode
@@ -21,7 +21,6 @@ from jointplay.simulation import analysis
 from jointplay.simulation.analysis.claims import ISOLATED
 from jointplay.simulation.initial import PERTURBATION
 from jointplay.simulation.result.result import AXES, Result
-from jointplay.simulation.result.settings import START_UP
 
 if TYPE_CHECKING:
     from jointplay.paper.study import Findings
@@ -152,7 +151,7 @@ def page(study: Findings, setting: str) -> str:
         study=study,
         setting=setting,
         found=found,
-        start=f"{START_UP:g}",
+        start=f"{JUDGED_FROM_S:g}",
         clearances="ideal; " + ", ".join(label for label, size in CASES.items() if size),
         printed=PRINTED_PEAKS,
         inertias=_inertia_table(),

@@ -10,7 +10,7 @@ from jointplay.base.tables import few
 from jointplay.base.units import readable
 from jointplay.model.gear import Gear
 from jointplay.model.gear_rules import SPREAD
-from jointplay.simulation.loads.drive import ComputedTorque
+from jointplay.simulation.loads.drive import BANDWIDTH
 from jointplay.simulation.values import of_joint
 
 if TYPE_CHECKING:
@@ -151,7 +151,7 @@ def undecided_at_rest(
     if geared and not given.get("drive", {}).get("encoder"):
         found.append("encoders on the motors")
     if loaded and "drive" not in given and set(mechanism.joints) - set(given.get("drives", {})):
-        found.append(f"drives of {ComputedTorque.bandwidth:g} rad/s")
+        found.append(f"drives of {BANDWIDTH:g} rad/s")
     return list(dict.fromkeys(found))
 
 

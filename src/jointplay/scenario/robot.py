@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from jointplay.base import files
-from jointplay.base.errors import JointplayError, require_a, require_names
+from jointplay.base.errors import JointplayError, nothing_has_play, require_a, require_names
 from jointplay.base.origins import ASSUMED
 from jointplay.base.schema import Preset, one_of
 from jointplay.base.tables import few
@@ -110,12 +110,7 @@ def robot_scenario(
     errs = joints or ideal or gears or {"joints", "drive", "drives"} & said.keys()
     if moves and not errs:
         if not scara:
-            choices = f"moving joints of {path}: {', '.join(description.moving) or 'none'}"
-            raise JointplayError(
-                "no joint or gear has play: give --gear NAME=PLAY (or all=PLAY), --joint NAME, "
-                "--clearance LENGTH or --preset where the command has them, or --set "
-                f"joints.NAME.radial_clearance=LENGTH or gears.NAME.play=ANGLE; {choices}"
-            )
+            raise nothing_has_play(description.moving)
         joints = (SCARA_JOINT,)
     for name in joints:
         if name not in description.joints and name not in given.get("loops", {}):

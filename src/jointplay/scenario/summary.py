@@ -17,8 +17,9 @@ from jointplay.physics.contact.law import Law
 from jointplay.physics.joints import RollingBearing
 from jointplay.scenario.build import errors_of
 from jointplay.scenario.reading import Scenario
+from jointplay.simulation.initial import settled_drives
 from jointplay.simulation.loads import Load
-from jointplay.simulation.loads.drive import assign
+from jointplay.simulation.loads.drive import BANDWIDTH, ComputedTorque
 from jointplay.simulation.loads.limits import LIMITS
 from jointplay.simulation.run import Run
 
@@ -92,7 +93,9 @@ def _facts(run: Run) -> dict[str, str]:
         joints = ", ".join(simulation.motion.joints)
         facts["motion"] = f"{joints}: {simulation.motion.summary}"
     drives: dict[str, list[str]] = {}
-    for name, drive in assign(mechanism, simulation.motion, simulation.drive).items():
+    for name, drive in settled_drives(simulation).items():
+        if isinstance(drive, ComputedTorque):
+            drive = replace(drive, bandwidth=drive.bandwidth or BANDWIDTH)
         words = _fields(drive, joint=mechanism.description.joints[name])
         drives.setdefault(f"{drive.kind}{f' ({words})' if words else ''}", []).append(name)
     facts["drives"] = "; ".join(f"{', '.join(names)}: {words}" for words, names in drives.items())

@@ -17,7 +17,8 @@ from jointplay.model.frames import WORLD_FRAME
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import VIRTUAL_LINK, Coordinate
 from jointplay.simulation import statics
-from jointplay.simulation.loads.drive import Drive
+from jointplay.simulation.loads.drive import ComputedTorque, Drive, assign
+from jointplay.simulation.motion.ideal import IdealMotion
 
 if TYPE_CHECKING:
     from jointplay.simulation.run import Run
@@ -229,6 +230,29 @@ def initial_state(simulation: Simulation, followed: Sequence[str]) -> InitialSta
     guessed = [i for i in held if i not in given]
     q = loop.assemble(mechanism, q, held + led, guessed=guessed)
     return InitialState(mechanism, v, q, v, given, held, led, moving + led)
+
+
+def settled_drives(simulation: Simulation) -> dict[str, Drive]:
+    """Drive of every moving joint, those that act through teeth with the bandwidth these allow."""
+    mechanism, motion = simulation.mechanism, simulation.motion
+    drives = assign(mechanism, motion, simulation.drive)
+    through = [
+        name
+        for name, drive in drives.items()
+        if name in mechanism.gears and isinstance(drive, ComputedTorque) and drive.encoder == "link"
+    ]
+    if motion is None or not through:
+        return drives
+    followed = [name for name, drive in drives.items() if drive.follows]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # the run says it
+        start = initial_state(simulation, followed).q
+    inertia = IdealMotion(mechanism, motion, followed, 0.0, start).inertia
+    for name in through:
+        drive, gear = drives[name], mechanism.gears[name]
+        assert isinstance(drive, ComputedTorque)
+        drives[name] = drive.through_teeth(inertia[followed.index(name)], gear)
+    return drives
 
 
 def find_rest(

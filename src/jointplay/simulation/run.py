@@ -53,6 +53,7 @@ from jointplay.simulation.loads.drive_tables import table_nodes, tabulate
 from jointplay.simulation.result.audit import Judgement
 from jointplay.simulation.result.histories import compile_histories, histories
 from jointplay.simulation.result.variables import Phase, Records
+from jointplay.simulation.settling import Settling
 from jointplay.simulation.spool import DiskRecords, Overflow, PassedRecords
 from jointplay.simulation.statics import Rest, StaticLoads
 
@@ -252,8 +253,10 @@ class Run:
         self._open_ended = any(
             math.isfinite(joint.engaged_within) for joint in mechanism.clearance.values()
         )
-        self.judged_from = self.simulation.judged_from
-        """When figures begin to be judged [s]."""
+        judged_from = self.simulation.judged_from
+        self.judged_from = judged_from or 0.0
+        """When figures begin to be judged [s]; 0 until contacts have settled, if they say when."""
+        self._settling = None if judged_from is not None else Settling(mechanism, step)
         self._unjudged: dict[str, np.ndarray] | None = None
         self._begun = self._finished = False
         self._whole = True
@@ -600,6 +603,8 @@ class Run:
             "reference": self._reference.memory(),
             "events": self._events.memory(),
             "loop": self._loop.memory(),
+            "judged_from": self.judged_from,
+            "settling": None if self._settling is None else self._settling.memory(),
             "unjudged": self._unjudged,
             "watch": self._watch.memory(),
             "chart": self._chart.memory(),
@@ -616,7 +621,11 @@ class Run:
             self._origin = np.array(q, float), np.array(v, float)
         self._reference.recall(memory["reference"])
         self._set_reference_block()
-        self._unjudged = memory["unjudged"]
+        self.judged_from, self._unjudged = float(memory["judged_from"]), memory["unjudged"]
+        if memory["settling"] is None:
+            self._settling = None
+        elif self._settling is not None:
+            self._settling.recall(memory["settling"])
         self._watch.recall(memory["watch"])
         self._chart.recall(memory["chart"])
 
@@ -647,6 +656,8 @@ class Run:
                 steps = min(steps, watched)
         if w.steps < judged:
             pause = min(pause, judged)
+        if self._settling is not None:
+            pause = min(pause, self._settling.next_step)
         try:
             good = self._loop.stretch(steps, pause)
             if good:
@@ -668,6 +679,10 @@ class Run:
     def _do_what_is_due(self, due: int | None, judged: int) -> None:
         w = self.workspace
         if self._unjudged is None and w.steps >= judged > 0:
+            self._unjudged = w.contact_statistics()
+        settling = self._settling
+        if settling and w.steps >= settling.next_step and settling.has_settled(w):
+            self.judged_from, self._settling = w.time, None
             self._unjudged = w.contact_statistics()
         if due is not None and due == w.steps:
             self._loop.synchronize()

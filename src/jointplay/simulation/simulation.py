@@ -27,7 +27,6 @@ from jointplay.simulation.loads.drive import Drive, JointFriction
 from jointplay.simulation.motion.completion import complete_motion
 from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.result.inputs import FILES_DRIVES, FILES_LOADS, Inputs
-from jointplay.simulation.result.settings import START_UP
 from jointplay.simulation.run import Moment, Run
 from jointplay.simulation.saving import run_to
 
@@ -138,13 +137,14 @@ class Simulation(Overview, Inputs):
         return bool(speed.any() or acceleration.any())
 
     @property
-    def judged_from(self) -> float:
+    def judged_from(self) -> float | None:
         """When figures begin to be judged [s].
 
         `judge_from` if given, else when `settle` is over; else, where journals fall into their
         bearings or perturbed teeth through their play at the start, after the first turn of a joint
-        of the motion, at most `START_UP`, if the run is longer; else 0.
-        Refused if it makes no sense, as turns of what does not turn.
+        of the motion, if another follows; None: when contacts have settled, which a run finds
+        (`settling`). At 0 where nothing falls. Refused if it makes no sense, as turns of what does
+        not turn.
         """
         duration = self._simulated_time()
         if self.judge_from is not None:
@@ -161,14 +161,14 @@ class Simulation(Overview, Inputs):
             falls = machine.clearance and (perturbed or not self.starts_at_rest)
             if not (falls or (perturbed and any(one.play > 0.0 for one in machine.gears.values()))):
                 return 0.0
-            fallen = START_UP
-            if self.motion is not None:
-                until = min(START_UP, duration)
-                for name in _turning(self):
-                    turned = _time_of_turns(self.motion, name, 1.0, until)
-                    if turned < fallen:
-                        fallen = math.ceil(turned / self.step) * self.step
-            return fallen if duration > fallen else 0.0
+            motion, periods = self.motion, list[float]()
+            for name in _turning(self):
+                assert motion is not None
+                # A motion shows its period when it repeats it.
+                if _time_of_turns(motion, name, 2.0, duration) <= duration:
+                    turned = _time_of_turns(motion, name, 1.0, duration)
+                    periods.append(math.ceil(turned / self.step) * self.step)
+            return min(periods, default=None)
         if start >= duration:
             raise JointplayError(
                 f"figures would be judged from {start:g} s on, but the run ends at {duration:g} s"

@@ -27,7 +27,8 @@ from jointplay.base.units import readable
 from jointplay.physics.contact import LankaraniNikravesh
 from jointplay.physics.contact.law import FrictionLaw
 from jointplay.physics.joints import Clearance, SlidingClearance
-from jointplay.simulation.loads.drive import assign
+from jointplay.simulation.initial import settled_drives
+from jointplay.simulation.loads.drive import BANDWIDTH, ComputedTorque, assign
 
 if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
@@ -129,10 +130,18 @@ def _said(simulation: Simulation, origins: Origins) -> Iterator[tuple[Key, str, 
     motion = simulation.motion
     if motion is not None:
         yield ("motion",), f"{few(list(motion.joints), 2)}: {motion.summary}", said
+    settled = settled_drives(simulation)
     for name, drive in assign(mechanism, motion, simulation.drive).items():
         if drive.kind == "free":
             continue
         yield ("drives", name, "kind"), drive.kind, usual
+        by = settled[name]
+        if isinstance(by, ComputedTorque) and by.bandwidth is None:
+            yield ("drives", name, "bandwidth"), readable(BANDWIDTH, "rad/s"), usual
+        elif isinstance(by, ComputedTorque) and by != drive:
+            why = "rule drive bandwidth: half of what is stable through its gear's teeth"
+            bandwidth = readable(by.bandwidth or BANDWIDTH, "rad/s", 3)
+            yield ("drives", name, "bandwidth"), bandwidth, (ASSUMED, why)
         for field, text, is_default in _fields_of(drive, units.get(name, "rad")):
             if field != "encoder" or name in mechanism.gears:
                 of_catalogue = (SEEN, known[field]) if field in (known := drive.origins()) else said

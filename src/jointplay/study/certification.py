@@ -123,7 +123,8 @@ def certify(
 
     def found(numbered: tuple[int, FurtherRun]) -> dict[str, Measured] | str:
         number, further = numbered
-        label = f"{what}, {number} of {len(plans) if strict else 2} ({further}) "
+        # The third run of an estimate is made in doubt only.
+        label = f"{what}, {number} of {len(plans) if strict else max(number, 2)} ({further}) "
         beside = ideal
         if ideal is not None and number == 1:
             # Of its own: what that of the run is off, runs beside it share with the run.

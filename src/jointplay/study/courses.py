@@ -34,13 +34,14 @@ class Trace:
     """The tool's course in one run, world axes: times of the records [s], and there
 
     position (n, 3) [m], velocity (n, 3) [m/s], orientation (unit quaternions, scalar first,
-    (n, 4)), which is None if it is not known.
+    (n, 4)), which is None if it is not known; and from when on the run is judged [s].
     """
 
     time: np.ndarray
     position: np.ndarray
     velocity: np.ndarray
     orientation: np.ndarray | None = None
+    judged_from: float | np.ndarray = 0.0
 
 
 def errors(runs: Sequence[Trace], ideal: Trace) -> np.ndarray:
@@ -117,7 +118,8 @@ def traces(
 def _course(result: Result) -> Arrays:
     names = ("position", "velocity", "orientation")
     courses = {name: result[f"tool_{name}"].values.copy() for name in names}
-    return {"time": np.asarray(result.time), **courses}
+    start = np.array(result.audit.judged_from)
+    return {"time": np.asarray(result.time), "judged_from": start, **courses}
 
 
 def _key(simulation: Simulation) -> str:
@@ -203,7 +205,7 @@ def dynamic_error(
         except JointplayError as error:
             failed = error
             continue
-        since = drawn[1].judged_from
+        since = max(float(one.judged_from) for one in courses)
         judged = ideal.time >= since
         size = np.linalg.norm(errors(courses, ideal)[:, judged], axis=2)
         rms = rms_in_time(ideal.time[judged], size.T)

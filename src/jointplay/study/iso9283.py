@@ -353,7 +353,10 @@ def iso9283(
     assert simulation.motion is not None
     runs = [ideal_simulation(simulation), *seeded(simulation, counts.most)]
     ideal, *courses = traces(runs, jobs=jobs, keep=keep, progress=progress, what="cycles")
-    found = figures(courses, ideal, simulation.motion, simulation.judged_from, cycles=counts)
+    since = simulation.judged_from
+    if since is None:
+        since = max(float(one.judged_from) for one in courses)
+    found = figures(courses, ideal, simulation.motion, since, cycles=counts)
     return replace(found, conditions=words, speed=speed)
 
 

@@ -82,16 +82,19 @@ def test_the_sentence_names_the_play_that_there_is_or_else_what_gives_way(pair):
     )
 
 
-def test_a_force_has_its_error_wherever_it_stands_and_what_has_none_three_digits(pair):
-    """In the summary, the audit's line, and what a notebook shows."""
+def test_a_force_has_its_error_if_its_sizes_were_given_and_what_has_none_three_digits(pair):
+    """In the summary, the audit's line, and what a notebook shows.
+
+    The bearing's length was assumed: then the first line has no digits that hang on it.
+    """
     ideal, made = pair
     loose = jp.Result(made.dataset.copy())
     loose.dataset.attrs.pop("certificate", None)
     peak = alone(loose.audit.peak_force)
     assert len(peak.replace(".", "")) == 3
 
-    def said():
-        lines = "\n".join(headline.headline(loose, ideal))
+    def said(detail=False):
+        lines = "\n".join(headline.headline(loose, ideal, detail))
         return lines, loose.judgement, dict(notebook.rows_of(loose))["peak force in joint_b"]
 
     lines, judged, shown = said()
@@ -100,8 +103,13 @@ def test_a_force_has_its_error_wherever_it_stands_and_what_has_none_three_digits
     assert shown == f"{peak} N"
     loose.certificate = jp.certify(loose, strict=False)
     force = loose.certificate["peak joint force"]
-    lines, judged, shown = said()
     assert "±" in str(force)
+    lines, _, shown = said()
+    assert f"peak force in joint_b {peak} N at " in lines
+    assert shown == f"{peak} N"
+    assert f"peak force in joint_b {force} at " in said(detail=True)[0]
+    loose.dataset.attrs["values"] = "[]"  # nothing is assumed
+    lines, judged, shown = said()
     assert f"peak force in joint_b {force} at " in lines
     assert f"largest joint force {force}, " in judged
     assert shown == str(force)
@@ -377,7 +385,7 @@ def test_what_people_look_for_first_is_on_the_result(pair):
     assert loose.forces.dims == ("time", "joint")
     assert str(loose.rattle) in "\n".join(headline.headline(loose, ideal, detail=True))
     assert {"tool_error", "forces", "rattle", "summary"} <= set(dir(loose))
-    with pytest.raises(jp.JointplayError, match="no joint has play"):
+    with pytest.raises(jp.JointplayError, match="nothing has play: give --clearance"):
         ideal.tool_error  # noqa: B018
 
 

@@ -1,13 +1,25 @@
 """Drives: gains, feed-forward, and the coordinate they act on."""
 
 import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from conftest import body, joint, release, still
 
-from jointplay import JointplayError, Mechanism, Motion, RevoluteClearance, Simulation, simulate
+from jointplay import (
+    Gear,
+    JointplayError,
+    Mechanism,
+    Motion,
+    RevoluteClearance,
+    Simulation,
+    simulate,
+)
 from jointplay.paper import scara
+from jointplay.physics.kernel import Status
+from jointplay.scenario.robot import robot_scenario
+from jointplay.simulation.analysis import twins
 from jointplay.simulation.loads import ComputedTorque, JointFriction
 from jointplay.simulation.run import Run
 
@@ -117,3 +129,43 @@ def test_joint_friction_comes_from_the_urdf_and_dissipates(urdf):
     assert np.allclose(result["v"].values[:, 0], exact, atol=1e-3)
     lost = 0.5 * 0.01 * (2.0**2 - exact[-1] ** 2)
     assert result["joint_friction_loss"].values[-1] == pytest.approx(lost, rel=1e-3)
+
+
+@pytest.mark.parametrize(("rotor", "carried", "ratio"), [(0.95, 4.4, 1.0), (0.36, 0.09, 0.7)])
+def test_a_drive_through_teeth_is_stable_up_to_what_their_damping_allows(rotor, carried, ratio):
+    """By the roots of both masses' characteristic equation; half of it is taken."""
+    stiffness = 4e4
+    damping = 0.1 * np.sqrt(stiffness * rotor * carried / (rotor + carried))
+    gear = Gear(play=1e-3, stiffness=stiffness, rotor_inertia=rotor, damping=damping)
+    drive = ComputedTorque(damping_ratio=ratio, encoder="link")
+    chosen = drive.through_teeth(carried, gear).bandwidth
+
+    def growth(bandwidth):
+        both, teeth = rotor + carried, [damping, stiffness]
+        control = [1.0, 2.0 * ratio * bandwidth, bandwidth**2]
+        inertial = [rotor * carried, 0.0, 0.0, 0.0, 0.0]
+        return np.roots(np.polyadd(inertial, both * np.polymul(teeth, control))).real.max()
+
+    assert growth(0.95 * 2.0 * chosen) < 0.0 < growth(1.2 * 2.0 * chosen)
+    assert ComputedTorque(120.0, encoder="link").through_teeth(carried, gear).bandwidth == 120.0
+    assert ComputedTorque().through_teeth(carried, gear).bandwidth is None
+    with pytest.raises(JointplayError, match="teeth without damping"):
+        drive.through_teeth(carried, replace(gear, damping=0.0))
+
+
+@pytest.mark.parametrize(
+    ("robot", "joint"), [("ar4", "joint_2"), ("so101", "shoulder_lift"), ("ur5", "elbow_joint")]
+)
+def test_an_encoder_behind_teeth_asks_for_no_bandwidth(robot, joint):
+    """By the rules for gears and drives together; at 100 rad/s each of these swings up."""
+    settings = [f"gears.{joint}.play=1 mrad", "drive.kind=computed-torque", "drive.encoder=link"]
+    scenario = robot_scenario(robot, settings=[*settings, "integration.duration=1"])
+    result = scenario.simulation().run(estimate=False, check_step=False)
+    assert result.status == Status.COMPLETED
+    assert result.tool_error.peak < 1e-3
+    said = next(one for one in result.values if one.key == f"drives.{joint}.bandwidth")
+    assert said.assumed
+    assert said.source.startswith("rule drive bandwidth")
+    assert f"drives of {said.value} by what their teeth allow, assumed" in result.summary()
+    twin = twins.ideal_simulation(result)
+    assert f"{twin.drive[joint].bandwidth:.3g} rad/s" == said.value

@@ -130,17 +130,17 @@ def test_under_resolved_contacts_are_counted_and_warned_of(free_mass):
         ),
         (
             {"start_residual": 0.2, "start_load": 3.0},
-            "starts centred, because no equilibrium was found (residual force 0.2 N of 3 N)",
+            "starts centred, because no equilibrium was found (residual force 0.2 N of 3.00 N)",
         ),
         (
             {"start_residual": math.inf, "start_load": math.inf, "peak_force": 4.0},
             "starts centred, because the search for an equilibrium diverged; largest joint force "
-            "4 N, judged from the start, with the fall of the journals",
+            "4.00 N, judged from the start, with the fall of the journals",
         ),
         (
             {"judged_from": 0.5, "judged_impacts": 3, "peak_force": 4.0, "peak_force_before": 9.0},
-            "starts centred; from 0.5 s on, 3 contacts began, largest joint force 4 N "
-            "(before: 9 N)",
+            "starts centred; from 0.5 s on, 3 contacts began, largest joint force 4.00 N "
+            "(before: 9.00 N)",
         ),
     ],
 )

@@ -29,6 +29,7 @@ from jointplay.simulation.analysis.headline_figures import (
 from jointplay.simulation.analysis.tool_error import time_weights
 from jointplay.simulation.result.certificate import Certificate, CertifiedFigure, alone, plus_minus
 from jointplay.study.certification import (
+    FurtherRun,
     add_certificate,
     certify,
     further_runs,
@@ -53,7 +54,7 @@ def jammed(**options) -> jp.Simulation:
     )
     robot = jp.Mechanism(jp.shipped("scara.urdf"), {"joint_b": bearing}, gravity=(0, 0, 0))
     motion = jp.Motion.from_csv(jp.shipped("scara_motion.csv"))
-    return jp.Simulation(robot, motion, duration=1.5, **options)
+    return jp.Simulation(robot, motion, duration=1.5, judge_from=0.15, **options)
 
 
 @pytest.fixture(scope="module")
@@ -260,9 +261,13 @@ def test_numbers_have_the_digits_that_their_errors_allow():
     assert plus_minus(0.00012, 0.00021) == "at most 0.00033"
     assert plus_minus(1.0, 0.99) != "at most 2"
     said = {187.94: "188", 2070.1: "2070", 999.7: "1000", 123456.0: "123000", 1.2346e7: "1.23e+07"}
-    said |= {0.0: "0", 2.2989e-6: "2.3e-06", -3.14159: "-3.14"}
+    said |= {0.0: "0", 2.2989e-6: "2.30e-06", 6.9: "6.90", 0.5: "0.500", -3.14159: "-3.14"}
     assert {value: alone(value) for value in said} == said
-    assert (alone(5.0, 4.9), alone(5.0, 10.0), alone(5.0, math.inf)) == ("5", "at most 15", "5")
+    assert (alone(5.0, 4.9), alone(5.0, 10.0), alone(5.0, math.inf)) == (
+        "5.00",
+        "at most 15",
+        "5.00",
+    )
 
 
 def test_a_figure_is_shown_in_one_unit_wherever_it_stands():
@@ -300,8 +305,17 @@ def test_the_most_further_runs_are_known_beforehand(method, find, doubt, number,
         monkeypatch.setattr(f"jointplay.{place}.Run", made)
     if not doubt:
         monkeypatch.setattr("jointplay.study.certification.leave_open", lambda *_: False)
+    labels, completed = [], FurtherRun.completed
+
+    def labelled(further, figures, label, progress):
+        labels.append(re.search(r"(\d) of (\d)", label).groups())
+        return completed(further, figures, label, progress)
+
+    monkeypatch.setattr(FurtherRun, "completed", labelled)
     find(result)
     assert len(begun) == number <= number_of_runs(simulation) == 5
+    assert [number for number, _ in labels] == ["1", "2", "3"][: len(labels)]
+    assert labels[-1][1] == str(len(labels)) == str(number - 2)
 
 
 def test_a_run_with_a_tolerance_is_compared_with_coarser_and_finer_ones():
@@ -313,10 +327,10 @@ def test_a_run_with_a_tolerance_is_compared_with_coarser_and_finer_ones():
 
 
 def test_further_runs_are_judged_from_when_the_run_is():
-    """Of 0.15 s all are judged, of the last bit more only what comes after."""
-    simulation = replace(scara(2e-4), duration=0.15)
+    """Not from when their own contacts settle."""
+    simulation = replace(scara(2e-4), duration=0.02)
     result = simulation.run()
-    assert result.judge_from == 0.0 != replace(simulation, duration=result.time[-1]).judged_from
+    assert (simulation.judged_from, result.judge_from) == (None, 0.0)
     for other in further_runs(simulation, result):
         assert other.simulation.judged_from == 0.0
 

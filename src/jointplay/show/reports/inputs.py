@@ -171,7 +171,8 @@ def _drive(fields: dict[str, Any]) -> str:
         for name, value in fields.items()
     }
     units = {"bandwidth": "bandwidth [rad/s]"}
-    return ", ".join(f"{units.get(name, name)} {_plain(value)}" for name, value in short.items())
+    given = {name: value for name, value in short.items() if value is not None}
+    return ", ".join(f"{units.get(name, name)} {_plain(value)}" for name, value in given.items())
 
 
 def _plain(value: Any) -> str:

@@ -376,7 +376,7 @@ def accuracies(cases: Sequence[Case], start: float) -> Html:
                 label, *cells = _at_stop(case, stop, "end of dwell", stop.end)
                 at_stops.append([label, *(markup("<strong>{}</strong>", one) for one in cells)])
     if not rows:
-        return paragraph("No case has a tool error: none has play, or none has a reference.")
+        return paragraph("No case has a tool error: nothing has play, or there is no reference.")
     heads = (("case", ""), ("axis", ""), ("mean", "m"), ("RMS", "m"), ("peak", "m"))
     parts = [table(Table.of(heads, rows), note("accuracy", since(start)), left=2), *unknown]
     if at_stops:
@@ -427,7 +427,8 @@ def spectra(cases: Sequence[Case], start: float) -> Html:
 def glance(cases: Sequence[Case], start: float) -> Html:
     """The figures that matter most, a column for each case, with their numerical errors."""
     found = [_glanced(case, start) for case in cases]
-    caption = f"Figures from {start:g} s on" if start else ""
+    parts = ["Tool errors are against the ideal machine with the same drives"]
+    caption = "; ".join([*parts, f"figures from {start:g} s on"] if start else parts)
     few = [{name: one[name] for name in _GLANCE if name in one} for one in found]
     made = by_case("", [*map(dark, cases)], few, caption=caption, name="glance")
     return joined(
@@ -485,7 +486,7 @@ def _robot(cases: Sequence[Case]) -> Html:
     """A picture of the mechanism with its play marked; nothing if it cannot be built or drawn."""
     from jointplay.show.picture import picture
 
-    shown = next((case for case in cases if case.joints), cases[0])
+    shown = next((case for case in cases if analysis.has_play(case.result)), cases[0])
     try:
         mechanism = shown.result.simulation.mechanism
         labels = {name: _play_of(cases, name) for name in shown.joints}
@@ -496,8 +497,9 @@ def _robot(cases: Sequence[Case]) -> Html:
     figure.set_size_inches(6.0, 4.1)  # letters that can be read in half a page
     figure.savefig(drawn, format="png", dpi=150, bbox_inches="tight", pad_inches=0.05)
     words = f"{robot_of(shown.result)} at the start of the run"
-    places = [*shown.joints, *(f"the gear of {name}" for name in mechanism.gears)]
-    words += f"; play in {', '.join(places)}" if places else "; no joint has play"
+    places = [name for name, joint in mechanism.clearance.items() if joint.has_play]
+    places += [f"the gear of {name}" for name, gear in mechanism.gears.items() if gear.play > 0.0]
+    words += f"; play in {', '.join(places)}" if places else "; nothing has play"
     return markup(
         '<figure><img alt="{}" src="data:image/png;base64,{}"><figcaption>{}</figcaption></figure>',
         words,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from jointplay.base.errors import JointplayError
+from jointplay.base.errors import JointplayError, nothing_has_play
 from jointplay.base.tables import counted, few
 from jointplay.physics.kernel import Status
 from jointplay.simulation.analysis import twins
@@ -19,6 +19,7 @@ from jointplay.simulation.analysis.parts import (
     drives_alone,
     ended_words,
     since_words,
+    sizes_are_given,
 )
 from jointplay.simulation.analysis.tool_error import deviation, error_at, error_statistics, stops
 from jointplay.simulation.analysis.vibration import Rattle, rattle
@@ -82,7 +83,7 @@ def headline(result: Result, ideal: Result | None, detail: bool = False) -> list
         if bearings := [joint for joint in result.joints if joint not in hinged]:
             fall = result.audit.start == "centred" and not start
             words = ", judged from the start, with the fall of the journals" if fall else ""
-            lines.append(_forces(result, bearings, start, since) + words)
+            lines.append(_forces(result, bearings, since, detail) + words)
         lines += _bearings(result, since)
         with suppress(JointplayError):  # too few records
             found = rattle(result, ideal)
@@ -117,7 +118,7 @@ def tool_error(result: Result) -> ToolError:
         JointplayError: the result has no play, or its ideal mechanism cannot be simulated.
     """
     if not twins.has_play(result):
-        raise JointplayError("no joint has play: the tool has no error")
+        raise nothing_has_play(result.simulation.mechanism.joints)
     return ToolError(result, twins.tool_motion(twins.ideal_simulation(result)))
 
 
@@ -190,22 +191,26 @@ def _at_stops(result: Result, error: xr.DataArray) -> list[str]:
     return [f"at its stops: {each}"]
 
 
-def _forces(result: Result, joints: list[str], start: float, since: str) -> str:
+def _forces(result: Result, joints: list[str], since: str, detail: bool) -> str:
     forces = result.forces
-    forces = forces.sel(time=forces["time"] >= start)
+    forces = forces.sel(time=forces["time"] >= result.judge_from)
     words: list[str] = []
     for joint in joints:
         sizes = forces.sel(joint=joint).values
         at = float(forces["time"][int(sizes.argmax())])
-        told = peak_force(result, joint, float(sizes.max()))
+        told = peak_force(result, joint, float(sizes.max()), detail)
         words.append(f"in {joint}{'' if words else since} {told} at t = {at:.4g} s")
     return f"peak force {few(words)}"
 
 
-def peak_force(result: Result, joint: str, largest: float) -> str:
-    """The largest force in a joint, `largest` [N] by its histories, with its error if known."""
+def peak_force(result: Result, joint: str, largest: float, detail: bool = False) -> str:
+    """The largest force in a joint, `largest` [N] by its histories.
+
+    With its numerical error if that is known, and if all sizes were given or `detail` is asked for.
+    """
     name = f"peak joint force{twins.at_joint(result, joint)}"
-    return shown(result.certificate, name, largest, "N")
+    exact = detail or sizes_are_given(result)
+    return shown(result.certificate if exact else None, name, largest, "N")
 
 
 def _bearings(result: Result, since: str) -> list[str]:

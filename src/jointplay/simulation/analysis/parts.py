@@ -185,8 +185,7 @@ class ToolError:
     @property
     def _is_exact(self) -> bool:
         """Whether all was given that decides its size."""
-        given = not any(one.assumed for name in DECISIVE for one in _of(self._result, "", name))
-        return given and self.told is self.vector
+        return sizes_are_given(self._result) and self.told is self.vector
 
     def texts(self, exact: bool) -> dict[str, str]:
         """Its figures by what certificates call them, with their numerical errors if `exact`."""
@@ -246,7 +245,7 @@ class ToolError:
         one, result = self.parts[name], self._result
         if name == "elasticity" and self._guessed:
             return self._elasticity()
-        peak, rms = (f"{1e3 * figure(one):.3g}" for figure in (_peak, _rms))
+        peak, rms = (_in_mm(figure(one)) for figure in (_peak, _rms))
         if name == "play":
             return f"play {peak} (RMS {rms}), of {_sizes(result)}"
         stiffness = "; stiffness estimated" if name == "elasticity" and any(
@@ -273,7 +272,7 @@ class ToolError:
             at = _time_of_peak(told)
             way = told.sel(time=at).values / _peak(told)
             each = ", ".join(
-                f"{_label(self._result, name)} {1e3 * float(one.sel(time=at).values @ way):.3g}"
+                f"{_label(self._result, name)} {_in_mm(float(one.sel(time=at).values @ way))}"
                 for name, one in known.items()
             )
             lines.append(f"of the {_mm(_peak(told))}, along the error at its peak: {each}")
@@ -293,6 +292,11 @@ class ToolError:
         return self.sentence()
 
     __repr__ = __str__
+
+
+def sizes_are_given(result: Result) -> bool:
+    """Whether no size was assumed that decides figures: then their numerical errors say more."""
+    return not any(one.assumed for name in DECISIVE for one in _of(result, "", name))
 
 
 def has_both(mechanism: Mechanism) -> bool:
@@ -355,6 +359,13 @@ def _assumptions(result: Result) -> str:
     sides = {one.value for one in _of(result, "drives", "encoder") if one.assumed}
     if sides and any(gear.play for gear in mechanism.gears.values()):
         words.append(f"encoder on the {' or '.join(sorted(sides))}, assumed")
+    lowered = [
+        one.value
+        for one in _of(result, "drives", "bandwidth")
+        if one.assumed and one.source.startswith("rule")
+    ]
+    if lowered:
+        words.append(f"drives of {few(lowered, 2)} by what their teeth allow, assumed")
     return "".join(f"; {one}" for one in words)
 
 
@@ -420,5 +431,9 @@ def _rms(vectors: xr.DataArray) -> float:
     return float(error_statistics(vectors).rms[-1])
 
 
+def _in_mm(metres: float) -> str:
+    return alone(1e3 * metres) if abs(metres) > STANDS_M else "0"
+
+
 def _mm(metres: float) -> str:
-    return f"{alone(1e3 * metres) if metres > STANDS_M else 0} mm"
+    return f"{_in_mm(metres)} mm"

@@ -26,6 +26,7 @@ from jointplay.physics.joints import (
 )
 from jointplay.physics.kernel import Status
 from jointplay.physics.kernel.integrators import DEFAULT, integrator
+from jointplay.simulation.loads.drive import Drive, assign
 from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.result.result import Result
 from jointplay.simulation.result.stored import stored_coordinates
@@ -160,12 +161,23 @@ def task(result: Result) -> dict[str, Any]:
     # The text counts, not the file's name; a rotor is the same behind a gear and without it.
     robot["text"], rotors = _without_armature(mechanism["urdf_text"])
     gears = mechanism.get("gears") or {}
+    if gears and (drives := _through_teeth(result.simulation)):
+        given["drive"] = {name: drive.describe() for name, drive in drives.items()}
     robot["armature"] = dict(
         sorted((rotors | {name: one["rotor_inertia"] for name, one in gears.items()}).items())
     )
     return {key: value for key, value in given.items() if key not in _MAY_DIFFER} | {
         "mechanism": robot
     }
+
+
+def _through_teeth(simulation: Simulation) -> dict[str, Drive]:
+    """Its drives if some have a bandwidth that teeth allow, which its twin may lack; else none."""
+    from jointplay.simulation.initial import settled_drives  # takes long to import
+
+    settled = settled_drives(simulation)
+    given = assign(simulation.mechanism, simulation.motion, simulation.drive)
+    return settled if settled != given else {}
 
 
 @lru_cache(maxsize=8)
@@ -286,7 +298,7 @@ def without(result: Result, cause: str, progress: bool = False) -> Result | None
         run = tool_motion(ideal_simulation(result, cause), progress)
         return run.completed(f"the machine without {cause}")
     from jointplay.simulation.initial import initial_state  # these take long to import
-    from jointplay.simulation.loads.drive import Servo, assign
+    from jointplay.simulation.loads.drive import Servo
     from jointplay.simulation.motion.ideal import IdealMotion
 
     simulation = ideal_simulation(result)
@@ -350,6 +362,8 @@ def ideal_simulation(source: Simulation | Result, without: str = "elasticity") -
     else:
         simulation = source
         changes["start"] = _start(simulation)
+    if drives := _through_teeth(simulation):
+        changes["drive"] = drives
     if simulation.mechanism.loops and integrator(simulation.integrator).order == 1:
         changes["integrator"] = DEFAULT
     return dataclasses.replace(

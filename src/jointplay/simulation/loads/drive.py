@@ -27,6 +27,7 @@ from jointplay.base.schema import (
 from jointplay.physics import kernel
 
 if TYPE_CHECKING:
+    from jointplay.model.gear import Gearing
     from jointplay.model.mechanism import Mechanism
     from jointplay.simulation.motion.reference import Motion
 
@@ -35,6 +36,14 @@ FASTEST = 1e9
 
 MOST_DAMPED = 1e9
 """Largest damping ratio: beyond it a joint creeps, and far beyond it numbers end."""
+
+BANDWIDTH = 100.0
+"""Bandwidth of computed torque that nobody gave [rad/s]: judged; what play does to the tool of
+SO-101, AR4, UR5 and Panda changes by less than 4 % between 30 and 300."""
+
+MARGIN = 0.5
+"""Part of the bandwidth up to which a drive is stable that it has through teeth: the gain margin of
+6 dB that is usual; of five arms one swung up at 0.8, none at this."""
 
 PRESCRIBED_ARMATURE = 1e9
 """Armature of a joint with prescribed motion, relative to the inertia that it carries."""
@@ -135,8 +144,9 @@ class ComputedTorque(Drive):
     kind: ClassVar[str] = "computed-torque"
     follows: ClassVar[bool] = True
 
-    bandwidth: float = quantity("rad/s", default=100.0, above=0.0)
-    """Closed-loop natural frequency of each axis [rad/s]."""
+    bandwidth: float | None = quantity("rad/s", default=None, above=0.0)
+    """Closed-loop natural frequency of each axis [rad/s]; None: `BANDWIDTH`, or less where its
+    encoder sits behind a gear (`through_teeth`)."""
     damping_ratio: float = quantity("", default=1.0, least=0.0, label="damping ratio")
     encoder: str = choice("encoder", ENCODERS, default=ENCODERS[0])
     """Where it sits: on the "motor", before the gear, or on the joint ("link")."""
@@ -144,9 +154,37 @@ class ComputedTorque(Drive):
     def __post_init__(self) -> None:
         check_fields(self)
         for name, most in (("bandwidth", FASTEST), ("damping_ratio", MOST_DAMPED)):
-            if (value := getattr(self, name)) > most:
+            if (value := getattr(self, name)) is not None and value > most:
                 words = name.replace("_", " ")
                 raise JointplayError(f"{words} must be at most {most:g}, got {value:g}", (name,))
+
+    def through_teeth(self, inertia: float, gear: Gearing | None) -> ComputedTorque:
+        """With the bandwidth that the teeth of a gear allow, if nobody gave it; else as it is.
+
+        A rotor J that turns what a joint carries, the `inertia` M [kg m^2 or kg], through teeth of
+        stiffness k and damping c, after the angle of M, has
+
+            J M s^4 + (J + M) (k + c s) (s^2 + 2 damping_ratio bandwidth s + bandwidth^2) = 0,
+
+        by Routh's criterion stable, where c is far below critical, up to a bandwidth of
+        c (1/J + 1/M) / (2 damping_ratio), whatever k is: nothing but c takes energy from what
+        vibrates on the teeth. `MARGIN` of that is taken.
+
+        Raises:
+            JointplayError: c is zero.
+        """
+        if self.bandwidth is not None or self.encoder == "motor" or gear is None:
+            return self
+        if gear.rotor_inertia * inertia * self.damping_ratio == 0.0:
+            return self
+        if gear.damping == 0.0:
+            raise JointplayError(
+                "no bandwidth is stable through teeth without damping: put the encoder on the "
+                "motor, or give the gear's damping or the drive's bandwidth"
+            )
+        decay = gear.damping * (1.0 / gear.rotor_inertia + 1.0 / inertia)
+        allowed = MARGIN * decay / (2.0 * self.damping_ratio)
+        return replace(self, bandwidth=allowed) if allowed < BANDWIDTH else self
 
 
 @dataclass(frozen=True)

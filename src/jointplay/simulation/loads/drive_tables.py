@@ -13,6 +13,7 @@ from jointplay.model.mechanism import Mechanism
 from jointplay.physics.kernel import layout
 from jointplay.physics.kernel.sites import CoordinateTables, drive_row, friction_row, stacked
 from jointplay.simulation.loads.drive import (
+    BANDWIDTH,
     PRESCRIBED_ARMATURE,
     ComputedTorque,
     Drive,
@@ -197,11 +198,12 @@ def tabulate(
             row = drive_row(u, at, armature=armature[at])
         if isinstance(drive, ComputedTorque):
             assert ideal is not None
+            bandwidth = drive.through_teeth(ideal.inertia[k], gear).bandwidth or BANDWIDTH
             rotor = gear.rotor_inertia if gear else 0.0
             inertia = ideal.inertia[k] + rotor
             efforts[k] = rotor, losses
-            kp = drive.bandwidth**2 * inertia
-            kd = 2.0 * drive.damping_ratio * drive.bandwidth * inertia
+            kp = bandwidth**2 * inertia
+            kd = 2.0 * drive.damping_ratio * bandwidth * inertia
             row = drive_row(u, at, measured, kp, kd, limit=limit)
         if isinstance(drive, Servo):
             servos.append(servo := np.zeros(1, layout.SERVO))

@@ -118,7 +118,7 @@ def _with_digits(value: float, digits: int) -> str:
     if rounded == 0.0 or not math.isfinite(rounded):
         return f"{rounded:g}"
     before = math.floor(math.log10(abs(rounded))) + 1
-    return f"{rounded:.{max(digits, before) if before <= 6 else digits}g}"
+    return f"{rounded:#.{max(digits, before) if before <= 6 else digits}g}".rstrip(".")
 
 
 def shown(certificate: Certificate | None, name: str, value: float, unit: str) -> str:

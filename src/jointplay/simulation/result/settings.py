@@ -11,9 +11,6 @@ from jointplay.simulation.loads.limits import LIMITS
 STARTS = ("rest", "centred")
 """Where journals begin: where they lie under load, or in the middle of their bearings."""
 
-START_UP = 0.15
-"""Start of a run that is not judged, while released journals fall into their bearings [s]."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Integration:
@@ -44,7 +41,7 @@ class Integration:
     """Time at the start in which the motion settles and figures are not judged, or ``"2 turns"``:
     until a driven joint has made so many turns."""
     judge_from: float | None = quantity("s", default=None)
-    """Time from which figures are judged; if not given, when the run has settled."""
+    """Time from which figures are judged; if not given, when the start has died away."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -38,7 +38,7 @@ from pathlib import Path
 from typing import Any
 
 from jointplay.base import files
-from jointplay.base.errors import JointplayError, require_non_negative
+from jointplay.base.errors import JointplayError, nothing_has_play, require_non_negative
 from jointplay.base.pairs import name_and_number
 from jointplay.bridges.reduced_formats import FORMATS, choose
 from jointplay.cli.commands import Outputs, given, inputs, print_answer
@@ -65,7 +65,7 @@ def run(options: argparse.Namespace) -> int:
     posed = inputs.posed_machine(options)
     mechanism, pose = posed.mechanism, posed.poses.positions()
     if not (joint is None or options.joint or posed.of_file or joint in mechanism.gears):
-        raise JointplayError("--clearance or --gear is missing: there is no play to reduce")
+        raise nothing_has_play(mechanism.joints)
     play = [*mechanism.clearance, *mechanism.gears] if joint is None else [joint]
     refuse_without_play(mechanism, play, formats, options.tilt)
     out.claim()
