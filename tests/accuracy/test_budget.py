@@ -25,7 +25,7 @@ from jointplay.accuracy.error_budget import budget
 from jointplay.cli import main
 from jointplay.model.robots import robot_urdf
 from jointplay.physics.contact import Coulomb
-from jointplay.simulation.loads import ComputedTorque, Prescribed
+from jointplay.simulation.loads import ComputedTorque, Prescribed, Spring, TorsionSpring, Wrench
 from jointplay.simulation.run import Run
 
 REACH = 0.5
@@ -49,6 +49,36 @@ def two(urdf):
 
 def bearing(play=1e-4, **changes):
     return RevoluteClearance(**{"radial_clearance": play, "axial_clearance": play} | changes)
+
+
+PUSHES = {
+    "wrench": Wrench("two", force=(20.0, 5.0, -40.0), at=(0.2, 0.1, 0.0)),
+    "spring": Spring("one", 500.0, 0.1, at=(0.1, 0.0, 0.1), other_at=(0.3, 0.0, 1.0)),
+    "torsion": TorsionSpring("b", 30.0, rest=-0.2),
+    "tool": Wrench("tool", force=(0.0, 0.0, -30.0)),
+}
+
+
+def test_loads_and_a_force_act_at_rest_as_where_a_run_begins(urdf):
+    path = urdf(
+        body("one", mass=2.0, com="0.2 0 0"), joint("a", "base", "one", axis="0 1 0"),
+        body("two", mass=1.0, com="0.2 0 0"),
+        joint("b", "one", "two", axis="0 1 0", at="0.5 0 0"), tip("two"),
+    )  # fmt: skip
+    plays = {"a": bearing(friction=Coulomb(0.0))}
+    robot = Mechanism(path, plays, gears={"b": Gear(2e-3, 0.1, 1e4)})
+    motion = Motion(["a", "b"], [0.0, 0.1], [[0.1, -0.3]] * 2)
+    run = Run(Simulation(robot, motion, start="rest", loads=PUSHES))
+    assert run.rest.solved
+    others = {name: one for name, one in PUSHES.items() if name != "tool"}
+    q = poses.at_pose(robot, {"a": 0.1, "b": -0.3})
+    found = budget(robot, q, loads=others, force=(0.0, 0.0, -30.0))
+    pin.framesForwardKinematics(robot.model, robot.data, run.rest.q)
+    there = robot.data.oMf[robot.tool_frame].translation - found.positions[0]
+    assert found.rest_tool[0, :3] == pytest.approx(there, abs=rest.AGREES_M)
+    assert np.linalg.norm(there) == pytest.approx(found.rest_interval[0, 3], rel=0.05)
+    without = budget(robot, q)
+    assert found.rest_error[0] > 2.0 * without.rest_error[0]
 
 
 @pytest.mark.parametrize(("axis", "axial", "left"), [("0 -1 0", 1e-6, 0.0), ("0 0 1", 1e-4, 1.0)])

@@ -27,7 +27,7 @@ from jointplay.accuracy.causes import (
 from jointplay.accuracy.cheapest import COSTS, Error, Key, Problem, Sizes
 from jointplay.accuracy.error_budget import KNOWN, NOWHERE, budget, holding_drives
 from jointplay.accuracy.error_model import Contribution, ErrorModel, play_model
-from jointplay.accuracy.jacobians import GEAR, configurations, force_on_tool
+from jointplay.accuracy.jacobians import GEAR, configurations, with_force
 from jointplay.accuracy.robot_errors import RobotErrors
 from jointplay.base.errors import (
     JointplayError,
@@ -46,6 +46,7 @@ from jointplay.model.mechanism import Mechanism
 from jointplay.model.payload import Payload
 from jointplay.physics.joints import Clearance, RollingBearing
 from jointplay.physics.joints.bearings import PRELOADED
+from jointplay.simulation.loads import Load
 from jointplay.simulation.loads.drive import Drive, JointFriction
 
 LEAST_M, MOST_M = 2e-6, 1e-3
@@ -433,6 +434,7 @@ def allocate(
     drive: Drive | Mapping[str, Drive] | None = None,
     joint_friction: Mapping[str, JointFriction] | None = None,
     payloads: Sequence[Payload] = (),
+    loads: Mapping[str, Load] | None = None,
     progress: bool = False,
 ) -> Allocation:
     """The cheapest sizes and bearings with which the tool's error keeps `target` at all poses.
@@ -466,7 +468,7 @@ def allocate(
             `LEAST_M`, `MOST_M`; gears that turn have `LEAST_RAD`, `MOST_RAD`.
         force, errors, kind: of several causes, as for `budget`.
         seed: of the sampled states.
-        driven, drive, joint_friction, payloads: as for `budget`.
+        driven, drive, joint_friction, payloads, loads: as for `budget`.
         progress: show a count of the rounds on standard error, if it takes long.
 
     Raises:
@@ -492,10 +494,11 @@ def allocate(
         make = partial(cheapest.Quantile, quantile=quantile, seed=seed)
     holding = {
         "driven": driven, "drive": drive, "joint_friction": joint_friction, "payloads": payloads,
+        "loads": loads,
     }  # fmt: skip
     search = _Search(
         mechanism, configurations(mechanism, poses, driven), holding, own if whole else None,
-        force_on_tool(force), given, kind, turn,
+        force, given, kind, turn,
         _offers(mechanism, bought, classes, keep, whole, LEAST_M if least is None else least),
         keep, make,
     )  # fmt: skip
@@ -538,7 +541,7 @@ class _Search:
     holding: Mapping[str, Any]
     """What holds it, and what it carries, as `budget` takes that."""
     causes: Mapping[str, Cause] | None
-    force: np.ndarray
+    force: Sequence[float]
     errors: RobotErrors
     kind: str | None
     turn: bool
@@ -580,8 +583,8 @@ class _Search:
             driven, payloads = self.holding["driven"], self.holding["payloads"]
             drives = holding_drives(other, self.holding["drive"])
             other, model = cause_model(
-                other, self.q, self.force, self.causes, self.errors, self.kind, remaining,
-                driven, None, drives, payloads,
+                other, self.q, with_force(other, self.force, self.holding["loads"]), self.causes,
+                self.errors, self.kind, remaining, driven, None, drives, payloads,
             )  # fmt: skip
             return other, model.turning if self.turn else model
         gears: dict[str, Any] = dict(self.mechanism.gears)
@@ -612,7 +615,7 @@ class _Search:
         if self.mechanism.loops:
             raise JointplayError("motions of closed loops are not compensated: leave it out")
         model = self.first
-        play = budget(self.mechanism, self.q, force=self.force.tolist(), **self.holding)
+        play = budget(self.mechanism, self.q, force=self.force, **self.holding)
         beside = [k for k, one in enumerate(model.contributions) if one.cause != "play"]
         others = model.subset(beside).farthest().size if beside else np.zeros(len(self.q))
         left = np.zeros((len(offers), len(self.q)))

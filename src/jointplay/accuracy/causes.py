@@ -42,6 +42,7 @@ from jointplay.model.gear_rules import SPREAD, Rule, rated_efforts, stiffness_ru
 from jointplay.model.mechanism import Mechanism
 from jointplay.model.payload import Payload
 from jointplay.physics.joints import Clearance, RollingBearing
+from jointplay.simulation.loads import Load
 from jointplay.simulation.loads.drive import Drive, Servo
 
 GIVEN = "given"
@@ -321,7 +322,7 @@ def named(causes: Collection[str | Cause]) -> dict[str, Cause]:
 def cause_model(
     mechanism: Mechanism,
     q: np.ndarray,
-    force: np.ndarray,
+    loads: Mapping[str, Load],
     causes: Mapping[str, Cause],
     errors: RobotErrors,
     kind: str | None,
@@ -349,15 +350,15 @@ def cause_model(
         mechanism = mechanism.with_clearance({**mechanism.clearance, **smaller})
     names = [*mechanism.joints, *mechanism.mounts, *mechanism.loops]
     laden = carrying(mechanism, payloads)
-    found = jacobians(laden, q, names, force, driven, relative_to)
+    found = jacobians(laden, q, names, loads, driven, relative_to)
     follows = set[str]()
     if mechanism.loops:
         passive = ClosedLoops(mechanism, q[0], driven).passive
         follows = {mechanism.coordinates[i].joint for i in passive} | {*mechanism.loops}
-    loads = dict(zip(names, found.load, strict=True))
     sags = {}
     if Sag.name in causes:
-        sags = _sags(laden, q, drives, driven, loads, bool(payloads))
+        borne = dict(zip(names, found.load, strict=True))
+        sags = _sags(laden, q, drives, driven, borne, bool(payloads or loads))
     stiffness = _stiffnesses(mechanism) if Compliance.name in causes else {}
     contributions: list[Contribution] = []
     for k, name in enumerate(names):
@@ -412,7 +413,7 @@ def _sags(
     bands = dict.fromkeys(names, 0.0)
     for i, row in enumerate(q if names else ()):
         own = {n: drives[n] for n in standing_joints(mechanism, q[0], driven)}
-        balance = held(mechanism, row, own, np.zeros(3))
+        balance = held(mechanism, row, own, {})
         for name in names:
             at = mechanism.motor(name)
             if getattr(drives[name], "encoder", "") == "link":

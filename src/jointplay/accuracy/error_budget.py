@@ -21,9 +21,9 @@ from jointplay.accuracy.jacobians import (
     check_body,
     configurations,
     displaced,
-    force_on_tool,
     taken_up,
     tool_place,
+    with_force,
 )
 from jointplay.accuracy.rest import AGREES_M, RestPositions
 from jointplay.accuracy.robot_errors import RobotErrors
@@ -33,11 +33,11 @@ from jointplay.base.units import readable
 from jointplay.model.closed_loops import ClosedLoops
 from jointplay.model.mechanism import Mechanism, frame_index
 from jointplay.model.payload import Payload
+from jointplay.simulation.loads import Load
 from jointplay.simulation.loads.drive import (
     ComputedTorque,
     Drive,
     JointFriction,
-    Prescribed,
     Servo,
     urdf_friction,
 )
@@ -464,9 +464,7 @@ class PlayBudget(Budget):
         if self.mechanism.loops:
             second = f"loops closed exactly put the tool {more} elsewhere"
         at_rest = "friction of servos, which may hold them before they have sagged, is left out"
-        if self.rest_positions.force.any():
-            at_rest += "; computed torque is taken for rigid under the force on the tool"
-        else:
+        if not self.rest_positions.force.any():
             at_rest += f"; at rest within {1e6 * AGREES_M:g} µm of where a run begins"
         return (
             "free travel with rigid contacts, to which contacts and drives that give way add; "
@@ -667,6 +665,7 @@ def budget(
     drive: Drive | Mapping[str, Drive] | None = ...,
     joint_friction: Mapping[str, JointFriction] | None = ...,
     payloads: Sequence[Payload] = ...,
+    loads: Mapping[str, Load] | None = ...,
     relative_to: str | None = ...,
 ) -> PlayBudget: ...
 
@@ -685,6 +684,7 @@ def budget(
     drive: Drive | Mapping[str, Drive] | None = ...,
     joint_friction: Mapping[str, JointFriction] | None = ...,
     payloads: Sequence[Payload] = ...,
+    loads: Mapping[str, Load] | None = ...,
     relative_to: str | None = ...,
 ) -> ErrorBudget: ...
 
@@ -704,6 +704,7 @@ def budget(
     drive: Drive | Mapping[str, Drive] | None = None,
     joint_friction: Mapping[str, JointFriction] | None = None,
     payloads: Sequence[Payload] = (),
+    loads: Mapping[str, Load] | None = None,
     relative_to: str | None = None,
 ) -> Budget:
     """How far off the tool can be, without dynamics: by play alone, or by several causes.
@@ -731,11 +732,13 @@ def budget(
         friction: coefficient of all contacts, with which a machine may rest elsewhere than without;
             None: the largest that the law of each joint has.
         drive: of all joints that stand, or of joints by name; None: computed torque, by which
-            others hold, too. Servos sag under all they bear, computed torque under payloads, of
-            which it does not know in a run either, but is rigid under a force on the tool.
+            others hold, too. Servos sag under all they bear, computed torque under payloads, loads
+            and the force on the tool, of which it does not know in a run either.
         joint_friction: of joints besides their bearings', which may hold the teeth of their gears
             on either side; None: the URDF's.
         payloads: what the machine carries, at all poses, whenever it is picked up.
+        loads: springs, wrenches and the like, as of `Simulation`, as they are where a run begins;
+            controllers left out.
         relative_to: link or frame whose own motion does not count, such as a palm or a trunk:
             errors, directions and positions are those seen from it, in its axes. The base stays
             held, for loads. None: the world.
@@ -751,23 +754,23 @@ def budget(
     """
     require_a("mechanism", mechanism, "Mechanism")
     drives = holding_drives(mechanism, drive)
-    if np.any(force):  # of which computed torque would have to be told
-        rigid = [name for name, one in drives.items() if isinstance(one, ComputedTorque)]
-        drives |= dict.fromkeys(rigid, Prescribed())
+    acting = with_force(mechanism, force, loads)
     losses = urdf_friction(mechanism) | dict(joint_friction or {})
     if causes is not None:
         if friction is not None:
             raise JointplayError("friction is for play alone: leave it or causes out")
         if relative_to is not None:
             check_body(mechanism, relative_to)
-        push, q = force_on_tool(force), configurations(mechanism, poses, driven)
+        q = configurations(mechanism, poses, driven)
         known, about = RobotErrors() if errors is None else errors, (driven, relative_to)
         mechanism, model = cause_model(
-            mechanism, q, push, named(causes), known, kind, remaining or {}, *about,
+            mechanism, q, acting, named(causes), known, kind, remaining or {}, *about,
             drives, payloads,
         )  # fmt: skip
         seen = *about, _positions(mechanism, q, relative_to)
-        return ErrorBudget(mechanism, q, model, push, *seen, model.farthest(), *told_apart(model))
+        return ErrorBudget(
+            mechanism, q, model, np.array(force, float), *seen, model.farthest(), *told_apart(model)
+        )
     if friction is not None and require_finite("friction coefficient", friction, "") < 0.0:
         raise JointplayError(f"the friction coefficient must be >= 0, got {friction:g}")
     if any(gear.error_terms for gear in mechanism.gears.values()):  # which is no play
@@ -776,7 +779,7 @@ def budget(
     mechanism = carrying(mechanism, payloads)
     q = configurations(mechanism, poses, driven)
     model = play_model(
-        mechanism, q, force=force, second_order=second_order, driven=driven, loops=True,
+        mechanism, q, loads=acting, second_order=second_order, driven=driven, loops=True,
         relative_to=relative_to,
     )  # fmt: skip
     half = half_sphere()
@@ -798,9 +801,9 @@ def budget(
     else:
         outwards = relative_to is None or _carries(mechanism, relative_to)
         more = _second_order(model, outwards)
-    push = force_on_tool(force)
+    push = np.array(force, float)
     rest = RestPositions(
-        mechanism, q, middle, push, driven, friction, drives, losses, more, relative_to
+        mechanism, q, middle, push, acting, driven, friction, drives, losses, more, relative_to
     )
     if rest.regulated and not mechanism.loops:  # their links are held still
         rest = replace(rest, second_order=_second_order(rest.unregulated(model), outwards))

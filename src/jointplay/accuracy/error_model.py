@@ -30,6 +30,7 @@ from jointplay.base.errors import JointplayError, nothing_has_play, require_whol
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints.fits import Fit
 from jointplay.physics.joints.play import DRAWS, Cone, Cones, JournalPlay, Play, Support
+from jointplay.simulation.loads import Load
 
 DIRECTIONS = 180
 """Directions over half a sphere among which the worst one is sought, before it is refined."""
@@ -545,7 +546,7 @@ def play_model(
     mechanism: Mechanism,
     poses: np.ndarray | Mapping[str, float],
     *,
-    force: Sequence[float] = (0.0, 0.0, 0.0),
+    loads: Mapping[str, Load] | None = None,
     second_order: bool = True,
     driven: Sequence[str] | None = None,
     loops: bool = False,
@@ -565,13 +566,12 @@ def play_model(
     if not mechanism.clearance and not mechanism.gears:
         raise nothing_has_play([*mechanism.joints, *mechanism.loops])
     q = jacobians.configurations(mechanism, poses, driven)
-    push = jacobians.force_on_tool(force)
     for name in {name + jacobians.GEAR for name in mechanism.gears} & set(mechanism.clearance):
         raise JointplayError(f"the joint {name!r} has the same name as the gear of another joint")
     contributions = [play_of_joint(mechanism, name, second_order) for name in mechanism.clearance]
     contributions += [play_of_gear(mechanism, name) for name in mechanism.gears]
     joints = list(dict.fromkeys([*mechanism.clearance, *mechanism.gears]))
-    found = jacobians.jacobians(mechanism, q, joints, push, driven, relative_to)
+    found = jacobians.jacobians(mechanism, q, joints, loads or {}, driven, relative_to)
     return ErrorModel.of(contributions, joints, found)
 
 

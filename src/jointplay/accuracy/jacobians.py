@@ -21,6 +21,10 @@ from jointplay.model.closed_loops import ClosedLoops, is_closed, opening, own_op
 from jointplay.model.mechanism import Mechanism, frame_index, loaded
 from jointplay.model.payload import Payload
 from jointplay.physics.joints import Coordinate
+from jointplay.simulation.acting import load_site
+from jointplay.simulation.loads import Load
+from jointplay.simulation.loads.wrench import Wrench
+from jointplay.simulation.statics import StaticLoads
 
 GEAR = " (gear)"
 """Appended to a joint's name for the play of its gear."""
@@ -42,7 +46,7 @@ class Jacobians(NamedTuple):
     tool: np.ndarray
     """The tool's displacement and rotation in world axes per the joint's own, (j, n, 6, 6)."""
     load: np.ndarray
-    """Gravity and the tool's load on the joint, about its centre, (j, n, 6) [N, N m]."""
+    """What gravity and loads exert on the joint, about its centre, (j, n, 6) [N, N m]."""
     tie: np.ndarray
     """By how much each displacement opens loops that nothing else can close, (j, n, r, 6), zero in
     sum over all joints."""
@@ -57,17 +61,19 @@ def jacobians(
     mechanism: Mechanism,
     q: np.ndarray,
     joints: Sequence[str],
-    force: np.ndarray,
+    loads: Mapping[str, Load],
     driven: Sequence[str] | None = None,
     relative_to: str | None = None,
 ) -> Jacobians:
     """Jacobians at configurations q (n, nq), journals centred and loops closed; see `budget`.
 
+    Beside gravity `loads` act, as they do where a run begins.
+
     Raises:
         JointplayError: a pose at which the driven joints do not determine the tool.
     """
-    moves, loads = np.zeros((len(joints), len(q), 6, 6)), np.zeros((len(joints), len(q), 6))
-    growth = np.zeros((len(joints), len(q), 6))
+    moves, borne = np.zeros((len(joints), len(q), 6, 6)), np.zeros((len(joints), len(q), 6))
+    growth, acting = np.zeros((len(joints), len(q), 6)), static_loads(mechanism, loads)
     closing = ClosedLoops(mechanism, q[0], driven) if mechanism.loops else None
     ties, growth_ties = [], []
     for i, row in enumerate(q):
@@ -76,10 +82,11 @@ def jacobians(
         pin.centerOfMass(mechanism.model, mechanism.data, row, True)
         in_tree = [(j, name) for j, name in enumerate(joints) if name not in mechanism.loops]
         places = {j: place(mechanism, name) for j, name in in_tree}
+        pushes = acting.wrenches(mechanism, row)
         for j, at in places.items():
-            moves[j, i], loads[j, i] = _of_joint(mechanism, at, tool, force, relative_to)
+            moves[j, i], borne[j, i] = _of_joint(mechanism, at, tool, pushes, relative_to)
         if closing is not None:
-            ties.append(_follow(closing, q, i, joints, force, moves, loads))
+            ties.append(_follow(closing, q, i, joints, pushes, moves, borne))
             growth_ties.append(np.zeros(ties[-1].shape[:2]))
         for name, end, xi in link_ends(mechanism, joints, relative_to):
             growth[joints.index(name), i] += moves[joints.index(end), i] @ xi if end else xi
@@ -89,7 +96,7 @@ def jacobians(
     tie, growth_tie = np.zeros((len(joints), len(q), most, 6)), np.zeros((*growth.shape[:2], most))
     for i, (one, grown) in enumerate(zip(ties, growth_ties, strict=True)):
         tie[:, i, : one.shape[1]], growth_tie[:, i, : one.shape[1]] = one, grown
-    return Jacobians(moves, loads, tie, growth, growth_tie)
+    return Jacobians(moves, borne, tie, growth, growth_tie)
 
 
 def link_ends(
@@ -125,12 +132,24 @@ def link_ends(
             yield carrier, end, np.concatenate([arm, np.zeros(3)])
 
 
-def force_on_tool(force: Sequence[float]) -> np.ndarray:
-    """A force on the tool, (3,) [N]; refused unless it has three finite components."""
-    push = np.array([require_finite("force on the tool", one, "N") for one in force])
-    if push.shape != (3,):
+def with_force(
+    mechanism: Mechanism, force: Sequence[float], loads: Mapping[str, Load] | None = None
+) -> dict[str, Load]:
+    """Loads by name, with a force on the tool; refused unless it has three finite components [N].
+
+    Controllers are left out: drives hold the machine in their stead.
+    """
+    push = [require_finite("force on the tool", one, "N") for one in force]
+    if len(push) != 3:
         raise JointplayError(f"the force on the tool must have three components, got {force!r}")
-    return push
+    known = {name: one for name, one in (loads or {}).items() if not one.driven()}
+    x, y, z = push
+    return known | ({"force on the tool": Wrench(mechanism.tool, (x, y, z))} if any(push) else {})
+
+
+def static_loads(mechanism: Mechanism, loads: Mapping[str, Load]) -> StaticLoads:
+    """Loads of a mechanism, as statics ask for them."""
+    return StaticLoads(loads, mechanism, [load_site(one, mechanism, {}) for one in loads.values()])
 
 
 def check_body(mechanism: Mechanism, body: str) -> None:
@@ -199,7 +218,7 @@ def _follow(
     q: np.ndarray,
     pose: int,
     joints: Sequence[str],
-    push: np.ndarray,
+    pushes: Sequence[tuple[int, np.ndarray]],
     moves: np.ndarray,
     loads: np.ndarray,
 ) -> np.ndarray:
@@ -220,8 +239,11 @@ def _follow(
             f"determine the tool {mechanism.tool!r} at {closing.stands(q[pose], pose, len(q))}: "
             f"nothing determines {', '.join(names)} (a singular position, or too few driven joints)"
         )
-    weight = tool[:3].T @ push - pin.computeGeneralizedGravity(model, data, q[pose])
+    weight = -pin.computeGeneralizedGravity(model, data, q[pose])
     pin.computeJointJacobians(model, data, q[pose])
+    for index, push in pushes:
+        twist = pin.getJointJacobian(model, data, index, pin.ReferenceFrame.WORLD)
+        weight += twist.reshape(6, model.nv).T @ push
     ties = np.zeros((len(joints), len(closing_up.rest), 6))
     for j, name in enumerate(joints):
         if name in mechanism.loops:
@@ -301,10 +323,10 @@ def _of_joint(
     mechanism: Mechanism,
     at: tuple[int, pin.SE3],
     tool: pin.SE3,
-    push: np.ndarray,
+    pushes: Sequence[tuple[int, np.ndarray]],
     relative_to: str | None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Jacobian (6, 6) and load (6,) of the joint at a `place`.
+    """Jacobian (6, 6) and load (6,) of the joint at a `place`, under `StaticLoads.wrenches`.
 
     The play is the same both ways, so it does not matter which of the two bodies is the bearing.
     Relative to a body, in its axes: what moves both does not count, and what moves only the body
@@ -314,10 +336,10 @@ def _of_joint(
     index, axes = at
     turn, centre = axes.rotation, axes.translation
     move, load = np.zeros((6, 6)), np.zeros(6)
-    forces = []
+    carried = [(push[:3], push[3:]) for body, push in pushes if index in model.supports[body]]
     if data.mass[index] > 0.0:  # what has no mass has no centre of mass
         weight = data.mass[index] * np.array(mechanism.gravity)
-        forces.append((weight, data.oMi[index].act(data.com[index])))
+        carried.append((weight, np.cross(data.oMi[index].act(data.com[index]), weight)))
     moved = index in model.supports[model.frames[mechanism.tool_frame].parentJoint]
     sign = float(moved)
     if relative_to is not None:
@@ -333,11 +355,9 @@ def _of_joint(
     if relative_to is not None:
         back = data.oMf[body].rotation.T
         move = np.concatenate([back @ move[:3], back @ move[3:]])
-    if moved:
-        forces.append((push, tool.translation))
-    for force, point in forces:
+    for force, moment in carried:  # about the world's origin
         load[:3] += turn.T @ force
-        load[3:] += turn.T @ np.cross(point - centre, force)
+        load[3:] += turn.T @ (moment - np.cross(centre, force))
     return move, load
 
 

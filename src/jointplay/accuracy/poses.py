@@ -63,6 +63,7 @@ class Poses:
             "drive": {name: one for name, one in every.items() if one.follows},
             "joint_friction": known.joint_friction,
             "payloads": known.payloads,
+            "loads": known.loads,
         }
 
     @property

@@ -27,18 +27,23 @@ import pinocchio as pin
 
 from jointplay.accuracy import loop_play
 from jointplay.accuracy.error_model import ErrorModel, half_sphere
-from jointplay.accuracy.jacobians import GEAR, displaced_configuration, jacobians, tool_place
+from jointplay.accuracy.jacobians import (
+    GEAR,
+    displaced_configuration,
+    jacobians,
+    static_loads,
+    tool_place,
+)
 from jointplay.model.closed_loops import ClosedLoops
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import RELATIVE, Clearance
 from jointplay.physics.joints.bearings import RollingBearing
 from jointplay.physics.joints.play import Play, Pressed
-from jointplay.simulation.acting import load_site
+from jointplay.simulation.loads import Load
 from jointplay.simulation.loads.drive import Drive, JointFriction, Servo, assign
 from jointplay.simulation.loads.drive_tables import tabulate
-from jointplay.simulation.loads.wrench import Wrench
 from jointplay.simulation.motion.reference import Motion
-from jointplay.simulation.statics import StaticEquilibrium, StaticLoads, depths, weight_curvature
+from jointplay.simulation.statics import StaticEquilibrium, depths, weight_curvature
 
 AGREES_M = 1e-6
 """Distance within which `RestPositions` have the tool where a run with start="rest" begins [m]."""
@@ -96,6 +101,8 @@ class RestPositions:
     model: ErrorModel
     force: np.ndarray
     """On the tool, world axes, shape (3,) [N]."""
+    loads: Mapping[str, Load]
+    """All that acts beside gravity and drives, the force on the tool too, by name."""
     driven: Sequence[str] | None
     friction: float | None
     """Coefficient of all contacts; None: the largest of each joint's own law."""
@@ -148,10 +155,10 @@ class RestPositions:
         a door, may bear as much as the others.
         """
         mass = pin.computeTotalMass(self.mechanism.model)
-        whole = mass * np.linalg.norm(self.mechanism.gravity) + np.linalg.norm(self.force)
         loads = self.at(pose).loads
         arms = np.array([_arm(play) for play in self.model.plays])
         sizes = np.linalg.norm(loads[:, :3], axis=1) + np.linalg.norm(loads[:, 3:], axis=1) / arms
+        whole = mass * np.linalg.norm(self.mechanism.gravity) + sizes.max(initial=0.0)
         return np.asarray(sizes <= _NOTHING * whole)
 
     def at(self, pose: int) -> RestPlace:
@@ -166,7 +173,7 @@ class RestPositions:
     def _rest(self, pose: int) -> RestPlace:
         mechanism, q = self.mechanism, self.q[pose]
         names = standing_joints(mechanism, q, self.driven)
-        balance = held(mechanism, q, {name: self.drives[name] for name in names}, self.force)
+        balance = held(mechanism, q, {name: self.drives[name] for name in names}, self.loads)
         found = balance.settle(None if mechanism.loops else self._near(pose))
         if not found.solved:
             found = balance.settle()
@@ -193,7 +200,7 @@ class RestPositions:
         mechanism, q, sag = self.mechanism, self.q[pose], np.zeros(6)
         bent = {name: there[i] - q[i] for name in names if (i := self._encoder(name)) is not None}
         seen = self.driven, self.relative_to
-        move = jacobians(mechanism, q[None], list(bent), np.zeros(3), *seen).tool
+        move = jacobians(mechanism, q[None], list(bent), {}, *seen).tool
         for own, (name, way) in zip(move[:, 0], bent.items(), strict=True):
             sag += own[:, mechanism.description.joints[name].way] * way
         return sag
@@ -360,6 +367,9 @@ class RestPositions:
             weight.gravity.linear = self.force
             weight.gravity.angular = np.zeros(3)
             whole = whole + weight_curvature(weight, weight.createData(), q)
+        if self.loads:
+            pin.computeJointJacobians(model, data, q)
+            whole = whole + static_loads(mechanism, self.loads).slopes(data, q)[1]
         columns = np.hstack([_coordinates(mechanism, q, name) for name in names])
         return np.asarray(columns.T @ whole @ columns)
 
@@ -374,9 +384,9 @@ def standing_joints(mechanism: Mechanism, q: np.ndarray, driven: Sequence[str] |
 
 
 def held(
-    mechanism: Mechanism, q: np.ndarray, drives: Mapping[str, Drive], force: np.ndarray
+    mechanism: Mechanism, q: np.ndarray, drives: Mapping[str, Drive], loads: Mapping[str, Load]
 ) -> StaticEquilibrium:
-    """A machine that drives hold by name, in configuration q (nq,), with a force on its tool (3,).
+    """A machine that drives hold by name, in configuration q (nq,), under loads.
 
     What the I term of a servo does in the end is done.
     """
@@ -385,12 +395,9 @@ def held(
     motion = Motion(names, [0.0, _INSTANT_S], np.array([q[at], q[at]])) if names else None
     own = assign(mechanism, motion, {name: _in_the_end(one) for name, one in drives.items()})
     tables, _, reference = tabulate(mechanism, motion, own, _INSTANT_S, {}, q)
-    x, y, z = map(float, force)
-    loads = {"tool": Wrench(mechanism.tool, force=(x, y, z))} if force.any() else {}
-    sites = [load_site(one, mechanism, {}) for one in loads.values()]
     return StaticEquilibrium(
         mechanism, mechanism.model, q, nothing, own, tables.drives, tables.servos,
-        reference.table[0], {}, StaticLoads(loads, mechanism, sites), nothing.copy(),
+        reference.table[0], {}, static_loads(mechanism, loads), nothing.copy(),
     )  # fmt: skip
 
 

@@ -103,6 +103,11 @@ def notes_at_poses(
     if bodies := poses.machine.payloads:
         mass = " and ".join(f"{one.mass:g} kg" for one in bodies)
         lines.append(f"payload: {mass}, in hand at all poses")
+    for driven, words in ((False, "act as at time 0"), (True, "are left out: drives hold")):
+        if names := [
+            name for name, one in poses.machine.loads.items() if driven == bool(one.driven())
+        ]:
+            lines.append(f"loads: {few(names)} {words}")
     lines += [*scenario.notes, *scenario.assumptions]
     return [*dict.fromkeys(lines), *([poses.loops] if poses.loops else [])]
 

@@ -7,6 +7,7 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import eigenpy
 import numpy as np
@@ -283,6 +284,38 @@ class StaticLoads:
                 answer = answer - one.force(x, np.zeros(len(moves)))
             forces += one.force_jacobian(data).T @ np.nan_to_num(answer, posinf=0.0, neginf=0.0)
         return forces
+
+    def wrenches(self, mechanism: Mechanism, q: np.ndarray) -> list[tuple[int, np.ndarray]]:
+        """What pushes on which bodies where all stands: Pinocchio's joint that carries the body,
+        force and moment about the world's origin (6,) [N, N m]; after `pin.computeJointJacobians`.
+        """
+        data, found = mechanism.data, []
+        for one in self._members:
+            x = one.place(data, q)
+            answer = np.nan_to_num(one.force(x, np.zeros(len(x))), posinf=0.0, neginf=0.0)
+            if one.site.carriers:
+                (i, first), (j, second) = one.site.carriers
+                turn, centre = (data.oMi[i] * first).rotation, (data.oMi[j] * second).translation
+                pushes = [(i, j, turn @ answer[:3], turn @ answer[3:], centre)]
+            else:
+                pushes = [
+                    self._on_joint(mechanism, at, effort)
+                    for at, effort in zip(one.site.outputs, answer, strict=True)
+                ]
+            for i, j, force, moment, point in pushes:
+                push = np.concatenate([force, moment + np.cross(point, force)])
+                found += [(j, push), (i, -push)]
+        return found
+
+    @staticmethod
+    def _on_joint(mechanism: Mechanism, at: int, effort: float) -> tuple[Any, ...]:
+        """An effort on the coordinate of a joint: its parent, its child, force, moment, point."""
+        name, nothing = mechanism.coordinates[at].joint, np.zeros(3)
+        i, j = sorted(index for index, _ in mechanism.frames(name))
+        column, point = mechanism.data.J[:, at], mechanism.data.oMi[j].translation
+        if mechanism.description.joints[name].slides:
+            return i, j, effort * column[:3], nothing, point
+        return i, j, nothing, effort * column[3:], point
 
     def energy(self, data: pin.Data, q: np.ndarray) -> float:
         """Energy that they store [J]; data has the bodies' places."""

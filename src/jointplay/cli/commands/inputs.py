@@ -443,14 +443,15 @@ class PosedMachine:
     notes: list[str]
     """What was chosen for the user, a line each."""
 
-    def undecided(self, force: bool = False) -> str:
+    def undecided(self, force: bool) -> str:
         """What decides where it rests and nobody gave, to add to a sentence.
 
-        `force`: whether one is on the tool, under which computed torque is taken for rigid.
+        `force`: whether one is on the tool.
         """
         from jointplay.scenario.assumptions import undecided_at_rest
 
-        loaded = bool(self.poses.machine.payloads) and not force
+        machine = self.poses.machine
+        loaded = bool(machine.payloads or machine.loads) or force
         words = undecided_at_rest(self.scenario, self.case, self.mechanism, loaded)
         return f"; assumed: {', '.join(words)}" if words else ""
 

@@ -74,7 +74,7 @@ def _stacked(parts: np.ndarray, names: Sequence[str], **look: Any) -> list[Mark]
     """Bars of each cause, one where the other ends, negative ones to the left (causes, rows)."""
     marks: list[Mark] = []
     ends = {1.0: np.zeros(parts.shape[1]), -1.0: np.zeros(parts.shape[1])}
-    for own, name, colour in zip(parts, names, COLOURS, strict=False):
+    for own, name, colour in zip(parts, names, many(len(names)), strict=True):
         for sign, end in ends.items():  # loads may shift the tool back
             part = np.where(np.sign(own) == sign, own, 0.0)
             if sign > 0.0 or part.any():
