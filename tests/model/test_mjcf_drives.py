@@ -127,6 +127,14 @@ def test_drives_that_are_not_read_are_named(tmp_path, drive, words):
     assert "actuator 1" in beyond.notes[-1]
 
 
+def test_joints_that_no_actuator_moves_are_named(tmp_path):
+    notes = read(written(tmp_path, 0, "", TURNS, one('kp="5"'))).beyond.notes
+    assert [note for note in notes if "no actuator of the MJCF moves k:" in note]
+    for drives in ("", one('kp="5"') + FIRM, one('kp="5"') + '<motor joint="k"/>'):
+        notes = read(written(tmp_path, 0, "", TURNS, drives)).beyond.notes
+        assert "no actuator" not in " ".join(notes)
+
+
 def test_two_drives_of_a_joint_add_up(tmp_path):
     beyond = read(written(tmp_path, 0, "", TURNS, one('kp="50"') + one('kp="70"'))).beyond
     assert beyond.tables["drives"]["j"]["p_gain"] == 120.0

@@ -772,6 +772,12 @@ class _Reading:
                 "position actuators of the MJCF, here servos with its gains, 1 V for 1 N m: "
                 f"{few(list(drives))}"
             )
+        if self.drives and (alone := self._without_actuator()):
+            yield (
+                f"note: no actuator of the MJCF moves {few(alone)}: MuJoCo lets it hang, here an "
+                'ideal drive moves or holds it; beside a motion without it, [drives] NAME = "free" '
+                "lets it go"
+            )
         yield from self.said
         ranges = [model.jnt_range[j] for j in self.joints]
         turned = [
@@ -809,6 +815,18 @@ class _Reading:
         unread += [f"{reason} ({few(names)})" for reason, names in self.undriven.items()]
         if unread:
             yield f"note: not read of the MJCF: {', '.join(unread)}"
+
+    def _without_actuator(self) -> list[str]:
+        """Names of hinges and slides on which no actuator acts, and that follow no other."""
+        model, kinds = self.model, self.mujoco.mjtTrn
+        on_joints = np.isin(
+            model.actuator_trntype, (int(kinds.mjTRN_JOINT), int(kinds.mjTRN_JOINTINPARENT))
+        )
+        moved = {*map(int, model.actuator_trnid[on_joints, 0]), *self.mimics}
+        ball = self.mujoco.mjtJoint.mjJNT_BALL
+        return [
+            self.joint_names[j] for j in self.joints if j not in moved and self.types[j] != ball
+        ]
 
     def _balls_have(self, name: str) -> bool:
         """Whether a ball has something of this array, of joints or of their freedoms."""
