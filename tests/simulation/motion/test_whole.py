@@ -129,7 +129,7 @@ def test_a_bare_robot_has_its_tool_chosen_and_its_followers_follow(arm):
     motion = found.simulation().motion
     ends = dict(zip(motion.joints, motion.positions[1], strict=True))
     assert ends["c"] == pytest.approx(-2.0 * ends["b"] + 0.1)
-    assert any("mimic others follow" in note for note in found.notes)
+    assert any("mimic others follow their references" in note for note in found.notes)
     assert found.simulation().mechanism.tool == "four"
 
 

@@ -47,7 +47,10 @@ class CompleteMotion:
             )
         if self.following:
             words = [f"{name} = {mimic.formula()}" for name, mimic in self.following.items()]
-            lines.append(f"joints that mimic others follow: {', '.join(words)}")
+            lines.append(
+                "joints that mimic others follow their references, by drives of their own: "
+                + ", ".join(words)
+            )
         return lines
 
 
