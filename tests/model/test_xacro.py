@@ -324,6 +324,8 @@ def test_wrong_included_file_is_named(robot):
         ('<xacro:property name="r" value="1"/><xacro:property name="r" value="2"/>', "'r' stands"),
         ('<xacro:arg name="r" default="1"/><xacro:arg name="r" default="2"/>', "'r' stands there"),
         ('<xacro:arg name="r" default="1">mass 3</xacro:arg>', "'r' has the text 'mass 3'"),
+        ('<xacro:property name="r" value="1"><axis/></xacro:property>', "'r' has <axis> in it"),
+        ('<xacro:macro name="r"/><xacro:macro name="r"><link/></xacro:macro>', "'r' stands there"),
         ('<xacro:property name="r" value="1_0"/>', "value='1_0' is no number as other programs"),
         ('<xacro:property name="r" value="1e-400"/>', "value='1e-400' is no number as other"),
     ],

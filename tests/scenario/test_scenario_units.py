@@ -157,6 +157,31 @@ def test_whole_speeds_that_look_like_rpm_are_asked_about(tmp_path, speed, asks):
         scenario.simulation(scenario.cases[0])
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "asks"),
+    [
+        (
+            'bearing_radius = "10 mm"',
+            "bearing_radius = 10",
+            "line 17, .*would be m: mm. write",
+        ),
+        ('v1 = "10 mm/s"', "v1 = 10", 'v1: 10 without a unit would be m/s: mm/s. write "10 mm/s"'),
+        ("restitution = 0.9", "journal_material.young = 207", "207 .* would be Pa: GPa. write"),
+        ('"120 mm"', "120", "xyz.*: 120 without a unit would be m: mm"),
+        ('"0.5 mm"\n', "7\n", "7 without a unit would be m: mm"),
+        ('"120 mm"', '"5deg mm"', "is not a length"),
+        ('bearing_radius = "10 mm"', "bearing_radius = 0.01", ""),
+    ],
+)
+def test_numbers_without_a_unit_of_an_odd_size_are_asked_about(tmp_path, old, new, asks):
+    text = shipped("slider_crank.toml").read_text()
+    assert old in text
+    path = tmp_path / "crank.toml"
+    path.write_text(text.replace(old, new).replace('"slider', '"jointplay:slider'))
+    with pytest.raises(JointplayError, match=asks) if asks else nullcontext():
+        Scenario.load(path)
+
+
 def test_whole_numbers_that_look_like_degrees_are_asked_about(tmp_path):
     path = tmp_path / "turn.toml"
     path.write_text(MOTION.format(clearance="0.2 mm", angle="-90"))

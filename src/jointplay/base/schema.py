@@ -54,7 +54,7 @@ from jointplay.base.errors import (
     require_vector,
     within,
 )
-from jointplay.base.units import convert, expected, toml_text
+from jointplay.base.units import ask_scale, convert, expected, toml_text
 
 # Fields of values: each number has its unit, and the range that it must lie in, beside it.
 
@@ -238,12 +238,38 @@ def fields_at(kind: Any, path: Sequence[str], every: bool = True) -> Iterator[tu
         members = [first, *(family.members if every else ())]
         for one in dict.fromkeys(family.member(word).kind for word in members):
             yield from fields_at(one, path, every)
-    elif dataclasses.is_dataclass(kind) and path[0] in (fields := fields_of(kind)):  # type: ignore[arg-type]
+    elif dataclasses.is_dataclass(kind) and path and path[0] in (fields := fields_of(kind)):  # type: ignore[arg-type]
         field = fields[path[0]]
         if len(path) > 1:
             yield from fields_at(field.hint, path[1:], every)
         else:
             yield field, explanations(kind).get(field.name, "")  # type: ignore[arg-type]
+
+
+def ask_scales(kind: type, data: Mapping[str, Any]) -> None:
+    """Ask about numbers of a checked file that have no unit and an odd size; see `ask_scale`.
+
+    Raises:
+        JointplayError: it asks; `where` has the place.
+    """
+    for path, value in _bare(data):
+        names = [one for one in path if isinstance(one, str)]
+        units = {field.units for field, _ in fields_at(kind, names)} or {("",)}
+        if len(units) == 1 and len(unit := units.pop()) == 1:
+            try:
+                ask_scale(value, unit[0])
+            except ValueError as error:
+                raise JointplayError(str(error), path) from None
+
+
+def _bare(value: Any, path: Where = ()) -> Iterator[tuple[Where, float]]:
+    """Numbers in tables and lists that have no unit, with their places."""
+    if isinstance(value, Mapping | list):
+        inside = value.items() if isinstance(value, Mapping) else enumerate(value)
+        for key, one in inside:
+            yield from _bare(one, (*path, key))
+    elif isinstance(value, int | float) and not isinstance(value, bool):
+        yield path, value
 
 
 def _measures(hint: Any) -> bool:

@@ -59,6 +59,14 @@ COMMON = {unit: (unit, 1.0) for unit in WORDS if unit} | {
 """Usual units: in which one of `WORDS`, and how many of it. Pint, which knows all, takes long to
 import; a test holds these against it."""
 
+_DOUBTED = {
+    "m": (5.0, math.inf, "mm"),
+    "m/s": (10.0, math.inf, "mm/s"),
+    "Pa": (1e-9, 1e5, "GPa"),
+}
+"""Sizes from and to which a number without a unit is doubted, and what may have been meant: no part
+of a machine is so long or fast, no material so soft (judged)."""
+
 _LARGEST = 10**300
 """Whole numbers beyond it are none that a float can hold."""
 
@@ -188,6 +196,20 @@ def ask_unit(value: float, unit: str) -> None:
         )
 
 
+def ask_scale(value: float, unit: str) -> None:
+    """Refuse a number without a unit of a size that parts of machines do not have.
+
+    Raises:
+        ValueError: it asks.
+    """
+    least, most, usual = _DOUBTED.get(unit, (math.inf, 0.0, ""))
+    if least <= abs(value) <= most:
+        raise ValueError(
+            f'{value:g} without a unit would be {unit}: {usual}? write "{value:g} {usual}", or '
+            f'"{value:g} {unit}" if that is meant'
+        )
+
+
 def _measured(
     value: str, number: str, factor: float, goal: str, units: tuple[str, ...]
 ) -> Measured:
@@ -235,13 +257,17 @@ class _Unit:
         self.turns = dict(root.unit_items()).get("radian", 0)
 
 
+_NO_TURNS = ("", "rad", "m", "s", "kg", "m/s", "m/s^2", "N", "Pa", "kg/m^3", "V", "ohm")
+"""Units in which nobody leaves an angle out or puts one in: ``5 deg mm`` is no length."""
+
+
 def fits(unit: _Unit, goal: str) -> bool:
     """Whether values in `unit` can be told in `goal`."""
     # The radian has no dimension, so an angle would pass for a number, and a number for an angle.
     # Where both are usual (N m per radian, 1/s), either will do.
     wanted = unit_of(goal)
     return unit.dimensions == wanted.dimensions and (
-        goal not in ("", "rad") or unit.turns == wanted.turns
+        goal not in _NO_TURNS or unit.turns == wanted.turns
     )
 
 

@@ -262,22 +262,24 @@ def _passed_over(document: Any) -> Iterator[str]:
                 yield f"<{one.tagName}>: {name}={value!r} is no number as other programs read them"
         if one.prefix != "xacro":
             continue
-        texts = [text.data.strip() for text in one.childNodes if text.nodeType == text.TEXT_NODE]
-        kept = one.localName in _WITH_TEXT and not one.hasAttribute("value")
-        for text in filter(None, texts if not kept and one.localName not in _PASSED_ON else ()):
-            yield f"<{one.tagName}> {one.getAttribute('name')!r} has the text {text[:30]!r}"
+        kept = one.localName == "property" and not one.hasAttribute("value")
+        inside = () if kept or one.localName in _PASSED_ON else one.childNodes
+        for node in inside:
+            if node.nodeType == node.TEXT_NODE and (text := node.data.strip()):
+                yield f"<{one.tagName}> {one.getAttribute('name')!r} has the text {text[:30]!r}"
+            if node.nodeType == node.ELEMENT_NODE and one.localName in _DEFINE:
+                yield f"<{one.tagName}> {one.getAttribute('name')!r} has <{node.tagName}> in it"
         for other in one.parentNode.childNodes if one.localName in _DEFINE else ():
             same = other.nodeName == one.tagName and other is not one
             if same and other.getAttribute("name") == one.getAttribute("name"):
-                values = [it.getAttribute(_DEFINE[one.localName]) for it in (one, other)]
+                say = _DEFINE[one.localName]
+                values = [it.getAttribute(say) if say else it.toxml() for it in (one, other)]
                 if values[0] != values[1] and not other.hasAttribute("remove"):
                     yield f"<{one.tagName}> {one.getAttribute('name')!r} stands there twice"
 
 
-_DEFINE = {"property": "value", "arg": "default"}
-"""Elements that give a name its value, and the attribute that has it."""
-_WITH_TEXT = ("property",)
-"""Elements whose text is their value if no attribute has one."""
+_DEFINE = {"property": "value", "arg": "default", "macro": ""}
+"""Elements that give a name its value, and the attribute that has it; empty: what is inside."""
 _PASSED_ON = ("macro", "if", "unless", "element")
 """Elements whose text the URDF has."""
 

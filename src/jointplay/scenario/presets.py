@@ -32,7 +32,7 @@ from jointplay.base.errors import (
 )
 from jointplay.base.files import read_text
 from jointplay.base.origins import ASSUMED
-from jointplay.base.schema import check, choice, make, quantity, read, shortest
+from jointplay.base.schema import ask_scales, check, choice, make, quantity, read, shortest
 from jointplay.model.gear import Gearing
 from jointplay.model.urdf import Description
 from jointplay.physics.joints import Clearance
@@ -374,6 +374,8 @@ def _read(path: Path, name: str) -> Preset:
                 with within(*place, part):
                     try:
                         check(_KINDS[part], tables[part])
+                        if isinstance(tables[part], Mapping):
+                            ask_scales(_KINDS[part], tables[part])
                     except MissingKey as error:
                         if error.where:  # of a table within
                             raise

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from jointplay.base.errors import JointplayError, MissingName, require_a
 from jointplay.base.files import is_file, read_text
 from jointplay.base.origins import FILE
-from jointplay.base.schema import check, fields_of, make, unknown_key
+from jointplay.base.schema import ask_scales, check, fields_of, make, unknown_key
 from jointplay.base.tables import Overview, few
 from jointplay.base.units import toml_text
 from jointplay.model.robots import SHIPPED, is_robot, resolve
@@ -134,7 +134,14 @@ class Scenario(Overview):
                 f"{str(path)!r} is a robot; a scenario is needed, a file (.toml) that says besides "
                 "which joints have play and how it moves: jointplay init writes one to start from"
             )
-        return cls(read_text(Path(path), "scenario"), path, settings)
+        scenario = cls(read_text(Path(path), "scenario"), path, settings)
+        for data in (scenario._base, *scenario._changes.values()):
+            try:
+                ask_scales(Model, data)
+            except JointplayError as error:
+                case = next((c for c, one in scenario._changes.items() if one is data), None)
+                raise scenario.error(error.where, str(error), case) from None
+        return scenario
 
     def simulation(
         self,
