@@ -245,7 +245,7 @@ class Scenario(Overview):
         A scenario that is named like its robot is made of it and has that among its settings.
         """
         from jointplay.model import formats
-        from jointplay.scenario.described import description_of, settings_beyond
+        from jointplay.scenario.overrides import description_of, settings_beyond
 
         robot = said.get("robot")
         place = robot.get("urdf") if isinstance(robot, Mapping) else None

@@ -25,8 +25,15 @@ from jointplay.physics.joints import (
     replacing,
 )
 from jointplay.physics.kernel.integrators import DEFAULT
-from jointplay.scenario.described import description_of, settings_beyond
-from jointplay.scenario.overrides import Setting, inline, parse, tree, with_names
+from jointplay.scenario.overrides import (
+    Setting,
+    description_of,
+    inline,
+    parse,
+    settings_beyond,
+    tree,
+    with_names,
+)
 from jointplay.scenario.reading import Scenario
 from jointplay.simulation.result.settings import Integration, RecordSettings
 
