@@ -6,20 +6,25 @@ import errno
 import gc
 import importlib
 import inspect
+import io
 import sys
 from collections.abc import Sequence
+from contextlib import redirect_stdout
 from itertools import zip_longest
 from types import ModuleType
 from typing import Any
 
 from jointplay.base import signals, streams
 from jointplay.base.errors import JointplayError, one_line
+from jointplay.base.imports import extra
 from jointplay.base.modules import import_module
 from jointplay.base.signals import INTERRUPTED
 from jointplay.cli.commands import FRONT, GROUPS, KINDS
-from jointplay.cli.options import BAD_INPUT, Parser
+from jointplay.cli.options import BAD_INPUT, FLAG, Parser
 
 STOPPED = 1
+SHELLS = ("bash", "zsh", "fish", "tcsh")
+"""For which `completion` can be had."""
 
 FIRST = 'jointplay run ar4 --gear joint_2="0.5 deg" --out ar4'
 """What a newcomer types, of a robot that ships."""
@@ -38,7 +43,10 @@ class _Whole(Parser):
 def parser(only: str | None = None) -> Parser:
     """The parser of the command line, of all commands or, which is sooner made, only of one."""
     made = _Whole(prog="jointplay")
-    made.add_argument("--version", action="store_true", help="print the version and exit")
+    made.set_defaults(path=())
+    made.add_argument("--version", **FLAG, help="print the version and exit")
+    made.add_argument("--completion", choices=SHELLS, help="print what has this shell complete "
+                      "commands and options, and exit")  # fmt: skip
     commands = made.add_subparsers(dest="command", metavar="COMMAND", parser_class=Parser)
     for name in (name for names in GROUPS.values() for name in names):
         if only not in (None, name):
@@ -68,6 +76,28 @@ def parsers() -> dict[str, Parser]:
         group = found.pop(name)
         found |= {f"{name} {kind}": one for kind, one in group.choices().items()}
     return found
+
+
+def completion(shell: str) -> str:
+    """What has a shell complete commands, options, their words and files.
+
+    Raises:
+        JointplayError: shtab, which writes it, is not installed.
+    """
+    with extra("completion", "shtab"):
+        import shtab
+    made = parser()
+    left = [made]
+    for one in left:
+        one.explain()
+        for action in one._actions:
+            if isinstance(action, argparse._SubParsersAction):
+                left += action.choices.values()
+            elif any(word in str(action.metavar) for word in ("FILE", "RESULT", "CSV", "DATA")):
+                action.complete = shtab.FILE  # type: ignore[attr-defined]
+            elif action.metavar in ("DIR", "STORE"):
+                action.complete = shtab.DIRECTORY  # type: ignore[attr-defined]
+    return str(shtab.complete(made, shell=shell))
 
 
 def overview() -> str:
@@ -149,7 +179,7 @@ def _command(parser: Parser, options: argparse.Namespace) -> int:
 
         print(f"jointplay {version('jointplay')}")
         return 0
-    if options.command is None:
+    if options.command is None and options.completion is None:
         print(overview())
         return 0
     if options.command in KINDS and options.of_kind is None:
@@ -159,8 +189,15 @@ def _command(parser: Parser, options: argparse.Namespace) -> int:
         with streams.noting(getattr(options, "quiet", False)):
             for module in getattr(options, "import", ()):
                 import_module(module)
-            module = ".".join(options.path)
-            return int(importlib.import_module(f"jointplay.cli.commands.{module}").run(options))
+            if options.completion:
+                print(completion(options.completion))
+                return 0
+            module = importlib.import_module(f"jointplay.cli.commands.{'.'.join(options.path)}")
+            if not getattr(options, "json", False):
+                return int(module.run(options))
+            options.json = sys.stdout  # on which nothing else is to stand
+            with redirect_stdout(io.StringIO()):
+                return int(module.run(options))
     except JointplayError as error:
         return _refuse(options, str(error))
     except KeyboardInterrupt as error:
@@ -198,5 +235,5 @@ def _refuse(options: argparse.Namespace, reason: str) -> int:
     from jointplay.base import files
 
     files.remove_made_folders()
-    print(f"jointplay {' '.join(options.path)}: error: {reason}", file=sys.stderr)
+    print(f"{' '.join(['jointplay', *options.path])}: error: {reason}", file=sys.stderr)
     return BAD_INPUT

@@ -81,6 +81,9 @@ SHARED: dict[str, dict[str, Any]] = {
     "--jobs": {"type": int, "metavar": "N", "help": "processes (default: one per core)"},
     "--quiet": {**FLAG, "help": "do not show progress"},
     "--detail": {**FLAG, "help": "print everything that is known, not only the answer"},
+    "--json": {
+        **FLAG, "help": "print the answer as JSON alone: numbers in SI, values with their origin"
+    },
     "--import": {
         **REPEATED, "metavar": "MODULE", "help": "import this module of your own, by name or file: "
         "a file that is read may name functions in it (none is imported otherwise)"
@@ -192,12 +195,17 @@ class Parser(argparse.ArgumentParser):
             self.error(one_of(str(action.metavar).lower(), value, action.choices))
         super()._check_value(action, value)
 
-    def help_text(self, every: bool) -> str:
-        """The help, with every option, or on one screen those that are most often needed."""
-        asked = []
+    def explain(self) -> None:
+        """Fill in help that takes long."""
         for action in self._actions:
             if action.dest in self.explained:
                 action.help, action.metavar = self.explained[action.dest]()
+
+    def help_text(self, every: bool) -> str:
+        """The help, with every option, or on one screen those that are most often needed."""
+        self.explain()
+        asked = []
+        for action in self._actions:
             if action.required or not action.option_strings:
                 asked.append(" ".join([*action.option_strings[:1], _value_of(action)]))
         self.usage = " ".join([self.prog, *asked, "[options]"])

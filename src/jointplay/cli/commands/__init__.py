@@ -6,6 +6,8 @@ imported there.
 """
 
 import argparse
+import json
+import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -56,17 +58,54 @@ def first_notes(lines: Iterable[str], detail: bool) -> list[str]:
 
 
 def print_answer(
-    sentence: str, body: object, notes: Iterable[str], detail: bool, more: bool = False
+    sentence: str,
+    body: object,
+    notes: Iterable[str],
+    options: argparse.Namespace,
+    more: bool = False,
+    **data: Any,
 ) -> None:
     """Print an answer in a sentence, its tables, and of the notes the `first_notes`.
 
-    `more`: whether the tables have more in detail.
+    Args:
+        sentence, body, notes: the answer, its tables and what else to know, for readers.
+        options: of the command; ``--detail`` prints all notes, ``--json`` JSON instead.
+        more: whether the tables have more in detail.
+        data: the tables and numbers of the answer, for JSON.
     """
-    notes = list(dict.fromkeys(notes))
+    notes, detail = list(dict.fromkeys(notes)), options.detail
+    if getattr(options, "json", None):
+        print_json(options, {"answer": sentence, **data, "notes": notes})
+        return
     kept = first_notes(notes, detail)
     more = len(kept) < len(notes) or (more and not detail)
     lines = [sentence, str(body), *kept, *([MORE] if more else [])]
     print("\n".join(filter(None, lines)))
+
+
+def print_json(options: argparse.Namespace, answer: Mapping[str, Any]) -> None:
+    """Print an answer as JSON: SI units, null for what is no finite number.
+
+    Keys of tables end with the unit; values have the origin that they have in `base.origins`.
+    """
+    json.dump(_plain(answer), options.json, indent=1, ensure_ascii=False, allow_nan=False)
+    print(file=options.json)
+
+
+def _plain(value: Any) -> Any:
+    if hasattr(value, "records"):  # a table
+        return [_plain(row) for row in value.records()]
+    if hasattr(value, "_asdict"):
+        return _plain(value._asdict())
+    if isinstance(value, Mapping):
+        return {str(key): _plain(one) for key, one in value.items()}
+    if hasattr(value, "tolist"):  # of numpy
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple | range):
+        return [_plain(one) for one in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value if isinstance(value, int | str | None) else str(value)
 
 
 def given(options: argparse.Namespace, *names: str) -> dict[str, Any]:

@@ -57,7 +57,7 @@ def declare(parser: Parser) -> None:
         "they are, such as heat,play")
     add("--limit", metavar="CAUSE=X", **REPEATED, help="with --whole, part of a cause that remains "
         "at least (default: 0.1)")
-    parser.share("--jobs", "--detail", "--quiet")
+    parser.share("--json", "--jobs", "--detail", "--quiet")
 # fmt: on
 
 
@@ -127,7 +127,12 @@ def run(options: argparse.Namespace) -> int:
         further.insert(0, f"prices of the classes are assumed; give your own with {own}")
     notes = [f"at: {posed.poses.words}", *notes, *further]
     body = replace(table, notes=shown)
-    print_answer(allotment.sentence, body, notes, options.detail)
+    found: dict[str, Any] = {
+        "choices": allotment.data(),
+        f"error_{allotment.unit}": allotment.error,
+        "values": posed.values,
+    }
+    print_answer(allotment.sentence, body, notes, options, **found)
     if options.verify is not None:
         _verify(options, posed, allotment)
     if options.out:

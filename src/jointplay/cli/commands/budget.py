@@ -37,7 +37,7 @@ def declare(parser: Parser) -> None:
     add("--relative-to", metavar="BODY", help="link or frame from which the error is seen, in its "
         "axes, such as the palm of a hand or the trunk of what walks: what moves both does not "
         "count (default: the world)")
-    parser.share("--detail")
+    parser.share("--json", "--detail")
 # fmt: on
 
 
@@ -64,7 +64,8 @@ def run(options: argparse.Namespace) -> int:
         table, of_class = whole.table(), f"what nobody gave is that of class {about['kind']!r}"
         notes = [*[of_class] * bool(whole.assumed), *at, *table.notes]
         shown = [str(replace(table, notes=())), *_at_ends(options, mechanism, poses.q, about)]
-        print_answer(whole.sentence, "\n".join(shown), notes, options.detail)
+        found = {"causes": whole.data(), "values": posed.values}
+        print_answer(whole.sentence, "\n".join(shown), notes, options, **found)
         if options.out:
             from jointplay.show.plots.design import cause_bars
 
@@ -91,7 +92,8 @@ def run(options: argparse.Namespace) -> int:
     shown += _at_ends(options, mechanism, poses.q, about)
     notes = [*at, *table.notes, errors.validity]
     sentence = f"{errors.sentence}{posed.undecided(any(about['force']))}"
-    print_answer(sentence, "\n".join(shown), notes, options.detail)
+    found = {"poses": errors.data(poses.names), "joints": table, "values": posed.values}
+    print_answer(sentence, "\n".join(shown), notes, options, **found)
     if not options.out:
         return 0
     from jointplay.show.plots import design as plots

@@ -121,7 +121,7 @@ def run(options: argparse.Namespace) -> int:
         if scatter is not None:
             about["error"] = scatter
         plan = plan_calibration(mechanism, [*always, *terms], count=options.count, **about)
-        print_answer("", plan, notes, options.detail)
+        print_answer("", plan, notes, options)
         if options.out:
             out.write({"plan.txt": f"{plan}\n"})
         return 0
@@ -159,7 +159,7 @@ def run(options: argparse.Namespace) -> int:
         if options.detail:
             print(f"{fit.sentence}\n{fit}")
         else:
-            print_answer(fit.sentence, fit.brief(), [*fit.notes, *notes], False, more=True)
+            print_answer(fit.sentence, fit.brief(), [*fit.notes, *notes], options, more=True)
         if options.out:
             from jointplay.show.plots.design import calibration
 

@@ -83,7 +83,7 @@ def run(options: argparse.Namespace) -> int:
     judged = judge(found, trust, jobs=options.jobs, progress=progress)
     body = f"{found.table()}\n{judged.table()}" if options.detail else judged.table()
     notes = [*more, *judged.notes, *found.notes, *extra.pop("", ())]
-    print_answer(judged.sentence, body, notes, options.detail, more=True)
+    print_answer(judged.sentence, body, notes, options, more=True)
     if judged.worse and not options.write_anyway:
         where = judged.worse[0].words
         words = f"nothing written: it makes the error larger ({where}); see --write-anyway"

@@ -112,7 +112,7 @@ def declare(parser: Parser) -> None:
         "joints")
     add("--mjcf", metavar="FILE", help="write it as MJCF, play as dead bands and tilts (export "
         "simulator has more)")
-    parser.share("--detail", "--quiet")
+    parser.share("--json", "--detail", "--quiet")
 # fmt: on
 
 
@@ -157,7 +157,8 @@ def run(options: argparse.Namespace) -> int:
             "note: gears of --gear have no stiffness of their own; unless --known-stiffness gives "
             "it, it is sought from that of the rule on"
         )
-    print_answer(fit.sentence, replace(fit, notes=()), [*fit.notes, *notes], options.detail)
+    data = {**fit.describe(), "values": posed.values}
+    print_answer(fit.sentence, replace(fit, notes=()), [*fit.notes, *notes], options, **data)
     _write_robot(options, fit.preset(_place(options), posed.simulation), fit.mechanism)
     if options.out:
         from jointplay.show.plots.design import identification, reversal_loops
@@ -186,7 +187,7 @@ def _plan(options: argparse.Namespace) -> int:
         **given(options, "push"),
         **shared,
     )
-    print_answer("", plan, posed.notes, options.detail)
+    print_answer("", plan, posed.notes, options, plan=f"{plan}".splitlines())
     if options.out:
         out.write({"plan.txt": f"{plan}\n"})
     return 0
@@ -232,7 +233,7 @@ def _changes(options: argparse.Namespace) -> int:
         old, new = ([identify_problem(machine, one, **about)] for one in data)
     found = changes(old, new)
     notes = [*found.notes, *posed.notes]
-    print_answer(found.sentence, replace(found, notes=()), notes, options.detail)
+    print_answer(found.sentence, replace(found, notes=()), notes, options, **found.describe())
     if options.out:
         said = json.dumps(found.describe(), indent=1) + "\n"
         out.write({"changes.csv": found.data.csv(), "changes.json": said})
@@ -277,12 +278,14 @@ def _gauge(options: argparse.Namespace) -> int:
         joints = list(dict.fromkeys([*posed.mechanism.gears, *named_joints(options)]))
         push = given(options, "push")
         plan = plan_gauge(posed.mechanism, joints, noise=about["noise"], **push)
-        print_answer("", plan, posed.notes, options.detail)
+        print_answer("", plan, posed.notes, options, plan=f"{plan}".splitlines())
         if options.out:
             out.write({"plan.txt": f"{plan}\n", "dial.csv": plan.csv()})
         return 0
     fit = identify_gauged(posed.mechanism, options.data, **about)
-    print_answer(fit.sentence, replace(fit, notes=()), [*fit.notes, *posed.notes], options.detail)
+    found = {**fit.describe(), "values": posed.values}
+    notes = [*fit.notes, *posed.notes]
+    print_answer(fit.sentence, replace(fit, notes=()), notes, options, **found)
     if any(getattr(options, name) is not None for name in OUTPUTS):
         preset = fit.preset(_place(options))
         _write_robot(options, preset, preset.mechanism(tool=fit.mechanism.tool))

@@ -38,6 +38,7 @@ from jointplay.scenario.overrides import Setting, parse, tree
 
 if TYPE_CHECKING:
     from jointplay.accuracy.poses import Poses
+    from jointplay.base.origins import Value
     from jointplay.base.schema import Field
     from jointplay.model.mechanism import Mechanism
     from jointplay.model.urdf import Description
@@ -642,6 +643,13 @@ class PosedMachine:
     @property
     def motion(self) -> Motion | None:
         return self.poses.machine.motion
+
+    @property
+    def values(self) -> list[Value]:
+        """The values of which it is made, with their origins."""
+        from jointplay.simulation.values import values
+
+        return values(self.poses.machine, self.scenario.origins(self.case))
 
     @property
     def simulation(self) -> Simulation | None:

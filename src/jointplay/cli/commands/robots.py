@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import argparse
 import textwrap
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from jointplay.base import streams
 from jointplay.base.errors import JointplayError
@@ -111,6 +111,16 @@ def detail(survey: Survey) -> str:
         options.append(f"--fix {as_option(survey.massless)}")
     lines += [f"    option: {one}" for one in options]
     return "\n".join(lines)
+
+
+def described(description: Description) -> dict[str, Any]:
+    """Joints and links as data: limits in rad or m, speeds and efforts in SI."""
+    keys = ("name", "kind", "parent", "child", "lower", "upper", "speed", "effort")
+    joints = [description.joints[name] for name in description.moving]
+    return {
+        "joints": [{key: getattr(one, key) for key in keys} | {"unit": one.unit} for one in joints],
+        "frames": list(description.links),
+    }
 
 
 def _joints(survey: Survey, description: Description) -> list[str]:

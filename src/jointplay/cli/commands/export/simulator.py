@@ -106,7 +106,7 @@ def run(options: argparse.Namespace) -> int:
 
         contents["reversals.png"] = reversals(reductions[0])
     body = "\n".join([str(shown), *notes, *robot.notes])
-    print_answer(f"{sentence[0].upper()}{sentence[1:]}", body, posed.notes, options.detail)
+    print_answer(f"{sentence[0].upper()}{sentence[1:]}", body, posed.notes, options)
     if robot.meshes:
         (Path(options.out) / FOLDER).mkdir()
     for name, data in robot.meshes.items():

@@ -98,7 +98,7 @@ def run(options: argparse.Namespace) -> int:
     streams.release()
     all_found = hunting.hunting(simulation, joints, held, gain=options.gain, **how)
     table = hunting.table(all_found, options.gain)
-    print_answer(hunting.sentence(all_found), table, hunting.notes(all_found), options.detail)
+    print_answer(hunting.sentence(all_found), table, hunting.notes(all_found), options)
     if options.out:
         out.write({"hunting.csv": table.csv()})
     return 0

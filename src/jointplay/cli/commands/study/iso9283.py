@@ -72,10 +72,10 @@ def run(options: argparse.Namespace) -> int:
             progress=not options.quiet,
         )
         if options.detail:
-            print_answer(performance.sentence, performance, (), True)
+            print_answer(performance.sentence, performance, (), options)
         else:
             notes = (f"conditions: {performance.conditions}", performance.validity)
-            print_answer(performance.sentence, performance.brief, notes, False, more=True)
+            print_answer(performance.sentence, performance.brief, notes, options, more=True)
         if options.out:
             from jointplay.show.plots import design as plots
 

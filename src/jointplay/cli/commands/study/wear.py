@@ -51,7 +51,7 @@ def run(options: argparse.Namespace) -> int:
     )
     columns = [Column("cycles", life.cycles)]
     columns += [Column(name, getattr(life, name), "m", fine=True) for name in ("deepest", "mean")]
-    print_answer(str(life), Table(columns), (), options.detail)
+    print_answer(str(life), Table(columns), (), options)
     if options.out:
         files.write(options.out, life.table.csv())
         print(f"profiles in {options.out}")
