@@ -70,9 +70,7 @@ def looked_at(command, *words):
         simulation = hunting.released(options)
         return json.dumps([simulation.describe(), repr(simulation.drive)], default=str)
     if command in STANDING:
-        if command == "export simulator":
-            options.pose = [options.pose or ""]
-        posed = inputs.posed_machine(options)
+        posed = inputs.posed_machine(options, single=command == "export simulator")
         found = [posed.mechanism.describe(), posed.poses.q.tolist(), repr(posed.poses.holding)]
         if hasattr(options, "force"):
             found += [

@@ -86,8 +86,8 @@ def declare(parser: Parser) -> None:
     add("--lag", metavar="TIME|inf", help="about how late readings of the tool, and of links, may "
         "be behind the motors' encoders [s]; 0: simultaneous, inf: unknown (default: 0, of bags "
         "and datasets inf)")
-    add("--pose", metavar="JOINT=X,...", help="readings of a dial gauge: pose in which they were "
-        "taken")
+    add("--pose", **REPEATED, metavar="JOINT=X,...", help="readings of a dial gauge: pose in which "
+        "they were taken")
     add = parser.add_argument_group("bags and datasets").add_argument
     add("--source", metavar="SIGNAL=TOPIC", **REPEATED, help="topic of a bag that has a signal, or "
         'feature of a dataset and its unit: "motor=/joint_states", "tool=/tracker/pose", '
@@ -262,8 +262,7 @@ def _gauged(options: argparse.Namespace) -> tuple[PosedMachine, dict[str, Any]]:
             option = f"--{name.replace('_', '-')}"
             raise JointplayError(f"{option} is not for a dial gauge, which tells single joints")
     noise = numbers_by_name(options.noise, "--noise SIGNAL=X", {"tool": "m", "link": "rad"})
-    options.pose = [options.pose or ""] if options.pose or not options.motion else []
-    posed = posed_machine(options)
+    posed = posed_machine(options, single=True)
     return posed, {"noise": noise, "pose": posed.poses.positions() if any(options.pose) else None}
 
 

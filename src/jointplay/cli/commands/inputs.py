@@ -657,11 +657,13 @@ class PosedMachine:
         return self.scenario.simulation(self.case) if self.of_file else None
 
 
-def posed_machine(options: argparse.Namespace) -> PosedMachine:
+def posed_machine(options: argparse.Namespace, single: bool = False) -> PosedMachine:
     """The machine that the options describe, and the poses at which it is to be looked at.
 
+    `single`: whether that is one, which does not follow a scenario's motion.
+
     Raises:
-        JointplayError: see `scenario_of`.
+        JointplayError: several poses where it is one; see `scenario_of`.
     """
     from jointplay.accuracy.poses import poses_of
     from jointplay.scenario import assumptions
@@ -673,7 +675,11 @@ def posed_machine(options: argparse.Namespace) -> PosedMachine:
     scenario = scenario_of(options, moves=False)
     case = options.case or scenario.cases[0]
     machine, named = scenario.simulation(options.case, still=True), named_joints(options)
+    if single:
+        require_one_pose(options)
     given = _given_poses(options, machine.mechanism)
+    if single and not given and ways.get("motion") is None:
+        given = {"": {}}
     poses = poses_of(machine, given, ways["workspace"])
     notes = assumptions.notes_at_poses(
         scenario,
@@ -684,6 +690,11 @@ def posed_machine(options: argparse.Namespace) -> PosedMachine:
         relative_to=_value(options, "relative_to"),
     )
     return PosedMachine(scenario, case, is_scenario(options), poses, notes)
+
+
+def require_one_pose(options: argparse.Namespace) -> None:
+    if len(options.pose) > 1:
+        raise JointplayError(f"give --pose once, got {len(options.pose)}")
 
 
 def _given_poses(
@@ -714,7 +725,7 @@ def _given_poses(
     return found
 
 
-def positions(mechanism: Mechanism, text: str, option: str = "--pose") -> dict[str, float]:
+def positions(mechanism: Mechanism, text: str) -> dict[str, float]:
     """Positions of joints [rad or m] in text such as ``JOINT=X,JOINT=X``."""
     found = {}
     names = mechanism.description.joints
@@ -724,8 +735,8 @@ def positions(mechanism: Mechanism, text: str, option: str = "--pose") -> dict[s
         name, value = name_and_number(part.strip(), names)
         name = name if name in names else name.strip()
         if value is None:
-            raise misread(part, f"{option} JOINT=X,JOINT=X,...")
-        found[name] = _position(mechanism, name, value, f"{option} {name}")
+            raise misread(part, "--pose JOINT=X,JOINT=X,...")
+        found[name] = _position(mechanism, name, value, f"--pose {name}")
     return found
 
 

@@ -29,7 +29,7 @@ def declare(parser: Parser) -> None:
     inputs.declare(parser, "robot", "joints with clearance", "gears", "contacts",
         "--joint-friction", "--encoder", required=True)
     add = parser.add_argument
-    add("--pose", metavar="JOINT=X,...", help="pose about which the joint reverses")
+    add("--pose", **REPEATED, metavar="JOINT=X,...", help="pose about which the joint reverses")
     add("--tilt", **FLAG, help="let the axes tilt as well, which only MJCF and JSON can hold")
     add("--out", metavar="DIR", required=True, help="folder for the files")
     add = parser.add_argument_group("reversals").add_argument
@@ -69,8 +69,7 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.bridges.reduced_robot import BEYOND, ReducedRobot, refuse_without_play
     from jointplay.bridges.reduction import is_own, reduce, reduce_all
 
-    options.pose = [options.pose or ""]
-    posed = inputs.posed_machine(options)
+    posed = inputs.posed_machine(options, single=True)
     mechanism, pose = posed.mechanism, posed.poses.positions()
     if not (joint is None or options.joint or posed.of_file or joint in mechanism.gears):
         raise nothing_has_play(mechanism.joints)

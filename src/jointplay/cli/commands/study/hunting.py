@@ -25,6 +25,7 @@ from jointplay.cli.commands.inputs import (
     is_scenario,
     own_preset,
     positions,
+    require_one_pose,
     scenario_of,
 )
 from jointplay.cli.options import REPEATED, TIME, Parser
@@ -39,8 +40,8 @@ def declare(parser: Parser) -> None:
     add = parser.add_argument_group("hunting").add_argument
     add("--of", metavar="JOINT", **REPEATED, help="joint to look at (default: all that have play "
         "and a servo or controller)")
-    add("--held", metavar="JOINT=X,...", help="positions at which joints are held (default: where "
-        "the motion begins)")
+    add("--pose", **REPEATED, metavar="JOINT=X,...", help="positions at which joints are held "
+        "(default: where the motion begins)")
     add("--time", **TIME, help="longest run, if it is not clear before whether swings last "
         "(default: 300 s; 60 s to look for a gain, 12 s for a map)")
     add("--gain", metavar="GAIN", help="gain that is varied: p_gain, i_gain, d_gain, or a "
@@ -77,7 +78,8 @@ def run(options: argparse.Namespace) -> int:
             f"hunting is of gears with play under servos, none is given: add {add}"
         )
     simulation = released(options)
-    held = positions(simulation.mechanism, options.held or "", "--held")
+    require_one_pose(options)
+    held = positions(simulation.mechanism, "".join(options.pose))
     how = {"longest": options.time, "jobs": options.jobs, "progress": not options.quiet}
     joints = options.of or ()
     if spans:
