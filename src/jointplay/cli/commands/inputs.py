@@ -369,6 +369,10 @@ class _Inputs:
         from jointplay.scenario.robot import SCARA_JOINT, robot_scenario
 
         options = self.options
+        more = (_value(options, one) for one in ("gear", "payload", "joint_friction", "preset"))
+        given = [*self.wanted, *self.named, *_given(options)]
+        if self.file is not None and not given and all(one in (None, []) for one in more):
+            return self.file
         names = list(self.named)
         if options.place is None and not names and not self.ideal:
             names = [SCARA_JOINT]
@@ -395,8 +399,6 @@ class _Inputs:
         settings += [*self._others(said), *self.tool, *self.wanted]
         if self.file is None:
             scenario = robot_scenario(options.place, names, settings, self.ideal, moves)
-        elif not settings:
-            return self.file
         else:
             scenario = Scenario.load(options.place, settings)
         if preset is not None:
