@@ -16,7 +16,7 @@ from jointplay.base.errors import JointplayError, one_line
 BAD_INPUT = 2
 ALL = "{} --help all shows every option, with more about each."
 LONG_DEFAULT = 24
-"""Characters; what is longer is only in the long help. Judged: 80 columns stay one line each."""
+"""Characters of a default that the short help shows (judged: longer ones are explanations)."""
 
 
 class Number:

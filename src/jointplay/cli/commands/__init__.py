@@ -38,7 +38,8 @@ FRONT = ("run", "study", "budget", "identify", "play", "live", "report", "export
 """What a newcomer is shown first."""
 
 MOST_NOTES = 3
-"""Lines about what was chosen and assumed that are printed without ``--detail``."""
+"""Lines about what was chosen and assumed that are printed without ``--detail`` (judged:
+tool, sizes and motion are those that decide most)."""
 MORE = "(more with --detail)"
 
 

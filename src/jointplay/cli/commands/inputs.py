@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
 
 MOST_CHOICES = 9
-"""Words that an option's help lists."""
+"""Words that an option's help lists (judged: those that fit two lines)."""
 
 _LINEAR = ("linear-spring", "kelvin-voigt", "anagnostopoulos")
 """Laws whose stiffness is in N/m, and therefore their own."""

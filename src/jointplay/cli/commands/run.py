@@ -43,9 +43,11 @@ if TYPE_CHECKING:
 
 STOPPED = 1
 SHARED_S = 0.3
-"""Runs that take longer [s] have their further runs made by several processes."""
+"""Runs that take longer [s] have their further runs made by several processes (judged: to start
+some takes about as long)."""
 IDLE, IDLE_S = 0.2, 1.0
-"""More than this part of a run, and more than this [s], without motion is told of."""
+"""More than this part of a run, and more than this [s], without motion is told of (judged: less is
+a rest to settle in)."""
 
 
 # fmt: off
