@@ -66,11 +66,26 @@ def test_an_option_is_what_the_scenario_says_of_its_key(flag):
     text, _ = explanation(flag)
     field, said = next(fields_at(Model, flag.keys[0]))
     assert text.endswith(".".join(flag.keys[0]))
-    said = " ".join(said.replace("`", "").split()).rstrip(".").replace("%", "%%")
+    said = " ".join(said.replace("`", "").split()).rstrip(".")
     assert said[1:] in text
     assert said[:1].lower() == text[:1].lower() or not said
     for unit in field.units:
         assert unit.replace("*", " ") in text
+
+
+def test_a_pose_is_given_alike_wherever_one_is_looked_at(tmp_path, capsys):
+    geared = ["ar4", "--gear", "joint_2=1 deg"]
+    for command in (
+        ["export", "simulator", *geared, "--out", str(tmp_path / "o")],
+        ["identify", *geared, "--plan", "dial"],
+        ["study", "hunting", "so101", "--preset", "--of", "elbow_flex"],
+    ):
+        joint = "elbow_flex" if "hunting" in command else "joint_2"
+        twice = ["--pose", f"{joint}=0.1 rad"] * 2
+        assert main([*command, *twice]) == 2
+        assert "give --pose once, got 2" in capsys.readouterr().err
+        assert main([*command, "--pose", f"{joint}=0.1 m"]) == 2
+        assert f"--pose {joint}: " in capsys.readouterr().err
 
 
 def test_a_clearance_has_the_name_that_the_kind_of_joint_has_for_it():

@@ -9,7 +9,6 @@ from test_command_inputs import CALLS
 from jointplay import JointplayError
 from jointplay.cli import parser, parsers
 from jointplay.cli.commands import inputs
-from jointplay.cli.commands.inputs import ENTRIES
 from jointplay.cli.commands.study import hunting
 
 STANDING = ("budget", "allocate", "export simulator", "identify")
@@ -22,6 +21,9 @@ MACHINES = {
     "file": (["jointplay:scara.toml", "--case", "0.2 mm"], "joint_b", "joint_a"),
 }
 """What is looked at; a joint of it that has play, unless it is taken out; and one that has none."""
+OPTIONS = {name for group in inputs.OPTIONS.values() for name, _ in group} | {
+    flag.name for flag in inputs.FLAGS
+}
 ELSEWHERE = {"--case": "of several", "--import": "of what a file names", "--xacro": "of xacro"}
 """What has no meaning for these machines."""
 OWN = {"study wear --joint", "study dynamics --joint", "calibrate --payload"}
@@ -68,9 +70,7 @@ def looked_at(command, *words):
         simulation = hunting.released(options)
         return json.dumps([simulation.describe(), repr(simulation.drive)], default=str)
     if command in STANDING:
-        if command == "export simulator":
-            options.pose = [options.pose or ""]
-        posed = inputs.posed_machine(options)
+        posed = inputs.posed_machine(options, single=command == "export simulator")
         found = [posed.mechanism.describe(), posed.poses.q.tolist(), repr(posed.poses.holding)]
         if hasattr(options, "force"):
             found += [
@@ -92,7 +92,7 @@ def alike():
     found = {}
     for command in CALLS:
         taken = {word for one in parsers()[command]._actions for word in one.option_strings}
-        words = tuple(name for name, *_ in ENTRIES if name.partition(" ")[0] in taken)
+        words = tuple(sorted(taken & OPTIONS))
         found.setdefault((words, command in STANDING, command in BODIES), command)
     return {command: words for (words, *_), command in found.items()}
 
@@ -135,8 +135,7 @@ def outcome(command, line, option, value, *beside):
 def test_each_option_of_each_command_acts_or_is_refused_by_name(machine, tmp_path):
     given, silent = values(*MACHINES[machine][1:], tmp_path), []
     for command, takes in alike().items():
-        known = {name.partition(" ")[0] for name in takes}
-        known = {option for option in known if f"{command} {option}" not in OWN}
+        known = {option for option in takes if f"{command} {option}" not in OWN}
         line = line_of(command, machine, known)
         for option in sorted(known - set(ELSEWHERE)):
             if f"{command} {option}" not in SAID:

@@ -20,7 +20,7 @@ from jointplay import JointplayError
 from jointplay.base import objects, schema
 from jointplay.base.files import MOST_TEXT, csv_rows, names_for
 from jointplay.base.units import convert
-from jointplay.cli.commands import listed
+from jointplay.cli.options import listed
 from jointplay.model import impact
 from jointplay.model.loop import closing_rows, misfit
 from jointplay.model.urdf import MOST_IN_SERIES, MOST_MOVING, as_option

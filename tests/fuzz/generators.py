@@ -34,7 +34,7 @@ import twins
 
 from jointplay import cli
 from jointplay.base.errors import JointplayError
-from jointplay.cli.commands.inputs import _READERS, FLAGS
+from jointplay.cli.commands.inputs import FLAGS, number
 from jointplay.model.urdf import shipped
 from jointplay.simulation.result import netcdf
 from jointplay.simulation.simulation import Simulation
@@ -355,7 +355,7 @@ NUMBERS = {
 
 
 def _is_number(action: argparse.Action) -> bool:
-    texts = {flag.name for flag in FLAGS if flag.attribute in _READERS}
+    texts = {flag.name for flag in FLAGS if flag.read is not number}
     given = {action.metavar} if isinstance(action.metavar, str) else set(action.metavar or ())
     if set(action.option_strings) & {*texts, "--host"}:
         return False

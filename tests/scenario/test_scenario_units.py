@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from jointplay import shipped
 from jointplay.base.errors import JointplayError
 from jointplay.base.units import WORDS, convert, plain_number, readable
-from jointplay.cli.commands import quantity
+from jointplay.cli.options import quantity
 from jointplay.scenario.reading import Scenario
 
 

@@ -15,7 +15,7 @@ from warm import PYTHON, end, start, until
 
 import jointplay as jp
 from jointplay import cli
-from jointplay.cli.commands import run_scenario
+from jointplay.cli.commands import run
 from jointplay.paper import scara
 from jointplay.physics.kernel import Status
 from jointplay.simulation import spool
@@ -190,7 +190,7 @@ def test_size_and_idle_time_are_said_before_a_run(tmp_path, monkeypatch, capsys)
     assert "stands still" not in said  # a quarter of a second
     assert "GB on disk" not in said
     monkeypatch.setattr(spool, "MOST_BYTES", 1 << 20)
-    monkeypatch.setattr(run_scenario, "IDLE_S", 0.1)
+    monkeypatch.setattr(run, "IDLE_S", 0.1)
     assert cli.main([*command, str(tmp_path / "long")]) == 0
     said = capsys.readouterr().err
     assert (

@@ -47,19 +47,21 @@ ENDING_S = 1.0
 """How long a folder's lock is waited for [s]: a killed command's workers hold it until they end."""
 
 LEFT_S = 86400.0
-"""Temporary folders whose owner is dead are deleted when they are older [s]."""
+"""Temporary folders whose owner is dead are deleted when they are older [s] (judged: a
+day, so that none of a machine whose clock is off by a time zone is taken for dead)."""
 
 _swept: set[str] = set()
 """Places in which this process has looked for them."""
 
 MOST_TEXT = 256_000_000
-"""Size of a text that is read: URDF, scenario, table [bytes]."""
+"""Size of a text that is read: URDF, scenario, table [bytes] (judged: a motion of a million
+rows of 100 bytes, and as much again)."""
 
 _HDF5 = b"\x89HDF"
 """How results begin."""
 
 _LONGEST_NAME = 100
-"""Bytes of a file's name that are taken of a label."""
+"""Bytes of a file's name that are taken of a label: file systems take 255 with endings."""
 
 PICTURES = {"png": "Software", "pdf": "Creator", "svg": "Creator"}
 """Formats of pictures, each with the entry of its metadata that names the program."""

@@ -18,6 +18,16 @@ Key = tuple[str, ...]
 Origins = Mapping[Key, tuple[str, str]]
 """Origin and source of values, by key of a scenario; of a whole table, too."""
 
+
+def given(origins: Origins, *path: str) -> set[str]:
+    """Names of what somebody gave in the table at `path`."""
+    return {
+        key[len(path)]
+        for key, (origin, _) in origins.items()
+        if origin != ASSUMED and key[: len(path)] == path and len(key) > len(path)
+    }
+
+
 _WIDTH = 60
 """Letters of a source that a table shows."""
 

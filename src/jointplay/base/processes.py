@@ -34,12 +34,13 @@ _FORKS = sys.platform == "linux"
 _ROOT = Path("/")
 
 _WATCH_S = 1.0
-"""Interval at which a process looks whether its parent is there."""
+"""Interval at which a process looks whether its parent is there [s] (judged: where the
+kernel does not tell it, an orphan lives so much longer)."""
 
 _PR_SET_PDEATHSIG = 1
 
 MOST_DEATHS = 3
-"""Processes that an item may take with it."""
+"""Processes that an item may take with it (judged: once may be by memory that others took)."""
 
 Item = TypeVar("Item")
 Value = TypeVar("Value")

@@ -18,7 +18,7 @@ LINE_EVERY_S = 10.0
 environment replaces it."""
 
 _DRAWN_EVERY_S = 0.2
-"""Interval at which a bar is drawn at most [s]."""
+"""Interval at which a bar is drawn at most [s] (judged: faster cannot be read)."""
 
 _OF_TOTAL = (
     "{desc}{percentage:3.0f}%|{bar}| {n:.10g}/{total:.10g} {unit}{postfix}, {remaining} left"

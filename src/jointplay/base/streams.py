@@ -12,7 +12,7 @@ from typing import Any
 from jointplay.base.errors import one_line
 
 _MOST_NOISE = 10_000
-"""Bytes of what a library prints that are kept."""
+"""Bytes of what a library prints that are kept (judged: the first hundred lines say it)."""
 
 _SHOWN = {
     code: repr(chr(code))[1:-1]

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from jointplay.base.origins import Origins, given
 from jointplay.base.schema import fields_of
 from jointplay.base.tables import few
 from jointplay.base.units import readable
@@ -36,8 +37,8 @@ def decisive(scenario: Scenario, simulations: Mapping[str, Simulation]) -> list[
     every = {
         case: [
             *_robot(simulation.mechanism, tool_reason(scenario)),
-            *_joints(simulation.mechanism, scenario.given(case)),
-            *_motion(simulation, scenario.given(case)),
+            *_joints(simulation.mechanism, scenario.origins(case)),
+            *_motion(simulation, scenario.origins(case)),
         ]
         for case, simulation in simulations.items()
     }
@@ -97,7 +98,7 @@ def notes_at_poses(
             tool = f"{mechanism.tool!r}{seen}"
             lines.append(f"note: {name} does not move {tool}, so it adds nothing to the error")
     if play and mechanism.clearance:
-        own = _joints(mechanism, scenario.given(case), moves=False)
+        own = _joints(mechanism, scenario.origins(case), moves=False)
         lines += [f"play: {one}" for one in own]
     lines += by_rule(mechanism, "stiffness")
     if bodies := poses.machine.payloads:
@@ -142,20 +143,20 @@ def undecided_at_rest(
 
     `loaded`: whether it bears what its drives do not know.
     """
-    given, found = scenario.given(case), list[str]()
-    tables = given.get("joints", {})
+    origins, found = scenario.origins(case), list[str]()
     for name, joint in mechanism.clearance.items():
         sizes = [key for key in ("bearing_radius", "bearing_length") if hasattr(joint, key)]
-        known = {*tables.get(name, {})} | ({sizes[0]} if joint.fitted and sizes else set())
+        known = given(origins, "joints", name) | ({sizes[0]} if joint.fitted and sizes else set())
         if len(sizes) == 2 and not known.issuperset(sizes):
             diameter, length = 2e3 * getattr(joint, sizes[0]), 1e3 * getattr(joint, sizes[1])
             found.append(f"bearings of {diameter:g} x {length:g} mm")
     if any(what == "stiffness" for _, what in mechanism.rules):
         found.append(f"gears' stiffness by rule, to a factor of {SPREAD:g}")
-    geared = set(mechanism.gears) - set(given.get("drives", {}))
-    if geared and not given.get("drive", {}).get("encoder"):
+    geared = set(mechanism.gears) - given(origins, "drives")
+    if geared and "encoder" not in given(origins, "drive"):
         found.append("encoders on the motors")
-    if loaded and "drive" not in given and set(mechanism.joints) - set(given.get("drives", {})):
+    driven = "drive" in given(origins)
+    if loaded and not driven and set(mechanism.joints) - given(origins, "drives"):
         found.append(f"drives of {BANDWIDTH:g} rad/s")
     return list(dict.fromkeys(found))
 
@@ -174,14 +175,13 @@ def _robot(mechanism: Mechanism, reason: str) -> list[str]:
     return lines
 
 
-def _joints(mechanism: Mechanism, given: Mapping[str, Any], moves: bool = True) -> list[str]:
-    tables = given.get("joints", {})
+def _joints(mechanism: Mechanism, origins: Origins, moves: bool = True) -> list[str]:
     hinges = {name for its in mechanism.hinges.values() for name in its}
     alike: dict[str, list[str]] = {}
     for name, joint in mechanism.clearance.items():
         if name not in hinges:
             parts = []
-            for field, text, known in of_joint(joint, tables.get(name, ())):
+            for field, text, known in of_joint(joint, given(origins, "joints", name)):
                 label = _LABELS.get(field, field.replace("_", " "))
                 if moves or field != "restitution":
                     parts.append(f"{label} {text}{'' if known else f' {ASSUMED}'}".strip())
@@ -190,10 +190,10 @@ def _joints(mechanism: Mechanism, given: Mapping[str, Any], moves: bool = True) 
     return ["; ".join(words)] if words else []
 
 
-def _motion(simulation: Simulation, given: Mapping[str, Any]) -> list[str]:
+def _motion(simulation: Simulation, origins: Origins) -> list[str]:
     """How points are taken if nobody said, and speeds that a motion's ends take away."""
-    motion, table = simulation.motion, given.get("motion", {})
-    if motion is None or not {"file", "joints"} & set(table):
+    motion, table = simulation.motion, given(origins, "motion")
+    if motion is None or not {"file", "joints"} & table:
         return []
     lines = []
     if "interpolation" not in table:

@@ -456,7 +456,8 @@ def _of_zero(model: Model, mechanism: Mechanism) -> list[str]:
 
 
 _WIDE = 0.1
-"""Part of a bearing's radius from which a clearance is told: a loose fit has a hundredth."""
+"""Part of a bearing's radius from which a clearance is told: a loose fit has a hundredth, and
+who writes millimetres for micrometres is a thousand times off (judged)."""
 
 
 def _of_wide_clearances(mechanism: Mechanism) -> list[str]:
@@ -470,11 +471,13 @@ def _of_wide_clearances(mechanism: Mechanism) -> list[str]:
 
 
 _TURNED = 0.3
-"""Where joints are when it is seen whether gravity moves them [rad or m]: not straight up."""
+"""Where joints are when it is seen whether gravity moves them [rad or m] (judged: any place that is
+no multiple of a quarter turn, where arms stand straight up, would do)."""
 
 
 _NOT_COUPLED = 1e-9
-"""Inertia that two coordinates share, of the mean of their own, that is rounding."""
+"""Inertia that two coordinates share, of the mean of their own, that is rounding (judged:
+that of a product of some ten transforms is 1e-15)."""
 
 
 def _of_idle_planes(mechanism: Mechanism) -> list[str]:
@@ -549,14 +552,15 @@ def _of_falling(model: Model, mechanism: Mechanism, motion: Motion | None) -> li
 
 
 _WEIGHTLESS = 1e-6
-"""Effort below which gravity does not move a joint [N m or N]."""
+"""Effort below which gravity does not move a joint [N m or N] (judged: a milligram at a
+tenth of a metre)."""
 
 
 Built = OrderedDict[tuple[str, ...], Mechanism]
 """Mechanisms that a scenario has built, for who asks for the same again: a run is checked, then
 begun."""
 _LAST_BUILT = 4
-"""So many are kept."""
+"""So many are kept (judged: the ideal machine and three cases)."""
 
 
 def mechanism_of(model: Model, folder: Path, built: Built) -> Mechanism:

@@ -1,19 +1,26 @@
-"""Settings: single keys of a scenario given on top of its file, as by ``--set KEY=VALUE``."""
+"""Settings: single keys of a scenario given on top of its file, as by ``--set KEY=VALUE``.
+
+What a robot's own file says beyond a URDF is settings, too.
+"""
 
 from __future__ import annotations
 
 import copy
 import json
 import tomllib
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from jointplay.base.errors import JointplayError
-from jointplay.base.origins import ASSUMED, GIVEN
+from jointplay.base.origins import ASSUMED, FILE, GIVEN
 from jointplay.base.pairs import divided
 from jointplay.base.units import not_lost, toml_text
 from jointplay.scenario.places import Key, dotted
+
+if TYPE_CHECKING:
+    from jointplay.model.urdf import Description
 
 
 @dataclass(frozen=True)
@@ -148,3 +155,35 @@ def inline(value: Any) -> str:
     if isinstance(value, float):
         return repr(float(value))  # also of numpy's
     return json.dumps(value, ensure_ascii=False, default=str)
+
+
+# The robot that settings make of its file, and what that file says beyond a URDF.
+
+
+def description_of(place: str, settings: Sequence[Setting], folder: Path = Path()) -> Description:
+    """A robot with what settings allow and hold; what else they say is read with the scenario."""
+    robot = tree(settings).get("robot", {})
+    names = {key: robot.get(key) for key in ("allow_unphysical", "fix")}
+    allowed, fix = (one if isinstance(one, list) else [] for one in names.values())
+    arguments = robot.get("xacro")
+    arguments = arguments if isinstance(arguments, dict) else {}
+    from jointplay.model.fixing import with_fixed  # imports Pinocchio
+    from jointplay.model.formats import read
+
+    return with_fixed(read(place, allowed, folder, arguments), fix)
+
+
+def settings_beyond(description: Description, ideal: bool) -> list[Setting]:
+    """What a robot's file says beyond a URDF, of joints that move; play unless it is `ideal`."""
+    settings = []
+    for table, rows in description.beyond.tables.items():
+        for name, row in rows.items():
+            if table == "robot":
+                settings.append(Setting((table, name), row, "the MJCF", FILE))
+                continue
+            if row.get("joint", name) not in description.moving:
+                continue
+            if table == "gears" and ideal:
+                row = row | {"play": 0.0}
+            settings.append(Setting((table, name), row, "the MJCF", FILE))
+    return settings

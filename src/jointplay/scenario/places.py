@@ -13,9 +13,9 @@ from jointplay.base.errors import JointplayError
 from jointplay.base.units import not_lost
 
 LONGEST = 5_000_000
-"""Most characters of a file."""
+"""Most characters of a file (judged: a motion of 100,000 rows; longer ones are CSV)."""
 DEEPEST = 50
-"""Most parts of a key."""
+"""Most parts of a key: those of scenarios have fewer than ten, and what reads them calls itself."""
 _DEEP_KEY = re.compile(
     r"(?<![\w\"'-])(?:[\w\"'-]+[ \t]*\.[ \t]*){%d}" % DEEPEST  # noqa: UP031
 )

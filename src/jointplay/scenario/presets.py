@@ -308,7 +308,7 @@ class Preset:
         Raises:
             JointplayError: no robot is given and the preset has none.
         """
-        from jointplay.scenario.described import description_of
+        from jointplay.scenario.overrides import description_of
         from jointplay.scenario.robot import robot_place, robot_scenario
 
         place = robot or self.robot

@@ -252,7 +252,7 @@ class Scenario(Overview):
         A scenario that is named like its robot is made of it and has that among its settings.
         """
         from jointplay.model import formats
-        from jointplay.scenario.described import description_of, settings_beyond
+        from jointplay.scenario.overrides import description_of, settings_beyond
 
         robot = said.get("robot")
         place = robot.get("urdf") if isinstance(robot, Mapping) else None
@@ -274,21 +274,14 @@ class Scenario(Overview):
 
     def origins(self, case: str) -> dict[tuple[str, ...], tuple[str, str]]:
         """Who gave each value of a case, by key: the file, or the last setting of it."""
-        found: dict[tuple[str, ...], tuple[str, str]] = {}
         data = merge(self._base, self._changes[case])
-        if Path(str(data.get("robot", {}).get("urdf"))).name != self.path.name:
-            found = dict.fromkeys(_leaves(data), (FILE, self.path.name))
+        if Path(str(data.get("robot", {}).get("urdf"))).name == self.path.name:
+            data = {key: one for key, one in data.items() if key not in ("title", "robot")}
+        found = dict.fromkeys(_leaves(data), (FILE, self.path.name))
         for one in (*self._read.get(repr(self.data(case).get("robot")), ()), *self.settings):
             for key in _leaves(one.value, one.key):
                 found[key] = (one.origin, f"{one.source}: {one.why}" if one.why else one.source)
         return found
-
-    def given(self, case: str) -> dict[str, Any]:
-        """The same without what stands for what nobody gave."""
-        return merge(
-            merge(self._base, self._changes[case]),
-            tree(one for one in self.settings if not one.assumed),
-        )
 
     def _table(self, value: Any, path: Key) -> Mapping[str, Any]:
         if not isinstance(value, Mapping):

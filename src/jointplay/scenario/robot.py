@@ -25,8 +25,15 @@ from jointplay.physics.joints import (
     replacing,
 )
 from jointplay.physics.kernel.integrators import DEFAULT
-from jointplay.scenario.described import description_of, settings_beyond
-from jointplay.scenario.overrides import Setting, inline, parse, tree, with_names
+from jointplay.scenario.overrides import (
+    Setting,
+    description_of,
+    inline,
+    parse,
+    settings_beyond,
+    tree,
+    with_names,
+)
 from jointplay.scenario.reading import Scenario
 from jointplay.simulation.result.settings import Integration, RecordSettings
 
@@ -36,24 +43,26 @@ SCARA_MOTION = f"{SHIPPED}scara_motion.csv"
 LABEL = "result"
 """Case of a bare robot, after which its file is named."""
 ASSUMED_CLEARANCE = 2e-4
-"""Clearance of a joint of which no more is said than its name [m]."""
+"""Clearance of a joint of which no more is said than its name [m]: the paper's first case."""
 SWING = 0.2
 SLIDE = 0.05
-"""Way of a joint of which no motion is given, at most, there and back [rad, m]."""
+"""Way of a joint of which no motion is given, at most, there and back [rad, m]
+(judged: large enough that play is run through, small enough to hit nothing)."""
 PART = 0.25
-"""Part of the way to its farther limit that it goes at most."""
+"""Part of the way to its farther limit that it goes at most (judged)."""
 ROOM = 0.01
 """Part of the way between its limits that it keeps from each: a drive overshoots a little."""
 SWING_S = 1.0
-"""Time that it takes to get there [s]."""
+"""Time that it takes to get there [s] (judged: at most 0.4 rad/s, as arms move at ease)."""
 STEEPEST = 1.875
-"""Largest speed on the way from rest to rest, by its mean."""
+"""Largest speed on the way from rest to rest, by its mean: 15/8 of the quintic."""
 BRISK = 0.9
-"""Part of a joint's largest speed with which it moves at most."""
+"""Part of a joint's largest speed with which it moves at most (judged: drives overshoot)."""
 SHORTEST_STEP = 1e-9
-"""A shorter one is not chosen: bodies that need it have next to no mass [s]."""
+"""A shorter one is not chosen: bodies that need it have next to no mass (judged) [s]."""
 MARGIN = 1.2
-"""Impacts elsewhere on the way may be as many times as short."""
+"""Impacts elsewhere on the way may be as many times as short (judged: an effective
+mass that falls by a third on the way)."""
 
 
 def _there(place: str) -> bool:

@@ -6,7 +6,7 @@ reads the list sees what was taken for granted, and what another value would cha
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
@@ -130,8 +130,12 @@ def _said(simulation: Simulation, origins: Origins) -> Iterator[tuple[Key, str, 
     motion = simulation.motion
     if motion is not None:
         yield ("motion",), f"{few(list(motion.joints), 2)}: {motion.summary}", said
-    settled = settled_drives(simulation)
-    for name, drive in assign(mechanism, motion, simulation.drive).items():
+    if motion is None and isinstance(simulation.drive, Mapping):  # it stands
+        drives = settled = dict(simulation.drive)
+    else:
+        drives = assign(mechanism, motion, simulation.drive)
+        settled = settled_drives(simulation)
+    for name, drive in ((name, drives[name]) for name in mechanism.joints if name in drives):
         if drive.kind == "free":
             continue
         yield ("drives", name, "kind"), drive.kind, usual

@@ -1,30 +1,21 @@
 """Commands of the command line, one module each, and what they have in common.
 
-A module's docstring is the command's help, from which `cli` makes its parser: the summary, the
-description, the epilog, and its options as they are typed, each with its explanation. `run` does
-the work and returns the exit status; what takes long to import is imported there.
-
-    --runs N  perturbed runs of each variant (default 3)
-    --verify [RUNS=3]  the number may be left out, and is 3 then
-    --set KEY=VALUE ...  may be given several times
-    --encoder {motor,link}  takes one of these words
-    --quiet  has no value
-
-What stands for the value says how it is read (`UNITS`, `TYPES`), and ``(default 3)`` what it is if
-the option is not given. ``FILE | ROBOT`` stands for the inputs of `inputs`, of the groups behind
-it, or all. Options under the title of a group are only in ``--help all``.
+The docstring of a module is the head of its help: summary, description, epilog. `declare` adds its
+options to its parser; `run` does the work and returns the exit status; what takes long to import is
+imported there.
 """
 
 import argparse
-import csv
-import re
-from collections.abc import Callable, Iterable, Mapping
+import json
+import math
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from jointplay.base import files
 from jointplay.base.errors import JointplayError
 from jointplay.base.pairs import misread, name_and_number
+from jointplay.cli.options import quantity
 
 GROUPS = {
     "simulate": ("run", "study", "check", "init"),
@@ -46,67 +37,9 @@ KINDS = {
 FRONT = ("run", "study", "budget", "identify", "play", "live", "report", "export")
 """What a newcomer is shown first."""
 
-UNITS = {"LENGTH": "m", "MASS": "kg", "TIME": "s", "ANGLE": "rad", "FORCE": "N", "MU": ""}
-"""SI units of options' values, by what stands for them in the help; text has a unit of its own."""
-
-
-def listed(text: str) -> list[str]:
-    """Names of an option that takes several, joined by commas; one with commas in double quotes.
-
-    Raises:
-        ArgumentTypeError: a quote that is not closed.
-    """
-    parts = re.sub(r'(^|,|")\s+(?=$|,|")', r"\1", text)  # blanks around quotes
-    try:
-        names = next(csv.reader([parts], skipinitialspace=True, strict=True), [])
-    except csv.Error as error:
-        raise argparse.ArgumentTypeError(f"{text!r}: {error}") from None
-    return [name.strip() for name in names if name.strip()]
-
-
-TYPES: dict[str, Callable[[str], Any]] = {
-    **dict.fromkeys(("N", "RUNS"), int),
-    **dict.fromkeys(("X", "P", "PERCENT", "T"), float),
-    **dict.fromkeys(("LIST", "LINK,...", "JOINT,..."), listed),
-}
-"""How other values are read, likewise; what is in neither is text."""
-
-SHARED = {
-    "--case": "--case NAME  case of the scenario (not needed if there is only one)",
-    "--jobs": "--jobs N  processes (default: one per core)",
-    "--quiet": "--quiet  do not show progress",
-    "--detail": "--detail  print everything that is known, not only the answer",
-    "--import": "--import MODULE ...  import this module of your own, by name or file: a file that "
-    "is read may name functions in it (none is imported otherwise)",
-}
-"""Options that several commands have; their help has only the name."""
-
-Entry = tuple[str, str, str]
-"""An option as it is typed, what is said of it, and the title of its group."""
-
-PLACE = "FILE | ROBOT"
-
-
-def read_help(text: str) -> tuple[list[str], list[Entry]]:
-    """Paragraphs of a command's help, and its options."""
-    prose, entries, group = [""], list[list[str]](), ""
-    for line in text.splitlines():
-        if line.startswith("     "):
-            entries[-1][1] += f" {line.strip()}"
-        elif line.startswith("    "):
-            words, _, about = SHARED.get(line.strip(), line.strip()).partition("  ")
-            entries.append([words, about, group])
-        elif line.startswith("  "):
-            group = line.strip().rstrip(":")
-        elif line:
-            prose[-1] += f"{line} "
-        elif prose[-1]:
-            prose.append("")
-    return [" ".join(one.split()) for one in prose if one], [(a, b, c) for a, b, c in entries]
-
-
 MOST_NOTES = 3
-"""Lines about what was chosen and assumed that are printed without ``--detail``."""
+"""Lines about what was chosen and assumed that are printed without ``--detail`` (judged:
+tool, sizes and motion are those that decide most)."""
 MORE = "(more with --detail)"
 
 
@@ -126,45 +59,54 @@ def first_notes(lines: Iterable[str], detail: bool) -> list[str]:
 
 
 def print_answer(
-    sentence: str, body: object, notes: Iterable[str], detail: bool, more: bool = False
+    sentence: str,
+    body: object,
+    notes: Iterable[str],
+    options: argparse.Namespace,
+    more: bool = False,
+    **data: Any,
 ) -> None:
     """Print an answer in a sentence, its tables, and of the notes the `first_notes`.
 
-    `more`: whether the tables have more in detail.
+    Args:
+        sentence, body, notes: the answer, its tables and what else to know, for readers.
+        options: of the command; ``--detail`` prints all notes, ``--json`` JSON instead.
+        more: whether the tables have more in detail.
+        data: the tables and numbers of the answer, for JSON.
     """
-    notes = list(dict.fromkeys(notes))
+    notes, detail = list(dict.fromkeys(notes)), options.detail
+    if getattr(options, "json", None):
+        print_json(options, {"answer": sentence, **data, "notes": notes})
+        return
     kept = first_notes(notes, detail)
     more = len(kept) < len(notes) or (more and not detail)
     lines = [sentence, str(body), *kept, *([MORE] if more else [])]
     print("\n".join(filter(None, lines)))
 
 
-def in_unit(unit: str) -> Callable[[str], float]:
-    """What reads an option's value: a number in SI units, or text such as ``0.1 mm``."""
+def print_json(options: argparse.Namespace, answer: Mapping[str, Any]) -> None:
+    """Print an answer as JSON: SI units, null for what is no finite number.
 
-    def read(text: str) -> float:
-        try:
-            return quantity(text, unit)
-        except JointplayError as error:
-            raise argparse.ArgumentTypeError(str(error)) from None
-
-    return read
+    Keys of tables end with the unit; values have the origin that they have in `base.origins`.
+    """
+    json.dump(_plain(answer), options.json, indent=1, ensure_ascii=False, allow_nan=False)
+    print(file=options.json)
 
 
-def quantity(text: str, unit: str, option: str = "") -> float:
-    """A number in SI units of text such as ``0.1 mm``; errors name the option."""
-    from jointplay.base.units import ask_unit, convert, plain_number
-
-    try:
-        value: float | str = plain_number(text)
-    except ValueError:
-        value = text
-    try:
-        if isinstance(value, float):
-            ask_unit(value, unit)
-        return float(convert(value, unit))
-    except ValueError as error:
-        raise JointplayError(f"{option}: {error}" if option else str(error)) from None
+def _plain(value: Any) -> Any:
+    if hasattr(value, "records"):  # a table
+        return [_plain(row) for row in value.records()]
+    if hasattr(value, "_asdict"):
+        return _plain(value._asdict())
+    if isinstance(value, Mapping):
+        return {str(key): _plain(one) for key, one in value.items()}
+    if hasattr(value, "tolist"):  # of numpy
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple | range):
+        return [_plain(one) for one in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value if isinstance(value, int | str | None) else str(value)
 
 
 def given(options: argparse.Namespace, *names: str) -> dict[str, Any]:
@@ -228,3 +170,22 @@ class Outputs:
             put = files.write if isinstance(content, str | bytes) else files.picture
             put(Path(self.folder) / name, content)
         print(f"written to {self.folder}: {', '.join(contents)}{further}")
+
+
+def write_preset(path: str, preset: Any) -> None:
+    """Write a preset of one's own, and say how to use it."""
+    files.write(Path(path), preset.text)
+    print(f"written: {path}; every command takes it as --preset {path}")
+
+
+def write_robot(path: str, text: str, meshes: Mapping[str, bytes], words: str) -> None:
+    """Write a robot's file, and beside it its meshes; and say so."""
+    from jointplay.model.meshes import FOLDER
+
+    folder = Path(path).parent / FOLDER
+    files.write(Path(path), text)
+    if meshes:
+        folder.mkdir(exist_ok=True)
+    for name, content in meshes.items():
+        files.write(folder / name, content, overwrite=True)
+    print(f"written: {path}{words}")

@@ -6,39 +6,6 @@ say of which. With --whole, which cause of the whole error to improve at which j
 docs/allocate.md.
 
 Example: jointplay allocate ur5 --clearance "0.1 mm" --target "0.2 mm" --workspace 200
-
-    FILE | ROBOT  robot, joints with clearance, gears, contacts, drive, motion, poses, load, whole
-        error
-    --target SIZE  largest error of the tool, such as "0.2 mm", or angle by which it may be turned,
-        such as "0.1 deg" (required)
-    --quantile P  share of states that must meet the target, such as 0.99 (default: all)
-    --verify [RUNS=3]  simulate the motion with the clearances found, in this many perturbed runs (3
-        if no number is given)
-    --out DIR  folder for allocation.csv and the figure
-    --jobs
-    --detail
-    --quiet
-  costs:
-    --cost {reciprocal,reciprocal-squared,linear}  cost of a clearance c: 1/c, 1/c^2 or -c (default:
-        reciprocal)
-    --weight JOINT=X ...  weight of a joint's cost (default: 1)
-    --price NAME=X ...  price of a class of rolling bearings (C2, CN, C3, C4, CC0, C0, C1,
-        preloaded) or of a grade of a fit (IT6), relative: joints given as NAME=BEARING or NAME=FIT
-        are allocated by class and by fit; with --whole, of halving a cause
-  compensation:
-    --compensation X  price of a motion corrected for play (jointplay compensate): put beside, with
-        what it leaves of the error at rest
-    --trust TEXT  how far play and friction may be off then, such as "play 30 %, friction 50 %"
-        (default: play 30 %)
-  bounds:
-    --least LENGTH  smallest possible clearance (default: 2 um; of gears that turn 0.1 arcmin)
-    --most LENGTH  largest possible clearance (default: 1 mm; of gears that turn 6 deg)
-  whole error:
-    --statistical  with --whole, the target is of the RMS, not of the worst case
-    --by-class LIST  with --whole, joints whose rolling bearings or fits are chosen, too, among all
-        of their size
-    --keep LIST  with --whole, causes that count but stay as they are, such as heat,play
-    --limit CAUSE=X ...  with --whole, part of a cause that remains at least (default: 0.1)
 """
 
 import argparse
@@ -47,7 +14,51 @@ from dataclasses import replace
 from typing import Any
 
 from jointplay.base.errors import JointplayError
-from jointplay.cli.commands import Outputs, given, inputs, numbers_by_name, print_answer, quantity
+from jointplay.cli.commands import Outputs, given, inputs, numbers_by_name, print_answer
+from jointplay.cli.options import FLAG, LENGTH, REPEATED, Parser, listed, quantity
+
+
+# fmt: off
+def declare(parser: Parser) -> None:
+    inputs.declare(parser, "robot", "joints with clearance", "gears", "contacts", "drive", "motion",
+        "poses", "load", "whole error", required=True)
+    add = parser.add_argument
+    add("--target", metavar="SIZE", required=True, help='largest error of the tool, such as "0.2 '
+        'mm", or angle by which it may be turned, such as "0.1 deg"')
+    add("--quantile", metavar="P", type=float, help="share of states that must meet the target, "
+        "such as 0.99 (default: all)")
+    add("--verify", nargs="?", metavar="RUNS", type=int, const=3, help="simulate the motion with "
+        "the clearances found, in this many perturbed runs (3 if no number is given)")
+    add("--out", metavar="DIR", help="folder for allocation.csv and the figure")
+    add = parser.add_argument_group("costs").add_argument
+    add("--cost", choices=("reciprocal", "reciprocal-squared", "linear"), help="cost of a "
+        "clearance c: 1/c, 1/c^2 or -c (default: reciprocal)")
+    add("--weight", metavar="JOINT=X", **REPEATED, help="weight of a joint's cost (default: 1)")
+    add("--price", metavar="NAME=X", **REPEATED, help="price of a class of rolling bearings (C2, "
+        "CN, C3, C4, CC0, C0, C1, preloaded) or of a grade of a fit (IT6), relative: joints given "
+        "as NAME=BEARING or NAME=FIT are allocated by class and by fit; with --whole, of halving a "
+        "cause")
+    add = parser.add_argument_group("compensation").add_argument
+    add("--compensation", metavar="X", type=float, help="price of a motion corrected for play "
+        "(jointplay compensate): put beside, with what it leaves of the error at rest")
+    add("--trust", metavar="TEXT", help='how far play and friction may be off then, such as "play '
+        '30 %, friction 50 %" (default: play 30 %)')
+    add = parser.add_argument_group("bounds").add_argument
+    add("--least", **LENGTH, help="smallest possible clearance (default: 2 um; of gears that turn "
+        "0.1 arcmin)")
+    add("--most", **LENGTH, help="largest possible clearance (default: 1 mm; of gears that turn 6 "
+        "deg)")
+    add = parser.add_argument_group("whole error").add_argument
+    add("--statistical", **FLAG, help="with --whole, the target is of the RMS, not of the worst "
+        "case")
+    add("--by-class", type=listed, metavar="LIST", help="with --whole, joints whose rolling "
+        "bearings or fits are chosen, too, among all of their size")
+    add("--keep", type=listed, metavar="LIST", help="with --whole, causes that count but stay as "
+        "they are, such as heat,play")
+    add("--limit", metavar="CAUSE=X", **REPEATED, help="with --whole, part of a cause that remains "
+        "at least (default: 0.1)")
+    parser.share("--json", "--jobs", "--detail", "--quiet")
+# fmt: on
 
 
 def run(options: argparse.Namespace) -> int:
@@ -116,7 +127,12 @@ def run(options: argparse.Namespace) -> int:
         further.insert(0, f"prices of the classes are assumed; give your own with {own}")
     notes = [f"at: {posed.poses.words}", *notes, *further]
     body = replace(table, notes=shown)
-    print_answer(allotment.sentence, body, notes, options.detail)
+    found: dict[str, Any] = {
+        "choices": allotment.data(),
+        f"error_{allotment.unit}": allotment.error,
+        "values": posed.values,
+    }
+    print_answer(allotment.sentence, body, notes, options, **found)
     if options.verify is not None:
         _verify(options, posed, allotment)
     if options.out:

@@ -6,16 +6,6 @@ direction, and each joint's share. At a pose, along a motion, or over the worksp
 docs/budget.md explains the numbers.
 
 Example: jointplay budget panda --clearance "0.05 mm" --workspace 500 --out panda
-
-    FILE | ROBOT  robot, joints with clearance, gears, contacts, drive, motion, poses, load, whole
-        error
-    --rest-everywhere  for budget.csv, find the position at rest at every pose, not only the worst
-        one (0.1 s per pose with one joint, 0.4 s with six)
-    --out DIR  folder for budget.csv (errors.csv) and the figures
-    --detail
-  robot:
-    --relative-to BODY  link or frame from which the error is seen, in its axes, such as the palm of
-        a hand or the trunk of what walks: what moves both does not count (default: the world)
 """
 
 from __future__ import annotations
@@ -27,11 +17,28 @@ from typing import TYPE_CHECKING, Any
 
 from jointplay.base.errors import JointplayError
 from jointplay.cli.commands import Outputs, inputs, print_answer
+from jointplay.cli.options import FLAG, Parser
 
 if TYPE_CHECKING:
     import numpy as np
 
     from jointplay.model.mechanism import Mechanism
+
+
+# fmt: off
+def declare(parser: Parser) -> None:
+    inputs.declare(parser, "robot", "joints with clearance", "gears", "contacts", "drive", "motion",
+        "poses", "load", "whole error", required=True)
+    add = parser.add_argument
+    add("--rest-everywhere", **FLAG, help="for budget.csv, find the position at rest at every "
+        "pose, not only the worst one (0.1 s per pose with one joint, 0.4 s with six)")
+    add("--out", metavar="DIR", help="folder for budget.csv (errors.csv) and the figures")
+    add = parser.add_argument_group("robot").add_argument
+    add("--relative-to", metavar="BODY", help="link or frame from which the error is seen, in its "
+        "axes, such as the palm of a hand or the trunk of what walks: what moves both does not "
+        "count (default: the world)")
+    parser.share("--json", "--detail")
+# fmt: on
 
 
 def run(options: argparse.Namespace) -> int:
@@ -57,7 +64,8 @@ def run(options: argparse.Namespace) -> int:
         table, of_class = whole.table(), f"what nobody gave is that of class {about['kind']!r}"
         notes = [*[of_class] * bool(whole.assumed), *at, *table.notes]
         shown = [str(replace(table, notes=())), *_at_ends(options, mechanism, poses.q, about)]
-        print_answer(whole.sentence, "\n".join(shown), notes, options.detail)
+        found = {"causes": whole.data(), "values": posed.values}
+        print_answer(whole.sentence, "\n".join(shown), notes, options, **found)
         if options.out:
             from jointplay.show.plots.design import cause_bars
 
@@ -84,7 +92,8 @@ def run(options: argparse.Namespace) -> int:
     shown += _at_ends(options, mechanism, poses.q, about)
     notes = [*at, *table.notes, errors.validity]
     sentence = f"{errors.sentence}{posed.undecided(any(about['force']))}"
-    print_answer(sentence, "\n".join(shown), notes, options.detail)
+    found = {"poses": errors.data(poses.names), "joints": table, "values": posed.values}
+    print_answer(sentence, "\n".join(shown), notes, options, **found)
     if not options.out:
         return 0
     from jointplay.show.plots import design as plots

@@ -10,33 +10,6 @@ marker NAME x [m], or point (names), and group (names); rows in the order of app
 With --plan: the most informative poses.
 
 Example: jointplay calibrate my_robot.urdf poses.csv --tool flange --out found
-
-    FILE | ROBOT  robot
-    [CSV]  table of the poses
-  robot:
-    --point X,Y,Z  nominal place of the measured point in the tool's frame, such as "0,0,0.24" [m]
-    --payload MASS  body that the tool carried all the time, at the measured point
-  causes:
-    --term TERM ...  cause to try, such as "compliance", "play elbow,wrist", "rail shoulder by lift"
-        (default: offset, placement, compliance, eccentricity, play; others: second-harmonic,
-        sawtooth, ratio, hysteresis, link-encoder, rail, suspension; gear, bearing, seat where the
-        scenario has one)
-    --always TERM ...  cause that is in every model
-    --link JOINT ...  joint whose encoder on the link's side is read instead of the motor's
-  fit:
-    --folds K  hold back every K-th row in turn, or each of the: rows, groups, points (default 3)
-    --scatter LENGTH[,ANGLE]  scatter of positions and orientations about the model, such as "2 mm,
-        5 mrad" (default: estimated from the residuals)
-  plan:
-    --plan  propose in which poses to measure
-    --count N  number of poses to choose (default 20)
-    --out DIR  folder for the tables (CSV, JSON) and the figure
-    --detail
-    --quiet
-  corrected robot:
-    --urdf FILE  write the robot's URDF with joints where the kept model has them
-    --mjcf FILE  write it as MJCF; of a robot that was read of one, that one with bodies put right
-    --write-preset FILE  write play and stiffness found, for --preset FILE of every command
 """
 
 from __future__ import annotations
@@ -50,14 +23,59 @@ from typing import TYPE_CHECKING, Any
 from jointplay.base import files
 from jointplay.base.errors import JointplayError
 from jointplay.base.tables import counted
-from jointplay.cli.commands import Outputs, print_answer, quantity, vector
-from jointplay.cli.commands.inputs import is_scenario, scenario_of, write_preset, write_robot
+from jointplay.cli.commands import (
+    Outputs,
+    inputs,
+    print_answer,
+    vector,
+    write_preset,
+    write_robot,
+)
+from jointplay.cli.commands.inputs import is_scenario, scenario_of
+from jointplay.cli.options import FLAG, MASS, REPEATED, Parser, quantity
 
 if TYPE_CHECKING:
     from jointplay.estimate import Calibration
 
 TABLES = ("calibration.csv", "calibration.json", "residuals.csv", "calibration.png")
 ENCODERS, LOOPS = "encoders.csv", "loops.png"
+
+
+# fmt: off
+def declare(parser: Parser) -> None:
+    inputs.declare(parser, "robot", required=True)
+    add = parser.add_argument
+    add("csv", metavar="CSV", nargs="?", help="table of the poses")
+    add = parser.add_argument_group("robot").add_argument
+    add("--point", metavar="X,Y,Z", help="nominal place of the measured point in the tool's frame, "
+        'such as "0,0,0.24" [m]')
+    add("--payload", **MASS, help="body that the tool carried all the time, at the measured point")
+    add = parser.add_argument_group("causes").add_argument
+    add("--term", metavar="TERM", **REPEATED, help='cause to try, such as "compliance", "play '
+        'elbow,wrist", "rail shoulder by lift" (default: offset, placement, compliance, '
+        "eccentricity, play; others: second-harmonic, sawtooth, ratio, hysteresis, link-encoder, "
+        "rail, suspension; gear, bearing, seat where the scenario has one)")
+    add("--always", metavar="TERM", **REPEATED, help="cause that is in every model")
+    add("--link", metavar="JOINT", **REPEATED, help="joint whose encoder on the link's side is "
+        "read instead of the motor's")
+    add = parser.add_argument_group("fit").add_argument
+    add("--folds", metavar="K", default="3", help="hold back every K-th row in turn, or each of "
+        "the: rows, groups, points")
+    add("--scatter", metavar="LENGTH[,ANGLE]", help="scatter of positions and orientations about "
+        'the model, such as "2 mm, 5 mrad" (default: estimated from the residuals)')
+    add = parser.add_argument_group("plan").add_argument
+    add("--plan", **FLAG, help="propose in which poses to measure")
+    add("--count", metavar="N", type=int, default=20, help="number of poses to choose")
+    add("--out", metavar="DIR", help="folder for the tables (CSV, JSON) and the figure")
+    add = parser.add_argument_group("corrected robot").add_argument
+    add("--urdf", metavar="FILE", help="write the robot's URDF with joints where the kept model "
+        "has them")
+    add("--mjcf", metavar="FILE", help="write it as MJCF; of a robot that was read of one, that "
+        "one with bodies put right")
+    add("--write-preset", metavar="FILE", help="write play and stiffness found, for --preset FILE "
+        "of every command")
+    parser.share("--detail", "--quiet")
+# fmt: on
 
 
 def run(options: argparse.Namespace) -> int:
@@ -103,7 +121,7 @@ def run(options: argparse.Namespace) -> int:
         if scatter is not None:
             about["error"] = scatter
         plan = plan_calibration(mechanism, [*always, *terms], count=options.count, **about)
-        print_answer("", plan, notes, options.detail)
+        print_answer("", plan, notes, options)
         if options.out:
             out.write({"plan.txt": f"{plan}\n"})
         return 0
@@ -141,7 +159,7 @@ def run(options: argparse.Namespace) -> int:
         if options.detail:
             print(f"{fit.sentence}\n{fit}")
         else:
-            print_answer(fit.sentence, fit.brief(), [*fit.notes, *notes], False, more=True)
+            print_answer(fit.sentence, fit.brief(), [*fit.notes, *notes], options, more=True)
         if options.out:
             from jointplay.show.plots.design import calibration
 

@@ -4,14 +4,6 @@ Check a scenario without running it: its keys, values and units, the robot, and 
 can start. Prints how the file was understood, and draws the mechanism at the start of the first
 case with clearance. Of a robot alone (URDF, xacro, MJCF) it says what it is made of and what stands
 in the way. All input options of jointplay run are accepted too.
-
-    [FILE | ROBOT]
-    --case NAME ...  run only this case of FILE
-    --schema  print the JSON schema of scenario files instead: saved as scenario.schema.json beside
-        a scenario whose first line is `#:schema scenario.schema.json`, it gives editors with Taplo
-        (Even Better TOML) completion, explanations and checks
-    --picture PNG  picture of the mechanism (default: beside FILE, as .png)
-    --no-picture  do not draw a picture
 """
 
 from __future__ import annotations
@@ -24,7 +16,9 @@ from typing import TYPE_CHECKING, Any
 
 from jointplay.base import files
 from jointplay.base.errors import JointplayError
+from jointplay.cli.commands import inputs, print_json
 from jointplay.cli.commands.inputs import for_joints, is_scenario, scenario_of, xacro_arguments
+from jointplay.cli.options import FLAG, REPEATED, Parser
 from jointplay.model.robots import PREFIXES
 
 if TYPE_CHECKING:
@@ -34,6 +28,21 @@ if TYPE_CHECKING:
 
 MARK = "jointplay check"
 """In the PNG's metadata: a picture that this command may replace."""
+
+
+# fmt: off
+def declare(parser: Parser) -> None:
+    inputs.declare(parser)
+    add = parser.add_argument
+    add("--case", metavar="NAME", **REPEATED, help="run only this case of FILE")
+    add("--schema", **FLAG, help="print the JSON schema of scenario files instead: saved as "
+        "scenario.schema.json beside a scenario whose first line is `#:schema "
+        "scenario.schema.json`, it gives editors with Taplo (Even Better TOML) completion, "
+        "explanations and checks")
+    add("--picture", metavar="PNG", help="picture of the mechanism (default: beside FILE, as .png)")
+    add("--no-picture", **FLAG, help="do not draw a picture")
+    parser.share("--json")
+# fmt: on
 
 
 def run(options: argparse.Namespace) -> int:
@@ -51,10 +60,13 @@ def run(options: argparse.Namespace) -> int:
     scenario = scenario_of(options, moves=not bare)
     place = None if options.no_picture else _place(options, scenario)
     if bare and not _plays(mechanism := scenario.mechanism()):
-        from jointplay.cli.commands.robots import detail
+        from jointplay.cli.commands.robots import described, detail
         from jointplay.model.survey import survey
 
-        print(detail(survey(options.place, xacro_arguments(options.xacro))))
+        text = detail(survey(options.place, xacro_arguments(options.xacro)))
+        if options.json:
+            print_json(options, {"answer": text.splitlines(), **described(mechanism.description)})
+        print(text)
         print(*scenario.assumptions, sep="\n", end="\n" * bool(scenario.assumptions))
         if place is not None:
             q = mechanism.configuration({
@@ -69,6 +81,18 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.scenario.summary import summary  # what comes now takes long to import
 
     runs = {case: scenario.ready_run(case) for case in options.case or scenario.cases}
+    if options.json:
+        from jointplay.simulation.values import values
+
+        cases = {
+            case: {
+                "simulation": run.simulation.describe(),
+                "values": values(run.simulation, scenario.origins(case)),
+            }
+            for case, run in runs.items()
+        }
+        notes = [*scenario.assumptions, *scenario.notes]
+        print_json(options, {"answer": scenario.title, "cases": cases, "notes": notes})
     lines = [summary(scenario, runs), *(f"  {line}" for line in scenario.assumptions)]
     if scenario.sweep:
         from jointplay.study import plan_of

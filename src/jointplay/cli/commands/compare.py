@@ -4,19 +4,24 @@ Compare two results: which inputs differ, by how much the headline figures do an
 more than their numerical errors, how often the joints strike, and how far apart the two tools are.
 
 Example: jointplay compare old/result.nc new/result.nc --out difference
-
-    A  result file (.nc), or a folder with one
-    B  result file (.nc), or a folder with one
-    --out DIR  folder for comparison.txt and the figures that compare both
-    --pdf  draw each figure as .pdf, too
-    --quiet
-    --import
 """
 
 import argparse
 from pathlib import Path
 
 from jointplay.cli.commands import Outputs
+from jointplay.cli.options import FLAG, Parser
+
+
+# fmt: off
+def declare(parser: Parser) -> None:
+    add = parser.add_argument
+    add("a", metavar="A", help="result file (.nc), or a folder with one")
+    add("b", metavar="B", help="result file (.nc), or a folder with one")
+    add("--out", metavar="DIR", help="folder for comparison.txt and the figures that compare both")
+    add("--pdf", **FLAG, help="draw each figure as .pdf, too")
+    parser.share("--quiet", "--import")
+# fmt: on
 
 
 def run(options: argparse.Namespace) -> int:

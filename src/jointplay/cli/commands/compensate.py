@@ -5,24 +5,6 @@ where the ideal robot's would be; then run both motions, also where the model ma
 makes the error larger is not written. No promise about hardware. See docs/compensate.md.
 
 Example: jointplay compensate so101 --preset --motion pick.csv --trust "play 30 %" --out corrected
-
-    [FILE | ROBOT]
-    --trust TEXT  how far the model may be off, such as "play 30 %, friction 50 %, payload 20 %,
-        stiffness 30 %", or "identified, payload 20 %" with the intervals of --preset FILE (default:
-        those, if it has any, or exact): both motions are run at the corners of that
-    --approach  reach stops at which friction leaves open on which side teeth lie from one side:
-        the tool arrives aside, and the joint creeps while it stands
-    --tool-size LENGTH  of the tool or what it holds: by that its turn is weighed against its
-        position (default: position first, the turn as far as that leaves joints free)
-    --passes N  correct by what own runs leave, at most so often, as long as it improves (default 0)
-    --out DIR  folder for motion.csv, original.csv (run --beside compares with it),
-        compensation.csv, corners.csv and error.png
-    --formats LIST  further files in DIR: yaml, mcap (ROS 2 JointTrajectory), table (joint,
-        direction, load), linuxcnc, marlin, klipper, grblhal
-    --write-anyway  write a motion that makes the error larger, too
-    --jobs
-    --detail
-    --quiet
 """
 
 from __future__ import annotations
@@ -35,12 +17,37 @@ from typing import TYPE_CHECKING, Any
 
 from jointplay.base import streams
 from jointplay.base.errors import JointplayError, MissingName, require_whole
-from jointplay.cli.commands import Outputs, print_answer
+from jointplay.cli.commands import Outputs, inputs, print_answer
 from jointplay.cli.commands.inputs import chosen_preset, simulation_of
+from jointplay.cli.options import FLAG, LENGTH, Parser, listed
 
 if TYPE_CHECKING:
     from jointplay.accuracy.compensation import Compensation
     from jointplay.study.corners import Judgement
+
+
+# fmt: off
+def declare(parser: Parser) -> None:
+    inputs.declare(parser)
+    add = parser.add_argument
+    add("--trust", metavar="TEXT", help='how far the model may be off, such as "play 30 %, '
+        'friction 50 %, payload 20 %, stiffness 30 %", or "identified, payload 20 %" with the '
+        "intervals of --preset FILE (default: those, if it has any, or exact): both motions are "
+        "run at the corners of that")
+    add("--approach", **FLAG, help="reach stops at which friction leaves open on which side teeth "
+        "lie from one side: the tool arrives aside, and the joint creeps while it stands")
+    add("--tool-size", **LENGTH, help="of the tool or what it holds: by that its turn is weighed "
+        "against its position (default: position first, the turn as far as that leaves joints "
+        "free)")
+    add("--passes", metavar="N", type=int, default=0, help="correct by what own runs leave, at "
+        "most so often, as long as it improves")
+    add("--out", metavar="DIR", help="folder for motion.csv, original.csv (run --beside compares "
+        "with it), compensation.csv, corners.csv and error.png")
+    add("--formats", type=listed, metavar="LIST", help="further files in DIR: yaml, mcap (ROS 2 "
+        "JointTrajectory), table (joint, direction, load), linuxcnc, marlin, klipper, grblhal")
+    add("--write-anyway", **FLAG, help="write a motion that makes the error larger, too")
+    parser.share("--jobs", "--detail", "--quiet")
+# fmt: on
 
 
 def run(options: argparse.Namespace) -> int:
@@ -76,7 +83,7 @@ def run(options: argparse.Namespace) -> int:
     judged = judge(found, trust, jobs=options.jobs, progress=progress)
     body = f"{found.table()}\n{judged.table()}" if options.detail else judged.table()
     notes = [*more, *judged.notes, *found.notes, *extra.pop("", ())]
-    print_answer(judged.sentence, body, notes, options.detail, more=True)
+    print_answer(judged.sentence, body, notes, options, more=True)
     if judged.worse and not options.write_anyway:
         where = judged.worse[0].words
         words = f"nothing written: it makes the error larger ({where}); see --write-anyway"

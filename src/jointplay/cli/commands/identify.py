@@ -7,52 +7,6 @@ play of single joints. With --plan: the most informative poses and motions; with
 changed since an earlier measurement. docs/identify.md lists the columns of a measurement.
 
 Example: jointplay identify my_robot.toml measured.csv --out worn
-
-    FILE | ROBOT  robot, joints with clearance, gears, drive, motion
-    [DATA]  measurement: CSV with columns such as 'time [s]', 'tool x [mm]'; ROS 2 bag (.mcap or its
-        folder); folder of a LeRobot dataset
-  measurement:
-    --against OLD  earlier measurement of the same machine: states how each play has changed, both
-        compared as one
-    --reference {place,frame,ideal}  what is known of the tool's ideal position: place: only that it
-        is the same at each visit; frame: everything except the pose of the tracker's frame; ideal:
-        everything, calibrated (default place)
-    --noise SIGNAL=X ...  standard deviation of a record, such as "tool=20 um"; by default estimated
-        from the records
-    --known UNKNOWN ...  unknown to take from the scenario instead, such as "friction" or "elbow
-        radial clearance"
-    --also {friction,stiffness,hysteresis} ...  identify the dry friction on the joint's side of
-        every gear, or its hysteresis, not only where the scenario has some; stiffness: of rolling
-        bearings' elements, and of each piece of a gear's curve (K1, K2, K3)
-    --known-stiffness PART=X[+-Y%] ...  such as "elbow=1e5 N*m/rad" (about its axis, of the gear if
-        there is one), "elbow radial=2e8 N/m +- 20 %", "tool=1e6 N/m", "elbow=inf" (rigid),
-        "all=inf" (except gears); stiffnesses that are not given are unknown
-    --drift N  degree of the polynomial in time by which readings may drift; 0: no drift (default 3)
-    --lag TIME|inf  about how late readings of the tool, and of links, may be behind the motors'
-        encoders [s]; 0: simultaneous, inf: unknown (default: 0, of bags and datasets inf)
-    --pose JOINT=X,...  readings of a dial gauge: pose in which they were taken
-  bags and datasets:
-    --source SIGNAL=TOPIC ...  topic of a bag that has a signal, or feature of a dataset and its
-        unit: "motor=/joint_states", "tool=/tracker/pose", "link=observation.state [deg]"; signals
-        are motor, link, torque, tool and force; without the option, the error lists what there is
-    --map JOINT=NAME ...  recorded name of a joint (or axis x, y, z), with a sign, factor and
-        offset: "elbow=joint_3", "elbow=-elbow_flex.pos + 90 deg"
-    --episode N  episode of a dataset, counted from 0
-    --world FRAME ...  frame of a bag whose axes are those of the robot's base
-  plan:
-    --plan [KIND=motion]  propose what to measure: motion, poses and motions of the robot; dial,
-        where to set a dial gauge and how to push
-    --signal {tool,link,torque} ...  signal that can be measured besides the motors' encoders; by
-        default tool
-    --count N  number of experiments to choose (default 6)
-    --push FORCE  force with which the tool can be pushed; 0: none (default: 20)
-    --out DIR  folder for the tables (CSV, JSON) and the figure
-    --write-preset FILE  write the robot's joints with what was identified, for --preset FILE of
-        every command
-    --urdf FILE  write its URDF with the clearance of bearings as chains of joints
-    --mjcf FILE  write it as MJCF, play as dead bands and tilts (export simulator has more)
-    --detail
-    --quiet
 """
 
 from __future__ import annotations
@@ -69,15 +23,22 @@ from jointplay.base.errors import JointplayError
 from jointplay.base.pairs import misread, pair
 from jointplay.base.schema import one_of
 from jointplay.base.tables import few
-from jointplay.cli.commands import Outputs, given, numbers_by_name, print_answer, quantity
+from jointplay.cli.commands import (
+    Outputs,
+    given,
+    inputs,
+    numbers_by_name,
+    print_answer,
+    write_preset,
+    write_robot,
+)
 from jointplay.cli.commands.inputs import (
     PosedMachine,
     is_scenario,
     named_joints,
     posed_machine,
-    write_preset,
-    write_robot,
 )
+from jointplay.cli.options import FORCE, REPEATED, Parser, quantity
 
 if TYPE_CHECKING:
     from jointplay.model.mechanism import Mechanism
@@ -93,6 +54,66 @@ LOOPS = "loops.png"
 OF_JOINTS = ["identified.csv", "identified.json", LOOPS]
 _KINDS = {True: "a table of a dial gauge", False: "a measurement in motion"}
 """What was measured, by whether it is readings."""
+
+
+# fmt: off
+def declare(parser: Parser) -> None:
+    inputs.declare(parser, "robot", "joints with clearance", "gears", "drive", "motion",
+        required=True)
+    add = parser.add_argument
+    add("data", metavar="DATA", nargs="?", help="measurement: CSV with columns such as 'time [s]', "
+        "'tool x [mm]'; ROS 2 bag (.mcap or its folder); folder of a LeRobot dataset")
+    add = parser.add_argument_group("measurement").add_argument
+    add("--against", metavar="OLD", help="earlier measurement of the same machine: states how each "
+        "play has changed, both compared as one")
+    add("--reference", choices=("place", "frame", "ideal"), default="place", help="what is known "
+        "of the tool's ideal position: place: only that it is the same at each visit; frame: "
+        "everything except the pose of the tracker's frame; ideal: everything, calibrated")
+    add("--noise", metavar="SIGNAL=X", **REPEATED, help="standard deviation of a record, such as "
+        '"tool=20 um"; by default estimated from the records')
+    add("--known", metavar="UNKNOWN", **REPEATED, help="unknown to take from the scenario instead, "
+        'such as "friction" or "elbow radial clearance"')
+    add("--also", choices=("friction", "stiffness", "hysteresis"), **REPEATED, help="identify the "
+        "dry friction on the joint's side of every gear, or its hysteresis, not only where the "
+        "scenario has some; stiffness: of rolling bearings' elements, and of each piece of a "
+        "gear's curve (K1, K2, K3)")
+    add("--known-stiffness", metavar="PART=X[+-Y%]", **REPEATED, help='such as "elbow=1e5 N*m/rad" '
+        '(about its axis, of the gear if there is one), "elbow radial=2e8 N/m +- 20 %", "tool=1e6 '
+        'N/m", "elbow=inf" (rigid), "all=inf" (except gears); stiffnesses that are not given are '
+        "unknown")
+    add("--drift", metavar="N", type=int, default=3, help="degree of the polynomial in time by "
+        "which readings may drift; 0: no drift")
+    add("--lag", metavar="TIME|inf", help="about how late readings of the tool, and of links, may "
+        "be behind the motors' encoders [s]; 0: simultaneous, inf: unknown (default: 0, of bags "
+        "and datasets inf)")
+    add("--pose", **REPEATED, metavar="JOINT=X,...", help="readings of a dial gauge: pose in which "
+        "they were taken")
+    add = parser.add_argument_group("bags and datasets").add_argument
+    add("--source", metavar="SIGNAL=TOPIC", **REPEATED, help="topic of a bag that has a signal, or "
+        'feature of a dataset and its unit: "motor=/joint_states", "tool=/tracker/pose", '
+        '"link=observation.state [deg]"; signals are motor, link, torque, tool and force; without '
+        "the option, the error lists what there is")
+    add("--map", metavar="JOINT=NAME", **REPEATED, help="recorded name of a joint (or axis x, y, "
+        'z), with a sign, factor and offset: "elbow=joint_3", "elbow=-elbow_flex.pos + 90 deg"')
+    add("--episode", metavar="N", type=int, help="episode of a dataset, counted from 0")
+    add("--world", metavar="FRAME", **REPEATED, help="frame of a bag whose axes are those of the "
+        "robot's base")
+    add = parser.add_argument_group("plan").add_argument
+    add("--plan", nargs="?", metavar="KIND", const="motion", help="propose what to measure: "
+        "motion, poses and motions of the robot; dial, where to set a dial gauge and how to push")
+    add("--signal", choices=("tool", "link", "torque"), **REPEATED, help="signal that can be "
+        "measured besides the motors' encoders; by default tool")
+    add("--count", metavar="N", type=int, default=6, help="number of experiments to choose")
+    add("--push", **FORCE, help="force with which the tool can be pushed; 0: none (default: 20)")
+    add("--out", metavar="DIR", help="folder for the tables (CSV, JSON) and the figure")
+    add("--write-preset", metavar="FILE", help="write the robot's joints with what was identified, "
+        "for --preset FILE of every command")
+    add("--urdf", metavar="FILE", help="write its URDF with the clearance of bearings as chains of "
+        "joints")
+    add("--mjcf", metavar="FILE", help="write it as MJCF, play as dead bands and tilts (export "
+        "simulator has more)")
+    parser.share("--json", "--detail", "--quiet")
+# fmt: on
 
 
 def run(options: argparse.Namespace) -> int:
@@ -136,7 +157,8 @@ def run(options: argparse.Namespace) -> int:
             "note: gears of --gear have no stiffness of their own; unless --known-stiffness gives "
             "it, it is sought from that of the rule on"
         )
-    print_answer(fit.sentence, replace(fit, notes=()), [*fit.notes, *notes], options.detail)
+    data = {**fit.describe(), "values": posed.values}
+    print_answer(fit.sentence, replace(fit, notes=()), [*fit.notes, *notes], options, **data)
     _write_robot(options, fit.preset(_place(options), posed.simulation), fit.mechanism)
     if options.out:
         from jointplay.show.plots.design import identification, reversal_loops
@@ -165,7 +187,7 @@ def _plan(options: argparse.Namespace) -> int:
         **given(options, "push"),
         **shared,
     )
-    print_answer("", plan, posed.notes, options.detail)
+    print_answer("", plan, posed.notes, options, plan=f"{plan}".splitlines())
     if options.out:
         out.write({"plan.txt": f"{plan}\n"})
     return 0
@@ -211,7 +233,7 @@ def _changes(options: argparse.Namespace) -> int:
         old, new = ([identify_problem(machine, one, **about)] for one in data)
     found = changes(old, new)
     notes = [*found.notes, *posed.notes]
-    print_answer(found.sentence, replace(found, notes=()), notes, options.detail)
+    print_answer(found.sentence, replace(found, notes=()), notes, options, **found.describe())
     if options.out:
         said = json.dumps(found.describe(), indent=1) + "\n"
         out.write({"changes.csv": found.data.csv(), "changes.json": said})
@@ -240,8 +262,7 @@ def _gauged(options: argparse.Namespace) -> tuple[PosedMachine, dict[str, Any]]:
             option = f"--{name.replace('_', '-')}"
             raise JointplayError(f"{option} is not for a dial gauge, which tells single joints")
     noise = numbers_by_name(options.noise, "--noise SIGNAL=X", {"tool": "m", "link": "rad"})
-    options.pose = [options.pose or ""] if options.pose or not options.motion else []
-    posed = posed_machine(options)
+    posed = posed_machine(options, single=True)
     return posed, {"noise": noise, "pose": posed.poses.positions() if any(options.pose) else None}
 
 
@@ -256,12 +277,14 @@ def _gauge(options: argparse.Namespace) -> int:
         joints = list(dict.fromkeys([*posed.mechanism.gears, *named_joints(options)]))
         push = given(options, "push")
         plan = plan_gauge(posed.mechanism, joints, noise=about["noise"], **push)
-        print_answer("", plan, posed.notes, options.detail)
+        print_answer("", plan, posed.notes, options, plan=f"{plan}".splitlines())
         if options.out:
             out.write({"plan.txt": f"{plan}\n", "dial.csv": plan.csv()})
         return 0
     fit = identify_gauged(posed.mechanism, options.data, **about)
-    print_answer(fit.sentence, replace(fit, notes=()), [*fit.notes, *posed.notes], options.detail)
+    found = {**fit.describe(), "values": posed.values}
+    notes = [*fit.notes, *posed.notes]
+    print_answer(fit.sentence, replace(fit, notes=()), notes, options, **found)
     if any(getattr(options, name) is not None for name in OUTPUTS):
         preset = fit.preset(_place(options))
         _write_robot(options, preset, preset.mechanism(tool=fit.mechanism.tool))

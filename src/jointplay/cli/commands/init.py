@@ -2,8 +2,6 @@
 
 Write a commented scenario file that runs as it stands: the SCARA arm, ideal and with two
 clearances. Change what you need, check it with `jointplay check`, and run it with `jointplay run`.
-
-    [NAME]  file name; .toml is added if missing (default scenario.toml)
 """
 
 import argparse
@@ -11,8 +9,17 @@ from pathlib import Path
 
 from jointplay.base import files
 from jointplay.base.errors import JointplayError
+from jointplay.cli.options import Parser
 
 TEMPLATE = Path(__file__).parents[2] / "scenario" / "template.toml"
+
+
+# fmt: off
+def declare(parser: Parser) -> None:
+    add = parser.add_argument
+    add("name", metavar="NAME", nargs="?", default="scenario.toml", help="file name; .toml is "
+        "added if missing")
+# fmt: on
 
 
 def run(options: argparse.Namespace) -> int:

@@ -1,6 +1,6 @@
 """Options that say what a command looks at: a scenario file, or a robot, in the scenario's words.
 
-`entries` has them, `scenario_of` makes of them the scenario that the command is about. An option
+`declare` has them, `scenario_of` makes of them the scenario that the command is about. An option
 for a key of the scenario is only named there: what the key is, its unit, its choices and its
 default come from the field that the scenario's tables have for it.
 """
@@ -10,9 +10,10 @@ from __future__ import annotations
 import argparse
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,10 +23,22 @@ from jointplay.base.origins import ASSUMED
 from jointplay.base.pairs import misread, name_and_number
 from jointplay.base.tables import few
 from jointplay.cli import commands
+from jointplay.cli.options import (
+    BY_UNIT,
+    FLAG,
+    LISTS,
+    MASS,
+    REPEATED,
+    SHARED,
+    Parser,
+    listed,
+    quantity,
+)
 from jointplay.scenario.overrides import Setting, parse, tree
 
 if TYPE_CHECKING:
     from jointplay.accuracy.poses import Poses
+    from jointplay.base.origins import Value
     from jointplay.base.schema import Field
     from jointplay.model.mechanism import Mechanism
     from jointplay.model.urdf import Description
@@ -36,7 +49,7 @@ if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
 
 MOST_CHOICES = 9
-"""Words that an option's help lists."""
+"""Words that an option's help lists (judged: those that fit two lines)."""
 
 _LINEAR = ("linear-spring", "kelvin-voigt", "anagnostopoulos")
 """Laws whose stiffness is in N/m, and therefore their own."""
@@ -63,11 +76,132 @@ def as_local_path(text: str) -> str:
     return text if text.startswith("jointplay:") else str(Path(text).resolve())
 
 
-_READERS: dict[str, Callable[[str], Any]] = {
-    "tool": str,
-    "gravity": gravity,
-    "motion": as_local_path,
+def _option(name: str, **about: Any) -> tuple[str, dict[str, Any]]:
+    return name, about
+
+
+# fmt: off
+OPTIONS: dict[str, tuple[tuple[str, dict[str, Any]], ...]] = {
+    "": (
+        _option("--set", **REPEATED, metavar="KEY=VALUE", help="any key of the scenario, such as "
+            "joints.joint_b.radial_clearance=\"0.3 mm\"; docs/scenarios.md lists them"),
+        _option("--case", **SHARED["--case"]),
+        _option("--import", **SHARED["--import"]),
+    ),
+    "robot": (
+        _option("--xacro", **REPEATED, metavar="NAME:=VALUE", help="argument of a robot that is "
+            "written in xacro"),
+        _option("--allow-unphysical", **LISTS | {"metavar": "LINK,..."}, help="accept these links' "
+            "inertias although they are physically impossible, or all"),
+        _option("--fix", **LISTS | {"metavar": "JOINT,..."}, help="hold these joints, at zero or "
+            "in the middle of limits that exclude it; those that mimic them are held, too"),
+    ),
+    "joints with clearance": (
+        _option("--joint", **REPEATED, metavar="NAME[=LENGTH|=FIT|=BEARING]", help="joint with "
+            "clearance, optionally with its radial clearance, its fit by ISO 286-1, such as "
+            'elbow="20H7/g6", or the designation of its rolling bearing, such as elbow="6010/C3"; '
+            "the options of this group, of contacts and of impacts apply to these joints"),
+        _option("--clearance", metavar="VALUE", type=number, help="radial clearance of these "
+            "joints, or of all that move the tool; of sliders, that on each side [m]"),
+        _option("--ideal", **FLAG, help="the robot without clearance and without play in gears"),
+        _option("--preset", nargs="?", const="", metavar="NAME", help="joints, gears and drives as "
+            "they are publicly known, or assumed for a class of robots (jointplay robots --presets "
+            "lists them; without NAME that of ROBOT); what else is given counts more"),
+    ),
+    "gears": (
+        _option("--gear", **REPEATED, metavar="JOINT=PLAY", help="total play of a joint's gear or "
+            'screw, such as elbow="2 arcmin", lift="0.1 mm", or all="1 arcmin"; the options of '
+            "this group apply to these gears, or to all"),
+    ),
+    "drive": (
+        _option("--joint-friction", **REPEATED, metavar="JOINT=C,V", help="Coulomb [N m or N] and "
+            "viscous [N m s/rad or N s/m] friction (default: from the URDF)"),
+        _option("--payload", **MASS, help="mass held at the tool"),
+    ),
+    "poses": (
+        _option("--pose", **REPEATED, metavar="JOINT=X,...", help="joint positions [rad or m, or "
+            "with a unit]; other joints are at zero, or in the middle of limits that exclude it "
+            "(default: along the motion, or one pose)"),
+        _option("--poses", metavar="FILE", help="CSV with a pose in each line and the header "
+            "<joint>,..., or name,<joint>,... to name them"),
+        _option("--workspace", metavar="N", type=int, help="N poses spread over the limits of all "
+            "joints"),
+    ),
+    "load": (
+        _option("--force", metavar="FX,FY,FZ", help="force on the tool, world axes [N]"),
+    ),
+    "whole error": (
+        _option("--whole", nargs="?", const="", metavar="CLASS", help="the whole error: besides "
+            "play elasticity, sag, encoders, gears, geometry, heat, of a robot of this class where "
+            "nothing else is known (calibrated-industrial, industrial, printed; without CLASS that "
+            "of the scenario's [errors] or of the preset)"),
+        _option("--causes", metavar="LIST", type=listed, help="causes that count in --whole, such "
+            "as play,elasticity (default: all)"),
+    ),
 }
+"""Options of their own, by group, as argparse takes them."""
+
+KEYS: dict[str, dict[str, str]] = {
+    "robot": {"--tool": "robot.tool", "--gravity": "robot.gravity", "--base": "robot.base"},
+    "joints with clearance": {
+        "--axial-clearance": "joints.JOINT.axial_clearance",
+        "--bearing-radius": "joints.JOINT.bearing_radius",
+        "--bearing-length": "joints.JOINT.bearing_length",
+        "--journal-radius": "joints.JOINT.journal_radius",
+        "--journal-length": "joints.JOINT.journal_length",
+    },
+    "gears": {
+        "--gear-stiffness": "gears.GEAR.stiffness",
+        "--gear-damping": "gears.GEAR.damping",
+        "--rotor-inertia": "gears.GEAR.rotor_inertia",
+    },
+    "contacts": {
+        "--young": "joints.JOINT.bearing_material.young joints.JOINT.journal_material.young",
+        "--poisson": "joints.JOINT.bearing_material.poisson joints.JOINT.journal_material.poisson",
+        "--stiffness": "joints.JOINT.stiffness",
+        "--axial-stiffness": "joints.JOINT.axial_stiffness",
+        "--law": "joints.JOINT.normal.law",
+        "--friction": "joints.JOINT.friction.mu_d",
+    },
+    "impacts": {
+        "--restitution": "joints.JOINT.restitution",
+        "--damping": "joints.JOINT.normal.damping",
+        "--impact-mass": "joints.JOINT.normal.mass",
+    },
+    "motion": {"--motion": "motion.file", "--interpolation": "motion.interpolation"},
+    "drive": {
+        "--bandwidth": "drive.bandwidth",
+        "--damping-ratio": "drive.damping_ratio",
+        "--encoder": "drive.encoder",
+    },
+    "start": {
+        "--seed": "integration.seed",
+        "--start": "integration.start",
+        "--settle": "integration.settle",
+        "--judge-from": "integration.judge_from",
+    },
+    "integration and output": {
+        "--step": "integration.step",
+        "--duration": "integration.duration",
+        "--integrator": "integration.integrator",
+        "--macro-step": "integration.macro_step",
+        "--tolerance": "integration.tolerance",
+        "--record-every": "output.record_every",
+    },
+}
+# fmt: on
+"""Options that are names for keys of the scenario, by group: each is one setting, as if by ``--set
+KEY=VALUE``, which the scenario's tables read and explain. ``JOINT`` stands for each joint of
+--joint, ``GEAR`` for each of --gear."""
+
+GROUPS = tuple(dict.fromkeys([*list(OPTIONS)[:4], *KEYS, *OPTIONS]))
+STATIC = ("poses", "load", "whole error")
+"""Groups that only commands have that ask for them."""
+
+
+READERS: dict[str, Callable[[str], Any]] = {
+    "tool": str, "gravity": gravity, "motion": as_local_path
+}  # fmt: skip
 """From the text of the command line to a value of the scenario; other values are numbers."""
 
 
@@ -78,144 +212,46 @@ class Flag:
     name: str
     """As it is typed."""
     keys: tuple[tuple[str, ...], ...]
-    group: str
 
     @property
     def attribute(self) -> str:
         return self.name.removeprefix("--").replace("-", "_")
 
-    def read(self, text: Any) -> Any:
-        return _READERS.get(self.attribute, number)(text) if isinstance(text, str) else text
+    @property
+    def read(self) -> Callable[[str], Any]:
+        """From the text of the command line to a value of the scenario."""
+        return READERS.get(self.attribute, number)
 
 
-ABOUT = (
-    "scenario (.toml; jointplay init writes one), URDF, xacro, or name of a robot such as ur5; "
-    "jointplay robots lists them"
-)
-"""What is said of the file or robot."""
-
-HELP = """
-    --set KEY=VALUE ...  any key of the scenario, such as
-        joints.joint_b.radial_clearance="0.3 mm"; docs/scenarios.md lists them
-    --case
-    --import
-  robot:
-    --xacro NAME:=VALUE ...  argument of a robot that is written in xacro
-    --allow-unphysical LINK,... ...  accept these links' inertias although they are physically
-        impossible, or all
-    --fix JOINT,... ...  hold these joints, at zero or in the middle of limits that exclude it;
-        those that mimic them are held, too
-    --tool  = robot.tool
-    --gravity  = robot.gravity
-    --base  = robot.base
-  joints with clearance:
-    --joint NAME[=LENGTH|=FIT|=BEARING] ...  joint with clearance, optionally with its radial
-        clearance, its fit by ISO 286-1, such as elbow="20H7/g6", or the designation of its rolling
-        bearing, such as elbow="6010/C3"; the options of this group, of contacts and of impacts
-        apply to these joints
-    --clearance VALUE  radial clearance of these joints, or of all that move the tool; of sliders,
-        that on each side [m]
-    --ideal  the robot without clearance and without play in gears
-    --preset [NAME]  joints, gears and drives as they are publicly known, or assumed for a class of
-        robots (jointplay robots --presets lists them; without NAME that of ROBOT); what else is
-        given counts more
-    --axial-clearance  = joints.JOINT.axial_clearance
-    --bearing-radius  = joints.JOINT.bearing_radius
-    --bearing-length  = joints.JOINT.bearing_length
-    --journal-radius  = joints.JOINT.journal_radius
-    --journal-length  = joints.JOINT.journal_length
-  gears:
-    --gear JOINT=PLAY ...  total play of a joint's gear or screw, such as elbow="2 arcmin",
-        lift="0.1 mm", or all="1 arcmin"; the options of this group apply to these gears, or to all
-    --gear-stiffness  = gears.GEAR.stiffness
-    --gear-damping  = gears.GEAR.damping
-    --rotor-inertia  = gears.GEAR.rotor_inertia
-  contacts:
-    --young  = joints.JOINT.bearing_material.young + joints.JOINT.journal_material.young
-    --poisson  = joints.JOINT.bearing_material.poisson + joints.JOINT.journal_material.poisson
-    --stiffness  = joints.JOINT.stiffness
-    --axial-stiffness  = joints.JOINT.axial_stiffness
-    --law  = joints.JOINT.normal.law
-    --friction  = joints.JOINT.friction.mu_d
-  impacts:
-    --restitution  = joints.JOINT.restitution
-    --damping  = joints.JOINT.normal.damping
-    --impact-mass  = joints.JOINT.normal.mass
-  motion:
-    --motion  = motion.file
-    --interpolation  = motion.interpolation
-  drive:
-    --joint-friction JOINT=C,V ...  Coulomb [N m or N] and viscous [N m s/rad or N s/m] friction
-        (default: from the URDF)
-    --bandwidth  = drive.bandwidth
-    --damping-ratio  = drive.damping_ratio
-    --encoder  = drive.encoder
-    --payload MASS  mass held at the tool
-  start:
-    --seed  = integration.seed
-    --start  = integration.start
-    --settle  = integration.settle
-    --judge-from  = integration.judge_from
-  integration and output:
-    --step  = integration.step
-    --duration  = integration.duration
-    --integrator  = integration.integrator
-    --macro-step  = integration.macro_step
-    --tolerance  = integration.tolerance
-    --record-every  = output.record_every
-  poses:
-    --pose JOINT=X,... ...  joint positions [rad or m, or with a unit]; other joints are at zero, or
-        in the middle of limits that exclude it (default: along the motion, or one pose)
-    --poses FILE  CSV with a pose in each line and the header <joint>,..., or name,<joint>,... to
-        name them
-    --workspace N  N poses spread over the limits of all joints
-  load:
-    --force FX,FY,FZ  force on the tool, world axes [N]
-  whole error:
-    --whole [CLASS]  the whole error: besides play elasticity, sag, encoders, gears, geometry, heat,
-        of a robot of this class where nothing else is known (calibrated-industrial, industrial,
-        printed; without CLASS that of the scenario's [errors] or of the preset)
-    --causes LIST  causes that count in --whole, such as play,elasticity (default: all)
-"""
-"""The options by group. One that is followed by = is a name for the keys of the scenario behind it:
-each is one setting, as if by ``--set KEY=VALUE``, which the scenario's tables read and explain.
-``JOINT`` stands for each joint of --joint, ``GEAR`` for each of --gear."""
-
-ENTRIES = commands.read_help(HELP)[1]
 FLAGS = tuple(
-    Flag(name, tuple(tuple(key.split(".")) for key in about[2:].split(" + ")), group)
-    for name, about, group in ENTRIES
-    if about.startswith("= ")
+    Flag(name, tuple(tuple(key.split(".")) for key in keys.split()))
+    for group in KEYS.values()
+    for name, keys in group.items()
 )
-FRONT_OPTIONS = (
-    *("--set", "--case", "--joint", "--clearance", "--preset", "--gear", "--friction", "--motion"),
-    *("--duration", "--pose", "--workspace", "--payload", "--tool", "--detail", "--tilt"),
-)
-"""What the short help shows of them."""
-INPUT_OPTIONS = {one.partition(" ")[0].strip("-").replace("-", "_") for one, *_ in ENTRIES}
-STATIC = ("poses", "load", "whole error")
-"""Groups that only commands have that ask for them."""
 
 
-def entries(parser: argparse.ArgumentParser, about: str) -> Iterator[commands.Entry]:
-    """The options that say what a command looks at, of these groups, and single ones; all but
-    those of `STATIC` if none are named.
+def declare(parser: Parser, *groups: str, required: bool = False) -> None:
+    """Add the file or robot, and options of these groups, or single ones of groups; all but those
+    of `STATIC` if none are named.
     """
-    every = dict.fromkeys(group for *_, group in ENTRIES if group not in STATIC)
-    groups = about.split(", ") if about else list(every)
-    for name, said, group in ENTRIES:
-        if group in ("", *groups) or name.partition(" ")[0] in groups:
-            key = said.startswith("= ")
-            yield (f"{name} VALUE", "", group) if key else (name, said, group)
-
-
-def explain(parser: argparse.ArgumentParser) -> None:
-    """Fill in what the scenario's tables say; only who asks for help waits for them."""
-    known = {flag.name: flag for flag in FLAGS}
-    for action in parser._actions:
-        for name in action.option_strings:
-            if name in known and not action.help:
-                action.help, action.metavar = explanation(known[name])
+    about = "scenario (.toml; jointplay init writes one), URDF, xacro, or name of a robot such as "
+    about += "ur5; jointplay robots lists them"
+    nargs = None if required else "?"
+    parser.add_argument("place", nargs=nargs, metavar="FILE | ROBOT", help=about)
+    flags = {flag.name: flag for flag in FLAGS}
+    for title in GROUPS:
+        every = title in ("", *groups) or not (groups or title in STATIC)
+        group = [*OPTIONS.get(title, ()), *((name, {}) for name in KEYS.get(title, ()))]
+        wanted = [one for one in group if every or one[0] in groups]
+        section = parser.add_argument_group(title) if title and wanted else parser
+        for name, said in wanted:
+            if name in flags:
+                said = {"type": flags[name].read, "metavar": "VALUE"}
+            action = section.add_argument(name, **said)
+            if name in flags:
+                parser.explained[action.dest] = partial(explanation, flags[name])
+            if not title:
+                parser.behind.add(action.dest)
 
 
 def explanation(flag: Flag) -> tuple[str, str]:
@@ -239,11 +275,10 @@ def explanation(flag: Flag) -> tuple[str, str]:
         text += f" [{' or '.join(units)}]"
     known = [default for key in flag.keys if (default := default_of(key))]
     text += f" (default {' '.join(dict.fromkeys(known))})" if known else ""
-    by_unit = {unit: word for word, unit in commands.UNITS.items()}
-    metavar = by_unit.get(field.units[0], "X") if field.units != ("",) else "X"
+    metavar = BY_UNIT.get(field.units[0], "X")
     if is_word(field.hint):
         metavar = "WORD" if choices else flag.keys[0][-1].upper()
-    return f"{text}: {'.'.join(flag.keys[0])}".removeprefix(": ").replace("%", "%%"), metavar
+    return f"{text}: {'.'.join(flag.keys[0])}".removeprefix(": "), metavar
 
 
 def default_of(key: Sequence[str]) -> str:
@@ -262,7 +297,7 @@ def default_of(key: Sequence[str]) -> str:
     return value if isinstance(value, str) else ""
 
 
-_CLEARANCE = Flag("--clearance", (("joints", "JOINT", "clearance"),), "joints with clearance")
+_CLEARANCE = Flag("--clearance", (("joints", "JOINT", "clearance"),))
 """For which each kind of joint has a name of its own: the first of its ``clearance_fields``."""
 
 _OF_FIT = (_CLEARANCE.name, "--axial-clearance", "--bearing-radius", "--journal-radius")
@@ -270,9 +305,6 @@ _OF_FIT = (_CLEARANCE.name, "--axial-clearance", "--bearing-radius", "--journal-
 
 ALL = "all"
 """Stands for all moving joints in --gear."""
-
-SCARA_JOINT = "joint_b"
-"""Joint of the SCARA that has clearance where nothing is named."""
 
 
 def is_scenario(options: argparse.Namespace) -> bool:
@@ -283,7 +315,7 @@ def is_scenario(options: argparse.Namespace) -> bool:
 
 
 def scenario_of(options: argparse.Namespace, moves: bool = True) -> Scenario:
-    """The scenario that the options of `entries` describe.
+    """The scenario that the options of `declare` describe.
 
     Args:
         options: those of the command.
@@ -293,75 +325,271 @@ def scenario_of(options: argparse.Namespace, moves: bool = True) -> Scenario:
     Raises:
         JointplayError: options that do not go together, or what they name is not there.
     """
-    from jointplay.scenario import Scenario
-    from jointplay.scenario.described import settings_beyond
-    from jointplay.scenario.reading import merge
-    from jointplay.scenario.robot import robot_scenario
+    return _Inputs(options).scenario(moves)
 
-    ideal, file = bool(_value(options, "ideal")), None
-    wanted = [parse(text) for text in options.set]
-    for key in ("fix", "allow_unphysical"):
-        if names := _value(options, key):
-            wanted.insert(0, Setting(("robot", key), list(names), f"--{key.replace('_', '-')}"))
-    for name, text in xacro_arguments(_value(options, "xacro")).items():
-        wanted.insert(0, Setting(("robot", "xacro", name), text, "--xacro"))
-    if is_scenario(options):
-        _require_known(options.place)
-        file = Scenario.load(options.place)
-    if file is not None and ideal:
-        raise JointplayError("--ideal is for a robot; here use --set joints.NAME.ideal=true")
-    if file is None and options.case:
-        raise JointplayError("--case needs a scenario (.toml)")
-    of_file = {} if file is None else _tables(file)
-    preset, settings = chosen_preset(options), []
-    if preset is not None:
-        said = preset.settings(_description(options, wanted, file))
-        left = {**of_file, "joints": [one.key[1] for one in said]} if ideal else of_file
-        settings = [one for one in said if one.key[1] not in left.get(one.key[0], {})]
-    names = list(named_joints(options))
-    if options.place is None and not names and not ideal:
-        names = [SCARA_JOINT]
-    if not ideal:
-        loose, tool = _loosened(options, names, file, wanted)
-        names, wanted = [*names, *loose], [*tool, *wanted]
-    whole, lengths = _of_joints(options)
-    fitted = [one.key[1] for one in whole if one.key[2] == "fit"]  # which a preset's bearing is not
-    settings = [one for one in settings if one.key[0] != "joints" or one.key[1] not in fitted]
-    settings += whole
-    beyond = []
-    if file is None and options.place is not None:
-        beyond = settings_beyond(_description(options, wanted, None), ideal)
-    tables = merge(of_file, tree([*beyond, *settings, *wanted]))
-    if names or for_joints(options):
-        settings += _joint_settings(options, names, lengths, tables, file, wanted)
-        if file is not None:  # who names a joint of one case wants its play
+
+class _Inputs:
+    """What options say, as settings of a scenario.
+
+    Of two settings for one key the later counts: those of the preset come first, then options,
+    then --set.
+    """
+
+    def __init__(self, options: argparse.Namespace) -> None:
+        from jointplay.scenario import Scenario
+
+        self.options = options
+        self.ideal = bool(_value(options, "ideal"))
+        self.named = named_joints(options)
+        self.tool: list[Setting] = []
+        """The tool, if it was chosen by the joints that move it."""
+        self.file: Scenario | None = None
+        if is_scenario(options):
+            _require_known(options.place)
+            self.file = Scenario.load(options.place)
+        if self.file is not None and self.ideal:
+            raise JointplayError("--ideal is for a robot; here use --set joints.NAME.ideal=true")
+        if self.file is None and options.case:
+            raise JointplayError("--case needs a scenario (.toml)")
+        xacro = xacro_arguments(_value(options, "xacro"))
+        self.wanted = [
+            *(Setting(("robot", "xacro", name), text, "--xacro") for name, text in xacro.items()),
+            *(
+                Setting(("robot", key), list(names), f"--{key.replace('_', '-')}")
+                for key in ("fix", "allow_unphysical")
+                if (names := _value(options, key))
+            ),
+            *map(parse, options.set),
+        ]
+
+    def scenario(self, moves: bool) -> Scenario:
+        from jointplay.scenario import Scenario
+        from jointplay.scenario.overrides import settings_beyond
+        from jointplay.scenario.reading import merge
+        from jointplay.scenario.robot import SCARA_JOINT, robot_scenario
+
+        options = self.options
+        more = (_value(options, one) for one in ("gear", "payload", "joint_friction", "preset"))
+        given = [*self.wanted, *self.named, *_given(options)]
+        if self.file is not None and not given and all(one in (None, []) for one in more):
+            return self.file
+        names = list(self.named)
+        if options.place is None and not names and not self.ideal:
+            names = [SCARA_JOINT]
+        names += [] if self.ideal else self._loosened()
+        preset, sized = chosen_preset(options), self._sized()
+        fitted = [one.key[1] for one in sized if one.key[2] == "fit"]
+        settings = [] if preset is None else self._of_preset(preset)
+        # A joint with a fit has not the preset's bearing.
+        settings = [one for one in settings if one.key[0] != "joints" or one.key[1] not in fitted]
+        settings += sized
+        beyond = []
+        if self.file is None and options.place is not None:
+            beyond = settings_beyond(self.description, self.ideal)
+        said = merge(self.tables, tree([*beyond, *settings, *self.wanted]))
+        if names or for_joints(options):
+            settings += self._of_joints(names, said.get("joints", {}))
+        gears = self._of_gears(said.get("gears", {}))
+        settings += gears
+        if self.ideal:
+            geared = dict.fromkeys([*said.get("gears", {}), *(one.key[1] for one in gears)])
+            settings += [Setting(("gears", name, "play"), 0.0, "--ideal") for name in geared]
+            loose = tree(self.wanted).get("joints", {})
+            settings += [Setting(("joints", name, "ideal"), True, "--ideal") for name in loose]
+        settings += [*self._others(said), *self.tool, *self.wanted]
+        if self.file is None:
+            scenario = robot_scenario(options.place, names, settings, self.ideal, moves)
+        else:
+            scenario = Scenario.load(options.place, settings)
+        if preset is not None:
+            words, *origins = (
+                f"preset {preset.name}: {one}" for one in (preset.words, *preset.origins)
+            )
+            scenario.assumptions[:] = [words, *scenario.assumptions, *origins]
+        elif own_preset(options):
+            scenario.assumptions.append(
+                f"note: what is publicly known of the joints of {options.place} is left out; "
+                "--preset takes it"
+            )
+        return scenario
+
+    @cached_property
+    def description(self) -> Description:
+        from jointplay.scenario.overrides import description_of
+        from jointplay.scenario.robot import robot_place
+
+        if self.file is None:
+            return description_of(robot_place(self.options.place), self.wanted)
+        robot = self.file.model(self._case or self.file.cases[0]).robot
+        return description_of(robot.urdf, self.wanted, self.file.path.parent)
+
+    @property
+    def _case(self) -> str | None:
+        case = self.options.case
+        return case if isinstance(case, str) else None
+
+    @cached_property
+    def tables(self) -> dict[str, dict[str, Any]]:
+        """What any case of the file says of single joints, by the name of the table."""
+        if self.file is None:
+            return {}
+        found: dict[str, dict[str, Any]] = {
+            name: {} for name in ("joints", "gears", "drives", "joint_friction")
+        }
+        for model in map(self.file.model, self.file.cases):
+            for table, joints in found.items():
+                for name, draft in getattr(model, table).items():
+                    joints.setdefault(name, {"kind": draft.word, **draft.fields})
+        return found
+
+    @cached_property
+    def _movers(self) -> list[str]:
+        """Joints that move the tool of the robot without play, which can have some.
+
+        A tool that is chosen for that is the tool.
+        """
+        from jointplay.physics.joints import replacing
+        from jointplay.scenario.robot import robot_scenario
+
+        if self.file is not None:
+            mechanism = self.file.mechanism(self._case)
+        else:
+            about = [one for one in [*self._others({}), *self.wanted] if one.key[0] == "robot"]
+            mechanism = robot_scenario(self.options.place, (), about, moves=False).mechanism()
+        mechanism = mechanism.ideal()
+        if mechanism.tool_reason and _value(self.options, "tool") is None:
+            chosen = Setting(("robot", "tool"), mechanism.tool, mechanism.tool_reason, ASSUMED)
+            self.tool = [chosen]
+        kinds = {name: entry.kind for name, entry in mechanism.description.joints.items()}
+        movers = mechanism.movers(_value(self.options, "relative_to"))
+        return [name for name in movers if name not in kinds or replacing(kinds[name])]
+
+    def _loosened(self) -> list[str]:
+        """Joints that --clearance is for beside those named: all others that move the tool.
+
+        Unless --joint names some without a size, which it is for, or a file has some.
+        """
+        asked = any(
+            _value(self.options, one) is not None for one in ("clearance", "axial_clearance")
+        )
+        bare = None in self.named.values() or self.options.place is None
+        if not asked or bare or self.tables.get("joints"):
+            return []
+        return [name for name in self._movers if name not in self.named]
+
+    def _of_preset(self, preset: Preset) -> list[Setting]:
+        """What the preset says of joints of which the file says nothing."""
+        settings = preset.settings(self.description)
+        left = {table: [*joints] for table, joints in self.tables.items()}
+        if self.ideal:
+            left["joints"] = [one.key[1] for one in settings]
+        return [one for one in settings if one.key[1] not in left.get(one.key[0], ())]
+
+    def _sized(self) -> list[Setting]:
+        """Bearings and fits of joints given as NAME=BEARING or NAME=FIT."""
+        from jointplay.physics.joints.bearings import bearing_kind, is_catalogued
+        from jointplay.physics.joints.fits import is_fit
+
+        settings = []
+        for name, text in self.named.items():
+            table: dict[str, str] = {}
+            if text is not None and is_fit(text) and not is_catalogued(text):
+                table = {"fit": text}
+            elif text is not None and (kind := bearing_kind(text)) is not None:
+                table = {"kind": kind, "designation": text}
+            for key, value in table.items():
+                settings.append(Setting(("joints", name, key), value, f"--joint {name}={text}"))
+        return settings
+
+    def _of_joints(self, names: Sequence[str], said: Mapping[str, Any]) -> list[Setting]:
+        """What options say of joints, in the words of each joint's kind; of all if none are named.
+
+        `said` is what the file, the preset, and --set say of them.
+
+        Raises:
+            JointplayError: an option for a joint, and no joint.
+        """
+        from jointplay.scenario.robot import assumed_joint, class_of_joint, kind_of_joint
+
+        options, given = self.options, for_joints(self.options)
+        joints = list(names) or [*said]
+        if given and not joints:
+            raise JointplayError(
+                f"{given[0].name} is for a joint with clearance: name it by --joint"
+            )
+        settings, kinds = [], {}
+        for name in joints:
+            own = said.get(name, {})
+            kinds[name] = class_of_joint(kind_of_joint(name, self.description, own))
+            if self.file is not None and name not in said:
+                settings.append(assumed_joint(name, self.description, own))
+        # Joints with a fit, or a bearing of a catalogue, have their sizes by that.
+        fitted = [
+            name
+            for name in joints
+            if not {"fit", "designation"}.isdisjoint(said.get(name, {}))
+            and self.named.get(name, "") is not None
+        ]
+        for flag in given:
+            able = [name for name, kind in kinds.items() if _has(kind, flag)]
+            if flag.name in _OF_FIT:
+                able = [name for name in able if name not in fitted] or able
+            for key in flag.keys:
+                for name in able or joints:
+                    path = _path(key, name, kinds[name], options)
+                    settings.append(Setting(path, _value(options, flag.attribute), flag.name))
+        sized = {one.key[1] for one in self._sized()}
+        for name, text in self.named.items():
+            if text is not None and name not in sized:
+                path = _path(_CLEARANCE.keys[0], name, kinds[name], options)
+                settings.append(Setting(path, number(text), f"--joint {name}={text}"))
+        if self.file is not None:  # who names a joint of one case wants its play
             settings += [Setting(("joints", name, "ideal"), False, "--joint") for name in names]
-    geared = _gear_settings(options, tables, file, wanted)
-    settings += geared
-    if ideal:
-        of_gears = [one.key[1] for one in geared if one.key[0] == "gears"]
-        known = dict.fromkeys([*tables.get("gears", {}), *of_gears])
-        settings += [Setting(("gears", name, "play"), 0.0, "--ideal") for name in known]
-        loose = tree(wanted).get("joints", {})
-        settings += [Setting(("joints", name, "ideal"), True, "--ideal") for name in loose]
-    settings += [*_other_settings(options, tables), *wanted]
-    if file is None:
-        scenario = robot_scenario(options.place, names, settings, ideal, moves)
-    elif not settings:
-        return file
-    else:
-        scenario = Scenario.load(options.place, settings)
-    if preset is not None:
-        words, *origins = (
-            f"preset {preset.name}: {one}" for one in (preset.words, *preset.origins)
-        )
-        scenario.assumptions[:] = [words, *scenario.assumptions, *origins]
-    elif own_preset(options):
-        scenario.assumptions.append(
-            f"note: what is publicly known of the joints of {options.place} is left out; --preset "
-            "takes it"
-        )
-    return scenario
+        return settings
+
+    def _of_gears(self, known: Mapping[str, Any]) -> list[Setting]:
+        """What options say of gears: those of --gear, or else all that are known."""
+        plays: dict[str, float] = {}
+        if entries := _value(self.options, "gear"):
+            joints = self.description.joints
+            units = {name: one.unit for name, one in joints.items() if one.kind != "fixed"}
+            every = [text for text in entries if name_and_number(text)[0] == ALL]
+            if every:
+                plays = _plays_of_all(every, {n: units[n] for n in self._movers if n in units})
+            each = [text for text in entries if text not in every]
+            plays |= commands.numbers_by_name(each, "--gear JOINT=PLAY", units)
+        settings = [Setting(("gears", n, "play"), x, f"--gear {n}") for n, x in plays.items()]
+        for flag in (one for one in _given(self.options) if one.keys[0][0] == "gears"):
+            if not (plays or known):
+                raise JointplayError(
+                    f"{flag.name} is for gears; no joint has one; add it with --gear"
+                )
+            for name in plays or known:
+                value = _value(self.options, flag.attribute)
+                settings.append(Setting(("gears", name, flag.keys[0][2]), value, flag.name))
+        return settings
+
+    def _others(self, said: Mapping[str, Any]) -> list[Setting]:
+        """Settings of neither joints nor gears; `said` is what file, preset and --set say."""
+        options = self.options
+        settings = [
+            Setting(key, _value(options, flag.attribute), flag.name)
+            for flag in _given(options)
+            for key in flag.keys
+            if key[0] not in ("joints", "gears")
+        ]
+        settings = _of_drives(settings, said)
+        if mass := _value(options, "payload"):
+            held = [*said.get("payloads", ()), {"mass": mass}]
+            settings.append(Setting(("payloads",), held, "--payload"))
+        for entry in _value(options, "joint_friction") or ():
+            name, values = name_and_number(entry)
+            parts = [number(value.strip()) for value in (values or "").split(",")]
+            if len(parts) != 2:
+                raise misread(entry, "--joint-friction JOINT=COULOMB,VISCOUS")
+            for key, value in zip(("coulomb", "viscous"), parts, strict=True):
+                settings.append(Setting(("joint_friction", name, key), value, "--joint-friction"))
+        return settings
 
 
 def own_preset(options: argparse.Namespace) -> str:
@@ -384,51 +612,6 @@ def xacro_arguments(texts: Sequence[str] | None) -> dict[str, str]:
             raise misread(text, "--xacro NAME:=VALUE")
         found[name.strip()] = value
     return found
-
-
-def _movers(
-    options: argparse.Namespace, file: Scenario | None, wanted: Sequence[Setting]
-) -> tuple[list[str], list[Setting]]:
-    """Joints that move the tool of the robot without play, which can have some.
-
-    Returns:
-        The joints; the tool, if it was chosen.
-    """
-    from jointplay.physics.joints import replacing
-    from jointplay.scenario.robot import robot_scenario
-
-    if file is not None:
-        mechanism = file.mechanism(options.case if isinstance(options.case, str) else None)
-    else:
-        about = [*_other_settings(options, {}), *wanted]
-        about = [one for one in about if one.key[0] == "robot"]
-        mechanism = robot_scenario(options.place, (), about, moves=False).mechanism()
-    mechanism, entries = mechanism.ideal(), mechanism.description.joints
-    movers = mechanism.movers(_value(options, "relative_to"))
-    able = [name for name in movers if name not in entries or replacing(entries[name].kind)]
-    if _value(options, "tool") is not None or not mechanism.tool_reason:
-        return able, []
-    return able, [Setting(("robot", "tool"), mechanism.tool, mechanism.tool_reason, ASSUMED)]
-
-
-def _loosened(
-    options: argparse.Namespace,
-    named: Sequence[str],
-    file: Scenario | None,
-    wanted: Sequence[Setting],
-) -> tuple[list[str], list[Setting]]:
-    """Joints that --clearance is for beside those `named`: all others that move the tool.
-
-    Unless --joint names some without a size, which it is for, or a file has some. See `_movers`.
-    """
-    if all(_value(options, one) is None for one in ("clearance", "axial_clearance")):
-        return [], []
-    if None in named_joints(options).values() or options.place is None:
-        return [], []
-    if file is not None and _tables(file)["joints"]:
-        return [], []
-    movers, tool = _movers(options, file, wanted)
-    return [name for name in movers if name not in named], tool
 
 
 @dataclass(frozen=True)
@@ -464,16 +647,25 @@ class PosedMachine:
         return self.poses.machine.motion
 
     @property
+    def values(self) -> list[Value]:
+        """The values of which it is made, with their origins."""
+        from jointplay.simulation.values import values
+
+        return values(self.poses.machine, self.scenario.origins(self.case))
+
+    @property
     def simulation(self) -> Simulation | None:
         """As a run of a scenario file has it; None of a robot."""
         return self.scenario.simulation(self.case) if self.of_file else None
 
 
-def posed_machine(options: argparse.Namespace) -> PosedMachine:
+def posed_machine(options: argparse.Namespace, single: bool = False) -> PosedMachine:
     """The machine that the options describe, and the poses at which it is to be looked at.
 
+    `single`: whether that is one, which does not follow a scenario's motion.
+
     Raises:
-        JointplayError: see `scenario_of`.
+        JointplayError: several poses where it is one; see `scenario_of`.
     """
     from jointplay.accuracy.poses import poses_of
     from jointplay.scenario import assumptions
@@ -485,7 +677,11 @@ def posed_machine(options: argparse.Namespace) -> PosedMachine:
     scenario = scenario_of(options, moves=False)
     case = options.case or scenario.cases[0]
     machine, named = scenario.simulation(options.case, still=True), named_joints(options)
+    if single:
+        require_one_pose(options)
     given = _given_poses(options, machine.mechanism)
+    if single and not given and ways.get("motion") is None:
+        given = {"": {}}
     poses = poses_of(machine, given, ways["workspace"])
     notes = assumptions.notes_at_poses(
         scenario,
@@ -496,6 +692,11 @@ def posed_machine(options: argparse.Namespace) -> PosedMachine:
         relative_to=_value(options, "relative_to"),
     )
     return PosedMachine(scenario, case, is_scenario(options), poses, notes)
+
+
+def require_one_pose(options: argparse.Namespace) -> None:
+    if len(options.pose) > 1:
+        raise JointplayError(f"give --pose once, got {len(options.pose)}")
 
 
 def _given_poses(
@@ -526,7 +727,7 @@ def _given_poses(
     return found
 
 
-def positions(mechanism: Mechanism, text: str, option: str = "--pose") -> dict[str, float]:
+def positions(mechanism: Mechanism, text: str) -> dict[str, float]:
     """Positions of joints [rad or m] in text such as ``JOINT=X,JOINT=X``."""
     found = {}
     names = mechanism.description.joints
@@ -536,15 +737,15 @@ def positions(mechanism: Mechanism, text: str, option: str = "--pose") -> dict[s
         name, value = name_and_number(part.strip(), names)
         name = name if name in names else name.strip()
         if value is None:
-            raise misread(part, f"{option} JOINT=X,JOINT=X,...")
-        found[name] = _position(mechanism, name, value, f"{option} {name}")
+            raise misread(part, "--pose JOINT=X,JOINT=X,...")
+        found[name] = _position(mechanism, name, value, f"--pose {name}")
     return found
 
 
 def _position(mechanism: Mechanism, joint: str, text: str, where: str) -> float:
     """Position of a joint [rad or m]; errors begin with `where`."""
     entry = mechanism.description.joints.get(joint)
-    return commands.quantity(text, "m" if entry is not None and entry.slides else "rad", where)
+    return quantity(text, "m" if entry is not None and entry.slides else "rad", where)
 
 
 def force_on_tool(options: argparse.Namespace) -> tuple[float, float, float]:
@@ -616,126 +817,9 @@ def chosen_preset(options: argparse.Namespace) -> Preset | None:
     return preset(name) if name else preset_of(str(options.place or "scara"))
 
 
-def write_preset(path: str, preset: Preset) -> None:
-    """Write a preset of one's own, and say how to use it."""
-    files.write(Path(path), preset.text)
-    print(f"written: {path}; every command takes it as --preset {path}")
-
-
-def write_robot(path: str, text: str, meshes: Mapping[str, bytes], words: str) -> None:
-    """Write a robot's file, and beside it its meshes; and say so."""
-    from jointplay.model.meshes import FOLDER
-
-    folder = Path(path).parent / FOLDER
-    files.write(Path(path), text)
-    if meshes:
-        folder.mkdir(exist_ok=True)
-    for name, content in meshes.items():
-        files.write(folder / name, content, overwrite=True)
-    print(f"written: {path}{words}")
-
-
 def _value(options: argparse.Namespace, attribute: str) -> Any:
     """Value of an option; None also if the command does not have it."""
     return getattr(options, attribute, None)
-
-
-def _tables(file: Scenario) -> dict[str, dict[str, Any]]:
-    """What any case of a file says of single joints, by the name of the table."""
-    found: dict[str, dict[str, Any]] = {
-        name: {} for name in ("joints", "gears", "drives", "joint_friction")
-    }
-    for case in file.cases:
-        model = file.model(case)
-        for table, joints in found.items():
-            for name, draft in getattr(model, table).items():
-                joints.setdefault(name, {"kind": draft.word, **draft.fields})
-    return found
-
-
-def _description(
-    options: argparse.Namespace, wanted: Sequence[Setting], file: Scenario | None
-) -> Description:
-    from jointplay.scenario.described import description_of
-    from jointplay.scenario.robot import robot_place
-
-    if file is None:
-        return description_of(robot_place(options.place), wanted)
-    case = options.case if isinstance(options.case, str) else None
-    robot = file.model(case or file.cases[0]).robot
-    return description_of(robot.urdf, wanted, file.path.parent)
-
-
-def _of_joints(options: argparse.Namespace) -> tuple[list[Setting], dict[str, str]]:
-    """Bearings and fits of joints given as NAME=BEARING or NAME=FIT, and clearances of others."""
-    from jointplay.physics.joints.bearings import bearing_kind, is_catalogued
-    from jointplay.physics.joints.fits import is_fit
-
-    whole, lengths = [], {}
-    for name, text in named_joints(options).items():
-        if text is None:
-            continue
-        keys: dict[str, str] = {}
-        if is_fit(text) and not is_catalogued(text):
-            keys = {"fit": text}
-        elif (kind := bearing_kind(text)) is not None:
-            keys = {"kind": kind, "designation": text}
-        else:
-            lengths[name] = text
-        for key, value in keys.items():
-            whole.append(Setting(("joints", name, key), value, f"--joint {name}={text}"))
-    return whole, lengths
-
-
-def _joint_settings(
-    options: argparse.Namespace,
-    names: Sequence[str],
-    lengths: Mapping[str, str],
-    said: Mapping[str, Any],
-    file: Scenario | None,
-    wanted: Sequence[Setting],
-) -> list[Setting]:
-    """What options say of joints, in the words of each joint's kind; of all if none are named.
-
-    `said` is what the file, the preset, and --set say of them.
-
-    Raises:
-        JointplayError: an option for a joint, and no joint.
-    """
-    from jointplay.scenario.robot import assumed_joint, class_of_joint, kind_of_joint
-
-    tables = said.get("joints", {})
-    given = for_joints(options)
-    joints = list(names) or [*tables]
-    if given and not joints:
-        raise JointplayError(f"{given[0].name} is for a joint with clearance: name it by --joint")
-    description = _description(options, wanted, file)
-    settings, kinds = [], {}
-    bare = [name for name, size in named_joints(options).items() if size is None]
-    for name in joints:
-        own = tables.get(name, {})
-        kinds[name] = class_of_joint(kind_of_joint(name, description, own))
-        if file is not None and name not in tables:
-            settings.append(assumed_joint(name, description, own))
-    for flag in given:
-        value = flag.read(_value(options, flag.attribute))
-        able = [name for name, kind in kinds.items() if _has(kind, flag)]
-        own = [name for name in able if flag.name in _OF_FIT and _is_sized(tables.get(name, {}))]
-        own = [name for name in own if name not in bare]
-        able = [name for name in able if name not in own] or able or joints
-        for key in flag.keys:
-            for name in able:
-                path = _path(key, name, kinds[name], options)
-                settings.append(Setting(path, value, flag.name))
-    for name, text in lengths.items():
-        path = _path(_CLEARANCE.keys[0], name, kinds[name], options)
-        settings.append(Setting(path, number(text), f"--joint {name}={text}"))
-    return settings
-
-
-def _is_sized(table: Mapping[str, Any]) -> bool:
-    """Whether a joint has its clearance by a fit, or is a bearing of a catalogue."""
-    return not {"fit", "designation"}.isdisjoint(table)
 
 
 def _has(kind: type[Clearance], flag: Flag) -> bool:
@@ -758,36 +842,6 @@ def _path(
     return ("joints", joint, *rest)
 
 
-def _gear_settings(
-    options: argparse.Namespace,
-    said: Mapping[str, Any],
-    file: Scenario | None,
-    wanted: Sequence[Setting],
-) -> list[Setting]:
-    """What options say of gears: those of --gear, or else all."""
-    entries, plays = _value(options, "gear") or (), dict[str, float]()
-    known, settings = said.get("gears", {}), list[Setting]()
-    if entries:
-        description = _description(options, wanted, file)
-        units = {name: one.unit for name, one in description.joints.items() if one.kind != "fixed"}
-        every = [text for text in entries if name_and_number(text)[0] == ALL]
-        if every:
-            movers, tool = _movers(options, file, wanted)
-            settings += tool
-            plays = _plays_of_all(every, {n: units[n] for n in movers if n in units})
-        each = [text for text in entries if text not in every]
-        plays |= commands.numbers_by_name(each, "--gear JOINT=PLAY", units)
-    for name, angle in plays.items():
-        settings.append(Setting(("gears", name, "play"), angle, f"--gear {name}"))
-    for flag in (one for one in _given(options) if one.keys[0][0] == "gears"):
-        if not (plays or known):
-            raise JointplayError(f"{flag.name} is for gears; no joint has one; add it with --gear")
-        for name in plays or known:
-            value = flag.read(_value(options, flag.attribute))
-            settings.append(Setting(("gears", name, flag.keys[0][2]), value, flag.name))
-    return settings
-
-
 def _plays_of_all(entries: Sequence[str], units: Mapping[str, str]) -> dict[str, float]:
     """Plays of --gear all=PLAY, by joint of which it has the unit."""
     plays: dict[str, float] = {}
@@ -798,34 +852,12 @@ def _plays_of_all(entries: Sequence[str], units: Mapping[str, str]) -> dict[str,
         errors: list[JointplayError] = []
         for name, unit in units.items():
             try:
-                plays[name] = commands.quantity(value, unit, "--gear all")
+                plays[name] = quantity(value, unit, "--gear all")
             except JointplayError as error:
                 errors.append(error)
         if errors and not plays:
             raise errors[0]
     return plays
-
-
-def _other_settings(options: argparse.Namespace, said: Mapping[str, Any]) -> list[Setting]:
-    """Settings of neither joints nor gears; `said` is what file, preset and --set say."""
-    settings = [
-        Setting(key, flag.read(_value(options, flag.attribute)), flag.name)
-        for flag in _given(options)
-        for key in flag.keys
-        if key[0] not in ("joints", "gears")
-    ]
-    settings = _of_drives(settings, said)
-    if mass := _value(options, "payload"):
-        held = [*said.get("payloads", ()), {"mass": mass}]
-        settings.append(Setting(("payloads",), held, "--payload"))
-    for entry in _value(options, "joint_friction") or ():
-        name, values = name_and_number(entry)
-        parts = [number(value.strip()) for value in (values or "").split(",")]
-        if len(parts) != 2:
-            raise misread(entry, "--joint-friction JOINT=COULOMB,VISCOUS")
-        for key, value in zip(("coulomb", "viscous"), parts, strict=True):
-            settings.append(Setting(("joint_friction", name, key), value, "--joint-friction"))
-    return settings
 
 
 def _of_drives(settings: Sequence[Setting], said: Mapping[str, Any]) -> list[Setting]:

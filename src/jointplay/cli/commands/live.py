@@ -9,19 +9,27 @@ Without FILE or ROBOT: the SCARA arm.
 
 Only this machine reaches the page, and only by the address that is printed: it ends in a random
 token. Ctrl-C stops the server and its processes.
-
-    [FILE | ROBOT]
-    --assumed  list what nobody gave: values, by which rule, and what another would change
-  page:
-    --port N  port to listen on (default 7000)
-    --no-browser  do not open a browser
 """
 
 import argparse
 from functools import partial
 
 from jointplay.base.errors import JointplayError, require_whole
+from jointplay.cli.commands import inputs
 from jointplay.cli.commands.inputs import scenario_of
+from jointplay.cli.options import FLAG, Parser
+
+
+# fmt: off
+def declare(parser: Parser) -> None:
+    inputs.declare(parser)
+    add = parser.add_argument
+    add("--assumed", **FLAG, help="list what nobody gave: values, by which rule, and what another "
+        "would change")
+    add = parser.add_argument_group("page").add_argument
+    add("--port", metavar="N", type=int, default=7000, help="port to listen on")
+    add("--no-browser", **FLAG, help="do not open a browser")
+# fmt: on
 
 
 def run(options: argparse.Namespace) -> int:

@@ -6,30 +6,6 @@ faster, scrub, jump from impact to impact.
 
 The file of --html needs no server and no network: send it to anyone. Films need the extra
 jointplay[movie] and Chromium, but neither a screen nor a graphics card.
-
-    RESULT ...  result files (.nc)
-    --html FILE  write one self-contained page instead of serving it
-    --movie FILE  write a picture (.png) or a film (.gif, .mp4, .webm, .webp) instead of serving a
-        page
-    --joint NAME  joint of the close-up (default: the first)
-    --magnify X  factor of displacements in the close-up (default: one that shows the gap)
-    --meshes DIR ...  folder of the URDF's meshes or packages; those of example-robot-data are found
-        without it
-    --no-ghost  do not show the ideal counterparts
-    --host HOST  interface to listen on; other machines cannot reach the default (default 127.0.0.1)
-    --port N  port to listen on (default 7000)
-    --no-browser  do not open a browser
-    --quiet
-    --import
-  film (--movie):
-    --speed X  relative to real time, such as 0.01 (default: one that makes a film of 4 to 20 s)
-    --begin T  start time [s]; for a picture, its time (default: the start; the hardest impact)
-    --end T  end time [s] (default: the end)
-    --fps X  frames per second (default: 25)
-    --size WxH  pixels, even numbers (default: 1280x720)
-    --view VIEW  both, robot or closeup (default: both)
-    --signal NAME  drawn over time below the picture, such as 'tool error' or 'contact force, JOINT'
-        (default: nothing)
 """
 
 import argparse
@@ -42,6 +18,39 @@ from jointplay.base import files, streams
 from jointplay.base.errors import JointplayError, require_whole
 from jointplay.base.signals import INTERRUPTED
 from jointplay.cli.commands import given
+from jointplay.cli.options import FLAG, REPEATED, Parser
+
+
+# fmt: off
+def declare(parser: Parser) -> None:
+    add = parser.add_argument
+    add("result", metavar="RESULT", nargs="+", help="result files (.nc)")
+    add("--html", metavar="FILE", help="write one self-contained page instead of serving it")
+    add("--movie", metavar="FILE", help="write a picture (.png) or a film (.gif, .mp4, .webm, "
+        ".webp) instead of serving a page")
+    add("--joint", metavar="NAME", help="joint of the close-up (default: the first)")
+    add("--magnify", metavar="X", type=float, help="factor of displacements in the close-up "
+        "(default: one that shows the gap)")
+    add("--meshes", metavar="DIR", **REPEATED, help="folder of the URDF's meshes or packages; "
+        "those of example-robot-data are found without it")
+    add("--no-ghost", **FLAG, help="do not show the ideal counterparts")
+    add("--host", metavar="HOST", default="127.0.0.1", help="interface to listen on; other "
+        "machines cannot reach the default")
+    add("--port", metavar="N", type=int, default=7000, help="port to listen on")
+    add("--no-browser", **FLAG, help="do not open a browser")
+    add = parser.add_argument_group("film (--movie)").add_argument
+    add("--speed", metavar="X", type=float, help="relative to real time, such as 0.01 (default: "
+        "one that makes a film of 4 to 20 s)")
+    add("--begin", metavar="T", type=float, help="start time [s]; for a picture, its time "
+        "(default: the start; the hardest impact)")
+    add("--end", metavar="T", type=float, help="end time [s] (default: the end)")
+    add("--fps", metavar="X", type=float, help="frames per second (default: 25)")
+    add("--size", metavar="WxH", help="pixels, even numbers (default: 1280x720)")
+    add("--view", metavar="VIEW", help="both, robot or closeup (default: both)")
+    add("--signal", metavar="NAME", help="drawn over time below the picture, such as 'tool error' "
+        "or 'contact force, JOINT' (default: nothing)")
+    parser.share("--quiet", "--import")
+# fmt: on
 
 
 def run(options: argparse.Namespace) -> int:

@@ -5,11 +5,6 @@ repeats and samples; or over two, as a heat map.
 
 Examples: jointplay plot S x=clearance y=peak_force hue=friction; jointplay plot S
 x=clearance y=friction z=tool_error_rms_total
-
-    STORE  folder of jointplay study sweep
-    WORDS ...  x=NAME and y=NAME, and hue=NAME for lines, or z=NAME (the measure) for a heat map;
-        DIMENSION=VALUE selects the cases nearest to a value
-    --out FILE  picture (default: beside STORE, as .png)
 """
 
 import argparse
@@ -17,8 +12,19 @@ from pathlib import Path
 
 from jointplay.base.errors import JointplayError
 from jointplay.base.pairs import divided
+from jointplay.cli.options import Parser
 
 WORDS = ("x", "y", "hue", "z")
+
+
+# fmt: off
+def declare(parser: Parser) -> None:
+    add = parser.add_argument
+    add("store", metavar="STORE", help="folder of jointplay study sweep")
+    add("words", metavar="WORDS", nargs="+", help="x=NAME and y=NAME, and hue=NAME for lines, or "
+        "z=NAME (the measure) for a heat map; DIMENSION=VALUE selects the cases nearest to a value")
+    add("--out", metavar="FILE", help="picture (default: beside STORE, as .png)")
+# fmt: on
 
 
 def run(options: argparse.Namespace) -> int:

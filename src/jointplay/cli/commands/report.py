@@ -7,19 +7,6 @@ show their largest impacts step by step.
 
 The tool's error is its deviation from an ideal run with the same inputs, which is simulated if it
 is not among the results.
-
-    RESULT ...  result file (.nc), a folder of them such as jointplay scara writes, or the folder of
-        a sweep
-    -o,--out FILE  the page (default: report.html beside the first result); the PDF is named after
-        it
-    --title TEXT  title of the page (default: that of the scenario)
-    --label TEXT ...  label of a result, in the order of the results (default: its case, or the
-        file name)
-    --claims CSV  claims table of jointplay scara (default: claims.csv in a folder given)
-    --impacts N  impacts of each run to show step by step; with 0, no run is repeated (default: 5)
-    --no-pdf  write the page only
-    --quiet  do not report progress
-    --import
 """
 
 import argparse
@@ -29,6 +16,27 @@ from pathlib import Path
 from typing import Any
 
 from jointplay.base.errors import JointplayError
+from jointplay.cli.options import FLAG, REPEATED, Parser
+
+
+# fmt: off
+def declare(parser: Parser) -> None:
+    add = parser.add_argument
+    add("result", metavar="RESULT", nargs="+", help="result file (.nc), a folder of them such as "
+        "jointplay scara writes, or the folder of a sweep")
+    add("-o", "--out", metavar="FILE", help="the page (default: report.html beside the first "
+        "result); the PDF is named after it")
+    add("--title", metavar="TEXT", help="title of the page (default: that of the scenario)")
+    add("--label", metavar="TEXT", **REPEATED, help="label of a result, in the order of the "
+        "results (default: its case, or the file name)")
+    add("--claims", metavar="CSV", help="claims table of jointplay scara (default: claims.csv in a "
+        "folder given)")
+    add("--impacts", metavar="N", type=int, help="impacts of each run to show step by step; with "
+        "0, no run is repeated (default: 5)")
+    add("--no-pdf", **FLAG, help="write the page only")
+    add("--quiet", **FLAG, help="do not report progress")
+    parser.share("--import")
+# fmt: on
 
 
 def run(options: argparse.Namespace) -> int:

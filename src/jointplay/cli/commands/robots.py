@@ -10,27 +10,34 @@ With --presets: what is publicly known of the bearings, gears and servos of robo
 robots of which nothing is. Each number says whether it was seen in a public source, estimated from
 one, or assumed. Use one with --preset: jointplay run so101 --preset
 With a file of your own: what it still lacks to become part of jointplay.
-
-    [NAME]  robot, or path of a URDF or xacro, to describe in detail; with --presets, a preset or
-        file
-    --xacro NAME:=VALUE ...  argument of a robot that is written in xacro
-    --presets  list presets of joints, gears and drives instead
 """
 
 from __future__ import annotations
 
 import argparse
 import textwrap
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from jointplay.base import streams
 from jointplay.base.errors import JointplayError
 from jointplay.base.tables import aligned
 from jointplay.cli.commands.inputs import xacro_arguments
+from jointplay.cli.options import FLAG, REPEATED, Parser
 
 if TYPE_CHECKING:
     from jointplay.model.survey import Survey
     from jointplay.model.urdf import Description
+
+
+# fmt: off
+def declare(parser: Parser) -> None:
+    add = parser.add_argument
+    add("name", metavar="NAME", nargs="?", help="robot, or path of a URDF or xacro, to describe in "
+        "detail; with --presets, a preset or file")
+    add("--xacro", metavar="NAME:=VALUE", **REPEATED, help="argument of a robot that is written in "
+        "xacro")
+    add("--presets", **FLAG, help="list presets of joints, gears and drives instead")
+# fmt: on
 
 
 def run(options: argparse.Namespace) -> int:
@@ -104,6 +111,16 @@ def detail(survey: Survey) -> str:
         options.append(f"--fix {as_option(survey.massless)}")
     lines += [f"    option: {one}" for one in options]
     return "\n".join(lines)
+
+
+def described(description: Description) -> dict[str, Any]:
+    """Joints and links as data: limits in rad or m, speeds and efforts in SI."""
+    keys = ("name", "kind", "parent", "child", "lower", "upper", "speed", "effort")
+    joints = [description.joints[name] for name in description.moving]
+    return {
+        "joints": [{key: getattr(one, key) for key in keys} | {"unit": one.unit} for one in joints],
+        "frames": list(description.links),
+    }
 
 
 def _joints(survey: Survey, description: Description) -> list[str]:

@@ -8,18 +8,6 @@ on perturbed runs, with and without gravity, for both inertia variants.
 DIR receives ideal.nc, case1_0.2mm.nc, case2_0.5mm.nc; fig09 ... fig15 as .png; errors.md with
 the figures and their errors; claims.md and claims.csv; ensemble.csv with the numbers of each
 perturbed run; paper.md, which shows all of it on one page.
-
-    --out DIR  folder for the results (required)
-    --gravity {balanced,loaded}  of the three cases: balanced (none, as the orbits of Figure 12
-        need) or loaded (default balanced)
-    --inertia {consistent,as-printed}  of the three cases: consistent, or as-printed, which no rigid
-        body can have (default consistent)
-    --integrator {multi-rate,semi-implicit-euler,rk4}  of all runs; semi-implicit-euler is explicit,
-        with the paper's fixed step of 10 us (default multi-rate)
-    --pdf  draw each figure as .pdf, too
-    --runs N  perturbed runs for each clearance and condition; 0 skips the claims (default 8)
-    --jobs
-    --quiet
 """
 
 import argparse
@@ -27,6 +15,24 @@ import sys
 import time
 
 from jointplay.base import signals
+from jointplay.cli.options import FLAG, Parser
+
+
+# fmt: off
+def declare(parser: Parser) -> None:
+    add = parser.add_argument
+    add("--out", metavar="DIR", required=True, help="folder for the results")
+    add("--gravity", choices=("balanced", "loaded"), default="balanced", help="of the three cases: "
+        "balanced (none, as the orbits of Figure 12 need) or loaded")
+    add("--inertia", choices=("consistent", "as-printed"), default="consistent", help="of the "
+        "three cases: consistent, or as-printed, which no rigid body can have")
+    add("--integrator", choices=("multi-rate", "semi-implicit-euler", "rk4"), default="multi-rate",
+        help="of all runs; semi-implicit-euler is explicit, with the paper's fixed step of 10 us")
+    add("--pdf", **FLAG, help="draw each figure as .pdf, too")
+    add("--runs", metavar="N", type=int, default=8, help="perturbed runs for each clearance and "
+        "condition; 0 skips the claims")
+    parser.share("--jobs", "--quiet")
+# fmt: on
 
 
 def run(options: argparse.Namespace) -> int:

@@ -5,19 +5,25 @@ ROS 2 bag.
 
 docs/exports.md describes the files. parquet, mcap and YAML need the extras tables and ros:
 pip install '.[ros]' in the clone of jointplay.
-
-    RESULT  result file (.nc)
-    --to KIND  table (.csv), parquet, trajectory (.yaml, .yml, .csv) or mcap (default: by the
-        extension of --out)
-    --out FILE  file to write (required)
-    --every N  only every N-th record and the last; peaks include the records between (default 1)
-    --quiet
-    --import
 """
 
 import argparse
 
 from jointplay import bridges
+from jointplay.cli.options import Parser
+
+
+# fmt: off
+def declare(parser: Parser) -> None:
+    add = parser.add_argument
+    add("result", metavar="RESULT", help="result file (.nc)")
+    add("--to", metavar="KIND", help="table (.csv), parquet, trajectory (.yaml, .yml, .csv) or "
+        "mcap (default: by the extension of --out)")
+    add("--out", metavar="FILE", required=True, help="file to write")
+    add("--every", metavar="N", type=int, default=1, help="only every N-th record and the last; "
+        "peaks include the records between")
+    parser.share("--quiet", "--import")
+# fmt: on
 
 
 def run(options: argparse.Namespace) -> int:

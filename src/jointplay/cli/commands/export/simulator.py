@@ -9,27 +9,6 @@ file of each format. See docs/simulator.md.
 
 Example: jointplay export simulator ur5 --joint elbow_joint --clearance "0.05 mm" --gear
 elbow_joint="2 arcmin" --gear-stiffness 2e4 --rotor-inertia 0.5 --out elbow
-
-    FILE | ROBOT  robot, joints with clearance, gears, contacts, --joint-friction, --encoder
-    --pose JOINT=X,...  pose about which the joint reverses
-  reversals:
-    --amplitude ANGLE  amplitude of the reversals (default: 0.1)
-    --period TIME  period of a reversal, there and back (default: 2)
-  output:
-    --tilt  let the axes tilt as well, which only MJCF and JSON can hold
-    --for {mujoco,newton,genesis,isaac}  what this simulator takes and nothing else; says which
-        parts of the play it has, and what is lost
-    --format {mjcf,sdf,urdf,json,usd,py} ...  file format; by default all
-    --spread SHARE  JSON: relative half width of ranges without measured values, such as
-        20% (default: 0.3)
-    --check  run the MJCF in MuJoCo and compare it with the full model; exit status 1 if it differs
-        by more than is stated
-    --out DIR  folder for the files (required)
-  whole robot:
-    --all  write all joints with play into one file of each format
-    --plugin NAME  URDF: hardware of ros2_control's tags (default: gz_ros2_control/GazeboSimSystem)
-    --detail
-    --quiet
 """
 
 import argparse
@@ -42,6 +21,35 @@ from jointplay.base.errors import JointplayError, nothing_has_play, require_non_
 from jointplay.base.pairs import name_and_number
 from jointplay.bridges.reduced_formats import FORMATS, choose
 from jointplay.cli.commands import Outputs, given, inputs, print_answer
+from jointplay.cli.options import ANGLE, FLAG, REPEATED, TIME, Parser
+
+
+# fmt: off
+def declare(parser: Parser) -> None:
+    inputs.declare(parser, "robot", "joints with clearance", "gears", "contacts",
+        "--joint-friction", "--encoder", required=True)
+    add = parser.add_argument
+    add("--pose", **REPEATED, metavar="JOINT=X,...", help="pose about which the joint reverses")
+    add("--tilt", **FLAG, help="let the axes tilt as well, which only MJCF and JSON can hold")
+    add("--out", metavar="DIR", required=True, help="folder for the files")
+    add = parser.add_argument_group("reversals").add_argument
+    add("--amplitude", **ANGLE, help="amplitude of the reversals (default: 0.1)")
+    add("--period", **TIME, help="period of a reversal, there and back (default: 2)")
+    add = parser.add_argument_group("output").add_argument
+    add("--for", choices=("mujoco", "newton", "genesis", "isaac"), help="what this simulator takes "
+        "and nothing else; says which parts of the play it has, and what is lost")
+    add("--format", choices=("mjcf", "sdf", "urdf", "json", "usd", "py"), **REPEATED,
+        help="file format; by default all")
+    add("--spread", metavar="SHARE", help="JSON: relative half width of ranges without measured "
+        "values, such as 20% (default: 0.3)")
+    add("--check", **FLAG, help="run the MJCF in MuJoCo and compare it with the full model; exit "
+        "status 1 if it differs by more than is stated")
+    add = parser.add_argument_group("whole robot").add_argument
+    add("--all", **FLAG, help="write all joints with play into one file of each format")
+    add("--plugin", metavar="NAME", help="URDF: hardware of ros2_control's tags (default: "
+        "gz_ros2_control/GazeboSimSystem)")
+    parser.share("--detail", "--quiet")
+# fmt: on
 
 
 def run(options: argparse.Namespace) -> int:
@@ -61,8 +69,7 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.bridges.reduced_robot import BEYOND, ReducedRobot, refuse_without_play
     from jointplay.bridges.reduction import is_own, reduce, reduce_all
 
-    options.pose = [options.pose or ""]
-    posed = inputs.posed_machine(options)
+    posed = inputs.posed_machine(options, single=True)
     mechanism, pose = posed.mechanism, posed.poses.positions()
     if not (joint is None or options.joint or posed.of_file or joint in mechanism.gears):
         raise nothing_has_play(mechanism.joints)
@@ -98,7 +105,7 @@ def run(options: argparse.Namespace) -> int:
 
         contents["reversals.png"] = reversals(reductions[0])
     body = "\n".join([str(shown), *notes, *robot.notes])
-    print_answer(f"{sentence[0].upper()}{sentence[1:]}", body, posed.notes, options.detail)
+    print_answer(f"{sentence[0].upper()}{sentence[1:]}", body, posed.notes, options)
     if robot.meshes:
         (Path(options.out) / FOLDER).mkdir()
     for name, data in robot.meshes.items():

@@ -7,9 +7,6 @@ friction and transmission. Everything else in the file stays as it is.
 Limits let the journal move about twice its clearance, and the inner ring of a rolling bearing as
 far as it is free; the bearings themselves (round, elastic, with friction) cannot be described in a
 URDF: docs/robots.md.
-
-    FILE | ROBOT  robot, joints with clearance
-    --out FILE  URDF file to write (required)
 """
 
 import argparse
@@ -18,7 +15,17 @@ from pathlib import Path
 
 from jointplay.base import files
 from jointplay.base.errors import JointplayError
+from jointplay.cli.commands import inputs
 from jointplay.cli.commands.inputs import scenario_of
+from jointplay.cli.options import Parser
+
+
+# fmt: off
+def declare(parser: Parser) -> None:
+    inputs.declare(parser, "robot", "joints with clearance", required=True)
+    add = parser.add_argument
+    add("--out", metavar="FILE", required=True, help="URDF file to write")
+# fmt: on
 
 
 def run(options: argparse.Namespace) -> int:

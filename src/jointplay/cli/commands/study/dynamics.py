@@ -12,31 +12,41 @@ folder, and the same command continues from it. docs/nonlinear.md explains the f
 
 Example: jointplay study dynamics jointplay:slider_crank.toml bifurcation --case "0.5 mm" --vary
 "motion.speeds.crank_pin=500:5000:400 rpm" --out speeds
-
-    FILE | ROBOT  robot
-    KIND  turns, bifurcation, poincare, lyapunov, recurrence, waterfall, runup or basin
-    --vary KEY=FROM:TO:COUNT  key of the scenario, its range of values, and their unit
-    --of NAME ...  quantity, such as guide.acceleration, crank_pin.moment, piston_pin.eccentricity;
-        an unknown name lists all of them
-    --leave-out N  turns left out at the start, while it settles (default: depends on KIND)
-    --keep N  turns that are analysed (default: depends on KIND)
-    --phase X  phase of the section [turns] (default 0.25)
-    --records N  records per turn (default 1000)
-    --orders X  highest order of spectra (default 20)
-    --window N  runup: turns per spectrum (default 8)
-    --threshold X  recurrence: distance that counts as near, as a share of all distances (default
-        0.1)
-    --joint NAME  basin: joint whose journal starts off centre
-    --grid N  basin: number of starting positions along x and along y (default 21)
-    --jobs
-    --out DIR  folder for the table and the figure (required)
-    --quiet
 """
 
 import argparse
 
 from jointplay.base.errors import JointplayError
+from jointplay.cli.commands import inputs
 from jointplay.cli.commands.inputs import scenario_of
+from jointplay.cli.options import REPEATED, Parser
+
+
+# fmt: off
+def declare(parser: Parser) -> None:
+    inputs.declare(parser, "robot", required=True)
+    add = parser.add_argument
+    add("kind", metavar="KIND", help="turns, bifurcation, poincare, lyapunov, recurrence, "
+        "waterfall, runup or basin")
+    add("--vary", metavar="KEY=FROM:TO:COUNT", help="key of the scenario, its range of values, and "
+        "their unit")
+    add("--of", metavar="NAME", **REPEATED, help="quantity, such as guide.acceleration, "
+        "crank_pin.moment, piston_pin.eccentricity; an unknown name lists all of them")
+    add("--leave-out", metavar="N", type=int, help="turns left out at the start, while it settles "
+        "(default: depends on KIND)")
+    add("--keep", metavar="N", type=int, help="turns that are analysed (default: depends on KIND)")
+    add("--phase", metavar="X", type=float, default=0.25, help="phase of the section [turns]")
+    add("--records", metavar="N", type=int, default=1000, help="records per turn")
+    add("--orders", metavar="X", type=float, default=20, help="highest order of spectra")
+    add("--window", metavar="N", type=int, default=8, help="runup: turns per spectrum")
+    add("--threshold", metavar="X", type=float, default=0.1, help="recurrence: distance that "
+        "counts as near, as a share of all distances")
+    add("--joint", metavar="NAME", help="basin: joint whose journal starts off centre")
+    add("--grid", metavar="N", type=int, default=21, help="basin: number of starting positions "
+        "along x and along y")
+    add("--out", metavar="DIR", required=True, help="folder for the table and the figure")
+    parser.share("--jobs", "--quiet")
+# fmt: on
 
 
 def run(options: argparse.Namespace) -> int:

@@ -8,21 +8,6 @@ Gears and servos come from a scenario, --preset, or --gear and --set; see docs/d
 
 Example: jointplay study hunting so101 --preset --of elbow_flex
 --set 'drives.elbow_flex.encoder="link"'
-
-    [FILE | ROBOT]  robot, joints with clearance, gears, drive
-  hunting:
-    --of JOINT ...  joint to look at (default: all that have play and a servo or controller)
-    --held JOINT=X,...  positions at which joints are held (default: where the motion begins)
-    --time TIME  longest run, if it is not clear before whether swings last (default: 300 s;
-        60 s to look for a gain, 12 s for a map)
-    --gain GAIN  gain that is varied: p_gain, i_gain, d_gain, or a parameter of your controller, by
-        the name in its class or p0, p1, ... (default: p_gain of servos, none of controllers)
-    --map GAIN=FROM:TO:COUNT ...  two of them, such as p_gain=10:400:20 d_gain=0:5:20: a map of the
-        swings over both, of one joint; evenly by factors unless from 0
-    --out DIR  folder for hunting.csv; for the map, gains.csv and gains.png
-    --jobs
-    --detail
-    --quiet
 """
 
 from __future__ import annotations
@@ -33,18 +18,41 @@ from typing import TYPE_CHECKING, Any
 from jointplay.base import streams
 from jointplay.base.errors import JointplayError
 from jointplay.base.pairs import misread, name_and_number, pair
-from jointplay.cli.commands import Outputs, print_answer
+from jointplay.cli.commands import Outputs, inputs, print_answer
 from jointplay.cli.commands.inputs import (
     ALL,
     for_joints,
     is_scenario,
     own_preset,
     positions,
+    require_one_pose,
     scenario_of,
 )
+from jointplay.cli.options import REPEATED, TIME, Parser
 
 if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
+
+
+# fmt: off
+def declare(parser: Parser) -> None:
+    inputs.declare(parser, "robot", "joints with clearance", "gears", "drive")
+    add = parser.add_argument_group("hunting").add_argument
+    add("--of", metavar="JOINT", **REPEATED, help="joint to look at (default: all that have play "
+        "and a servo or controller)")
+    add("--pose", **REPEATED, metavar="JOINT=X,...", help="positions at which joints are held "
+        "(default: where the motion begins)")
+    add("--time", **TIME, help="longest run, if it is not clear before whether swings last "
+        "(default: 300 s; 60 s to look for a gain, 12 s for a map)")
+    add("--gain", metavar="GAIN", help="gain that is varied: p_gain, i_gain, d_gain, or a "
+        "parameter of your controller, by the name in its class or p0, p1, ... (default: p_gain of "
+        "servos, none of controllers)")
+    add("--map", metavar="GAIN=FROM:TO:COUNT", **REPEATED, help="two of them, such as "
+        "p_gain=10:400:20 d_gain=0:5:20: a map of the swings over both, of one joint; evenly by "
+        "factors unless from 0")
+    add("--out", metavar="DIR", help="folder for hunting.csv; for the map, gains.csv and gains.png")
+    parser.share("--jobs", "--detail", "--quiet")
+# fmt: on
 
 
 def run(options: argparse.Namespace) -> int:
@@ -70,7 +78,8 @@ def run(options: argparse.Namespace) -> int:
             f"hunting is of gears with play under servos, none is given: add {add}"
         )
     simulation = released(options)
-    held = positions(simulation.mechanism, options.held or "", "--held")
+    require_one_pose(options)
+    held = positions(simulation.mechanism, "".join(options.pose))
     how = {"longest": options.time, "jobs": options.jobs, "progress": not options.quiet}
     joints = options.of or ()
     if spans:
@@ -91,7 +100,7 @@ def run(options: argparse.Namespace) -> int:
     streams.release()
     all_found = hunting.hunting(simulation, joints, held, gain=options.gain, **how)
     table = hunting.table(all_found, options.gain)
-    print_answer(hunting.sentence(all_found), table, hunting.notes(all_found), options.detail)
+    print_answer(hunting.sentence(all_found), table, hunting.notes(all_found), options)
     if options.out:
         out.write({"hunting.csv": table.csv()})
     return 0

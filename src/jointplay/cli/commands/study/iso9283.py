@@ -6,20 +6,6 @@ AT and repeatability RT, with confidence intervals. All input options of jointpl
 too. docs/iso9283.md explains the figures.
 
 Example: jointplay study iso9283 ur5 --joint "elbow_joint=0.05 mm" --duration 2.2 --out ur5
-
-    [FILE | ROBOT]
-  cycles:
-    --cycles N  cycles for poses (default 30)
-    --path-cycles N  cycles for the path (default: 10, at most --cycles)
-    --speed PERCENT ...  percentage of the motion's speed, which is taken as the rated speed; the
-        standard asks for 100, 50 and 10 (default: 100)
-    --cube LENGTH  visit the five poses in a cube with this edge length instead
-    --cube-centre X,Y,Z  centre of the cube, world axes [m]
-    --out DIR  folder for the table, the figures and, during the run, finished cycles: with the same
-        folder, an interrupted command continues
-    --jobs
-    --detail
-    --quiet
 """
 
 import argparse
@@ -28,11 +14,30 @@ from typing import Any
 
 from jointplay.base import streams
 from jointplay.base.errors import JointplayError, require_positive
-from jointplay.cli.commands import Outputs, print_answer, vector
+from jointplay.cli.commands import Outputs, inputs, print_answer, vector
 from jointplay.cli.commands.inputs import simulation_of
+from jointplay.cli.options import LENGTH, REPEATED, Parser
 
 FILES = ("iso9283.csv", "poses.png", "path.png")
 """What is written into --out; at a part of the speed, its per cent stand before the dot."""
+
+
+# fmt: off
+def declare(parser: Parser) -> None:
+    inputs.declare(parser)
+    add = parser.add_argument_group("cycles").add_argument
+    add("--cycles", metavar="N", type=int, default=30, help="cycles for poses")
+    add("--path-cycles", metavar="N", type=int, help="cycles for the path (default: 10, at most "
+        "--cycles)")
+    add("--speed", metavar="PERCENT", type=float, **REPEATED, help="percentage of the motion's "
+        "speed, which is taken as the rated speed; the standard asks for 100, 50 and 10 (default: "
+        "100)")
+    add("--cube", **LENGTH, help="visit the five poses in a cube with this edge length instead")
+    add("--cube-centre", metavar="X,Y,Z", help="centre of the cube, world axes [m]")
+    add("--out", metavar="DIR", help="folder for the table, the figures and, during the run, "
+        "finished cycles: with the same folder, an interrupted command continues")
+    parser.share("--jobs", "--detail", "--quiet")
+# fmt: on
 
 
 def run(options: argparse.Namespace) -> int:
@@ -67,10 +72,10 @@ def run(options: argparse.Namespace) -> int:
             progress=not options.quiet,
         )
         if options.detail:
-            print_answer(performance.sentence, performance, (), True)
+            print_answer(performance.sentence, performance, (), options)
         else:
             notes = (f"conditions: {performance.conditions}", performance.validity)
-            print_answer(performance.sentence, performance.brief, notes, False, more=True)
+            print_answer(performance.sentence, performance.brief, notes, options, more=True)
         if options.out:
             from jointplay.show.plots import design as plots
 

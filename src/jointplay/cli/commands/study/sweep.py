@@ -6,24 +6,31 @@ a Dask cluster. Whenever a process is killed, --resume continues, and no finishe
 STORE is a folder with cases.sqlite, a row for each case: read it with jointplay.open_sweep, or any
 tool for SQLite. Keys of axes count elements of lists from 1: payloads[1].mass is the first
 payload's.
-
-    FILE  scenario (TOML) with a table [sweep]
-    --out STORE  folder for the results (required)
-    --resume  continue the sweep
-    --extend  continue the sweep with more samples, repeats, or values at the end of a list
-    --jobs
-    --scheduler ADDRESS  Dask scheduler whose workers run the cases, such as tcp://10.0.0.1:8786
-    --yes  run the sweep even if it is very large
-    --rows N  rows of the printed table (default 20)
-    --quiet
-    --import
 """
 
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
+from jointplay.cli.options import FLAG, Parser
+
 ALL_FAILED = 1
+
+
+# fmt: off
+def declare(parser: Parser) -> None:
+    add = parser.add_argument
+    add("file", metavar="FILE", help="scenario (TOML) with a table [sweep]")
+    add("--out", metavar="STORE", required=True, help="folder for the results")
+    add("--resume", **FLAG, help="continue the sweep")
+    add("--extend", **FLAG, help="continue the sweep with more samples, repeats, or values at the "
+        "end of a list")
+    add("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers run the cases, such "
+        "as tcp://10.0.0.1:8786")
+    add("--yes", **FLAG, help="run the sweep even if it is very large")
+    add("--rows", metavar="N", type=int, default=20, help="rows of the printed table")
+    parser.share("--jobs", "--quiet", "--import")
+# fmt: on
 
 
 def run(options: argparse.Namespace) -> int:

@@ -3,16 +3,23 @@
 Evaluate a measure over the samples of a sweep: mean, standard deviation and quantiles with 95 %
 confidence intervals, how many runs were enough, and, for a saltelli design, what causes the
 variance (Sobol indices).
-
-    STORE  folder of jointplay study sweep
-    MEASURE  measure, such as tool_error_rms_total
-    --precision X  relative half width of the confidence interval that is precise enough (default
-        0.05)
-    --out FILE  picture of the convergence
 """
 
 import argparse
 from pathlib import Path
+
+from jointplay.cli.options import Parser
+
+
+# fmt: off
+def declare(parser: Parser) -> None:
+    add = parser.add_argument
+    add("store", metavar="STORE", help="folder of jointplay study sweep")
+    add("measure", metavar="MEASURE", help="measure, such as tool_error_rms_total")
+    add("--precision", metavar="X", type=float, default=0.05, help="relative half width of the "
+        "confidence interval that is precise enough")
+    add("--out", metavar="FILE", help="picture of the convergence")
+# fmt: on
 
 
 def run(options: argparse.Namespace) -> int:

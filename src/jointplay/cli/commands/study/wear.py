@@ -6,17 +6,6 @@ needs a clearance and a wear_rate, here or in the scenario: --set
 joints.NAME.radial_clearance="0.05 mm" --set joints.NAME.wear_rate="1e-5 mm^3/(N*m)". One run is one
 cycle of the motion; BLOCKS x RUNS of them are simulated, one block after the other.
 Begin with --blocks 1. docs/wear.md explains the numbers.
-
-    FILE | ROBOT  robot
-    --blocks N  blocks of cycles (default 10)
-    --runs N  runs per block, perturbed at the start if there are several (default 1)
-    --cycles-per-run X  cycles in one run (default 1)
-    --jobs
-    --detail
-    --quiet
-    --joint NAME  the joint whose wear is estimated (required)
-    --growth LENGTH  growth of its clearance (required)
-    --out CSV  file for the cycles and depths after each block
 """
 
 import argparse
@@ -24,8 +13,24 @@ import argparse
 from jointplay.base import files
 from jointplay.base.signals import INTERRUPTED
 from jointplay.base.tables import Column, Table
-from jointplay.cli.commands import print_answer
+from jointplay.cli.commands import inputs, print_answer
 from jointplay.cli.commands.inputs import simulation_of
+from jointplay.cli.options import LENGTH, Parser
+
+
+# fmt: off
+def declare(parser: Parser) -> None:
+    inputs.declare(parser, "robot", required=True)
+    add = parser.add_argument
+    add("--blocks", metavar="N", type=int, default=10, help="blocks of cycles")
+    add("--runs", metavar="N", type=int, default=1, help="runs per block, perturbed at the start "
+        "if there are several")
+    add("--cycles-per-run", metavar="X", type=float, default=1, help="cycles in one run")
+    add("--joint", metavar="NAME", required=True, help="the joint whose wear is estimated")
+    add("--growth", **LENGTH, required=True, help="growth of its clearance")
+    add("--out", metavar="CSV", help="file for the cycles and depths after each block")
+    parser.share("--jobs", "--detail", "--quiet")
+# fmt: on
 
 
 def run(options: argparse.Namespace) -> int:
@@ -46,7 +51,7 @@ def run(options: argparse.Namespace) -> int:
     )
     columns = [Column("cycles", life.cycles)]
     columns += [Column(name, getattr(life, name), "m", fine=True) for name in ("deepest", "mean")]
-    print_answer(str(life), Table(columns), (), options.detail)
+    print_answer(str(life), Table(columns), (), options)
     if options.out:
         files.write(options.out, life.table.csv())
         print(f"profiles in {options.out}")

@@ -1,0 +1,239 @@
+"""How options of commands are read and explained: argparse, with one line for what is wrong.
+
+A command's module declares them in `declare`, by argparse's ``add_argument``; its docstring is the
+head of its help. `--help` shows those that are needed most often, `--help all` everything.
+"""
+
+import argparse
+import copy
+import csv
+import re
+from collections.abc import Callable, Sequence
+from typing import Any, NoReturn
+
+from jointplay.base.errors import JointplayError, one_line
+
+BAD_INPUT = 2
+ALL = "{} --help all shows every option, with more about each."
+LONG_DEFAULT = 24
+"""Characters of a default that the short help shows (judged: longer ones are explanations)."""
+
+
+class Number:
+    """What reads an option's value: a number in SI units, or text such as ``0.1 mm``."""
+
+    def __init__(self, unit: str) -> None:
+        self.unit = unit
+
+    def __call__(self, text: str) -> float:
+        try:
+            return quantity(text, self.unit)
+        except JointplayError as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
+
+
+BY_UNIT = {"m": "LENGTH", "kg": "MASS", "s": "TIME", "rad": "ANGLE", "N": "FORCE"}
+"""What stands for a value in the help, by its unit."""
+NUMBERS: list[dict[str, Any]] = [
+    {"metavar": word, "type": Number(u)} for u, word in BY_UNIT.items()
+]
+LENGTH, MASS, TIME, ANGLE, FORCE = NUMBERS
+
+
+def quantity(text: str, unit: str, option: str = "") -> float:
+    """A number in SI units of text such as ``0.1 mm``; errors name the option."""
+    from jointplay.base.units import ask_unit, convert, plain_number
+
+    try:
+        value: float | str = plain_number(text)
+    except ValueError:
+        value = text
+    try:
+        if isinstance(value, float):
+            ask_unit(value, unit)
+        return float(convert(value, unit))
+    except ValueError as error:
+        raise JointplayError(f"{option}: {error}" if option else str(error)) from None
+
+
+def listed(text: str) -> list[str]:
+    """Names of an option that takes several, joined by commas; one with commas in double quotes.
+
+    Raises:
+        ArgumentTypeError: a quote that is not closed.
+    """
+    parts = re.sub(r'(^|,|")\s+(?=$|,|")', r"\1", text)  # blanks around quotes
+    try:
+        names = next(csv.reader([parts], skipinitialspace=True, strict=True), [])
+    except csv.Error as error:
+        raise argparse.ArgumentTypeError(f"{text!r}: {error}") from None
+    return [name.strip() for name in names if name.strip()]
+
+
+FLAG: dict[str, Any] = {"action": "store_true"}
+REPEATED: dict[str, Any] = {"action": "append", "default": []}
+LISTS: dict[str, Any] = {"metavar": "LIST", "type": listed, "action": "extend", "default": []}
+"""How an option is declared that has no value, or that may be given several times: with a value, or
+a list, each time."""
+
+SHARED: dict[str, dict[str, Any]] = {
+    "--case": {"metavar": "NAME", "help": "case of the scenario (not needed if there is only one)"},
+    "--jobs": {"type": int, "metavar": "N", "help": "processes (default: one per core)"},
+    "--quiet": {**FLAG, "help": "do not show progress"},
+    "--detail": {**FLAG, "help": "print everything that is known, not only the answer"},
+    "--json": {
+        **FLAG, "help": "print the answer as JSON alone: numbers in SI, values with their origin"
+    },
+    "--import": {
+        **REPEATED, "metavar": "MODULE", "help": "import this module of your own, by name or file: "
+        "a file that is read may name functions in it (none is imported otherwise)"
+    },
+}  # fmt: skip
+"""Options that several commands have."""
+
+FRONT = (
+    *("set", "case", "joint", "clearance", "preset", "gear", "friction", "motion", "duration"),
+    *("pose", "workspace", "payload", "tool"),
+)
+"""Options of groups that the short help shows nevertheless, after those of no group."""
+
+
+def full_help(action: argparse.Action) -> str:
+    """What is said of an option, with its unit, its default and whether it can be repeated."""
+    text = (action.help or "").replace("%", "%%")
+    if isinstance(action.type, Number):
+        text = re.sub(r"(?= \(default|$)", f" [{action.type.unit}]", text, count=1)
+    if isinstance(action.default, int | float | str) and not isinstance(action.default, bool):
+        text += f" (default {action.default})"
+    if isinstance(action, argparse._AppendAction) or isinstance(action.default, list):
+        text += " (repeatable)"
+    return f"{text} (required)" if action.option_strings and action.required else text
+
+
+def in_short(action: argparse.Action) -> argparse.Action:
+    """An option with the beginning of its help, its unit and its default."""
+    text = full_help(action)
+    ends = re.findall(r"(?<= )\[[^]]+\](?= \(|$)", text)[:1]
+    ends += re.findall(r"\((?:default|required)[^)]*\)", text)[:1]
+    short = re.sub(r"\s*\([^()]*\)|\s*\[[^]]*\]", "", text)
+    short = re.split(r"; |: |, such as |, by default ", short, maxsplit=1)[0]
+    brief = copy.copy(action)
+    brief.help = " ".join([short, *(end for end in ends if len(end) < LONG_DEFAULT)])
+    return brief
+
+
+def _value_of(action: argparse.Action) -> str:
+    """What stands for an action's value in the line of usage."""
+    word = str(action.metavar or f"{{{','.join(map(str, action.choices or ()))}}}")
+    if isinstance(action, argparse._SubParsersAction) or action.nargs is None:
+        return word
+    return f"{word} ..." if action.nargs == "+" else f"[{word}]"
+
+
+class _Help(argparse.Action):
+    """``--help``: one screen; ``--help all``: everything."""
+
+    def __init__(self, option_strings: Sequence[str], dest: str) -> None:
+        about = "show this help; with all, every option"
+        super().__init__(option_strings, dest, nargs="?", metavar="all", help=about)
+
+    def __call__(self, parser: Any, _: Any, values: Any, option: str | None = None) -> None:
+        if values not in (None, "all"):
+            parser.error(f"{option} takes nothing, or all, got {values!r}")
+        print(parser.help_text(values == "all"), end="")
+        parser.exit()
+
+
+class _Formatter(argparse.HelpFormatter):
+    def _get_help_string(self, action: argparse.Action) -> str:
+        return full_help(action)
+
+
+class Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line, and takes -1e-4 and -1,0,0 for values, not for options."""
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        own = {"add_help": False, "conflict_handler": "resolve", "formatter_class": _Formatter}
+        super().__init__(*args, **options | own)
+        self._negative_number_matcher = re.compile(r"-\.?\d")
+        self.explained: dict[str, Callable[[], tuple[str, str]]] = {}
+        """By option what gives its help and what stands for its value, where that takes long."""
+        self.behind = {self.add_argument("-h", "--help", action=_Help, dest="help").dest}
+        """Options of no group that only the long help shows."""
+
+    def share(self, *names: str) -> None:
+        """Add options that several commands have."""
+        for name in names:
+            action = self.add_argument(name, **SHARED[name])
+            self.behind |= {action.dest} - {"detail"}
+
+    def add_argument_group(self, title: Any = None, *args: Any, **about: Any) -> Any:
+        """A group of this title; the one that has it already, if there is one."""
+        known = (group for group in self._action_groups if group.title == title)
+        return next(known, None) or super().add_argument_group(title, *args, **about)
+
+    def _get_values(self, action: argparse.Action, arg_strings: list[str]) -> Any:
+        if action.option_strings and action.nargs is None and arg_strings == ["--"]:
+            self.error(f"argument {'/'.join(action.option_strings)}: '--' is not a value")
+        if action.option_strings and any(not text.strip() for text in arg_strings):
+            self.error(f"argument {'/'.join(action.option_strings)}: the value is empty")
+        return super()._get_values(action, arg_strings)  # type: ignore[misc]
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Also what has its place behind options: argparse takes all places at the first."""
+        options, left = super().parse_known_args(args, namespace)
+        for action in self._actions:
+            empty = action.nargs == "?" and getattr(options, action.dest, None) is None
+            if not action.option_strings and empty and left and not left[0].startswith("-"):
+                setattr(options, action.dest, self._get_value(action, left.pop(0)))
+        return options, left
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if isinstance(action, argparse._SubParsersAction) and value not in action.choices:
+            from jointplay.base.schema import one_of  # takes long to import
+
+            self.error(one_of(str(action.metavar).lower(), value, action.choices))
+        super()._check_value(action, value)
+
+    def explain(self) -> None:
+        """Fill in help that takes long."""
+        for action in self._actions:
+            if action.dest in self.explained:
+                action.help, action.metavar = self.explained[action.dest]()
+
+    def help_text(self, every: bool) -> str:
+        """The help, with every option, or on one screen those that are most often needed."""
+        self.explain()
+        asked = []
+        for action in self._actions:
+            if action.required or not action.option_strings:
+                asked.append(" ".join([*action.option_strings[:1], _value_of(action)]))
+        self.usage = " ".join([self.prog, *asked, "[options]"])
+        if every:
+            return self.format_help()
+        formatter = argparse.HelpFormatter(self.prog, max_help_position=28)
+        formatter.add_usage(self.usage, (), ())
+        formatter.add_text(self.description)
+        formatter.start_section(None)
+        shown = [
+            one
+            for one in self._actions
+            if one.dest in FRONT
+            or not one.option_strings
+            or one.required
+            or (one.container is self._optionals and one.dest not in self.behind)  # type: ignore[attr-defined]
+        ]
+        shown.sort(key=lambda one: (bool(one.option_strings), one.dest in FRONT))
+        formatter.add_arguments(map(in_short, shown))
+        formatter.end_section()
+        formatter.add_text(ALL.format(self.prog))
+        return formatter.format_help()
+
+    def error(self, message: str) -> NoReturn:
+        message = one_line(message)
+        self.exit(BAD_INPUT, f"{self.prog}: error: {message} (see {self.prog} --help)\n")
+
+    def choices(self) -> dict[str, "Parser"]:
+        """The parsers of its commands, or of the kinds of one."""
+        (action,) = (a for a in self._actions if isinstance(a, argparse._SubParsersAction))
+        return dict(action.choices)
