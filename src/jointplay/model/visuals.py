@@ -96,7 +96,7 @@ def look(
         JointplayError: a given folder does not exist.
     """
     description = mechanism.description
-    robot = description.declared.robot
+    robot = description.declared
     where = mesh_folders(mechanism, folders)
     places = _link_places(parse(description))
     points = np.array([place.translation for place in places.values()])
@@ -362,7 +362,7 @@ def _stand_ins(
     To the links that it carries and to the ends of loops on it, or to its centre of mass; a ball at
     the link's frame. `places` of all frames, at zero; `radius` [m].
     """
-    robot = mechanism.description.declared.robot
+    robot = mechanism.description.declared
     origins = {
         link.name: None if link.inertial is None else link.inertial.origin for link in robot.links
     }
