@@ -98,7 +98,14 @@ def look(
     description = mechanism.description
     robot = description.declared
     where = mesh_folders(mechanism, folders)
-    places = _link_places(parse(description))
+    source = parse(description)
+    data = source.createData()
+    pin.framesForwardKinematics(source, data, pin.neutral(source))
+    places = {  # of the links, all joints at zero
+        frame.name: data.oMf[index].copy()
+        for index, frame in enumerate(source.frames)
+        if frame.type == pin.FrameType.BODY
+    }
     points = np.array([place.translation for place in places.values()])
     reach = float(np.linalg.norm(points[:, None] - points[None], axis=2).max())
     made = Look([], reach if reach > 1e-6 else 0.3)
@@ -341,17 +348,6 @@ def _colour(material: Any, robot: Any) -> Colour | None:
             red, green, blue, opacity = (float(value) for value in one.color.rgba)
             return red, green, blue, opacity if opacity > 0.0 else 1.0
     return None
-
-
-def _link_places(source: pin.Model) -> dict[str, pin.SE3]:
-    """World placement of every link, all joints at zero."""
-    data = source.createData()
-    pin.framesForwardKinematics(source, data, pin.neutral(source))
-    return {
-        frame.name: data.oMf[index].copy()
-        for index, frame in enumerate(source.frames)
-        if frame.type == pin.FrameType.BODY
-    }
 
 
 def _stand_ins(
