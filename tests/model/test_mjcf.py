@@ -415,10 +415,10 @@ def test_what_only_is_seen_may_be_missing_what_gives_inertia_may_not(tmp_path, c
         read(path)
     (tmp_path / "part.obj").write_text(CUBE)
     found = read(path)
-    places = [one for one in found.declared.root.iter("visual")]
+    places = [one for one in found.parsed.iter("visual")]
     assert places
     # MuJoCo moves a mesh to its centre of mass; the picture stands where the file has it.
-    (link,) = [one for one in found.declared.robot.links if one.name == "link"]
+    (link,) = [one for one in found.declared.links if one.name == "link"]
     assert link.visuals[0].origin == pytest.approx(np.eye(4), abs=1e-9)
     assert link.inertial.origin[:3, 3] == pytest.approx(np.full(3, 0.25), abs=1e-6)
 

@@ -46,7 +46,7 @@ from jointplay.base.units import told
 from jointplay.model.gear import Gear, Gearing
 from jointplay.model.impact import fitting_step
 from jointplay.model.mechanism import Mechanism
-from jointplay.model.urdf import Description, JointEntry
+from jointplay.model.urdf import Description
 from jointplay.physics.joints import JOINT_KINDS, Clearance, Coordinate, RollingBearing
 from jointplay.simulation.analysis.bearings import element_loads
 from jointplay.simulation.loads.drive import JointFriction, Prescribed
@@ -55,66 +55,31 @@ from jointplay.simulation.result.result import Result
 from jointplay.simulation.simulation import Simulation
 from jointplay.simulation.statics import depths
 
-_MOST = 400
-
-
-def _compare_tilts(
-    mechanism: Mechanism, joint: str, q: np.ndarray
-) -> tuple[np.ndarray, float, float] | None:
-    """A journal's tilt in the configurations q (n, nq) of a run; None if the joint has none.
-
-    Returns:
-        Where the journal's axis points beside the bearing's, world axes, (n, 3) [rad]; and the
-        largest and the RMS difference of the reduced model's tilt, a vector, from it [rad].
-    """
-    clearance = mechanism.clearance.get(joint)
-    if clearance is None or clearance.hinge is None or not clearance.hinge.tilts:
-        return None
-    model, data = mechanism.model, mechanism.data
-    full, axes = np.empty((len(q), 3)), np.empty((len(q), 3, 3))
-    for i, row in enumerate(q):
-        pin.forwardKinematics(model, data, row)
-        _, seat = place(mechanism, joint)
-        (b, bearing), (j, journal) = mechanism.frames(joint)
-        axis = (data.oMi[b] * bearing).rotation[:, 2]
-        full[i] = (data.oMi[j] * journal).rotation[:, 2] - axis
-        axes[i] = seat.rotation
-    some = np.unique(np.linspace(0, len(q) - 1, min(_MOST, len(q))).astype(int))
-    upright = q[some].copy()
-    for part in clearance.freedoms:
-        if part not in clearance.ideal_freedoms:
-            upright[:, mechanism.coordinates.index(Coordinate(joint, part))] = 0.0
-    plays = play_model(mechanism, upright)
-    moment = plays.load[plays.names.index(joint), :, 3:5]
-    unit = toward(moment, np.zeros_like(moment))
-    _, tilt = clearance.play(second_order=False).reach
-    # The body turns about its moment; its axis goes across it.
-    sign = -1.0 if clearance.exchanged else 1.0
-    turned = sign * tilt * np.column_stack([unit[:, 1], -unit[:, 0], np.zeros(len(unit))])
-    there = np.einsum("nij,nj->ni", axes[some], turned)
-    away = np.linalg.norm(full[some] - there, axis=1)
-    return full, float(away.max()), float(np.sqrt(np.mean(away**2)))
-
-
 SAFETY = 3.0
-"""What the largest difference in the fit's own reversals is multiplied by."""
+"""What the largest difference in the fit's own reversals is multiplied by: judged; MuJoCo's runs of
+the joints in docs/simulator.md differ by less than the errors so stated."""
 AMPLITUDE, PERIOD = 0.1, 2.0
-"""Of the reversals [rad, s]."""
+"""Of the reversals [rad, s]: judged, as a robot's joint moves about a pose."""
 SETTLED = 0.1
-"""Part of the run after which it counts: before, the journal falls onto its bore."""
+"""Part of the run after which it counts: before, the journal falls onto its bore. Judged."""
 _MOVING = 0.05
-"""Part of the largest speed above which a contact slides for certain."""
+"""Part of the largest speed above which a contact slides for certain: judged."""
 _DAMPINGS = (0.0, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5)
 """Of the gear's damping, tried; the written one acts within the play, too."""
 _DAMPED = 0.3
-"""Damping ratio of the largest damping tried for a gear that loses energy by friction."""
+"""Damping ratio of the largest damping tried for a gear that loses energy by friction: judged."""
 _STEP_S = 2e-5
+"""Longest step of the written model's own run [s]; shorter where teeth swing faster."""
 LONGEST_STEP_S = 1e-3
-"""Of a simulator that runs the reduced model."""
+"""Of a simulator that runs the reduced model [s]: what robots are simulated with."""
 RESOLVED = 0.2
-"""Time step by the time in which teeth swing through a radian of phase."""
-_BEYOND = 1e-3
-"""Part of the play by which a bearing's ring must tilt further to tell a chord."""
+"""Time step by the time in which teeth swing through a radian of phase: 30 steps in a period."""
+_CHORD = 1e-3
+"""Part of the play by which a bearing's ring must tilt further to tell a chord: else differences
+of two nearly equal angles are divided by."""
+_COMPARED = 400
+"""Most records whose tilts are compared: each takes a statics of its own, and tilts change slowly.
+"""
 
 
 @dataclass(frozen=True)
@@ -248,12 +213,13 @@ def reduce(
     bearings = {} if clearance is None else {joint: clearance}
     gears = {joint: mechanism.gears[joint]} if joint in mechanism.gears else {}
     alone = mechanism.with_clearance(bearings, gears)
-    positions = dict(pose or {})
-    positions[joint], amplitude = _within_limits(
-        mechanism.description.joints[joint], positions.get(joint, 0.0), amplitude
-    )
+    entry, positions = mechanism.description.joints[joint], dict(pose or {})
+    middle = positions.get(joint, 0.0)
+    if entry.lower is not None and entry.upper is not None:  # it reverses within its limits
+        amplitude = min(amplitude, 0.5 * (entry.upper - entry.lower))
+        middle = min(max(middle, entry.lower + amplitude), entry.upper - amplitude)
+    positions[joint] = middle
     result = _full_run(alone, joint, positions, amplitude, period, joint_friction, progress)
-    entry = mechanism.description.joints[joint]
     own = joint_friction or JointFriction(entry.friction, entry.damping)
     rubs = _fit_friction(result, alone, joint)
     found: dict[str, Any] = {
@@ -355,14 +321,6 @@ def _plain_gears(gear: Gearing, top: float, inertia: float) -> list[Gear]:
         damping = max(damping, 2.0 * _DAMPED * math.sqrt(stiffness * inertia))
     bands = dict.fromkeys([gear.play, gear.unloaded_range])
     return [Gear(band, gear.rotor_inertia, stiffness, damping) for band in bands]
-
-
-def _within_limits(entry: JointEntry, middle: float, amplitude: float) -> tuple[float, float]:
-    """About where a joint reverses, and how far, that it stays within its limits [rad]."""
-    if entry.lower is None or entry.upper is None:
-        return middle, amplitude
-    amplitude = min(amplitude, 0.5 * (entry.upper - entry.lower))
-    return min(max(middle, entry.lower + amplitude), entry.upper - amplitude), amplitude
 
 
 def _full_run(
@@ -508,7 +466,7 @@ def _across(
         stiffness = float(np.linalg.eigvalsh(matrix[:2, :2]).mean())
         tilting = float(np.linalg.eigvalsh(matrix[3:5, 3:5]).mean())
         moment, turned = math.hypot(load[3], load[4]), math.hypot(rest[3], rest[4])
-        if moment > 0.0 and turned > (1.0 + _BEYOND) * tilt:
+        if moment > 0.0 and turned > (1.0 + _CHORD) * tilt:
             tilting = moment / (turned - tilt)  # the chord beyond the play
     else:
         # Each rim carries half the force, and what the moment over the length asks for.
@@ -521,3 +479,41 @@ def _across(
     if hinge.tilts or isinstance(clearance, RollingBearing):
         found |= {"tilt": tilt, "tilt_stiffness": tilting, "half_length": arm}
     return found
+
+
+def _compare_tilts(
+    mechanism: Mechanism, joint: str, q: np.ndarray
+) -> tuple[np.ndarray, float, float] | None:
+    """A journal's tilt in the configurations q (n, nq) of a run; None if the joint has none.
+
+    Returns:
+        Where the journal's axis points beside the bearing's, world axes, (n, 3) [rad]; and the
+        largest and the RMS difference of the reduced model's tilt, a vector, from it [rad].
+    """
+    clearance = mechanism.clearance.get(joint)
+    if clearance is None or clearance.hinge is None or not clearance.hinge.tilts:
+        return None
+    model, data = mechanism.model, mechanism.data
+    full, axes = np.empty((len(q), 3)), np.empty((len(q), 3, 3))
+    for i, row in enumerate(q):
+        pin.forwardKinematics(model, data, row)
+        _, seat = place(mechanism, joint)
+        (b, bearing), (j, journal) = mechanism.frames(joint)
+        axis = (data.oMi[b] * bearing).rotation[:, 2]
+        full[i] = (data.oMi[j] * journal).rotation[:, 2] - axis
+        axes[i] = seat.rotation
+    some = np.unique(np.linspace(0, len(q) - 1, min(_COMPARED, len(q))).astype(int))
+    upright = q[some].copy()
+    for part in clearance.freedoms:
+        if part not in clearance.ideal_freedoms:
+            upright[:, mechanism.coordinates.index(Coordinate(joint, part))] = 0.0
+    plays = play_model(mechanism, upright)
+    moment = plays.load[plays.names.index(joint), :, 3:5]
+    unit = toward(moment, np.zeros_like(moment))
+    _, tilt = clearance.play(second_order=False).reach
+    # The body turns about its moment; its axis goes across it.
+    sign = -1.0 if clearance.exchanged else 1.0
+    turned = sign * tilt * np.column_stack([unit[:, 1], -unit[:, 0], np.zeros(len(unit))])
+    there = np.einsum("nij,nj->ni", axes[some], turned)
+    away = np.linalg.norm(full[some] - there, axis=1)
+    return full, float(away.max()), float(np.sqrt(np.mean(away**2)))

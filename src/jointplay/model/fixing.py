@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.base.errors import MissingName
-from jointplay.model.elements import Element, origin_of, place_of
+from jointplay.model.elements import origin_of, place_of
 from jointplay.model.urdf import Description, read_again
 from jointplay.model.vocabulary import numbers
 
@@ -46,20 +46,16 @@ def with_fixed(description: Description, joints: Collection[str]) -> Description
     root = description.elements()
     for joint in root.findall("joint"):
         name = joint.get("name", "")
-        if name in places:
-            _fix(joint, description.joints[name].turns, places[name])
+        if name not in places:
+            continue
+        place, position = place_of(joint), places[name]
+        if position:
+            axis = np.array(numbers(joint.find("axis"), "xyz", "axis", 3, "1 0 0"))
+            way, still = position * axis / np.linalg.norm(axis), np.zeros(3)
+            turns = description.joints[name].turns
+            place = place * (pin.SE3(pin.exp3(way), still) if turns else pin.SE3(np.eye(3), way))
+        for element in [one for one in joint if one.tag not in _OF_FIXED]:
+            joint.remove(element)
+        joint.insert(0, origin_of(place))
+        joint.set("type", "fixed")
     return read_again(description, root, "joint")
-
-
-def _fix(joint: Element, turns: bool, position: float) -> None:
-    """Make a joint fixed where it is at `position` [rad or m]."""
-    place = place_of(joint)
-    if position:
-        axis = np.array(numbers(joint.find("axis"), "xyz", "axis", 3, "1 0 0"))
-        way = position * axis / np.linalg.norm(axis)
-        still = np.zeros(3)
-        place = place * (pin.SE3(pin.exp3(way), still) if turns else pin.SE3(np.eye(3), way))
-    for element in [one for one in joint if one.tag not in _OF_FIXED]:
-        joint.remove(element)
-    joint.insert(0, origin_of(place))
-    joint.set("type", "fixed")

@@ -67,8 +67,10 @@ def urdf_text(source: Source, arguments: Mapping[str, xacro.Value]) -> str:
         name = next(iter(arguments))
         raise JointplayError(f"{str(path)!r} is no xacro: it takes no argument {name!r}")
     tag = _root_tag(text)
-    if tag not in FORMATS:
-        return _with_prefixes(text)
+    if tag not in FORMATS:  # many have <sensor:camera> for Gazebo, and do not declare the prefix
+        prefixes = dict.fromkeys(_PREFIX.findall(xacro.without_comments(text)))
+        declared = [f' xmlns:{one}="{one}"' for one in prefixes if f"xmlns:{one}" not in text]
+        return re.sub(r"<robot\b", lambda match: match[0] + "".join(declared), text, count=1)
     module, name = FORMATS[tag]
     converted: Callable[[str, Path], str] = getattr(
         import_module(f"jointplay.model.{module}"), name
@@ -80,16 +82,6 @@ def says_more(place: str | Path, folder: Path = Path()) -> bool:
     """Whether a robot's file, unless it is a xacro, is of a format that says more than a URDF."""
     path = source_of(place, folder).path
     return _root_tag(read_text(path, "robot")) in FORMATS
-
-
-def _with_prefixes(text: str) -> str:
-    """A URDF with all prefixes of elements declared: many have ``<sensor:camera>`` for Gazebo."""
-    used = dict.fromkeys(_PREFIX.findall(xacro.without_comments(text)))
-    unknown = [prefix for prefix in used if f"xmlns:{prefix}" not in text]
-    if not unknown:
-        return text
-    declared = "".join(f' xmlns:{prefix}="{prefix}"' for prefix in unknown)
-    return re.sub(r"<robot\b", lambda found: found[0] + declared, text, count=1)
 
 
 def _root_tag(text: str) -> str:

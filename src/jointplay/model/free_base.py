@@ -27,6 +27,7 @@ STEEPEST_START = 1e-3
 """Cosine of the pitch below which a base cannot start: its rates there would not be numbers."""
 
 _LEAST_COSINE = 1e-12
+"""Stands for a smaller cosine of the pitch, lest rates be divided by zero."""
 _STILL = 1e-9
 """Angular velocity below which a chart does not ask for its direction [rad/s]."""
 
@@ -78,28 +79,20 @@ def angles_of(turns: np.ndarray, before: np.ndarray | None = None) -> np.ndarray
     )
     first = found[:1] if before is None else before[None]
     path = np.concatenate([first, found])
-    other = _other(path)
-    same, crossed = (_apart(path[1:], one[:-1]) for one in (path, other))
+    other = np.stack([path[:, 0] + math.pi, math.pi - path[:, 1], path[:, 2] + math.pi], axis=1)
+
+    def jumps(last: np.ndarray) -> np.ndarray:
+        """Largest difference of the triples from those before them, whole turns aside."""
+        between = (path[1:] - last + math.pi) % (2.0 * math.pi) - math.pi
+        return np.asarray(np.abs(between).max(axis=1))
+
+    same, crossed = jumps(path[:-1]), jumps(other[:-1])
     through = np.cumsum(crossed < same) % 2 == 1  # from one triple to the other, and back
     path[1:][through] = other[1:][through]
     # Whole turns by their number: rounding must not depend on how many rotations are asked for.
     number = np.cumsum(np.rint(-np.diff(path, axis=0) / (2.0 * math.pi)), axis=0)
     gone: np.ndarray = path[1:] + 2.0 * math.pi * number
     return gone
-
-
-def _other(angles: np.ndarray) -> np.ndarray:
-    """The other yaw, pitch, roll of the same rotations."""
-    return np.stack(
-        [angles[:, 0] + math.pi, math.pi - angles[:, 1], angles[:, 2] + math.pi], axis=1
-    )
-
-
-def _apart(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Largest difference of triples of angles, whole turns aside, shape (n,)."""
-    between = (one - other + math.pi) % (2.0 * math.pi) - math.pi
-    apart: np.ndarray = np.abs(between).max(axis=1)
-    return apart
 
 
 def chart_for(turn: np.ndarray, spin: np.ndarray) -> np.ndarray:

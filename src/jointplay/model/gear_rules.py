@@ -178,17 +178,14 @@ def with_rotors(gears: Mapping[str, Gearing], armature: Mapping[str, float]) -> 
     return found
 
 
-def stiffness(effort: float, slides: bool) -> float:
-    """Stiffness of a gear by the effort of its joint [N m/rad; N/m]."""
-    return SLIDE_STIFFNESS if slides else min(STIFFNESS * effort**1.5, STIFFEST * effort)
-
-
 def stiffness_rule(name: str, entry: JointEntry, efforts: Efforts) -> Rule:
     """Stiffness of a joint's gear by what its drive is made for."""
     effort, reason = _effort(name, entry, efforts)
     guess = not (entry.slides or efforts.stiffness_is_known(name))
-    value = _rounded(stiffness(effort, entry.slides))
-    return Rule(value, "gear stiffness", reason, guess)
+    value = min(STIFFNESS * effort**1.5, STIFFEST * effort)
+    return Rule(
+        _rounded(SLIDE_STIFFNESS if entry.slides else value), "gear stiffness", reason, guess
+    )
 
 
 def _effort(name: str, entry: JointEntry, efforts: Efforts) -> tuple[float, str]:

@@ -74,11 +74,6 @@ def massless_links(mechanism: Mechanism, q: np.ndarray, motions: np.ndarray) -> 
     return links
 
 
-def _rotor(mechanism: Mechanism, joint: str) -> str:
-    unit = "kg" if mechanism.description.joints[joint].slides else "kg m2"
-    return f"{mechanism.gears[joint].rotor_inertia:g} {unit}"
-
-
 def require_inertia(mechanism: Mechanism, q: np.ndarray) -> None:
     """Raise if joints move links that nothing gives inertia; all of them are named."""
     motions = massless_motions(mechanism, q)
@@ -92,10 +87,15 @@ def require_inertia(mechanism: Mechanism, q: np.ndarray) -> None:
         names = [mechanism.coordinates[i] for i in moving] or list(mechanism.coordinates)
         motors = [name.removesuffix(".motor") for name in names if name.endswith(".motor")]
         if motors:
+            entries, gears = mechanism.description.joints, mechanism.gears
+            rotors = (
+                f"{gears[name].rotor_inertia:g} {'kg' if entries[name].slides else 'kg m2'}"
+                for name in motors
+            )
             raise JointplayError(
                 f"{'the gear' if len(motors) == 1 else 'the gears'} of "
                 f"{', '.join(map(repr, motors))} must have a larger rotor_inertia, got "
-                f"{', '.join(_rotor(mechanism, one) for one in motors)}"
+                f"{', '.join(rotors)}"
             )
         raise JointplayError(
             f"nothing that moves along {', '.join(names)} has mass or inertia to speak of beside "

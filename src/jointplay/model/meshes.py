@@ -23,6 +23,7 @@ import numpy as np
 
 from jointplay.base import files
 from jointplay.base.errors import JointplayError
+from jointplay.base.units import NUMBER
 
 FORMATS = (".dae", ".obj", ".stl")
 """Mesh files that are read."""
@@ -115,17 +116,11 @@ def _parts(path: Path, key: str) -> Parts:
     parts = _read(path)
     with suppress(OSError, RuntimeError, JointplayError):  # no place to keep it
         kept.parent.mkdir(parents=True, exist_ok=True)
-        _forget(kept.parent)
+        others = sorted(kept.parent.glob("*.npz"), key=lambda one: one.stat().st_mtime)
+        for oldest in others[: _MOST_KEPT // 2] if len(others) >= _MOST_KEPT else ():
+            oldest.unlink(missing_ok=True)
         files.write(kept, _packed(parts), overwrite=True, announced=False)
     return parts
-
-
-def _forget(folder: Path) -> None:
-    """Delete the oldest files, should there be very many."""
-    archives = list(folder.glob("*.npz"))
-    if len(archives) >= _MOST_KEPT:
-        for file in sorted(archives, key=lambda one: one.stat().st_mtime)[: _MOST_KEPT // 2]:
-            file.unlink(missing_ok=True)
 
 
 def _packed(parts: Parts) -> bytes:
@@ -167,7 +162,10 @@ def _read(path: Path) -> Parts:
         kind = path.suffix.lower().removeprefix(".")
         scene: Any = trimesh.load_scene(data, file_type=kind, resolver=Beside(path))
         bodies = scene.dump()
-        size = _metres(scene)
+        # Metres in a unit of the scene, which only Collada tells, by a number or "meters".
+        unit = next((one.metadata.get("units") for one in scene.geometry.values()), None) or "1"
+        number = NUMBER.match(str(unit).split()[0])
+        size = float(number[0]) if number else 1.0
     except Exception as error:  # noqa: BLE001 - trimesh and what it calls raise whatever they like
         reason = " ".join(str(error).split()) or type(error).__name__
         raise JointplayError(f"mesh {str(path)!r} cannot be read: {reason}") from None
@@ -180,15 +178,6 @@ def _read(path: Path) -> Parts:
     if not parts:
         raise JointplayError(f"mesh {str(path)!r} has no triangle")
     return tuple(parts)
-
-
-def _metres(scene: Any) -> float:
-    """Metres in a unit of the scene, which only Collada tells."""
-    words = next((body.metadata.get("units") for body in scene.geometry.values()), None) or "1"
-    try:
-        return float(str(words).split()[0])
-    except ValueError:  # "meters"
-        return 1.0
 
 
 def _colour(body: Any) -> Colour | None:

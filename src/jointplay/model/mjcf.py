@@ -390,13 +390,13 @@ class _Reading:
         free = [i for i in tops if kinds.mjJNT_FREE in map(self.types.__getitem__, self._joints(i))]
         held = [i for i in tops if i not in free]
         moving = any(
-            one != kinds.mjJNT_FREE and self._top_of(body) in held
+            one != kinds.mjJNT_FREE and model.body_rootid[body] in held
             for one, body in zip(self.types, model.jnt_bodyid, strict=True)
         )
         self.floats = bool(free) and not moving
         sizes = np.bincount(model.body_rootid, minlength=model.nbody)
         kept = [max(free, key=lambda top: int(sizes[top]))] if self.floats else held
-        self.bodies = [i for i in range(1, model.nbody) if self._top_of(i) in kept]
+        self.bodies = [i for i in range(1, model.nbody) if model.body_rootid[i] in kept]
         if left := [self.body_names[i] for i in free if i not in kept]:
             self.said.append(f"left out, for they float freely: {few(left)}")
         self.joints = [
@@ -417,12 +417,6 @@ class _Reading:
         first = int(self.model.body_jntadr[body])
         return range(first, first + int(self.model.body_jntnum[body]))
 
-    def _top_of(self, body: int) -> int:
-        return int(self.model.body_rootid[body])
-
-    def _turns(self, joint: int) -> bool:
-        return bool(self.types[joint] == self.mujoco.mjtJoint.mjJNT_HINGE)
-
     def _dof(self, joint: int) -> int:
         return int(self.model.jnt_dofadr[joint])
 
@@ -435,20 +429,20 @@ class _Reading:
 
     def _play_in(self, body: int) -> Iterator[tuple[int, _Play]]:
         """Joints of a body with the hinge behind or before each that is its play."""
-        hinges = [j for j in self._joints(body) if self._turns(j)]
+        hinge = self.mujoco.mjtJoint.mjJNT_HINGE
+        hinges = [j for j in self._joints(body) if self.types[j] == hinge]
         loose = {j: play for j in hinges if j not in self.drives and (play := self._dead_band(j))}
         firm = [j for j in hinges if j not in loose]
         for hinge, play in loose.items():
-            near = [j for j in firm if abs(hinge - j) == 1 and self._same_axis(hinge, j)]
+            axis, place = self.model.jnt_axis, self.model.jnt_pos
+            near = [
+                j for j in firm if abs(hinge - j) == 1
+                and np.abs(np.cross(place[j] - place[hinge], axis[hinge])).max() < _PARALLEL
+                and np.abs(np.cross(axis[j], axis[hinge])).max() < _PARALLEL
+            ]  # fmt: skip
             if near:
                 firm.remove(near[0])
                 yield near[0], play
-
-    def _same_axis(self, first: int, second: int) -> bool:
-        axis = self.model.jnt_axis[first]
-        apart = np.cross(self.model.jnt_pos[second] - self.model.jnt_pos[first], axis)
-        turned = np.cross(self.model.jnt_axis[second], axis)
-        return max(np.abs(apart).max(), np.abs(turned).max()) < _PARALLEL
 
     def _dead_band(self, joint: int) -> _Play | None:
         """Free way of a hinge between stops: its own, or those of a tendon of it alone."""
@@ -743,22 +737,23 @@ class _Reading:
         low, high = model.jnt_range[joint] if limited else (0.0, 0.0)
         effort = np.abs(model.jnt_actfrcrange[joint]).min() if model.jnt_actfrclimited[joint] else 0
         put(element, "limit", lower=low, upper=high, effort=effort, velocity=0.0)
-        losses = self._losses(joint)
-        put(element, "dynamics", damping=losses["viscous"], friction=losses["friction"])
+        before_play = joint in self.play and joint in self.drives  # its servo has them
+        losses = {} if before_play else self._losses(joint)
+        put(
+            element, "dynamics",
+            damping=losses.get("viscous", 0.0), friction=losses.get("friction", 0.0),
+        )  # fmt: skip
         if joint in self.mimics:
             leader, factor, offset = self.mimics[joint]
             follows = {"multiplier": factor, "offset": offset}
             put(element, "mimic", joint=self.joint_names[leader], **follows)
 
     def _losses(self, joint: int) -> dict[str, float]:
-        """Friction of a joint; behind play its servo has it, for it is the motor's."""
-        if joint in self.play and joint in self.drives:
-            return {"friction": 0.0, "viscous": 0.0}
-        return self._own_losses(joint)
-
-    def _own_losses(self, joint: int) -> dict[str, float]:
-        names = {"friction": "frictionloss", "viscous": "damping"}
-        return {ours: self._loss(its, joint) for ours, its in names.items()}
+        """Friction of a joint, by a servo's words."""
+        return {
+            "friction": self._loss("frictionloss", joint),
+            "viscous": self._loss("damping", joint),
+        }
 
     def _put_shapes(self, link: Element, body: int) -> None:
         model = self.model
@@ -820,8 +815,7 @@ class _Reading:
             elif armature > 0.0:
                 self.armature[named[j]] = armature
             if j in self.drives and j not in self.mimics:
-                own = self._own_losses(j) if play is not None else {}
-                drives[named[j]] = self.drives[j] | own
+                drives[named[j]] = self.drives[j] | ({} if play is None else self._losses(j))
             elif j in self.passive:
                 drives[named[j]] = {"kind": "free"}
             spring = float(model.jnt_stiffness.reshape(model.njnt, -1)[j, 0])

@@ -18,6 +18,8 @@ _NAMED = re.compile(
     re.IGNORECASE,
 )
 """Frames that are called what a tool is called."""
+_TELLING = ("tcp", "tool0", "tool", "ee", "flange")
+"""Parts of such names, the most telling first."""
 _FINGER = re.compile(r"finger|gripper|jaw|knuckle|thumb|claw", re.IGNORECASE)
 _OTHER = re.compile(
     r"imu|camera|optical|sensor|laser|lidar|depth|gps|finger|jaw|knuckle|thumb|inertia|collision",
@@ -51,8 +53,8 @@ def choose_tool(description: Description, play: Collection[str] = ()) -> tuple[s
         with_play = f" with play in {few(loose)}" if loose else ""
         end = f"the end of the chain of moving joints{with_play}, after {last!r}"
     if named:
-        best = min(named, key=lambda frame: (_rank(frame), named.index(frame)))
-        return best, f"named like a tool, at {end}"
+        telling = [one for word in _TELLING for one in named if word in one.lower()]
+        return (telling or named)[0], f"named like a tool, at {end}"
     return link, end
 
 
@@ -109,11 +111,3 @@ def _fixed(
         ]
         open_ones += reversed(fixed)
     return links
-
-
-def _rank(frame: str) -> int:
-    """Order of tools' names, the most telling first."""
-    for rank, word in enumerate(("tcp", "tool0", "tool", "ee", "flange")):
-        if word in frame.lower():
-            return rank
-    return 9

@@ -10,6 +10,7 @@ import re
 import shlex
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
@@ -20,7 +21,7 @@ import numpy as np
 
 from jointplay.base.errors import JointplayError, MissingName, closest, require_a, require_known
 from jointplay.base.tables import few
-from jointplay.model.vocabulary import BEYOND, check_words, numbers, unread
+from jointplay.model.vocabulary import BEYOND, check_words, numbers, read_elements, unread
 
 if TYPE_CHECKING:
     import yourdfpy
@@ -40,13 +41,6 @@ _READ = ("link", "joint", "material")
 """Elements of a robot that are read."""
 
 
-def _without_known_shape(element: ElementTree.Element) -> bool:
-    """Whether it is a picture without a shape, or with one that only other programs know."""
-    geometry = element.find("geometry")
-    known = geometry is not None and any(one.tag in SHAPES for one in geometry)
-    return element.tag in ("visual", "collision") and not known
-
-
 class Mimic(NamedTuple):
     """A joint follows another: its position is multiplier * that of the leader + offset."""
 
@@ -61,61 +55,6 @@ class Mimic(NamedTuple):
         factor = "" if self.multiplier == 1.0 else f"{self.multiplier:g} "
         sign = "+" if self.offset > 0.0 else "-"
         return f"{factor}{self.leader}" + (f" {sign} {abs(self.offset):g}" if self.offset else "")
-
-
-@dataclass(frozen=True)
-class Transmission:
-    """What stands between a motor and a joint."""
-
-    name: str
-    reduction: float | None
-    """Turns of the motor for one of the joint; None if it is not given."""
-
-
-class Declared:
-    """What a URDF declares beyond its joints, read when it is asked for.
-
-    No mesh is looked for, no file opened; yourdfpy is slow to import. `root` has been checked, and
-    is not to be changed.
-    """
-
-    def __init__(self, root: ElementTree.Element) -> None:
-        self.root = root
-
-    @cached_property
-    def robot(self) -> yourdfpy.urdf.Robot:
-        """Links and joints with all they have; meshes are named, not read.
-
-        Raises:
-            JointplayError: yourdfpy cannot read it.
-        """
-        import yourdfpy
-
-        root = deepcopy(self.root)
-        for element in [one for one in root if one.tag not in _READ]:
-            root.remove(element)
-        for link in root.findall("link"):
-            for element in [one for one in link if _without_known_shape(one)]:
-                link.remove(element)
-        text = io.BytesIO(ElementTree.tostring(root))
-        try:
-            return yourdfpy.URDF.load(text, build_scene_graph=False, load_meshes=False).robot
-        except (ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
-            raise JointplayError(f"yourdfpy cannot read the URDF: {error}") from None
-
-    @cached_property
-    def transmissions(self) -> dict[str, Transmission]:
-        """By joint. yourdfpy (0.0.60) leaves them out."""
-        transmissions = {}
-        for element in self.root.findall("transmission"):
-            try:
-                reduction = float(element.findtext(".//mechanicalReduction") or "")
-            except ValueError:
-                reduction = None
-            for joint in element.findall("joint"):
-                found = Transmission(element.get("name", ""), reduction)
-                transmissions[joint.get("name", "")] = found
-        return transmissions
 
 
 def between(lower: float | None, upper: float | None) -> float:
@@ -258,15 +197,50 @@ class Description:
     text: str
     joints: dict[str, JointEntry]
     links: tuple[str, ...]
-    declared: Declared = field(compare=False, repr=False)
-    """The rest of what it says."""
+    parsed: ElementTree.Element = field(compare=False, repr=False)
+    """Its elements, checked; not to be changed."""
     stored: bool = False
     """Whether it comes from a result: it then has no folder from which it may take meshes."""
 
     @cached_property
     def beyond(self) -> Beyond:
         """What the file said for which a URDF has no words."""
-        return Beyond(**json.loads(self.declared.root.findtext(BEYOND) or "{}"))
+        return Beyond(**json.loads(self.parsed.findtext(BEYOND) or "{}"))
+
+    @cached_property
+    def declared(self) -> yourdfpy.urdf.Robot:
+        """Links and joints with all they have, by yourdfpy, which is slow to import.
+
+        No mesh is looked for, no file opened.
+
+        Raises:
+            JointplayError: yourdfpy cannot read it.
+        """
+        import yourdfpy
+
+        root = self.elements()
+        for element in [one for one in root if one.tag not in _READ]:
+            root.remove(element)
+        for link in root.findall("link"):
+            for picture in (*link.findall("visual"), *link.findall("collision")):
+                geometry = picture.find("geometry")
+                if geometry is None or not any(one.tag in SHAPES for one in geometry):
+                    link.remove(picture)  # that other programs know
+        text = io.BytesIO(ElementTree.tostring(root))
+        try:
+            return yourdfpy.URDF.load(text, build_scene_graph=False, load_meshes=False).robot
+        except (ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
+            raise JointplayError(f"yourdfpy cannot read the URDF: {error}") from None
+
+    @cached_property
+    def reductions(self) -> dict[str, float]:
+        """Turns of the motor for one of the joint, by joint; yourdfpy (0.0.60) leaves them out."""
+        found = {}
+        for element in self.parsed.findall("transmission"):
+            with suppress(ValueError):
+                ratio = float(element.findtext(".//mechanicalReduction") or "")
+                found.update({one.get("name", ""): ratio for one in element.findall("joint")})
+        return found
 
     @property
     def plain_text(self) -> str:
@@ -324,7 +298,7 @@ class Description:
         }
         masses = (
             float(mass.get("value", "0"))
-            for link in self.declared.root.findall("link")
+            for link in self.parsed.findall("link")
             if link.get("name") in fixed and (mass := link.find("inertial/mass")) is not None
         )
         if self.serial or not self.moving or not any(masses):
@@ -334,7 +308,7 @@ class Description:
     @property
     def doubts(self) -> list[str]:
         """What the URDF says that is not whole or not read; see `doubts`."""
-        return doubts(self.declared.root)
+        return doubts(self.parsed)
 
     def require_moving(self) -> None:
         """Raise unless some joint moves.
@@ -353,7 +327,7 @@ class Description:
 
     def elements(self) -> ElementTree.Element:
         """Its elements, which may be changed."""
-        return deepcopy(self.declared.root)
+        return deepcopy(self.parsed)
 
 
 def with_geared(description: Description, joints: Collection[str]) -> Description:
@@ -443,8 +417,7 @@ def _parsed(text: str, path: Path, allow_unphysical: tuple[str, ...]) -> Descrip
     for kind in ("link", "joint"):
         _check_names(kind, [one.get("name", "") for one in root.findall(kind)])
     check_words(root)
-    _check_placements(root)
-    _check_pictures(root)
+    _check_numbers(root)
     for name in allow_unphysical:
         if name not in links and name != ALL:
             raise MissingName("link", name, [*links, ALL])
@@ -470,7 +443,7 @@ def _parsed(text: str, path: Path, allow_unphysical: tuple[str, ...]) -> Descrip
             **_limits(joint, name),
         )
     _check_tree(path, links, joints.values())
-    return Description(path, text, joints, tuple(links), Declared(root))
+    return Description(path, text, joints, tuple(links), root)
 
 
 def _limits(joint: ElementTree.Element, name: str) -> dict[str, float | None]:
@@ -623,56 +596,41 @@ def _check_names(kind: str, names: Sequence[str]) -> None:
         seen.add(name)
 
 
-def _check_placements(root: ElementTree.Element) -> None:
-    """Refuse origins and axes that are not three finite numbers, and axes of no direction."""
-    for kind, path in (("link", "*/origin"), ("joint", "origin")):
-        for element in root.findall(kind):
-            owner = f"{kind} {element.get('name', '')!r}"
-            for origin in element.findall(path):
-                for key in ("xyz", "rpy"):
-                    what = f"{owner}: origin {key}"
-                    _require_size(numbers(origin, key, what, 3, "0 0 0"), what)
-            axis = element.find("axis")
-            if axis is None or kind == "link" or element.get("type") in NO_AXIS:
-                continue
-            way = numbers(axis, "xyz", f"{owner}: axis", 3, "1 0 0")
-            _require_size(way, f"{owner}: axis")
-            if not max(map(abs, way)) > SHORTEST_AXIS:
+def _check_numbers(root: ElementTree.Element) -> None:
+    """Refuse places, axes, sizes and colours that are not the numbers they must be."""
+    for element, place, top in read_elements(root):
+        owner, tag = place.partition(": <")[0], element.tag
+        if tag == "origin":
+            for key in ("xyz", "rpy"):
+                _vector(element, key, f"{owner}: origin {key}", 3, "0 0 0")
+        elif tag == "axis" and top is not None and top.get("type") not in NO_AXIS:
+            if not max(map(abs, _vector(element, "xyz", f"{owner}: axis", 3))) > SHORTEST_AXIS:
                 raise JointplayError(
-                    f"{owner} has the axis {axis.get('xyz')!r}, which has no direction"
+                    f"{owner} has the axis {element.get('xyz')!r}, which has no direction"
                 )
+        elif tag == "color":
+            numbers(element, "rgba", f"{owner}: color rgba", 4, "1 1 1 1")
+        elif tag == "mesh":  # a scale may mirror, or be one for all axes
+            text = element.get("scale", "1 1 1")
+            numbers(
+                element, "scale", f"{owner}: mesh scale", 1 if len(text.split()) == 1 else 3, text
+            )
+        elif tag in SHAPES:
+            for key in SHAPES[tag]:
+                what = f"{owner}: {tag} {key}"
+                if min(_vector(element, key, what, 3 if key == "size" else 1)) < 0.0:
+                    raise JointplayError(f"{what} must not be negative, got {element.get(key)!r}")
 
 
-def _check_pictures(root: ElementTree.Element) -> None:
-    """Refuse shapes whose sizes, and colours whose components, are not the numbers they must be."""
-    for element in root:
-        if element.tag not in ("link", "material"):
-            continue
-        owner = f"{element.tag} {element.get('name', '')!r}"
-        for geometry in element.findall("visual/geometry") + element.findall("collision/geometry"):
-            for shape in geometry:
-                for key in SHAPES.get(shape.tag, ()):
-                    _check_size(shape, key, f"{owner}: {shape.tag} {key}")
-        for colour in element.findall("visual/material/color") + element.findall("color"):
-            numbers(colour, "rgba", f"{owner}: color rgba", 4, "1 1 1 1")
-
-
-def _check_size(shape: ElementTree.Element, key: str, what: str) -> None:
-    """Refuse sizes that are no numbers or negative; a scale may mirror, or be one for all axes."""
-    if key == "scale":
-        text = shape.get(key, "1 1 1")
-        numbers(shape, key, what, 1 if len(text.split()) == 1 else 3, text)
-        return
-    sizes = numbers(shape, key, what, 3 if key == "size" else 1)
-    _require_size(sizes, what)
-    if min(sizes) < 0.0:
-        raise JointplayError(f"{what} must not be negative, got {shape.get(key)!r}")
-
-
-def _require_size(values: Sequence[float], what: str) -> None:
-    if max(map(abs, values)) > LARGEST:
-        worst = max(values, key=abs)
+def _vector(
+    element: ElementTree.Element, key: str, what: str, count: int, default: str | None = None
+) -> list[float]:
+    """`numbers` of lengths or angles."""
+    values = numbers(element, key, what, count, default)
+    worst = max(values, key=abs)
+    if abs(worst) > LARGEST:
         raise JointplayError(f"{what} must be no larger than {LARGEST:g}, got {worst:g}")
+    return values
 
 
 def _number(

@@ -96,9 +96,16 @@ def look(
         JointplayError: a given folder does not exist.
     """
     description = mechanism.description
-    robot = description.declared.robot
+    robot = description.declared
     where = mesh_folders(mechanism, folders)
-    places = _link_places(parse(description))
+    source = parse(description)
+    data = source.createData()
+    pin.framesForwardKinematics(source, data, pin.neutral(source))
+    places = {  # of the links, all joints at zero
+        frame.name: data.oMf[index].copy()
+        for index, frame in enumerate(source.frames)
+        if frame.type == pin.FrameType.BODY
+    }
     points = np.array([place.translation for place in places.values()])
     reach = float(np.linalg.norm(points[:, None] - points[None], axis=2).max())
     made = Look([], reach if reach > 1e-6 else 0.3)
@@ -343,17 +350,6 @@ def _colour(material: Any, robot: Any) -> Colour | None:
     return None
 
 
-def _link_places(source: pin.Model) -> dict[str, pin.SE3]:
-    """World placement of every link, all joints at zero."""
-    data = source.createData()
-    pin.framesForwardKinematics(source, data, pin.neutral(source))
-    return {
-        frame.name: data.oMf[index].copy()
-        for index, frame in enumerate(source.frames)
-        if frame.type == pin.FrameType.BODY
-    }
-
-
 def _stand_ins(
     mechanism: Mechanism, places: dict[str, pin.SE3], links: Sequence[str], radius: float
 ) -> list[tuple[str, np.ndarray, Form]]:
@@ -362,7 +358,7 @@ def _stand_ins(
     To the links that it carries and to the ends of loops on it, or to its centre of mass; a ball at
     the link's frame. `places` of all frames, at zero; `radius` [m].
     """
-    robot = mechanism.description.declared.robot
+    robot = mechanism.description.declared
     origins = {
         link.name: None if link.inertial is None else link.inertial.origin for link in robot.links
     }

@@ -100,7 +100,7 @@ def check_words(root: ElementTree.Element) -> None:
     Raises:
         JointplayError: the message names the link or joint, the word, and what was meant.
     """
-    for element, place in _read(root, "the robot", ""):
+    for element, place, _ in read_elements(root):
         words = WORDS[element.tag]
         for name in element.attrib:
             _check(f'"{name}"', name, place, words.attributes, words, ())
@@ -121,7 +121,7 @@ def check_words(root: ElementTree.Element) -> None:
 def unread(root: ElementTree.Element) -> list[str]:
     """Words and text that nobody reads in elements that are read, in one line if there are any."""
     found: dict[str, list[str]] = {}
-    for element, place in _read(root, "the robot", ""):
+    for element, place, _ in read_elements(root):
         words, texts = WORDS[element.tag], [element.text, *(one.tail for one in element)]
         tags = (one.tag for one in element if one.tag != BEYOND)
         said = [f'"{name}"' for name in element.attrib if _foreign(name, words.attributes)]
@@ -137,15 +137,17 @@ def _foreign(word: str, known: Collection[str]) -> bool:
     return not (word in known or ":" in word or "}" in word)
 
 
-def _read(
-    element: ElementTree.Element, place: str, owner: str
-) -> Iterator[tuple[ElementTree.Element, str]]:
-    """The element and all in it that is read, each with where it is, in words."""
-    yield element, place
+def read_elements(
+    element: ElementTree.Element, top: ElementTree.Element | None = None
+) -> Iterator[tuple[ElementTree.Element, str, ElementTree.Element | None]]:
+    """The element and all in it that is read: each, where it is in words, and the link, joint or
+    material `top` that it belongs to (None: the robot).
+    """
+    place = "the robot" if top is None else f"{top.tag} {top.get('name', '')!r}"
+    yield element, place if element is top or top is None else f"{place}: <{element.tag}>", top
     for one in element:
         if one.tag in WORDS[element.tag].elements and one.tag in WORDS:
-            top = f"{one.tag} {one.get('name', '')!r}"
-            yield from _read(one, f"{owner}: <{one.tag}>" if owner else top, owner or top)
+            yield from read_elements(one, one if top is None else top)
 
 
 def _check(

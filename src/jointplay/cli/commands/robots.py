@@ -125,7 +125,6 @@ def described(description: Description) -> dict[str, Any]:
 
 def _joints(survey: Survey, description: Description) -> list[str]:
     rows = [("joint", "kind", "parent", "child", "position", "speed", "effort", "")]
-    gears = description.declared.transmissions
     for name in survey.moving:
         entry = description.joints[name]
         unit, force = ("m", "N") if entry.slides else ("rad", "N m")
@@ -133,8 +132,8 @@ def _joints(survey: Survey, description: Description) -> list[str]:
         speed = "" if entry.speed is None else f"{entry.speed:.4g} {unit}/s"
         effort = "" if entry.effort is None else f"{entry.effort:.4g} {force}"
         more = [] if entry.mimic is None else [f"follows {entry.mimic.formula()}"]
-        if name in gears and gears[name].reduction is not None:
-            more.append(f"geared {gears[name].reduction:g} : 1")
+        if name in description.reductions:
+            more.append(f"geared {description.reductions[name]:g} : 1")
         words = (name, entry.kind, entry.parent, entry.child)
         rows.append((*words, position, speed, effort, "; ".join(more)))
     return [f"    {line}" for line in aligned(rows)]
