@@ -38,7 +38,6 @@ from jointplay.simulation.base_chart import BaseChart
 from jointplay.simulation.loads.drive import assign
 from jointplay.simulation.moment import Moment
 from jointplay.simulation.prepare import CHUNK, Prepared, prepare, saying_if_long
-from jointplay.simulation.result.audit import Judgement
 from jointplay.simulation.result.histories import compile_histories, histories
 from jointplay.simulation.result.variables import Phase, Records
 from jointplay.simulation.settling import Settling
@@ -123,7 +122,8 @@ class Run:
         """When figures begin to be judged [s]; 0 until contacts have settled, if they say when."""
         settles = judged_from is None
         self._settling = Settling(self.mechanism, simulation.step) if settles else None
-        self._unjudged: dict[str, np.ndarray] | None = None
+        self.unjudged: dict[str, np.ndarray] | None = None
+        """Contact statistics then; None: at the start, or it has not come to that."""
         self._begun = self._finished = False
         self._whole = True
         """Whether q and v of the workspace are complete: no step since they were made so."""
@@ -273,16 +273,6 @@ class Run:
             status = self.workspace.status if self._finished or failed else Status.INTERRUPTED
         self._chart.convert_records()
         return histories(self, status, only)
-
-    def judgement(self) -> Judgement:
-        found = Judgement(judged_from=self.judged_from, before=self._unjudged)
-        if self.rest is None:
-            return found
-        start = "rest" if self.rest.solved else "centred"
-        rest = self.rest
-        if not rest.inside:  # where it ended says nothing
-            return replace(found, start=start, residual=math.inf, load=math.inf)
-        return replace(found, start=start, residual=rest.residual, load=rest.load)
 
     def run_to_end(self, progress: bool = False) -> Status:
         """Step to the end, a failure, or Ctrl-C; returns why. Warns if it failed; see `finish`."""
@@ -446,7 +436,7 @@ class Run:
             "loop": self._loop.memory(),
             "judged_from": self.judged_from,
             "settling": None if self._settling is None else self._settling.memory(),
-            "unjudged": self._unjudged,
+            "unjudged": self.unjudged,
             "watch": self._watch.memory(),
             "chart": self._chart.memory(),
         }
@@ -462,7 +452,7 @@ class Run:
             self._origin = np.array(q, float), np.array(v, float)
         self._reference.recall(memory["reference"])
         self._set_reference_block()
-        self.judged_from, self._unjudged = float(memory["judged_from"]), memory["unjudged"]
+        self.judged_from, self.unjudged = float(memory["judged_from"]), memory["unjudged"]
         if memory["settling"] is None:
             self._settling = None
         elif self._settling is not None:
@@ -503,28 +493,22 @@ class Run:
             good = self._loop.stretch(steps, pause)
             if good:
                 self._do_what_is_due(due, judged)
-                good = self._engaged()
+                left = initial.left_bearing(self.mechanism, w.q) if self._open_ended else None
+                if left is not None:
+                    w.fail(Status.BROKE_OUT, list(self.mechanism.clearance).index(left))
+                    good = False
         finally:  # a Ctrl-C comes between macro steps, and the run can go on
             self._left = self._state()
         return good
 
-    def _engaged(self) -> bool:
-        """Whether all journals are in their bearings; the run has failed if one is not."""
-        left = initial.left_bearing(self.mechanism, self.workspace.q) if self._open_ended else None
-        if left is None:
-            return True
-        at = list(self.mechanism.clearance).index(left)
-        self.workspace.fail(Status.BROKE_OUT, at)
-        return False
-
     def _do_what_is_due(self, due: int | None, judged: int) -> None:
         w = self.workspace
-        if self._unjudged is None and w.steps >= judged > 0:
-            self._unjudged = w.contact_statistics()
+        if self.unjudged is None and w.steps >= judged > 0:
+            self.unjudged = w.contact_statistics()
         settling = self._settling
         if settling and w.steps >= settling.next_step and settling.has_settled(w):
             self.judged_from, self._settling = w.time, None
-            self._unjudged = w.contact_statistics()
+            self.unjudged = w.contact_statistics()
         if due is not None and due == w.steps:
             self._loop.synchronize()
             self._events.apply_due_events(w)
