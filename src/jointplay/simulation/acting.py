@@ -148,9 +148,28 @@ class Events:
         return self._planned[-1][0] if self._planned else None
 
     def apply_due_events(self, w: Workspace) -> None:
+        """Pick and release what is due.
+
+        A body that is picked moves on with the mechanism as the momentum of both demands; what the
+        energies of the bodies rise by then has been brought in.
+        """
         while self._planned and self._planned[-1][0] <= w.steps:
             _, payload, picked = self._planned.pop()
-            self._exchange(w, payload, picked)
+            last, driven, speed = self.phases[-1], self._model.copy(), w.v.copy()
+            bodies = self._change(payload, picked)
+            brought = last.energy
+            if w.steps > 0:
+                if picked:
+                    ideal = set(self._mechanism.loops) - set(self._mechanism.clearance)
+                    rows = closing_rows(self._mechanism, w.q, ideal)
+                    w.v[:] = velocity_after_pick(driven, self._model, w.q, speed, rows)
+                before, now = last.model.copy(), bodies.copy()
+                base = self._mechanism.base_joint
+                for model in (before, now):  # the chart of a free base is that of the run
+                    model.jointPlacements[base] = self._model.jointPlacements[base]
+                brought += _energy(now, w.q, w.v) - _energy(before, w.q, speed)
+            row = -(-w.steps // self._every)
+            self.phases.append(Phase(row, bodies, brought))
 
     def memory(self) -> list[tuple[int, float]]:
         return [(phase.row, phase.energy) for phase in self.phases]
@@ -170,23 +189,6 @@ class Events:
             held = model.inertias[frame.parentJoint]
             model.inertias[frame.parentJoint] = held + body if picked else held - body
         return bodies
-
-    def _exchange(self, w: Workspace, payload: Payload, picked: bool) -> None:
-        last, driven, speed = self.phases[-1], self._model.copy(), w.v.copy()
-        bodies = self._change(payload, picked)
-        brought = last.energy
-        if w.steps > 0:
-            if picked:
-                ideal = set(self._mechanism.loops) - set(self._mechanism.clearance)
-                rows = closing_rows(self._mechanism, w.q, ideal)
-                w.v[:] = velocity_after_pick(driven, self._model, w.q, speed, rows)
-            before, now = last.model.copy(), bodies.copy()
-            base = self._mechanism.base_joint
-            for one in (before, now):  # the chart of a free base is that of the run
-                one.jointPlacements[base] = self._model.jointPlacements[base]
-            brought += _energy(now, w.q, w.v) - _energy(before, w.q, speed)
-        row = -(-w.steps // self._every)
-        self.phases.append(Phase(row, bodies, brought))
 
 
 def _energy(model: pin.Model, q: np.ndarray, v: np.ndarray) -> float:
@@ -255,17 +257,12 @@ class ReactionLoads:
         self._before = (w.time, w.q.copy(), v.copy())
 
     def _friction(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> list[float]:
+        """Friction of each member [N m or N] by the forces that joints transmit in this motion."""
         model = self._model
         data = self._data = self._data or model.createData()
-        pin.rnea(model, data, q, v, a, self._external(model, data, q))
-        return [
-            load.friction(data.f[joint].linear, axis, slides)
-            for load, _, joint, axis, slides in self.members
-        ]
-
-    def _external(self, model: pin.Model, data: pin.Data, q: np.ndarray) -> pin.StdVec_Force:
-        """Wrenches of loads between frames, on the bodies and in their joints' frames."""
-        forces = pin.StdVec_Force()
+        forces = (
+            pin.StdVec_Force()
+        )  # of loads between frames, on the bodies in their joints' frames
         forces.extend([pin.Force.Zero()] * model.njoints)
         if self._pushers:
             pin.forwardKinematics(model, data, q)
@@ -278,7 +275,11 @@ class ReactionLoads:
             acting = pin.SE3(np.eye(3), at).act(pin.Force(turn @ wrench[:3], turn @ wrench[3:]))
             forces[j] = forces[j] + data.oMi[j].actInv(acting)
             forces[i] = forces[i] - data.oMi[i].actInv(acting)
-        return forces
+        pin.rnea(model, data, q, v, a, forces)
+        return [
+            load.friction(data.f[joint].linear, axis, slides)
+            for load, _, joint, axis, slides in self.members
+        ]
 
 
 def _axis(mechanism: Mechanism, name: str) -> tuple[int, np.ndarray, bool]:

@@ -83,7 +83,7 @@ def effort_bounds(simulation: Simulation, followed: Sequence[str]) -> dict[str, 
         assert simulation.motion is not None
         motion = simulation.motion
         for text in limits_of_joints.check_motion(simulation.mechanism, motion, followed):
-            warnings.warn(text, RuntimeWarning, stacklevel=5)
+            warnings.warn(text, RuntimeWarning, stacklevel=6)
     if simulation.limits != "cut":
         return {}
     return limits_of_joints.bounds(simulation.mechanism)

@@ -255,6 +255,11 @@ def settled_drives(simulation: Simulation) -> dict[str, Drive]:
     return drives
 
 
+def behind_gears(drives: Mapping[str, Drive]) -> set[str]:
+    """Joints whose drives look at the joint itself, behind its gear if it has one."""
+    return {name for name, drive in drives.items() if getattr(drive, "encoder", None) == "link"}
+
+
 def find_rest(
     run: Run,
     start: InitialState,

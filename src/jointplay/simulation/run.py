@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-import sys
-import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +18,6 @@ from jointplay.base import signals
 from jointplay.base.errors import (
     JointplayError,
     require_a,
-    require_known,
     require_positive,
     require_vector,
     require_whole,
@@ -28,29 +25,19 @@ from jointplay.base.errors import (
 from jointplay.base.progress import Simulated
 from jointplay.base.tables import counted, few
 from jointplay.model.impact import tooth_duration
-from jointplay.model.massless import require_inertia
-from jointplay.model.mechanism import Mechanism
-from jointplay.physics.joints import Coordinate
 from jointplay.physics.kernel import Status
-from jointplay.physics.kernel import ahead as kernel_ahead
-from jointplay.physics.kernel.integrators import Integrator, integrator
-from jointplay.physics.kernel.sites import LoadSite
-from jointplay.physics.kernel.workspace import Workspace
 from jointplay.simulation import (
     acting,
-    base_chart,
     checkpoint,
-    checks,
     initial,
     step_check,
     time_loop,
 )
 from jointplay.simulation.acting import Events, LoadSchedule
-from jointplay.simulation.assemble import check_step, joint_site
 from jointplay.simulation.base_chart import BaseChart
-from jointplay.simulation.loads.drive import Drive, JointFriction, Servo, assign
-from jointplay.simulation.loads.drive_tables import table_nodes, tabulate
-from jointplay.simulation.result.audit import Judgement
+from jointplay.simulation.loads.drive import assign
+from jointplay.simulation.moment import Moment
+from jointplay.simulation.prepare import CHUNK, Prepared, prepare, saying_if_long
 from jointplay.simulation.result.histories import compile_histories, histories
 from jointplay.simulation.result.variables import Phase, Records
 from jointplay.simulation.settling import Settling
@@ -62,79 +49,14 @@ if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
 
 
-EXPLICIT_DECAY = 0.2
-"""Part of a journal's speed that a drive's damping may take in a step explicitly, if it flies."""
-
-LONG_STEP_S = 1e-4
-"""Step for which that is asked where steps go by their error [s]."""
-
 FASTEST_SHOWN = 4
 """Coordinates that the message on a run that diverged has."""
 
 SAME_PLACE = 1e-12
 """A machine without play that would rest so near where it is begins there [rad or m]."""
 
-CHUNK = 2000
-"""Steps between two looks at the clock and the keyboard, at most."""
-
 ENGAGED_S = 1e-3
 """Interval at which is looked whether journals are in their open-ended bearings [s]."""
-
-
-@dataclass(frozen=True)
-class Moment:
-    """State and contact forces at one instant; arrays are copies, the run goes on without them.
-
-    Names that do not exist are a `MissingName`.
-    """
-
-    time: float
-    """[s]."""
-    step: int
-    q: np.ndarray
-    """Generalised coordinates, in the order of `coordinates`, shape (nq,) [rad or m]."""
-    v: np.ndarray
-    """Their velocities, shape (nv,)."""
-    mechanism: Mechanism
-    poses: np.ndarray
-    """By joint with clearance: centre of the journal (3) [m], then its orientation row by row (9),
-    in the bearing frame; shape (nj, 12)."""
-    wrenches: np.ndarray
-    """Force on the journal (3) [N] and moment about its centre (3) [N m], bearing axes, (nj, 6)."""
-    normal_forces: np.ndarray
-    """By joint and contact, 0 where nothing touches, shape (nj, contacts) [N]."""
-
-    @property
-    def coordinates(self) -> tuple[Coordinate, ...]:
-        return tuple(self.mechanism.coordinates)
-
-    def position(self, name: str) -> float:
-        """Of a joint or of a single coordinate such as ``joint.x`` [rad or m]."""
-        return float(self.q[initial.named(self.mechanism, name)[0]])
-
-    def speed(self, name: str) -> float:
-        """Of a joint or of a single coordinate [rad/s or m/s]."""
-        return float(self.v[initial.named(self.mechanism, name)[0]])
-
-    def journal(self, joint: str) -> tuple[np.ndarray, np.ndarray]:
-        """Centre (3,) [m] and orientation (3, 3) of a journal in its bearing frame."""
-        pose = self.poses[self._joint(joint)]
-        return pose[:3], pose[3:].reshape(3, 3)
-
-    def force(self, joint: str) -> np.ndarray:
-        """Force on a journal in the axes of its bearing, shape (3,) [N]."""
-        return self.wrenches[self._joint(joint), :3]
-
-    def contacts(self, joint: str) -> dict[str, float]:
-        """Normal force by the name of the contact [N]."""
-        at = self._joint(joint)
-        names = self.mechanism.clearance[joint].contacts
-        return {name: float(self.normal_forces[at, k]) for k, name in enumerate(names)}
-
-    def _joint(self, name: str) -> int:
-        joints = list(self.mechanism.clearance)
-        require_known("joint with clearance", name, joints)
-        return joints.index(name)
 
 
 @contextmanager
@@ -176,88 +98,32 @@ class Run:
         ahead: bool = False,
     ) -> None:
         require_a("simulation", simulation, "Simulation")
-        self.simulation = simulation
+        made = prepare(simulation, records is None, progress, ahead)
+        self.simulation, self.mechanism = simulation, simulation.mechanism
         self.label = ""  # what the progress bar calls the run
-        self.mechanism = mechanism = simulation.mechanism
-        self.method: Integrator = integrator(simulation.integrator)
-        step, duration, self.total_steps = checks.check_integration(simulation, self.method)
-        acting.check(simulation.loads)
-        drives = assign(mechanism, simulation.motion, simulation.drive)
-        every = simulation.record_every
-        if records is None:
-            nodes = table_nodes(simulation.motion, drives, duration)
-            checks.check_memory(mechanism, duration, self.total_steps, every, nodes)
-        self.friction = checks.joint_friction(simulation)
-        for name, drive in drives.items():
-            if isinstance(drive, Servo) and name not in mechanism.gears:
-                losses = self.friction.get(name, JointFriction())
-                self.friction = {**self.friction, name: drive.with_friction(losses)}
-        followed = [name for name, drive in drives.items() if drive.follows]
-        bounds = checks.effort_bounds(simulation, followed)
-        start = initial.initial_state(simulation, followed)
-        base_chart.check_start(mechanism, start.q)
-        require_inertia(mechanism, start.q)
-        if simulation.seed is not None and not simulation.starts_at_rest:
-            start.perturb(simulation.seed, at_rest=False, behind=_behind_gears(drives))
-        kind = time_loop.Adaptive if simulation.tolerance else time_loop.MultiRate
-        macro = simulation.macro_step or kind.longest_macro_step_s
-        tables, armature, self._reference = tabulate(
-            mechanism,
-            simulation.motion,
-            drives,
-            duration,
-            self.friction,
-            start.q,
-            progress,
-            bounds,
-            ahead=2.0 * (CHUNK * step + macro),
-            speed=start.v,
-        )
-        start.move()
-        with _saying_if_long(progress and ahead):
-            # What else is compiled, by this process, is so while another one ends the kernel.
-            self._ahead = ahead and kernel_ahead(self.method.command)
-        # The run's own, for payloads and prescribed motion change its inertias.
-        self.model = mechanism.model.copy()
-        for at, value in armature.items():
-            self.model.armature[at] += value
-        self.data = self.model.createData()
-        sites = [acting.load_site(load, mechanism, bounds) for load in simulation.loads.values()]
-        self.workspace = w = Workspace(
-            self.data,
-            self.model.nv,
-            [joint_site(mechanism, name, start.q) for name in mechanism.clearance],
-            tables,
-            step,
-            every,
-            self.total_steps // every + 2 if records is None else 1,
-            own_acceleration=not self.method.single_rate,
-            loads=sites,
-        )
+        self.method, self.total_steps, self.friction = made.method, made.total_steps, made.friction
+        self.model, self.data, self.workspace = made.model, made.data, made.workspace
+        self._reference, self._compiles = made.reference, made.compiles
         self._chart = BaseChart(self)
-        self.overflow = None if records is None else self._overflow(records, macro)
+        self.overflow = None if records is None else self._overflow(records, made)
         """Where records go that memory has no room for."""
-        self._watch = LoadSchedule(self, sites)
-        w.q[:], w.v[:] = start.q, start.v
-        self._set_implicit_drives()
+        self._watch = LoadSchedule(self, made.sites)
         self._events = Events(self)
-        equal = step if simulation.tolerance is None else None
-        check_step(mechanism, pin.computeTotalMass(self.model), equal, start.q)
-        if equal is not None:
-            acting.check_step(simulation.loads, mechanism, equal, start.q)
         self.rest: Rest | None = None
         """Where the search for the place of rest ended; None if journals start centred."""
         if simulation.starts_at_rest:
-            self._start_at_rest(start, drives, sites, places or {})
-        start.check_journals()
+            self._place(made, places or {})
+        made.start.check_journals()
         self._open_ended = any(
-            math.isfinite(joint.engaged_within) for joint in mechanism.clearance.values()
+            math.isfinite(joint.engaged_within) for joint in self.mechanism.clearance.values()
         )
         judged_from = self.simulation.judged_from
         self.judged_from = judged_from or 0.0
         """When figures begin to be judged [s]; 0 until contacts have settled, if they say when."""
-        self._settling = None if judged_from is not None else Settling(mechanism, step)
-        self._unjudged: dict[str, np.ndarray] | None = None
+        settles = judged_from is None
+        self._settling = Settling(self.mechanism, simulation.step) if settles else None
+        self.unjudged: dict[str, np.ndarray] | None = None
+        """Contact statistics then; None: at the start, or it has not come to that."""
         self._begun = self._finished = False
         self._whole = True
         """Whether q and v of the workspace are complete: no step since they were made so."""
@@ -268,83 +134,58 @@ class Run:
         self._origin: tuple[np.ndarray, np.ndarray] | None = None
         self.stop_checks: list[Callable[[], bool]] = []
         """Called between stretches; the run stops, to be continued or not, if one says True."""
-        stepping = time_loop.SingleRate if self.method.single_rate else kind
-        self._loop: time_loop.TimeLoop = stepping(
-            self, mechanism.constraints(w.q, time_loop.LOOP_CORRECTION / step)
-        )
+        correction = time_loop.LOOP_CORRECTION / simulation.step
+        constraints = self.mechanism.constraints(self.workspace.q, correction)
+        self._loop: time_loop.TimeLoop = made.loop(self, constraints)
 
-    def _overflow(self, records: Path | Callable[[Records], None], macro: float) -> Overflow:
+    def _overflow(self, records: Path | Callable[[Records], None], made: Prepared) -> Overflow:
         step, every = self.simulation.step, self.simulation.record_every
-        numbers = self.total_steps // every + 2, CHUNK + math.ceil(macro / step) + 2
-        made: Overflow
-        if callable(records):
-            made = PassedRecords(records, self.workspace, *numbers)
-        else:
-            made = DiskRecords(records, self.workspace, *numbers)
-        made.before_writing = self._chart.convert_records
-        return made
+        stretch = CHUNK + math.ceil(made.longest_macro_step / step) + 2
+        numbers = self.workspace, self.total_steps // every + 2, stretch
+        keeps = PassedRecords if callable(records) else DiskRecords
+        overflow: Overflow = keeps(records, *numbers)  # type: ignore[arg-type]
+        overflow.before_writing = self._chart.convert_records
+        return overflow
 
     @property
     def on_disk(self) -> DiskRecords | None:
         return self.overflow if isinstance(self.overflow, DiskRecords) else None
 
-    def _start_at_rest(
-        self,
-        start: initial.InitialState,
-        drives: Mapping[str, Drive],
-        sites: Sequence[LoadSite],
-        places: Mapping[str, np.ndarray],
-    ) -> None:
+    def _place(self, made: Prepared, places: Mapping[str, np.ndarray]) -> None:
         """Let the run begin where the machine rests, if it does.
 
         Without play, too: its drives give way, and its loads bend it.
         """
-        simulation, w = self.simulation, self.workspace
+        simulation, w, start = self.simulation, self.workspace, made.start
         self._events.apply_due_events(w)  # what is picked at 0 weighs from the first
-        pushing = StaticLoads(simulation.loads, self.mechanism, sites)
-        rest = initial.find_rest(self, start, drives, pushing, places)
-        ideal = not self.mechanism.clearance and not self.mechanism.gears
-        if ideal and rest.solved and np.abs(rest.q - w.q).max(initial=0.0) <= SAME_PLACE:
-            return  # it stands where it begins anyway
-        if ideal and not rest.solved and simulation.start != "rest":
-            self.simulation = replace(simulation, start="centred")
-            return  # nothing is centred in it: it begins where it was put, and moves
+        loads = StaticLoads(simulation.loads, self.mechanism, made.sites)
+        rest = initial.find_rest(self, start, made.drives, loads, places)
+        if not (self.mechanism.clearance or self.mechanism.gears):
+            if rest.solved and np.abs(rest.q - w.q).max(initial=0.0) <= SAME_PLACE:
+                return  # it stands where it begins anyway
+            if not rest.solved and simulation.start != "rest":
+                self.simulation = replace(simulation, start="centred")
+                return  # nothing is centred in it: it begins where it was put, and moves
         self.rest = rest
-        if not rest.solved:
-            if simulation.start == "rest":
-                what = (
-                    f"after {rest.trials} trials {rest.residual:.3g} N of {rest.load:.3g} N are "
-                    "not balanced"
-                    if rest.inside
-                    else "a journal would break out of its bearing"
-                )
-                raise JointplayError(
-                    f"no equilibrium was found: {what}; start 'centred', or give a state in "
-                    "which the drives hold the machine"
-                )
-            # As the result says: to run it again is to run it like this.
-            self.simulation = replace(simulation, start="centred")
-            if simulation.seed is not None:
-                start.perturb(simulation.seed, at_rest=False, behind=_behind_gears(drives))
-        else:
-            self.simulation = replace(simulation, start="rest")
-            start.q = rest.q
-            if simulation.seed is not None:
-                start.perturb(simulation.seed, at_rest=True, behind=_behind_gears(drives))
+        if not rest.solved and simulation.start == "rest":
+            what = (
+                f"after {rest.trials} trials {rest.residual:.3g} N of {rest.load:.3g} N are "
+                "not balanced"
+                if rest.inside
+                else "a journal would break out of its bearing"
+            )
+            raise JointplayError(
+                f"no equilibrium was found: {what}; start 'centred', or give a state in "
+                "which the drives hold the machine"
+            )
+        # As the result says: to run it again is to run it like this.
+        self.simulation = replace(simulation, start="rest" if rest.solved else "centred")
+        start.q = rest.q if rest.solved else start.q
+        if simulation.seed is not None:
+            behind = initial.behind_gears(made.drives)
+            start.perturb(simulation.seed, at_rest=rest.solved, behind=behind)
         start.move()
-        self.workspace.q[:], self.workspace.v[:] = start.q, start.v
-
-    def _set_implicit_drives(self) -> None:
-        """Have the damping of drives that no step follows, or no long one, solved for implicitly.
-
-        A drive is tuned to what it carries at rest. While the journal that it turns flies, there is
-        only that journal's inertia, which may be a ten-thousandth.
-        """
-        simulation, w = self.simulation, self.workspace
-        inverse = np.diag(pin.computeMinverse(self.model, self.data, w.q))
-        longest = simulation.step if simulation.tolerance is None else LONG_STEP_S
-        rate = w.drives["kd"] * inverse[w.drives["coordinate"]]
-        w.drives["implicit"] = rate * longest > EXPLICIT_DECAY
+        w.q[:], w.v[:] = start.q, start.v
 
     def highest_frequency(self) -> float:
         """Of what springs, gears and drives can make swing [rad/s], where the run begins."""
@@ -433,24 +274,14 @@ class Run:
         self._chart.convert_records()
         return histories(self, status, only)
 
-    def judgement(self) -> Judgement:
-        found = Judgement(judged_from=self.judged_from, before=self._unjudged)
-        if self.rest is None:
-            return found
-        start = "rest" if self.rest.solved else "centred"
-        rest = self.rest
-        if not rest.inside:  # where it ended says nothing
-            return replace(found, start=start, residual=math.inf, load=math.inf)
-        return replace(found, start=start, residual=rest.residual, load=rest.load)
-
     def run_to_end(self, progress: bool = False) -> Status:
         """Step to the end, a failure, or Ctrl-C; returns why. Warns if it failed; see `finish`."""
         self._check_unfinished()
         workspace = self.workspace
         if workspace.steps == 0:
             self._origin = workspace.q.copy(), workspace.v.copy()
-        with _saying_if_long(progress and not self._loop.compiled):
-            if self._ahead:
+        with saying_if_long(progress and not self._loop.compiled):
+            if self._compiles:
                 compile_histories(self)
             self._loop.compile()
         bar = Simulated(
@@ -605,7 +436,7 @@ class Run:
             "loop": self._loop.memory(),
             "judged_from": self.judged_from,
             "settling": None if self._settling is None else self._settling.memory(),
-            "unjudged": self._unjudged,
+            "unjudged": self.unjudged,
             "watch": self._watch.memory(),
             "chart": self._chart.memory(),
         }
@@ -621,7 +452,7 @@ class Run:
             self._origin = np.array(q, float), np.array(v, float)
         self._reference.recall(memory["reference"])
         self._set_reference_block()
-        self.judged_from, self._unjudged = float(memory["judged_from"]), memory["unjudged"]
+        self.judged_from, self.unjudged = float(memory["judged_from"]), memory["unjudged"]
         if memory["settling"] is None:
             self._settling = None
         elif self._settling is not None:
@@ -662,28 +493,22 @@ class Run:
             good = self._loop.stretch(steps, pause)
             if good:
                 self._do_what_is_due(due, judged)
-                good = self._engaged()
+                left = initial.left_bearing(self.mechanism, w.q) if self._open_ended else None
+                if left is not None:
+                    w.fail(Status.BROKE_OUT, list(self.mechanism.clearance).index(left))
+                    good = False
         finally:  # a Ctrl-C comes between macro steps, and the run can go on
             self._left = self._state()
         return good
 
-    def _engaged(self) -> bool:
-        """Whether all journals are in their bearings; the run has failed if one is not."""
-        left = initial.left_bearing(self.mechanism, self.workspace.q) if self._open_ended else None
-        if left is None:
-            return True
-        at = list(self.mechanism.clearance).index(left)
-        self.workspace.fail(Status.BROKE_OUT, at)
-        return False
-
     def _do_what_is_due(self, due: int | None, judged: int) -> None:
         w = self.workspace
-        if self._unjudged is None and w.steps >= judged > 0:
-            self._unjudged = w.contact_statistics()
+        if self.unjudged is None and w.steps >= judged > 0:
+            self.unjudged = w.contact_statistics()
         settling = self._settling
         if settling and w.steps >= settling.next_step and settling.has_settled(w):
             self.judged_from, self._settling = w.time, None
-            self._unjudged = w.contact_statistics()
+            self.unjudged = w.contact_statistics()
         if due is not None and due == w.steps:
             self._loop.synchronize()
             self._events.apply_due_events(w)
@@ -761,33 +586,3 @@ class Run:
                 what = f"law {named} of {name!r} returned a non-finite value ({place})"
                 remedy = "correct the law"
         return f"stopped {at}: {what}; {remedy}. State: {shown}"
-
-
-_COMPILES_S = 5.0
-"""Loading compiled kernels takes less than this; compiling them, at the first start, much more."""
-
-_said = threading.Event()
-"""Whether this process has said so: each of several kernels is compiled when it is called for."""
-
-
-def _behind_gears(drives: Mapping[str, Drive]) -> set[str]:
-    """Joints whose drives look at the joint itself, behind its gear if it has one."""
-    return {name for name, one in drives.items() if getattr(one, "encoder", None) == "link"}
-
-
-@contextmanager
-def _saying_if_long(say: bool) -> Iterator[None]:
-    words = "compiling the kernels, half a minute or two; the next start loads them"
-
-    def tell() -> None:
-        _said.set()
-        print(words, file=sys.stderr, flush=True)
-
-    timer = threading.Timer(_COMPILES_S, tell)
-    timer.daemon = True
-    if say and not _said.is_set():
-        timer.start()
-    try:
-        yield
-    finally:
-        timer.cancel()

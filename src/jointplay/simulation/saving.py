@@ -79,7 +79,13 @@ def run_and_save(
             else:
                 status = run.run_to_end(progress)
         if status == Status.INTERRUPTED and on_disk is not None:
-            _write_checkpoint(run, kept)
+            try:
+                run.checkpoint(kept)
+            except JointplayError as error:
+                signals.say(f"no checkpoint: {error}")
+            else:
+                at = f"{run.workspace.time:.6g} s"
+                signals.say(f"checkpoint at t = {at}: --resume continues from it")
         if result is not None:
             result.dataset.attrs.update(notes or {})
             save(result, path, overwrite)
@@ -102,15 +108,6 @@ def _checkpoints(run: Run, path: Path) -> Callable[[], bool]:
         return False
 
     return write_if_due
-
-
-def _write_checkpoint(run: Run, kept: Path) -> None:
-    try:
-        run.checkpoint(kept)
-    except JointplayError as error:
-        signals.say(f"no checkpoint: {error}")
-    else:
-        signals.say(f"checkpoint at t = {run.workspace.time:.6g} s: --resume continues from it")
 
 
 def _save_from_disk(

@@ -24,10 +24,11 @@ from jointplay.simulation import checkpoint
 from jointplay.simulation.initial import position_and_speed
 from jointplay.simulation.loads import Load
 from jointplay.simulation.loads.drive import Drive, JointFriction
+from jointplay.simulation.moment import Moment
 from jointplay.simulation.motion.completion import complete_motion
 from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.result.inputs import FILES_DRIVES, FILES_LOADS, Inputs
-from jointplay.simulation.run import Moment, Run
+from jointplay.simulation.run import Run
 from jointplay.simulation.saving import run_to
 
 if TYPE_CHECKING:

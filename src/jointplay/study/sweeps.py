@@ -21,8 +21,9 @@ from jointplay.base.schema import one_of
 from jointplay.base.units import toml_text
 from jointplay.physics import kernel
 from jointplay.scenario import Scenario
+from jointplay.simulation.prepare import CHUNK
 from jointplay.simulation.result import netcdf
-from jointplay.simulation.run import CHUNK, Run
+from jointplay.simulation.run import Run
 from jointplay.study.axes import Axis
 from jointplay.study.case import Bench, Case, job, run_case
 from jointplay.study.database import FILE, is_there

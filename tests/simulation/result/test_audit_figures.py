@@ -10,8 +10,9 @@ from jointplay.model.gear import Gear
 from jointplay.physics.kernel.layout import FRICTION, POWERS, Quantity
 from jointplay.simulation.result import audit
 from jointplay.simulation.result import audit as audit_module
-from jointplay.simulation.result.audit import Audit, Judgement
+from jointplay.simulation.result.audit import Audit
 from jointplay.simulation.result.variables import Records
+from jointplay.simulation.statics import Rest
 
 TIME = np.array([0.0, 0.1, 0.2])
 Q = np.array([[0.3, 0.0, 0.1], [0.2, 0.5, 0.9], [0.1, 0.6, 0.0]])
@@ -114,7 +115,9 @@ def audited(mechanism, workspace, monkeypatch):
         *,
         integrator="semi-implicit-euler",
         tolerance=None,
-        judgement=None,
+        judged_from=0.0,
+        rest=None,
+        unjudged=None,
         kinetic=None,
         potential=None,
         elastic=None,
@@ -129,17 +132,16 @@ def audited(mechanism, workspace, monkeypatch):
             "tolerance": tolerance,
             "limits": "report",
         }
-        judgement = judgement or Judgement()
         kinetic = np.array([0.0, 2.0, 1.0]) if kinetic is None else kinetic
         potential = np.array([1.0, 0.5, 0.5]) if potential is None else potential
         work = np.zeros((3, len(POWERS))) if work is None else work
         residual, drift = np.array([0.01, -0.04, 0.02]), np.array([1e-7, 3e-7, 0.0])
-        watching = audit.Auditor(mechanism, simulation, judgement.judged_from)
+        watching = audit.Auditor(mechanism, simulation, judged_from)
         elastic = np.zeros(3) if elastic is None else elastic
         histories = (kinetic, potential), work, residual, drift, np.zeros((3, 3)), elastic
         state = records.recorded("q"), records.recorded("v")
         watching.add_records(records, state, *histories)
-        return watching.audit(workspace, judgement), asked
+        return watching.audit(workspace, rest, unjudged), asked
 
     return make
 
@@ -161,9 +163,8 @@ def test_sums_and_extremes_are_over_all_contacts_of_all_joints(audited):
 def test_portions_come_to_the_same(audited, portion):
     work = np.zeros((3, len(POWERS)))
     work[:, FRICTION] = [0.0, 4.0, 3.5]
-    judgement = Judgement(judged_from=0.2)
-    whole, _ = audited(work=work, judgement=judgement)
-    assert audited(work=work, judgement=judgement, portion=portion)[0] == whole
+    whole, _ = audited(work=work, judged_from=0.2)
+    assert audited(work=work, judged_from=0.2, portion=portion)[0] == whole
 
 
 def test_a_machine_at_rest_under_load_exchanges_at_least_what_its_speeds_are_unknown_by(audited):
@@ -201,7 +202,7 @@ def miss(mechanism, workspace, records, impulses):
     work, energies = np.zeros((n, len(POWERS))), (np.zeros(n), np.zeros(n))
     state = records.recorded("q"), records.recorded("v")
     watching.add_records(records, state, energies, work, nothing, np.zeros(0), efforts, nothing)
-    return watching.audit(workspace, Judgement()).impulse_missed
+    return watching.audit(workspace, None, None).impulse_missed
 
 
 def test_records_on_one_side_of_a_force_that_alternates_are_seen(mechanism, workspace, audited):
@@ -260,11 +261,12 @@ def test_all_is_judged_unless_told_otherwise(audited):
 
 def test_what_came_before_is_told_apart(audited):
     before = {"onsets": np.array([[1, 1], [2, 0]]), "impulse": np.array([[0.5, 0.5], [1.0, 0.0]])}
-    found, _ = audited(judgement=Judgement("rest", 0.2, 1e-9, 5.0, before))
+    rest = Rest(np.zeros(3), 1e-9, 5.0, 1, True, {})
+    found, _ = audited(judged_from=0.2, rest=rest, unjudged=before)
     assert (found.judged_impacts, found.judged_impulse) == (3, 6.0)
     assert (found.peak_force, found.peak_force_before) == (7.0, 10.0)
     assert (found.start, found.start_residual, found.start_load) == ("rest", 1e-9, 5.0)
-    found, _ = audited(judgement=Judgement(judged_from=0.1))
+    found, _ = audited(judged_from=0.1)
     assert (found.peak_force, found.peak_force_before) == (10.0, 5.0)
 
 
@@ -272,7 +274,7 @@ def test_small_forces_are_no_less_than_they_are(audited):
     small = RECORDS.rows_of.copy()
     small[:, 7:] *= 0.01
     records = Records(small, RECORDS.fields)
-    found, asked = audited(judgement=Judgement(judged_from=0.2), records=records)
+    found, asked = audited(judged_from=0.2, records=records)
     assert (found.peak_force, found.peak_force_before) == pytest.approx((0.07, 0.1))
     assert [force for *_, force in asked] == pytest.approx([0.9, 0.3])
 

@@ -15,10 +15,11 @@ import xarray as xr
 
 from jointplay.base.errors import JointplayError, require_whole
 from jointplay.simulation.analysis import Contacts, contacts
+from jointplay.simulation.prepare import CHUNK
 from jointplay.simulation.result.histories import histories
 from jointplay.simulation.result.result import Result
 from jointplay.simulation.result.variables import Phase, contact_names
-from jointplay.simulation.run import CHUNK, Run
+from jointplay.simulation.run import Run
 from jointplay.simulation.simulation import Simulation
 
 WINDOW_STEPS = 600

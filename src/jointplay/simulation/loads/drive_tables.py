@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -131,6 +131,22 @@ def _friction_row(coordinate: int, losses: JointFriction) -> np.ndarray:
     )
 
 
+class Column(NamedTuple):
+    """What a column of the table has over time: a reference to follow, or an effort."""
+
+    follows: int | None = None
+    """Which of the joints that follow the motion; None: none, and the effort is given."""
+    times: tuple[float, ...] = (0.0,)
+    efforts: tuple[float, ...] = (0.0,)
+    """At `times`, linear between them [N m or N]."""
+    rotor: float | None = None
+    """Of a drive that knows the ideal mechanism's effort: what it turns besides [kg m^2 or kg]."""
+    losses: JointFriction = JointFriction()
+    """Friction that it knows, too."""
+    goals: tuple[float, float] | None = None
+    """To which a servo cuts its reference [rad or m]."""
+
+
 def tabulate(
     mechanism: Mechanism,
     motion: Motion | None,
@@ -143,7 +159,11 @@ def tabulate(
     ahead: float = 0.0,
     speed: np.ndarray | None = None,
 ) -> tuple[CoordinateTables, dict[int, float], Reference]:
-    """Tabulate all drives.
+    """Tabulate all drives: the gains that each acts by, and over time what it follows.
+
+    A drive has a column: a reference, with the effort that it knows beforehand, or an effort alone.
+    A servo has two, for the back-EMF of its motor is a damping against a speed of zero. What is
+    prescribed moves with an armature beside which all else weighs nothing.
 
     Args:
         mechanism, motion, drives, friction: what is driven, and how.
@@ -160,118 +180,76 @@ def tabulate(
         m^2 or kg], and what the tables of later times come from.
     """
     nodes = table_nodes(motion, drives, duration)
-    driven = [name for name, drive in drives.items() if drive.kind != "free"]
-    follows = [name for name in driven if drives[name].follows]
+    follows = [name for name, drive in drives.items() if drive.follows]
     ideal = None
-    if any(isinstance(drives[name], ComputedTorque) for name in follows):
+    if any(isinstance(drive, ComputedTorque) for drive in drives.values()):
         assert motion is not None
         end = (nodes - 1) * REFERENCE_NODE_S
         ideal = IdealMotion(mechanism, motion, follows, end, start, speed)
-    columns: list[Any] = []
-    efforts: dict[int, tuple[float, JointFriction]] = {}
-    """By column, what a drive also turns, and the friction that it overcomes."""
-    rows, servos = [], []
-    goals: dict[int, tuple[float, float]] = {}
-    """By column, to what a servo cuts its reference."""
-    rubs = [
-        _friction_row(mechanism.coordinate(name), one)
-        for name, one in friction.items()
-        if one.coulomb or one.excess or one.viscous
-    ]
     model = mechanism.model
-    own = pin.crba(model, mechanism.data, start).reshape(model.nv, model.nv).diagonal().copy()
+    carried = pin.crba(model, mechanism.data, start).reshape(model.nv, model.nv).diagonal().copy()
     armature: dict[int, float] = {}
-    for name in driven:
-        drive, at, u = drives[name], mechanism.motor(name), len(columns)
-        gear = mechanism.gears.get(name)
-        losses, limit = friction.get(name, JointFriction()), (bounds or {}).get(name, np.inf)
+    columns, rows, servos = list[Column](), [], []
+    rubs = [
+        _friction_row(mechanism.coordinate(name), losses)
+        for name, losses in friction.items()
+        if losses.coulomb or losses.excess or losses.viscous
+    ]
+    for name, drive in drives.items():
+        at, gear, u = mechanism.motor(name), mechanism.gears.get(name), len(columns)
+        limit = (bounds or {}).get(name, np.inf)
+        k = follows.index(name) if drive.follows else None
+        behind = isinstance(drive, ComputedTorque | Servo) and drive.encoder == "link"
+        measured = mechanism.coordinate(name) if behind else at
         if isinstance(drive, Torque):
-            columns.append((drive.times, drive.values))
-            row = drive_row(u, at, limit=limit)
-        else:
-            columns.append(k := follows.index(name))
-        measured = at
-        if isinstance(drive, ComputedTorque | Servo) and drive.encoder == "link":
-            measured = mechanism.coordinate(name)
-        if isinstance(drive, Prescribed):
-            armature[at] = PRESCRIBED_ARMATURE * own[at]
-            row = drive_row(u, at, armature=armature[at])
-        if isinstance(drive, ComputedTorque):
+            columns.append(Column(None, drive.times, drive.values))
+            rows.append(drive_row(u, at, limit=limit))
+        elif isinstance(drive, Prescribed):
+            armature[at] = PRESCRIBED_ARMATURE * carried[at]
+            columns.append(Column(k))
+            rows.append(drive_row(u, at, armature=armature[at]))
+        elif isinstance(drive, ComputedTorque):
             assert ideal is not None
-            bandwidth = drive.through_teeth(ideal.inertia[k], gear).bandwidth or BANDWIDTH
+            assert k is not None
             rotor = gear.rotor_inertia if gear else 0.0
             inertia = ideal.inertia[k] + rotor
-            efforts[k] = rotor, losses
-            kp = bandwidth**2 * inertia
+            bandwidth = drive.through_teeth(ideal.inertia[k], gear).bandwidth or BANDWIDTH
             kd = 2.0 * drive.damping_ratio * bandwidth * inertia
-            row = drive_row(u, at, measured, kp, kd, limit=limit)
-        if isinstance(drive, Servo):
-            servos.append(servo := np.zeros(1, layout.SERVO))
-            for field in ("stall", "p_gain", "i_gain", "d_gain", "resolution", "voltage"):
-                servo[field] = getattr(drive, field)
-            servo["differences"] = drive.speed == "difference"
-            servo["dead_band"], servo["period"] = drive.band, drive.period or 0.0
-            servo["column"], servo["coordinate"], servo["encoder"] = u, at, measured
+            columns.append(Column(k, rotor=rotor, losses=friction.get(name, JointFriction())))
+            rows.append(drive_row(u, at, measured, bandwidth**2 * inertia, kd, limit=limit))
+        elif isinstance(drive, Servo):
             limit = min(limit, math.inf if drive.effort is None else drive.effort)
-            servo["limit"], servo["sampled_at"] = limit, -1.0
-            if drive.goals is not None:
-                goals[u] = drive.goals
-            columns.append(((0.0,), (0.0,)))  # back-EMF is damping against a speed of zero
-            row = drive_row(u + 1, at, kd=drive.braking, limit=limit)
+            servos.append(_servo_row(drive, u, at, measured, limit))
+            columns += [Column(k, goals=drive.goals), Column()]
+            rows.append(drive_row(u + 1, at, kd=drive.braking, limit=limit))
             if gear and (drive.friction or drive.viscous):
                 rubs.append(_friction_row(at, drive.with_friction(JointFriction())))
-        rows.append(row)
 
-    def rows_at(times: np.ndarray, bar: bool) -> np.ndarray:
+    def table_at(times: np.ndarray, bar: bool) -> np.ndarray:
         # A run, its ideal twin, those that state its errors, and the same machine with other
         # clearances all ask for the same.
         alike = None if ideal is None else ideal.alike()
-        if alike is None or motion is None or not all(isinstance(one, int) for one in columns):
-            return made(times, bar)
+        if alike is None or motion is None or any(one.follows is None for one in columns):
+            return _table(columns, times, motion, follows, ideal, bar)
         known, model = alike
         key = (
             *(motion.joints, motion.times.tobytes(), motion.positions.tobytes()),
             *(motion.interpolation, times[0], times[-1], len(times), known),
-            *(tuple(columns), tuple(follows), tuple(efforts.items())),
+            *(tuple(columns), tuple(follows)),
         )
         if key not in _recent or _recent[key][0] != model:
-            table = made(times, bar)
+            table = _table(columns, times, motion, follows, ideal, bar)
             while len(_recent) >= _KEPT:
                 _recent.pop(next(iter(_recent)), None)
             _recent[key] = model, table
         return _recent[key][1].copy()
 
-    def made(times: np.ndarray, bar: bool) -> np.ndarray:
-        table = np.zeros((3, len(times), max(len(columns), 1)))
-        if follows:
-            assert motion is not None
-            order = [motion.joints.index(name) for name in follows]
-            position, velocity, acceleration = (values[:, order] for values in motion(times))
-        if ideal is not None:
-            effort = ideal.efforts(times, bar)
-        for u, column in enumerate(columns):
-            if not isinstance(column, int):
-                table[2, :, u] = np.interp(times, *column)
-                continue
-            table[0, :, u], table[1, :, u] = position[:, column], velocity[:, column]
-            if u in goals:
-                cut = np.clip(table[0, :, u], *goals[u])
-                table[1, cut != table[0, :, u], u] = 0.0
-                table[0, :, u] = cut
-            if column in efforts:
-                rotor, losses = efforts[column]
-                table[2, :, u] = (
-                    effort[:, column]
-                    + rotor * acceleration[:, column]
-                    + losses.torque(velocity[:, column])
-                )
-        return np.hstack(list(table))
-
     gears = [
         gear.row(mechanism.motor(name), mechanism.coordinate(name))
         for name, gear in mechanism.gears.items()
     ]
-    reference = Reference(rows_at, nodes, ideal, math.ceil(ahead / REFERENCE_NODE_S) + 4, progress)
+    nodes_ahead = math.ceil(ahead / REFERENCE_NODE_S) + 4
+    reference = Reference(table_at, nodes, ideal, nodes_ahead, progress)
     tables = CoordinateTables(
         stacked(rows, layout.DRIVE_ROW),
         stacked(servos, layout.SERVO),
@@ -282,3 +260,48 @@ def tabulate(
         nodes,
     )
     return tables, armature, reference
+
+
+def _servo_row(
+    drive: Servo, column: int, coordinate: int, encoder: int, limit: float
+) -> np.ndarray:
+    row = np.zeros(1, layout.SERVO)
+    for field in ("stall", "p_gain", "i_gain", "d_gain", "resolution", "voltage"):
+        row[field] = getattr(drive, field)
+    row["differences"] = drive.speed == "difference"
+    row["dead_band"], row["period"] = drive.band, drive.period or 0.0
+    row["column"], row["coordinate"], row["encoder"] = column, coordinate, encoder
+    row["limit"], row["sampled_at"] = limit, -1.0
+    return row
+
+
+def _table(
+    columns: Sequence[Column],
+    times: np.ndarray,
+    motion: Motion | None,
+    follows: Sequence[str],
+    ideal: IdealMotion | None,
+    progress: bool,
+) -> np.ndarray:
+    """Positions, velocities and efforts of all columns at some times, (n, 3 columns)."""
+    table = np.zeros((3, len(times), max(len(columns), 1)))
+    if follows:
+        assert motion is not None
+        order = [motion.joints.index(name) for name in follows]
+        position, velocity, acceleration = (values[:, order] for values in motion(times))
+    if ideal is not None:
+        effort = ideal.efforts(times, progress)
+    for u, column in enumerate(columns):
+        k = column.follows
+        if k is None:
+            table[2, :, u] = np.interp(times, column.times, column.efforts)
+            continue
+        table[0, :, u], table[1, :, u] = position[:, k], velocity[:, k]
+        if column.goals is not None:
+            reached = np.clip(table[0, :, u], *column.goals)
+            table[1, reached != table[0, :, u], u] = 0.0
+            table[0, :, u] = reached
+        if column.rotor is not None:
+            friction = column.losses.torque(velocity[:, k])
+            table[2, :, u] = effort[:, k] + column.rotor * acceleration[:, k] + friction
+    return np.hstack(list(table))

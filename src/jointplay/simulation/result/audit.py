@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,6 +22,9 @@ from jointplay.physics.kernel.workspace import Workspace
 from jointplay.simulation.loads.limits import beyond, worst
 from jointplay.simulation.result.certificate import UNKNOWN_DIGITS, Certificate, alone, shown
 from jointplay.simulation.result.variables import Records
+
+if TYPE_CHECKING:
+    from jointplay.simulation.statics import Rest
 
 DRIFT_WARNING_M = 1e-6
 """Gap of an ideal loop above which a run warns."""
@@ -51,22 +54,6 @@ IMPULSE_WARNING = 0.01
 
 FED_WARNING = 0.01
 """What friction may give back, relative to the energy exchanged, before a run warns."""
-
-
-@dataclass(frozen=True)
-class Judgement:
-    """How a run began, and from when on it is judged."""
-
-    start: str = "centred"
-    """Where journals began."""
-    judged_from: float = 0.0
-    """[s]."""
-    residual: float | None = None
-    """Unbalanced force of the place of rest [N]; inf if its search diverged."""
-    load: float | None = None
-    """Largest force of a joint there [N]."""
-    before: Mapping[str, np.ndarray] | None = None
-    """`Workspace.contact_statistics` when judging began; None: at the start, or it never did."""
 
 
 _figure = partial(quantity, finite=False)
@@ -439,19 +426,16 @@ class Auditor:
         return [np.concatenate(parts) for parts in zip(*self._worst, strict=True)]
 
     def _forces(self, records: Records) -> None:
+        """Largest forces; impulses of the recorded ones by the trapezium rule, and how sure they
+        are."""
         if not len(self._peaks):
             return
-        peaks = records.recorded("normal_peak")
-        self._peaks = np.maximum(self._peaks, peaks.max(axis=(0, 2)))
-        vectors = records.recorded("force_peak")
-        sizes = lengths(vectors).max(axis=1)
+        self._peaks = np.maximum(self._peaks, records.recorded("normal_peak").max(axis=(0, 2)))
+        peaks = records.recorded("force_peak")
+        sizes = lengths(peaks).max(axis=1)
         late = records.recorded("time") >= self._judged_from
         self._peak = _larger(self._peak, sizes[late])
         self._peak_before = _larger(self._peak_before, sizes[~late])
-        self._impulses(records, vectors)
-
-    def _impulses(self, records: Records, peaks: np.ndarray) -> None:
-        """Add the impulses of the recorded forces, by the trapezium rule, and how sure they are."""
         time = records.recorded("time")
         force = records.recorded("force")
         if self._before is not None:
@@ -467,7 +451,20 @@ class Auditor:
         widest = np.maximum(widest, lengths(other - peak))
         self._unknown += ((interval * widest) ** 2).sum(axis=0)
 
-    def audit(self, workspace: Workspace, judgement: Judgement) -> Audit:
+    def audit(
+        self,
+        workspace: Workspace,
+        rest: Rest | None,
+        unjudged: Mapping[str, np.ndarray] | None,
+    ) -> Audit:
+        """The figures of a run at its end.
+
+        Args:
+            workspace: the run's.
+            rest: where the search for the place of rest ended; None: there was none.
+            unjudged: its contact statistics when judging began; None: at the start, or it never
+                did.
+        """
         mechanism, simulation = self._mechanism, self._simulation
         statistics = workspace.contact_statistics()
         shortest = float(np.min(statistics["shortest_steps"], initial=np.inf))
@@ -485,8 +482,11 @@ class Auditor:
         moved = np.max(self._variations, initial=0.0)
         seconds = 0.0 if self._before is None else float(self._before[0][-1])
         noise = max(self._peak, self._peak_before) * SPEED_NOISE * seconds
-        before = judgement.before or {name: np.zeros(1) for name in ("onsets", "impulse")}
-        late = judgement.judged_from > 0.0
+        before = unjudged or {name: np.zeros(1) for name in ("onsets", "impulse")}
+        late = self._judged_from > 0.0
+        residual, load = (rest.residual, rest.load) if rest else (None, None)
+        if rest and not rest.inside:  # where it ended says nothing
+            residual = load = math.inf
         return Audit(
             energy_residual=self._residual,
             energy_exchanged=max(float(moved), NOTHING_EXCHANGED * self._stored, noise),
@@ -507,10 +507,10 @@ class Auditor:
             loop_drift=self._drift,
             law_warnings=out_of_range(mechanism, statistics),
             limit_warnings=beyond(mechanism, *self._worst_records()) if self._worst else (),
-            start=judgement.start,
-            start_residual=judgement.residual,
-            start_load=judgement.load,
-            judged_from=judgement.judged_from,
+            start="rest" if rest and rest.solved else "centred",
+            start_residual=residual,
+            start_load=load,
+            judged_from=self._judged_from,
             judged_impacts=int((statistics["onsets"] - before["onsets"]).sum()),
             judged_impulse=float((statistics["impulse"] - before["impulse"]).sum()),
             peak_force=self._peak if mechanism.clearance else None,

@@ -213,7 +213,7 @@ class HistoryBuilder:
         return {"sliding_work": xr.DataArray(work, {"azimuth": about}, dims, attrs=attributes)}
 
     def audit(self) -> Audit:
-        return self._auditor.audit(self._run.workspace, self._run.judgement())
+        return self._auditor.audit(self._run.workspace, self._run.rest, self._run.unjudged)
 
     def attributes(self, status: Status) -> dict[str, Any]:
         """What a result says of the run, all its portions made."""

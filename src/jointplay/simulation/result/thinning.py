@@ -70,14 +70,11 @@ def _reduced(name: str, block: np.ndarray, kept: np.ndarray, begin: np.ndarray) 
         return np.asarray(np.fmax.reduceat(block, begin, axis=0))
     if name == _SMALLEST:
         return np.asarray(np.fmin.reduceat(block, begin, axis=0))
-    return _strongest(block, begin) if name == _STRONGEST else block[kept]
-
-
-def _strongest(vectors: np.ndarray, begin: np.ndarray) -> np.ndarray:
-    """Of vectors (n, joints, 3) the longest in each stretch that begins at `begin`."""
-    size = np.linalg.norm(vectors, axis=2)
-    longest = np.empty((len(begin), *vectors.shape[1:]))
-    for i, (first, end) in enumerate(zip(begin, [*begin[1:], len(vectors)], strict=True)):
+    if name != _STRONGEST:
+        return block[kept]
+    size = np.linalg.norm(block, axis=2)  # of vectors (n, joints, 3)
+    longest = np.empty((len(begin), *block.shape[1:]))
+    for i, (first, end) in enumerate(zip(begin, [*begin[1:], len(block)], strict=True)):
         at = first + size[first:end].argmax(axis=0)
-        longest[i] = vectors[at, np.arange(vectors.shape[1])]
+        longest[i] = block[at, np.arange(block.shape[1])]
     return longest
