@@ -9,7 +9,6 @@ from jointplay.simulation.analysis.uncertainty import (
     convergence,
     enough,
     interval_estimate,
-    order_interval,
     read_until,
     sobol_indices,
 )
@@ -38,7 +37,8 @@ def test_quantiles_of_too_few_values_have_no_upper_end():
 
 def test_order_statistics_of_the_median_are_those_of_the_tables():
     # n = 20: the 6th and the 15th enclose the median with 95.9 %.
-    assert order_interval(20, 0.5, 0.95) == (5, 14)
+    found = interval_estimate(np.arange(20.0), "quantile", 0.5, 0.95)
+    assert (found.low, found.high) == (5.0, 14.0)
 
 
 def test_values_that_are_missing_are_left_out():

@@ -198,7 +198,8 @@ def _energy(model: pin.Model, q: np.ndarray, v: np.ndarray) -> float:
 
 
 REACTION_S = 2e-4
-"""Interval over which a force that a joint transmits, and its friction follows, is a mean [s]."""
+"""Interval over which a force that a joint transmits, and its friction follows, is a mean [s]: that
+of the longest macro steps, between which Pinocchio knows no forces."""
 
 
 class ReactionLoads:

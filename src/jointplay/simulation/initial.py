@@ -299,7 +299,7 @@ def find_rest(
 
 
 HELD = 0.05
-"""Part of the largest stiffness above which contacts hold a journal in a direction."""
+"""Part of the largest stiffness above which contacts hold a journal in a direction: judged."""
 
 HELD_ASIDE_M = 1e-9
 """How far a journal is moved into contacts that hold it, at most [m]."""

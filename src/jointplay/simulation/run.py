@@ -6,7 +6,7 @@ import math
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -288,27 +288,24 @@ class Run:
             self.total_steps * self.simulation.step, progress, self.label, workspace.time
         )
         self._since = time.perf_counter() - self._elapsed
-        with ExitStack() as stack:
-            stack.callback(bar.close)
-            stack.callback(self._stop_clock)
-            try:
-                for now in self._stretches():
-                    bar.reach(now)
-                    requests = [asked_to_stop() for asked_to_stop in self.stop_checks]
-                    if any(requests):
-                        return Status.INTERRUPTED
-            except signals.GivenUp:
+        try:
+            for now in self._stretches():
+                bar.reach(now)
+                requests = [asked_to_stop() for asked_to_stop in self.stop_checks]
+                if any(requests):
+                    return Status.INTERRUPTED
+        except signals.GivenUp:
+            raise
+        except KeyboardInterrupt:
+            if not workspace.rows:  # stopped before its first record
                 raise
-            except KeyboardInterrupt:
-                if not workspace.rows:  # stopped before its first record
-                    raise
-                return Status.INTERRUPTED
+            return Status.INTERRUPTED
+        finally:
+            self._elapsed, self._since = self.elapsed, None
+            bar.close()
         if workspace.status != Status.COMPLETED:
             warnings.warn(self.message(workspace.status), RuntimeWarning, stacklevel=3)
         return workspace.status
-
-    def _stop_clock(self) -> None:
-        self._elapsed, self._since = self.elapsed, None
 
     @property
     def elapsed(self) -> float:

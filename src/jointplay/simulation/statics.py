@@ -86,7 +86,8 @@ def _length(vector: np.ndarray) -> float:
 
 
 _SHIFT_M = 1e-9
-"""Displacement by which wrenches are differentiated [m]."""
+"""Displacement by which wrenches are differentiated [m]: of a force like depth^1.5 central
+differences are then wrong by 1e-6 at 0.2 µm, and less where surfaces are pressed deeper."""
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 
@@ -396,10 +397,12 @@ SOLVED = 1e-10
 """The same at which the search ends."""
 
 BALANCED = 1e-7
-"""The same at which it is not begun anew."""
+"""The same at which it is not begun anew: judged, far below `TOLERANCE` and far above rounding."""
 
 MOST_TRIALS = 100
-"""States tried of all joints together, before the search goes on joint by joint or is given up."""
+"""States tried of all joints together, before the search goes on joint by joint or is given up:
+judged, as `MOST_LOCAL` and `MOST_ROUNDS` are; the shipped scenarios take 2 to 60 in all, the 3-RRR
+1,100."""
 
 MOST_LOCAL = 150
 """States tried of one joint."""
@@ -408,7 +411,8 @@ MOST_ROUNDS = 10
 """How often forces that are no potential are reckoned anew where the machine then rests."""
 
 TOWARDS_MIDDLE = 1e-5
-"""Stiffness towards the start in the first search, relative to the weight per clearance."""
+"""Stiffness towards the start in the first search, relative to the weight per clearance: judged; a
+tenth of `TOLERANCE`."""
 
 _ERROR_ROUNDS = 12
 """How often a motor is moved for its gear's kinematic error, whose slope is far below one."""

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from jointplay.base import files
 
-CHECKPOINT = b"jointplay checkpoint 3\n"
+CHECKPOINT = b"jointplay checkpoint 4\n"
 """How a checkpoint begins."""
 
 RECORDS = b"jointplay records 1 "

@@ -145,24 +145,16 @@ def _tool(result: Result, ideal: Result, detail: bool) -> list[str]:
         since, ended = since_words(result), ended_words(result, until)
         return [f"the tool error{since} is unknown{ended}"]
     error = ToolError(result, ideal)
-    return [
-        error.sentence(detail),
-        *error.further(),
-        *_from_base(result, ideal),
-        *_at_stops(result, error.told),
-    ]
-
-
-def _from_base(result: Result, ideal: Result) -> list[str]:
+    lines = [error.sentence(detail), *error.further()]
     mechanism = result.simulation.mechanism
-    if mechanism.free_base is None:
-        return []
-    base = mechanism.description.root
-    found = error_statistics(deviation(result, ideal, relative_to=base))
-    return [
-        f"seen from the free base {base!r}, whose own motion differs as well: up to "
-        f"{_mm(found.peak[-1])} off{since_words(result)}, RMS {_mm(found.rms[-1])}"
-    ]
+    if mechanism.free_base is not None:
+        base = mechanism.description.root
+        seen = error_statistics(deviation(result, ideal, relative_to=base))
+        lines.append(
+            f"seen from the free base {base!r}, whose own motion differs as well: up to "
+            f"{_mm(seen.peak[-1])} off{since_words(result)}, RMS {_mm(seen.rms[-1])}"
+        )
+    return [*lines, *_at_stops(result, error.told)]
 
 
 def _at_stops(result: Result, error: xr.DataArray) -> list[str]:

@@ -334,11 +334,6 @@ def _start(simulation: Simulation) -> str:
     return "rest" if simulation.starts_at_rest else "centred"
 
 
-def state_without_play(simulation: Simulation) -> dict[str, tuple[float | None, float | None]]:
-    """What `simulation` gives of the state at the start, as its ideal mechanism has it."""
-    return {name: (at[0], at[1]) for name, at in _state(simulation.describe()).items()}
-
-
 def ideal_simulation(source: Simulation | Result, without: str = "elasticity") -> Simulation:
     """The ideal mechanism doing the same work: what a tool's error is measured against.
 
@@ -372,6 +367,6 @@ def ideal_simulation(source: Simulation | Result, without: str = "elasticity") -
         seed=None,
         settle=None,
         judge_from=None,
-        state=state_without_play(simulation),
+        state={name: (at[0], at[1]) for name, at in _state(simulation.describe()).items()},
         **changes,
     )

@@ -16,6 +16,7 @@ from jointplay.base.tables import Column, Table
 
 STATISTICS = ("mean", "quantile", "std")
 CONFIDENCE = 0.95
+"""Of intervals, where nobody asks for another."""
 RESAMPLES = 400
 """Bootstrap samples of a confidence interval of a standard deviation."""
 
@@ -115,7 +116,12 @@ def interval_estimate(
     if n == 0:
         return IntervalEstimate(float("nan"), -np.inf, np.inf, 0)
     if statistic == "quantile":
-        low, high = order_interval(n, probability, confidence)
+        from scipy import stats
+
+        # Positions of the order statistics that enclose it; -1 or n where there are none.
+        tail = (1.0 - confidence) / 2.0
+        low = int(stats.binom.ppf(tail, n, probability)) - 1
+        high = int(stats.binom.ppf(1.0 - tail, n, probability))
         below = float(x[low]) if low >= 0 else -np.inf
         above = float(x[high]) if high < n else np.inf
         return IntervalEstimate(float(np.quantile(x, probability)), below, above, n)
@@ -131,16 +137,6 @@ def interval_estimate(
     tail = (1.0 - confidence) / 2.0
     ends = np.quantile(deviations, [tail, 1.0 - tail])
     return IntervalEstimate(float(x.std(ddof=1)), float(ends[0]), float(ends[1]), n)
-
-
-def order_interval(n: int, probability: float, confidence: float) -> tuple[int, int]:
-    """Positions of the order statistics that enclose a quantile; -1 or n where there are none."""
-    from scipy import stats
-
-    tail = (1.0 - confidence) / 2.0
-    low = int(stats.binom.ppf(tail, n, probability)) - 1
-    high = int(stats.binom.ppf(1.0 - tail, n, probability))
-    return low, high
 
 
 def convergence(

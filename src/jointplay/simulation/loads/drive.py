@@ -46,7 +46,8 @@ MARGIN = 0.5
 6 dB that is usual; of five arms one swung up at 0.8, none at this."""
 
 PRESCRIBED_ARMATURE = 1e9
-"""Armature of a joint with prescribed motion, relative to the inertia that it carries."""
+"""Armature of a joint with prescribed motion, relative to the inertia that it carries: the joint
+departs from the reference by its inverse."""
 
 ENCODERS = ("motor", "link")
 """Where an encoder can sit: before the play of its joint's gear, as in nearly all arms and servos,

@@ -52,6 +52,7 @@ _DAMPING = (1e-7, 1e-2, 1e3)
 """Smallest, first and largest damping of the search [m]."""
 
 _ITERATIONS = 300
+"""Steps of a search, at most: judged; `_STALLED` ends most that come to nothing."""
 
 _FAR = 2.0
 """Beyond so many times its reach (`Arm.reach`) nothing is searched; nearer, a search says how near
@@ -521,6 +522,8 @@ _PATIENCE_S = 2.0
 """What takes longer has a bar [s]."""
 
 _RESTARTS = 40
+"""Searches from anywhere before a waypoint is out of reach: judged; an arm of six
+axes has up to 16 branches."""
 
 
 @dataclass(frozen=True)

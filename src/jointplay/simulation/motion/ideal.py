@@ -177,7 +177,9 @@ class IdealMotion:
         """
         model, data, at = self._ideal.model, self._ideal.data, self._at
         effort = np.empty((len(times), len(at)))
-        turn = self._turned_until(times)
+        turn = np.eye(3)  # orientation of the base, from where it began
+        for i in range(round(times[0] / REFERENCE_NODE_S) if self._momentum.any() else 0):
+            turn = self._turned(i * REFERENCE_NODE_S, turn)
         for i in _shown(range(len(times)), progress):
             q, v, a = self._free_state(times[i], turn)
             lacking = pin.rnea(model, data, q, v, a)[_BASE].copy()
@@ -186,14 +188,6 @@ class IdealMotion:
             effort[i] = pin.rnea(model, data, q, v, a)[at]
             turn = self._turned(times[i], turn)
         return effort
-
-    def _turned_until(self, times: np.ndarray) -> np.ndarray:
-        """Orientation of the base at the first of the times, from where it began, (3, 3)."""
-        turn = np.eye(3)
-        if self._momentum.any():
-            for i in range(round(times[0] / REFERENCE_NODE_S)):
-                turn = self._turned(i * REFERENCE_NODE_S, turn)
-        return turn
 
     def _turned(self, time: float, turn: np.ndarray) -> np.ndarray:
         """Orientation of the base a node after a time, by Heun's method."""
@@ -213,16 +207,12 @@ class IdealMotion:
         q[self._at], v[self._at], a[self._at] = (
             values[0, self._order] for values in self._motion(np.array([time]))
         )
-        v[_BASE] = self._base_speed(q, v, turn)
-        return q, v, a
-
-    def _base_speed(self, q: np.ndarray, v: np.ndarray, turn: np.ndarray) -> np.ndarray:
-        """Velocity of a base at its origin with which the whole has its momentum, shape (6,)."""
-        model, data = self._ideal.model, self._ideal.data
-        pin.ccrba(model, data, q, v)
+        # The base moves as it must for the whole to have its momentum, (6,).
+        data = self._ideal.data
+        pin.ccrba(self._ideal.model, data, q, v)
         lacking = np.concatenate([-data.hg.linear, turn.T @ self._momentum - data.hg.angular])
-        speed: np.ndarray = np.linalg.solve(data.Ag[:, _BASE], lacking)
-        return speed
+        v[_BASE] = np.linalg.solve(data.Ag[:, _BASE], lacking)
+        return q, v, a
 
     def _closed_curve(
         self, times: np.ndarray, progress: bool

@@ -81,7 +81,11 @@ def plus_minus(value: float, error: float, whole: bool = False) -> str:
     if error == 0.0:
         return f"{value:.6g}"
     if error >= abs(value):
-        return f"at most {_rounded_up(abs(value) + error, whole)}"
+        bound = abs(value) + error
+        if whole:
+            return f"at most {math.ceil(bound - 1e-9)}"
+        step = 10.0 ** (math.floor(math.log10(bound)) - 1)
+        return f"at most {_with_digits(math.ceil(bound / step - 1e-9) * step, 2)}"
     if whole:
         return f"{value:.0f} ± {error:.0f}"
     size = math.floor(math.log10(error))
@@ -128,14 +132,6 @@ def shown(certificate: Certificate | None, name: str, value: float, unit: str) -
             return str(figure)
     factor, word = displayed(unit)
     return f"{alone(factor * value)} {word}".rstrip()
-
-
-def _rounded_up(size: float, whole: bool) -> str:
-    """A bound with two digits, or as a count."""
-    if whole:
-        return f"{math.ceil(size - 1e-9)}"
-    step = 10.0 ** (math.floor(math.log10(size)) - 1)
-    return _with_digits(math.ceil(size / step - 1e-9) * step, 2)
 
 
 @dataclass(frozen=True)

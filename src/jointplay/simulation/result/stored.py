@@ -78,17 +78,15 @@ def _check_attributes(dataset: xr.Dataset) -> None:
     if not isinstance(_json("versions", versions), dict):
         raise JointplayError(f"its attribute 'versions' is not a table: {versions!r:.60}")
     listed = _json("values", dataset.attrs["values"])
-    if not (isinstance(listed, list) and all(_is_value(one) for one in listed)):
+    if not isinstance(listed, list) or not all(
+        isinstance(row, list) and [type(text) for text in row] == [str] * 4 for row in listed
+    ):
         raise JointplayError("its attribute 'values' is not a list of values with their origins")
     wall = dataset.attrs.get("wall_time_s", 0.0)
     try:
         float(wall)
     except (TypeError, ValueError):
         raise JointplayError(f"its attribute 'wall_time_s' is not a number: {wall!r:.60}") from None
-
-
-def _is_value(one: Any) -> bool:
-    return isinstance(one, list) and len(one) == 4 and all(isinstance(text, str) for text in one)
 
 
 def _check_certificate(dataset: xr.Dataset) -> None:
