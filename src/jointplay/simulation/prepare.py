@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import sys
 import threading
+import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
+from jointplay.base.tables import few
 from jointplay.model.massless import require_inertia
 from jointplay.physics.kernel import ahead as kernel_ahead
 from jointplay.physics.kernel.integrators import Integrator, integrator
@@ -27,7 +29,7 @@ from jointplay.physics.kernel.workspace import Workspace
 from jointplay.simulation import acting, base_chart, checks, time_loop
 from jointplay.simulation.assemble import check_step, joint_site
 from jointplay.simulation.initial import InitialState, behind_gears, initial_state
-from jointplay.simulation.loads.drive import Drive, JointFriction, Servo, assign
+from jointplay.simulation.loads.drive import ComputedTorque, Drive, JointFriction, Servo, assign
 from jointplay.simulation.loads.drive_tables import Reference, table_nodes, tabulate
 
 if TYPE_CHECKING:
@@ -89,6 +91,16 @@ def prepare(simulation: Simulation, in_memory: bool, progress: bool, ahead: bool
         if isinstance(drive, Servo) and name not in mechanism.gears:
             friction[name] = drive.with_friction(friction.get(name, JointFriction()))
     followed = [name for name, drive in drives.items() if drive.follows]
+    undamped = [
+        name
+        for name, gear in mechanism.gears.items()
+        if gear.damping == 0.0 and isinstance(drive := drives[name], ComputedTorque)
+        if drive.encoder == "link" and drive.bandwidth is None
+    ]
+    if undamped:
+        text = "without damping no bandwidth of a drive that its encoder is behind is stable: give "
+        text += "the gear's damping or the drive's bandwidth, or put the encoder on the motor"
+        warnings.warn(f"through the teeth of {few(undamped)} {text}", RuntimeWarning, stacklevel=5)
     bounds = checks.effort_bounds(simulation, followed)
     start = initial_state(simulation, followed)
     base_chart.check_start(mechanism, start.q)

@@ -217,22 +217,30 @@ class ElasticJoint:
         return given
 
 
-_BOTH = np.array([-1.0, 1.0] * 6)
-_MOVED = 12 * np.arange(6) + np.arange(6) // 2
-_TURNED = 3 + np.arange(3) + 3 * np.array([[1, 1, 2, 2, 0, 0], [2, 2, 0, 0, 1, 1]])[:, :, None]
-"""Places of the rows of a rotation that turn into each other, back and forth about each axis."""
-_AMONG_ALL = _TURNED + 12 * np.arange(6, 12)[:, None]
+# Poses about a pose lie one after the other in one array of 12 x 12 numbers: back and forth along
+# x, y, z, then back and forth about them. Where each of them differs is known beforehand, so that
+# all are written at once: this is asked for at every state that is tried.
+
+_BACK_AND_FORTH = np.array([-1.0, 1.0] * 6)
+_SHIFTED = 12 * np.arange(6) + np.arange(6) // 2
+"""Places of the coordinate along which each of the first six poses is moved."""
+_TURNED_ROWS = 3 + np.arange(3) + 3 * np.array([[1, 1, 2, 2, 0, 0], [2, 2, 0, 0, 1, 1]])[:, :, None]
+"""Places within a pose of the two rows of its rotation that a turn about each axis turns into each
+other, (2, 6, 3)."""
+_TURNED = _TURNED_ROWS + 12 * np.arange(6, 12)[:, None]
+"""The same among all poses."""
 
 
 def _around(pose: np.ndarray, size: np.ndarray) -> np.ndarray:
     """A pose (12,) moved back and forth along and about each axis by `size` (6,), (12, 12)."""
-    ways = size.repeat(2) * _BOTH
+    ways = size.repeat(2) * _BACK_AND_FORTH
     angles = ways[6:].tolist()
-    c, s = (np.array([*map(one, angles)])[:, None] for one in (math.cos, math.sin))
-    a, b = pose[_TURNED]
+    cosine, sine = (np.array([*map(of, angles)])[:, None] for of in (math.cos, math.sin))
+    first, second = pose[_TURNED_ROWS]
     poses = pose[None].repeat(12, axis=0).ravel()
-    poses[_MOVED] += ways[:6]
-    poses[_AMONG_ALL[0]], poses[_AMONG_ALL[1]] = c * a - s * b, s * a + c * b
+    poses[_SHIFTED] += ways[:6]
+    poses[_TURNED[0]] = cosine * first - sine * second
+    poses[_TURNED[1]] = sine * first + cosine * second
     return poses.reshape(12, 12)
 
 
@@ -278,35 +286,36 @@ class StaticLoads:
         """Generalised forces of what is no potential, (nv,)."""
         pin.computeJointJacobians(model, data, q)
         forces = np.zeros(model.nv)
-        for one in self._members:
-            x, moves = one.place(data, q), one.jacobian(data)
-            answer = one.force(x, moves @ v)
-            if one.load.stores:
-                answer = answer - one.force(x, np.zeros(len(moves)))
-            forces += one.force_jacobian(data).T @ np.nan_to_num(answer, posinf=0.0, neginf=0.0)
+        for member in self._members:
+            x, jacobian = member.place(data, q), member.jacobian(data)
+            force = member.force(x, jacobian @ v)
+            if member.load.stores:
+                force = force - member.force(x, np.zeros(len(jacobian)))
+            finite = np.nan_to_num(force, posinf=0.0, neginf=0.0)
+            forces += member.force_jacobian(data).T @ finite
         return forces
 
     def wrenches(self, mechanism: Mechanism, q: np.ndarray) -> list[tuple[int, np.ndarray]]:
         """What pushes on which bodies where all stands: Pinocchio's joint that carries the body,
         force and moment about the world's origin (6,) [N, N m]; after `pin.computeJointJacobians`.
         """
-        data, found = mechanism.data, []
-        for one in self._members:
-            x = one.place(data, q)
-            answer = np.nan_to_num(one.force(x, np.zeros(len(x))), posinf=0.0, neginf=0.0)
-            if one.site.carriers:
-                (i, first), (j, second) = one.site.carriers
+        data, wrenches = mechanism.data, []
+        for member in self._members:
+            x, site = member.place(data, q), member.site
+            answer = np.nan_to_num(member.force(x, np.zeros(len(x))), posinf=0.0, neginf=0.0)
+            if site.carriers:
+                (i, first), (j, second) = site.carriers
                 turn, centre = (data.oMi[i] * first).rotation, (data.oMi[j] * second).translation
                 pushes = [(i, j, turn @ answer[:3], turn @ answer[3:], centre)]
             else:
                 pushes = [
                     self._on_joint(mechanism, at, effort)
-                    for at, effort in zip(one.site.outputs, answer, strict=True)
+                    for at, effort in zip(site.outputs, answer, strict=True)
                 ]
             for i, j, force, moment, point in pushes:
-                push = np.concatenate([force, moment + np.cross(point, force)])
-                found += [(j, push), (i, -push)]
-        return found
+                wrench = np.concatenate([force, moment + np.cross(point, force)])
+                wrenches += [(j, wrench), (i, -wrench)]
+        return wrenches
 
     @staticmethod
     def _on_joint(mechanism: Mechanism, at: int, effort: float) -> tuple[Any, ...]:
@@ -320,22 +329,18 @@ class StaticLoads:
 
     def energy(self, data: pin.Data, q: np.ndarray) -> float:
         """Energy that they store [J]; data has the bodies' places."""
-        return float(
-            sum(
-                one.load.energy(one.place(data, q)[None], one.site.numbers)[0]
-                for one in self._members
-                if one.load.stores
-            )
-        )
+        stores = [member for member in self._members if member.load.stores]
+        return float(sum(m.load.energy(m.place(data, q)[None], m.site.numbers)[0] for m in stores))
 
     def slopes(self, data: pin.Data, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Gradient (nv,) and curvature (nv, nv) of the energy; data has the joints' Jacobians."""
         gradient, curvature = np.zeros(len(q)), np.zeros((len(q), len(q)))
-        for one in self._members:
-            if one.load.stores:
-                x, moves, pushes = one.place(data, q), one.jacobian(data), one.force_jacobian(data)
-                gradient -= pushes.T @ one.force(x, np.zeros(len(moves)))
-                curvature += pushes.T @ one.stiffness(x) @ moves
+        for member in self._members:
+            if member.load.stores:
+                x, moves = member.place(data, q), member.jacobian(data)
+                pushes = member.force_jacobian(data)
+                gradient -= pushes.T @ member.force(x, np.zeros(len(moves)))
+                curvature += pushes.T @ member.stiffness(x) @ moves
         return gradient, curvature
 
 
@@ -723,13 +728,12 @@ class StaticEquilibrium:
         gradient, curvature = gradient + (slope - self._given), curvature + bend
         load = 0.0
         for name in names:
-            one = self._elastic[name]
-            pose, moves = self._pose(name), self._jacobian(name)
-            wrench = one.wrench(pose)
-            energy += one.energy(pose)
+            contacts, pose, moves = self._elastic[name], self._pose(name), self._jacobian(name)
+            wrench = contacts.wrench(pose)
+            energy += contacts.energy(pose)
             gradient -= moves.T @ wrench
-            curvature += moves.T @ one.stiffness(pose) @ moves
-            load = max(load, float(np.linalg.norm(wrench[:3])), one.inner_load(pose))
+            curvature += moves.T @ contacts.stiffness(pose) @ moves
+            load = max(load, float(np.linalg.norm(wrench[:3])), contacts.inner_load(pose))
         for m, k, gear in self._gears:
             if m in self._trailing:
                 continue
@@ -813,21 +817,13 @@ class StaticEquilibrium:
                 break
         q = self.close(q)
         places = {name: q[at] for name, at in self._blocks.items()}
-        return Rest(
-            self.align_motors(q),
-            residual,
-            load or self._least_load,
-            trials,
-            self._inside(q),
-            places,
-        )
-
-    def _inside(self, q: np.ndarray) -> bool:
         pin.forwardKinematics(self._model, self._data, q)
-        return all(
+        inside = all(
             self._elastic[name].smallest_gap(self._pose(name)) > -joint.depth_limit
             for name, joint in self._mechanism.clearance.items()
         )
+        load = load or self._least_load
+        return Rest(self.align_motors(q), residual, load, trials, inside, places)
 
     def _newton_descent(
         self,

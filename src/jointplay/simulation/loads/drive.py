@@ -169,20 +169,12 @@ class ComputedTorque(Drive):
 
         by Routh's criterion stable, where c is far below critical, up to a bandwidth of
         c (1/J + 1/M) / (2 damping_ratio), whatever k is: nothing but c takes energy from what
-        vibrates on the teeth. `MARGIN` of that is taken.
-
-        Raises:
-            JointplayError: c is zero.
+        vibrates on the teeth. `MARGIN` of that is taken; without c there is none.
         """
         if self.bandwidth is not None or self.encoder == "motor" or gear is None:
             return self
-        if gear.rotor_inertia * inertia * self.damping_ratio == 0.0:
+        if gear.rotor_inertia * inertia * self.damping_ratio * gear.damping == 0.0:
             return self
-        if gear.damping == 0.0:
-            raise JointplayError(
-                "no bandwidth is stable through teeth without damping: put the encoder on the "
-                "motor, or give the gear's damping or the drive's bandwidth"
-            )
         decay = gear.damping * (1.0 / gear.rotor_inertia + 1.0 / inertia)
         allowed = MARGIN * decay / (2.0 * self.damping_ratio)
         return replace(self, bandwidth=allowed) if allowed < BANDWIDTH else self
