@@ -61,7 +61,16 @@ def draw(chart: Chart, look: str = "screen", whole: bool = False) -> StyledFigur
         if chart.same_y:
             for place in axes[:, 1:].flat if chart.same_y is True else ():
                 place.set_ylabel("")
-        _scale_colours(figure, chart, axes)
+        # A bar that says which value a colour has, beside the panels that share it.
+        scaled: dict[Axis, list[tuple[Axes, Any]]] = {}
+        for panel, place in zip(chart.panels, [a for a in axes.flat if a.axison], strict=True):
+            for mark in panel.marks:
+                if isinstance(mark, Dots | Map) and mark.scale is not None:
+                    image = [*place.collections, *place.images][-1]
+                    scaled.setdefault(mark.scale, []).append((place, image))
+        for scale, images in scaled.items():
+            form, beside = Decades() if scale.log else None, [place for place, _ in images]
+            figure.colorbar(images[-1][1], ax=beside, label=scale.label, format=form)
         if chart.title:
             figure.suptitle(chart.title, color=chart.colour, fontsize=10)
         if chart.key:
@@ -98,8 +107,7 @@ def draw_panel(panel: Panel, axes: Axes, **own: Any) -> None:
         _DRAWN[type(mark)](axes, mark, panel, {} if framed else own)
     _set_axis(axes, "x", panel.x, panel)
     _set_axis(axes, "y", panel.y, panel)
-    timeline = any(isinstance(mark, Spans) for mark in panel.marks)
-    if timeline:
+    if any(isinstance(mark, Spans) for mark in panel.marks):
         axes.grid(axis="y", visible=False)
         axes.tick_params(axis="y", length=0)
     if panel.equal:
@@ -107,8 +115,19 @@ def draw_panel(panel: Panel, axes: Axes, **own: Any) -> None:
     if panel.title:
         look: Any = {"color": panel.colour, "loc": "left"} if panel.colour else {}
         axes.set_title(panel.title, fontsize=9, **look)
-    if panel.columns or panel.legend:
-        _legend(axes, panel)
+    if not axes.get_legend_handles_labels()[0]:
+        return
+    if panel.legend:
+        beside = {"bbox_to_anchor": (1.02, 1.0), "loc": "upper left"}
+        at: Any = beside if panel.legend == "beside" else {"loc": panel.legend}
+        axes.legend(title=panel.legend_title or None, fontsize=7, **at)
+    elif panel.columns:  # above the axes, in fewer columns on a narrow figure
+        narrow = figure_of(axes).get_figwidth() < 4.5  # a column of a journal, or less
+        columns = 2 if narrow and panel.columns > 3 else panel.columns
+        at = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.2}
+        made = axes.legend(ncols=columns, handlelength=1.3, columnspacing=1.2, **at)
+        for line in made.get_lines():
+            line.set_linewidth(max(line.get_linewidth(), 1.6))
 
 
 def _set_axis(axes: Axes, which: str, axis: Axis, panel: Panel) -> None:
@@ -135,28 +154,6 @@ def _set_axis(axes: Axes, which: str, axis: Axis, panel: Panel) -> None:
         )
     if axis.whole:
         own.set_major_locator(MaxNLocator(integer=True))
-
-
-def _legend(axes: Axes, panel: Panel) -> None:
-    """Above the axes, in fewer columns on a narrow figure; or where the panel says."""
-    if not axes.get_legend_handles_labels()[0]:
-        return
-    if panel.legend:
-        beside = {"bbox_to_anchor": (1.02, 1.0), "loc": "upper left"}
-        place = beside if panel.legend == "beside" else {"loc": panel.legend}
-        axes.legend(title=panel.legend_title or None, fontsize=7, **place)
-        return
-    narrow = figure_of(axes).get_figwidth() < 4.5  # a column of a journal, or less
-    made = axes.legend(
-        loc="lower left",
-        bbox_to_anchor=(0.0, 1.0),
-        ncols=2 if narrow and panel.columns > 3 else panel.columns,
-        borderaxespad=0.2,
-        handlelength=1.3,
-        columnspacing=1.2,
-    )
-    for line in made.get_lines():
-        line.set_linewidth(max(line.get_linewidth(), 1.6))
 
 
 def _name(mark: Any) -> dict[str, str]:
@@ -271,17 +268,3 @@ _DRAWN: dict[type, Any] = {
     Map: _map,
     Words: _words,
 }
-
-
-def _scale_colours(figure: Figure, chart: Chart, axes: Any) -> None:
-    """A bar that says which value a colour has, beside the panels that share it."""
-    scaled: dict[Axis, list[tuple[Axes, Any]]] = {}
-    for panel, place in zip(chart.panels, [a for a in axes.flat if a.axison], strict=True):
-        for mark in panel.marks:
-            if isinstance(mark, Dots | Map) and mark.scale is not None:
-                image = [*place.collections, *place.images][-1]
-                scaled.setdefault(mark.scale, []).append((place, image))
-    for scale, drawn in scaled.items():
-        form = Decades() if scale.log else None
-        places = [place for place, _ in drawn]
-        figure.colorbar(drawn[-1][1], ax=places, label=scale.label, format=form)
