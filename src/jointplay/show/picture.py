@@ -101,7 +101,11 @@ def picture(
 
     figure = Figure(figsize=(8.0, 5.5), layout="constrained")
     axes: Any = figure.add_subplot(projection="3d", proj_type="ortho", computed_zorder=False)
-    axes.add_collection3d(_shaded(triangles, normals, np.concatenate(tones)))
+    # Either side may be the outer one: not all mesh files wind their triangles alike.
+    shade = 0.45 + 0.5 * np.abs(normals @ (_LIGHT / np.linalg.norm(_LIGHT)))
+    faces = np.clip(np.concatenate(tones) * shade[:, None], 0.0, 1.0)
+    look: dict[str, Any] = {"facecolors": faces, "edgecolors": faces, "linewidths": 0.2}
+    axes.add_collection3d(Poly3DCollection(triangles, zorder=1, **look))
     notes: list[_Note] = []
     for joint in scene.joints:
         if not joint.hinge:
@@ -115,7 +119,16 @@ def picture(
     tool = mechanism.data.oMf[mechanism.tool_frame].translation
     axes.plot(*tool[:, None], "+", color=_TOOL, ms=9, zorder=5)
     notes.append((tool, mechanism.tool, _TOOL))
-    _frame(axes, low, high, view)
+    room = 0.08 * float((high - low).max())
+    low, high = low - room, high + room
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+    axes.set_box_aspect(high - low, zoom=1.1)
+    axes.view_init(azim=view[0], elev=view[1])
+    axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
+    axes.tick_params(labelsize=7)
+    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+        axis.set_major_locator(MaxNLocator(4))
+        axis.pane.set_alpha(0.15)
     _write(axes, notes)
     axes.set_title(title, fontsize=11)
     if missing := [Path(name).name for name in scene.look.missing]:
@@ -171,14 +184,6 @@ def _cut(triangles: np.ndarray, longest: float) -> np.ndarray:
     return np.asarray(points)[faces]
 
 
-def _shaded(triangles: np.ndarray, normals: np.ndarray, colours: np.ndarray) -> Poly3DCollection:
-    light = _LIGHT / np.linalg.norm(_LIGHT)
-    # Either side may be the outer one: not all mesh files wind their triangles alike.
-    shade = 0.45 + 0.5 * np.abs(normals @ light)
-    faces = np.clip(colours * shade[:, None], 0.0, 1.0)
-    return Poly3DCollection(triangles, facecolors=faces, edgecolors=faces, linewidths=0.2, zorder=1)
-
-
 def _mark(axes: Any, place: pin.SE3, radius: float, colour: str) -> np.ndarray:
     """A ring about a joint's axis; returns where its words belong."""
     phi = np.linspace(0.0, 2.0 * np.pi, 61)
@@ -214,16 +219,3 @@ def _write(axes: Any, notes: Sequence[_Note]) -> None:
             transform=axes.transData,
             path_effects=[withStroke(linewidth=2.5, foreground="white")],
         )  # fmt: skip
-
-
-def _frame(axes: Any, low: np.ndarray, high: np.ndarray, view: tuple[float, float]) -> None:
-    room = 0.08 * float((high - low).max())
-    low, high = low - room, high + room
-    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-    axes.set_box_aspect(high - low, zoom=1.1)
-    axes.view_init(azim=view[0], elev=view[1])
-    axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
-    axes.tick_params(labelsize=7)
-    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
-        axis.set_major_locator(MaxNLocator(4))
-        axis.pane.set_alpha(0.15)
