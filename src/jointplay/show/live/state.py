@@ -39,13 +39,14 @@ _PARTS = {
 }
 """Numbers of a joint with play that can be changed, by key: what they are called, and the unit."""
 
-_TIMES = 20.0  # a clearance goes from its value divided by this to its value times this
-_WIDEST = 0.2  # clearance at most, part of the bearing's radius
-_MOST_PLAY = 5.0  # of a gear at most [deg, mm of a screw]
-_LARGEST = {"temperature_difference": 60.0, "restitution": 0.99, "mu_d": 0.6}
-_FASTEST = 3.0  # factor of the speed: up to this, and down to its inverse
-_HEAVIEST = 0.3  # payload at most, part of the mass of the machine
-_STRONGEST = 20.0  # gravity at most [m/s^2]
+# Ranges of the sliders, judged: a field beside each takes what lies outside.
+_CLEARANCE_FACTOR = 20.0  # from the value of the beginning divided by this to its value times this
+_WIDEST_CLEARANCE = 0.2  # part of the bearing's radius
+_MOST_PLAY = 5.0  # of a gear [deg, mm of a screw]
+_LARGEST = {"temperature_difference": 60.0, "restitution": 0.99, "mu_d": 0.6}  # [K], numbers
+_SPEED_FACTOR = 3.0  # up to this, and down to its inverse
+_HEAVIEST_PAYLOAD = 0.3  # part of the mass of the machine
+_STRONGEST_GRAVITY = 20.0  # twice that of the Earth [m/s^2]
 
 
 @dataclass(frozen=True)
@@ -147,9 +148,10 @@ class State:
 
     def control_at(self, where: Sequence[str | int]) -> str | None:
         """Name of the control whose key an error is at; None if it is at none of them."""
-        controls = self.controls.values()
-        found = (one.name for one in controls if tuple(where[: len(one.key)]) == one.key)
-        return next(found, None)
+        for control in self.controls.values():
+            if tuple(where[: len(control.key)]) == control.key:
+                return control.name
+        return None
 
 
 _PAYLOAD = ("payloads",)
@@ -167,23 +169,23 @@ def _controls(data: Mapping[str, Any], simulation: Simulation) -> Iterator[Contr
         _, now, _ = simulation.motion(np.zeros(1))
         begins = float(now[0, simulation.motion.joints.index(name)])
         value = float(speed) if isinstance(speed, int | float) else begins
-        low, high = sorted((value / _FASTEST, value * _FASTEST))
+        low, high = sorted((value / _SPEED_FACTOR, value * _SPEED_FACTOR))
         unit, at = "m/s" if slides[name] else "rad/s", ("motion", "speeds", name)
         words, text = f"speed of {name}", texts["speeds"]
         yield Control(f"speed.{name}", WHOLE, words, unit, value, low, high, text, at)
     if motion and "speeds" not in motion:
         value = float(motion.get("faster", 1.0))
-        low, high = value / _FASTEST, value * _FASTEST
+        low, high = value / _SPEED_FACTOR, value * _SPEED_FACTOR
         words, at = "speed of the motion, factor", ("motion", "faster")
         text = " ".join(texts["faster"].split())
         yield Control("speed", WHOLE, words, "", value, low, high, text, at, logarithmic=True)
     held = next((payload.mass for payload in simulation.payloads), 0.0)
-    most = max(_nice(_HEAVIEST * pin.computeTotalMass(mechanism.ideal().model)), 2.0 * held)
+    most = max(_nice(_HEAVIEST_PAYLOAD * pin.computeTotalMass(mechanism.ideal().model)), 2.0 * held)
     text = "Mass held by the tool, in its origin if the scenario says no more."
     yield Control("payload", WHOLE, "payload", "kg", held, 0.0, most, text, _PAYLOAD)
     size = float(np.linalg.norm(mechanism.gravity))
     down = np.array(mechanism.gravity if size else STANDARD_GRAVITY, float)
-    along, most = tuple(down / np.linalg.norm(down)), max(_STRONGEST, size)
+    along, most = tuple(down / np.linalg.norm(down)), max(_STRONGEST_GRAVITY, size)
     text, at = "Its direction is the scenario's, or down.", ("robot", "gravity")
     yield Control("gravity", WHOLE, "gravity", "m/s^2", size, 0.0, most, text, at, along=along)
     for name, joint in mechanism.given_joints.items():
@@ -214,7 +216,7 @@ def _of_joint(name: str, joint: Clearance) -> Iterator[Control]:
         shown = float(f"{value / COMMON.get(unit, ('', 1.0))[1]:.12g}")
         low, high, logarithmic = 0.0, _LARGEST.get(key, 1.0), False
         if unit == "mm":
-            widest = _WIDEST * joint.outline.size[0] / COMMON[unit][1]
+            widest = _WIDEST_CLEARANCE * joint.outline.size[0] / COMMON[unit][1]
             low, high, logarithmic = _clearances(shown, widest)
         elif key == "temperature_difference":
             low, high = min(-high, shown), max(high, shown)
@@ -231,8 +233,8 @@ def _clearances(value: float, widest: float) -> tuple[float, float, bool]:
     """Range of a clearance that has this value, and whether it is logarithmic [mm or deg]."""
     if value <= 0.0:
         return min(value, 0.0), _nice(min(0.5, widest)), False
-    high = max(min(_nice(value * _TIMES), _nice(widest)), value)
-    return _nice(value / _TIMES), high, True
+    high = max(min(_nice(value * _CLEARANCE_FACTOR), _nice(widest)), value)
+    return _nice(value / _CLEARANCE_FACTOR), high, True
 
 
 def _nice(value: float) -> float:

@@ -74,9 +74,9 @@ def _stacked(parts: np.ndarray, names: Sequence[str], **look: Any) -> list[Mark]
     """Bars of each cause, one where the other ends, negative ones to the left (causes, rows)."""
     marks: list[Mark] = []
     ends = {1.0: np.zeros(parts.shape[1]), -1.0: np.zeros(parts.shape[1])}
-    for own, name, colour in zip(parts, names, many(len(names)), strict=True):
+    for size, name, colour in zip(parts, names, many(len(names)), strict=True):
         for sign, end in ends.items():  # loads may shift the tool back
-            part = np.where(np.sign(own) == sign, own, 0.0)
+            part = np.where(np.sign(size) == sign, size, 0.0)
             if sign > 0.0 or part.any():
                 marks.append(Bars(part, name if sign > 0.0 else "", colour, end.copy(), **look))
             end += part
@@ -341,7 +341,7 @@ def _interval(row: int, low: float, high: float, value: float) -> list[Mark]:
 
 def calibration(fit: Calibration) -> Figure:
     """Errors in training and on held-back poses by model, each pose's error, bounds of play."""
-    told = [one for one in fit.play if not one.reason]
+    known = [one for one in fit.play if not one.reason]
     groups = ((-0.2, "training", COLOURS[0]), (0.2, "held_back", COLOURS[1]))
     steps: list[Mark] = []
     poses: list[Mark] = []
@@ -357,14 +357,14 @@ def calibration(fit: Calibration) -> Figure:
         Panel(Axis("pose"), Axis("position error", "m", low=0.0), poses),
     ]
     bounds: list[Mark] = []
-    for row, one in enumerate(told):
+    for row, one in enumerate(known):
         if one.found:
             bounds += _interval(row, 1e3 * one.low, 1e3 * one.high, 1e3 * one.value)
         else:
             bounds.append(Bars([1e3 * one.upper], "", "#cccccc", height=0.5, rows=[row]))
-    if told:
+    if known:
         across = Axis("play [mrad or mm]\ninterval; grey: bound")
-        panels.append(Panel(across, Axis(rows=[one.joint for one in told]), bounds))
+        panels.append(Panel(across, Axis(rows=[one.joint for one in known]), bounds))
     size = (3.4 * len(panels), 1.6 + 0.3 * max(len(fit.steps), 5))
     return _row(panels, size, note=f"held back: {fit.folds}; statistical, 95 %", key=2)
 
@@ -372,7 +372,7 @@ def calibration(fit: Calibration) -> Figure:
 # Figures of accuracy and repeatability: attained poses around the command, and the path.
 
 
-MOST_POSES = 6  # stops that are drawn: the worst
+MOST_POSES = 6  # stops that are drawn, the worst: they make a figure of 16 inches
 
 
 def poses(performance: Iso9283) -> Figure:

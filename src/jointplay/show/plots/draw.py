@@ -35,9 +35,11 @@ from jointplay.show.plots.style import (
     style,
 )
 
-_MANY_POINTS = 20_000  # so many are an image, also in vector graphics
-_MOST_WRITTEN = 120  # places of a map whose numbers can be read
-_MOST_NAMED = 9  # columns or rows of a map that are named
+_MANY_POINTS = 20_000
+"""So many are an image, also in vector graphics, whose files grow with their number (judged)."""
+_MOST_WRITTEN = 120
+"""Places of a map whose numbers, of 7 pt, can be read: about 12 columns and 10 rows (judged)."""
+_MOST_NAMED = 9  # columns or rows of a map that are named (judged: names of some eight letters)
 
 
 def draw(chart: Chart, look: str = "screen", whole: bool = False) -> StyledFigure:
@@ -97,14 +99,14 @@ def key(figure: Figure, axes: Any, columns: int, place: Any = "outside upper cen
         line.set_markersize(max(line.get_markersize(), 4.0))
 
 
-def draw_panel(panel: Panel, axes: Axes, **own: Any) -> None:
+def draw_panel(panel: Panel, axes: Axes, **options: Any) -> None:
     """Draw into a pair of axes, in the style that they have.
 
-    `own` are matplotlib's options for all that is data: ``color``, ``lw``, ``label`` ...
+    `options` are matplotlib's for all that is data: ``color``, ``lw``, ``label`` ...
     """
     for mark in panel.marks:
         framed = isinstance(mark, Curve) and mark.frame
-        _DRAWN[type(mark)](axes, mark, panel, {} if framed else own)
+        _DRAWN[type(mark)](axes, mark, panel, {} if framed else options)
     _set_axis(axes, "x", panel.x, panel)
     _set_axis(axes, "y", panel.y, panel)
     if any(isinstance(mark, Spans) for mark in panel.marks):
@@ -132,14 +134,14 @@ def draw_panel(panel: Panel, axes: Axes, **own: Any) -> None:
 
 def _set_axis(axes: Axes, which: str, axis: Axis, panel: Panel) -> None:
     factor, _ = axis.shown
-    own = getattr(axes, f"{which}axis")
+    drawn_axis = getattr(axes, f"{which}axis")
     getattr(axes, f"set_{which}label")(axis.label)
     if axis.rows is not None:
         count = len(axis.rows)
         at = list(range(count))
         if any(isinstance(mark, Map) for mark in panel.marks) and count > _MOST_NAMED:
             at = sorted({round(one) for one in np.linspace(0, count - 1, _MOST_NAMED)})
-        own.set_ticks(at, [axis.rows[k] for k in at])
+        drawn_axis.set_ticks(at, [axis.rows[k] for k in at])
         if which == "y" and not any(isinstance(mark, Map) for mark in panel.marks):
             axes.set_ylim(len(axis.rows) - 0.5, -0.5)
         return
@@ -149,18 +151,18 @@ def _set_axis(axes: Axes, which: str, axis: Axis, panel: Panel) -> None:
     if axis.log and np.isfinite(getattr(axes.dataLim, f"minpos{which}")):  # something has a place
         logarithmic(axes, which)
     if axis.ticks is not None:
-        own.set_major_locator(
+        drawn_axis.set_major_locator(
             MaxNLocator(axis.ticks, symmetric=-(axis.low or 0.0) == (axis.high or 0.0))
         )
     if axis.whole:
-        own.set_major_locator(MaxNLocator(integer=True))
+        drawn_axis.set_major_locator(MaxNLocator(integer=True))
 
 
 def _name(mark: Any) -> dict[str, str]:
     return {"label": listed(mark.name) if mark.name else "_"}
 
 
-def _curve(axes: Axes, mark: Curve, panel: Panel, own: Mapping[str, Any]) -> None:
+def _curve(axes: Axes, mark: Curve, panel: Panel, options: Mapping[str, Any]) -> None:
     across, up = panel.x.shown[0], panel.y.shown[0]
     x, y = across * np.asarray(mark.x), up * np.asarray(mark.y)
     look: dict[str, Any] = {"color": mark.colour, "alpha": mark.opacity, **_name(mark)}
@@ -170,7 +172,7 @@ def _curve(axes: Axes, mark: Curve, panel: Panel, own: Mapping[str, Any]) -> Non
         bars = None if low is None else np.abs(np.array([low, high]) - y)
         aside = None if mark.aside is None else across * mark.aside
         look |= {"fmt": f"{mark.marker}{mark.line}", "ms": mark.size, "lw": mark.width or 0.8}
-        axes.errorbar(x, y, bars, aside, **look | dict(own))
+        axes.errorbar(x, y, bars, aside, **look | dict(options))
         return
     look |= {"ls": mark.line or "none", "zorder": mark.order}
     if mark.marker:
@@ -183,33 +185,33 @@ def _curve(axes: Axes, mark: Curve, panel: Panel, own: Mapping[str, Any]) -> Non
         look["drawstyle"] = "steps-mid"
     if not mark.line and len(x) > _MANY_POINTS:
         look["rasterized"] = True
-    (line,) = axes.plot(x, y, **look | dict(own))
+    (line,) = axes.plot(x, y, **look | dict(options))
     if low is not None and high is not None:
         known = np.isfinite(low) & np.isfinite(high)
         if known.any():
             axes.fill_between(x, low, high, where=known, color=line.get_color(), alpha=0.2, lw=0)
 
 
-def _bars(axes: Axes, mark: Bars, panel: Panel, own: Mapping[str, Any]) -> None:
+def _bars(axes: Axes, mark: Bars, panel: Panel, options: Mapping[str, Any]) -> None:
     factor = panel.x.shown[0]
     values = factor * np.asarray(mark.values)
     rows = np.arange(len(values)) if mark.rows is None else np.asarray(mark.rows)
     error = None if mark.error is None else factor * mark.error
     look: dict[str, Any] = {"color": mark.colour, "alpha": mark.opacity, **_name(mark)}
     left = factor * np.asarray(mark.left)
-    axes.barh(rows + mark.shift, values, mark.height, left=left, xerr=error, **look | dict(own))
+    axes.barh(rows + mark.shift, values, mark.height, left=left, xerr=error, **look | dict(options))
     if np.any(left):  # matplotlib keeps bars that begin where others end at the edge
         low, high = axes.dataLim.intervalx
         axes.set_xlim(1.03 * min(low, 0.0), 1.03 * high)
 
 
-def _spans(axes: Axes, mark: Spans, panel: Panel, own: Mapping[str, Any]) -> None:
+def _spans(axes: Axes, mark: Spans, panel: Panel, options: Mapping[str, Any]) -> None:
     look: dict[str, Any] = {"facecolors": mark.colour, "linewidth": 0.0}
     bars = panel.x.shown[0] * np.column_stack([mark.begin, mark.end - mark.begin])
-    axes.broken_barh(bars.tolist(), (mark.row - 0.4, 0.8), **look | dict(own))
+    axes.broken_barh(bars.tolist(), (mark.row - 0.4, 0.8), **look | dict(options))
 
 
-def _rule(axes: Axes, mark: Rule, panel: Panel, own: Mapping[str, Any]) -> None:
+def _rule(axes: Axes, mark: Rule, panel: Panel, options: Mapping[str, Any]) -> None:
     factor = (panel.x if mark.along == "x" else panel.y).shown[0]
     look: dict[str, Any] = {"color": mark.colour, "alpha": mark.opacity, **_name(mark)}
     if mark.end is not None:
@@ -220,19 +222,19 @@ def _rule(axes: Axes, mark: Rule, panel: Panel, own: Mapping[str, Any]) -> None:
     line(factor * mark.at, lw=mark.width, ls=mark.line, **look)
 
 
-def _area(axes: Axes, mark: Area, panel: Panel, own: Mapping[str, Any]) -> None:
+def _area(axes: Axes, mark: Area, panel: Panel, options: Mapping[str, Any]) -> None:
     x, up = panel.x.shown[0] * mark.x, panel.y.shown[0]
     look: dict[str, Any] = {"color": mark.colour, "alpha": mark.opacity, "lw": 0.0, **_name(mark)}
-    axes.fill_between(x, up * mark.low, up * mark.high, zorder=mark.order, **look | dict(own))
+    axes.fill_between(x, up * mark.low, up * mark.high, zorder=mark.order, **look | dict(options))
 
 
-def _dots(axes: Axes, mark: Dots, panel: Panel, own: Mapping[str, Any]) -> None:
+def _dots(axes: Axes, mark: Dots, panel: Panel, options: Mapping[str, Any]) -> None:
     look: dict[str, Any] = {"c": mark.scale.shown[0] * mark.values, "cmap": "viridis"}
-    look |= {"s": mark.size, "linewidths": 0} | dict(own)
+    look |= {"s": mark.size, "linewidths": 0} | dict(options)
     axes.scatter(panel.x.shown[0] * mark.x, panel.y.shown[0] * mark.y, **look)
 
 
-def _map(axes: Axes, mark: Map, panel: Panel, own: Mapping[str, Any]) -> None:
+def _map(axes: Axes, mark: Map, panel: Panel, options: Mapping[str, Any]) -> None:
     axes.grid(visible=False)
     scale = mark.scale or Axis()
     values = scale.shown[0] * mark.values
@@ -253,7 +255,7 @@ def _map(axes: Axes, mark: Map, panel: Panel, own: Mapping[str, Any]) -> None:
                 axes.text(column, row, f"{value:.3g}", color=colour, **look)
 
 
-def _words(axes: Axes, mark: Words, panel: Panel, own: Mapping[str, Any]) -> None:
+def _words(axes: Axes, mark: Words, panel: Panel, options: Mapping[str, Any]) -> None:
     place = panel.x.shown[0] * mark.x, panel.y.shown[0] * mark.y
     axes.text(*place, mark.text, va="center", ha="center", color="0.4", fontsize=7)
 

@@ -109,8 +109,8 @@ def moving_axes(cases: Cases) -> list[str]:
     """World axes along which the tool moves in any of the cases; all, if it moves along none."""
     paths = [result["tool_position"].values for result in cases.values()]
     reach = np.max([np.nanmax(path, axis=0) - np.nanmin(path, axis=0) for path in paths], axis=0)
-    found = [axis for axis, one in zip(AXES, reach, strict=True) if one > _STILL * reach.max()]
-    return found or list(AXES)
+    moving = [axis for axis, one in zip(AXES, reach, strict=True) if one > _STILL * reach.max()]
+    return moving or list(AXES)
 
 
 def is_straight(cases: Cases) -> bool:

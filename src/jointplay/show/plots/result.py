@@ -30,7 +30,8 @@ from jointplay.simulation.result.variables import TERMS
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_TICKS = 5  # intervals between those of an orbit, at most
+_TICKS = 5
+"""Intervals between those of an orbit, at most: those of three orbits in a row do not touch."""
 _DRAWN_DEPTH = 0.15
 """Depth of penetration of a rim as drawn, relative to the clearance: 99 % are less deep."""
 _RIM_EDGE = 1.5  # where deeper ones are drawn, relative to the clearance
@@ -434,8 +435,8 @@ class Plots:
             if joint is not None and joint not in moving:
                 raise MissingName("moving joint", joint, moving)
             forces = self.result["reaction_force"].sel(moving_joint=joint or moving[0])
-        found = self._components(forces.values, axis, Axis("force", "N"))
-        return replace(found, y=Axis(f"F{axis}", "N")) if axis in AXES else found
+        panel = self._components(forces.values, axis, Axis("force", "N"))
+        return replace(panel, y=Axis(f"F{axis}", "N")) if axis in AXES else panel
 
     @_drawn(6.0, 3.8)
     def energy(self) -> Panel:

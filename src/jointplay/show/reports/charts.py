@@ -64,7 +64,7 @@ class Pack:
         return base64.b64encode(gzip.compress(b"".join(self.chunks), 6, mtime=0)).decode()
 
 
-_FINE, _COARSE = 18, 13
+_MOTION_BITS, _FORCE_BITS = 18, 13
 """Bits of the mantissa kept of motions (4e-6, relative) and of forces (6e-5)."""
 
 Chart = dict[str, Any]
@@ -151,7 +151,13 @@ class Drawing:
             return {"from": begin, "to": end, "dt": owner.step, "row": mark.row, **look}
         x, y = panel.x.shown[0] * np.asarray(mark.x), panel.y.shown[0] * np.asarray(mark.y)
         look |= {"dash": _DASHES.get(mark.line), "line": bool(mark.line), "frame": mark.frame}
-        bits = EXACT if panel.y.size == "large" else _COARSE if panel.y.unit in ("N", "") else _FINE
+        bits = (
+            EXACT
+            if panel.y.size == "large"
+            else _FORCE_BITS
+            if panel.y.unit in ("N", "")
+            else _MOTION_BITS
+        )
         time = np.asarray(mark.x if panel.x.unit == "s" and mark.at is None else mark.at)
         timed = next((one for one in self._times if time.ndim and one.has(time)), None)
         if timed is None:

@@ -101,7 +101,7 @@ def _glance(dataset: xr.Dataset) -> Html:
     for name, unit, factor in sweep_table.columns_of(dataset):
         means = (factor * dataset[name]).mean([*over], skipna=True).transpose(*dims)
         if np.isfinite(means.values).any():
-            ends = [_told(dataset, means, find, unit) for find in (np.nanargmin, np.nanargmax)]
+            ends = [_extreme(dataset, means, find, unit) for find in (np.nanargmin, np.nanargmax)]
             said.append(f"{name.replace('_', ' ')}: {' to '.join(dict.fromkeys(ends))}")
     status = dataset["status"].values
     figures: dict[str, html.Quantity] = {
@@ -116,7 +116,7 @@ def _glance(dataset: xr.Dataset) -> Html:
     return html.folded(said, "figures") + by_case("", [Html("")], [figures])
 
 
-def _told(
+def _extreme(
     dataset: xr.Dataset, means: xr.DataArray, find: Callable[[np.ndarray], Any], unit: str
 ) -> str:
     """The mean that `find` finds, and at which point of the grid."""
