@@ -35,8 +35,8 @@ _HEIGHT_PT = 390.0  # about that of the picture within a figure of 5.5 inches
 _Note = tuple[np.ndarray, str, str]  # a place (3,) [m], words and their colour
 _RING_RADIUS = 0.06  # of the marks, relative to the mechanism's size (judged)
 _LONGEST_SIDE = 0.03
-"""Of a triangle, relative to the mechanism's size: matplotlib sorts whole triangles by depth, so that
-long ones cover what stands before them (judged by the pictures of the shipped robots)."""
+"""Of a triangle, relative to the mechanism's size: matplotlib sorts whole triangles by depth, so
+that long ones cover what stands before them (judged by pictures of the shipped robots)."""
 _MANY_TRIANGLES = 2000
 """Of a body: with as many it needs no cutting, for its sides are short; with more than that what is
 too small to be seen is left out (judged)."""

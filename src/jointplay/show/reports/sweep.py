@@ -55,7 +55,25 @@ def write(
     say("drawing the figures")
     lines, maps, samples = list(_lines(dataset)), list(_maps(dataset)), list(_samples(dataset))
     say("writing the page")
-    contents = [page(dataset, title or f"Sweep {store.name}", lines, maps, samples).encode()]
+    note = "Means; the bands are 95 % confidence intervals of the mean over the runs of a point."
+    drawn = [*lines, *samples][:MOST_FIRST]
+    first = joined(map(_picture, drawn)) + (paragraph(note) if lines else Html(""))
+    sections = {"At a glance": _glance(dataset) + first, "Cases": _cases(dataset)}
+    if left := lines[len(drawn) :]:
+        sections["Lines"] = joined(map(_picture, left)) + paragraph(note)
+    if maps:
+        sections["Heat maps"] = joined(map(_picture, maps))
+    if samples:  # what they say, and Sobol indices where the design gives them
+        said = [sweep_table.uncertainty(dataset, name, PRECISION) for name in _known(dataset)]
+        words = joined(markup("<pre>{}</pre>", text) for text in said)
+        sections["Distributions"] = joined(map(_picture, samples[len(drawn) :])) + words
+    sections["Failed cases"] = _failed(dataset)
+    sections["What was run"] = _inputs(dataset)
+    sizes = " x ".join(f"{name} {size}" for name, size in dataset.attrs["sizes"].items())
+    cases = f"{sizes} = {dataset['status'].size} cases"
+    title = title or f"Sweep {store.name}"
+    page = html.page(title, cases, dataset.attrs["versions"], sections, open=2)
+    contents = [page.encode()]
     figures = [*lines, *maps, *samples]
     if pdf and figures:
         content = io.BytesIO()
@@ -67,31 +85,6 @@ def write(
     for target, made in zip(written, contents, strict=False):
         write_file(target, made)
     return written[: len(contents)]
-
-
-def page(
-    dataset: xr.Dataset, title: str, lines: list[Drawn], maps: list[Drawn], samples: list[Drawn]
-) -> str:
-    """The page's source."""
-    note = "Means; the bands are 95 % confidence intervals of the mean over the runs of a point."
-    drawn = [*lines, *samples][:MOST_FIRST]
-    first = joined(map(_picture, drawn)) + (paragraph(note) if lines else Html(""))
-    sections = {
-        "At a glance": _glance(dataset) + first,
-        "Cases": _cases(dataset),
-    }
-    if left := lines[len(drawn) :]:
-        sections["Lines"] = joined(map(_picture, left)) + paragraph(note)
-    if maps:
-        sections["Heat maps"] = joined(map(_picture, maps))
-    if samples:
-        left = samples[len(drawn) :]
-        sections["Distributions"] = joined(map(_picture, left)) + _words(dataset)
-    sections["Failed cases"] = _failed(dataset)
-    sections["What was run"] = _inputs(dataset)
-    sizes = " x ".join(f"{name} {size}" for name, size in dataset.attrs["sizes"].items())
-    cases = f"{sizes} = {dataset['status'].size} cases"
-    return html.page(title, cases, dataset.attrs["versions"], sections, open=2)
 
 
 def _glance(dataset: xr.Dataset) -> Html:
@@ -203,12 +196,6 @@ def _samples(dataset: xr.Dataset) -> Iterator[Drawn]:
             yield f"{words} over {x}", draw.draw(dataset, x, name)
         text = f"{words}: how it settles with the number of runs"
         yield text, draw.draw_convergence(dataset, name, PRECISION)
-
-
-def _words(dataset: xr.Dataset) -> Html:
-    """What the samples say, and Sobol indices where the design gives them."""
-    said = [sweep_table.uncertainty(dataset, name, PRECISION) for name in _known(dataset)]
-    return joined([markup("<pre>{}</pre>", text) for text in said])
 
 
 def _picture(drawn: Drawn) -> Html:
