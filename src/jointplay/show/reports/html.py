@@ -234,7 +234,8 @@ def worst_first(rows: Sequence[Row], by: str, what: str, name: str = "") -> Html
 
 
 def folded(items: Sequence[str], what: str) -> Html:
-    """A list of points, of which those after the first `WORST` are folded."""
-    left = items[WORST:]
-    more = details(f"The other {len(left)} {what}", bullets(left)) if left else Html("")
+    """A list of points, of which those after the first `WORST` are folded, if they are several."""
+    if len(items) <= WORST + 1:
+        return bullets(items)
+    more = details(f"The other {len(items) - WORST} {what}", bullets(items[WORST:]))
     return bullets(items[:WORST]) + more

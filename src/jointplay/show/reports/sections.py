@@ -411,7 +411,8 @@ def spectra(cases: Sequence[Case], start: float) -> Html:
 
 def glance(cases: Sequence[Case], start: float) -> Html:
     """The figures that matter most, a column for each case, with their numerical errors."""
-    parts = ["Tool errors are against the ideal machine with the same drives"]
+    same = "Tool errors are against the ideal machine with the same drives"
+    parts = [f"{same}, whose own errors they leave out"]
     caption = "; ".join([*parts, f"figures from {start:g} s on"] if start else parts)
     figures = [_figures(case, start)[0] for case in cases]
     made = by_case("", [*map(dark, cases)], figures, caption, "glance")
@@ -429,7 +430,8 @@ def glance(cases: Sequence[Case], start: float) -> Html:
         if number := len(values.columns[0].values):
             of = markup(" in {}", dark(case)) if several else ""
             shown = markup('<div class="assumed">{}</div>', table(values))
-            assumed.append(details(markup("{} values are assumed{}", number, of), shown))
+            are = "value is" if number == 1 else "values are"
+            assumed.append(details(markup("{} {} assumed{}", number, are, of), shown))
     answers.sort(key=lambda answer: -answer[0])
     return joined(
         [

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 
 from jointplay.base.errors import JointplayError
 from jointplay.base.files import write as write_file
-from jointplay.base.tables import Table
+from jointplay.base.tables import Table, counted
 from jointplay.show.plots import sweep as draw
 from jointplay.show.plots.style import style
 from jointplay.show.reports import html
@@ -149,7 +149,7 @@ def _cases(dataset: xr.Dataset) -> Html:
     shown = table(first, caption, left=len(dims))
     if further := len(others.columns[0].values):
         folded = table(others, left=len(dims)) + _more(left, "points ")
-        shown += html.details(f"The other {further} points", folded)
+        shown += html.details(f"The other {counted(further, 'point')}", folded)
     return shown
 
 
