@@ -150,7 +150,15 @@ def test_title_and_cases_are_those_of_the_scenario(tmp_path):
     places = [glance.index(f">{name}</span>") for name in names]
     assert places == sorted(places)
     assert 'alt="slider_crank at the start of the run; play in piston_pin"' in glance
+    assert "1 value is assumed in" in text
     assert "0.2_mm" not in text
+
+
+def test_a_list_folds_several_points_or_none():
+    from jointplay.show.reports.html import folded
+
+    assert "The other" not in folded(["a", "b", "c", "d"], "cases")
+    assert "The other 2 cases" in folded(["a", "b", "c", "d", "e"], "cases")
 
 
 @pytest.mark.thorough
@@ -377,7 +385,7 @@ def test_charts_and_tables_show_the_same_time(page, open_report):
         pytest.approx(0.15),
         pytest.approx(0.4),
     ]
-    assert "Figures from 0.15 s on" in tab.inner_text("#glance")
+    assert "figures from 0.15 s on" in tab.inner_text("#glance")
     show_whole_run(tab)
 
 

@@ -24,21 +24,28 @@ from jointplay.model.loop import assemble
 from jointplay.model.mechanism import Mechanism
 from jointplay.model.scene import Scene
 
-_LIGHT = np.array([0.35, -0.6, 0.72])  # towards the light, in world axes
-_OTHERS = "#c9d3df"
-"""Of bodies of which a colouring says nothing."""
+_LIGHT_DIRECTION = np.array([0.35, -0.6, 0.72])
+"""Towards the light, in world axes: from above the viewer's left shoulder, for either view below
+(judged; any that is no axis shows the faces of a box in three shades)."""
+_UNCOLOURED = "#c9d3df"  # of bodies of which a colouring says nothing
 _PLAY, _LOOP, _TOOL = "#d1352b", "#1f6fb4", "#222222"
-_TYPE, _LINE, _LETTER = 8.0, 10.5, 4.8
-"""Size of words, of a line of them and about that of a letter [points]."""
-_HEIGHT = 390.0  # about that of the picture within the figure [points]
+_TYPE_PT, _LINE_PT, _LETTER_PT = 8.0, 10.5, 4.8
+"""Size of words, of a line of them and about that of a letter of DejaVu Sans [points]."""
+_HEIGHT_PT = 390.0  # about that of the picture within a figure of 5.5 inches
 _Note = tuple[np.ndarray, str, str]  # a place (3,) [m], words and their colour
-_RING = 0.06  # radius of the marks, relative to the mechanism's size
-_PIECE = 0.03  # longest side of a triangle, relative to the mechanism's size
-_FINE = 2000  # a body of this many triangles needs no cutting
-_FINEST = 1.0 / 300.0
-"""Smallest detail that is drawn, relative to the mechanism's size: some two pixels."""
-_FARTHEST = 1e6  # from the origin; shapes that reach farther are mistakes [m]
-_FLAT = 0.4  # height relative to the largest extent below which a mechanism is flat
+_RING_RADIUS = 0.06  # of the marks, relative to the mechanism's size (judged)
+_LONGEST_SIDE = 0.03
+"""Of a triangle, relative to the mechanism's size: matplotlib sorts whole triangles by depth, so
+that long ones cover what stands before them (judged by pictures of the shipped robots)."""
+_MANY_TRIANGLES = 2000
+"""Of a body: with as many it needs no cutting, for its sides are short; with more than that what is
+too small to be seen is left out (judged)."""
+_SMALLEST_DETAIL = 1.0 / 300.0
+"""That is drawn, relative to the mechanism's size: some two pixels."""
+_FARTHEST_M = 1e6  # from the origin; shapes that reach farther are mistakes of scale (judged)
+_FLAT_HEIGHT = 0.4
+"""Relative to the largest extent: a mechanism that is less high is seen from further above. The
+shipped linkages have 0.09 to 0.18, a UR5 that lies stretched out 0.22, the others 0.5 and more."""
 
 
 @mpl.rc_context({"text.parse_math": False})  # names stand as they are, $ and all
@@ -90,18 +97,23 @@ def picture(
     low, high = points.min(axis=0), points.max(axis=0)
     size = float(np.linalg.norm(high - low))
     if view is None:
-        flat = high[2] - low[2] < _FLAT * float((high - low).max())
+        flat = high[2] - low[2] < _FLAT_HEIGHT * float((high - low).max())
         view = (-70.0, 55.0) if flat else (-60.0, 24.0)
     # Matplotlib sorts whole triangles by depth, which needs them small.
     pieces, sides = zip(
-        *(_coarse(_cut(body, _PIECE * size), _FINEST * size) for body in bodies), strict=True
+        *(_coarse(_cut(body, _LONGEST_SIDE * size), _SMALLEST_DETAIL * size) for body in bodies),
+        strict=True,
     )
     triangles, normals = np.concatenate(pieces), np.concatenate(sides)
     tones = [np.tile(tone, (len(piece), 1)) for tone, piece in zip(paints, pieces, strict=True)]
 
     figure = Figure(figsize=(8.0, 5.5), layout="constrained")
     axes: Any = figure.add_subplot(projection="3d", proj_type="ortho", computed_zorder=False)
-    axes.add_collection3d(_shaded(triangles, normals, np.concatenate(tones)))
+    # Either side may be the outer one: not all mesh files wind their triangles alike.
+    shade = 0.45 + 0.5 * np.abs(normals @ (_LIGHT_DIRECTION / np.linalg.norm(_LIGHT_DIRECTION)))
+    faces = np.clip(np.concatenate(tones) * shade[:, None], 0.0, 1.0)
+    look: dict[str, Any] = {"facecolors": faces, "edgecolors": faces, "linewidths": 0.2}
+    axes.add_collection3d(Poly3DCollection(triangles, zorder=1, **look))
     notes: list[_Note] = []
     for joint in scene.joints:
         if not joint.hinge:
@@ -110,12 +122,21 @@ def picture(
             if joint.play and labels is not None:
                 text = labels.get(joint.name, joint.name)
             where = places[scene.links[joint.link]] * joint.place
-            notes.append((_mark(axes, where, _RING * size, colour), text, colour))
+            notes.append((_mark(axes, where, _RING_RADIUS * size, colour), text, colour))
     pin.framesForwardKinematics(mechanism.model, mechanism.data, q)
     tool = mechanism.data.oMf[mechanism.tool_frame].translation
     axes.plot(*tool[:, None], "+", color=_TOOL, ms=9, zorder=5)
     notes.append((tool, mechanism.tool, _TOOL))
-    _frame(axes, low, high, view)
+    room = 0.08 * float((high - low).max())
+    low, high = low - room, high + room
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+    axes.set_box_aspect(high - low, zoom=1.1)
+    axes.view_init(azim=view[0], elev=view[1])
+    axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
+    axes.tick_params(labelsize=7)
+    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+        axis.set_major_locator(MaxNLocator(4))
+        axis.pane.set_alpha(0.15)
     _write(axes, notes)
     axes.set_title(title, fontsize=11)
     if missing := [Path(name).name for name in scene.look.missing]:
@@ -135,13 +156,15 @@ def _placed(
         carrier = mechanism.owner(mechanism.model.frames[frame].parentJoint)
         for part, colour in zip(shape.parts, shape.colours, strict=True):
             bodies.append(part.corners() @ place[:3, :3].T + place[:3, 3])
-            if not (np.abs(bodies[-1]) < _FARTHEST).all():
+            if not (np.abs(bodies[-1]) < _FARTHEST_M).all():
                 raise JointplayError(
-                    f"link {shape.link!r} has a shape that reaches beyond {_FARTHEST:g} m, and "
+                    f"link {shape.link!r} has a shape that reaches beyond {_FARTHEST_M:g} m, and "
                     "cannot be drawn; see its scale"
                 )
-            own = colour[:3] if colours is None else to_rgb(colours.get(carrier or "", _OTHERS))
-            paints.append(np.array(own))
+            shown = colour[:3]
+            if colours is not None:
+                shown = to_rgb(colours.get(carrier or "", _UNCOLOURED))
+            paints.append(np.array(shown))
     return bodies, paints
 
 
@@ -155,7 +178,7 @@ def _coarse(triangles: np.ndarray, grid: float) -> tuple[np.ndarray, np.ndarray]
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
     whole = np.round(triangles / grid)
     apart = (whole != np.roll(whole, 1, axis=1)).any(axis=2).all(axis=1)
-    if len(triangles) < _FINE or not apart.any():
+    if len(triangles) < _MANY_TRIANGLES or not apart.any():
         return triangles, normals
     corners = np.ascontiguousarray(whole[apart]).view([("x", "f8"), ("y", "f8"), ("z", "f8")])
     _, first = np.unique(np.sort(corners[..., 0], axis=1), axis=0, return_index=True)
@@ -165,18 +188,10 @@ def _coarse(triangles: np.ndarray, grid: float) -> tuple[np.ndarray, np.ndarray]
 def _cut(triangles: np.ndarray, longest: float) -> np.ndarray:
     """The same surface in triangles whose sides are no longer than `longest`."""
     mesh = trimesh.Trimesh(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
-    if not 0 < len(triangles) < _FINE or mesh.edges_unique_length.max() <= longest:
+    if not 0 < len(triangles) < _MANY_TRIANGLES or mesh.edges_unique_length.max() <= longest:
         return triangles
     points, faces = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, longest, 12)
     return np.asarray(points)[faces]
-
-
-def _shaded(triangles: np.ndarray, normals: np.ndarray, colours: np.ndarray) -> Poly3DCollection:
-    light = _LIGHT / np.linalg.norm(_LIGHT)
-    # Either side may be the outer one: not all mesh files wind their triangles alike.
-    shade = 0.45 + 0.5 * np.abs(normals @ light)
-    faces = np.clip(colours * shade[:, None], 0.0, 1.0)
-    return Poly3DCollection(triangles, facecolors=faces, edgecolors=faces, linewidths=0.2, zorder=1)
 
 
 def _mark(axes: Any, place: pin.SE3, radius: float, colour: str) -> np.ndarray:
@@ -193,13 +208,13 @@ def _mark(axes: Any, place: pin.SE3, radius: float, colour: str) -> np.ndarray:
 def _write(axes: Any, notes: Sequence[_Note]) -> None:
     """Words beside their points, from above; what would cover others moves down, led by a line."""
     seen = axes.get_proj()
-    point = axes.viewLim.height / _HEIGHT
+    point = axes.viewLim.height / _HEIGHT_PT
     taken: list[tuple[float, float, float, float]] = []
     flat = [(np.array(proj_transform(*at, seen)[:2], float), text, c) for at, text, c in notes]
     for at, text, colour in sorted(flat, key=lambda note: -note[0][1]):
         lines = text.split("\n")
-        high = _LINE * len(lines) * point
-        wide = _LETTER * max(map(len, lines)) * point
+        high = _LINE_PT * len(lines) * point
+        wide = _LETTER_PT * max(map(len, lines)) * point
         left, top = at[0] + 6.0 * point, at[1] + 0.5 * high
         for a, b, upper, lower in sorted(taken, key=lambda box: -box[2]):
             if left < b and a < left + wide and top > lower and top - high < upper:
@@ -210,20 +225,7 @@ def _write(axes: Any, notes: Sequence[_Note]) -> None:
             ends = ((at[0], left), (at[1], middle))
             axes.add_artist(Line2D(*ends, color=colour, lw=0.6, zorder=5))
         axes.text2D(
-            left, middle, text, color=colour, fontsize=_TYPE, va="center", zorder=6,
+            left, middle, text, color=colour, fontsize=_TYPE_PT, va="center", zorder=6,
             transform=axes.transData,
             path_effects=[withStroke(linewidth=2.5, foreground="white")],
         )  # fmt: skip
-
-
-def _frame(axes: Any, low: np.ndarray, high: np.ndarray, view: tuple[float, float]) -> None:
-    room = 0.08 * float((high - low).max())
-    low, high = low - room, high + room
-    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-    axes.set_box_aspect(high - low, zoom=1.1)
-    axes.view_init(azim=view[0], elev=view[1])
-    axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
-    axes.tick_params(labelsize=7)
-    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
-        axis.set_major_locator(MaxNLocator(4))
-        axis.pane.set_alpha(0.15)

@@ -37,7 +37,6 @@ from jointplay.simulation.values import values
 
 if TYPE_CHECKING:
     from jointplay.model.mechanism import Mechanism
-    from jointplay.physics.joints import Clearance
     from jointplay.simulation.simulation import Simulation
 
 Message = tuple[dict[str, Any], bytes]  # plain data, and a block of bytes to which it refers
@@ -158,7 +157,12 @@ class Machine:
         self._continue()
         twin, reason = None, ""
         try:
-            twin = self._twin(run.simulation)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", RuntimeWarning)  # the page has the message
+                ideal = ideal_simulation(simulation)
+                moved = tool_motion(ideal, stop=self.superseded, also=["q"])
+            self._continue()
+            twin = moved.completed()
         except JointplayError as error:
             reason = f"no ideal twin: {error}"
         self._continue()
@@ -167,14 +171,6 @@ class Machine:
             macro = readable(float(simulation.macro_step or 0.0), "s")
             steps = f"tolerance {simulation.tolerance:g}, macro steps of {macro}"
         return cycle_message(result, twin, moments, steps, reason)
-
-    def _twin(self, simulation: Simulation) -> Result:
-        """Where the ideal machine goes, which most changes of a clearance leave as it is."""
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # the page has the message
-            found = tool_motion(ideal_simulation(simulation), stop=self.superseded, also=["q"])
-        self._continue()
-        return found.completed()
 
 
 def _safely(kind: str, compute: Callable[[], Message]) -> Message:
@@ -260,15 +256,6 @@ class Curves:
         }
 
 
-def _energy(result: Result) -> Panel:
-    """Energies since the start: stored, and those terms that are not nothing."""
-    stored = result["kinetic_energy"].values + result["potential_energy"].values
-    terms = [(term.label, result[term.variable].values) for term in TERMS]
-    shown = [("stored", stored - stored[0]), *((name, one) for name, one in terms if np.any(one))]
-    marks = [Curve(result.time, values, name) for name, values in shown]
-    return Panel(TIME, Axis("energy", "J"), marks)
-
-
 def cycle_message(
     result: Result, twin: Result | None, moments: int, steps: str = "", reason: str = ""
 ) -> Message:
@@ -304,12 +291,25 @@ def cycle_message(
         shown = {"orbit": ("orbit", name), "force": ("forces", "total", name)}
         joints[name] = {key: curves.chart(few.plot.panel(*asked)) for key, asked in shown.items()}
         figure(f"peak force, {name}", forces.max(initial=0.0), "N")
-    sunk = {
-        name: _sunk(result, name, joint, since)
-        for name, joint in result.simulation.mechanism.clearance.items()
-    }
+    # How far contacts gave way, over their clearance: a journal that sinks in by so much has that
+    # much more play. None where they are not free.
+    sunk: dict[str, float | None] = {}
+    for name, joint in result.simulation.mechanism.clearance.items():
+        sunk[name] = None
+        if joint.springs is None and joint.resultant is None:
+            gaps = result["gap_min"].sel(joint=name, contact=list(joint.contacts)).values[since]
+            depths = zip(
+                -np.nanmin(gaps, axis=0, initial=0.0), joint.contact_clearances, strict=False
+            )
+            sunk[name] = float(max((deep / room for deep, room in depths), default=0.0))
     drives = _given_way(result, twin) if twin is not None else None
-    charts = {"error": error, "energy": curves.chart(_energy(few)), "joints": joints}
+    # Energies since the start: stored, and those terms that are not nothing.
+    stored = few["kinetic_energy"].values + few["potential_energy"].values
+    terms = [(term.label, few[term.variable].values) for term in TERMS]
+    shown_terms = [("stored", stored - stored[0]), *(one for one in terms if np.any(one[1]))]
+    energies = [Curve(few.time, values, name) for name, values in shown_terms]
+    energy = curves.chart(Panel(TIME, Axis("energy", "J"), energies))
+    charts = {"error": error, "energy": energy, "joints": joints}
     lost = sum(float(result[term.variable].values[-1]) for term in TERMS if term.lost)
     figure("energy lost", lost, "J")
     packed, picture = b"", None
@@ -341,19 +341,6 @@ def cycle_message(
         "picture": picture,
     }
     return head, bytes(curves.block) + packed
-
-
-def _sunk(result: Result, name: str, joint: Clearance, judged: np.ndarray) -> float | None:
-    """How far contacts gave way, over their clearance; None: they are not free.
-
-    A journal that sinks in by so much has that much more play.
-    """
-    if joint.springs is not None or joint.resultant is not None:
-        return None
-    gaps = result["gap_min"].sel(joint=name, contact=list(joint.contacts)).values[judged]
-    deepest = -np.nanmin(gaps, axis=0, initial=0.0)
-    sunk = [deep / room for deep, room in zip(deepest, joint.contact_clearances, strict=False)]
-    return float(max(sunk, default=0.0))
 
 
 def _given_way(result: Result, twin: Result) -> np.ndarray | None:

@@ -45,21 +45,18 @@ def style() -> str:
 def contents(state: State, simulation: Simulation, title: str) -> tuple[dict[str, Any], bytes]:
     """What the front end starts from: controls, and the bodies of the machine."""
     seen, block = look(simulation.mechanism)
+    assumed = assumed_table(simulation, state.scenario.origins(state.case))
+    rows = zip(*(one.values for one in assumed.columns), strict=True)
     said = {
         "title": title,
         "controls": state.described(),
         "assumptions": [*state.scenario.assumptions, *state.scenario.notes],
-        "assumed": _assumed(state, simulation),
+        # What nobody gave: value, what it is, by which rule, what another would change.
+        "assumed": [list(row) for row in rows],
         "bodies": seen,
         "joints": list(simulation.mechanism.clearance),
     }
     return said, block
-
-
-def _assumed(state: State, simulation: Simulation) -> list[list[str]]:
-    """What nobody gave, row by row: value, what it is, by which rule, what another would change."""
-    made = assumed_table(simulation, state.scenario.origins(state.case))
-    return [list(row) for row in zip(*(one.values for one in made.columns), strict=True)]
 
 
 def page(said: Mapping[str, Any], block: bytes) -> bytes:
@@ -125,22 +122,16 @@ class Routes:
             raise JointplayError("a question's page is text, and its number a whole one")
         return values, (page, number)
 
-    def _is_newest(self, question: tuple[str, int]) -> bool:
-        """Whether no later question of the same page came before this one."""
-        page, number = self._newest
-        if question[0] == page and question[1] < number:
-            return False
-        self._newest = question
-        return True
-
     def _ask(self, body: bytes) -> Iterator[bytes]:
         values, question = self._read(body)
         parts: queue.SimpleQueue[tuple[dict[str, Any], bytes]] = queue.SimpleQueue()
 
         def answer() -> Iterator[bytes]:
-            with self._lock:
-                newest = self._is_newest(question)
+            page, number = question
+            with self._lock:  # no later question of the same page came before this one
+                newest = page != self._newest[0] or number >= self._newest[1]
                 if newest:
+                    self._newest = question
                     self._workers.ask(values, lambda head, block: parts.put((head, block)))
             if not newest:
                 yield frame({"kind": "end", "superseded": True})

@@ -25,7 +25,6 @@ from jointplay.scenario.overrides import as_toml
 from jointplay.scenario.reading import Scenario, merge
 
 if TYPE_CHECKING:
-    from jointplay.model.gear import Gearing
     from jointplay.simulation.simulation import Simulation
 
 WHOLE = "the machine"  # group of what no single joint has
@@ -40,13 +39,14 @@ _PARTS = {
 }
 """Numbers of a joint with play that can be changed, by key: what they are called, and the unit."""
 
-_TIMES = 20.0  # a clearance goes from its value divided by this to its value times this
-_WIDEST = 0.2  # clearance at most, part of the bearing's radius
-_MOST_PLAY = 5.0  # of a gear at most [deg, mm of a screw]
-_LARGEST = {"temperature_difference": 60.0, "restitution": 0.99, "mu_d": 0.6}
-_FASTEST = 3.0  # factor of the speed: up to this, and down to its inverse
-_HEAVIEST = 0.3  # payload at most, part of the mass of the machine
-_STRONGEST = 20.0  # gravity at most [m/s^2]
+# Ranges of the sliders, judged: a field beside each takes what lies outside.
+_CLEARANCE_FACTOR = 20.0  # from the value of the beginning divided by this to its value times this
+_WIDEST_CLEARANCE = 0.2  # part of the bearing's radius
+_MOST_PLAY = 5.0  # of a gear [deg, mm of a screw]
+_LARGEST = {"temperature_difference": 60.0, "restitution": 0.99, "mu_d": 0.6}  # [K], numbers
+_SPEED_FACTOR = 3.0  # up to this, and down to its inverse
+_HEAVIEST_PAYLOAD = 0.3  # part of the mass of the machine
+_STRONGEST_GRAVITY = 20.0  # twice that of the Earth [m/s^2]
 
 
 @dataclass(frozen=True)
@@ -60,9 +60,9 @@ class Control:
     value: float  # at the beginning
     low: float  # range of the slider; a field takes what lies outside, if the scenario does
     high: float
-    logarithmic: bool  # whether the slider's steps are factors
     help: str  # what the scenario's tables say of it
     key: tuple[str, ...]  # of the scenario that receives it, and names it in errors
+    logarithmic: bool = False  # whether the slider's steps are factors
     along: tuple[float, ...] = ()  # of vectors, the direction (3,) that it is multiplied by
 
     def written(self, value: float) -> Any:
@@ -148,58 +148,62 @@ class State:
 
     def control_at(self, where: Sequence[str | int]) -> str | None:
         """Name of the control whose key an error is at; None if it is at none of them."""
-        controls = self.controls.values()
-        found = (one.name for one in controls if tuple(where[: len(one.key)]) == one.key)
-        return next(found, None)
+        for control in self.controls.values():
+            if tuple(where[: len(control.key)]) == control.key:
+                return control.name
+        return None
 
 
 _PAYLOAD = ("payloads",)
 
 
 def _controls(data: Mapping[str, Any], simulation: Simulation) -> Iterator[Control]:
-    yield from _of_machine(data, simulation)
-    for name, joint in simulation.mechanism.given_joints.items():
-        if not joint.ideal:
-            yield from _of_joint(name, joint)
-    for name, gear in simulation.mechanism.gears.items():
-        if name in data.get("gears", {}) and "play" in {one.name for one in fields(gear)}:
-            yield _of_gear(name, gear, simulation.mechanism.description.joints[name].slides)
-
-
-def _of_machine(data: Mapping[str, Any], simulation: Simulation) -> Iterator[Control]:
+    """Of the whole machine: its motion, payload and gravity; then of its joints and gears."""
     mechanism, motion = simulation.mechanism, data.get("motion", {})
+    at: tuple[str, ...]
+    slides = {name: joint.slides for name, joint in mechanism.description.joints.items()}
     texts = explanations(MotionTable)
     for name, speed in motion.get("speeds", {}).items():
-        column = None if simulation.motion is None else simulation.motion.joints.index(name)
-        if column is None:
+        if simulation.motion is None:
             continue
-        _, now, _ = simulation.motion(np.zeros(1))  # type: ignore[misc]
-        value = float(now[0, column]) if not isinstance(speed, int | float) else float(speed)
-        unit = "m/s" if mechanism.description.joints[name].slides else "rad/s"
-        low, high = sorted((value / _FASTEST, value * _FASTEST))
-        at, words = ("motion", "speeds", name), f"speed of {name}"
-        yield Control(
-            f"speed.{name}", WHOLE, words, unit, value, low, high, False, texts["speeds"], at
-        )
+        _, now, _ = simulation.motion(np.zeros(1))
+        begins = float(now[0, simulation.motion.joints.index(name)])
+        value = float(speed) if isinstance(speed, int | float) else begins
+        low, high = sorted((value / _SPEED_FACTOR, value * _SPEED_FACTOR))
+        unit, at = "m/s" if slides[name] else "rad/s", ("motion", "speeds", name)
+        words, text = f"speed of {name}", texts["speeds"]
+        yield Control(f"speed.{name}", WHOLE, words, unit, value, low, high, text, at)
     if motion and "speeds" not in motion:
         value = float(motion.get("faster", 1.0))
-        span = value / _FASTEST, value * _FASTEST
-        words, key = "speed of the motion, factor", ("motion", "faster")
+        low, high = value / _SPEED_FACTOR, value * _SPEED_FACTOR
+        words, at = "speed of the motion, factor", ("motion", "faster")
         text = " ".join(texts["faster"].split())
-        yield Control("speed", WHOLE, words, "", value, *span, True, text, key)
-    mass = pin.computeTotalMass(mechanism.ideal().model)
+        yield Control("speed", WHOLE, words, "", value, low, high, text, at, logarithmic=True)
     held = next((payload.mass for payload in simulation.payloads), 0.0)
-    most = max(_nice(_HEAVIEST * mass), 2.0 * held)
+    most = max(_nice(_HEAVIEST_PAYLOAD * pin.computeTotalMass(mechanism.ideal().model)), 2.0 * held)
     text = "Mass held by the tool, in its origin if the scenario says no more."
-    yield Control("payload", WHOLE, "payload", "kg", held, 0.0, most, False, text, _PAYLOAD)
+    yield Control("payload", WHOLE, "payload", "kg", held, 0.0, most, text, _PAYLOAD)
     size = float(np.linalg.norm(mechanism.gravity))
     down = np.array(mechanism.gravity if size else STANDARD_GRAVITY, float)
-    along, most = tuple(down / np.linalg.norm(down)), max(_STRONGEST, size)
-    text, key = "Its direction is the scenario's, or down.", ("robot", "gravity")
-    yield Control("gravity", WHOLE, "gravity", "m/s^2", size, 0.0, most, False, text, key, along)
+    along, most = tuple(down / np.linalg.norm(down)), max(_STRONGEST_GRAVITY, size)
+    text, at = "Its direction is the scenario's, or down.", ("robot", "gravity")
+    yield Control("gravity", WHOLE, "gravity", "m/s^2", size, 0.0, most, text, at, along=along)
+    for name, joint in mechanism.given_joints.items():
+        if not joint.ideal:
+            yield from _of_joint(name, joint)
+    for name, gear in mechanism.gears.items():
+        if name in data.get("gears", {}) and "play" in {one.name for one in fields(gear)}:
+            kind: Any = type(gear)
+            unit, text = "mm" if slides[name] else "deg", explanations(kind)["play"]
+            value = float(f"{gear.play / COMMON[unit][1]:.12g}")
+            low, high, logarithmic = _clearances(value, _MOST_PLAY)
+            words, text, at = "play of the gear", " ".join(text.split()), ("gears", name, "play")
+            key = f"{name}.play"
+            yield Control(key, name, words, unit, value, low, high, text, at, logarithmic)
 
 
 def _of_joint(name: str, joint: Clearance) -> Iterator[Control]:
+    at: tuple[str, ...]
     texts = explanations(type(joint))
     for key, (label, unit) in _PARTS.items():
         value = getattr(joint, key, None)
@@ -212,36 +216,25 @@ def _of_joint(name: str, joint: Clearance) -> Iterator[Control]:
         shown = float(f"{value / COMMON.get(unit, ('', 1.0))[1]:.12g}")
         low, high, logarithmic = 0.0, _LARGEST.get(key, 1.0), False
         if unit == "mm":
-            widest = _WIDEST * joint.outline.size[0] / COMMON[unit][1]
+            widest = _WIDEST_CLEARANCE * joint.outline.size[0] / COMMON[unit][1]
             low, high, logarithmic = _clearances(shown, widest)
         elif key == "temperature_difference":
             low, high = min(-high, shown), max(high, shown)
-        words, at = " ".join(texts.get(key, "").split()), ("joints", name, key)
-        yield Control(f"{name}.{key}", name, label, unit, shown, low, high, logarithmic, words, at)
+        text, at = " ".join(texts.get(key, "").split()), ("joints", name, key)
+        yield Control(f"{name}.{key}", name, label, unit, shown, low, high, text, at, logarithmic)
     mu = getattr(getattr(joint, "friction", None), "mu_d", None)
     if mu is not None:
-        label, words = "coefficient of friction", "Coefficient of friction of the joint's law."
-        place, high = ("joints", name, "friction", "mu_d"), max(_LARGEST["mu_d"], mu)
-        yield Control(
-            f"{name}.friction", name, label, "", float(mu), 0.0, high, False, words, place
-        )
-
-
-def _of_gear(name: str, gear: Gearing, slides: bool) -> Control:
-    unit, words = "mm" if slides else "deg", " ".join(explanations(type(gear))["play"].split())
-    shown = float(f"{gear.play / COMMON[unit][1]:.12g}")
-    span = _clearances(shown, _MOST_PLAY)
-    return Control(
-        f"{name}.play", name, "play of the gear", unit, shown, *span, words, ("gears", name, "play")
-    )
+        label, text = "coefficient of friction", "Coefficient of friction of the joint's law."
+        key, at = f"{name}.friction", ("joints", name, "friction", "mu_d")
+        yield Control(key, name, label, "", float(mu), 0.0, max(_LARGEST["mu_d"], mu), text, at)
 
 
 def _clearances(value: float, widest: float) -> tuple[float, float, bool]:
     """Range of a clearance that has this value, and whether it is logarithmic [mm or deg]."""
     if value <= 0.0:
         return min(value, 0.0), _nice(min(0.5, widest)), False
-    high = max(min(_nice(value * _TIMES), _nice(widest)), value)
-    return _nice(value / _TIMES), high, True
+    high = max(min(_nice(value * _CLEARANCE_FACTOR), _nice(widest)), value)
+    return _nice(value / _CLEARANCE_FACTOR), high, True
 
 
 def _nice(value: float) -> float:

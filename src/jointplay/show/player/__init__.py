@@ -22,14 +22,16 @@ if TYPE_CHECKING:
 MOST_BYTES = 15_000_000  # size that a page does not exceed, meshes permitting
 
 
-def _silent(text: str) -> None:
-    """Say nothing."""
+Say = Callable[[str], None]  # receives a line for each thing that the user should know
 
 
 def page(
-    cases: Mapping[str, Result], title: str | None = None, **options: Any
+    cases: Mapping[str, Result],
+    title: str | None = None,
+    say: Say = lambda _: None,
+    **options: Any,
 ) -> tuple[bytes, Packed]:
-    """The page that plays `cases`, and the scene in it; options and errors as of `scene.build`.
+    """The page that plays `cases`, and the scene in it; options and errors as of `playback.build`.
 
     Moments between impacts are left out until the page has no more than `MOST_BYTES`.
     """
@@ -43,33 +45,33 @@ def page(
         scene = build(cases, budget=budget, **options)
         content = render(scene, title)
         if len(content) <= MOST_BYTES or budget < 2000:
-            return content, scene
+            break
         options["progress"] = False
         budget = int(0.8 * budget * min(MOST_BYTES / len(content), 1.0))
+    for note in scene.notes:
+        say(f"note: {note}")
+    return content, scene
 
 
 def save_html(
     cases: Mapping[str, Result],
     path: str | Path,
-    say: Callable[[str], None] = _silent,
+    say: Say = lambda _: None,
     **options: Any,
 ) -> Path:
     """Write one self-contained page that plays `cases`; it needs no server and no network.
 
-    `say` receives a line for each thing that the user should know; `options` and errors are those
-    of `page`. An existing file is refused.
+    `options` and errors are those of `page`. An existing file is refused.
     """
     files.check_new(path)
-    content, scene = page(cases, **options)
-    _tell(scene, say)
-    return files.write(path, content)
+    return files.write(path, page(cases, say=say, **options)[0])
 
 
 def save_movie(
     cases: Mapping[str, Result],
     path: str | Path,
     shot: Shot | None = None,
-    say: Callable[[str], None] = _silent,
+    say: Say = lambda _: None,
     **options: Any,
 ) -> MovieFile:
     """Make a picture (.png) or a film (.gif, .mp4, .webm, .webp) of results.
@@ -79,8 +81,7 @@ def save_movie(
     from jointplay.show.player import movie
 
     path = movie.check(path)
-    content, scene = page(cases, **options)
-    _tell(scene, say)
+    content, scene = page(cases, say=say, **options)
     progress = options.get("progress", False)
     return movie.film(content, scene.contents, path, shot or movie.Shot(), progress)
 
@@ -91,7 +92,7 @@ def play(
     host: str = HOST,
     port: int = PORT,
     browser: bool = True,
-    say: Callable[[str], None] = print,
+    say: Say = print,
     **options: Any,
 ) -> None:
     """Serve the page that plays `cases` and open it in the browser; returns after Ctrl-C.
@@ -101,20 +102,14 @@ def play(
         host: interface to listen on; by default other machines cannot connect.
         port: where; if it is taken, another.
         browser: whether to open one.
-        say: receives one line for each thing the user should know.
+        say: receives what the user should know.
         options: see `page`.
 
     Raises:
-        JointplayError: see `Server` and `scene.build`.
+        JointplayError: see `Server` and `playback.build`.
     """
     require_a("cases", cases, "Mapping")
     check_host(host)  # a wrong host shows before the work
-    content, scene = page(cases, **options)
+    content, _ = page(cases, say=say, **options)
     del cases
-    _tell(scene, say)
     serve(content, "playing", host, port, browser=browser, say=say)
-
-
-def _tell(scene: Packed, say: Callable[[str], None]) -> None:
-    for note in scene.notes:
-        say(f"note: {note}")

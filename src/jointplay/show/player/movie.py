@@ -149,7 +149,16 @@ def film(
     end = max(case["end"] for case in contents["cases"])
     speed: float | None = None
     if suffix == ".png":
-        moment = _hardest(contents) if shot.begin is None else shot.begin
+        hits = [  # of the joint shown
+            (force, time)
+            for case in contents["cases"]
+            for joint in case["joints"]
+            if joint["name"] == contents["joint"]
+            for time, force in zip(joint["impacts"]["time"], joint["impacts"]["force"], strict=True)
+        ]
+        first = contents["cases"][0]
+        hardest = max(hits)[1] if hits else 0.5 * (first["start"] + first["end"])
+        moment = hardest if shot.begin is None else shot.begin
         if not begin <= moment <= end:
             span = f"from {begin:g} to {end:g} s"
             raise JointplayError(f"no moment {moment:g} s: the run lasts {span}")
@@ -169,19 +178,6 @@ def film(
         made = next(taken) if speed is None else _encoded(taken, folder, suffix, shot)
     files.write(path, made)
     return MovieFile(path, len(times), len(times) / shot.frames_per_second, speed, shot.size)
-
-
-def _hardest(contents: Mapping[str, Any]) -> float:
-    """Time of the hardest impact of the joint shown; half-way where there is none [s]."""
-    hits = [
-        (force, time)
-        for case in contents["cases"]
-        for joint in case["joints"]
-        if joint["name"] == contents["joint"]
-        for time, force in zip(joint["impacts"]["time"], joint["impacts"]["force"], strict=True)
-    ]
-    first = contents["cases"][0]
-    return max(hits)[1] if hits else 0.5 * (first["start"] + first["end"])
 
 
 @contextmanager

@@ -25,12 +25,12 @@ from jointplay.base.errors import JointplayError, MissingName, require_finite, r
 from jointplay.base.tables import counted
 from jointplay.base.units import round_below
 from jointplay.model.mechanism import Mechanism
-from jointplay.model.meshes import Colour, Surface
+from jointplay.model.meshes import Surface
 from jointplay.model.scene import Scene, quaternions, tool_places
 from jointplay.model.visuals import Look
 from jointplay.physics.contact import elastic, resultant
 from jointplay.physics.geometry import touch
-from jointplay.physics.joints import Clearance, Coordinate, RollingBearing
+from jointplay.physics.joints import Coordinate, RollingBearing
 from jointplay.physics.kernel import Status
 from jointplay.show.player.tracks import Impacts, Packer, impacts, select_records, strongest
 from jointplay.show.plots.palette import colours
@@ -122,14 +122,16 @@ def close_up(
     loads = None
     if bearing is not None:
         loads, _ = bearing.element_loads(centre[now], rotation[now][:, :, 2], azimuth[now])
-    found = {
+    return {
         "turn": quaternions(ideal[now]),
         "slide": slide[now],
         "displacement": displacement[now],
-    }
-    found |= {"tilt": tilt[now], "place": place, "shift": shift}
-    found |= {"normal": normal[:, :, None] * direction, "friction": friction[:, :, None] * against}
-    return found, loads
+        "tilt": tilt[now],
+        "place": place,
+        "shift": shift,
+        "normal": normal[:, :, None] * direction,
+        "friction": friction[:, :, None] * against,
+    }, loads
 
 
 def _most_loaded(
@@ -140,9 +142,9 @@ def _most_loaded(
     Both in bearing axes, the place from the ring's centre, shape (n, 3) [m].
     """
     pose = np.hstack([centre, rotation.reshape(-1, 9)])
-    found = elastic.answers(bearing.law, bearing.resultant, pose, cage)
-    c, s, h = found[:, resultant.COSINE], found[:, resultant.SINE], found[:, resultant.PLACE]
-    across, along = found[:, resultant.ACROSS], found[:, resultant.ALONG]
+    load = elastic.answers(bearing.law, bearing.resultant, pose, cage)
+    c, s, h = load[:, resultant.COSINE], load[:, resultant.SINE], load[:, resultant.PLACE]
+    across, along = load[:, resultant.ACROSS], load[:, resultant.ALONG]
     radius = 0.5 * (bearing.d_pitch - across * bearing.d_element)
     place = np.column_stack([radius * c, radius * s, h - 0.5 * along * bearing.d_element])
     return place, -np.column_stack([across * c, across * s, along])
@@ -202,8 +204,8 @@ def static_error(
     moments = np.linspace(time[0], time[-1], MOMENTS)
     poses = np.column_stack([np.interp(moments, time, column) for column in q.T])
     model = play_model(mechanism, centred(mechanism, poses), driven=driven, loops=True)
-    found = ellipsoids(model.middle)
-    rows = [found.root[:, i, k] for i, k in _PLACES] + [found.worst, found.rms]
+    sets = ellipsoids(model.middle)
+    rows = [sets.root[:, i, k] for i, k in _PLACES] + [sets.worst, sets.rms]
     return {
         "time": packer.table(moments, 1e-7),
         "set": packer.table(np.column_stack(rows), _QUANTUM),
@@ -229,8 +231,6 @@ MOST_MAGNIFIED = 1e4
 
 SHARPNESS = 2**14  # places of a surface's points along its largest extent
 
-Notes = list[str]
-
 
 @dataclass
 class Packed:
@@ -238,7 +238,7 @@ class Packed:
 
     contents: dict[str, Any]  # what there is and where in `block` it lies, as plain data
     block: bytes  # tracks and surfaces, compressed
-    notes: Notes = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
     """What the user should know: stand-ins for meshes, missing twins."""
 
 
@@ -274,7 +274,7 @@ def build(
     ):
         raise JointplayError(f"magnification must lie between 1 and 10000, got {magnification:g}")
     budget = require_whole("budget", budget, 1)
-    packer, notes = Packer(), Notes()
+    packer, notes = Packer(), list[str]()
     names = list(dict.fromkeys(name for result in cases.values() for name in result.joints))
     if joint is not None and joint not in names:
         raise MissingName("joint with clearance", joint, names)
@@ -297,7 +297,15 @@ def build(
         entry["ghost"] = None
         if ghosts and (case.result.joints or case.mechanism.gears):
             entry["ghost"] = _ghost(case, taken, packer, notes, progress)
-        entry["error"] = _error(case, packer, notes) if entry["ghost"] else None
+        entry["error"] = None
+        if entry["ghost"]:  # about which the tool's static error set stands
+            moved = case.simulation.motion
+            driven = None if moved is None else moved.joints
+            try:
+                error = static_error(case.mechanism, case.time, case.q, driven, packer)
+                entry["error"] = error
+            except JointplayError as reason:
+                notes.append(f"{case.label}: no static error set: {reason}")
         entry["colour"] = colour
         entries.append(entry)
     contents = {
@@ -348,7 +356,10 @@ class _Surfaces:
             {
                 "link": shape.link,
                 "surface": self._find(part),
-                "colour": _hexadecimal(colour),
+                "colour": sum(
+                    round(255 * min(max(value, 0.0), 1.0)) << shift
+                    for value, shift in zip(colour, (16, 8, 0), strict=False)
+                ),
                 "opacity": round(colour[3], 3),
                 "matrix": shape.placement.T.ravel().tolist(),
             }
@@ -365,11 +376,6 @@ class _Surfaces:
             triangles = self._packer.mesh(part.triangles)
             self.entries.append({"points": points, "triangles": triangles})
         return self._number[key]
-
-
-def _hexadecimal(colour: Colour) -> int:
-    red, green, blue = (round(255 * min(max(value, 0.0), 1.0)) for value in colour[:3])
-    return red << 16 | green << 8 | blue
 
 
 class _Case:
@@ -465,6 +471,28 @@ class _Case:
         }
         for key, values in view.items():
             packed[key] = packer.table(values.reshape(n, -1), quanta[key])
+        elements = None
+        if isinstance(clearance, RollingBearing) and cage is not None and loads is not None:
+            most = float(loads.max(initial=0.0))
+            rollers = clearance.roller_elements
+            elements = {
+                "rollers": rollers,
+                "count": clearance.count,
+                "diameter": clearance.d_element,
+                "length": getattr(clearance, "length", clearance.d_element),
+                "pitch": 0.5 * clearance.d_pitch,
+                "bore": 0.5 * clearance.d_bore,
+                "outside": 0.5 * clearance.d_outside,
+                "width": clearance.row_width or 1.25 * clearance.d_element,
+                "rows": clearance.row_places,
+                "reach": 0.0 if rollers else clearance.reach,
+                "angle": math.pi / 4.0 if rollers else getattr(clearance, "alpha", 0.0),
+                "groove": 0.5 if rollers else getattr(clearance, "inner_groove", 0.52),
+                "room": max(float(clearance.cr), 0.0),
+                "largest": most,
+                "cage": packer.table(cage[self.records], 10 * MICRORADIAN),
+                "loads": packer.table(loads, max(most / 1000.0, 1e-9)),
+            }
         return packed | {
             "name": name,
             "kind": clearance.kind,
@@ -482,34 +510,7 @@ class _Case:
                 "force": [float(f"{value:.4g}") for value in hits.force],
             },
             "magnification": self.magnification(name, j),
-            "elements": self._elements(packer, clearance, cage, loads),
-        }
-
-    def _elements(
-        self, packer: Packer, clearance: Clearance, cage: Any, loads: np.ndarray | None
-    ) -> dict[str, Any] | None:
-        """Rings and elements of a rolling bearing, and what they do; None of other kinds."""
-        if not isinstance(clearance, RollingBearing) or cage is None or loads is None:
-            return None
-        most = float(loads.max(initial=0.0))
-        rollers = clearance.roller_elements
-        return {
-            "rollers": rollers,
-            "count": clearance.count,
-            "diameter": clearance.d_element,
-            "length": getattr(clearance, "length", clearance.d_element),
-            "pitch": 0.5 * clearance.d_pitch,
-            "bore": 0.5 * clearance.d_bore,
-            "outside": 0.5 * clearance.d_outside,
-            "width": clearance.row_width or 1.25 * clearance.d_element,
-            "rows": clearance.row_places,
-            "reach": 0.0 if rollers else clearance.reach,
-            "angle": math.pi / 4.0 if rollers else getattr(clearance, "alpha", 0.0),
-            "groove": 0.5 if rollers else getattr(clearance, "inner_groove", 0.52),
-            "room": max(float(clearance.cr), 0.0),
-            "largest": most,
-            "cage": packer.table(cage[self.records], 10 * MICRORADIAN),
-            "loads": packer.table(loads, max(most / 1000.0, 1e-9)),
+            "elements": elements,
         }
 
     def magnification(self, name: str, j: int) -> float:
@@ -548,7 +549,7 @@ def _pack_poses(packer: Packer, poses: np.ndarray) -> dict[str, Any]:
 
 
 def _ghost(
-    case: _Case, others: Sequence[_Case], packer: Packer, notes: Notes, progress: bool
+    case: _Case, others: Sequence[_Case], packer: Packer, notes: list[str], progress: bool
 ) -> dict[str, Any] | None:
     """Tracks of the ideal twin at the moments of `case`: one of `others`, or simulated."""
     for other in others:
@@ -571,17 +572,6 @@ def _ghost(
         notes.append(f"{case.label}: no ideal twin: {twin.message}")
         return None
     return _twin_tracks(case, simulation.mechanism, twin.time, twin["q"].values, packer)
-
-
-def _error(case: _Case, packer: Packer, notes: Notes) -> dict[str, Any] | None:
-    """Track of the static error set of the tool, which stands about its twin's."""
-    motion = case.simulation.motion
-    driven = None if motion is None else motion.joints
-    try:
-        return static_error(case.mechanism, case.time, case.q, driven, packer)
-    except JointplayError as error:
-        notes.append(f"{case.label}: no static error set: {error}")
-        return None
 
 
 def _twin_tracks(

@@ -116,10 +116,17 @@ class _Handler(BaseHTTPRequestHandler):
     disable_nagle_algorithm = True  # parts of an answer are small, and awaited
 
     def do_GET(self) -> None:
-        self._answer(send=True)
+        asked = self._asked()
+        if asked is None:
+            return
+        if asked:
+            self.send_error(HTTPStatus.NOT_FOUND)
+            return
+        self._begin(HTTPStatus.OK, "text/html; charset=utf-8", len(self.server.page))
+        if self.command == "GET":
+            self.wfile.write(self.server.page)
 
-    def do_HEAD(self) -> None:
-        self._answer(send=False)
+    do_HEAD = do_GET
 
     def do_POST(self) -> None:
         """Answer a question of the page, part by part; an error is the last part."""
@@ -176,17 +183,6 @@ class _Handler(BaseHTTPRequestHandler):
         self.send_header("X-Frame-Options", "DENY")
         self.send_header("Referrer-Policy", "no-referrer")
         self.end_headers()
-
-    def _answer(self, send: bool) -> None:
-        asked = self._asked()
-        if asked is None:
-            return
-        if asked:
-            self.send_error(HTTPStatus.NOT_FOUND)
-            return
-        self._begin(HTTPStatus.OK, "text/html; charset=utf-8", len(self.server.page))
-        if send:
-            self.wfile.write(self.server.page)
 
     def log_message(self, format: str, *args: object) -> None:
         pass

@@ -74,9 +74,9 @@ def _stacked(parts: np.ndarray, names: Sequence[str], **look: Any) -> list[Mark]
     """Bars of each cause, one where the other ends, negative ones to the left (causes, rows)."""
     marks: list[Mark] = []
     ends = {1.0: np.zeros(parts.shape[1]), -1.0: np.zeros(parts.shape[1])}
-    for own, name, colour in zip(parts, names, many(len(names)), strict=True):
+    for size, name, colour in zip(parts, names, many(len(names)), strict=True):
         for sign, end in ends.items():  # loads may shift the tool back
-            part = np.where(np.sign(own) == sign, own, 0.0)
+            part = np.where(np.sign(size) == sign, size, 0.0)
             if sign > 0.0 or part.any():
                 marks.append(Bars(part, name if sign > 0.0 else "", colour, end.copy(), **look))
             end += part
@@ -190,8 +190,8 @@ def course(budget: PlayBudget, time: np.ndarray | None = None) -> Figure:
 def before_and_after(judgement: Judgement) -> Figure:
     """The tool's error over time by a motion as it was and corrected, where it gains least, too."""
     corners = [judgement.nominal]
-    least = judgement.least_gain
-    corners += [least] if least is not judgement.nominal else []
+    if judgement.least_gain is not judgement.nominal:
+        corners.append(judgement.least_gain)
     tool = judgement.compensation.simulation.mechanism.tool
     panels = []
     for one in corners:
@@ -267,51 +267,69 @@ _AGREEMENT = {
 
 
 def identification(fit: Identification) -> Figure:
-    """Intervals relative to the scenario's values, predicted means over measured."""
-    kinds = list(dict.fromkeys(kind for kind, _ in fit.observed.keys))
-    words = (
+    """Intervals relative to the scenario's values, predicted means over measured, with offsets."""
+    shown = [one for one in fit.estimates if one.unknown.sought]
+    marks: list[Mark] = []
+    for row, one in enumerate(shown):
+        scale = one.unknown.scale
+        if one.reason:
+            marks.append(Words(1.0, row, "cannot tell"))
+            continue
+        low, high = (end / scale for end in one.interval)
+        marks += _interval(row, low, high, one.value / scale)
+    marks.append(Rule(1.0, "x", colour=LINE, line=":"))
+    rows = Axis(rows=[one.label for one in shown])
+    panels = [Panel(Axis("found / scenario", low=0.0), rows, marks)]
+    for kind in dict.fromkeys(kind for kind, _ in fit.observed.keys):
+        axis = _AGREEMENT.get(kind, Axis("torque", "N*m"))
+        means: list[Mark] = []
+        ends: list[float] = []
+        for column, (of, name) in enumerate(fit.observed.keys):
+            use = np.isfinite(fit.error[:, column])
+            if of != kind or not use.any():
+                continue
+            x, y = fit.observed.mean[use, column], fit.predicted[use, column]
+            ends += [x.min(), x.max()]
+            dots: dict[str, Any] = {"line": "", "width": 0.5, "marker": "o", "size": 2.5}
+            dots["aside"] = fit.error[use, column]
+            means.append(Curve(x, y, name, COLOURS[column % len(COLOURS)], **dots))
+        if ends:
+            line = [min(ends), max(ends)]
+            means.append(Curve(line, line, colour=LINE, width=0.7))
+        across = replace(axis, name=f"measured: {axis.name}")
+        panels.append(Panel(across, replace(axis, name="static model"), means, legend="best"))
+    note = (
         "statistical; bars: 95 % intervals; static model, left over "
         f"{fit.misfit:.2g} standard errors (RMS)"
     )
-    shown = [one for one in fit.estimates if one.unknown.sought]
-    panel = _intervals(shown)
-    found = Axis("found / scenario", low=0.0)
-    panel = replace(panel.with_marks(Rule(1.0, "x", colour=LINE, line=":")), x=found)
-    panels = [panel, *(_agreement(fit, kind) for kind in kinds)]
     height = max(2.0 + 0.3 * len(shown), 3.2)
-    return _row(panels, (1.6 + 3.0 * len(panels), height), note=words)
-
-
-_IN_ROW = 3
-"""Panels of joints beside each other."""
+    return _row(panels, (1.6 + 3.0 * len(panels), height), note=note)
 
 
 def reversal_loops(loops: Sequence[Loop], estimates: Sequence[Estimate]) -> Figure:
     """Where each joint was against its motor, both ways, the fit over it; and its play in words."""
     note = "dots: measured, by the way moved or pushed (hollow: neither); lines: what was found"
-    panels: list[Panel | None] = [_reversal_loop(loop, estimates) for loop in loops]
-    across = min(len(panels), _IN_ROW)
+    panels: list[Panel | None] = []
+    for loop in loops:
+        marks: list[Mark] = []
+        for way, colour in ((0, LINE), (-1, COLOURS[0]), (1, COLOURS[1])):
+            along = np.flatnonzero(loop.branch == way)
+            along = along[np.argsort(loop.x[along], kind="stable")]
+            seen, fit = (along[np.isfinite(y[along])] for y in (loop.measured, loop.fitted))
+            dots: dict[str, Any] = {"line": "", "marker": "o", "size": 4.0, "hollow": not way}
+            marks.append(Curve(loop.x[seen], loop.measured[seen], "", colour, opacity=0.7, **dots))
+            marks.append(Curve(loop.x[fit], loop.fitted[fit], "", colour, order=3.0))
+        words = [one.words() for one in estimates if one.plays(loop.joint)]
+        play = [interval if value == "-" else f"play {interval}" for value, interval in words]
+        x, up = (
+            Axis(loop.x_name, loop.x_unit, ticks=5),
+            Axis("deviation of the link", loop.unit, "fine"),
+        )
+        panels.append(Panel(x, up, marks, title="\n".join([loop.joint, *play])))
+    across = min(len(panels), 3)
     panels += [None] * (-len(panels) % across)
     rows = [panels[k : k + across] for k in range(0, len(panels), across)]
     return draw(Chart(rows, (max(3.4 * across, 5.0), 0.6 + 3.0 * len(rows)), note=note))
-
-
-def _reversal_loop(loop: Loop, estimates: Sequence[Estimate]) -> Panel:
-    marks: list[Mark] = []
-    for way, colour in ((0, LINE), (-1, COLOURS[0]), (1, COLOURS[1])):
-        mine = np.flatnonzero(loop.branch == way)
-        mine = mine[np.argsort(loop.x[mine], kind="stable")]
-        seen, told = (mine[np.isfinite(y[mine])] for y in (loop.measured, loop.fitted))
-        dots: dict[str, Any] = {"line": "", "marker": "o", "size": 4.0, "hollow": not way}
-        marks.append(Curve(loop.x[seen], loop.measured[seen], "", colour, opacity=0.7, **dots))
-        marks.append(Curve(loop.x[told], loop.fitted[told], "", colour, order=3.0))
-    words = [one.words() for one in estimates if one.plays(loop.joint)]
-    play = [interval if value == "-" else f"play {interval}" for value, interval in words]
-    x, up = (
-        Axis(loop.x_name, loop.x_unit, ticks=5),
-        Axis("deviation of the link", loop.unit, "fine"),
-    )
-    return Panel(x, up, marks, title="\n".join([loop.joint, *play]))
 
 
 def _interval(row: int, low: float, high: float, value: float) -> list[Mark]:
@@ -321,42 +339,9 @@ def _interval(row: int, low: float, high: float, value: float) -> list[Mark]:
     ]
 
 
-def _intervals(rows: Sequence[Estimate]) -> Panel:
-    """Name, interval and value of a row each, by its scale; of what cannot be told that it is."""
-    marks: list[Mark] = []
-    for row, one in enumerate(rows):
-        scale = one.unknown.scale
-        if one.reason:
-            marks.append(Words(1.0, row, "cannot tell"))
-            continue
-        low, high = (end / scale for end in one.interval)
-        marks += _interval(row, low, high, one.value / scale)
-    return Panel(Axis(), Axis(rows=[one.label for one in rows]), marks)
-
-
-def _agreement(fit: Identification, kind: str) -> Panel:
-    """Means by the model over measured ones, offsets included."""
-    axis = _AGREEMENT.get(kind, Axis("torque", "N*m"))
-    marks: list[Mark] = []
-    ends: list[float] = []
-    for column, (own, name) in enumerate(fit.observed.keys):
-        use = np.isfinite(fit.error[:, column])
-        if own != kind or not use.any():
-            continue
-        x, y = fit.observed.mean[use, column], fit.predicted[use, column]
-        ends += [x.min(), x.max()]
-        colour, aside = COLOURS[column % len(COLOURS)], fit.error[use, column]
-        marks.append(Curve(x, y, name, colour, "", 0.5, marker="o", size=2.5, aside=aside))
-    if ends:
-        line = [min(ends), max(ends)]
-        marks.append(Curve(line, line, colour=LINE, width=0.7))
-    across, up = replace(axis, name=f"measured: {axis.name}"), replace(axis, name="static model")
-    return Panel(across, up, marks, legend="best")
-
-
 def calibration(fit: Calibration) -> Figure:
     """Errors in training and on held-back poses by model, each pose's error, bounds of play."""
-    told = [one for one in fit.play if not one.reason]
+    known = [one for one in fit.play if not one.reason]
     groups = ((-0.2, "training", COLOURS[0]), (0.2, "held_back", COLOURS[1]))
     steps: list[Mark] = []
     poses: list[Mark] = []
@@ -372,14 +357,14 @@ def calibration(fit: Calibration) -> Figure:
         Panel(Axis("pose"), Axis("position error", "m", low=0.0), poses),
     ]
     bounds: list[Mark] = []
-    for row, one in enumerate(told):
+    for row, one in enumerate(known):
         if one.found:
             bounds += _interval(row, 1e3 * one.low, 1e3 * one.high, 1e3 * one.value)
         else:
             bounds.append(Bars([1e3 * one.upper], "", "#cccccc", height=0.5, rows=[row]))
-    if told:
+    if known:
         across = Axis("play [mrad or mm]\ninterval; grey: bound")
-        panels.append(Panel(across, Axis(rows=[one.joint for one in told]), bounds))
+        panels.append(Panel(across, Axis(rows=[one.joint for one in known]), bounds))
     size = (3.4 * len(panels), 1.6 + 0.3 * max(len(fit.steps), 5))
     return _row(panels, size, note=f"held back: {fit.folds}; statistical, 95 %", key=2)
 
@@ -387,7 +372,7 @@ def calibration(fit: Calibration) -> Figure:
 # Figures of accuracy and repeatability: attained poses around the command, and the path.
 
 
-MOST_POSES = 6  # stops that are drawn: the worst
+MOST_POSES = 6  # stops that are drawn, the worst: they make a figure of 16 inches
 
 
 def poses(performance: Iso9283) -> Figure:
@@ -464,8 +449,10 @@ def reversals(reduction: Reduction) -> Figure:
 def gains(found: GainMap) -> Figure:
     """Swings of a joint over two gains, and where play is not what makes them."""
     (first, x), (second, y) = found.first, found.second
-    across = Axis(_gain(first), log=bool(x[0] > 0.0))
-    up = Axis(_gain(second), log=bool(y[0] > 0.0))
+    names = [
+        f"{one[0].upper()} gain [{UNITS[one]}]" if one in UNITS else one for one in (first, second)
+    ]
+    across, up = (Axis(name, log=bool(a[0] > 0.0)) for name, a in zip(names, (x, y), strict=True))
     length = "m" if found.axis.slides else "rad"
     diverges = np.isinf(found.amplitude)
     lasts = (found.amplitude > 0.0) & ~diverges
@@ -487,7 +474,3 @@ def gains(found: GainMap) -> Figure:
     panels = [Panel(across, up, [Map(values, scale, x, y), *marks]) for values, scale in shown]
     note = "blank: quiet; swing: half of the link's way to and fro"
     return _row(panels, (9.0, 4.2), note=f"{found.sentence}; {note}", key=3)
-
-
-def _gain(name: str) -> str:
-    return f"{name[0].upper()} gain [{UNITS[name]}]" if name in UNITS else name

@@ -35,9 +35,11 @@ from jointplay.show.plots.style import (
     style,
 )
 
-_MANY_POINTS = 20_000  # so many are an image, also in vector graphics
-_MOST_WRITTEN = 120  # places of a map whose numbers can be read
-_MOST_NAMED = 9  # columns or rows of a map that are named
+_MANY_POINTS = 20_000
+"""So many are an image, also in vector graphics, whose files grow with their number (judged)."""
+_MOST_WRITTEN = 120
+"""Places of a map whose numbers, of 7 pt, can be read: about 12 columns and 10 rows (judged)."""
+_MOST_NAMED = 9  # columns or rows of a map that are named (judged: names of some eight letters)
 
 
 def draw(chart: Chart, look: str = "screen", whole: bool = False) -> StyledFigure:
@@ -61,7 +63,16 @@ def draw(chart: Chart, look: str = "screen", whole: bool = False) -> StyledFigur
         if chart.same_y:
             for place in axes[:, 1:].flat if chart.same_y is True else ():
                 place.set_ylabel("")
-        _scale_colours(figure, chart, axes)
+        # A bar that says which value a colour has, beside the panels that share it.
+        scaled: dict[Axis, list[tuple[Axes, Any]]] = {}
+        for panel, place in zip(chart.panels, [a for a in axes.flat if a.axison], strict=True):
+            for mark in panel.marks:
+                if isinstance(mark, Dots | Map) and mark.scale is not None:
+                    image = [*place.collections, *place.images][-1]
+                    scaled.setdefault(mark.scale, []).append((place, image))
+        for scale, images in scaled.items():
+            form, beside = Decades() if scale.log else None, [place for place, _ in images]
+            figure.colorbar(images[-1][1], ax=beside, label=scale.label, format=form)
         if chart.title:
             figure.suptitle(chart.title, color=chart.colour, fontsize=10)
         if chart.key:
@@ -88,18 +99,17 @@ def key(figure: Figure, axes: Any, columns: int, place: Any = "outside upper cen
         line.set_markersize(max(line.get_markersize(), 4.0))
 
 
-def draw_panel(panel: Panel, axes: Axes, **own: Any) -> None:
+def draw_panel(panel: Panel, axes: Axes, **options: Any) -> None:
     """Draw into a pair of axes, in the style that they have.
 
-    `own` are matplotlib's options for all that is data: ``color``, ``lw``, ``label`` ...
+    `options` are matplotlib's for all that is data: ``color``, ``lw``, ``label`` ...
     """
     for mark in panel.marks:
         framed = isinstance(mark, Curve) and mark.frame
-        _DRAWN[type(mark)](axes, mark, panel, {} if framed else own)
+        _DRAWN[type(mark)](axes, mark, panel, {} if framed else options)
     _set_axis(axes, "x", panel.x, panel)
     _set_axis(axes, "y", panel.y, panel)
-    timeline = any(isinstance(mark, Spans) for mark in panel.marks)
-    if timeline:
+    if any(isinstance(mark, Spans) for mark in panel.marks):
         axes.grid(axis="y", visible=False)
         axes.tick_params(axis="y", length=0)
     if panel.equal:
@@ -107,20 +117,31 @@ def draw_panel(panel: Panel, axes: Axes, **own: Any) -> None:
     if panel.title:
         look: Any = {"color": panel.colour, "loc": "left"} if panel.colour else {}
         axes.set_title(panel.title, fontsize=9, **look)
-    if panel.columns or panel.legend:
-        _legend(axes, panel)
+    if not axes.get_legend_handles_labels()[0]:
+        return
+    if panel.legend:
+        beside = {"bbox_to_anchor": (1.02, 1.0), "loc": "upper left"}
+        at: Any = beside if panel.legend == "beside" else {"loc": panel.legend}
+        axes.legend(title=panel.legend_title or None, fontsize=7, **at)
+    elif panel.columns:  # above the axes, in fewer columns on a narrow figure
+        narrow = figure_of(axes).get_figwidth() < 4.5  # a column of a journal, or less
+        columns = 2 if narrow and panel.columns > 3 else panel.columns
+        at = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.2}
+        made = axes.legend(ncols=columns, handlelength=1.3, columnspacing=1.2, **at)
+        for line in made.get_lines():
+            line.set_linewidth(max(line.get_linewidth(), 1.6))
 
 
 def _set_axis(axes: Axes, which: str, axis: Axis, panel: Panel) -> None:
     factor, _ = axis.shown
-    own = getattr(axes, f"{which}axis")
+    drawn_axis = getattr(axes, f"{which}axis")
     getattr(axes, f"set_{which}label")(axis.label)
     if axis.rows is not None:
         count = len(axis.rows)
         at = list(range(count))
         if any(isinstance(mark, Map) for mark in panel.marks) and count > _MOST_NAMED:
             at = sorted({round(one) for one in np.linspace(0, count - 1, _MOST_NAMED)})
-        own.set_ticks(at, [axis.rows[k] for k in at])
+        drawn_axis.set_ticks(at, [axis.rows[k] for k in at])
         if which == "y" and not any(isinstance(mark, Map) for mark in panel.marks):
             axes.set_ylim(len(axis.rows) - 0.5, -0.5)
         return
@@ -130,40 +151,18 @@ def _set_axis(axes: Axes, which: str, axis: Axis, panel: Panel) -> None:
     if axis.log and np.isfinite(getattr(axes.dataLim, f"minpos{which}")):  # something has a place
         logarithmic(axes, which)
     if axis.ticks is not None:
-        own.set_major_locator(
+        drawn_axis.set_major_locator(
             MaxNLocator(axis.ticks, symmetric=-(axis.low or 0.0) == (axis.high or 0.0))
         )
     if axis.whole:
-        own.set_major_locator(MaxNLocator(integer=True))
-
-
-def _legend(axes: Axes, panel: Panel) -> None:
-    """Above the axes, in fewer columns on a narrow figure; or where the panel says."""
-    if not axes.get_legend_handles_labels()[0]:
-        return
-    if panel.legend:
-        beside = {"bbox_to_anchor": (1.02, 1.0), "loc": "upper left"}
-        place = beside if panel.legend == "beside" else {"loc": panel.legend}
-        axes.legend(title=panel.legend_title or None, fontsize=7, **place)
-        return
-    narrow = figure_of(axes).get_figwidth() < 4.5  # a column of a journal, or less
-    made = axes.legend(
-        loc="lower left",
-        bbox_to_anchor=(0.0, 1.0),
-        ncols=2 if narrow and panel.columns > 3 else panel.columns,
-        borderaxespad=0.2,
-        handlelength=1.3,
-        columnspacing=1.2,
-    )
-    for line in made.get_lines():
-        line.set_linewidth(max(line.get_linewidth(), 1.6))
+        drawn_axis.set_major_locator(MaxNLocator(integer=True))
 
 
 def _name(mark: Any) -> dict[str, str]:
     return {"label": listed(mark.name) if mark.name else "_"}
 
 
-def _curve(axes: Axes, mark: Curve, panel: Panel, own: Mapping[str, Any]) -> None:
+def _curve(axes: Axes, mark: Curve, panel: Panel, options: Mapping[str, Any]) -> None:
     across, up = panel.x.shown[0], panel.y.shown[0]
     x, y = across * np.asarray(mark.x), up * np.asarray(mark.y)
     look: dict[str, Any] = {"color": mark.colour, "alpha": mark.opacity, **_name(mark)}
@@ -173,7 +172,7 @@ def _curve(axes: Axes, mark: Curve, panel: Panel, own: Mapping[str, Any]) -> Non
         bars = None if low is None else np.abs(np.array([low, high]) - y)
         aside = None if mark.aside is None else across * mark.aside
         look |= {"fmt": f"{mark.marker}{mark.line}", "ms": mark.size, "lw": mark.width or 0.8}
-        axes.errorbar(x, y, bars, aside, **look | dict(own))
+        axes.errorbar(x, y, bars, aside, **look | dict(options))
         return
     look |= {"ls": mark.line or "none", "zorder": mark.order}
     if mark.marker:
@@ -186,33 +185,33 @@ def _curve(axes: Axes, mark: Curve, panel: Panel, own: Mapping[str, Any]) -> Non
         look["drawstyle"] = "steps-mid"
     if not mark.line and len(x) > _MANY_POINTS:
         look["rasterized"] = True
-    (line,) = axes.plot(x, y, **look | dict(own))
+    (line,) = axes.plot(x, y, **look | dict(options))
     if low is not None and high is not None:
         known = np.isfinite(low) & np.isfinite(high)
         if known.any():
             axes.fill_between(x, low, high, where=known, color=line.get_color(), alpha=0.2, lw=0)
 
 
-def _bars(axes: Axes, mark: Bars, panel: Panel, own: Mapping[str, Any]) -> None:
+def _bars(axes: Axes, mark: Bars, panel: Panel, options: Mapping[str, Any]) -> None:
     factor = panel.x.shown[0]
     values = factor * np.asarray(mark.values)
     rows = np.arange(len(values)) if mark.rows is None else np.asarray(mark.rows)
     error = None if mark.error is None else factor * mark.error
     look: dict[str, Any] = {"color": mark.colour, "alpha": mark.opacity, **_name(mark)}
     left = factor * np.asarray(mark.left)
-    axes.barh(rows + mark.shift, values, mark.height, left=left, xerr=error, **look | dict(own))
+    axes.barh(rows + mark.shift, values, mark.height, left=left, xerr=error, **look | dict(options))
     if np.any(left):  # matplotlib keeps bars that begin where others end at the edge
         low, high = axes.dataLim.intervalx
         axes.set_xlim(1.03 * min(low, 0.0), 1.03 * high)
 
 
-def _spans(axes: Axes, mark: Spans, panel: Panel, own: Mapping[str, Any]) -> None:
+def _spans(axes: Axes, mark: Spans, panel: Panel, options: Mapping[str, Any]) -> None:
     look: dict[str, Any] = {"facecolors": mark.colour, "linewidth": 0.0}
     bars = panel.x.shown[0] * np.column_stack([mark.begin, mark.end - mark.begin])
-    axes.broken_barh(bars.tolist(), (mark.row - 0.4, 0.8), **look | dict(own))
+    axes.broken_barh(bars.tolist(), (mark.row - 0.4, 0.8), **look | dict(options))
 
 
-def _rule(axes: Axes, mark: Rule, panel: Panel, own: Mapping[str, Any]) -> None:
+def _rule(axes: Axes, mark: Rule, panel: Panel, options: Mapping[str, Any]) -> None:
     factor = (panel.x if mark.along == "x" else panel.y).shown[0]
     look: dict[str, Any] = {"color": mark.colour, "alpha": mark.opacity, **_name(mark)}
     if mark.end is not None:
@@ -223,19 +222,19 @@ def _rule(axes: Axes, mark: Rule, panel: Panel, own: Mapping[str, Any]) -> None:
     line(factor * mark.at, lw=mark.width, ls=mark.line, **look)
 
 
-def _area(axes: Axes, mark: Area, panel: Panel, own: Mapping[str, Any]) -> None:
+def _area(axes: Axes, mark: Area, panel: Panel, options: Mapping[str, Any]) -> None:
     x, up = panel.x.shown[0] * mark.x, panel.y.shown[0]
     look: dict[str, Any] = {"color": mark.colour, "alpha": mark.opacity, "lw": 0.0, **_name(mark)}
-    axes.fill_between(x, up * mark.low, up * mark.high, zorder=mark.order, **look | dict(own))
+    axes.fill_between(x, up * mark.low, up * mark.high, zorder=mark.order, **look | dict(options))
 
 
-def _dots(axes: Axes, mark: Dots, panel: Panel, own: Mapping[str, Any]) -> None:
+def _dots(axes: Axes, mark: Dots, panel: Panel, options: Mapping[str, Any]) -> None:
     look: dict[str, Any] = {"c": mark.scale.shown[0] * mark.values, "cmap": "viridis"}
-    look |= {"s": mark.size, "linewidths": 0} | dict(own)
+    look |= {"s": mark.size, "linewidths": 0} | dict(options)
     axes.scatter(panel.x.shown[0] * mark.x, panel.y.shown[0] * mark.y, **look)
 
 
-def _map(axes: Axes, mark: Map, panel: Panel, own: Mapping[str, Any]) -> None:
+def _map(axes: Axes, mark: Map, panel: Panel, options: Mapping[str, Any]) -> None:
     axes.grid(visible=False)
     scale = mark.scale or Axis()
     values = scale.shown[0] * mark.values
@@ -256,7 +255,7 @@ def _map(axes: Axes, mark: Map, panel: Panel, own: Mapping[str, Any]) -> None:
                 axes.text(column, row, f"{value:.3g}", color=colour, **look)
 
 
-def _words(axes: Axes, mark: Words, panel: Panel, own: Mapping[str, Any]) -> None:
+def _words(axes: Axes, mark: Words, panel: Panel, options: Mapping[str, Any]) -> None:
     place = panel.x.shown[0] * mark.x, panel.y.shown[0] * mark.y
     axes.text(*place, mark.text, va="center", ha="center", color="0.4", fontsize=7)
 
@@ -271,17 +270,3 @@ _DRAWN: dict[type, Any] = {
     Map: _map,
     Words: _words,
 }
-
-
-def _scale_colours(figure: Figure, chart: Chart, axes: Any) -> None:
-    """A bar that says which value a colour has, beside the panels that share it."""
-    scaled: dict[Axis, list[tuple[Axes, Any]]] = {}
-    for panel, place in zip(chart.panels, [a for a in axes.flat if a.axison], strict=True):
-        for mark in panel.marks:
-            if isinstance(mark, Dots | Map) and mark.scale is not None:
-                image = [*place.collections, *place.images][-1]
-                scaled.setdefault(mark.scale, []).append((place, image))
-    for scale, drawn in scaled.items():
-        form = Decades() if scale.log else None
-        places = [place for place, _ in drawn]
-        figure.colorbar(drawn[-1][1], ax=places, label=scale.label, format=form)

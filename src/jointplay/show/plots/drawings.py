@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Polygon
 
 from jointplay.physics.geometry import Form
+from jointplay.show.plots.names import MODE_TERMS
 from jointplay.show.plots.palette import COLOURS
 from jointplay.show.plots.style import StyledFigure, footnote, new_figure, style
 
@@ -125,8 +126,7 @@ def _sizes(panel: Axes) -> None:
 
 def _modes(panel: Axes) -> None:
     """Figure 3: the modes across the axis."""
-    names = ("free flight", "continuous contact", "pseudo-penetration")
-    for k, (name, away) in enumerate(zip(names, (0.1, 0.3, 0.38), strict=True)):
+    for k, (name, away) in enumerate(zip(MODE_TERMS, (0.1, 0.3, 0.38), strict=True)):
         x = 2.3 * k
         panel.add_patch(Circle((x, 0.0), 1.0, fc="none", ec="black", lw=1.6))
         journal = Circle((x + away, 0.0), 0.7, fc="#D5E3EF", ec=COLOURS[1], lw=1.0, zorder=0.5)

@@ -71,14 +71,13 @@ def _over(cases: Cases, name: str, *asked: Any) -> Panel:
 def difference_panels(cases: Cases, of: str, ideals: Mapping[str, Result]) -> list[Panel]:
     """What play does to the tool: differences from the ideal mechanism, one for each axis."""
     drawn = [item for item in coloured(cases) if item[0] in ideals]
-    found = []
-    for axis in moving_axes(cases) if drawn else ():
-        each = (
+    return [
+        overlaid(
             one.plot.panel("deviation", axis, ideals[label], of=of).styled(colour=tone, name=label)
             for label, one, tone in drawn
-        )
-        found.append(overlaid(each).renamed(f"{axis} - ideal"))
-    return found
+        ).renamed(f"{axis} - ideal")
+        for axis in (moving_axes(cases) if drawn else ())
+    ]
 
 
 def ideals_of(cases: Cases) -> dict[str, Result]:
@@ -110,8 +109,8 @@ def moving_axes(cases: Cases) -> list[str]:
     """World axes along which the tool moves in any of the cases; all, if it moves along none."""
     paths = [result["tool_position"].values for result in cases.values()]
     reach = np.max([np.nanmax(path, axis=0) - np.nanmin(path, axis=0) for path in paths], axis=0)
-    found = [axis for axis, one in zip(AXES, reach, strict=True) if one > _STILL * reach.max()]
-    return found or list(AXES)
+    moving = [axis for axis, one in zip(AXES, reach, strict=True) if one > _STILL * reach.max()]
+    return moving or list(AXES)
 
 
 def is_straight(cases: Cases) -> bool:
@@ -164,14 +163,6 @@ def joints_of(cases: Cases) -> list[str]:
     return list(dict.fromkeys(name for result in cases.values() for name in result.joints))
 
 
-def force_joints(result: Result, cases: Cases) -> list[str]:
-    """Joints whose force the figures show: those with clearance in any case, or the first."""
-    if result.joints:
-        return result.joints
-    moving = [str(name) for name in result["moving_joint"].values]
-    return [name for name in joints_of(cases) if name in moving] or moving[:1]
-
-
 def orbit_panels(
     cases: Cases, joints: Sequence[str] | None = None
 ) -> list[tuple[Panel, Panel | None]]:
@@ -180,19 +171,21 @@ def orbit_panels(
     `joints`: of these alone.
     """
     dot: dict[str, Any] = {"line": "", "marker": "o", "size": 5.0, "frame": True, "order": 4.0}
-    red, found = Curve([0.0], [0.0], colour=COLOURS[0], **dot), []
+    ideal_point = Curve([0.0], [0.0], colour=COLOURS[0], **dot)
+    panels = []
     for joint in joints_of(cases) if joints is None else joints:
         for label, result, colour in coloured(cases):
             if joint not in result.joints:
                 continue
             orbit = result.plot.panel("orbit", joint).styled(colour=colour)
             if reference(cases) is not None:
-                orbit = replace(orbit, marks=[red, *orbit.marks])
-            rims = analysis.has_rims(result, joint)
-            both = [orbit, result.plot.panel("rims", joint)] if rims else [orbit]
-            named = [replace(one, title=f"{label}: {one.title}") for one in both]
-            found.append((named[0], named[1] if rims else None))
-    return found
+                orbit = replace(orbit, marks=[ideal_point, *orbit.marks])
+            rims = None
+            if analysis.has_rims(result, joint):
+                rims = result.plot.panel("rims", joint)
+                rims = replace(rims, title=f"{label}: {rims.title}")
+            panels.append((replace(orbit, title=f"{label}: {orbit.title}"), rims))
+    return panels
 
 
 def journal_orbit(cases: Cases) -> Chart:
@@ -228,16 +221,21 @@ def journal_orbit(cases: Cases) -> Chart:
 
 
 def force_panels(cases: Cases, axis: str) -> list[Panel]:
-    """Force on the journal along a world axis over time, a panel a case and joint."""
-    return [
-        replace(
-            result.plot.panel("forces", axis, joint).styled(colour=colour, width=0.8),
-            title=f"{label}, {joint}",
-            colour=colour,
-        )
-        for label, result, colour in coloured(cases)
-        for joint in force_joints(result, cases)
-    ]
+    """Force on the journal along a world axis over time, a panel a case and joint.
+
+    Of a case without clearance it is the force in the joints that have some in another, or in the
+    first that moves.
+    """
+    panels = []
+    for label, result, colour in coloured(cases):
+        joints = result.joints
+        if not joints:
+            moving = [str(name) for name in result["moving_joint"].values]
+            joints = [name for name in joints_of(cases) if name in moving] or moving[:1]
+        for joint in joints:
+            panel = result.plot.panel("forces", axis, joint).styled(colour=colour, width=0.8)
+            panels.append(replace(panel, title=f"{label}, {joint}", colour=colour))
+    return panels
 
 
 def joint_force(cases: Cases, axis: str) -> Chart:
@@ -310,22 +308,20 @@ def overview(cases: Cases, known: Mapping[str, Result | None] | None = None) -> 
         for moment in (0, int(np.abs(first["v"].values).sum(axis=1).argmax()), len(first.time) // 2)
         for line in _skeleton(mechanism, first["q"].values[moment])
     ]
-    paths = (
+    plan = overlaid(
         one.plot.panel("path", plane).styled(
             colour=tone, width=1.0, name=label if has_play(one) and not single else ""
         )
         for label, one, tone in every
     )
-    plan = overlaid(paths)
     plan = replace(plan, marks=[*bones, *plan.marks], title=f"{plane} plane, with the tool's path")
-    errors = [
-        one.plot.panel("deviation", "total", ideals[label]).styled(colour=tone)
-        for label, one, tone in every[::-1]
-        if label in ideals
-    ]
     error: Panel | None = None
-    if errors:
-        error = overlaid(errors).renamed("tool error")
+    if ideals:
+        error = overlaid(
+            one.plot.panel("deviation", "total", ideals[label]).styled(colour=tone)
+            for label, one, tone in every[::-1]
+            if label in ideals
+        ).renamed("tool error")
     elif shown:
         error = overlaid(one.plot.panel("tilt").styled(colour=tone) for _, one, tone in shown)
     around: dict[str, Any] = {"key": _LEGEND_COLUMNS, "wide": (1.0, 1.5)}
@@ -335,41 +331,34 @@ def overview(cases: Cases, known: Mapping[str, Result | None] | None = None) -> 
     joint = result.joints[0]
     ring = analysis.rolls(result, joint)
     what = "inner ring in the outer one" if ring else "journal centre in its bearing"
-    forces: list[Any] = [(None, one, tone, "") for _, one, tone in shown]
     title = f"contact force at {joint}"
+    forces: list[Any] = [(one, None, tone, "") for _, one, tone in shown]
     if several:
         tones = many(len(result.joints))
-        forces = [
-            (name, result, tone, name) for name, tone in zip(result.joints, tones, strict=True)
-        ]
         title, colour = "contact forces", tones[0]
+        forces = [
+            (result, name, tone, name) for name, tone in zip(result.joints, tones, strict=True)
+        ]
     force = overlaid(
         one.plot.panel("forces", "total", name).styled(colour=tone, name=words)
-        for name, one, tone, words in forces
+        for one, name, tone, words in forces
     ).renamed("contact force")
     orbit = result.plot.panel("orbit").styled(colour=colour)
     orbit = replace(orbit, title=f"{what}, {joint}" + ("" if single else f", {label}"))
-    rows: list[list[Panel | None]] = [[plan, error], [orbit, replace(force, title=title)]]
-    return Chart(rows, (9.0, 6.2), **around)
-
-
-def bearings_of(cases: Cases) -> list[tuple[str, str, Result, str]]:
-    """Rolling bearings of all cases: joint, label, result, colour."""
-    return [
-        (joint, *item)
-        for joint in joints_of(cases)
-        for item in coloured(cases)
-        if joint in item[1].joints and analysis.rolls(item[1], joint)
-    ]
+    return Chart([[plan, error], [orbit, replace(force, title=title)]], (9.0, 6.2), **around)
 
 
 def bearing_loads(cases: Cases) -> Chart:
     """Largest element load and number of loaded elements over time, a row a rolling bearing."""
-    rows: list[list[Panel | None]] = []
-    for joint, label, result, colour in bearings_of(cases):
-        load = result.plot.panel("contacts", joint).styled(colour=colour)
-        load = replace(load, y=replace(load.y, low=0.0), title=f"{label}, {joint}", colour=colour)
-        rows.append([load, result.plot.panel("loaded", joint).styled(colour=colour, width=0.6)])
+    rows = []
+    for joint in joints_of(cases):
+        for label, result, colour in coloured(cases):
+            if joint not in result.joints or not analysis.rolls(result, joint):
+                continue
+            load = result.plot.panel("contacts", joint).styled(colour=colour)
+            title = f"{label}, {joint}"
+            load = replace(load, y=replace(load.y, low=0.0), title=title, colour=colour)
+            rows.append([load, result.plot.panel("loaded", joint).styled(colour=colour, width=0.6)])
     return Chart(rows, (9.0, 0.6 + 2.0 * len(rows)), same_x=True)
 
 
@@ -386,7 +375,9 @@ _NEEDS: dict[str, Callable[[Cases], Any]] = {
     "journal_orbit": joints_of,
     "overview": lambda cases: any(map(has_play, cases.values())),
     "tool_path": lambda cases: not is_straight(cases),
-    "bearing_loads": bearings_of,
+    "bearing_loads": lambda cases: any(
+        analysis.rolls(one, joint) for one in cases.values() for joint in one.joints
+    ),
 }
 
 
@@ -439,13 +430,13 @@ def save(
 
 def _drawn(charts: Iterable[tuple[str, Chart]], pdf: bool) -> list[tuple[str, str, bytes]]:
     """Name, format and content of each picture."""
-    found = []
+    pictures = []
     for name, chart in charts:
         figure = draw(chart)
         for kind in kinds(pdf):
-            found.append((name, kind, files.drawn(figure, kind, MARK)))
+            pictures.append((name, kind, files.drawn(figure, kind, MARK)))
             figure.set_layout_engine("none")  # laid out by now; again costs a third more
-    return found
+    return pictures
 
 
 def _states(cases: Cases) -> Iterator[Chart]:
@@ -458,7 +449,7 @@ def _states(cases: Cases) -> Iterator[Chart]:
                 names.insert(1, "forms")
             if analysis.rolls(result, joint):
                 shown = "loads and gaps of elements"
-            rows: list[list[Panel | None]] = [[panel(name, joint)] for name in names]
+            rows = [[panel(name, joint)] for name in names]
             high = (1, 2, 2, 2)[: len(names)]
             yield Chart(rows, (8.0, 8.0), f"{label}, {joint}: {shown}", colour, high=high)
             both = [panel("impacts", joint), panel("tilt", joint).styled(colour=colour)]
@@ -469,7 +460,7 @@ def _states(cases: Cases) -> Iterator[Chart]:
 
 def spectrum_panels(cases: Cases, start: float | None) -> list[Panel]:
     """Spectra of the tool's acceleration by axis; runs that are too short are named so."""
-    found = []
+    panels = []
     for axis in AXES:
         panel = Panel(Axis("frequency", "Hz", log=True), Axis(axis, "(m/s^2)^2/Hz", log=True))
         for label, result, colour in coloured(cases):
@@ -479,13 +470,13 @@ def spectrum_panels(cases: Cases, start: float | None) -> list[Panel]:
             except TooShort:
                 marks = [Curve([], [], f"{label}: too short for a spectrum", colour)]
             panel = panel.with_marks(*marks)
-        found.append(panel)
-    return found
+        panels.append(panel)
+    return panels
 
 
 def spectra(cases: Cases, start: float | None = None) -> Chart:
     """Power spectral densities of the tool's acceleration."""
-    rows: list[list[Panel | None]] = [[panel] for panel in spectrum_panels(cases, start)]
+    rows = [[panel] for panel in spectrum_panels(cases, start)]
     title = "power spectral density of the tool's acceleration"
     return Chart(rows, (7.0, 6.5), title, key=_LEGEND_COLUMNS, same_x=True)
 

@@ -46,14 +46,14 @@ def reference(cases: Cases) -> Result | None:
 
 def colours(cases: Cases) -> list[str]:
     """The colour of each case, wherever it is drawn: figures, report, player."""
-    ideal, used, found = reference(cases), 0, []
+    ideal, used, chosen = reference(cases), 0, []
     for result in cases.values():
         if result is ideal:  # red means ideal, wherever it stands; without one red stays free
-            found.append(COLOURS[0])
+            chosen.append(COLOURS[0])
             continue
         used += 1
-        found.append(COLOURS[1 + (used - 1) % (len(COLOURS) - 1)])
-    return found
+        chosen.append(COLOURS[1 + (used - 1) % (len(COLOURS) - 1)])
+    return chosen
 
 
 def contact_look(index: int) -> dict[str, Any]:
@@ -64,5 +64,5 @@ def contact_look(index: int) -> dict[str, Any]:
 
 def many(number: int) -> list[str]:
     """So many colours; beyond twenty they repeat."""
-    own = COLOURS if number <= len(COLOURS) else _MANY
-    return [own[k % len(own)] for k in range(number)]
+    palette = COLOURS if number <= len(COLOURS) else _MANY
+    return [palette[k % len(palette)] for k in range(number)]

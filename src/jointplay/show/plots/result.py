@@ -30,7 +30,8 @@ from jointplay.simulation.result.variables import TERMS
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_TICKS = 5  # intervals between those of an orbit, at most
+_TICKS = 5
+"""Intervals between those of an orbit, at most: those of three orbits in a row do not touch."""
 _DRAWN_DEPTH = 0.15
 """Depth of penetration of a rim as drawn, relative to the clearance: 99 % are less deep."""
 _RIM_EDGE = 1.5  # where deeper ones are drawn, relative to the clearance
@@ -74,8 +75,21 @@ def _drawn(width: float = 6.0, height: float = 3.2) -> Callable[..., Callable[..
         def drawing(
             self: Plots, *args: Any, ax: Any = None, style: str = "screen", **options: Any
         ) -> Figure:
+            from jointplay.show.plots import draw  # pages need no matplotlib
+            from jointplay.show.plots import style as look
+
             given = {name: options.pop(name) for name in named if name in options}
-            return self._draw(describe(self, *args, **given), (width, height), ax, style, options)
+            panel = describe(self, *args, **given)
+            if ax is not None:
+                draw.draw_panel(panel, ax, **options)
+                look.literal(ax)
+                return look.figure_of(ax)
+            rows = panel.y.rows
+            high = 0.9 + 0.24 * "\n".join(rows).count("\n") + 0.24 if rows else height
+            with look.style(style):
+                figure = look.new_figure(width, high, style)
+                draw.draw_panel(panel, figure.subplots(), **options)
+            return figure
 
         return drawing
 
@@ -119,24 +133,6 @@ class Plots:
         """What a plot shows, as data: for charts of several results, and pages."""
         described: Panel = getattr(Plots, name).__wrapped__(self, *args, **options)
         return described
-
-    def _draw(
-        self, panel: Panel, size: tuple[float, float], ax: Any, look: str, options: dict[str, Any]
-    ) -> Figure:
-        from jointplay.show.plots.draw import draw_panel  # pages need no matplotlib
-        from jointplay.show.plots.style import figure_of, literal, new_figure, style
-
-        if ax is not None:
-            draw_panel(panel, ax, **options)
-            literal(ax)
-            return figure_of(ax)
-        rows = panel.y.rows
-        if rows:
-            size = size[0], 0.9 + 0.24 * "\n".join(rows).count("\n") + 0.24
-        with style(look):
-            figure = new_figure(*size, look)
-            draw_panel(panel, figure.subplots(), **options)
-        return figure
 
     @_drawn(4.8, 5.0)
     def orbit(self, joint: str | None = None) -> Panel:
@@ -439,8 +435,8 @@ class Plots:
             if joint is not None and joint not in moving:
                 raise MissingName("moving joint", joint, moving)
             forces = self.result["reaction_force"].sel(moving_joint=joint or moving[0])
-        found = self._components(forces.values, axis, Axis("force", "N"))
-        return replace(found, y=Axis(f"F{axis}", "N")) if axis in AXES else found
+        panel = self._components(forces.values, axis, Axis("force", "N"))
+        return replace(panel, y=Axis(f"F{axis}", "N")) if axis in AXES else panel
 
     @_drawn(6.0, 3.8)
     def energy(self) -> Panel:

@@ -74,9 +74,9 @@ SIZES = {"screen": 1.0, "paper": 0.58}
 def style(name: str = "screen") -> Iterator[None]:
     """Use this package's look, leaving the user's own settings alone."""
     require_known("style", name, STYLES)
-    own = STYLES[name]
-    families = own.get("font.family", ["sans-serif"])
-    settings: Any = {**own, "font.family": [*families, *_fallbacks()]}
+    chosen = STYLES[name]
+    families = chosen.get("font.family", ["sans-serif"])
+    settings: Any = {**chosen, "font.family": [*families, *_fallbacks()]}
     with mpl.rc_context(settings):
         yield
 

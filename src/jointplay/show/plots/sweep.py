@@ -66,7 +66,11 @@ def draw(
             f"hue {hue} has {len(groups)} values; at most {MOST_LINES} can be drawn"
         )
     marks = []
-    across = Axis(label(dataset, x), log=_equal_ratios(dataset, x))
+    ratios = np.empty(0)
+    if x in dims and _is_number(dataset, x) and (dataset[x].values > 0.0).all():
+        ratios = dataset[x].values[1:] / dataset[x].values[:-1]
+    equal = len(ratios) >= 3 and np.ptp(ratios) < 1e-6 * ratios.mean() and ratios[0] > 1.05
+    across = Axis(label(dataset, x), log=bool(equal))
     for number, k in enumerate(groups):
         part = values if k is None else values.isel({hue: k})
         if not np.isfinite(part.values).any():  # none of its cases ran to its end
@@ -92,17 +96,6 @@ def _is_number(dataset: xr.Dataset, name: str) -> bool:
 
 def _texts(dataset: xr.Dataset, name: str) -> list[str]:
     return [coordinate_text(dataset, name, k) for k in range(dataset.sizes[name])]
-
-
-def _equal_ratios(dataset: xr.Dataset, x: str) -> bool:
-    """Whether values of a dimension are spaced for a logarithmic axis."""
-    if x not in dataset.dims or not _is_number(dataset, x):
-        return False
-    values = dataset[x].values.astype(float)
-    if len(values) < 4 or not (values > 0.0).all():
-        return False
-    ratios = values[1:] / values[:-1]
-    return bool(np.ptp(ratios) < 1e-6 * ratios.mean() and ratios[0] > 1.05)
 
 
 def _line(dataset: xr.Dataset, part: xr.DataArray, x: str, y: str, look: dict[str, Any]) -> Curve:

@@ -6,19 +6,27 @@ import json
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from functools import partial
-from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 from jointplay.base.errors import JointplayError, require_a
 from jointplay.base.files import write as write_file
 from jointplay.base.processes import in_parallel
 from jointplay.show.player.pages import as_data, as_script, static
-from jointplay.show.plots.figures import is_paper
+from jointplay.show.plots import figures
 from jointplay.show.plots.names import load as load
 from jointplay.show.plots.names import robot_of, title_of
 from jointplay.show.reports import html, sections
-from jointplay.show.reports.cases import Case, Say, build, dark, follow_impacts, settled
-from jointplay.show.reports.charts import FIRST, MAX_RECORDS, Chart, Pack, all_charts
+from jointplay.show.reports.cases import (
+    Case,
+    Say,
+    build,
+    dark,
+    follow_impacts,
+    inside_bearings,
+    settled,
+)
+from jointplay.show.reports.charts import FIRST, MAX_RECORDS, Pack, all_charts
 from jointplay.show.reports.html import Html, joined, markup, note, targets
 from jointplay.show.reports.inputs import parameters
 from jointplay.simulation.result.result import Result
@@ -69,28 +77,22 @@ def report(
     written = targets(path, pdf)
     sections.claim_rows(claims)
     cases = build(results, say)
-    with in_parallel(partial(_figures, cases)) if pdf else nullcontext() as figures:
+    shown = {case.label: case.result for case in cases}
+    ideal = next((case.ideal for case in cases if case.ideal is not None), None)
+    if ideal is not None and all(ideal is not result for result in shown.values()):
+        shown = {"ideal": ideal} | shown
+    drawing = partial(figures.pdf, shown, settled(cases))
+    with in_parallel(drawing) if pdf else nullcontext() as drawn:
         if pdf:
             say("drawing the figures for the PDF")
         follow_impacts(cases, impacts, say)
         say("writing the page")
         contents = [page(cases, title or title_of(results), claims).encode()]
-        if figures is not None:
-            contents.append(figures())
+        if drawn is not None:
+            contents.append(drawn())
     for target, made in zip(written, contents, strict=True):  # at the end: none without the other
         write_file(target, made)
     return written
-
-
-def _figures(cases: Sequence[Case]) -> bytes:
-    """The PDF's content: figures of the cases, and of the ideal run that none of them is."""
-    from jointplay.show.plots.figures import pdf
-
-    shown = {case.label: case.result for case in cases}
-    ideal = next((case.ideal for case in cases if case.ideal is not None), None)
-    if ideal is not None and all(ideal is not result for result in shown.values()):
-        shown = {"ideal": ideal} | shown
-    return pdf(shown, settled(cases))
 
 
 def page(cases: Sequence[Case], title: str, claims: Path | None) -> str:
@@ -101,52 +103,56 @@ def page(cases: Sequence[Case], title: str, claims: Path | None) -> str:
     by_name = {chart["id"]: chart for chart in drawn}
 
     def chart(*names: str) -> Html:
-        return joined(_place(by_name[name]) for name in names if name in by_name)
+        """Places of charts, with what each shows in words, for who cannot see it."""
+        places = []
+        for one in (by_name[name] for name in names if name in by_name):
+            panels = one["panels"]
+            what = dict.fromkeys(panel["title"] or panel["y"]["label"] for panel in panels)
+            of = dict.fromkeys(trace["name"] for panel in panels for trace in panel["traces"])
+            words = f"{one['title']}: {', '.join(what)} of {', '.join(filter(None, of))}"
+            element = (
+                '<h3>{}</h3><div class="chart" id="chart-{}" role="group" aria-label="{}"></div>'
+            )
+            places.append(markup(element, one["title"], one["id"], words.removesuffix(" of ")))
+        return joined(places)
 
     thinned = [case.label for case in cases if len(case.result.time) > MAX_RECORDS]
     hint = note("zoom") + (note("begin", f"{start:g}") if start else "")
     if thinned:
         hint += note("thinned", ", ".join(thinned), MAX_RECORDS // 2)
-    journals = chart("journal_orbit", "modes", "loaded") + sections.modes(cases, start)
-    met = sections.impacts(cases, start) + chart("impacts") + sections.singles(cases)
+    first = [name for name in FIRST if name in by_name] or ["tool_displacement"]
     motion = [f"tool_{what}" for what in ("displacement", "velocity")]
     motion = [*(name + less for name in motion for less in ("", "_error")), "tool_path"]
-    first = chart(*FIRST) or chart("tool_displacement")
-    drawn_first = {name for name in FIRST if name in by_name} or {"tool_displacement"}
-    motion = [name for name in motion if name not in drawn_first]
+    motion = [name for name in motion if name not in first]
     parts = {
-        "At a glance": sections.glance(cases, start) + first,
+        "At a glance": sections.glance(cases, start) + chart(*first),
         "Further figures": sections.further(cases, start),
         "Parameters": parameters(cases),
         "Assumptions": sections.assumed(cases, start),
         "Audit": sections.audits(cases) + sections.certificates(cases),
         "Motion of the tool": markup('<p class="screen">{}</p>', hint) + chart(*motion),
         "Accuracy": sections.accuracies(cases, start),
-        sections.ring_or_journal(cases): journals + sections.bearings(cases, start),
+        inside_bearings(cases)[0]: chart("journal_orbit", "modes", "loaded")
+        + sections.modes(cases, start)
+        + sections.bearings(cases, start),
         "Forces": sections.loads(cases, start) + chart("force_x", "force_y", "force_z"),
-        "Impacts": met + chart("contacts", "gaps"),
+        "Impacts": sections.impacts(cases, start)
+        + chart("impacts")
+        + sections.singles(cases)
+        + chart("contacts", "gaps"),
         "Spectrum": chart("spectrum") + sections.spectra(cases, start),
     }
-    if claims is not None or is_paper({case.label: case.result for case in cases}):
+    if claims is not None or figures.is_paper({case.label: case.result for case in cases}):
         parts["Claims"] = sections.claims(cases, claims)
     end = max(case.duration for case in cases)
     data = {"charts": drawn, "layout": pack.layout, "start": start, "end": end}
-    script = (files("jointplay.show.reports") / "page" / "report.js").read_text(encoding="utf-8")
+    script = html.own("report.js")
     robots = dict.fromkeys(robot_of(case.result) for case in cases)
     names = [Html("{}").format(", ".join(robots)), *(dark(case) for case in cases)]
-    charts = {
+    charts: dict[str, Any] = {
         "block": pack.block(),
         "data": as_data(json.dumps(data, separators=(",", ":"), allow_nan=False)),
         "scripts": [as_script("\n".join((static("page.js"), static("chart.js"), script)))],
         "judged": f"{start:g}" if start else "",
     }
-    inside = {name: html.inside(name) for name in [*parts][1:]}
-    return html.page(title, joined(names, Html(" &ensp; ")), versions(), parts, inside, **charts)
-
-
-def _place(chart: Chart) -> Html:
-    shown = dict.fromkeys(panel["title"] or panel["y"]["label"] for panel in chart["panels"])
-    names = dict.fromkeys(trace["name"] for panel in chart["panels"] for trace in panel["traces"])
-    words = f"{chart['title']}: {', '.join(shown)} of {', '.join(filter(None, names))}"
-    element = '<h3>{}</h3><div class="chart" id="chart-{}" role="group" aria-label="{}"></div>'
-    return markup(element, chart["title"], chart["id"], words.removesuffix(" of "))
+    return html.page(title, joined(names, Html(" &ensp; ")), versions(), parts, **charts)

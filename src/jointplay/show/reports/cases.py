@@ -103,7 +103,10 @@ def build(results: Mapping[str, Result], say: Say) -> list[Case]:
                 case.notes.append(note("made-twin"))
             case.error = analysis.deviation(case.result, case.ideal)
             case.turn = analysis.deviation(case.result, case.ideal, "tool_orientation")
-            if not _follows(case.result):
+            simulation = case.result.simulation
+            drives = simulation.drive
+            each = drives.values() if isinstance(drives, Mapping) else [drives]
+            if simulation.motion is None or not any(drive.follows for drive in each):
                 case.notes.append(note("free"))
             if float(case.error["time"][-1]) < case.duration:
                 case.notes.append(note("short-twin", f"{float(case.error['time'][-1]):g}"))
@@ -115,47 +118,46 @@ def build(results: Mapping[str, Result], say: Say) -> list[Case]:
 
 def follow_impacts(cases: Iterable[Case], number: int, say: Say) -> None:
     """Repeat the runs, and keep the largest impacts of each step by step."""
-    for case in cases:
-        if case.joints and number:
-            _follow(case, number, say)
+    for case in cases if number else ():
+        if not case.joints:
+            continue
+        chosen = largest_impacts(case.result, number)
+        if not chosen:
+            case.notes.append(note("no-contact"))
+            continue
+        step, what = case.result.audit.step, counted(len(chosen), "largest impact")
+        say(f"repeating {case.label!r}, for its {what} step by step")
+        try:
+            mechanism = case.result.simulation.mechanism
+            if contact_names(mechanism) != [str(name) for name in case.result["contact"].values]:
+                raise JointplayError("its contacts do not match its inputs")
+            repetition = replay(case.result, [window(place, i, step) for place, i in chosen])
+        except JointplayError as error:
+            case.notes.append(note("no-repetition", str(error)))
+            say(f"{case.label!r} cannot be repeated: {error}")
+            continue
+        if not repetition.faithful:
+            versions = case.result.dataset.attrs.get("versions", "unknown")
+            case.notes.append(note("unfaithful", versions))
+            continue
+        case.replay = repetition
+        case.impacts = [
+            follow(part, place.joint, place.contact)
+            for part, (place, _) in zip(repetition.windows, chosen, strict=True)
+        ]
 
 
-def _follows(result: Result) -> bool:
-    """Whether any drive follows a reference motion."""
-    simulation = result.simulation
-    drives = simulation.drive
-    each = drives.values() if isinstance(drives, Mapping) else [drives]
-    return simulation.motion is not None and any(drive.follows for drive in each)
+# How cases and their parts are named, and from when on they are judged.
 
 
-def _follow(case: Case, number: int, say: Say) -> None:
-    chosen = largest_impacts(case.result, number)
-    if not chosen:
-        case.notes.append(note("no-contact"))
-        return
-    step = case.result.audit.step
-    say(f"repeating {case.label!r}, for its {counted(len(chosen), 'largest impact')} step by step")
-    try:
-        mechanism = case.result.simulation.mechanism
-        if contact_names(mechanism) != [str(name) for name in case.result["contact"].values]:
-            raise JointplayError("its contacts do not match its inputs")
-        repetition = replay(case.result, [window(place, i, step) for place, i in chosen])
-    except JointplayError as error:
-        case.notes.append(note("no-repetition", str(error)))
-        say(f"{case.label!r} cannot be repeated: {error}")
-        return
-    if not repetition.faithful:
-        versions = case.result.dataset.attrs.get("versions", "unknown")
-        case.notes.append(note("unfaithful", versions))
-        return
-    case.replay = repetition
-    case.impacts = [
-        follow(part, place.joint, place.contact)
-        for part, (place, _) in zip(repetition.windows, chosen, strict=True)
-    ]
-
-
-# How cases are named, and from when on they are judged.
+def inside_bearings(cases: Sequence[Case]) -> tuple[str, str, str]:
+    """What moves in the bearings: the section on it, the title of its orbits, a word for it."""
+    rolls = {analysis.rolls(case.result, joint) for case in cases for joint in case.joints}
+    if rolls == {True}:
+        return "Inner rings", "Inner ring's centre in the outer ring", "inner ring"
+    if rolls == {True, False}:
+        return "Journals and inner rings", "Centre in the bearing", "journal or inner ring"
+    return "Journal", "Journal centre in its bearing", "journal"
 
 
 def dark(case: Case) -> Html:

@@ -13,7 +13,7 @@ import numpy as np
 from jointplay.show.plots import figures
 from jointplay.show.plots.chart import Axis, Curve, Panel, Rule, Spans
 from jointplay.show.plots.names import PAPER
-from jointplay.show.reports.cases import Case
+from jointplay.show.reports.cases import Case, inside_bearings
 from jointplay.simulation import analysis
 from jointplay.simulation.result.result import AXES, Result
 
@@ -64,7 +64,7 @@ class Pack:
         return base64.b64encode(gzip.compress(b"".join(self.chunks), 6, mtime=0)).decode()
 
 
-_FINE, _COARSE = 18, 13
+_MOTION_BITS, _FORCE_BITS = 18, 13
 """Bits of the mantissa kept of motions (4e-6, relative) and of forces (6e-5)."""
 
 Chart = dict[str, Any]
@@ -120,11 +120,16 @@ class Drawing:
 
         `same`: whether their y axes are the same.
         """
+
+        def axis(one: Axis) -> dict[str, Any]:
+            rows = None if one.rows is None else list(one.rows)
+            return {"label": one.name, "unit": one.shown[1], "log": one.log, "rows": rows}
+
         across = panels[0].x.name if panels else ""
         drawn = [
             {
-                "x": _axis(panel.x),
-                "y": _axis(panel.y),
+                "x": axis(panel.x),
+                "y": axis(panel.y),
                 "title": panel.title,
                 "equal": bool(panel.equal),
                 "traces": [  # without lines across, which are the page's own
@@ -146,7 +151,13 @@ class Drawing:
             return {"from": begin, "to": end, "dt": owner.step, "row": mark.row, **look}
         x, y = panel.x.shown[0] * np.asarray(mark.x), panel.y.shown[0] * np.asarray(mark.y)
         look |= {"dash": _DASHES.get(mark.line), "line": bool(mark.line), "frame": mark.frame}
-        bits = EXACT if panel.y.size == "large" else _COARSE if panel.y.unit in ("N", "") else _FINE
+        bits = (
+            EXACT
+            if panel.y.size == "large"
+            else _FORCE_BITS
+            if panel.y.unit in ("N", "")
+            else _MOTION_BITS
+        )
         time = np.asarray(mark.x if panel.x.unit == "s" and mark.at is None else mark.at)
         timed = next((one for one in self._times if time.ndim and one.has(time)), None)
         if timed is None:
@@ -154,16 +165,9 @@ class Drawing:
         curve, ended = mark.at is not None, np.full(len(timed.time) - len(y), np.nan)
         x, y = np.append(x, ended), np.append(y, ended)  # such as where its reference ended
         kept = timed.kept(x, y) if curve else timed.kept(y)
-        found = {"t": self._time(timed, kept), "dt": timed.step, "y": self._pack.add(y[kept], bits)}
-        return {**found, **({"x": self._pack.add(x[kept], bits)} if curve else {}), **look}
-
-    def _time(self, owner: Times, kept: np.ndarray) -> int:
-        return self._pack.add(owner.steps(owner.time[kept]))
-
-
-def _axis(axis: Axis) -> dict[str, Any]:
-    rows = None if axis.rows is None else list(axis.rows)
-    return {"label": axis.name, "unit": axis.shown[1], "log": axis.log, "rows": rows}
+        steps = self._pack.add(timed.steps(timed.time[kept]))
+        shown = {"t": steps, "dt": timed.step, "y": self._pack.add(y[kept], bits)}
+        return {**shown, **({"x": self._pack.add(x[kept], bits)} if curve else {}), **look}
 
 
 def all_charts(cases: Sequence[Case], pack: Pack, start: float) -> list[Chart]:
@@ -175,14 +179,12 @@ def all_charts(cases: Sequence[Case], pack: Pack, start: float) -> list[Chart]:
         for case in cases
         if case.error is not None and case.ideal is not None
     }
-    times = [
-        Times(time, case.result.audit.step, np.isin(time, case.result.time))
-        for case in cases
-        for time in [results[case.label].time]
-    ]
+    times = []
+    for case in cases:
+        time = results[case.label].time
+        times.append(Times(time, case.result.audit.step, np.isin(time, case.result.time)))
     draw = Drawing(pack, times).chart
     paper = figures.is_paper(recorded)
-    rolls = {analysis.rolls(case.result, joint) for case in cases for joint in case.joints}
     charts = _first(cases, results, start, draw)
     axes = figures.moving_axes(results)
     along = f" (along {' and '.join(axes)}, the others are at rest)" if len(axes) < 3 else ""
@@ -199,10 +201,7 @@ def all_charts(cases: Sequence[Case], pack: Pack, start: float) -> list[Chart]:
         where = "the XOY plane" if paper and plane == "xy" else f"the {plane} plane"
         panels = [figures.path_panel(results)]
         charts.append(draw("tool_path", f"Path of the tool in {where}", panels))
-    centre, on = {
-        (True,): ("Inner ring's centre in the outer ring", "inner ring"),
-        (False, True): ("Centre in the bearing", "journal or inner ring"),
-    }.get(tuple(sorted(rolls)), ("Journal centre in its bearing", "journal"))
+    _, centre, on = inside_bearings(cases)
     orbits = [panel for panel, _ in figures.orbit_panels(results)]
     charts.append(draw("journal_orbit", f"{centre}, with its clearance", orbits))
     for axis in AXES:
@@ -211,25 +210,24 @@ def all_charts(cases: Sequence[Case], pack: Pack, start: float) -> list[Chart]:
         charts.append(draw(f"force_{axis}", title, forces, same=True))
     modes = [  # shares are those of records, not of steps: the table has them
         replace(panel, y=Axis(rows=[mark.name for mark in panel.marks if isinstance(mark, Spans)]))
-        for panel, ring in _of_joints(results, "modes")
-        if not ring
+        for panel in _of_joints(results, "modes", rolling=(False,))
     ]
     charts.append(draw("modes", f"Contact mode{' (Table 1)' if paper else ''}", modes))
-    loaded = [panel for panel, _ in _of_joints(results, "loaded", rolling=True)]
+    loaded = _of_joints(results, "loaded", rolling=(True,))
     charts.append(draw("loaded", "Balls or rollers that bear load", loaded))
     for name, word in (("contacts", "Normal force"), ("gaps", "Gap")):
-        panels = [panel for panel, _ in _of_joints(results, name)]
+        panels = _of_joints(results, name)
         charts.append(draw(name, f"{word} of each contact", panels, same=True))
-    met = [
-        replace(panel, marks=[replace(one, name=one.name.rpartition(", ")[0]) for one in found])
-        for panel, _ in _of_joints(recorded, "impacts", start=start)
-        if (found := _curves(panel))
+    contacts = [
+        replace(panel, marks=[replace(one, name=one.name.rpartition(", ")[0]) for one in curves])
+        for panel in _of_joints(recorded, "impacts", start=start)
+        if (curves := _curves(panel))
     ]
-    charts.append(draw("impacts", "Contacts by duration and peak force", met))
+    charts.append(draw("impacts", "Contacts by duration and peak force", contacts))
     density = [
-        replace(panel, marks=found)
+        replace(panel, marks=curves)
         for panel in figures.spectrum_panels(recorded, start)
-        if (found := _curves(panel))
+        if (curves := _curves(panel))
     ]
     title = "Power spectral density of the tool's acceleration"
     charts.append(draw("spectrum", title, density))
@@ -251,7 +249,7 @@ def _first(
     cases: Sequence[Case], results: Mapping[str, Result], start: float, draw: Callable[..., Chart]
 ) -> list[Chart]:
     """The tool's error, and orbit and force of the joint that carries most."""
-    charts, colours = [], {case.label: case.colour for case in cases}
+    charts = []
     errors = [
         results[case.label]
         .plot.panel("deviation", "total", case.ideal)
@@ -262,29 +260,29 @@ def _first(
     if errors:
         over = figures.overlaid(errors).renamed("tool error")
         charts.append(draw("first_error", "Tool error: distance from the ideal mechanism", [over]))
-    loaded = [one for case in cases if (one := strongest(case, start)) is not None]
+    loaded = [most for case in cases if (most := strongest(case, start)) is not None]
     if not loaded:
         return charts
-    worst, _ = max(loaded, key=lambda one: one[1])
-    ring = any(analysis.rolls(case.result, worst) for case in cases if worst in case.joints)
-    forces = {
-        case.label: joint_forces(case, start)[worst] for case in cases if worst in case.joints
-    }
-    having = list(forces)
-    orbits = [panel for panel, _ in figures.orbit_panels(results, [worst])]
-    most = sorted(having, key=forces.__getitem__)[-_MOST_ORBITS:]
-    shown = [panel for label, panel in zip(having, orbits, strict=True) if label in most]
+    worst, _ = max(loaded, key=lambda most: most[1])
+    having = [case for case in cases if worst in case.joints]
+    ring = any(analysis.rolls(case.result, worst) for case in having)
+    by_force = sorted(having, key=lambda case: joint_forces(case, start)[worst])
+    shown = [
+        panel
+        for case, (panel, _) in zip(having, figures.orbit_panels(results, [worst]), strict=True)
+        if case in by_force[-_MOST_ORBITS:]
+    ]
     several = len({joint for case in cases for joint in case.joints}) > 1
     carries = ", which carries most" if several else ""
     what = "Inner ring's centre in" if ring else "Journal's centre in"
     charts.append(draw("first_orbit", f"{what} {worst}{carries}, with its clearance", shown))
-    panels = [
-        results[one]
+    forces = (
+        results[case.label]
         .plot.panel("forces", "total", worst)
-        .styled(colour=colours[one], width=0.8, name=one)
-        for one in having
-    ]
-    over = figures.overlaid(panels).renamed("contact force")
+        .styled(colour=case.colour, width=0.8, name=case.label)
+        for case in having
+    )
+    over = figures.overlaid(forces).renamed("contact force")
     charts.append(draw("first_force", f"Contact force in {worst}{carries}", [over]))
     return charts
 
@@ -308,16 +306,14 @@ def _curves(panel: Panel) -> list[Curve]:
 
 
 def _of_joints(
-    results: Mapping[str, Result], name: str, rolling: bool = False, **options: Any
-) -> list[tuple[Panel, bool]]:
-    """A plot of each joint with clearance, or of rolling bearings alone, and whether it is one."""
-    found = []
+    results: Mapping[str, Result], name: str, rolling: Sequence[bool] = (False, True), **asked: Any
+) -> list[Panel]:
+    """A plot of each joint with clearance that is a rolling bearing, or none, as `rolling` says."""
+    panels = []
     for label, result in results.items():
         for joint in result.joints:
-            ring = analysis.rolls(result, joint)
-            if ring or not rolling:
-                panel = result.plot.panel(name, joint, **options)
-                title = f"{label}, {joint}"
+            if analysis.rolls(result, joint) in rolling:
+                panel = result.plot.panel(name, joint, **asked)
                 marks = [mark for mark in panel.marks if not isinstance(mark, Rule)]
-                found.append((replace(panel, title=title, marks=marks), ring))
-    return found
+                panels.append(replace(panel, title=f"{label}, {joint}", marks=marks))
+    return panels

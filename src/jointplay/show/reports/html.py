@@ -20,7 +20,7 @@ from markupsafe import escape
 
 from jointplay.base.errors import JointplayError
 from jointplay.base.files import check_new
-from jointplay.base.tables import Column, Head, Table
+from jointplay.base.tables import Column, Table
 from jointplay.show.player.pages import as_script, policy, static
 
 _MINUS = "\N{MINUS SIGN}"
@@ -29,8 +29,12 @@ WORST = 3  # rows of long tables, and points of long lists, that are not folded
 
 Cell = str | float | int | None
 
-Quantity = tuple[Cell, str] | tuple[Cell, str, bool]
-"""A value in SI, its unit, and whether it is as small as a clearance."""
+Quantity = Cell | tuple[Cell, str] | tuple[Cell, str, bool]
+"""A value; where it has one its SI unit, and whether it is as small as a clearance."""
+
+Row = Mapping[str, Quantity]
+"""Quantities by what they are called: a row of a table of cases, places or joints, or a column of a
+table of figures."""
 
 
 @cache
@@ -56,8 +60,8 @@ def page(
     title: str,
     cases: object,
     made: Mapping[str, str],
-    sections: object,
-    inside: Mapping[str, str],
+    sections: Mapping[str, Html],
+    open: int = 1,
     **more: Any,
 ) -> Html:
     """A report.
@@ -67,20 +71,19 @@ def page(
         cases: the line below it.
         made: versions by program.
         sections: their contents by name.
-        inside: what is in those that are folded.
+        open: how many of them are not folded; of the others ``notes.toml`` says what is inside.
         more: what interactive charts need: their series, layout and scripts.
     """
-    look = (files("jointplay.show.reports") / "page" / "report.css").read_text(encoding="utf-8")
     scripts = more.get("scripts", [])
     return render(
         "page.html",
         policy=policy(scripts),
         title=title,
-        look=as_script(f"{look}\n{static('chart.css')}"),
+        look=as_script(f"{own('report.css')}\n{static('chart.css')}"),
         cases=cases,
         made=", ".join(f"{name} {version}" for name, version in made.items()),
         sections=sections,
-        inside=inside,
+        inside={name: _notes()["inside"][name] for name in [*sections][open:]},
         **{"block": "", "data": "", "judged": "", "scripts": scripts} | more,
     )
 
@@ -98,22 +101,19 @@ def markup(pattern: str, *values: object) -> Html:
     return Html(pattern).format(*map(text, values))
 
 
+def own(name: str) -> str:
+    """The text of a file of the folder `page`."""
+    return (files("jointplay.show.reports") / "page" / name).read_text("utf-8")
+
+
 @cache
 def _notes() -> dict[str, Any]:
-    return tomllib.loads(
-        (files("jointplay.show.reports") / "page" / "notes.toml").read_text("utf-8")
-    )
+    return tomllib.loads(own("notes.toml"))
 
 
 def note(name: str, *values: object) -> Html:
     """What the page says of something, from ``notes.toml``, with these values."""
     return markup(_notes()[name], *values)
-
-
-def inside(section: str) -> str:
-    """What is in a section, for its title while it is folded; from ``notes.toml``."""
-    words: Any = _notes()["inside"]
-    return str(words[section])
 
 
 def joined(parts: Iterable[Html], between: str = "") -> Html:
@@ -151,38 +151,48 @@ def number(value: float, digits: int = 3) -> Html:
     return Html("{}&middot;10<sup>{}</sup>").format(mantissa, str(exponent).replace("-", _MINUS))
 
 
-def table(made: Table, caption: str = "", name: str = "", left: int | None = None) -> Html:
+def table(
+    made: Table | Sequence[Row], caption: str = "", name: str = "", left: int | None = None
+) -> Html:
     """A table; what is no number may be `Html`.
 
     Args:
-        made: names, units and values of its columns.
+        made: names, units and values of its columns; or rows, all of the same heads.
         caption: above it.
         name: by which style sheets and scripts know it.
         left: how many columns are flush left; None: those that come first and have no numbers.
     """
-    head, *rows = zip(*map(_shown, made.columns), strict=True)
+    columns = made.columns if isinstance(made, Table) else [_column(head, made) for head in made[0]]
+    head, *rows = zip(*map(_shown, columns), strict=True)
     if left is None:
-        left = [*(any(map(_is_number, one.values)) for one in made.columns), True].index(True)
+        left = [*(any(map(_is_number, one.values)) for one in columns), True].index(True)
     return render("table.html", head=head, rows=rows, caption=caption, left=left, name=name)
 
 
 def by_case(
     head: str,
     cases: Sequence[Html],
-    figures: Sequence[Mapping[str, Quantity]],
+    figures: Sequence[Row],
     caption: str = "",
     name: str = "",
     left: int = 1,
 ) -> Html:
     """A table with a column for each case and a row for each figure that any of them has."""
     longest = sorted(figures, key=len, reverse=True)  # gives the order
-    rows = []
-    for key, (_, unit, *fine) in {k: v for one in longest for k, v in one.items()}.items():
-        values = [figure[key][0] if key in figure else None for figure in figures]
-        if any(value is not None for value in values):
-            rows.append(_shown(Column(key, values, unit, fine=any(fine))))
+    columns = [
+        _column(key, figures) for key in dict.fromkeys(key for one in longest for key in one)
+    ]
+    rows = [_shown(one) for one in columns if any(value is not None for value in one.values)]
     heads = [head, *cases]
     return render("table.html", head=heads, rows=rows, caption=caption, left=left, name=name)
+
+
+def _column(head: str, rows: Sequence[Row]) -> Column:
+    """The values of this name in all rows; None in those that have none."""
+    cells = (row.get(head) for row in rows)
+    known = [one if isinstance(one, tuple) else (one, "") for one in cells]
+    _, unit, *fine = max(known, key=lambda one: (len(one), one[1]))  # of a row that has it
+    return Column(head, [value for value, *_ in known], unit, fine=any(fine))
 
 
 def _is_number(value: object) -> bool:
@@ -191,9 +201,9 @@ def _is_number(value: object) -> bool:
 
 def _shown(column: Column) -> list[Any]:
     """What a column is called and its values, in the unit in which they are shown."""
-    factor, unit = column.shown
+    factor, _ = column.shown
     scaled = (factor * v if factor != 1.0 and _is_number(v) else v for v in column.values)
-    return [f"{column.head} [{unit}]" if unit else column.head, *scaled]
+    return [column.title, *scaled]
 
 
 def paragraph(content: str) -> Html:
@@ -213,25 +223,19 @@ def details(summary: str, content: str) -> Html:
     return markup("<details><summary>{}</summary>{}</details>", summary, content)
 
 
-def worst_first(
-    heads: Sequence[Head], rows: Sequence[Sequence[Cell]], key: int, what: str, name: str = ""
-) -> Html:
-    """A table of the `WORST` rows with the largest number in column `key`, the others folded."""
-
-    def size(row: Sequence[Cell]) -> float:
-        value = row[key]
-        return float(value) if isinstance(value, int | float) else -math.inf
-
-    ranked = sorted(rows, key=size, reverse=True)
+def worst_first(rows: Sequence[Row], by: str, what: str, name: str = "") -> Html:
+    """A table of the `WORST` rows with the largest numbers `by` name, the others folded."""
     if len(rows) <= WORST + 1:
-        return table(Table.of(heads, rows), name=name, left=1)
-    others = table(Table.of(heads, ranked[WORST:]), left=1)
-    first = table(Table.of(heads, ranked[:WORST]), name=name, left=1)
-    return first + details(f"The other {len(rows) - WORST} {what}", others)
+        return table(rows, name=name, left=1)
+    sizes = [-math.inf if value is None else float(value) for value in _column(by, rows).values]
+    ranked = [rows[k] for k in sorted(range(len(rows)), key=lambda k: -sizes[k])]
+    others = details(f"The other {len(rows) - WORST} {what}", table(ranked[WORST:], left=1))
+    return table(ranked[:WORST], name=name, left=1) + others
 
 
 def folded(items: Sequence[str], what: str) -> Html:
-    """A list of points, of which those after the first `WORST` are folded."""
-    left = items[WORST:]
-    more = details(f"The other {len(left)} {what}", bullets(left)) if left else Html("")
+    """A list of points, of which those after the first `WORST` are folded, if they are several."""
+    if len(items) <= WORST + 1:
+        return bullets(items)
+    more = details(f"The other {len(items) - WORST} {what}", bullets(items[WORST:]))
     return bullets(items[:WORST]) + more

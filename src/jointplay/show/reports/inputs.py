@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -78,23 +78,53 @@ def _word(field: str) -> str:
 
 
 def parameters(cases: Sequence[Case]) -> html.Html:
-    """Every input, a column for each case, then motion and robot in full."""
-    named: list[dict[str, html.Quantity]] = [
-        {_symbol(name): (one, "") for name, one in _parameters(case.result).items()}
-        for case in cases
+    """Every input, a column for each case, then laws, motions and robots in full."""
+
+    def symbols(name: str) -> html.Html:
+        """C_r as a symbol with an index, units with exponents."""
+        shown = html.markup("{}", name)
+        for symbol in ("C_r", "C_a", "R_i", "L_i", "R_j", "L_j", "c_e"):
+            shown = shown.replace(symbol, html.markup("<i>{}</i><sub>{}</sub>", *symbol.split("_")))
+        for unit, power in (("m^1.5", "1.5"), ("s^2", "2")):
+            shown = shown.replace(unit, html.markup("{}<sup>{}</sup>", unit[0], power))
+        return shown
+
+    figures: list[html.Row] = [
+        {symbols(name): cell for name, cell in _parameters(case.result).items()} for case in cases
     ]
-    overview = html.by_case("parameter", [*map(dark, cases)], named, left=1 + len(cases))
-    return html.joined([overview, own_laws(cases), _motions(cases), _robots(cases)])
+    parts = [html.by_case("parameter", [*map(dark, cases)], figures, left=1 + len(cases))]
+    parts.append(own_laws(cases))
+    for text, of, result in _grouped(cases, "motion"):
+        if text == "null":
+            continue
+        motion = Motion.from_description(json.loads(text))
+        rows = np.column_stack(motion.waypoints).tolist()[:500]
+        robot = analysis.inputs(result)["mechanism"]  # its own laws may be such as nobody imports
+        joints = parse(robot["urdf_text"], Path(robot["urdf"]), robot["allow_unphysical"]).joints
+        units = {name: "m" if joint.slides else "rad" for name, joint in joints.items()}
+        names = [f"{name} [{units.get(name, 'rad or m')}]" for name in motion.joints]
+        made = Table.of([(head, "") for head in ("time [s]", *names)], rows)
+        parts.append(html.details(f"Waypoints{of}", html.table(made, left=0)))
+    for text, of, _ in _grouped(cases, "mechanism", "urdf_text"):
+        source = json.loads(text)
+        if source:
+            parts.append(html.details(f"Robot (URDF){of}", html.markup("<pre>{}</pre>", source)))
+    return html.joined(parts)
 
 
-def _symbol(name: str) -> html.Html:
-    """C_r as a symbol with an index, units with exponents."""
-    shown = html.markup("{}", name)
-    for symbol in ("C_r", "C_a", "R_i", "L_i", "R_j", "L_j", "c_e"):
-        shown = shown.replace(symbol, html.markup("<i>{}</i><sub>{}</sub>", *symbol.split("_")))
-    for unit, power in (("m^1.5", "1.5"), ("s^2", "2")):
-        shown = shown.replace(unit, html.markup("{}<sup>{}</sup>", unit[0], power))
-    return shown
+def _grouped(cases: Sequence[Case], *keys: str) -> list[tuple[str, str, Result]]:
+    """An input by its different texts (JSON): " of" the cases that have it, and one of them."""
+    groups: dict[str, list[Case]] = {}
+    for case in cases:
+        value: Any = analysis.inputs(case.result)
+        for key in keys:
+            value = value.get(key)
+        groups.setdefault(json.dumps(value, sort_keys=True), []).append(case)
+    several = len(groups) > 1
+    return [
+        (text, f" of {', '.join(one.label for one in those)}" if several else "", those[0].result)
+        for text, those in groups.items()
+    ]
 
 
 def _parameters(result: Result) -> dict[str, html.Cell]:
@@ -125,7 +155,13 @@ def _parameters(result: Result) -> dict[str, html.Cell]:
     cells["motion"] = "none" if motion is None else Motion.from_description(motion).summary
     shared = isinstance(drives.get("kind"), str)
     for name, drive in ({"all joints": drives} if shared else drives).items():
-        cells[f"drive of {name}"] = _drive(drive)
+        fields = []
+        for key, value in drive.items():
+            many = isinstance(value, list) and len(value) > 6
+            unit = " [rad/s]" if key == "bandwidth" else ""
+            text = f"{len(value)} values" if many else _plain(value)
+            fields += [f"{key}{unit} {text}"] if value is not None else []
+        cells[f"drive of {name}"] = ", ".join(fields)
     if inputs.get("joint_friction") is not None:
         cells["joint friction"] = _plain(inputs["joint_friction"])
     cells["time step"] = readable(float(inputs["step"]), "s")
@@ -135,17 +171,22 @@ def _parameters(result: Result) -> dict[str, html.Cell]:
     for name, value in inputs.items():
         if name not in known | {"joint_friction"} and value not in (None, [], {}):
             cells[name.replace("_", " ")] = _plain(value)
-    derived, estimates, unknown = _derived(result)
+    joints, not_built = {}, ""
+    try:
+        joints = result.simulation.mechanism.clearance
+    except JointplayError as error:
+        not_built = f", not computed: {error}"
     family = family_of(Clearance)
     assert family is not None
-    for joint, fields in analysis.clearance_inputs(result).items():
-        stiffness: html.Cell = f"from eq. 11, not computed: {unknown}" if unknown else "from eq. 11"
-        if joint in derived:
-            stiffness = html.markup("{} (eq. 11)", derived[joint])
+    for joint, fields_given in analysis.clearance_inputs(result).items():
+        stiffness: html.Cell = f"from eq. 11{not_built}"
+        if joint in joints:
+            derived = joints[joint].contact_properties(0).stiffness
+            stiffness = html.markup("{} (eq. 11)", derived)
         not_given = {"stiffness": stiffness, "axial_stiffness": "as radial"}
-        kind = fields["kind"]
+        kind = fields_given["kind"]
         units = fields_of(family.member(kind).kind) if kind in family.members else {}
-        for name, value in fields.items():
+        for name, value in fields_given.items():
             has_unit = name in units and not isinstance(value, list)
             unit = units[name].units[0] if has_unit else ""
             scale, shown = displayed(unit, name.endswith("interference"))
@@ -158,21 +199,12 @@ def _parameters(result: Result) -> dict[str, html.Cell]:
                 cells[label] = float(value) * scale
             else:
                 cells[label] = _law(value) if isinstance(value, dict) else value
-        for name, text in estimates.get(joint, {}).items():
+        bearing = joints.get(joint)
+        for name, text in bearing.estimates.items() if isinstance(bearing, RollingBearing) else ():
             cells[f"{joint}: {_word(name)} (estimated)"] = text
     versions = json.loads(result.dataset.attrs.get("versions", "{}"))
     cells["made with"] = ", ".join(f"{name} {value}" for name, value in versions.items())
     return cells
-
-
-def _drive(fields: dict[str, Any]) -> str:
-    short = {
-        name: f"{len(value)} values" if isinstance(value, list) and len(value) > 6 else value
-        for name, value in fields.items()
-    }
-    units = {"bandwidth": "bandwidth [rad/s]"}
-    given = {name: value for name, value in short.items() if value is not None}
-    return ", ".join(f"{units.get(name, name)} {_plain(value)}" for name, value in given.items())
 
 
 def _plain(value: Any) -> str:
@@ -186,74 +218,15 @@ def _plain(value: Any) -> str:
 def _law(fields: dict[str, Any]) -> str:
     """A law or a material in one line: its name first, numbers in the units of its fields."""
     rest = {key: value for key, value in fields.items() if value is not None and key != "source"}
-    kind = _kind_of(rest)
-    name = next((str(rest.pop(key)) for key in ("law", "name") if key in rest), "")
+    kind: type | None = Material if "young" in rest else None
+    for family in filter(None, map(family_of, (NormalForceLaw, FrictionLaw, FilmLaw))):
+        if kind is None and str(rest.get("law")) in family.members:
+            kind = family.member(str(rest["law"])).kind
     known = {} if kind is None else fields_of(kind)
+    name = next((str(rest.pop(key)) for key in ("law", "name") if key in rest), "")
     parts = []
     for key, value in rest.items():
         unit = known[key].units[0] if key in known else ""
         shown = readable(value, unit) if unit and isinstance(value, float) else _plain(value)
         parts.append(f"{key.replace('_', ' ')} {shown}")
     return " ".join(part for part in (name, parts and f"({', '.join(parts)})") if part)
-
-
-def _kind_of(fields: dict[str, Any]) -> type | None:
-    """The class whose fields these are, if it is at hand: a material, or a law by its name."""
-    if "young" in fields:
-        return Material
-    word = str(fields.get("law"))
-    families = filter(None, map(family_of, (NormalForceLaw, FrictionLaw, FilmLaw)))
-    return next((one.member(word).kind for one in families if word in one.members), None)
-
-
-def _derived(result: Result) -> tuple[dict[str, float], dict[str, dict[str, str]], str]:
-    """Stiffness of each joint, what is estimated of rolling bearings; or why neither is known."""
-    try:
-        joints = result.simulation.mechanism.clearance
-        stiffness = {n: joint.contact_properties(0).stiffness for n, joint in joints.items()}
-    except JointplayError as error:
-        return {}, {}, str(error)
-    bearings = {n: joint for n, joint in joints.items() if isinstance(joint, RollingBearing)}
-    return stiffness, {n: bearing.estimates for n, bearing in bearings.items()}, ""
-
-
-def _grouped(cases: Sequence[Case], key: Callable[[dict[str, Any]], str]) -> dict[str, list[Case]]:
-    """Cases whose inputs have the same text, by it."""
-    groups: dict[str, list[Case]] = {}
-    for case in cases:
-        groups.setdefault(key(analysis.inputs(case.result)), []).append(case)
-    return groups
-
-
-def _motions(cases: Sequence[Case]) -> html.Html:
-    parts = []
-    groups = _grouped(cases, lambda inputs: json.dumps(inputs["motion"], sort_keys=True))
-    for text, those in groups.items():
-        if text == "null":
-            continue
-        motion = Motion.from_description(json.loads(text))
-        rows = np.column_stack(motion.waypoints).tolist()[:500]
-        of = "" if len(groups) == 1 else f" of {', '.join(case.label for case in those)}"
-        units = _units(those[0].result)
-        heads = [f"{name} [{units.get(name, 'rad or m')}]" for name in ("time", *motion.joints)]
-        made = Table.of([(head, "") for head in heads], rows)
-        parts.append(html.details(f"Waypoints{of}", html.table(made, left=0)))
-    return html.joined(parts)
-
-
-def _units(result: Result) -> dict[str, str]:
-    """Units of the joints' positions, whether or not the mechanism's laws can be imported."""
-    robot = analysis.inputs(result)["mechanism"]
-    joints = parse(robot["urdf_text"], Path(robot["urdf"]), robot["allow_unphysical"]).joints
-    units = {name: "m" if joint.slides else "rad" for name, joint in joints.items()}
-    return {"time": "s", **units}
-
-
-def _robots(cases: Sequence[Case]) -> html.Html:
-    groups = _grouped(cases, lambda inputs: inputs["mechanism"].get("urdf_text", ""))
-    parts = []
-    for source, those in groups.items():
-        of = "" if len(groups) == 1 else f" of {', '.join(case.label for case in those)}"
-        if source:
-            parts.append(html.details(f"Robot (URDF){of}", html.markup("<pre>{}</pre>", source)))
-    return html.joined(parts)

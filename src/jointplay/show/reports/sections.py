@@ -10,7 +10,7 @@ import math
 import tomllib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from functools import cache
+from functools import cache, partial
 from importlib.resources import files
 from pathlib import Path
 
@@ -18,7 +18,7 @@ import numpy as np
 
 from jointplay.base.errors import JointplayError
 from jointplay.base.files import read_text
-from jointplay.base.tables import Head, Table
+from jointplay.base.tables import Table
 from jointplay.base.units import readable
 from jointplay.model.gear import Gear
 from jointplay.physics.geometry import Form, Mode
@@ -31,6 +31,7 @@ from jointplay.show.reports.html import (
     Cell,
     Html,
     Quantity,
+    Row,
     bullets,
     by_case,
     details,
@@ -45,7 +46,7 @@ from jointplay.show.reports.html import (
 from jointplay.simulation import analysis
 from jointplay.simulation.analysis.claims import CLAIM_COLUMNS, can_be_measured, measure
 from jointplay.simulation.analysis.headline import headline
-from jointplay.simulation.result.certificate import MARKED, CertifiedFigure
+from jointplay.simulation.result.certificate import MARKED
 from jointplay.simulation.result.result import AXES
 
 # What the paper claims, and what these runs say of it.
@@ -84,36 +85,28 @@ def claim_rows(source: Path | None) -> list[list[str]]:
 def claims(cases: Sequence[Case], source: Path | None) -> Html:
     """Verdicts of an ensemble, if there are any, and the measures of the runs themselves."""
     parts = []
-    lines = claim_rows(source)
-    if source is not None and lines:
+    if source is not None:
+        head, *lines = claim_rows(source)
         verdicts = {"yes": "good", "no": "bad"}
         rows = [
             [a, b, c, markup('<span class="{}">{}</span>', verdicts.get(d, "open"), d), e]
-            for a, b, c, d, e in lines[1:]
+            for a, b, c, d, e in lines
         ]
         caption = f"Ensembles of perturbed runs ({source.name})"
-        parts.append(table(Table.of_texts([lines[0], *rows]), caption))
-    found: dict[Html, dict[str, Quantity]] = {}
+        parts.append(table(Table.of_texts([head, *rows]), caption))
+    measures: dict[Html, Row] = {}
     for case in cases:
         if case.ideal is not None and can_be_measured(case.result, case.ideal):
             values = measure(case.result, case.ideal)
-            found[dark(case)] = {name: (float(values[key]), "") for key, name in _MEASURES.items()}
-    if found:
+            measures[dark(case)] = {name: float(values[key]) for key, name in _MEASURES.items()}
+    if measures:
         caption = "What the claims are about, in these single runs"
-        made = by_case("measure", list(found), list(found.values()), caption=caption)
-        parts += [made, paragraph(note("single-runs"))]
+        parts.append(by_case("measure", [*measures], [*measures.values()], caption))
+        parts.append(paragraph(note("single-runs")))
     return joined(parts) or paragraph(note("no-claims"))
 
 
 # Modes, forms and impacts in joints with clearance.
-
-
-def ring_or_journal(cases: Sequence[Case]) -> str:
-    """What is seen in its bearing: journals, inner rings, or both."""
-    kinds = {analysis.rolls(case.result, joint) for case in cases for joint in case.joints}
-    return {(True,): "Inner rings", (False, True): "Journals and inner rings"}.get(
-        tuple(sorted(kinds)), "Journal"
-    )
 
 
 def modes(cases: Sequence[Case], start: float) -> Html:
@@ -127,77 +120,85 @@ def modes(cases: Sequence[Case], start: float) -> Html:
     names = [markup("{}, {}", dark(case), joint) for case, joint in pairs]
     paper = is_paper({case.label: case.result for case in cases})
 
-    def shown(what: str, place: str, words: Mapping[str, str]) -> Html:
-        """A table of shares, a row for each of the words."""
-        every = [analysis.time_fractions(case.result, joint, what, start) for case, joint in pairs]
-        rows: list[dict[str, Quantity]] = [
-            {text: (one.get(key), "1") for key, text in words.items()} for one in every
-        ]
+    def shares(what: str, place: str, members: Mapping[str, str]) -> Html:
+        """Shares of the time by member, those that occur alone where they are forms."""
+        rows: list[Row] = []
+        for case, joint in pairs:
+            share = analysis.time_fractions(case.result, joint, what, start)
+            rows.append({name: (share.get(key), "1") for key, name in members.items()})
         caption = f"Share of the records in each {what}{since(start)}"
-        return by_case(f"{what} ({place})" if paper else what, names, rows, caption=caption)
+        return by_case(f"{what} ({place})" if paper else what, names, rows, caption)
 
     explained = (
         f"{name} (in the paper: {term}): {meaning}"
         for name, term, meaning in zip(MODES, MODE_TERMS, MODE_MEANINGS, strict=True)
     )
     keys = (mode.name.lower() for mode in Mode)
-    parts = [shown("mode", "Table 1", dict(zip(keys, MODES, strict=True)))]
+    parts = [shares("mode", "Table 1", dict(zip(keys, MODES, strict=True)))]
     parts.append(paragraph("; ".join(explained) + "."))
-    forms = {}
-    for form in Form:
-        key = form.name.lower()
-        if any(
-            analysis.time_fractions(c.result, j, "form", start).get(key, 0.0) > 0.0
-            for c, j in pairs
-        ):
-            forms[key] = f"{form.letter}: {key.replace('_', ' ')}" if form else "no contact"
-    return joined([*parts, shown("form", "Figure 2", forms)] if forms else parts)
+    by_form = [analysis.time_fractions(case.result, j, "form", start) for case, j in pairs]
+    occurred = {key for one in by_form for key, share in one.items() if share > 0.0}
+    forms = {
+        form.name.lower(): f"{form.letter}: {form.name.lower().replace('_', ' ')}"
+        if form
+        else "no contact"
+        for form in Form
+        if form.name.lower() in occurred
+    }
+    return joined([*parts, shares("form", "Figure 2", forms)] if forms else parts)
 
 
 def impacts(cases: Sequence[Case], start: float) -> Html:
     """Statistics of contacts by joint and place."""
-    rows: list[list[Cell]] = []
+
+    def percentile(values: np.ndarray, percent: float) -> float | None:
+        return float(np.percentile(values, percent)) if len(values) else None
+
+    rows: list[Row] = []
     for case in cases:
         for place in analysis.contacts(case.result, start):
-            exact: list[Cell] = [None] * 4
+            onsets = rate = impulse = shortest = None
             if case.replay is not None:
-                one = case.replay.statistics.sel(joint=place.joint, contact=place.contact)
-                onsets, steps = int(one["onsets"]), float(one["shortest_steps"])
+                exact = case.replay.statistics.sel(joint=place.joint, contact=place.contact)
+                onsets, impulse = int(exact["onsets"]), float(exact["impulse"])
+                rate, steps = onsets / case.duration, float(exact["shortest_steps"])
                 shortest = int(steps) if math.isfinite(steps) else None
-                exact = [onsets, onsets / case.duration, float(one["impulse"]), shortest]
-            durations = (_percentile(place.duration, percent) for percent in (50, 95))
-            peaks = (_percentile(place.peak, percent) for percent in (50, 95, 100))
-            label = place_of(case, place.joint, place.contact)
-            rows.append([label, *exact, place.share, *durations, *peaks])
+            rows.append(
+                {
+                    "case, place": place_of(case, place.joint, place.contact),
+                    "contacts begun": onsets,
+                    "rate": (rate, "1/s"),
+                    "normal impulse": (impulse, "N*s"),
+                    "shortest": (shortest, "steps"),
+                    "time in contact": (place.share, "1"),
+                    "duration, median": (percentile(place.duration, 50), "s", True),
+                    "duration, 95 %": (percentile(place.duration, 95), "s", True),
+                    "peak force, median": (percentile(place.peak, 50), "N"),
+                    "peak force, 95 %": (percentile(place.peak, 95), "N"),
+                    "peak force, largest": (percentile(place.peak, 100), "N"),
+                }
+            )
     if not rows:
         return paragraph("No case has clearance.")
-    heads: list[Head] = [
-        *(("case, place", ""), ("contacts begun", ""), ("rate", "1/s")),
-        *(("normal impulse", "N*s"), ("shortest", "steps"), ("time in contact", "1")),
-        *(("duration, median", "s", True), ("duration, 95 %", "s", True)),
-        *((f"peak force, {word}", "N") for word in ("median", "95 %", "largest")),
-    ]
     intervals = {1e3 * float(np.median(np.diff(case.result.time))) for case in cases if case.joints}
     spacing = ", ".join(f"{value:g}" for value in sorted(intervals))
-    made = worst_first(heads, rows, len(heads) - 1, "places")
-    return made + paragraph(note("impacts", spacing))
+    return worst_first(rows, "peak force, largest", "places") + paragraph(note("impacts", spacing))
 
 
 def loads(cases: Sequence[Case], start: float) -> Html:
     """The largest force in each joint with clearance; nothing for one joint: a glance has it."""
-    rows: list[list[Cell]] = [
-        [dark(case), joint, force]
+    rows: list[Row] = [
+        {"case": dark(case), "joint": joint, "largest force": (force, "N")}
         for case in cases
         if len(case.joints) > 1
         for joint, force in joint_forces(case, start).items()
     ]
-    heads = (("case", ""), ("joint", ""), ("largest force", "N"))
-    return worst_first(heads, rows, 2, "joints") if rows else Html("")
+    return worst_first(rows, "largest force", "joints") if rows else Html("")
 
 
 def bearings(cases: Sequence[Case], start: float) -> Html:
     """Loads, life and friction of rolling bearings; nothing without any."""
-    rows: list[list[Cell]] = []
+    rows: list[Row] = []
     swings = False
     for case in cases:
         late = case.result.time >= start
@@ -207,66 +208,88 @@ def bearings(cases: Sequence[Case], start: float) -> Html:
             life = analysis.bearing_life(case.result, joint, start)
             loaded = case.result["loaded_elements"].sel(joint=joint).values[late]
             swings = swings or life.oscillates
-            name = bearing.designation or bearing.kind.replace("-", " ")
-            row: list[Cell] = [
-                markup("{}, {}", dark(case), joint),
-                name,
-                life.largest_load,
-                life.rated_load,
-            ]
-            row += [int(loaded.min()), float(loaded.mean()), life.most_loaded, life.elements]
-            rows.append([*row, life.turned, life.lasting, life.mean_torque, life.friction_power])
+            rows.append(
+                {
+                    "case, joint": markup("{}, {}", dark(case), joint),
+                    "bearing": bearing.designation or bearing.kind.replace("-", " "),
+                    "largest element load": (life.largest_load, "N"),
+                    "the same, at C0": (life.rated_load, "N"),
+                    "elements loaded, least": int(loaded.min()),
+                    "mean": float(loaded.mean()),
+                    "most": life.most_loaded,
+                    "of": life.elements,
+                    "turned": (life.turned, "rev"),
+                    "life L10": life.lasting,
+                    "friction torque, mean": (life.mean_torque, "N*m"),
+                    "friction power, mean": (life.friction_power, "W", True),
+                }
+            )
     if not rows:
         return Html("")
-    words = note("bearings") + (note("swings") if swings else "")
-    heading = Html("<h3>Rolling bearings</h3>")
-    heads: tuple[Head, ...] = (
-        *(("case, joint", ""), ("bearing", "")),
-        *(("largest element load", "N"), ("the same, at C0", "N")),
-        *(("elements loaded, least", ""), ("mean", ""), ("most", ""), ("of", "")),
-        *(("turned", "rev"), ("life L10", "")),
-        *(("friction torque, mean", "N*m"), ("friction power, mean", "W", True)),
-    )
-    made = worst_first(heads, rows, 2, "bearings", name="bearings")
-    return joined([heading, made, paragraph(words)])
-
-
-def _percentile(values: np.ndarray, percent: float) -> float | None:
-    return float(np.percentile(values, percent)) if len(values) else None
+    made = worst_first(rows, "largest element load", "bearings", "bearings")
+    words = paragraph(note("bearings") + (note("swings") if swings else ""))
+    return joined([Html("<h3>Rolling bearings</h3>"), made, words])
 
 
 def singles(cases: Sequence[Case]) -> Html:
     """The largest impacts, step by step, each with a button that zooms into it."""
-    rows: list[list[Cell]] = []
+    rows: list[Row] = []
     for case in cases:
         windows = case.replay.windows if case.replay is not None else ()
         for impact, window in zip(case.impacts, windows, strict=True):
             time = window["time"].values
             force = window["normal_force"].sel(joint=impact.joint, contact=impact.contact)
             zoom = f"{float(time[0])!r},{float(time[-1])!r}"
-            button = markup('<button type="button" data-zoom="{}">zoom</button>', zoom)
-            label = place_of(case, impact.joint, impact.contact)
-            moment = f"{float(time[int(force.values.argmax())]):.5f}"
-            steps = impact.steps if impact.complete else f"> {impact.steps}"
-            row: list[Cell] = [label, moment, impact.peak_force, impact.penetration, steps]
-            rows.append([*row, impact.approach_speed, impact.separation_speed, button])
+            rows.append(
+                {
+                    "case, place": place_of(case, impact.joint, impact.contact),
+                    "time [s]": f"{float(time[int(force.values.argmax())]):.5f}",
+                    "peak normal force": (impact.peak_force, "N"),
+                    "penetration": (impact.penetration, "m", True),
+                    "steps in contact": impact.steps if impact.complete else f"> {impact.steps}",
+                    "approach speed": (impact.approach_speed, "m/s", True),
+                    "separation speed": (impact.separation_speed, "m/s", True),
+                    "": markup('<button type="button" data-zoom="{}">zoom</button>', zoom),
+                }
+            )
     if not rows:
         return paragraph("No impact was followed step by step.")
-    heads: tuple[Head, ...] = (
-        *(("case, place", ""), ("time [s]", ""), ("peak normal force", "N")),
-        *(("penetration", "m", True), ("steps in contact", "")),
-        *(("approach speed", "m/s", True), ("separation speed", "m/s", True), ("", "")),
-    )
-    return table(Table.of(heads, rows), name="single-impacts", left=1)
+    return table(rows, name="single-impacts", left=1)
 
 
 # The runs' judgement of themselves, and their numerical errors.
 
 
 def audits(cases: Sequence[Case]) -> Html:
-    """Audits of the runs."""
-    given = [_judged(case) for case in cases]
-    made = by_case("of the run", [*map(dark, cases)], given, name="audit-table")
+    """Audits of the runs: their own figures, and their warnings; nothing where one has none."""
+    figures: list[Row] = []
+    for case in cases:
+        audit, result = case.result.audit, case.result
+        limit, wall = audit.friction_step_limit, result.dataset.attrs.get("wall_time_s")
+        contact: Row = {
+            "contacts begun": audit.impacts,
+            "shortest contact": (audit.shortest_contact_steps or None, "steps"),
+            "contacts under 10 steps": audit.under_resolved,
+            "normal impulse": (audit.normal_impulse, "N*s"),
+            "largest penetration": (audit.largest_penetration, "m", True),
+            "the same, of the clearance": (audit.penetration_over_clearance, "1"),
+            "step that friction needs": readable(limit, "s", 3) if math.isfinite(limit) else None,
+        }
+        drift = audit.loop_drift if "loop_drift" in result.dataset else None
+        figures.append(
+            {
+                "ended": result.message,
+                "energy residual": (audit.energy_residual, "J"),
+                "energy exchanged": (audit.energy_exchanged, "J"),
+                "residual, of what is exchanged": (audit.relative_energy_residual, "1"),
+                **(contact if case.joints else {}),
+                "step": readable(audit.step, "s"),
+                "error by the step": (audit.step_error, "m", True),
+                "drift of ideal loops": (drift, "m", True),
+                "computed in": (None if wall is None else float(wall), "s"),
+            }
+        )
+    made = by_case("of the run", [*map(dark, cases)], figures, name="audit-table")
     return made + (bullets(_warnings(cases)) or paragraph("No run has warnings."))
 
 
@@ -278,63 +301,29 @@ def _warnings(cases: Sequence[Case]) -> list[Html]:
     ]
 
 
-def _judged(case: Case) -> dict[str, Quantity]:
-    """Audit figures of a run by name; None where a figure does not apply."""
-    audit, result = case.result.audit, case.result
-    limit, wall = audit.friction_step_limit, result.dataset.attrs.get("wall_time_s")
-    needed = readable(limit, "s", 3) if math.isfinite(limit) else None
-    contact: dict[str, Quantity] = {
-        "contacts begun": (audit.impacts, ""),
-        "shortest contact": (audit.shortest_contact_steps or None, "steps"),
-        "contacts under 10 steps": (audit.under_resolved, ""),
-        "normal impulse": (audit.normal_impulse, "N*s"),
-        "largest penetration": (audit.largest_penetration, "m", True),
-        "the same, of the clearance": (audit.penetration_over_clearance, "1"),
-        "step that friction needs": (needed, ""),
-    }
-    drift = audit.loop_drift if "loop_drift" in result.dataset else None
-    return {
-        "ended": (result.message, ""),
-        "energy residual": (audit.energy_residual, "J"),
-        "energy exchanged": (audit.energy_exchanged, "J"),
-        "residual, of what is exchanged": (audit.relative_energy_residual, "1"),
-        **(contact if case.joints else {}),
-        "step": (readable(audit.step, "s"), ""),
-        "error by the step": (audit.step_error, "m", True),
-        "drift of ideal loops": (drift, "m", True),
-        "computed in": (None if wall is None else float(wall), "s"),
-    }
-
-
 def certificates(cases: Sequence[Case]) -> Html:
     """Headline figures with their numerical errors; nothing if no run was certified."""
-    known = [(case, case.result.certificate) for case in cases]
-    given = [(case, certificate) for case, certificate in known if certificate is not None]
+    each = [(case, case.result.certificate) for case in cases]
+    given = [(case, certificate) for case, certificate in each if certificate is not None]
     if not given:
         return Html("")
-    names = dict.fromkeys(figure.name for _, one in given for figure in one.headline)
-    found: list[dict[str, Quantity]] = [
-        {name: (_certified(known[name]) if name in known else None, "") for name in names}
-        for known in ({figure.name: figure for figure in one.figures} for _, one in given)
-    ]
-    points: list[str] = []
-    for case, one in given:
-        others = ", ".join(figure.name for figure in one.marked if figure not in one.headline)
+    names = dict.fromkeys(one.name for _, certificate in given for one in certificate.headline)
+    figures: list[Row] = []
+    points: list[Html] = []
+    for case, certificate in given:
+        pattern = {True: '<strong class="warn">{} (!)</strong>', False: "{}"}
+        known = {one.name: markup(pattern[one.marked], str(one)) for one in certificate.figures}
+        figures.append({name: known.get(name) for name in names})
+        further = [one.name for one in certificate.marked if one not in certificate.headline]
         for words, text in (
-            ("of the claims' measures above 5 %:", others),
-            ("", one.note),
-            ("further runs:", "; ".join(one.runs)),
+            ("of the claims' measures above 5 %:", ", ".join(further)),
+            ("", certificate.note),
+            ("further runs:", "; ".join(certificate.runs)),
         ):
             points += [markup("{} {} {}.", dark(case), words, text)] if text else []
-    labels = [dark(case) for case, _ in given]
-    made = by_case("figure", labels, found, name="certificates")
+    made = by_case("figure", [dark(case) for case, _ in given], figures, name="certificates")
     heading = Html("<h3>Numerical errors</h3>") + paragraph(note("certificates"))
     return joined([heading, made, bullets(points)])
-
-
-def _certified(figure: CertifiedFigure) -> Cell:
-    shown = str(figure)
-    return markup('<strong class="warn">{} (!)</strong>', shown) if figure.marked else shown
 
 
 # Errors of the tool over the run and at its stops, and its vibration.
@@ -354,48 +343,46 @@ def stops(case: Case) -> tuple[list[analysis.Stop], str]:
 
 def accuracies(cases: Sequence[Case], start: float) -> Html:
     """Tool error per axis over the run, and at the stops of the reference motion."""
-    rows: list[list[Cell]] = []
-    at_stops: list[list[Cell]] = []
+    rows: list[Row] = []
+    at_stops: list[Row] = []
     unknown: list[Html] = []
     for case in cases:
         if case.error is None:
             continue
         accuracy = analysis.error_statistics(case.error, min(start, float(case.error["time"][-1])))
         for k, axis in enumerate(analysis.COMPONENTS):
-            row: list[Cell] = [dark(case), axis, float(accuracy.mean[k])]
+            row: dict[str, Quantity] = {"case": dark(case), "axis": axis}
+            row["mean"] = float(accuracy.mean[k]), "m"
             for how, values in (("RMS", accuracy.rms), ("peak", accuracy.peak)):
                 name = f"{how} tool error" if axis == "total" else ""
-                row.append(_glance_cell(case, start, float(values[k]), name))
+                row[how] = _with_error(case, start, float(values[k]), name), "m"
             rows.append(row)
         reached, reason = stops(case)
         if reason:
             unknown.append(paragraph(f"{case.label}: its stops are not known: {reason}"))
         for stop in reached:
-            at_stops.append(_at_stop(case, stop, "arrival", stop.start))
+            moments = [("arrival", stop.start, "{}")]
             if stop.kind == "dwell":
-                label, *cells = _at_stop(case, stop, "end of dwell", stop.end)
-                at_stops.append([label, *(markup("<strong>{}</strong>", one) for one in cells)])
+                moments.append(("end of dwell", stop.end, "<strong>{}</strong>"))
+            for what, moment, pattern in moments:
+                error = map(float, 1e3 * analysis.error_at(case.error, moment))
+                cells = (f"{moment:.4g}", *error)
+                heads = ("time [s]", *(f"{axis} [mm]" for axis in analysis.COMPONENTS))
+                shown = {h: markup(pattern, cell) for h, cell in zip(heads, cells, strict=True)}
+                at_stops.append(
+                    {"case": dark(case), "reference": stop.kind, "moment": what, **shown}
+                )
     if not rows:
         return paragraph("No case has a tool error: nothing has play, or there is no reference.")
-    heads = (("case", ""), ("axis", ""), ("mean", "m"), ("RMS", "m"), ("peak", "m"))
-    parts = [table(Table.of(heads, rows), note("accuracy", since(start)), left=2), *unknown]
+    parts = [table(rows, note("accuracy", since(start)), left=2), *unknown]
     if at_stops:
-        axes = ((f"{axis} [mm]", "") for axis in analysis.COMPONENTS)
-        at = (("case", ""), ("reference", ""), ("moment", ""), ("time [s]", ""), *axes)
-        parts.append(table(Table.of(at, at_stops), note("stops"), "stops", left=3))
+        parts.append(table(at_stops, note("stops"), "stops", left=3))
     return joined(parts)
-
-
-def _at_stop(case: Case, stop: analysis.Stop, what: str, moment: float) -> list[Cell]:
-    """The tool's error at a moment of a stop [mm]."""
-    assert case.error is not None
-    error = map(float, 1e3 * analysis.error_at(case.error, moment))
-    return [dark(case), stop.kind, what, f"{moment:.4g}", *error]
 
 
 def spectra(cases: Sequence[Case], start: float) -> Html:
     """How the spectra were made, and what they sum up to."""
-    rows: list[list[Cell]] = []
+    rows: list[Row] = []
     missing: list[str] = []
     for case in cases:
         try:
@@ -405,36 +392,51 @@ def spectra(cases: Sequence[Case], start: float) -> Html:
             continue
         frequency, values = density["frequency"].values, density.values
         width = float(frequency[1] - frequency[0])
-        rms = np.sqrt(values[1:].sum(axis=0) * width)
         above = frequency >= 20.0
-        strongest = [
-            float(frequency[above][values[above, k].argmax()]) if above.any() else None
-            for k in range(len(AXES))
-        ]
-        made = density.attrs
-        how = (made["sampling_frequency_hz"], made["window_s"], made["windows"])
-        rows.append([dark(case), *map(float, rms), *strongest, *how])
-    heads: tuple[Head, ...] = (
-        ("case", ""),
-        *((f"RMS {axis}", "m/s^2") for axis in analysis.COMPONENTS),
-        *((f"strongest above 20 Hz, {axis}", "Hz") for axis in AXES),
-        *(("sampled at", "Hz"), ("window", "s"), ("windows", "")),
-    )
-    parts = [table(Table.of(heads, rows))] if rows else []
+        row: dict[str, Quantity] = {"case": dark(case)}
+        for axis, column in zip(analysis.COMPONENTS, values.T, strict=True):
+            row[f"RMS {axis}"] = float(np.sqrt(column[1:].sum() * width)), "m/s^2"
+        for axis, column in zip(AXES, values.T, strict=False):
+            strongest = float(frequency[above][column[above].argmax()]) if above.any() else None
+            row[f"strongest above 20 Hz, {axis}"] = strongest, "Hz"
+        row["sampled at"] = density.attrs["sampling_frequency_hz"], "Hz"
+        row["window"] = density.attrs["window_s"], "s"
+        rows.append(row | {"windows": density.attrs["windows"]})
+    parts = [table(rows)] if rows else []
     return joined([*parts, paragraph(note("spectra")), bullets(missing)])
+
+
+# The first screen: what `jointplay run` says first, the figures that matter most, the machine.
 
 
 def glance(cases: Sequence[Case], start: float) -> Html:
     """The figures that matter most, a column for each case, with their numerical errors."""
-    found = [_glanced(case, start) for case in cases]
-    parts = ["Tool errors are against the ideal machine with the same drives"]
+    same = "Tool errors are against the ideal machine with the same drives"
+    parts = [f"{same}, whose own errors they leave out"]
     caption = "; ".join([*parts, f"figures from {start:g} s on"] if start else parts)
-    few = [{name: one[name] for name in _GLANCE if name in one} for one in found]
-    made = by_case("", [*map(dark, cases)], few, caption=caption, name="glance")
+    figures = [_figures(case, start)[0] for case in cases]
+    made = by_case("", [*map(dark, cases)], figures, caption, "glance")
+    answers: list[tuple[float, Html]] = []  # the largest tool errors first
+    assumed: list[Html] = []
+    for case in cases:
+        several = len(cases) > 1
+        if case.error is not None and analysis.has_play(case.result):
+            largest = float(np.linalg.norm(case.error.values, axis=1).max())
+            with suppress(JointplayError):  # a law of the user's own that may not be imported
+                words = headline(case.result, case.ideal)[0]
+                name = markup("{}: ", dark(case)) if several else ""
+                answers.append((largest, markup("{}{}.", name, words)))
+        values = case.result.assumed
+        if number := len(values.columns[0].values):
+            of = markup(" in {}", dark(case)) if several else ""
+            shown = markup('<div class="assumed">{}</div>', table(values))
+            are = "value is" if number == 1 else "values are"
+            assumed.append(details(markup("{} {} assumed{}", number, are, of), shown))
+    answers.sort(key=lambda answer: -answer[0])
     return joined(
         [
-            folded(_answers(cases), "cases"),
-            joined(_values_assumed(case, len(cases) > 1) for case in cases),
+            folded([words for _, words in answers], "cases"),
+            *assumed,
             markup('<div class="first">{}{}</div>', made, _robot(cases)),
             folded(_warnings(cases), "warnings"),
             bullets(_what_errors_mean(cases, start)),
@@ -442,44 +444,67 @@ def glance(cases: Sequence[Case], start: float) -> Html:
     )
 
 
-def _values_assumed(case: Case, named: bool) -> Html:
-    """What nobody gave of a case, to unfold."""
-    made = case.result.assumed
-    if not made.columns[0].values:
-        return Html("")
-    of = markup(" in {}", dark(case)) if named else Html("")
-    summary = markup("{} values are assumed{}", len(made.columns[0].values), of)
-    return details(summary, markup('<div class="assumed">{}</div>', table(made)))
-
-
-_GLANCE = (
-    *("ended", "tool error, peak", "tool error, RMS", "turn of the tool, peak"),
-    *("tool error at stops, largest", "force at the joint, peak", "impacts", "warnings"),
-)
-"""What is told at a glance; the other figures are one fold away."""
-
-
 def further(cases: Sequence[Case], start: float) -> Html:
     """What `glance` leaves out."""
-    found = [_glanced(case, start) for case in cases]
-    more = [{name: one[name] for name in one if name not in _GLANCE} for one in found]
     caption = f"Figures from {start:g} s on, the penetration's of the whole run" if start else ""
-    return by_case("", [*map(dark, cases)], more, caption=caption)
+    return by_case("", [*map(dark, cases)], [_figures(case, start)[1] for case in cases], caption)
 
 
-def _answers(cases: Sequence[Case]) -> list[Html]:
-    """What `jointplay run` says first of each case, the largest tool errors first."""
-    said: list[tuple[float, Html]] = []
-    for case in cases:
-        if case.error is not None and analysis.has_play(case.result):
-            largest = float(np.linalg.norm(case.error.values, axis=1).max())
-            try:
-                words = headline(case.result, case.ideal)[0]
-            except JointplayError:  # such as a law of the user's own that may not be imported
-                continue
-            name = markup("{}: ", dark(case)) if len(cases) > 1 else ""
-            said.append((largest, markup("{}{}.", name, words)))
-    return [words for _, words in sorted(said, key=lambda one: -one[0])]
+def _figures(case: Case, start: float) -> tuple[Row, Row]:
+    """The figures of a case: those told at a glance, and the others; None where one is unknown."""
+    audit = case.result.audit
+    rms = peak = turn = turned = at_stops = number = force = penetration = None
+    where = ""
+    if case.error is not None and float(case.error["time"][-1]) >= start:
+        accuracy = analysis.error_statistics(case.error, start)
+        rms, peak = accuracy.rms[3], accuracy.peak[3]
+        ends = [stop.end for stop in stops(case)[0] if stop.at_rest and stop.end > 0.0]
+        errors = [float(analysis.error_at(case.error, end)[3]) for end in ends]
+        at_stops = max(errors, default=None)
+    if case.turn is not None and float(case.turn["time"][-1]) >= start:
+        rotation = analysis.error_statistics(case.turn, start)
+        turned, turn = rotation.rms[3], rotation.peak[3]
+    if (most := strongest(case, start)) is not None:
+        where, force = most
+        penetration = audit.largest_penetration
+        number = audit.impacts if audit.judged_impacts is None else audit.judged_impacts
+    vibration: dict[str, Quantity] = {}
+    if case.joints and start == case.result.judge_from:
+        with suppress(JointplayError):  # too few records
+            rattle = analysis.rattle(case.result, case.ideal)
+            vibration["energy lost per impact"] = rattle.energy, "J", True
+            for band in rattle.bands:
+                vibration[f"tool acceleration, {band.range}, RMS"] = band.rms, "m/s^2"
+    at = f", {where}" if len(case.joints) > 1 else ""
+    known = partial(_with_error, case, start)
+    first: Row = {
+        "ended": case.result.status.name.lower().replace("_", " "),
+        "tool error, peak": (known(peak, "peak tool error"), "m"),
+        "tool error, RMS": (known(rms, "RMS tool error"), "m"),
+        "turn of the tool, peak": (known(turn, "peak tool turn"), "rad"),
+        "tool error at stops, largest": (at_stops, "m"),
+        "force at the joint, peak": (known(force, f"peak joint force{at}"), "N"),
+        "impacts": known(number, "impacts"),
+        "warnings": len(audit.warnings),
+    }
+    return first, {
+        "turn of the tool, RMS": (known(turned, "RMS tool turn"), "rad"),
+        **vibration,
+        "penetration, largest": (penetration, "m", True),
+        "energy residual, of what is exchanged": (audit.relative_energy_residual, "1"),
+    }
+
+
+def _with_error(case: Case, start: float, value: float | None, name: str) -> Cell:
+    """A value with its numerical error, if that is of the time judged, marked where it is large."""
+    certificate = case.result.certificate
+    if value is None or certificate is None or start != case.result.judge_from:
+        return value
+    figure = next((one for one in certificate.figures if one.name == name), None)
+    if figure is None:
+        return value
+    pattern = '{}<br><strong class="warn">uncertain</strong>' if figure.marked else "{}"
+    return markup(pattern, figure.number)
 
 
 def _robot(cases: Sequence[Case]) -> Html:
@@ -489,7 +514,11 @@ def _robot(cases: Sequence[Case]) -> Html:
     shown = next((case for case in cases if analysis.has_play(case.result)), cases[0])
     try:
         mechanism = shown.result.simulation.mechanism
-        labels = {name: _play_of(cases, name) for name in shown.joints}
+        labels = {}
+        for name in shown.joints:
+            having = (case.result.simulation.mechanism for case in cases if name in case.joints)
+            plays = {one.clearance[name].play_words for one in having}
+            labels[name] = f"{name}\nplay {plays.pop()}" if len(plays) == 1 else f"{name}: play"
         figure = picture(mechanism, shown.result["q"].values[0], labels=labels)
     except JointplayError:  # such as a law of the user's own that may not be imported
         return Html("")
@@ -508,96 +537,25 @@ def _robot(cases: Sequence[Case]) -> Html:
     )
 
 
-def _play_of(cases: Sequence[Case], joint: str) -> str:
-    """What the picture says of a joint: its play in each case."""
-    words = dict.fromkeys(
-        case.result.simulation.mechanism.clearance[joint].play_words
-        for case in cases
-        if joint in case.joints
-    )
-    return f"{joint}\nplay {next(iter(words))}" if len(words) == 1 else f"{joint}: play"
-
-
-def _glanced(case: Case, start: float) -> dict[str, Quantity]:
-    """The figures of a case by name; None where one does not apply."""
-    audit = case.result.audit
-    rms = peak = turn = turned = at_stops = number = force = penetration = None
-    where = ""
-    if case.error is not None and float(case.error["time"][-1]) >= start:
-        accuracy = analysis.error_statistics(case.error, start)
-        rms, peak = accuracy.rms[3], accuracy.peak[3]
-        ends = [stop.end for stop in stops(case)[0] if stop.at_rest and stop.end > 0.0]
-        errors = [float(analysis.error_at(case.error, end)[3]) for end in ends]
-        at_stops = max(errors, default=None)
-    if case.turn is not None and float(case.turn["time"][-1]) >= start:
-        rotation = analysis.error_statistics(case.turn, start)
-        turned, turn = rotation.rms[3], rotation.peak[3]
-    if (most := strongest(case, start)) is not None:
-        where, force = most
-        penetration = audit.largest_penetration
-        number = audit.impacts if audit.judged_impacts is None else audit.judged_impacts
-    noise: dict[str, Quantity] = {}
-    if case.joints and start == case.result.judge_from:
-        with suppress(JointplayError):  # too few records
-            found = analysis.rattle(case.result, case.ideal)
-            noise["energy lost per impact"] = found.energy, "J", True
-            for band in found.bands:
-                noise[f"tool acceleration, {band.range}, RMS"] = band.rms, "m/s^2"
-    at = f", {where}" if len(case.joints) > 1 else ""
-
-    def known(value: float | None, name: str) -> Cell:
-        return _glance_cell(case, start, value, name)
-
-    return {
-        "ended": (case.result.status.name.lower().replace("_", " "), ""),
-        "tool error, peak": (known(peak, "peak tool error"), "m"),
-        "tool error, RMS": (known(rms, "RMS tool error"), "m"),
-        "turn of the tool, peak": (known(turn, "peak tool turn"), "rad"),
-        "turn of the tool, RMS": (known(turned, "RMS tool turn"), "rad"),
-        "tool error at stops, largest": (at_stops, "m"),
-        "force at the joint, peak": (known(force, f"peak joint force{at}"), "N"),
-        "impacts": (known(number, "impacts"), ""),
-        **noise,
-        "penetration, largest": (penetration, "m", True),
-        "energy residual, of what is exchanged": (audit.relative_energy_residual, "1"),
-        "warnings": (len(audit.warnings), ""),
-    }
-
-
-def _error_of(case: Case, start: float, name: str) -> CertifiedFigure | None:
-    """A certified or estimated figure over the time that the report judges."""
-    certificate = case.result.certificate
-    if certificate is None or start != case.result.judge_from:
-        return None
-    return next((figure for figure in certificate.figures if figure.name == name), None)
-
-
-def _glance_cell(case: Case, start: float, value: float | None, name: str) -> Cell:
-    """A value with its numerical error, marked where `CertifiedFigure.marked`."""
-    figure = None if value is None else _error_of(case, start, name)
-    if value is None or figure is None:
-        return value
-    if not figure.marked:
-        return figure.number
-    return markup('{}<br><strong class="warn">uncertain</strong>', figure.number)
-
-
-def _what_errors_mean(cases: Sequence[Case], start: float) -> list[Html | str]:
+def _what_errors_mean(cases: Sequence[Case], start: float) -> list[Html]:
     """What ± and its absence stand for, and what to do about large errors."""
-    known = [case for case in cases if case.result.certificate is not None]
-    points: list[Html | str] = [note("errors")] if known else []
-    unsure: list[Html | str] = []
-    for case in known:
+    certified = False
+    unsure: list[Html] = []
+    unknown: list[Html] = []
+    for case in cases:
         certificate = case.result.certificate
-        assert certificate is not None
+        if certificate is None:
+            unknown += [dark(case)] if case.joints else []
+            continue
+        certified = True
         shown = ("peak joint force", "peak tool", "RMS tool", "impacts")
-        found = [f.name for f in certificate.headline if f.name.startswith(shown) and f.marked]
-        if start == case.result.judge_from and found and case.joints:
+        large = [f.name for f in certificate.headline if f.name.startswith(shown) and f.marked]
+        if start == case.result.judge_from and large and case.joints:
             why = f" ({certificate.note})" if certificate.note else ""
-            unsure.append(markup("{}: {}{}", dark(case), ", ".join(found), why))
+            unsure.append(markup("{}: {}{}", dark(case), ", ".join(large), why))
+    points = [note("errors")] if certified else []
     if unsure:
         points.append(note("uncertain", f"{100.0 * MARKED:g}", bullets(unsure)))
-    unknown = [dark(case) for case in cases if case.result.certificate is None and case.joints]
     return [*points, note("unknown", joined(unknown, ", "))] if unknown else points
 
 
@@ -616,11 +574,12 @@ def all_assumptions() -> tuple[tuple[str, str], ...]:
 def conditions(cases: Sequence[Case]) -> dict[str, bool]:
     """Whether each thing that assumptions are about occurs in these runs."""
     inputs = [analysis.inputs(case.result) for case in cases]
+    machines = [given["mechanism"] for given in inputs]
     moving = [given for case, given in zip(cases, inputs, strict=True) if case.joints]
-    bearings = [
-        joint for case in cases for joint in analysis.clearance_inputs(case.result).values()
-    ]
-    kinds = {joint["kind"] for joint in bearings}
+    joints = [one for case in cases for one in analysis.clearance_inputs(case.result).values()]
+    gears = [gear for machine in machines for gear in (machine.get("gears") or {}).values()]
+    kinds = {joint["kind"] for joint in joints}
+    drives = [json.dumps(given["drive"]) for given in inputs]
     return {
         "always": True,
         "clearance": bool(moving),
@@ -628,21 +587,17 @@ def conditions(cases: Sequence[Case]) -> dict[str, bool]:
         "rolling": bool(kinds & analysis.ROLLING_KINDS),
         "dry": any(
             joint["kind"] in analysis.SLIDING_KINDS and not joint.get("lubricant")
-            for joint in bearings
+            for joint in joints
         ),
-        "oil": any(joint.get("lubricant") for joint in bearings),
-        "worn": any(joint.get("worn") for joint in bearings),
-        "wearing": any(joint.get("wear_rate") for joint in bearings),
+        "oil": any(joint.get("lubricant") for joint in joints),
+        "worn": any(joint.get("worn") for joint in joints),
+        "wearing": any(joint.get("wear_rate") for joint in joints),
         **{kind: kind in kinds for kind in JOINT_KINDS},
-        "loops": any(given["mechanism"].get("loops") for given in inputs),
-        "gears": any(given["mechanism"].get("gears") for given in inputs),
-        "refined gears": any(
-            gear.get("kind", Gear.kind) != Gear.kind
-            for given in inputs
-            for gear in (given["mechanism"].get("gears") or {}).values()
-        ),
-        "computed torque": any("computed-torque" in json.dumps(given["drive"]) for given in inputs),
-        "prescribed": any("prescribed" in json.dumps(given["drive"]) for given in inputs),
+        "loops": any(machine.get("loops") for machine in machines),
+        "gears": bool(gears),
+        "refined gears": any(gear.get("kind", Gear.kind) != Gear.kind for gear in gears),
+        "computed torque": any("computed-torque" in drive for drive in drives),
+        "prescribed": any("prescribed" in drive for drive in drives),
         "payloads": any(given.get("payloads") for given in inputs),
         "loads": any(given.get("loads") for given in inputs),
         "cut": any(given.get("limits") == "cut" for given in inputs),
@@ -657,8 +612,8 @@ def conditions(cases: Sequence[Case]) -> dict[str, bool]:
         ),
         "rest": any(given.get("start") == "rest" for given in moving),
         "seeded": any(given.get("seed") is not None for given in moving),
-        "balanced": any(not any(given["mechanism"].get("gravity", (1,))) for given in inputs),
-        "unphysical": any(given["mechanism"].get("allow_unphysical") for given in inputs),
+        "balanced": any(not any(machine.get("gravity", (1,))) for machine in machines),
+        "unphysical": any(machine.get("allow_unphysical") for machine in machines),
     }
 
 

@@ -6,7 +6,8 @@ import base64
 import io
 import json
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from matplotlib.figure import Figure
 
 from jointplay.base.errors import JointplayError
 from jointplay.base.files import write as write_file
-from jointplay.base.tables import Table
+from jointplay.base.tables import Table, counted
 from jointplay.show.plots import sweep as draw
 from jointplay.show.plots.style import style
 from jointplay.show.reports import html
@@ -54,54 +55,61 @@ def write(
     say("drawing the figures")
     lines, maps, samples = list(_lines(dataset)), list(_maps(dataset)), list(_samples(dataset))
     say("writing the page")
-    contents = [page(dataset, title or f"Sweep {store.name}", lines, maps, samples).encode()]
+    note = "Means; the bands are 95 % confidence intervals of the mean over the runs of a point."
+    drawn = [*lines, *samples][:MOST_FIRST]
+    first = joined(map(_picture, drawn)) + (paragraph(note) if lines else Html(""))
+    sections = {"At a glance": _glance(dataset) + first, "Cases": _cases(dataset)}
+    if left := lines[len(drawn) :]:
+        sections["Lines"] = joined(map(_picture, left)) + paragraph(note)
+    if maps:
+        sections["Heat maps"] = joined(map(_picture, maps))
+    if samples:  # what they say, and Sobol indices where the design gives them
+        said = [sweep_table.uncertainty(dataset, name, PRECISION) for name in _known(dataset)]
+        words = joined(markup("<pre>{}</pre>", text) for text in said)
+        sections["Distributions"] = joined(map(_picture, samples[len(drawn) :])) + words
+    sections["Failed cases"] = _failed(dataset)
+    sections["What was run"] = _inputs(dataset)
+    sizes = " x ".join(f"{name} {size}" for name, size in dataset.attrs["sizes"].items())
+    cases = f"{sizes} = {dataset['status'].size} cases"
+    title = title or f"Sweep {store.name}"
+    page = html.page(title, cases, dataset.attrs["versions"], sections, open=2)
+    contents = [page.encode()]
     figures = [*lines, *maps, *samples]
     if pdf and figures:
-        contents.append(_pdf(figures))
+        content = io.BytesIO()
+        with style("screen"), PdfPages(content) as pages:
+            for heading, figure in figures:
+                figure.suptitle(heading, fontsize=9)
+                pages.savefig(figure)
+        contents.append(content.getvalue())
     for target, made in zip(written, contents, strict=False):
         write_file(target, made)
     return written[: len(contents)]
 
 
-def page(
-    dataset: xr.Dataset, title: str, lines: list[Drawn], maps: list[Drawn], samples: list[Drawn]
-) -> str:
-    """The page's source."""
-    note = "Means; the bands are 95 % confidence intervals of the mean over the runs of a point."
-    drawn = [*lines, *samples][:MOST_FIRST]
-    first = joined(map(_picture, drawn)) + (paragraph(note) if lines else Html(""))
-    sections = {
-        "At a glance": _answers(dataset) + _glance(dataset) + first,
-        "Cases": _cases(dataset),
-    }
-    if left := lines[len(drawn) :]:
-        sections["Lines"] = joined(map(_picture, left)) + paragraph(note)
-    if maps:
-        sections["Heat maps"] = joined(map(_picture, maps))
-    if samples:
-        left = samples[len(drawn) :]
-        sections["Distributions"] = joined(map(_picture, left)) + _words(dataset)
-    sections["Failed cases"] = _failed(dataset)
-    sections["What was run"] = _inputs(dataset)
-    inside = {name: html.inside(name) for name in [*sections][2:]}
-    sizes = " x ".join(f"{name} {size}" for name, size in dataset.attrs["sizes"].items())
-    cases = f"{sizes} = {dataset['status'].size} cases"
-    return html.page(title, cases, dataset.attrs["versions"], sections, inside)
-
-
-def _answers(dataset: xr.Dataset) -> Html:
-    """From where to where the first measures go, and at which points."""
+def _glance(dataset: xr.Dataset) -> Html:
+    """From where to where the first measures go, and at which points; how many cases ran."""
     dims, over = sweep_table.grid(dataset)
     said: list[Html | str] = []
     for name, unit, factor in sweep_table.columns_of(dataset):
         means = (factor * dataset[name]).mean([*over], skipna=True).transpose(*dims)
         if np.isfinite(means.values).any():
-            ends = [_told(dataset, means, find, unit) for find in (np.nanargmin, np.nanargmax)]
+            ends = [_extreme(dataset, means, find, unit) for find in (np.nanargmin, np.nanargmax)]
             said.append(f"{name.replace('_', ' ')}: {' to '.join(dict.fromkeys(ends))}")
-    return html.folded(said, "figures")
+    status = dataset["status"].values
+    figures: dict[str, html.Quantity] = {
+        "cases": int(status.size),
+        "done": int((status == DONE).sum()),
+        "failed": int((status == FAILED).sum()),
+        "not run": int((status == NOT_RUN).sum()),
+        "processor time": (float(np.nansum(dataset.get("cost", 0.0))), "s"),
+    }
+    if "warnings" in dataset:
+        figures["runs with warnings"] = int((dataset["warnings"].values > 0).sum())
+    return html.folded(said, "figures") + by_case("", [Html("")], [figures])
 
 
-def _told(
+def _extreme(
     dataset: xr.Dataset, means: xr.DataArray, find: Callable[[np.ndarray], Any], unit: str
 ) -> str:
     """The mean that `find` finds, and at which point of the grid."""
@@ -116,28 +124,19 @@ def _told(
     return f"{float(means.values[place]):.4g} {unit.removesuffix('1')}".rstrip() + at
 
 
-def _glance(dataset: xr.Dataset) -> Html:
-    status = dataset["status"].values
-    cost = float(np.nansum(dataset["cost"].values)) if "cost" in dataset else 0.0
-    figures: dict[str, html.Quantity] = {
-        "cases": (int(status.size), ""),
-        "done": (int((status == DONE).sum()), ""),
-        "failed": (int((status == FAILED).sum()), ""),
-        "not run": (int((status == NOT_RUN).sum()), ""),
-        "processor time": (cost, "s"),
-    }
-    if "warnings" in dataset:
-        figures["runs with warnings"] = int((dataset["warnings"].values > 0).sum()), ""
-    return by_case("", [Html("")], [figures])
-
-
 def _cases(dataset: xr.Dataset) -> Html:
     """Means with half the width of their confidence intervals, at each point of the grid.
 
     More than `ROWS` points are folded, but for the first ones.
     """
     dims, over = sweep_table.grid(dataset)
-    made = sweep_table.points(dataset, MOST_ROWS, _with_error if over else lambda one: one.value)
+
+    def with_error(mean: IntervalEstimate) -> Cell:
+        half = 0.5 * (mean.high - mean.low)
+        error = f"\u00a0±\u00a0{half:.2g}" if math.isfinite(half) else ""
+        return f"{mean.value:.4g}{error}" if math.isfinite(mean.value) else None
+
+    made = sweep_table.points(dataset, MOST_ROWS, with_error if over else lambda mean: mean.value)
     caption = ""
     if over:
         runs = math.prod(dataset.sizes[d] for d in over)
@@ -150,25 +149,12 @@ def _cases(dataset: xr.Dataset) -> Html:
     shown = table(first, caption, left=len(dims))
     if further := len(others.columns[0].values):
         folded = table(others, left=len(dims)) + _more(left, "points ")
-        shown += html.details(f"The other {further} points", folded)
+        shown += html.details(f"The other {counted(further, 'point')}", folded)
     return shown
-
-
-def _table(
-    head: Sequence[str], rows: Sequence[Sequence[Cell]], left: int, caption: str = ""
-) -> Html:
-    return table(Table.of([(one, "") for one in head], rows), caption, left=left)
 
 
 def _more(left: int, what: str = "") -> Html:
     return paragraph(f"{left} more {what}are in the store.") if left > 0 else Html("")
-
-
-def _with_error(one: IntervalEstimate) -> Cell:
-    if not math.isfinite(one.value):
-        return None
-    half = 0.5 * (one.high - one.low)
-    return f"{one.value:.4g}\u00a0±\u00a0{half:.2g}" if math.isfinite(half) else f"{one.value:.4g}"
 
 
 def _varied(dataset: xr.Dataset) -> list[str]:
@@ -212,12 +198,6 @@ def _samples(dataset: xr.Dataset) -> Iterator[Drawn]:
         yield text, draw.draw_convergence(dataset, name, PRECISION)
 
 
-def _words(dataset: xr.Dataset) -> Html:
-    """What the samples say, and Sobol indices where the design gives them."""
-    said = [sweep_table.uncertainty(dataset, name, PRECISION) for name in _known(dataset)]
-    return joined([markup("<pre>{}</pre>", text) for text in said])
-
-
 def _picture(drawn: Drawn) -> Html:
     title, figure = drawn
     content = io.BytesIO()
@@ -228,15 +208,6 @@ def _picture(drawn: Drawn) -> Html:
     return markup('<figure class="plot"><figcaption>{}</figcaption>{}</figure>', title, image)
 
 
-def _pdf(figures: list[Drawn]) -> bytes:
-    content = io.BytesIO()
-    with style("screen"), PdfPages(content) as pages:
-        for title, figure in figures:
-            figure.suptitle(title, fontsize=9)
-            pages.savefig(figure)
-    return content.getvalue()
-
-
 def _failed(dataset: xr.Dataset) -> Html:
     places = np.argwhere(dataset["status"].values == FAILED)
     if not len(places):
@@ -244,34 +215,35 @@ def _failed(dataset: xr.Dataset) -> Html:
     dims = list(dataset.attrs["sizes"])
     drawn = list(dataset.attrs["sampled"])
     errors = dataset["error"].values
-    rows: list[list[Cell]] = []
+    rows = []
     for place in places[:MOST_ROWS]:
         at = dict(zip(dims, map(int, place), strict=True))
-        row: list[Cell] = [sweep_table.coordinate_text(dataset, d, k) for d, k in at.items()]
+        row = [sweep_table.coordinate_text(dataset, d, k) for d, k in at.items()]
         for name in drawn:
             factor = sweep_table.scale(dataset, name)[0]
             row.append(f"{factor * float(dataset[name].values[at[SAMPLE]]):.4g}")
         rows.append([*row, str(errors[tuple(place)])])
     head = [*(sweep_table.label(dataset, d) for d in (*dims, *drawn)), "error"]
     caption = f"{len(places)} of {errors.size} cases"
-    return _table(head, rows, len(head), caption) + _more(len(places) - len(rows))
+    made = table(Table.of_texts([head, *rows]), caption, left=len(head))
+    return made + _more(len(places) - len(rows))
 
 
 def _inputs(dataset: xr.Dataset) -> Html:
+    def plain(text: str) -> str:
+        """A value as scenario files write it."""
+        with suppress(ValueError):
+            value = json.loads(text)
+            return value if isinstance(value, str) else text
+        return text
+
     identity: dict[str, Any] = dict(dataset.attrs["identity"])
     sweep = {k: v for k, v in identity.items() if k.startswith("sweep.")}
     base = {k: v for k, v in identity.items() if k not in sweep}
     keys, scenario = (
-        _table(["key", "value"], [[k, _plain(v)] for k, v in those.items()], 2)
+        table(
+            Table.of_texts([["key", "value"], *([k, plain(v)] for k, v in those.items())]), left=2
+        )
         for those in (sweep, base)
     )
     return keys + html.details("The scenario that is changed", scenario)
-
-
-def _plain(text: str) -> str:
-    """A value as scenario files write it."""
-    try:
-        value = json.loads(text)
-    except ValueError:
-        return text
-    return value if isinstance(value, str) else text
