@@ -33,15 +33,28 @@ from jointplay.simulation.loads import Controller, Free, JointFriction, Prescrib
 from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.run import Run
 from jointplay.simulation.simulation import Simulation
+from jointplay.study.slow_motion import slow_motion
 from jointplay.study.study import Study
 
 STARTS = (0.5, 2.0, 8.0)
 """How far joint and motor start from the goal, in plays of the gear."""
 
+STEPPED_S = 60.0
+"""So long the engine runs a joint under a servo; what is not clear then is too slow to be stepped,
+and is asked of `slow_motion`. With 20 s one of 110 random joints, that swings fast but grows
+slowly, is beyond that, too."""
+
+HORIZON_S = 1e5
+"""Longest motion under a servo: what would not come aside in a day is at rest (judged)."""
+
+DIES = math.sqrt(10.0)
+"""What comes no more times as far in the last nine tenths of a day as in nine tenths of the time
+before dies out: it is 10 for what lasts, 1 for what slows down as 1/t."""
+
 LONGEST_S, SEARCH_S, MAP_S = 300.0, 60.0, 12.0
-"""A run that does not end before, because it is clear whether its swings last, lasts so long: an
-integral that winds up in 25 s, or friction that creeps for a minute, is seen to its end. One of the
-many that look for a gain, or make a map, lasts less, and more of them are unclear."""
+"""Under controllers of the user's own, which only the engine can run, a run that does not end
+before, because it is clear whether its swings last, lasts so long. One of the many that look for a
+gain, or make a map, lasts less, and more of them are unclear."""
 
 STEP_S, RECORD_S = 2e-4, 1e-3
 """Longest step, and interval of records."""
@@ -52,7 +65,7 @@ of what is fast."""
 
 LEAST = 0.01
 """Half a swing, in plays of the gear, below which nothing is said to hunt. What at its pace, not
-growing, would come no farther in the longest run than a whole one is at rest."""
+growing, would come no farther in a day, under controllers in `LONGEST_S`, is at rest."""
 
 ROUNDING = 1e-3
 """What would not even come by this part of it need not slow down."""
@@ -64,12 +77,6 @@ than the second in all."""
 
 LASTS = 0.9
 """At the end of the longest run swings need be no steadier than that the last keep so much."""
-
-SLOWS, CONVEX = 0.95, 0.9
-"""What leads one way all the time, and no faster, ends where forces balance. Where an integral may
-wind up meanwhile it must slow down as decaying exponentials do: by the first from a quarter of the
-longest run to the next, and by no smaller a factor than before, but for the second. Before a turn
-factors become smaller."""
 
 UNITS = {"p_gain": "V/rad", "i_gain": "V/(rad*s)", "d_gain": "V*s/rad"}
 """Of a servo's gains."""
@@ -322,26 +329,27 @@ class Trial:
     """How far joints and motors begin aside, in plays of their gears."""
     play: bool = True
     """Whether gears have their play."""
-    longest: float = LONGEST_S
-    """[s]."""
+    longest: float | None = None
+    """[s]; None: `HORIZON_S` under a servo, else `LONGEST_S`."""
 
 
 def swings(trial: Trial) -> list[Swing]:
     """What each axis does in the end: run until its swings last or are over."""
-    axes = trial.released.axes
+    axes, alone = trial.released.axes, isinstance(trial.released, Axis)
+    longest = trial.longest or (HORIZON_S if alone else LONGEST_S)
     with within(", ".join(axis.joint for axis in axes)):
-        simulation = trial.released.simulation(trial.longest)
+        simulation = trial.released.simulation(min(STEPPED_S, longest) if alone else longest)
         for finer in (1, FINER):
             run = Run(replace(
                 simulation, step=simulation.step / finer,
                 record_every=simulation.record_every * finer,
             ))  # fmt: skip
-            if (found := _watched(run, trial)) is not None:
+            if (found := _watched(run, trial, longest)) is not None:
                 return found
     return [DIVERGES] * len(axes)
 
 
-def _watched(run: Run, trial: Trial) -> list[Swing] | None:
+def _watched(run: Run, trial: Trial, longest: float) -> list[Swing] | None:
     """What each axis does; None if it diverges."""
     look, robot = FIRST_LOOK_S, run.mechanism
     for name, gear in robot.gears.items():
@@ -357,7 +365,18 @@ def _watched(run: Run, trial: Trial) -> list[Swing] | None:
     if result.status == Status.RUN_AWAY:
         return None
     result.completed(", ".join(axis.joint for axis in trial.released.axes))
+    if isinstance(trial.released, Axis) and longest > STEPPED_S:
+        return [_solved(trial.released, trial, longest)]
     return [one for one in _seen(run, trial, last=True) if one]
+
+
+def _solved(axis: Axis, trial: Trial, longest: float) -> Swing:
+    """What an axis does in the end that is too slow to be stepped."""
+    start = trial.start * axis.gear.play
+    for time, places in slow_motion(axis, start, trial.play, longest, STEPPED_S, LOOKS):
+        if swing := _swing(time, places, axis, last=time[-1] >= longest):
+            return swing
+    return QUIET._replace(unclear=True)
 
 
 def _seen(run: Run, trial: Trial, last: bool) -> list[Swing | None]:
@@ -365,20 +384,17 @@ def _seen(run: Run, trial: Trial, last: bool) -> list[Swing | None]:
     result, robot, axes = run.result(only=("q",)), run.mechanism, trial.released.axes
     time, q = result.time, result["q"].values
     places = [q[:, [robot.coordinate(axis.joint), robot.motor(axis.joint)]].T for axis in axes]
-    return [
-        _swing(time, at, axis, trial.longest, last) for axis, at in zip(axes, places, strict=True)
-    ]
+    return [_swing(time, at, axis, last) for axis, at in zip(axes, places, strict=True)]
 
 
-def _swing(
-    time: np.ndarray, places: np.ndarray, axis: Axis, longest: float, last: bool
-) -> Swing | None:
+def _swing(time: np.ndarray, places: np.ndarray, axis: Axis, last: bool) -> Swing | None:
     """Likewise of one, from link and motor, (2, n), without the first quarter of the run."""
     least = LEAST * axis.gear.play
+    horizon = HORIZON_S if isinstance(axis.drive, Servo) else LONGEST_S
     quarter = (len(time) - 1) // 4
     late = len(time) - 1 - 3 * quarter
     ways = [np.ptp(places[:, late + k * quarter :][:, : quarter + 1], axis=1) for k in range(3)]
-    pace = ways[2] * max(longest / float(time[-1] - time[-1 - quarter]), 1.0)
+    pace = ways[2] * horizon / float(time[-1] - time[-1 - quarter])
     rests = pace < 2.0 * least * np.where(ways[2] <= ways[1], 1.0, ROUNDING)
     if rests.all() or (last and rests[1]):
         return QUIET  # in the end a link may float in its play, beside a motor that stands
@@ -390,7 +406,8 @@ def _swing(
     if each >= (1 if last else 2) and spans[own] > 2.0 * least:
         cut = rises[[-1 - 3 * each, -1 - 2 * each, -1 - each, -1]]
         sizes = [float(np.ptp(places[own, i:j])) for i, j in pairwise(cut)]
-        if _lasts(sizes, last):
+        times = np.diff(time[cut])  # in a dead band what creeps may turn ever later
+        if _lasts(sizes, last) and times[2] < times[0] / LASTS:
             at = slice(cut[1], cut[3])
             frequency = 2.0 * each / float(time[cut[3]] - time[cut[1]])
             amplitude, twist = (
@@ -399,11 +416,16 @@ def _swing(
             return Swing(True, amplitude, frequency, twist)
     if not last:
         return None
-    one_way = np.abs(later[:, -1] - later[:, 0]) >= (1.0 - ROUNDING) * spans
-    slows = ways[2] <= (1.0 + ROUNDING) * ways[1]
-    if not isinstance(axis.drive, Servo) or axis.drive.i_gain > 0.0:
-        slows = (ways[2] < SLOWS * ways[1]) & (ways[2] * ways[0] > CONVEX * ways[1] ** 2)
-    return QUIET._replace(unclear=not (rests | (one_way & slows)).all())
+    quiet = rests
+    if isinstance(axis.drive, Servo) and axis.drive.i_gain == 0.0:
+        one_way = np.abs(later[:, -1] - later[:, 0]) >= (1.0 - ROUNDING) * spans
+        quiet |= one_way & (ways[2] <= (1.0 + ROUNDING) * ways[1])
+    if time[-1] >= HORIZON_S:
+        tenth = (len(time) - 1) // 10
+        way = np.cumsum(np.abs(np.diff(places, axis=1)), axis=1)[:, [tenth // 10, tenth, -1]]
+        before, after = np.diff(way, axis=1).T
+        quiet |= after < DIES * before
+    return QUIET._replace(unclear=not quiet.all())
 
 
 def _lasts(sizes: Sequence[float], last: bool) -> bool:
@@ -526,11 +548,15 @@ class _Search:
     bar: ProgressBar
 
     def largest(
-        self, these: Sequence[Released], play: bool, longest: float = SEARCH_S
+        self, these: Sequence[Released], play: bool, controlled: float = SEARCH_S
     ) -> list[list[Swing]]:
-        """The largest swing of each axis of each that is released."""
-        longest = longest if self.longest is None else self.longest
-        trials = [Trial(one, start, play, longest) for one in these for start in self.starts]
+        """The largest swing of each axis of each that is released; `controlled` is how long a run
+        under controllers lasts [s].
+        """
+        trials = []
+        for one in these:
+            own = self.longest or (None if isinstance(one, Axis) else controlled)
+            trials += [Trial(one, start, play, own) for start in self.starts]
         self.bar.total = (self.bar.total or 0) + len(trials)
         found = Study(trials, swings).run(self.jobs, self.bar)
         n = len(self.starts)
@@ -591,8 +617,8 @@ def hunting(
         simulation, joints, pose: see `released`.
         gain: that is varied, of `UNITS` or a parameter of an own controller; None: the P gain of
             servos, none of controllers.
-        longest: run, if it is not clear before whether swings last [s]; None: `LONGEST_S`, or
-            `SEARCH_S` to look for the gain.
+        longest: motion, if it is not clear before whether swings last [s]; None: `HORIZON_S` under
+            servos, under controllers `LONGEST_S`, or `SEARCH_S` to look for the gain.
         starts: how far aside runs begin, in plays of the gear.
         jobs: processes; None takes one for each core.
         progress: show a bar.
@@ -693,12 +719,13 @@ def gain_map(
 ) -> GainMap:
     """Run a joint at all pairs of two gains, with play and without, once each from one start.
 
-    No run is longer than `longest`, `MAP_S` if that is None.
+    No motion is longer than `longest` [s]; None: `HORIZON_S` under a servo, else `MAP_S`.
 
     Raises:
         JointplayError: no such gain, twice the same, or several joints.
     """
-    longest = require_positive("longest run", MAP_S if longest is None else longest, "s")
+    if longest is not None:
+        require_positive("longest run", longest, "s")
     for gain, _ in (first, second):
         _require_gain(one, gain)
     if first.gain == second.gain:
@@ -713,7 +740,7 @@ def gain_map(
     with ProgressBar(disable=not progress, unit="run", total=0) as bar:
         search = _Search([start], longest, jobs, bar)
         loose, tight = (
-            [each for (each,) in search.largest(all_of_them, play)] for play in (True, False)
+            [each for (each,) in search.largest(all_of_them, play, MAP_S)] for play in (True, False)
         )
     maps = (
         [each.amplitude for each in loose],

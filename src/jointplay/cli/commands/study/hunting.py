@@ -42,8 +42,9 @@ def declare(parser: Parser) -> None:
         "and a servo or controller)")
     add("--pose", **REPEATED, metavar="JOINT=X,...", help="positions at which joints are held "
         "(default: where the motion begins)")
-    add("--time", **TIME, help="longest run, if it is not clear before whether swings last "
-        "(default: 300 s; 60 s to look for a gain, 12 s for a map)")
+    add("--time", **TIME, help="longest motion, if it is not clear before whether swings last "
+        "(default: a day; under controllers of your own 300 s, 60 s to look for a gain, 12 s for a "
+        "map)")
     add("--gain", metavar="GAIN", help="gain that is varied: p_gain, i_gain, d_gain, or a "
         "parameter of your controller, by the name in its class or p0, p1, ... (default: p_gain of "
         "servos, none of controllers)")
