@@ -12,7 +12,7 @@ from warm import JOINTPLAY
 import jointplay as jp
 from jointplay.cli import main
 from jointplay.study import hunting
-from jointplay.study.hunting import Axis, Span, Trial, describing_function, predicted
+from jointplay.study.hunting import Axis, Trial, describing_function, predicted
 from jointplay.study.slow_motion import slow_motion
 
 GEAR = jp.Gear(play=8.7e-3, rotor_inertia=0.0284, stiffness=300.0, damping=1.0)
@@ -334,7 +334,7 @@ def test_a_gain_that_is_not_there_is_refused(gain, words):
 @pytest.mark.thorough
 def test_a_map_is_over_parameters_of_a_controller_too():
     (own,) = hunting.released(arm(100.0, **RUBS), ("joint_b",), POSE)
-    kp, kd = Span("kp", np.array([200.0, 1000.0])), Span("kd", np.array([20.0, 60.0]))
+    kp, kd = ("kp", np.array([200.0, 1000.0])), ("kd", np.array([20.0, 60.0]))
     found = hunting.gain_map(own, kp, kd, longest=30.0, jobs=1)
     assert (found.amplitude > 0.0).tolist() == [[False, True], [False, False]]  # dies after 6 s
     assert not found.unclear.any()
@@ -347,7 +347,7 @@ def test_a_map_is_over_parameters_of_a_controller_too():
 @pytest.mark.thorough
 def test_a_map_shows_where_play_hunts_and_where_gains_do(tmp_path):
     found = hunting.gain_map(
-        axis(100.0), Span("p_gain", np.array([20.0, 300.0])), Span("d_gain", np.array([0.0, 8.0])),
+        axis(100.0), ("p_gain", np.array([20.0, 300.0])), ("d_gain", np.array([0.0, 8.0])),
         jobs=1,
     )  # fmt: skip
     assert found.amplitude[0, 1] > 5e-3
@@ -359,7 +359,7 @@ def test_a_map_shows_where_play_hunts_and_where_gains_do(tmp_path):
     found.amplitude[1, 1] = np.inf  # as where it diverges
     gains(found).savefig(tmp_path / "gains.png")
     with pytest.raises(jp.JointplayError, match="over two gains"):
-        hunting.gain_map(axis(1.0), Span("p_gain", np.ones(2)), Span("p_gain", np.ones(2)))
+        hunting.gain_map(axis(1.0), ("p_gain", np.ones(2)), ("p_gain", np.ones(2)))
 
 
 def command(*options):

@@ -21,7 +21,7 @@ from jointplay.physics.kernel import JOINT_FRICTION_SPEED
 from jointplay.simulation.loads import JointFriction, Servo
 
 if TYPE_CHECKING:
-    from jointplay.study.hunting import Axis
+    from jointplay.study.released import Axis
 
 EDGE = 1e-4
 """Part of a count in which a reading changes: with it a swing of 98 s between two counts has the

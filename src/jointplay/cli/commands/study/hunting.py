@@ -64,11 +64,12 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.scenario.presets import preset
     from jointplay.simulation.loads import Servo
     from jointplay.study import hunting
+    from jointplay.study.released import servo_of
 
     if options.preset is None and not (options.set or is_scenario(options)):
         names = [name_and_number(text)[0] for text in options.gear]
         joint = names[0] if names and names[0] != ALL else "JOINT"
-        add = hunting.servo_of(joint)
+        add = servo_of(joint)
         add = add if names else f"--gear {joint}=PLAY and {add}"
         robot = scenario_of(options, moves=False).mechanism().description
         own = own_preset(options)
@@ -90,7 +91,7 @@ def run(options: argparse.Namespace) -> int:
             raise JointplayError(f"a map is of one joint: give --of, one of {', '.join(names)}")
         out.claim()
         streams.release()
-        found = hunting.gain_map(these[0], *(hunting.Span(*one) for one in spans), **how)
+        found = hunting.gain_map(these[0], *spans, **how)
         print(found.sentence)
         if options.out:
             from jointplay.show.plots.design import gains
