@@ -21,6 +21,7 @@ import jointplay as jp
 from jointplay.base.processes import cores
 from jointplay.base.progress import ProgressBar
 from jointplay.study import hunting
+from jointplay.study.swings import LEAST
 
 CLOSE = 0.2
 """Relative difference of amplitudes that counts as the same."""
@@ -114,7 +115,7 @@ def truth(axis: hunting.Axis, start: float, duration: float, step: float) -> tup
     away = link - 0.5 * (link.max() + link.min())
     turns = np.count_nonzero(np.diff(np.sign(away[np.abs(away) > 0.25 * np.abs(away).max()])) > 0)
     amplitude = 0.5 * float(np.ptp(link))
-    lasts = amplitude > hunting.LEAST * gear.play and after > 0.9 * before and turns >= 3
+    lasts = amplitude > LEAST * gear.play and after > 0.9 * before and turns >= 3
     return lasts, amplitude if lasts else 0.0
 
 

@@ -12,7 +12,8 @@ from warm import JOINTPLAY
 import jointplay as jp
 from jointplay.cli import main
 from jointplay.study import hunting
-from jointplay.study.hunting import Axis, Span, Trial, describing_function, predicted
+from jointplay.study.hunting import Axis, Trial, describing_function, predicted
+from jointplay.study.slow_motion import slow_motion
 
 GEAR = jp.Gear(play=8.7e-3, rotor_inertia=0.0284, stiffness=300.0, damping=1.0)
 
@@ -76,7 +77,10 @@ def slowly(i_gain, presliding=0.0, **changes):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize(("i_gain", "link", "period"), [(17.0, 0.340, 24.93), (8.0, 0.188, 44.93)])
+@pytest.mark.parametrize(
+    ("i_gain", "link", "period"),
+    [(17.0, 0.340, 24.93), (8.0, 0.188, 44.93), (2.0, 0.05433, 147.95)],
+)
 def test_an_integral_that_winds_up_for_seconds_is_no_rest(i_gain, link, period):
     """It swings for ever, as an integration by other code does; bristles hold it."""
     for start in (0.5, 8.0):
@@ -85,6 +89,52 @@ def test_an_integral_that_winds_up_for_seconds_is_no_rest(i_gain, link, period):
     assert 1e3 * found.amplitude == pytest.approx(link, rel=0.02)
     assert 1.0 / found.frequency == pytest.approx(period, rel=0.02)
     assert at(slowly(i_gain, 5e-4)) == at(slowly(0.0)) == hunting.QUIET
+
+
+def test_an_integral_within_a_dead_band_swings_or_dies_out():
+    """With the encoder behind the play it swings, as by other code; before it, the motor creeps to
+    and fro through the band, each time slower.
+    """
+    drive = replace(slowly(17.0).drive, dead_band=2e-4)
+    found = at(slowly(17.0, drive=drive))
+    assert 1e3 * found.amplitude == pytest.approx(0.5401, rel=0.01)
+    assert 1.0 / found.frequency == pytest.approx(27.55, rel=0.01)
+    assert at(slowly(17.0, drive=replace(drive, encoder="motor"))) == hunting.QUIET
+
+
+@pytest.mark.parametrize(
+    "gear",
+    [
+        jp.StrainWaveGear(
+            ratio=100.0,
+            stiffness_1=80.0,
+            stiffness_2=120.0,
+            torque_1=0.3,
+            rated_torque=1.0,
+            play=2e-3,
+            damping=1.0,
+            rotor_inertia=0.03,
+            efficiency=0.7,
+            no_load_torque=0.05,
+            hysteresis=2e-3,
+        ),
+        SLOW,
+    ],
+    ids=lambda gear: gear.kind,
+)
+def test_the_equations_of_slow_motion_are_the_engines(gear):
+    """Link and motor, released aside, in the first second."""
+    servo = replace(slowly(17.0).drive, d_gain=0.5, effort=2.0, resolution=1e-4)
+    rubs = jp.loads.JointFriction(0.01, static=0.02, presliding=1e-3, presliding_damping=0.02)
+    aside = slowly(17.0, gear=gear, drive=servo, friction=rubs, load=0.05)
+    run = jp.Run(aside.simulation(1.0))
+    robot = run.mechanism
+    places = [robot.coordinate("a"), robot.motor("a")]
+    run.workspace.q[places] += 0.02
+    result = run.finish(check_step=False)
+    ((time, motion),) = slow_motion(aside, 0.02, True, 1.0, 1.0, 2.0)
+    for mine, there in zip(motion, result["q"].values[:, places].T, strict=True):
+        assert mine == pytest.approx(np.interp(time, result.time, there), abs=4e-5)
 
 
 @pytest.mark.thorough
@@ -284,8 +334,8 @@ def test_a_gain_that_is_not_there_is_refused(gain, words):
 @pytest.mark.thorough
 def test_a_map_is_over_parameters_of_a_controller_too():
     (own,) = hunting.released(arm(100.0, **RUBS), ("joint_b",), POSE)
-    kp, kd = Span("kp", np.array([200.0, 1000.0])), Span("kd", np.array([20.0, 60.0]))
-    found = hunting.gain_map(own, kp, kd, jobs=1)
+    kp, kd = ("kp", np.array([200.0, 1000.0])), ("kd", np.array([20.0, 60.0]))
+    found = hunting.gain_map(own, kp, kd, longest=30.0, jobs=1)
     assert (found.amplitude > 0.0).tolist() == [[False, True], [False, False]]  # dies after 6 s
     assert not found.unclear.any()
     assert not found.control.any()
@@ -297,7 +347,7 @@ def test_a_map_is_over_parameters_of_a_controller_too():
 @pytest.mark.thorough
 def test_a_map_shows_where_play_hunts_and_where_gains_do(tmp_path):
     found = hunting.gain_map(
-        axis(100.0), Span("p_gain", np.array([20.0, 300.0])), Span("d_gain", np.array([0.0, 8.0])),
+        axis(100.0), ("p_gain", np.array([20.0, 300.0])), ("d_gain", np.array([0.0, 8.0])),
         jobs=1,
     )  # fmt: skip
     assert found.amplitude[0, 1] > 5e-3
@@ -309,7 +359,7 @@ def test_a_map_shows_where_play_hunts_and_where_gains_do(tmp_path):
     found.amplitude[1, 1] = np.inf  # as where it diverges
     gains(found).savefig(tmp_path / "gains.png")
     with pytest.raises(jp.JointplayError, match="over two gains"):
-        hunting.gain_map(axis(1.0), Span("p_gain", np.ones(2)), Span("p_gain", np.ones(2)))
+        hunting.gain_map(axis(1.0), ("p_gain", np.ones(2)), ("p_gain", np.ones(2)))
 
 
 def command(*options):

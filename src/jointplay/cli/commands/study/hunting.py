@@ -42,8 +42,9 @@ def declare(parser: Parser) -> None:
         "and a servo or controller)")
     add("--pose", **REPEATED, metavar="JOINT=X,...", help="positions at which joints are held "
         "(default: where the motion begins)")
-    add("--time", **TIME, help="longest run, if it is not clear before whether swings last "
-        "(default: 300 s; 60 s to look for a gain, 12 s for a map)")
+    add("--time", **TIME, help="longest motion, if it is not clear before whether swings last "
+        "(default: a day; under controllers of your own 300 s, 60 s to look for a gain, 12 s for a "
+        "map)")
     add("--gain", metavar="GAIN", help="gain that is varied: p_gain, i_gain, d_gain, or a "
         "parameter of your controller, by the name in its class or p0, p1, ... (default: p_gain of "
         "servos, none of controllers)")
@@ -63,11 +64,12 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.scenario.presets import preset
     from jointplay.simulation.loads import Servo
     from jointplay.study import hunting
+    from jointplay.study.released import servo_of
 
     if options.preset is None and not (options.set or is_scenario(options)):
         names = [name_and_number(text)[0] for text in options.gear]
         joint = names[0] if names and names[0] != ALL else "JOINT"
-        add = hunting.servo_of(joint)
+        add = servo_of(joint)
         add = add if names else f"--gear {joint}=PLAY and {add}"
         robot = scenario_of(options, moves=False).mechanism().description
         own = own_preset(options)
@@ -89,7 +91,7 @@ def run(options: argparse.Namespace) -> int:
             raise JointplayError(f"a map is of one joint: give --of, one of {', '.join(names)}")
         out.claim()
         streams.release()
-        found = hunting.gain_map(these[0], *(hunting.Span(*one) for one in spans), **how)
+        found = hunting.gain_map(these[0], *spans, **how)
         print(found.sentence)
         if options.out:
             from jointplay.show.plots.design import gains

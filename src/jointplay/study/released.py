@@ -1,0 +1,245 @@
+"""Joints that are released beside their goals: each servo's alone, all others held.
+
+Of a servo one joint is left: a motor, its gear, the link's inertia as Pinocchio has it at the pose,
+the torque of gravity, friction. Joints that controllers of the user's own set move together, in the
+whole robot.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import quoteattr
+
+import pinocchio as pin
+
+from jointplay.base.errors import JointplayError, require_a, require_known
+from jointplay.model import urdf
+from jointplay.model.gear import Gearing
+from jointplay.model.impact import tooth_duration
+from jointplay.model.mechanism import Mechanism, loaded
+from jointplay.physics.kernel import WELL_RESOLVED_STEPS
+from jointplay.simulation.checks import joint_friction
+from jointplay.simulation.loads import Controller, Free, JointFriction, Prescribed, Servo, Wrench
+from jointplay.simulation.motion.reference import Motion
+from jointplay.simulation.simulation import Simulation
+
+STEP_S, RECORD_S = 2e-4, 1e-3
+"""Longest step, and interval of records."""
+
+UNITS = {"p_gain": "V/rad", "i_gain": "V/(rad*s)", "d_gain": "V*s/rad"}
+"""Of a servo's gains."""
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One joint of a robot at a pose, all others held; its position counts from the pose.
+
+    Quantities of rotation stand for those of translation of a prismatic joint.
+    """
+
+    joint: str
+    slides: bool
+    inertia: float
+    """That the joint moves, the motor's not counted [kg m^2]."""
+    load: float
+    """Torque of gravity on the joint [N m]."""
+    gear: Gearing
+    drive: Servo | Controller
+    friction: JointFriction
+
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        return (self,)
+
+    @property
+    def gains(self) -> dict[str, float]:
+        """Those of the servo, by name."""
+        return {name: getattr(self.drive, name) for name in UNITS}
+
+    def with_gains(self, **gains: float) -> Axis:
+        """With other gains of the servo."""
+        drive: Any = self.drive
+        return replace(self, drive=replace(drive, **gains))
+
+    def mechanism(self) -> Mechanism:
+        """A robot of this one joint."""
+        j, kind = repr(self.inertia), "prismatic" if self.slides else "continuous"
+        inertia = f'<inertia ixx="{j}" iyy="{j}" izz="{j}" ixy="0" ixz="0" iyz="0"/>'
+        limit = '<limit effort="0" velocity="0"/>' if self.slides else ""
+        text = (
+            '<robot name="axis"><link name="base"/><link name="link"><inertial>'
+            f'<mass value="{j}"/>{inertia}</inertial></link>'
+            f"<joint name={quoteattr(self.joint)} type={quoteattr(kind)}>"
+            f'<parent link="base"/><child link="link"/><axis xyz="0 0 1"/>{limit}</joint></robot>'
+        )
+        return Mechanism(
+            urdf.parse(text, Path("-")), gears={self.joint: self.gear}, gravity=(0.0, 0.0, 0.0)
+        )
+
+    def simulation(self, duration: float) -> Simulation:
+        """Held at zero for so long [s]."""
+        assert isinstance(self.drive, Servo)
+        way = (0.0, 0.0, self.load)
+        push = Wrench("link", force=way) if self.slides else Wrench("link", moment=way)
+        return Simulation(
+            self.mechanism(),
+            Motion([self.joint], [0.0, 1e-2], [[0.0], [0.0]]),
+            drive=self.drive,
+            joint_friction={self.joint: self.friction},
+            loads={} if self.load == 0.0 else {"gravity": push},
+            **_at_rest(self.mechanism(), [self.drive], duration),
+        )
+
+
+@dataclass(frozen=True)
+class MultiAxis:
+    """Joints that controllers of the user's own set, all moving in the whole robot."""
+
+    axes: tuple[Axis, ...]
+    """Those that are looked at."""
+    whole: Simulation
+    """The robot, its other joints held."""
+
+    @property
+    def gains(self) -> dict[str, float]:
+        """Parameters of the controllers by name; of several ones ``LOAD.NAME``."""
+        own = _controllers(self.whole)
+        return {
+            gain if len(own) == 1 else f"{load}.{gain}": value
+            for load, one in own.items()
+            for gain, value in zip(one.names, one.parameters, strict=True)
+        }
+
+    def with_gains(self, **gains: float) -> MultiAxis:
+        """With other parameters of the controllers."""
+        values, loads = iter((self.gains | gains).values()), dict(self.whole.loads)
+        for name, one in _controllers(self.whole).items():
+            loads[name] = replace(one, parameters=tuple(next(values) for _ in one.parameters))
+        return replace(self, whole=replace(self.whole, loads=loads))
+
+    def simulation(self, duration: float) -> Simulation:
+        """Held at the pose, or where the controllers lead, for so long [s]."""
+        drives = self.whole.drive.values()  # type: ignore[union-attr]
+        sampled = [*_controllers(self.whole).values(), *drives]
+        return replace(self.whole, **_at_rest(self.whole.mechanism, sampled, duration))
+
+
+Released = Axis | MultiAxis
+"""What is released beside its goal."""
+
+
+def _at_rest(mechanism: Mechanism, sampled: Sequence[Any], duration: float) -> dict[str, Any]:
+    """How it is run for so long [s]: its gears resolved, and as drives are sampled."""
+    q = mechanism.configuration({})
+    step = min(tooth_duration(mechanism, name, q) for name in mechanism.gears) / WELL_RESOLVED_STEPS
+    step = min(STEP_S, float(f"{step:.1e}"))
+    periods = [period for one in sampled if (period := getattr(one, "period", None)) is not None]
+    if periods:
+        step = min(periods) / math.ceil(min(periods) / step - 1e-9)
+    every = max(round(RECORD_S / step), 1)
+    how = {"start": "centred", "limits": "ignore"}
+    return {"duration": duration, "step": step, "record_every": every, **how}
+
+
+def _controllers(simulation: Simulation) -> dict[str, Controller]:
+    """Those of the user's own, by the name of the load."""
+    return {name: one for name, one in simulation.loads.items() if isinstance(one, Controller)}
+
+
+def _drives(simulation: Simulation) -> dict[str, Servo | Controller]:
+    """What moves each joint: a controller of the user's own, or else its servo."""
+    drive, joints = simulation.drive, simulation.mechanism.joints
+    given = drive if isinstance(drive, Mapping) else dict.fromkeys(joints, drive)
+    own = {name: one for one in _controllers(simulation).values() for name in one.joints}
+    return {name: one for name, one in given.items() if isinstance(one, Servo)} | own
+
+
+def servo_of(joint: str) -> str:
+    """The option that gives a joint a servo, with all that it must have."""
+    table = 'kind="servo", voltage="12 V", p_gain="20 V/rad"'
+    table += ', torque_constant="1.2 N*m/A", resistance="2.7 ohm"'
+    return f"--set 'drives.{joint}={{{table}}}' with its numbers"
+
+
+def released(
+    simulation: Simulation, joints: Sequence[str] = (), pose: Mapping[str, float] | None = None
+) -> list[Released]:
+    """Joints as a simulation has them: servos' each alone, those of own controllers together.
+
+    Args:
+        simulation: a robot with its gears, drives, friction, payloads held from the start, and
+            controllers among its loads.
+        joints: with a gear that has play, and a servo or a controller; none: all of these.
+        pose: positions of joints [rad or m]; others are where the motion begins, or at zero.
+
+    Raises:
+        JointplayError: what lacks, and what to give.
+    """
+    require_a("simulation", simulation, "Simulation")
+    robot, drives = simulation.mechanism, _drives(simulation)
+    loose = [name for name, gear in robot.gears.items() if gear.play > 0.0]
+    for name in (*joints, *(pose or {})):
+        require_known("moving joint", name, robot.joints)
+    able = [name for name in loose if name in drives]
+    for name in joints or able or [*loose, *robot.joints][:1]:
+        if name not in loose:
+            raise JointplayError(
+                f'{name!r} has no gear with play: give --preset, or --gear {name}="10 arcmin" '
+                f"--set gears.{name}.rotor_inertia=... --set gears.{name}.stiffness=..."
+            )
+        if name not in drives:
+            raise JointplayError(
+                f"{name!r} has neither a servo nor a controller of its own: give {servo_of(name)}"
+            )
+    if robot.loops:
+        raise JointplayError("the other joints of a closed loop cannot be held: open it")
+    motion = simulation.motion
+    begin = {} if motion is None else dict(zip(motion.joints, motion.positions[0], strict=True))
+    entries = robot.description.joints
+    at = (
+        {name: entries[name].neutral for name in robot.joints if name in entries}
+        | begin
+        | dict(pose or {})
+    )
+    axes = [_axis(simulation, name, at) for name in dict.fromkeys(joints or able)]
+    found: list[Released] = [one for one in axes if isinstance(one.drive, Servo)]
+    own = tuple(one for one in axes if isinstance(one.drive, Controller))
+    return [*found, MultiAxis(own, _with_others_held(simulation, at))] if own else found
+
+
+def _axis(simulation: Simulation, joint: str, at: Mapping[str, float]) -> Axis:
+    """A joint at a pose."""
+    robot = simulation.mechanism
+    alone = robot.with_clearance({}, robot.gears)
+    bodies = loaded(alone.model, simulation.payloads, 0.0)
+    q, k, data = alone.configuration(at), alone.coordinate(joint), bodies.createData()
+    inertia = float(pin.crba(bodies, data, q)[k, k])
+    load = 0.0 - float(pin.computeGeneralizedGravity(bodies, data, q)[k])
+    friction = joint_friction(simulation).get(joint, JointFriction())
+    slides, drive = robot.description.joints[joint].slides, _drives(simulation)[joint]
+    return Axis(joint, slides, inertia, load, robot.gears[joint], drive, friction)
+
+
+def _with_others_held(simulation: Simulation, at: Mapping[str, float]) -> Simulation:
+    """The robot at a pose, with all joints held that no controller of the user's own sets."""
+    robot, drive = simulation.mechanism, simulation.drive
+    free = {name for one in _controllers(simulation).values() for name in one.joints}
+    servos = drive if isinstance(drive, Mapping) else dict.fromkeys(free, drive)
+    drives = {name: servos.get(name, Free()) if name in free else Prescribed() for name in at}
+    held = [name for name, one in drives.items() if one.follows]
+    place = [at[name] for name in held]
+    gears = {name: gear for name, gear in robot.gears.items() if name in free}
+    payloads = (replace(one, release=None) for one in simulation.payloads if one.pick == 0.0)
+    return Simulation(
+        robot.with_clearance({}, gears),
+        Motion(held, [0.0, 1e-2], [place, place]) if held else None,
+        drive=drives,
+        joint_friction=joint_friction(simulation),
+        payloads=tuple(payloads),
+        loads=simulation.loads,
+        state={name: at[name] for name in at if name not in held},
+    )
