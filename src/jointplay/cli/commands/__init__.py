@@ -89,8 +89,8 @@ def print_json(options: argparse.Namespace, answer: Mapping[str, Any]) -> None:
 
     Keys of tables end with the unit; values have the origin that they have in `base.origins`.
     """
-    json.dump(_plain(answer), options.json, indent=1, ensure_ascii=False, allow_nan=False)
-    print(file=options.json)
+    text = json.dumps(_plain(answer), indent=1, ensure_ascii=False, allow_nan=False)
+    print(text, file=options.json)
 
 
 def _plain(value: Any) -> Any:
