@@ -368,21 +368,14 @@ class _Inputs:
         from jointplay.scenario.reading import merge
         from jointplay.scenario.robot import SCARA_JOINT, robot_scenario
 
-        options = self.options
-        more = (_value(options, one) for one in ("gear", "payload", "joint_friction", "preset"))
-        given = [*self.wanted, *self.named, *_given(options)]
-        if self.file is not None and not given and all(one in (None, []) for one in more):
+        options, preset = self.options, chosen_preset(self.options)
+        if self.file is not None and not self._anything:
             return self.file
         names = list(self.named)
         if options.place is None and not names and not self.ideal:
             names = [SCARA_JOINT]
         names += [] if self.ideal else self._loosened()
-        preset, sized = chosen_preset(options), self._sized()
-        fitted = [one.key[1] for one in sized if one.key[2] == "fit"]
-        settings = [] if preset is None else self._of_preset(preset)
-        # A joint with a fit has not the preset's bearing.
-        settings = [one for one in settings if one.key[0] != "joints" or one.key[1] not in fitted]
-        settings += sized
+        settings = [*([] if preset is None else self._of_preset(preset)), *self.sized]
         beyond = []
         if self.file is None and options.place is not None:
             beyond = settings_beyond(self.description, self.ideal)
@@ -412,6 +405,13 @@ class _Inputs:
                 "--preset takes it"
             )
         return scenario
+
+    @property
+    def _anything(self) -> bool:
+        """Whether any option says anything of the machine."""
+        others = (_value(self.options, one) for one in ("gear", "payload", "joint_friction"))
+        named = [*self.wanted, *self.named, *_given(self.options)]
+        return bool(named or any(others) or _value(self.options, "preset") is not None)
 
     @cached_property
     def description(self) -> Description:
@@ -478,14 +478,17 @@ class _Inputs:
         return [name for name in self._movers if name not in self.named]
 
     def _of_preset(self, preset: Preset) -> list[Setting]:
-        """What the preset says of joints of which the file says nothing."""
+        """What the preset says of joints of which neither the file nor a fit says it."""
         settings = preset.settings(self.description)
         left = {table: [*joints] for table, joints in self.tables.items()}
+        fitted = [one.key[1] for one in self.sized if one.key[2] == "fit"]
+        left["joints"] = [*left.get("joints", ()), *fitted]
         if self.ideal:
             left["joints"] = [one.key[1] for one in settings]
         return [one for one in settings if one.key[1] not in left.get(one.key[0], ())]
 
-    def _sized(self) -> list[Setting]:
+    @cached_property
+    def sized(self) -> list[Setting]:
         """Bearings and fits of joints given as NAME=BEARING or NAME=FIT."""
         from jointplay.physics.joints.bearings import bearing_kind, is_catalogued
         from jointplay.physics.joints.fits import is_fit
@@ -538,7 +541,7 @@ class _Inputs:
                 for name in able or joints:
                     path = _path(key, name, kinds[name], options)
                     settings.append(Setting(path, _value(options, flag.attribute), flag.name))
-        sized = {one.key[1] for one in self._sized()}
+        sized = {one.key[1] for one in self.sized}
         for name, text in self.named.items():
             if text is not None and name not in sized:
                 path = _path(_CLEARANCE.keys[0], name, kinds[name], options)
