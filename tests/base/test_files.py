@@ -363,6 +363,7 @@ ELSEWHERE = {
     "simulation/analysis/parts simulation/result/result",
     "text, or standard output": "bridges/trajectory cli/commands/check base/streams",
     "in temporary folders and the user's cache": "model/viewer model/meshes model/builder "
+    "model/mjcf_whole "
     "show/player/movie study/case base/locks",
     "pieces whose checksums tell what is whole": "base/objects simulation/spool study/database",
 }

@@ -68,7 +68,8 @@ def looked_at(command, *words):
     options = parser().parse_args(words)
     if command == "study hunting":
         simulation = hunting.released(options)
-        return json.dumps([simulation.describe(), repr(simulation.drive)], default=str)
+        held = inputs.positions(simulation.mechanism, "".join(options.pose))
+        return json.dumps([simulation.describe(), repr(simulation.drive), held], default=str)
     if command in STANDING:
         posed = inputs.posed_machine(options, single=command == "export simulator")
         found = [posed.mechanism.describe(), posed.poses.q.tolist(), repr(posed.poses.holding)]

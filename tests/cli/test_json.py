@@ -34,6 +34,8 @@ def test_a_whole_budget_an_allocation_and_a_plan_are_json(capsys):
     allotted = answer(capsys, "allocate", *geared, "--target", "0.2 mm")
     assert allotted["error_m"] <= 0.2e-3 * (1 + 1e-6)
     assert all(row["play_rad"] > 0.0 for row in allotted["choices"])
+    loop = answer(capsys, "budget", "jointplay:slider_crank.toml", "--case", "0.2 mm")
+    assert any(row["key"] == "joints.piston_pin.radial_clearance" for row in loop["values"])
     plan = answer(capsys, "identify", *UR5, "--plan", "dial")
     assert "shoulder_pan_joint" in plan["plan"][0]
 

@@ -116,7 +116,12 @@ def check_fields(value: Any) -> None:
     for name in (one.name for one in dataclasses.fields(value) if one.name in fields):
         field, given = fields[name], getattr(value, name)
         if _as_in_files(field.hint, given):
-            given = _read_field(field, given)
+            try:
+                with within(name):
+                    given = make(_field(field, given))
+            except JointplayError as error:
+                place = ".".join(map(str, error.where))
+                raise JointplayError(f"{place}: {error}", error.where) from None
             object.__setattr__(value, name, given)
         if given is None and field.default is None and not field.required:
             continue
@@ -154,16 +159,6 @@ def _as_in_files(hint: Any, given: Any) -> bool:
             isinstance(one, str | Mapping) for one in several
         )
     return of_family and isinstance(given, int | float) and not isinstance(given, bool)
-
-
-def _read_field(field: Field, given: Any) -> Any:
-    """The value of a field that was given as in a file; errors name the field."""
-    try:
-        with within(field.name):
-            return make(_field(field, given))
-    except JointplayError as error:
-        place = ".".join(map(str, error.where))
-        raise JointplayError(f"{place}: {error}", error.where) from None
 
 
 @dataclass(frozen=True)

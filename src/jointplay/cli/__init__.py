@@ -42,12 +42,12 @@ class _Whole(Parser):
 
 def parser(only: str | None = None) -> Parser:
     """The parser of the command line, of all commands or, which is sooner made, only of one."""
-    made = _Whole(prog="jointplay")
-    made.set_defaults(path=())
-    made.add_argument("--version", **FLAG, help="print the version and exit")
-    made.add_argument("--completion", choices=SHELLS, help="print what has this shell complete "
+    whole = _Whole(prog="jointplay")
+    whole.set_defaults(path=())
+    whole.add_argument("--version", **FLAG, help="print the version and exit")
+    whole.add_argument("--completion", choices=SHELLS, help="print what has this shell complete "
                       "commands and options, and exit")  # fmt: skip
-    commands = made.add_subparsers(dest="command", metavar="COMMAND", parser_class=Parser)
+    commands = whole.add_subparsers(dest="command", metavar="COMMAND", parser_class=Parser)
     for name in (name for names in GROUPS.values() for name in names):
         if only not in (None, name):
             commands.add_parser(name)
@@ -57,25 +57,25 @@ def parser(only: str | None = None) -> Parser:
             kinds = command.add_subparsers(dest="of_kind", metavar="KIND", title="kinds")
             for kind in KINDS[name]:
                 _add_command(kinds, (name, kind))
-    return made
+    return whole
 
 
-def _module(words: Sequence[str]) -> tuple[ModuleType, str, list[str]]:
+def _module(path: Sequence[str]) -> tuple[ModuleType, str, list[str]]:
     """The module of a command; of its docstring the summary and the further paragraphs."""
-    module = importlib.import_module(f"jointplay.cli.commands.{'.'.join(words)}")
+    module = importlib.import_module(f"jointplay.cli.commands.{'.'.join(path)}")
     # Without docstrings (python -OO) they are in the source.
     text = module.__doc__ or ast.get_docstring(ast.parse(inspect.getsource(module)), clean=False)
-    title, *prose = (" ".join(one.split()) for one in (text or "").strip().split("\n\n"))
+    title, *prose = (" ".join(part.split()) for part in (text or "").strip().split("\n\n"))
     return module, title.partition(": ")[2].rstrip("."), prose
 
 
 def parsers() -> dict[str, Parser]:
     """The parser of every command, by the words that are typed for it, such as ``study sweep``."""
-    found = parser().choices()
+    commands = parser().choices()
     for name in KINDS:
-        group = found.pop(name)
-        found |= {f"{name} {kind}": one for kind, one in group.choices().items()}
-    return found
+        group = commands.pop(name)
+        commands |= {f"{name} {kind}": command for kind, command in group.choices().items()}
+    return commands
 
 
 def completion(shell: str) -> str:
@@ -86,18 +86,18 @@ def completion(shell: str) -> str:
     """
     with extra("completion", "shtab"):
         import shtab
-    made = parser()
-    left = [made]
-    for one in left:
-        one.explain()
-        for action in one._actions:
+    whole = parser()
+    parsers_left = [whole]
+    for command in parsers_left:
+        command.explain()
+        for action in command._actions:
             if isinstance(action, argparse._SubParsersAction):
-                left += action.choices.values()
+                parsers_left += action.choices.values()
             elif any(word in str(action.metavar) for word in ("FILE", "RESULT", "CSV", "DATA")):
                 action.complete = shtab.FILE  # type: ignore[attr-defined]
             elif action.metavar in ("DIR", "STORE"):
                 action.complete = shtab.DIRECTORY  # type: ignore[attr-defined]
-    return str(shtab.complete(made, shell=shell))
+    return str(shtab.complete(whole, shell=shell))
 
 
 def overview() -> str:
@@ -118,17 +118,17 @@ def overview() -> str:
     return "\n".join([*lines, "", ENDING])
 
 
-def _add_command(commands: Any, words: tuple[str, ...]) -> Parser:
+def _add_command(commands: Any, path: tuple[str, ...]) -> Parser:
     """Add the parser of the command of a module, which declares its options."""
-    module, summary, prose = _module(words)
+    module, summary, prose = _module(path)
     parser: Parser = commands.add_parser(
-        words[-1],
-        prog=" ".join(["jointplay", *words]),
+        path[-1],
+        prog=" ".join(["jointplay", *path]),
         help=summary.replace("%", "%%"),
         description=(prose or [f"{summary[0].upper()}{summary[1:]}."])[0],
         epilog=" ".join(prose[1:]),
     )
-    parser.set_defaults(path=words)
+    parser.set_defaults(path=path)
     if hasattr(module, "declare"):
         module.declare(parser)
     return parser
@@ -147,13 +147,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     with streams.forgiving():
         try:
-            words = sys.argv[1:] if arguments is None else arguments
+            typed = sys.argv[1:] if arguments is None else arguments
             if arguments is None:  # a process of our own
                 gc.set_threshold(*_GARBAGE)
-            made = parser(next((one for one in words if not one.startswith("-")), ""))
-            options = made.parse_args(words)
+            command = parser(next((word for word in typed if not word.startswith("-")), ""))
+            options = command.parse_args(typed)
             with signals.listening():
-                status = _command(made, options)
+                status = _command(command, options)
             sys.stdout.flush()  # what cannot be written must show here
             return status
         except BrokenPipeError:  # the reader, such as `head`, has seen enough

@@ -153,8 +153,8 @@ class Parser(argparse.ArgumentParser):
     """Says what is wrong in one line, and takes -1e-4 and -1,0,0 for values, not for options."""
 
     def __init__(self, *args: Any, **options: Any) -> None:
-        own = {"add_help": False, "conflict_handler": "resolve", "formatter_class": _Formatter}
-        super().__init__(*args, **options | own)
+        options |= {"add_help": False, "conflict_handler": "resolve"}
+        super().__init__(*args, **options | {"formatter_class": _Formatter})
         self._negative_number_matcher = re.compile(r"-\.?\d")
         self.explained: dict[str, Callable[[], tuple[str, str]]] = {}
         """By option what gives its help and what stands for its value, where that takes long."""
@@ -216,14 +216,14 @@ class Parser(argparse.ArgumentParser):
         formatter.add_text(self.description)
         formatter.start_section(None)
         shown = [
-            one
-            for one in self._actions
-            if one.dest in FRONT
-            or not one.option_strings
-            or one.required
-            or (one.container is self._optionals and one.dest not in self.behind)  # type: ignore[attr-defined]
+            action
+            for action in self._actions
+            if action.dest in FRONT
+            or not action.option_strings
+            or action.required
+            or (action.container is self._optionals and action.dest not in self.behind)  # type: ignore[attr-defined]
         ]
-        shown.sort(key=lambda one: (bool(one.option_strings), one.dest in FRONT))
+        shown.sort(key=lambda action: (bool(action.option_strings), action.dest in FRONT))
         formatter.add_arguments(map(in_short, shown))
         formatter.end_section()
         formatter.add_text(ALL.format(self.prog))

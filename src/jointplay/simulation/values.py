@@ -34,22 +34,25 @@ if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
 
 
-def values(simulation: Simulation, origins: Origins | None = None) -> list[Value]:
-    """The values of a run, those of several joints that are alike in one.
+def values(
+    simulation: Simulation, origins: Origins | None = None, merged: bool = True
+) -> list[Value]:
+    """The values of a run, those of several joints that are alike in one if they are `merged`.
 
     Args:
         simulation: the run's inputs.
         origins: of those that were said; others were given if they differ from what a field has by
             default, else assumed.
     """
-    alike: dict[tuple[str, str, str, str, str], list[str]] = {}
+    alike: dict[tuple[str, ...], list[str]] = {}
     origins = origins or {}
     for key, text, default in _said(simulation, origins):
         origin, source = _origin(key, origins, default)
         table, name, field = (key[0], "", key[1]) if len(key) == 2 else (*key, "", "")[:3]
-        alike.setdefault((table, field, text, origin, source), []).append(name)
+        own = () if merged else (name,)
+        alike.setdefault((table, field, text, origin, source, *own), []).append(name)
     found = []
-    for (table, field, text, origin, source), names in alike.items():
+    for (table, field, text, origin, source, *_), names in alike.items():
         whole = ".".join(filter(None, [table, few(names, 2) if any(names) else "", field]))
         found.append(Value(whole, text, origin, source))
     return found

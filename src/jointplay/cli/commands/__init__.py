@@ -8,7 +8,7 @@ imported there.
 import argparse
 import json
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -64,7 +64,7 @@ def print_answer(
     notes: Iterable[str],
     options: argparse.Namespace,
     more: bool = False,
-    **data: Any,
+    data: Callable[[], Mapping[str, Any]] = dict,
 ) -> None:
     """Print an answer in a sentence, its tables, and of the notes the `first_notes`.
 
@@ -72,11 +72,11 @@ def print_answer(
         sentence, body, notes: the answer, its tables and what else to know, for readers.
         options: of the command; ``--detail`` prints all notes, ``--json`` JSON instead.
         more: whether the tables have more in detail.
-        data: the tables and numbers of the answer, for JSON.
+        data: gives the tables and numbers of the answer, for JSON.
     """
     notes, detail = list(dict.fromkeys(notes)), options.detail
     if getattr(options, "json", None):
-        print_json(options, {"answer": sentence, **data, "notes": notes})
+        print_json(options, {"answer": sentence, **data(), "notes": notes})
         return
     kept = first_notes(notes, detail)
     more = len(kept) < len(notes) or (more and not detail)
@@ -89,8 +89,8 @@ def print_json(options: argparse.Namespace, answer: Mapping[str, Any]) -> None:
 
     Keys of tables end with the unit; values have the origin that they have in `base.origins`.
     """
-    json.dump(_plain(answer), options.json, indent=1, ensure_ascii=False, allow_nan=False)
-    print(file=options.json)
+    text = json.dumps(_plain(answer), indent=1, ensure_ascii=False, allow_nan=False)
+    print(text, file=options.json)
 
 
 def _plain(value: Any) -> Any:
@@ -99,11 +99,11 @@ def _plain(value: Any) -> Any:
     if hasattr(value, "_asdict"):
         return _plain(value._asdict())
     if isinstance(value, Mapping):
-        return {str(key): _plain(one) for key, one in value.items()}
+        return {str(key): _plain(entry) for key, entry in value.items()}
     if hasattr(value, "tolist"):  # of numpy
         return _plain(value.tolist())
     if isinstance(value, list | tuple | range):
-        return [_plain(one) for one in value]
+        return [_plain(entry) for entry in value]
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     return value if isinstance(value, int | str | None) else str(value)
@@ -116,7 +116,7 @@ def given(options: argparse.Namespace, *names: str) -> dict[str, Any]:
 
 
 def numbers_by_name(
-    entries: Iterable[str], words: str, unit: str | Mapping[str, str] = ""
+    entries: Iterable[str], form: str, unit: str | Mapping[str, str] = ""
 ) -> dict[str, float]:
     """Numbers of a repeatable option such as ``--weight JOINT=X`` by name, in SI units.
 
@@ -128,10 +128,10 @@ def numbers_by_name(
     numbers = {}
     for text in entries:
         name, value = name_and_number(text)
-        own = unit if isinstance(unit, str) else unit.get(name)
-        if value is None or own is None:
-            raise misread(text, f"{words}{of}")
-        numbers[name] = quantity(value, own, f"{words.partition(' ')[0]} {name}")
+        its_unit = unit if isinstance(unit, str) else unit.get(name)
+        if value is None or its_unit is None:
+            raise misread(text, f"{form}{of}")
+        numbers[name] = quantity(value, its_unit, f"{form.partition(' ')[0]} {name}")
     return numbers
 
 

@@ -127,12 +127,12 @@ def run(options: argparse.Namespace) -> int:
         further.insert(0, f"prices of the classes are assumed; give your own with {own}")
     notes = [f"at: {posed.poses.words}", *notes, *further]
     body = replace(table, notes=shown)
-    found: dict[str, Any] = {
-        "choices": allotment.data(),
-        f"error_{allotment.unit}": allotment.error,
-        "values": posed.values,
-    }
-    print_answer(allotment.sentence, body, notes, options, **found)
+
+    def data() -> dict[str, Any]:
+        error = {f"error_{allotment.unit}": allotment.error}
+        return {"choices": allotment.data(), **error, "values": posed.values}
+
+    print_answer(allotment.sentence, body, notes, options, data=data)
     if options.verify is not None:
         _verify(options, posed, allotment)
     if options.out:

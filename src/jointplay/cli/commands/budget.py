@@ -64,8 +64,11 @@ def run(options: argparse.Namespace) -> int:
         table, of_class = whole.table(), f"what nobody gave is that of class {about['kind']!r}"
         notes = [*[of_class] * bool(whole.assumed), *at, *table.notes]
         shown = [str(replace(table, notes=())), *_at_ends(options, mechanism, poses.q, about)]
-        found = {"causes": whole.data(), "values": posed.values}
-        print_answer(whole.sentence, "\n".join(shown), notes, options, **found)
+        text = "\n".join(shown)
+        print_answer(
+            whole.sentence, text, notes, options,
+            data=lambda: {"causes": whole.data(), "values": posed.values},
+        )  # fmt: skip
         if options.out:
             from jointplay.show.plots.design import cause_bars
 
@@ -92,8 +95,11 @@ def run(options: argparse.Namespace) -> int:
     shown += _at_ends(options, mechanism, poses.q, about)
     notes = [*at, *table.notes, errors.validity]
     sentence = f"{errors.sentence}{posed.undecided(any(about['force']))}"
-    found = {"poses": errors.data(poses.names), "joints": table, "values": posed.values}
-    print_answer(sentence, "\n".join(shown), notes, options, **found)
+
+    def found() -> dict[str, Any]:
+        return {"poses": errors.data(poses.names), "joints": table, "values": posed.values}
+
+    print_answer(sentence, "\n".join(shown), notes, options, data=found)
     if not options.out:
         return 0
     from jointplay.show.plots import design as plots

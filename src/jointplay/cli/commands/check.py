@@ -87,7 +87,7 @@ def run(options: argparse.Namespace) -> int:
         cases = {
             case: {
                 "simulation": run.simulation.describe(),
-                "values": values(run.simulation, scenario.origins(case)),
+                "values": values(run.simulation, scenario.origins(case), merged=False),
             }
             for case, run in runs.items()
         }

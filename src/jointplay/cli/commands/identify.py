@@ -157,8 +157,11 @@ def run(options: argparse.Namespace) -> int:
             "note: gears of --gear have no stiffness of their own; unless --known-stiffness gives "
             "it, it is sought from that of the rule on"
         )
-    data = {**fit.describe(), "values": posed.values}
-    print_answer(fit.sentence, replace(fit, notes=()), [*fit.notes, *notes], options, **data)
+    notes = [*fit.notes, *notes]
+    found = replace(fit, notes=())
+    print_answer(
+        fit.sentence, found, notes, options, data=lambda: fit.describe() | {"values": posed.values}
+    )
     _write_robot(options, fit.preset(_place(options), posed.simulation), fit.mechanism)
     if options.out:
         from jointplay.show.plots.design import identification, reversal_loops
@@ -187,7 +190,7 @@ def _plan(options: argparse.Namespace) -> int:
         **given(options, "push"),
         **shared,
     )
-    print_answer("", plan, posed.notes, options, plan=f"{plan}".splitlines())
+    print_answer("", plan, posed.notes, options, data=lambda: {"plan": f"{plan}".splitlines()})
     if options.out:
         out.write({"plan.txt": f"{plan}\n"})
     return 0
@@ -233,7 +236,7 @@ def _changes(options: argparse.Namespace) -> int:
         old, new = ([identify_problem(machine, one, **about)] for one in data)
     found = changes(old, new)
     notes = [*found.notes, *posed.notes]
-    print_answer(found.sentence, replace(found, notes=()), notes, options, **found.describe())
+    print_answer(found.sentence, replace(found, notes=()), notes, options, data=found.describe)
     if options.out:
         said = json.dumps(found.describe(), indent=1) + "\n"
         out.write({"changes.csv": found.data.csv(), "changes.json": said})
@@ -277,14 +280,16 @@ def _gauge(options: argparse.Namespace) -> int:
         joints = list(dict.fromkeys([*posed.mechanism.gears, *named_joints(options)]))
         push = given(options, "push")
         plan = plan_gauge(posed.mechanism, joints, noise=about["noise"], **push)
-        print_answer("", plan, posed.notes, options, plan=f"{plan}".splitlines())
+        print_answer("", plan, posed.notes, options, data=lambda: {"plan": f"{plan}".splitlines()})
         if options.out:
             out.write({"plan.txt": f"{plan}\n", "dial.csv": plan.csv()})
         return 0
     fit = identify_gauged(posed.mechanism, options.data, **about)
-    found = {**fit.describe(), "values": posed.values}
     notes = [*fit.notes, *posed.notes]
-    print_answer(fit.sentence, replace(fit, notes=()), notes, options, **found)
+    found = replace(fit, notes=())
+    print_answer(
+        fit.sentence, found, notes, options, data=lambda: fit.describe() | {"values": posed.values}
+    )
     if any(getattr(options, name) is not None for name in OUTPUTS):
         preset = fit.preset(_place(options))
         _write_robot(options, preset, preset.mechanism(tool=fit.mechanism.tool))

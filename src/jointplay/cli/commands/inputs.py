@@ -242,12 +242,12 @@ def declare(parser: Parser, *groups: str, required: bool = False) -> None:
     for title in GROUPS:
         every = title in ("", *groups) or not (groups or title in STATIC)
         group = [*OPTIONS.get(title, ()), *((name, {}) for name in KEYS.get(title, ()))]
-        wanted = [one for one in group if every or one[0] in groups]
+        wanted = [option for option in group if every or option[0] in groups]
         section = parser.add_argument_group(title) if title and wanted else parser
-        for name, said in wanted:
+        for name, declared in wanted:
             if name in flags:
-                said = {"type": flags[name].read, "metavar": "VALUE"}
-            action = section.add_argument(name, **said)
+                declared = {"type": flags[name].read, "metavar": "VALUE"}
+            action = section.add_argument(name, **declared)
             if name in flags:
                 parser.explained[action.dest] = partial(explanation, flags[name])
             if not title:
@@ -259,12 +259,12 @@ def explanation(flag: Flag) -> tuple[str, str]:
     from jointplay.base.schema import fields_at, is_word
     from jointplay.scenario.declarations import Model
 
-    found = list(fields_at(Model, flag.keys[0]))
-    text = next((text for _, text in found if text), "")
+    fields = list(fields_at(Model, flag.keys[0]))
+    text = next((text for _, text in fields if text), "")
     text = " ".join(text.split()).replace("`", "").rstrip(".")
     text = text if re.match(r"[A-Z](\w*'s|[A-Z])", text) else text[:1].lower() + text[1:]
-    field = found[0][0]
-    words = [word for one, _ in found if one.choices for word in one.choices[1]]
+    field = fields[0][0]
+    words = [word for each, _ in fields if each.choices for word in each.choices[1]]
     choices = list(dict.fromkeys(words))
     if choices and len(choices) < MOST_CHOICES:
         text = f"{text}: {', '.join(choices)}" if text else ", ".join(choices)
@@ -286,7 +286,7 @@ def default_of(key: Sequence[str]) -> str:
     from jointplay.base.schema import fields_at
     from jointplay.scenario.declarations import Model
 
-    field: Field | None = next((one for one, _ in fields_at(Model, key, every=False)), None)
+    field: Field | None = next((each for each, _ in fields_at(Model, key, every=False)), None)
     if field is None:
         return ""
     value, words = field.default, field.choices[1] if field.choices else ()
@@ -368,50 +368,51 @@ class _Inputs:
         from jointplay.scenario.reading import merge
         from jointplay.scenario.robot import SCARA_JOINT, robot_scenario
 
-        options = self.options
-        more = (_value(options, one) for one in ("gear", "payload", "joint_friction", "preset"))
-        given = [*self.wanted, *self.named, *_given(options)]
-        if self.file is not None and not given and all(one in (None, []) for one in more):
+        options, preset = self.options, chosen_preset(self.options)
+        if self.file is not None and not self._anything:
             return self.file
         names = list(self.named)
         if options.place is None and not names and not self.ideal:
             names = [SCARA_JOINT]
         names += [] if self.ideal else self._loosened()
-        preset, sized = chosen_preset(options), self._sized()
-        fitted = [one.key[1] for one in sized if one.key[2] == "fit"]
-        settings = [] if preset is None else self._of_preset(preset)
-        # A joint with a fit has not the preset's bearing.
-        settings = [one for one in settings if one.key[0] != "joints" or one.key[1] not in fitted]
-        settings += sized
+        settings = [*([] if preset is None else self._of_preset(preset)), *self.sized]
         beyond = []
         if self.file is None and options.place is not None:
             beyond = settings_beyond(self.description, self.ideal)
-        said = merge(self.tables, tree([*beyond, *settings, *self.wanted]))
+        # What options speak of: joints and gears that file, preset or --set have.
+        known = merge(self.tables, tree([*beyond, *settings, *self.wanted]))
         if names or for_joints(options):
-            settings += self._of_joints(names, said.get("joints", {}))
-        gears = self._of_gears(said.get("gears", {}))
+            settings += self._of_joints(names, known.get("joints", {}))
+        gears = self._of_gears(known.get("gears", {}))
         settings += gears
         if self.ideal:
-            geared = dict.fromkeys([*said.get("gears", {}), *(one.key[1] for one in gears)])
+            geared = dict.fromkeys([*known.get("gears", {}), *(gear.key[1] for gear in gears)])
             settings += [Setting(("gears", name, "play"), 0.0, "--ideal") for name in geared]
             loose = tree(self.wanted).get("joints", {})
             settings += [Setting(("joints", name, "ideal"), True, "--ideal") for name in loose]
-        settings += [*self._others(said), *self.tool, *self.wanted]
+        settings += [*self._others(known), *self.tool, *self.wanted]
         if self.file is None:
             scenario = robot_scenario(options.place, names, settings, self.ideal, moves)
         else:
             scenario = Scenario.load(options.place, settings)
         if preset is not None:
-            words, *origins = (
-                f"preset {preset.name}: {one}" for one in (preset.words, *preset.origins)
+            about, *origins = (
+                f"preset {preset.name}: {line}" for line in (preset.words, *preset.origins)
             )
-            scenario.assumptions[:] = [words, *scenario.assumptions, *origins]
+            scenario.assumptions[:] = [about, *scenario.assumptions, *origins]
         elif own_preset(options):
             scenario.assumptions.append(
                 f"note: what is publicly known of the joints of {options.place} is left out; "
                 "--preset takes it"
             )
         return scenario
+
+    @property
+    def _anything(self) -> bool:
+        """Whether any option says anything of the machine."""
+        others = (_value(self.options, name) for name in ("gear", "payload", "joint_friction"))
+        named = [*self.wanted, *self.named, *_given(self.options)]
+        return bool(named or any(others) or _value(self.options, "preset") is not None)
 
     @cached_property
     def description(self) -> Description:
@@ -433,14 +434,14 @@ class _Inputs:
         """What any case of the file says of single joints, by the name of the table."""
         if self.file is None:
             return {}
-        found: dict[str, dict[str, Any]] = {
+        tables: dict[str, dict[str, Any]] = {
             name: {} for name in ("joints", "gears", "drives", "joint_friction")
         }
         for model in map(self.file.model, self.file.cases):
-            for table, joints in found.items():
+            for table, joints in tables.items():
                 for name, draft in getattr(model, table).items():
                     joints.setdefault(name, {"kind": draft.word, **draft.fields})
-        return found
+        return tables
 
     @cached_property
     def _movers(self) -> list[str]:
@@ -454,7 +455,8 @@ class _Inputs:
         if self.file is not None:
             mechanism = self.file.mechanism(self._case)
         else:
-            about = [one for one in [*self._others({}), *self.wanted] if one.key[0] == "robot"]
+            every = [*self._others({}), *self.wanted]
+            about = [setting for setting in every if setting.key[0] == "robot"]
             mechanism = robot_scenario(self.options.place, (), about, moves=False).mechanism()
         mechanism = mechanism.ideal()
         if mechanism.tool_reason and _value(self.options, "tool") is None:
@@ -470,7 +472,7 @@ class _Inputs:
         Unless --joint names some without a size, which it is for, or a file has some.
         """
         asked = any(
-            _value(self.options, one) is not None for one in ("clearance", "axial_clearance")
+            _value(self.options, name) is not None for name in ("clearance", "axial_clearance")
         )
         bare = None in self.named.values() or self.options.place is None
         if not asked or bare or self.tables.get("joints"):
@@ -478,14 +480,17 @@ class _Inputs:
         return [name for name in self._movers if name not in self.named]
 
     def _of_preset(self, preset: Preset) -> list[Setting]:
-        """What the preset says of joints of which the file says nothing."""
+        """What the preset says of joints of which neither the file nor a fit says it."""
         settings = preset.settings(self.description)
         left = {table: [*joints] for table, joints in self.tables.items()}
+        fitted = [setting.key[1] for setting in self.sized if setting.key[2] == "fit"]
+        left["joints"] = [*left.get("joints", ()), *fitted]
         if self.ideal:
-            left["joints"] = [one.key[1] for one in settings]
-        return [one for one in settings if one.key[1] not in left.get(one.key[0], ())]
+            left["joints"] = [setting.key[1] for setting in settings]
+        return [each for each in settings if each.key[1] not in left.get(each.key[0], ())]
 
-    def _sized(self) -> list[Setting]:
+    @cached_property
+    def sized(self) -> list[Setting]:
         """Bearings and fits of joints given as NAME=BEARING or NAME=FIT."""
         from jointplay.physics.joints.bearings import bearing_kind, is_catalogued
         from jointplay.physics.joints.fits import is_fit
@@ -501,10 +506,10 @@ class _Inputs:
                 settings.append(Setting(("joints", name, key), value, f"--joint {name}={text}"))
         return settings
 
-    def _of_joints(self, names: Sequence[str], said: Mapping[str, Any]) -> list[Setting]:
+    def _of_joints(self, names: Sequence[str], known: Mapping[str, Any]) -> list[Setting]:
         """What options say of joints, in the words of each joint's kind; of all if none are named.
 
-        `said` is what the file, the preset, and --set say of them.
+        `known` is what the file, the preset, and --set say of them.
 
         Raises:
             JointplayError: an option for a joint, and no joint.
@@ -512,22 +517,22 @@ class _Inputs:
         from jointplay.scenario.robot import assumed_joint, class_of_joint, kind_of_joint
 
         options, given = self.options, for_joints(self.options)
-        joints = list(names) or [*said]
+        joints = list(names) or [*known]
         if given and not joints:
             raise JointplayError(
                 f"{given[0].name} is for a joint with clearance: name it by --joint"
             )
         settings, kinds = [], {}
         for name in joints:
-            own = said.get(name, {})
-            kinds[name] = class_of_joint(kind_of_joint(name, self.description, own))
-            if self.file is not None and name not in said:
-                settings.append(assumed_joint(name, self.description, own))
+            table = known.get(name, {})
+            kinds[name] = class_of_joint(kind_of_joint(name, self.description, table))
+            if self.file is not None and name not in known:
+                settings.append(assumed_joint(name, self.description, table))
         # Joints with a fit, or a bearing of a catalogue, have their sizes by that.
         fitted = [
             name
             for name in joints
-            if not {"fit", "designation"}.isdisjoint(said.get(name, {}))
+            if not {"fit", "designation"}.isdisjoint(known.get(name, {}))
             and self.named.get(name, "") is not None
         ]
         for flag in given:
@@ -538,7 +543,7 @@ class _Inputs:
                 for name in able or joints:
                     path = _path(key, name, kinds[name], options)
                     settings.append(Setting(path, _value(options, flag.attribute), flag.name))
-        sized = {one.key[1] for one in self._sized()}
+        sized = {setting.key[1] for setting in self.sized}
         for name, text in self.named.items():
             if text is not None and name not in sized:
                 path = _path(_CLEARANCE.keys[0], name, kinds[name], options)
@@ -552,14 +557,14 @@ class _Inputs:
         plays: dict[str, float] = {}
         if entries := _value(self.options, "gear"):
             joints = self.description.joints
-            units = {name: one.unit for name, one in joints.items() if one.kind != "fixed"}
+            units = {name: j.unit for name, j in joints.items() if j.kind != "fixed"}
             every = [text for text in entries if name_and_number(text)[0] == ALL]
             if every:
                 plays = _plays_of_all(every, {n: units[n] for n in self._movers if n in units})
             each = [text for text in entries if text not in every]
             plays |= commands.numbers_by_name(each, "--gear JOINT=PLAY", units)
         settings = [Setting(("gears", n, "play"), x, f"--gear {n}") for n, x in plays.items()]
-        for flag in (one for one in _given(self.options) if one.keys[0][0] == "gears"):
+        for flag in (flag for flag in _given(self.options) if flag.keys[0][0] == "gears"):
             if not (plays or known):
                 raise JointplayError(
                     f"{flag.name} is for gears; no joint has one; add it with --gear"
@@ -569,8 +574,8 @@ class _Inputs:
                 settings.append(Setting(("gears", name, flag.keys[0][2]), value, flag.name))
         return settings
 
-    def _others(self, said: Mapping[str, Any]) -> list[Setting]:
-        """Settings of neither joints nor gears; `said` is what file, preset and --set say."""
+    def _others(self, known: Mapping[str, Any]) -> list[Setting]:
+        """Settings of neither joints nor gears; `known` is what file, preset and --set say."""
         options = self.options
         settings = [
             Setting(key, _value(options, flag.attribute), flag.name)
@@ -578,9 +583,9 @@ class _Inputs:
             for key in flag.keys
             if key[0] not in ("joints", "gears")
         ]
-        settings = _of_drives(settings, said)
+        settings = _of_drives(settings, known)
         if mass := _value(options, "payload"):
-            held = [*said.get("payloads", ()), {"mass": mass}]
+            held = [*known.get("payloads", ()), {"mass": mass}]
             settings.append(Setting(("payloads",), held, "--payload"))
         for entry in _value(options, "joint_friction") or ():
             name, values = name_and_number(entry)
@@ -605,13 +610,13 @@ def own_preset(options: argparse.Namespace) -> str:
 
 def xacro_arguments(texts: Sequence[str] | None) -> dict[str, str]:
     """Arguments of --xacro, by name."""
-    found = {}
+    arguments = {}
     for text in texts or ():
         name, sign, value = text.partition(":=")
         if not (sign and name.strip()):
             raise misread(text, "--xacro NAME:=VALUE")
-        found[name.strip()] = value
-    return found
+        arguments[name.strip()] = value
+    return arguments
 
 
 @dataclass(frozen=True)
@@ -651,7 +656,10 @@ class PosedMachine:
         """The values of which it is made, with their origins."""
         from jointplay.simulation.values import values
 
-        return values(self.poses.machine, self.scenario.origins(self.case))
+        machine = self.poses.machine
+        if machine.motion is not None:  # which leads some of its drives
+            machine = self.scenario.simulation(self.case)
+        return values(machine, self.scenario.origins(self.case), merged=False)
 
     @property
     def simulation(self) -> Simulation | None:
@@ -710,26 +718,26 @@ def _given_poses(
     (_, header), *rows = files.csv_rows(Path(file), "poses")
     header = [cell.strip() for cell in header]
     named = header[0] == "name"
-    if twice := [one for one, count in Counter(header).items() if count > 1]:
+    if twice := [name for name, count in Counter(header).items() if count > 1]:
         raise JointplayError(f"{file}: column {twice[0]!r} appears twice")
-    found: dict[str, dict[str, float]] = {}
+    poses: dict[str, dict[str, float]] = {}
     for number, row in rows:
         line, cells = f"{file}, line {number}", [cell.strip() for cell in row]
-        name = cells[0] if named else str(len(found) + 1)
-        if name in found:
+        name = cells[0] if named else str(len(poses) + 1)
+        if name in poses:
             raise JointplayError(f"{line}: there are two poses {name!r}")
         pairs = [*zip(header, cells, strict=True)][named:]
-        found[name] = {
+        poses[name] = {
             joint: _position(mechanism, joint, cell, f"{line}, {joint}") for joint, cell in pairs
         }
-    if not found:
+    if not poses:
         raise JointplayError(f"{file} has no poses: give a line of joint positions for each")
-    return found
+    return poses
 
 
 def positions(mechanism: Mechanism, text: str) -> dict[str, float]:
     """Positions of joints [rad or m] in text such as ``JOINT=X,JOINT=X``."""
-    found = {}
+    at = {}
     names = mechanism.description.joints
     longest = sorted(map(re.escape, names), key=len, reverse=True)
     ahead = f"(?=\\s*(?:{'|'.join(longest)})\\s*=)"  # a name may have commas of its own
@@ -738,8 +746,8 @@ def positions(mechanism: Mechanism, text: str) -> dict[str, float]:
         name = name if name in names else name.strip()
         if value is None:
             raise misread(part, "--pose JOINT=X,JOINT=X,...")
-        found[name] = _position(mechanism, name, value, f"--pose {name}")
-    return found
+        at[name] = _position(mechanism, name, value, f"--pose {name}")
+    return at
 
 
 def _position(mechanism: Mechanism, joint: str, text: str, where: str) -> float:
@@ -760,8 +768,8 @@ def whole_errors(options: argparse.Namespace, scenario: Scenario) -> dict[str, A
     from jointplay.accuracy.causes import CAUSES
 
     errors, preset = scenario.robot_errors(options.case), chosen_preset(options)
-    said = (options.whole, errors and errors.assumed, preset and preset.errors)
-    kind = next(filter(None, said), None)
+    classes = (options.whole, errors and errors.assumed, preset and preset.errors)
+    kind = next(filter(None, classes), None)
     return {"causes": options.causes or CAUSES, "errors": errors, "kind": kind}
 
 
@@ -800,7 +808,7 @@ def for_joints(options: argparse.Namespace) -> list[Flag]:
 
 
 def _given(options: argparse.Namespace) -> list[Flag]:
-    return [one for one in (_CLEARANCE, *FLAGS) if _value(options, one.attribute) is not None]
+    return [flag for flag in (_CLEARANCE, *FLAGS) if _value(options, flag.attribute) is not None]
 
 
 def chosen_preset(options: argparse.Namespace) -> Preset | None:
@@ -860,7 +868,7 @@ def _plays_of_all(entries: Sequence[str], units: Mapping[str, str]) -> dict[str,
     return plays
 
 
-def _of_drives(settings: Sequence[Setting], said: Mapping[str, Any]) -> list[Setting]:
+def _of_drives(settings: Sequence[Setting], known: Mapping[str, Any]) -> list[Setting]:
     """Settings, those of drives for each drive that file or preset have, where it has their key.
 
     Raises:
@@ -876,23 +884,24 @@ def _of_drives(settings: Sequence[Setting], said: Mapping[str, Any]) -> list[Set
     def takes(kind: str, key: str) -> bool:
         return kind not in DRIVES or key in fields_of(DRIVES[kind])  # of none: refused later
 
-    drives, found = said.get("drives", {}), []
-    common = kind_of(said.get("drive", {}))
-    for one in settings:
-        if one.key[0] != "drive":
-            found.append(one)
+    drives, settled = known.get("drives", {}), []
+    common = kind_of(known.get("drive", {}))
+    for setting in settings:
+        if setting.key[0] != "drive":
+            settled.append(setting)
             continue
         kinds = {name: kind_of(table) for name, table in drives.items()}
-        able = [name for name, kind in kinds.items() if takes(kind, one.key[1])]
-        found += [replace(one, key=("drives", name, one.key[1])) for name in able]
-        if takes(common, one.key[1]) and (able or not drives):
-            found.append(one)
+        able = [name for name, kind in kinds.items() if takes(kind, setting.key[1])]
+        settled += [replace(setting, key=("drives", name, setting.key[1])) for name in able]
+        if takes(common, setting.key[1]) and (able or not drives):
+            settled.append(setting)
         elif not able:
-            own = f"{', '.join(sorted({*kinds.values()}))} of {few(list(drives))}"
+            there = f"{', '.join(sorted({*kinds.values()}))} of {few(list(drives))}"
             raise JointplayError(
-                f"{one.source} has no meaning for the drives there are: {own if drives else common}"
+                f"{setting.source} has no meaning for the drives there are: "
+                f"{there if drives else common}"
             )
-    return found
+    return settled
 
 
 def _require_known(target: str) -> None:

@@ -214,8 +214,8 @@ class Cases:
             from jointplay.simulation.values import assumed_table
 
             origins = self.scenario.origins
-            for name, one in simulations.items():
-                print(f"{name}: assumed\n{assumed_table(one, origins(name))}\n")
+            for name, simulation in simulations.items():
+                print(f"{name}: assumed\n{assumed_table(simulation, origins(name))}\n")
 
     def claim_folder(self) -> None:
         """Make sure that results can be written; with --resume, find out which are there."""
@@ -378,16 +378,17 @@ class Cases:
     def draw(self) -> None:
         from jointplay.show import plots
 
-        drawable = {name: one for name, one in self.results.items() if len(one.time) > 1}
+        drawable = {n: result for n, result in self.results.items() if len(result.time) > 1}
         if self.figures and drawable:
             short = len(self.cases) == 1 and not self.options.figures
             plots.save(drawable, self.out, self.options.pdf, self.ideals, short)
 
     def data(self) -> dict[str, Any]:
         """What came out of each case, for JSON: its measures, their units, errors and inputs."""
+        from jointplay.simulation.values import values
         from jointplay.study.measures import measure, rests_of, shipped
 
-        found = {}
+        answers = {}
         for name, result in self.results.items():
             measures = {}
             if len(result.time) > 1:
@@ -397,28 +398,28 @@ class Cases:
             units = {key: unit for key, (unit, _) in shipped(result.joints).items()}
             certificate = result.certificate
             figures = certificate.headline if certificate else []
-            found[name] = {
+            answers[name] = {
                 "answer": self._lines[name][0],
                 "further": self._lines[name][1:],
                 "status": result.message,
                 "file": str(self.cases[name].path),
                 "measures": {
-                    key: {"value": one, "unit": units[key]}
-                    for key, one in measures.items()
+                    key: {"value": value, "unit": units[key]}
+                    for key, value in measures.items()
                     if key in units
                 },
-                "figures": [vars(one) for one in figures],
+                "figures": [vars(figure) for figure in figures],
                 "warnings": result.audit.warnings,
-                "values": result.values,
+                "values": values(result.simulation, self.scenario.origins(name), merged=False),
             }
-        return {"cases": found, "notes": [*self.scenario.assumptions, *self.scenario.notes]}
+        return {"cases": answers, "notes": [*self.scenario.assumptions, *self.scenario.notes]}
 
     def ending(self) -> str:
         """A table of several cases, where the results are, and what to do with them."""
         lines = [""]
-        if rows := {name: own for name, own in self._rows.items() if own}:
-            heads = list(dict.fromkeys(head for own in rows.values() for head in own))
-            texts = [[name, *(own.get(head, "") for head in heads)] for name, own in rows.items()]
+        if rows := {name: row for name, row in self._rows.items() if row}:
+            heads = list(dict.fromkeys(head for row in rows.values() for head in row))
+            texts = [[name, *(row.get(head, "") for head in heads)] for name, row in rows.items()]
             lines += [str(Table.of_texts([["case", *heads], *texts])), ""]
         lines.append(f"results in {self.out}")
         if self.results:
