@@ -153,7 +153,7 @@ def test_limits_losses_and_frames_are_in_the_description(tmp_path):
 
 
 def test_shapes_of_all_kinds_that_a_urdf_has_are_in_the_description(tmp_path):
-    root = read(written(tmp_path, SHOULDER)).declared.root
+    root = read(written(tmp_path, SHOULDER)).elements()
     for role in ("visual", "collision"):  # a capsule is a cylinder and two spheres
         shapes = [one.tag for one in root.iterfind(f".//{role}/geometry/*")]
         assert sorted(shapes) == ["box", "cylinder", "cylinder", "sphere", "sphere", "sphere"]

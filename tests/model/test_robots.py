@@ -440,7 +440,7 @@ def test_that_a_base_is_held_is_said_of_what_is_no_arm(tmp_path, capsys):
 def test_a_robot_without_play_is_told_how_to_give_it_some(capsys):
     status, _, error = command(["study", "wear", "ur5", "--joint=a", "--growth=1um"], capsys)
     assert status == 2
-    assert "--set joints.NAME.radial_clearance=LENGTH" in error
+    assert 'give --clearance "0.1 mm" (all joints that move the tool), --joint NAME' in error
     assert "elbow_joint" in error
     assert error.count("\n") == 1
 
@@ -461,7 +461,7 @@ def test_wear_says_what_cannot_be_in_one_line_before_it_begins(tmp_path, capsys)
 def test_who_names_no_play_is_told_how(capsys):
     status, _, error = command(["budget", "panda"], capsys)
     assert status == 2
-    assert '--clearance "0.1 mm" for all that move the tool, or --joint NAME="0.1 mm"' in error
+    assert '--clearance "0.1 mm" (all joints that move the tool), --joint NAME="0.1 mm"' in error
 
 
 def test_a_robot_of_ones_own_package_is_told_to_be_of_it():

@@ -37,7 +37,7 @@ def geared(gear, step, integrator):
     return jp.simulate(
         robot,
         scara(None).motion,
-        drive=ComputedTorque(encoder="link"),
+        drive=ComputedTorque(encoder="link", bandwidth=100.0),
         duration=1.0,
         step=step,
         record_every=every,
