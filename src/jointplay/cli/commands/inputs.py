@@ -338,6 +338,9 @@ def scenario_of(options: argparse.Namespace, moves: bool = True) -> Scenario:
             settings += [Setting(("joints", name, "ideal"), False, "--joint") for name in names]
     geared = _gear_settings(options, tables, file, wanted)
     settings += geared
+    if not (geared or tables.get("gears") or _value(options, "whole")):
+        if _value(options, "encoder") is not None:
+            raise JointplayError("--encoder is for gears; no joint has one; add it with --gear")
     if ideal:
         of_gears = [one.key[1] for one in geared if one.key[0] == "gears"]
         known = dict.fromkeys([*tables.get("gears", {}), *of_gears])
@@ -545,6 +548,46 @@ def _position(mechanism: Mechanism, joint: str, text: str, where: str) -> float:
     """Position of a joint [rad or m]; errors begin with `where`."""
     entry = mechanism.description.joints.get(joint)
     return commands.quantity(text, "m" if entry is not None and entry.slides else "rad", where)
+
+
+IN_MOTION = (
+    *("drive.damping_ratio", "drives.*.damping_ratio", "gears.*.damping", "joints.*.restitution"),
+    *("integration", "output"),
+)
+"""Keys that say nothing of a machine that stands."""
+OF_CONTACTS = tuple(
+    f"joints.*.{key}"
+    for key in (
+        *("friction", "normal", "stiffness", "axial_stiffness"),
+        *("bearing_material", "journal_material"),
+    )
+)
+AT_REST = (
+    *("drive", "drives", "joint_friction", "payloads", "loads", "robot.gravity"),
+    *("gears.*.stiffness", "gears.*.rotor_inertia", *OF_CONTACTS),
+)
+"""Keys that say where a machine rests, and not how far its play lets it go."""
+
+
+def refuse_idle(scenario: Scenario, patterns: Sequence[str], why: str) -> None:
+    """Refuse options for keys that would act on nothing; `*` stands for any name."""
+    for one in scenario.settings:
+        for parts in (pattern.split(".") for pattern in patterns):
+            known = zip(parts, one.key, strict=False)
+            fits = len(parts) <= len(one.key) and all(a in (b, "*") for a, b in known)
+            if fits and one.source.startswith("--") and not one.source.startswith("--preset"):
+                raise JointplayError(f"{one.source} {why}")
+
+
+def refuse_idle_friction(options: argparse.Namespace, posed: PosedMachine) -> None:
+    """Refuse friction that holds nothing where a machine rests."""
+    if options.whole is not None:
+        why = "acts on where the machine rests, which --whole does not ask"
+        refuse_idle(posed.scenario, ("joint_friction", "joints.*.friction"), why)
+    for one in posed.scenario.settings:
+        if one.source == "--joint-friction" and one.key[1] not in posed.mechanism.gears:
+            why = f"acts at rest on the teeth of a gear, and {one.key[1]!r} has none"
+            raise JointplayError(f"{one.source} {why}")
 
 
 def force_on_tool(options: argparse.Namespace) -> tuple[float, float, float]:
