@@ -347,8 +347,8 @@ def _lag(
     mechanism, motion = simulation.mechanism, simulation.motion
     assert motion is not None
     drives, friction = assign(mechanism, motion, simulation.drive), joint_friction(simulation)
-    efforts, inertia = _efforts(simulation, motion, times)
-    known = _efforts(replace(simulation, payloads=(), loads={}), motion, times)
+    efforts, _ = _efforts(simulation, motion, times)
+    known, inertia = _efforts(replace(simulation, payloads=(), loads={}), motion, times)
     _, speeds, accelerations = motion(times)
     lag = np.zeros_like(efforts)
     for k, name in enumerate(motion.joints):
@@ -356,8 +356,8 @@ def _lag(
         rotor = 0.0 if gear is None else gear.rotor_inertia
         journal = np.where(np.abs(speed) < STILL, 0.0, rubbing.get(name, np.zeros((1, 1)))[0])
         if isinstance(drive, ComputedTorque):
-            stiffness = drive.bandwidth**2 * (known[1][0, k] + rotor)
-            lag[:, k] = (efforts[:, k] + journal - known[0][:, k]) / stiffness
+            stiffness = drive.bandwidth**2 * (inertia[0, k] + rotor)
+            lag[:, k] = (efforts[:, k] + journal - known[:, k]) / stiffness
         elif isinstance(drive, Servo):
             way = _kept(np.where(np.abs(speed) < STILL, 0.0, np.sign(speed)))
             losses = drive.with_friction(friction.get(name, JointFriction()))

@@ -338,9 +338,9 @@ def scenario_of(options: argparse.Namespace, moves: bool = True) -> Scenario:
             settings += [Setting(("joints", name, "ideal"), False, "--joint") for name in names]
     geared = _gear_settings(options, tables, file, wanted)
     settings += geared
-    if not (geared or tables.get("gears") or _value(options, "whole")):
-        if _value(options, "encoder") is not None:
-            raise JointplayError("--encoder is for gears; no joint has one; add it with --gear")
+    idle = not (geared or tables.get("gears") or _value(options, "whole"))
+    if idle and _value(options, "encoder") is not None:
+        raise JointplayError("--encoder is for gears; no joint has one; add it with --gear")
     if ideal:
         of_gears = [one.key[1] for one in geared if one.key[0] == "gears"]
         known = dict.fromkeys([*tables.get("gears", {}), *of_gears])
