@@ -33,7 +33,7 @@ from jointplay.model.payload import Payload
 from jointplay.physics.contact import Coulomb
 from jointplay.scenario.presets import preset
 from jointplay.show.plots.design import before_and_after
-from jointplay.simulation.loads import ComputedTorque
+from jointplay.simulation.loads import ComputedTorque, Servo, Wrench
 from jointplay.simulation.loads.drive import JointFriction
 from jointplay.study.corners import judge, learn, tool_errors, trust_of, varied
 
@@ -126,6 +126,34 @@ def test_the_command_crosses_the_play_as_long_as_teeth_hardly_leave(upright):
     found = compensate(simulated(machine(upright, play=0.02), to=0.5, end=1.0))
     fast = (np.abs(found.shift[:, 0]) < 0.008).sum()
     assert slow >= 2 * fast > 0
+
+
+SERVO = Servo(voltage=24.0, p_gain=300.0, torque_constant=4.0, resistance=2.0, friction=0.3)
+
+
+@pytest.mark.parametrize(
+    ("drive", "more", "lag"),
+    [
+        (SERVO, {}, WEIGHT / (SERVO.stall * SERVO.p_gain)),
+        (replace(SERVO, i_gain=1e6), {}, 0.0),
+        (ComputedTorque(50.0), {"payloads": (Payload("tool", 1.0),)}, 9.81 * REACH),
+        (ComputedTorque(50.0), {"loads": {"push": Wrench("tool", (0, 0, -5.0))}}, 5.0 * REACH),
+    ],
+)
+def test_what_drives_give_way_is_taken_back_without_any_play(level, drive, more, lag):
+    robot = Mechanism(level)
+    if isinstance(drive, ComputedTorque):
+        lag /= 50.0**2 * robot.mass_matrix(np.zeros(1))[0, 0]
+    own = simulated(robot, to=0.3, drive=drive, **more)
+    found = compensate(replace(own, motion=Motion(["j"], [0.0, 0.8], [[0.0], [1e-6]])))
+    assert found.shift[-1, 0] == pytest.approx(lag, rel=0.1, abs=1e-6)  # a servo's friction
+    moved = judge(compensate(own), jobs=1).nominal
+    assert moved.after.rms < 0.3 * moved.before.rms or lag == 0.0
+
+
+def test_without_play_and_lag_there_is_nothing_to_compensate(level):
+    with pytest.raises(JointplayError, match="there is nothing to compensate"):
+        compensate(simulated(Mechanism(level)))
 
 
 @pytest.mark.thorough

@@ -75,6 +75,8 @@ class JointAt:
     """How far its drive gives way, (n,) [rad or m]; None: not at all."""
     dead_band: float = 0.0
     """Of its drive [rad or m]."""
+    regulated: bool = False
+    """Whether its encoder sees the link, where its drive holds that whatever its gear does."""
 
     @property
     def mount(self) -> bool:
@@ -169,7 +171,7 @@ class Compliance(Cause):
             stiffness = joint.size("tilt_stiffness", told, "{:g} N m/rad in tilt")
             shift[:, 3:5] += carried[:, 3:5] / stiffness
         yield self._shifted(joint, shift, told, words)
-        if joint.stands:
+        if joint.stands and not joint.regulated:
             yield self._of_gear(joint)
 
     def _of_gear(self, joint: JointAt) -> Contribution:
@@ -259,7 +261,7 @@ class GearError(Cause):
 
     def at(self, joint: JointAt) -> Iterator[Contribution]:
         told = dict[str, str]()
-        if not joint.stands:
+        if joint.regulated or not joint.stands:
             return
         gear, own = joint.mechanism.gears.get(joint.name), joint.given.joints.get(joint.name)
         if gear is not None and gear.error_terms and (own is None or own.gear_error is None):
@@ -365,7 +367,8 @@ def cause_model(
         if found.tool[k].any() or found.tie[k].any():
             at = JointAt(
                 mechanism, name, found.load[k], name not in follows, errors, kind,
-                stiffness.get(name), *sags.get(name, ()),
+                stiffness.get(name), *sags.get(name, (None, 0.0)),
+                getattr(drives.get(name), "encoder", "") == "link",
             )  # fmt: skip
             for cause in causes.values():
                 if cause.of_mounts or not at.mount:

@@ -24,8 +24,8 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.accuracy.compensator import STILL
-from jointplay.accuracy.jacobians import taken_up, tool_place
-from jointplay.base.errors import JointplayError, nothing_has_play, require_a, require_positive
+from jointplay.accuracy.jacobians import static_loads, taken_up, tool_place, with_force
+from jointplay.base.errors import JointplayError, require_a, require_positive
 from jointplay.base.progress import ProgressBar
 from jointplay.base.tables import Column, Table, counted, few
 from jointplay.model.mechanism import Coordinate, Mechanism, loaded
@@ -33,10 +33,16 @@ from jointplay.physics.joints import Clearance
 from jointplay.simulation.analysis.tool_error import stops
 from jointplay.simulation.checks import joint_friction
 from jointplay.simulation.loads import limits
-from jointplay.simulation.loads.drive import JointFriction, Prescribed, assign
+from jointplay.simulation.loads.drive import (
+    ComputedTorque,
+    JointFriction,
+    Prescribed,
+    Servo,
+    assign,
+)
 from jointplay.simulation.motion.reference import GOES_ON, Motion
 from jointplay.simulation.simulation import Simulation
-from jointplay.simulation.statics import StaticEquilibrium, StaticLoads
+from jointplay.simulation.statics import StaticEquilibrium
 
 NODE_S = 0.02
 """Interval at which sides are found, and at every other places of rest [s]; commands change so."""
@@ -61,6 +67,7 @@ BRAKING = 0.5
 """Largest torque that brakes an approach, relative to the friction that presses the teeth."""
 _BRAKES = 10.0 / np.sqrt(3.0)
 """Largest acceleration of a smooth step of fifth order of size 1 in time 1."""
+_REGULATED = "; encoders on the links see the play of their gears (--encoder motor changes that)"
 _SMOOTHINGS = 40
 """How often a correction is smoothed that is beyond speed or effort limits."""
 
@@ -209,26 +216,29 @@ def compensate(
         found, some = _journals(simulation, times[::2], progress)
         displacement = _smooth(times[::2], found, times)
         rubbing = {name: _smooth(times[::2], one.T, times).T for name, one in some.items()}
+    lag = _lag(simulation, times, rubbing)
     torque, held, inertia = _torques(simulation, times, gears, rubbing)
     play = np.array([max(mechanism.gears[name].play, 1e-12) for name in gears])
     fall = times[1] ** 2 * np.abs(torque) / (inertia * play)
     side, undecided = _sides(torque, held, fall, STANDS_S / times[1])
-    if not (gears or mechanism.clearance):
+    if not (gears or mechanism.clearance or lag.any()):
         raise JointplayError(
-            "encoders on the links see the play of their gears, and the drives take it out: there "
-            "is nothing to compensate; --encoder motor puts them on the motors"
+            "there is nothing to compensate: give joints with clearance, gears with play, such as "
+            '--clearance "0.1 mm" or --gear NAME="2 arcmin", or servos, which sag'
+            + _REGULATED
+            * bool(mechanism.gears)
         )
-    if gears and not mechanism.clearance and undecided.all():
+    if gears and not (mechanism.clearance or lag.any()) and undecided.all():
         raise JointplayError(
             f"no torque decides on which side the teeth of {few(list(gears))} lie, at any time: "
             "nothing can be compensated"
         )
-    shift = np.zeros((count, len(motion.joints)))
+    shift = lag
     for k, name in enumerate(gears):
         twist = mechanism.gears[name].wound_up(side[:, k] * np.abs(torque[:, k]))
         free = _crossing(side[:, k], np.where(undecided[:, k], np.inf, fall[:, k]))
         twist = _carried(twist, undecided[:, k])[~free]
-        shift[:, motion.joints.index(name)] = _smooth(times[~free], twist, times)
+        shift[:, motion.joints.index(name)] += _smooth(times[~free], twist, times)
     approaches = []
     if approach:
         approaches = _approaches(simulation, times, gears, undecided, torque, inertia)
@@ -314,9 +324,6 @@ def _checked(simulation: Simulation) -> tuple[Mechanism, Motion]:
     if mechanism.loops or mechanism.free_base is not None:
         what = "closed loops" if mechanism.loops else "a free base"
         raise JointplayError(f"only robots without loops on a base that is held, not with {what}")
-    loose = any(max(one.play().reach) > 0.0 for one in mechanism.clearance.values())
-    if not (loose or any(gear.play > 0.0 for gear in mechanism.gears.values())):
-        raise nothing_has_play(mechanism.joints)
     if simulation.limits != "ignore":
         limits.check_motion(mechanism, motion, motion.joints)
     return mechanism, motion
@@ -328,11 +335,54 @@ def _is_behind(simulation: Simulation, joint: str) -> bool:
     return getattr(drives[joint], "encoder", "motor") == "motor"
 
 
+def _lag(
+    simulation: Simulation, times: np.ndarray, rubbing: Mapping[str, np.ndarray]
+) -> np.ndarray:
+    """How far drives are behind what they are commanded to (n, j) [rad or m].
+
+    Computed torque by what it does not know, payloads, loads and the friction of journals, over its
+    P gain. A servo by the voltage that its motor needs, over its own, and its dead band, less what
+    its I term has gathered; where it stands its friction holds it as it came.
+    """
+    mechanism, motion = simulation.mechanism, simulation.motion
+    assert motion is not None
+    drives, friction = assign(mechanism, motion, simulation.drive), joint_friction(simulation)
+    efforts, _ = _efforts(simulation, motion, times)
+    known, inertia = _efforts(replace(simulation, payloads=(), loads={}), motion, times)
+    _, speeds, accelerations = motion(times)
+    lag = np.zeros_like(efforts)
+    for k, name in enumerate(motion.joints):
+        drive, speed, gear = drives[name], speeds[:, k], mechanism.gears.get(name)
+        rotor = 0.0 if gear is None else gear.rotor_inertia
+        journal = np.where(np.abs(speed) < STILL, 0.0, rubbing.get(name, np.zeros((1, 1)))[0])
+        if isinstance(drive, ComputedTorque):
+            stiffness = drive.bandwidth**2 * (inertia[0, k] + rotor)
+            lag[:, k] = (efforts[:, k] + journal - known[:, k]) / stiffness
+        elif isinstance(drive, Servo):
+            way = _kept(np.where(np.abs(speed) < STILL, 0.0, np.sign(speed)))
+            losses = drive.with_friction(friction.get(name, JointFriction()))
+            effort = efforts[:, k] + journal + rotor * accelerations[:, k]
+            effort += losses.coulomb * way + losses.viscous * speed
+            volts = effort / drive.stall + drive.torque_constant * speed
+            error = volts / drive.p_gain
+            fades = np.exp(-drive.i_gain / drive.p_gain * times[1])
+            for node in range(1, len(times) if drive.i_gain else 0):
+                error[node] = (
+                    fades * error[node - 1] + (volts[node] - volts[node - 1]) / drive.p_gain
+                )
+            lag[:, k] = error + drive.band * np.sign(error)
+    return lag
+
+
 def _efforts(
     simulation: Simulation, motion: Motion, times: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Efforts of the joints of a motion of the ideal robot [N m or N], and inertias, (n, j)."""
+    """Efforts of the joints of a motion of the ideal robot [N m or N], and inertias, (n, j).
+
+    Loads are as at time 0.
+    """
     ideal = simulation.mechanism.ideal()
+    acting = static_loads(ideal, with_force(ideal, (0.0, 0.0, 0.0), simulation.loads))
     at = [ideal.coordinate(name) for name in motion.joints]
     states = np.zeros((3, len(times), ideal.model.nv))
     states[:, :, at] = motion(times)
@@ -340,8 +390,12 @@ def _efforts(
     for k, state in enumerate(states.transpose(1, 0, 2)):
         bodies = loaded(ideal.model, simulation.payloads, times[k])
         data = bodies.createData()
+        q, v, _ = state
+        inertia[k] = pin.crba(bodies, data, q).diagonal()[at]
         efforts[k] = pin.rnea(bodies, data, *state)[at]
-        inertia[k] = pin.crba(bodies, data, state[0]).diagonal()[at]
+        if simulation.loads:
+            pushed = acting.nonpotential_forces(bodies, data, q, v) - acting.slopes(data, q)[0]
+            efforts[k] -= pushed[at]
     return efforts, inertia
 
 
@@ -558,7 +612,8 @@ def _journals(
         if one.hinge is not None
     }
     torque = {name: np.zeros((2, len(times))) for name in mu}
-    pushing, friction = StaticLoads({}, mechanism, []), joint_friction(simulation)
+    pushing = static_loads(mechanism, with_force(mechanism, (0.0, 0.0, 0.0), simulation.loads))
+    friction = joint_friction(simulation)
     found, aside = np.zeros((len(times), 6)), np.zeros(mechanism.model.nv)
     steps = ProgressBar(
         range(len(times)), "places of rest", disable=not progress, delay=2.0, leave=False

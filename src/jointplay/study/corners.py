@@ -1,8 +1,8 @@
 """A corrected motion judged by the engine, as it is modelled and where the model may be wrong.
 
 Both motions are run at every combination of the ends of the intervals of what is trusted, 2^n pairs
-of runs for n quantities, of which there are four at most. The tool is compared with the ideal twin
-of the *original* motion, so a servo's own error counts for neither.
+of runs for n quantities, of which there are four at most. The tool is compared with
+where the ideal robot is if its joints are exactly where the *original* motion has them.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from jointplay.simulation.analysis.tool_error import (
 )
 from jointplay.simulation.analysis.twins import TOOL_MOTIONS, ideal_simulation, tool_motion
 from jointplay.simulation.checks import joint_friction
-from jointplay.simulation.loads.drive import JointFriction
+from jointplay.simulation.loads.drive import JointFriction, Prescribed, assign
 from jointplay.simulation.simulation import Simulation
 from jointplay.study.study import Study
 
@@ -350,11 +350,11 @@ def _errors(item: Item) -> ToolErrors:
 
 
 def tool_errors(run: Simulation, original: Simulation) -> ToolErrors:
-    """The tool's error in a run, from the ideal twin of another motion of the same machine."""
+    """The tool's error in a run, from where another motion of the same machine sends it."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         result = run.run(check_step=False, estimate=False, only=list(TOOL_MOTIONS))
-        ideal = tool_motion(ideal_simulation(original))
+        ideal = tool_motion(_as_sent(original))
         moved, turn = (
             difference(result, ideal, of) for of in ("tool_position", "tool_orientation")
         )
@@ -376,6 +376,15 @@ def tool_errors(run: Simulation, original: Simulation) -> ToolErrors:
         float(off.rms[-1]), float(underway), float(halted), float(off.peak[-1]),
         float(turned.rms[-1]), times, values
     )  # fmt: skip
+
+
+def _as_sent(simulation: Simulation) -> Simulation:
+    """The ideal robot, each joint exactly where the motion has it."""
+    ideal, motion = ideal_simulation(simulation), simulation.motion
+    assert motion is not None
+    drives = assign(ideal.mechanism, motion, simulation.drive)
+    exact = {name: Prescribed() if one.follows else one for name, one in drives.items()}
+    return replace(ideal, drive=exact)
 
 
 def _varied(simulation: Simulation) -> set[str]:

@@ -68,7 +68,10 @@ def run(options: argparse.Namespace) -> int:
     _require_fitting(options)
     target, turn = _target(options.target)
     whole = options.whole is not None
+    if options.ideal and not whole:
+        raise JointplayError("--ideal leaves nothing of which the size could be sought")
     posed = inputs.posed_machine(options)
+    _refuse_idle(options, posed)
     if not (whole or posed.mechanism.clearance or posed.mechanism.gears):
         raise JointplayError(
             "say what is to be allocated: --clearance LENGTH for journals in all joints that move "
@@ -93,7 +96,6 @@ def run(options: argparse.Namespace) -> int:
             "statistical": options.statistical,
             "keep": options.keep or (),
             "offers": dict.fromkeys(options.by_class or (), ()),
-            "force": inputs.force_on_tool(options),
             **inputs.whole_errors(options, posed.scenario),
         }
     prices = numbers_by_name(options.price, f"--price {'CAUSE' if whole else 'CLASS'}=X")
@@ -112,6 +114,7 @@ def run(options: argparse.Namespace) -> int:
         weights=weights,
         limits=limits,
         offers=offers,
+        force=inputs.force_on_tool(options),
         **posed.poses.holding,
         **more,
         **given(options, "cost", "least", "most"),
@@ -187,13 +190,31 @@ def _verify(options: argparse.Namespace, posed: inputs.PosedMachine, allotment: 
 
 
 _OF_CLEARANCES = ("quantile", "cost", "least", "most", "verify")
-_OF_THE_WHOLE = ("causes", "by_class", "keep", "limit", "statistical", "force", "payload")
+_OF_THE_WHOLE = ("causes", "by_class", "keep", "limit", "statistical")
 
 
 def _require_fitting(options: argparse.Namespace) -> None:
     """Refuse options that would be ignored, with --whole or without."""
-    for name in _OF_THE_WHOLE if options.whole is None else _OF_CLEARANCES:
+    alone = options.whole is None
+    for name in _OF_THE_WHOLE if alone else _OF_CLEARANCES:
         if getattr(options, name) not in (None, [], False):
-            needs = "needs --whole" if options.whole is None else "does not go with --whole"
+            needs = "needs --whole" if alone else "does not go with --whole"
             option = name.replace("_", "-")
             raise JointplayError(f"--{option} {needs}, which allocates causes of the whole error")
+
+
+def _refuse_idle(options: argparse.Namespace, posed: inputs.PosedMachine) -> None:
+    """Refuse what says nothing of how far play lets the tool go."""
+    why = (
+        "acts on where the machine rests, and play lets the tool go as far wherever that is; "
+        "--compensation and --whole count it"
+    )
+    alone = options.whole is None and options.compensation is None
+    if alone and options.force is not None:
+        raise JointplayError(f"--force {why}")
+    if options.verify is not None:  # which simulates it
+        return
+    inputs.refuse_idle(posed.scenario, inputs.IN_MOTION, "acts on motion; --verify simulates it")
+    if alone:
+        inputs.refuse_idle(posed.scenario, inputs.AT_REST, why)
+    inputs.refuse_idle_friction(options, posed)

@@ -50,6 +50,10 @@ def run(options: argparse.Namespace) -> int:
         raise JointplayError(f"{words}: give --whole CLASS, too")
     posed = inputs.posed_machine(options)
     mechanism, poses = posed.mechanism, posed.poses
+    if options.ideal and options.whole is None and not (mechanism.clearance or mechanism.gears):
+        raise JointplayError("--ideal leaves nothing that has play; --whole has other causes")
+    inputs.refuse_idle(posed.scenario, inputs.IN_MOTION, "acts on motion, and nothing moves here")
+    inputs.refuse_idle_friction(options, posed)
     body = options.relative_to
     about: dict[str, Any] = {
         "force": inputs.force_on_tool(options), "relative_to": body, **poses.holding

@@ -563,6 +563,9 @@ class _Inputs:
                 plays = _plays_of_all(every, {n: units[n] for n in self._movers if n in units})
             each = [text for text in entries if text not in every]
             plays |= commands.numbers_by_name(each, "--gear JOINT=PLAY", units)
+        idle = not (plays or known or _value(self.options, "whole"))
+        if idle and _value(self.options, "encoder") is not None:
+            raise JointplayError("--encoder is for gears; no joint has one; add it with --gear")
         settings = [Setting(("gears", n, "play"), x, f"--gear {n}") for n, x in plays.items()]
         for flag in (flag for flag in _given(self.options) if flag.keys[0][0] == "gears"):
             if not (plays or known):
@@ -754,6 +757,46 @@ def _position(mechanism: Mechanism, joint: str, text: str, where: str) -> float:
     """Position of a joint [rad or m]; errors begin with `where`."""
     entry = mechanism.description.joints.get(joint)
     return quantity(text, "m" if entry is not None and entry.slides else "rad", where)
+
+
+IN_MOTION = (
+    *("drive.damping_ratio", "drives.*.damping_ratio", "gears.*.damping", "joints.*.restitution"),
+    *("integration", "output"),
+)
+"""Keys that say nothing of a machine that stands."""
+OF_CONTACTS = tuple(
+    f"joints.*.{key}"
+    for key in (
+        *("friction", "normal", "stiffness", "axial_stiffness"),
+        *("bearing_material", "journal_material"),
+    )
+)
+AT_REST = (
+    *("drive", "drives", "joint_friction", "payloads", "loads", "robot.gravity"),
+    *("gears.*.stiffness", "gears.*.rotor_inertia", *OF_CONTACTS),
+)
+"""Keys that say where a machine rests, and not how far its play lets it go."""
+
+
+def refuse_idle(scenario: Scenario, patterns: Sequence[str], why: str) -> None:
+    """Refuse options for keys that would act on nothing; `*` stands for any name."""
+    for one in scenario.settings:
+        for parts in (pattern.split(".") for pattern in patterns):
+            known = zip(parts, one.key, strict=False)
+            fits = len(parts) <= len(one.key) and all(a in (b, "*") for a, b in known)
+            if fits and one.source.startswith("--") and not one.source.startswith("--preset"):
+                raise JointplayError(f"{one.source} {why}")
+
+
+def refuse_idle_friction(options: argparse.Namespace, posed: PosedMachine) -> None:
+    """Refuse friction that holds nothing where a machine rests."""
+    if options.whole is not None:
+        why = "acts on where the machine rests, which --whole does not ask"
+        refuse_idle(posed.scenario, ("joint_friction", "joints.*.friction"), why)
+    for one in posed.scenario.settings:
+        if one.source == "--joint-friction" and one.key[1] not in posed.mechanism.gears:
+            why = f"acts at rest on the teeth of a gear, and {one.key[1]!r} has none"
+            raise JointplayError(f"{one.source} {why}")
 
 
 def force_on_tool(options: argparse.Namespace) -> tuple[float, float, float]:
