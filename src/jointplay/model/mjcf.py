@@ -846,8 +846,8 @@ class _Reading:
             yield f"note: no actuator of the MJCF acts on {names}: free, unless [drives] drives it"
         elif self.joints and not model.nu:
             yield (
-                "note: the MJCF has no actuators, by which all its joints would hang free; here the "
-                "usual drives hold them, or follow a motion"
+                "note: the MJCF has no actuators, by which all its joints would hang free; here "
+                "the usual drives hold them, or follow a motion"
             )
         yield from self.said
         ranges = [model.jnt_range[j] for j in self.joints]
