@@ -368,7 +368,7 @@ def cause_model(
             at = JointAt(
                 mechanism, name, found.load[k], name not in follows, errors, kind,
                 stiffness.get(name), *sags.get(name, (None, 0.0)),
-                getattr(drives.get(name), "encoder", "") == "link",
+                regulated=getattr(drives.get(name), "encoder", "") == "link",
             )  # fmt: skip
             for cause in causes.values():
                 if cause.of_mounts or not at.mount:

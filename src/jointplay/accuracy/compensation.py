@@ -34,6 +34,7 @@ from jointplay.simulation.analysis.tool_error import stops
 from jointplay.simulation.checks import joint_friction
 from jointplay.simulation.loads import limits
 from jointplay.simulation.loads.drive import (
+    BANDWIDTH,
     ComputedTorque,
     JointFriction,
     Prescribed,
@@ -356,7 +357,8 @@ def _lag(
         rotor = 0.0 if gear is None else gear.rotor_inertia
         journal = np.where(np.abs(speed) < STILL, 0.0, rubbing.get(name, np.zeros((1, 1)))[0])
         if isinstance(drive, ComputedTorque):
-            stiffness = drive.bandwidth**2 * (inertia[0, k] + rotor)
+            bandwidth = drive.through_teeth(inertia[0, k], gear).bandwidth or BANDWIDTH
+            stiffness = bandwidth**2 * (inertia[0, k] + rotor)
             lag[:, k] = (efforts[:, k] + journal - known[:, k]) / stiffness
         elif isinstance(drive, Servo):
             way = _kept(np.where(np.abs(speed) < STILL, 0.0, np.sign(speed)))
