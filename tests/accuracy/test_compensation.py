@@ -397,7 +397,7 @@ def test_the_play_of_a_train_of_gears_is_varied_in_proportion(level):
 def test_what_cannot_be_compensated_is_refused_in_a_line(level, upright):
     own = simulated(machine(level))
     wrong = {
-        "nothing has play: give": replace(own, mechanism=own.mechanism.ideal()),
+        "is nothing to compensate": replace(own, mechanism=own.mechanism.ideal()),
         "encoders on the links": replace(own, drive=ComputedTorque(encoder="link")),
         "no torque decides": simulated(machine(upright), to=1e-5),
         "goes on after its end": replace(

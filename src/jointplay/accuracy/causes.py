@@ -365,10 +365,11 @@ def cause_model(
     contributions: list[Contribution] = []
     for k, name in enumerate(names):
         if found.tool[k].any() or found.tie[k].any():
+            sag, dead_band = sags.get(name, (None, 0.0))
             at = JointAt(
                 mechanism, name, found.load[k], name not in follows, errors, kind,
-                stiffness.get(name), *sags.get(name, (None, 0.0)),
-                regulated=getattr(drives.get(name), "encoder", "") == "link",
+                stiffness.get(name), sag, dead_band,
+                getattr(drives.get(name), "encoder", "") == "link",
             )  # fmt: skip
             for cause in causes.values():
                 if cause.of_mounts or not at.mount:
