@@ -215,8 +215,8 @@ def test_allocation_by_the_command_needs_what_it_works_on(capsys):
         (["--gear", "elbow_joint=1 mrad", "--least", "1 um"], "there are plays of gears only"),
         (["--whole", "industrial", "--cost", "linear"], "does not go with --whole"),
         (["--whole", "industrial", "--quantile", "0.9"], "does not go with --whole"),
-        (["--keep", "heat"], "acts on where the machine rests"),
-        (["--statistical"], "acts on where the machine rests"),
+        (["--keep", "heat"], "needs --whole"),
+        (["--statistical"], "needs --whole"),
         (["--payload", "3 kg"], "acts on where the machine rests"),
     ):
         assert main(["allocate", "ur5", "--target", "1 mm", *options]) == 2
