@@ -21,7 +21,7 @@ from jointplay.estimate.unknowns import PLAYS, Answer, Estimate, Unknown
 
 SAME = {"friction": 0.3, "": 0.1}
 """By how much friction, and all else but play, differs between measurements: standard deviations,
-as parts of their sizes. An assumption."""
+as parts of their sizes. Judged, and said with every answer: grease ages, metal does not."""
 _REMEMBERED = 64
 """Predictions of a measurement that are kept: differences in the second leave the first's."""
 
@@ -76,8 +76,8 @@ def changes(first: Sequence[LeastSquares], second: Sequence[LeastSquares]) -> Ch
     once = [one for one in {**before, **after} if one not in both]
     notes = [f"note: {one}: measured once, no change is told" for one in once]
     notes.append(
-        f"assumed: between the measurements compliances differ by {100.0 * SAME['']:g} %, friction "
-        f"by {100.0 * SAME['friction']:g} % (standard deviations)"
+        f"assumed: between the measurements compliances differ by {100 * SAME['']:g} %, friction "
+        f"by {100 * SAME['friction']:g} % (standard deviations)"
     )
     return Changes(estimates=tuple(found), notes=tuple(notes))
 

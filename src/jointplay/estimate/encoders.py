@@ -19,7 +19,7 @@ from jointplay.estimate.kinematic_model import Poses, Term
 from jointplay.estimate.least_squares import LeastSquares
 from jointplay.estimate.selection import Calibration, Problem, Selection, held_back
 from jointplay.estimate.static_poses import FEWEST, StaticPoses
-from jointplay.estimate.unknowns import Unknown
+from jointplay.estimate.unknowns import TINY, Unknown
 from jointplay.model.mechanism import Mechanism
 
 if TYPE_CHECKING:
@@ -36,7 +36,8 @@ _EXCLUSIVE = (
     ({"play"}, {"hysteresis"}),  # play with friction has the other in it
 )
 _WIDE = 100.0
-"""Prior widths of effects, in standard deviations of the difference."""
+"""Prior widths of effects, in standard deviations of the difference: so wide that they only keep
+what nothing shows from growing (from 30 on nothing changes)."""
 _OF_ANGLES = ("eccentricity", "sawtooth")
 _WORDS = {"compliance": "compliance (sag under its load)"}
 _LITTLE = 0.5
@@ -131,7 +132,7 @@ def _compared(poses: Poses, joint: str, terms: Sequence[Term] | None) -> Calibra
         return None
     n, largest = len(kept), {"compliance": poses.load[:, j], "ratio": poses.q[:, j]}
     widths = {
-        kind: _WIDE * size / max(float(np.abs(by).max()), 1e-9) for kind, by in largest.items()
+        kind: _WIDE * size / max(float(np.abs(by).max()), TINY) for kind, by in largest.items()
     }
     asked = {one.kind for one in terms or () if not one.joints or joint in one.joints}
     causes = CAUSES

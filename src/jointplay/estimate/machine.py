@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from jointplay.base.errors import JointplayError, nothing_has_play, require_known
 from jointplay.estimate import parts
-from jointplay.estimate.unknowns import PLAYS, Estimate, Unknown
+from jointplay.estimate.unknowns import FACTOR, PLAYS, Estimate, Unknown
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.loads.drive import JointFriction
 
@@ -39,24 +39,22 @@ aside with the contact's normal where friction does; along."""
 TOOL, ALL = "tool", "all"
 """Names of the structure's compliance at the tool, and of everything's."""
 SOFT = {"rad/(N*m)": 1e-5, "m/N": 1e-7}
-"""Scales of compliances, by unit."""
+"""Scales of compliances of joints and links, by unit: stiffnesses of 1e5 N m/rad and 10 N/um, of
+the harmonic drives and bearings of arms of 10 kg."""
 _BY_MOTOR = {"kind": "computed-torque", "encoder": "motor"}
 """Drive of joints with gears of whose drive nothing else is known: play shows by such encoders."""
 LINK = 1e-4
 """Deviation of the bending of links from none where a joint winds up, unless the gear is expected
-to give way by more [rad/(N m)]: with any number one could make up for the other."""
+to give way by more [rad/(N m)]: ten times a joint's scale. With any number one could make up for
+the other."""
 BENDS = 0.15
 """The same of gears with a curve or hysteresis, by what the gear is expected to give way by: where
-their laws are exact they would tell one from the other, but no gear follows them so closely."""
-BUSH = 1e-7
-"""Deviation from none of what a bush gives way by along the contact's normal [m/N]: passes under
-one load do not tell it from friction, so without a bound no friction could be told from them."""
-_TORSION = 1e-5
-"""Torsional compliance from which an unknown one is sought [rad/(N m)]."""
-_STICKS = 3.0
-"""Largest static friction by the dynamic one."""
+their laws are exact they would tell one from the other, but no gear follows them so closely
+(benchmarks/truth/identify.py draws gears by other laws)."""
 _TORQUE_N_M = 0.1
-"""Scale of a friction of which the scenario says nothing."""
+"""Scale of a friction of which the scenario says nothing: a small servo's [N m]."""
+_ENDLESS_N_M = 1e6
+"""Largest friction of a joint: none has so much [N m]."""
 
 
 def compliance(label: str, value: float = 0.0, spread: float = math.inf) -> Unknown:
@@ -170,16 +168,17 @@ class Machine:
             found += mine
         wound = [joint for joint in self.wound if joint not in mechanism.gears]
         for joint in wound:
-            found += self._compliance(joint, "torsional", "torsional_compliance", _TORSION)
+            found += self._compliance(joint, "torsional", "torsional_compliance", SOFT["rad/(N*m)"])
         dry = [name for name, one in friction.items() if one.coulomb > 0.0]
         behind = [joint for joint in mechanism.gears if "friction" in also or joint in dry]
         for joint in dict.fromkeys([*torques, *behind, *wound]):
             value = friction[joint].coulomb if joint in friction else 0.0
             unit = "N" if mechanism.description.joints[joint].slides else "N*m"
-            found.append(Unknown(joint, "dry_friction", unit, value, value or _TORQUE_N_M, 1e6))
+            size = value or _TORQUE_N_M
+            found.append(Unknown(joint, "dry_friction", unit, value, size, _ENDLESS_N_M))
             if joint in behind or joint in wound:
                 ratio = 1.0 + friction[joint].excess / value if value else 1.0
-                found.append(Unknown(joint, "stiction", "", ratio, 1.0, _STICKS, sought=False))
+                found.append(Unknown(joint, "stiction", "", ratio, 1.0, FACTOR, sought=False))
         if stops and rubs:
             found.append(Unknown("", "friction_kept_at_stops", "", 0.5, 0.5, 1.0, sought=False))
         for word in known:
@@ -229,8 +228,10 @@ def compliances(mechanism: Mechanism, given: Given) -> dict[str, Unknown]:
             give = 1.0 / teeth.stiffness[0]
             spread = BENDS * give if teeth.curved else max(LINK, give)
         known[f"{name} link"] = compliance(f"{name} link", spread=spread)
+    # Passes under one load do not tell what a bush gives way by along the contact's normal from
+    # friction: without a bound no friction could be told from them.
     bushes = [f"{name} bush" for name in mechanism.clearance]
-    known |= {label: compliance(label, spread=BUSH) for label in bushes}
+    known |= {label: compliance(label, spread=SOFT["m/N"]) for label in bushes}
     for label in sorted(given, key=lambda one: (one != ALL, " " in one)):
         entry = given[label]
         stiffness, part = entry if isinstance(entry, tuple) else (entry, 0.0)

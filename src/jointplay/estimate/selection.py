@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 import pinocchio as pin
+from scipy.stats import chi2
 from scipy.stats import f as fisher
 from scipy.stats import t as student
 
@@ -24,30 +25,43 @@ from jointplay.base import tables
 from jointplay.base.errors import JointplayError, MissingName
 from jointplay.base.tables import Table
 from jointplay.base.units import readable
-from jointplay.estimate.kinematic_model import COORDINATE, PARTS, Column, Poses, Term
+from jointplay.estimate.kinematic_model import COORDINATE, PARTS, TRANSITIONS, Column, Poses, Term
 from jointplay.estimate.least_squares import Fit, LeastSquares, basis, minimum
 from jointplay.estimate.machine import preset_found
 from jointplay.estimate.static_poses import StaticPoses
-from jointplay.estimate.unknowns import Estimate, Loop, Unknown, by_label, data, listed
+from jointplay.estimate.unknowns import (
+    CONFIDENCE,
+    TINY,
+    Estimate,
+    Loop,
+    Unknown,
+    by_label,
+    data,
+    listed,
+)
 
 if TYPE_CHECKING:
     from jointplay.model.mechanism import Mechanism
     from jointplay.scenario.presets import Preset
 
 CHANCE = 0.1
-"""Probability of chance below which a gain counts, one-sided."""
+"""Probability of chance below which a gain counts, one-sided: weaker than the usual 5 %, for a
+cause that is left out biases all others, one too many only widens them
+(benchmarks/truth/calibrate.py)."""
 LEAST_GAIN = 0.01
-"""Part by which held-back errors must shrink at least (RMS)."""
+"""Part by which held-back errors must shrink at least (RMS): of thousands of poses even what nobody
+would miss is no chance (judged)."""
 RARER_SIGN = 0.05
-"""Part of the poses in which a joint must be loaded the other way, or its play cannot be told."""
+"""Part of the poses in which a joint must be loaded the other way, or its play is told by few
+that may be outliers (judged)."""
 LARGE = 1.2
-"""Excess of held-back errors from which on it is said."""
-TWO_UNKNOWNS = 5.99
-"""95 % quantile of chi-square with two degrees of freedom, friction's and transition's."""
+"""Excess of held-back errors from which on it is said: that of right fits to 40 poses with three
+numbers each scatters by 0.065, a third of what is missing to it."""
+TWO_UNKNOWNS = float(chi2.ppf(CONFIDENCE, 2))
+"""By how much costs may differ over two unknowns, friction and transition: likelihood ratio."""
 SMOOTHINGS = (0.25, 1.0, 4.0)
-"""Times a transition that is given, for which a bound must hold."""
-_EQUAL = 1e-9
-"""Part by which gains of choices differ that are the same but for rounding."""
+"""Times a transition that is given, for which a bound must hold: nobody knows it better than to a
+factor of four (judged)."""
 CONSTANT = ("offset", "placement")
 """Kinds of terms that are the same in every pose."""
 _BY_LOAD = ("play", "compliance", "gear", "hysteresis")
@@ -148,9 +162,10 @@ class Fitted(Fit):
         off = least.residual(self.theta)[:m].reshape(shape)
         own = 1.0 - np.sum(least.projected[:m] ** 2, axis=1).reshape(shape)  # about their means
         spread = slope @ self.covariance @ np.swapaxes(slope, 1, 2)
-        spread = self.stretch**2 * (spread + np.maximum(own, 1e-9)[:, :, None] * np.eye(axes))
+        spread = self.stretch**2 * (spread + np.maximum(own, TINY)[:, :, None] * np.eye(axes))
         distance = np.einsum("na,na->n", off, np.linalg.solve(spread, off[:, :, None])[:, :, 0])
-        return distance <= axes * fisher.ppf(0.95, axes, max(self.freedom, 1.0)), distance / axes
+        limit = axes * fisher.ppf(CONFIDENCE, axes, max(self.freedom, 1.0))
+        return distance <= limit, distance / axes
 
 
 @dataclass(frozen=True)
@@ -536,7 +551,7 @@ class Selection:
                 gains, _ = self.gains(self.base.having(made), i, fitted.theta, rows)
                 best = int(gains.argmax())
                 liked = (preferred or {}).get(i, best)
-                if gains[liked] >= gains[best] * (1.0 - _EQUAL):
+                if np.isclose(gains[liked], gains[best], atol=0.0):
                     best = liked
                 chosen[i] = best
                 options = made[i].options
@@ -564,7 +579,7 @@ class Selection:
         features[len(owner) : len(least.measured)] = 0.0
         own = least.project(slope[:, k, None] * features)
         own = own - span @ (span.T @ own)
-        along, square = -(left @ own), np.maximum(np.sum(own**2, axis=0), 1e-300)
+        along, square = -(left @ own), np.maximum(np.sum(own**2, axis=0), TINY)
         return along**2 / square, least.scale[k] * along / square
 
     def tried(self, terms: Sequence[Term]) -> Step:
@@ -655,7 +670,8 @@ class Selection:
     def spread(self, fitted: Fitted) -> tuple[np.ndarray, np.ndarray, float]:
         """Half widths of 95 % intervals and of one-sided bounds of all unknowns [SI], and the
         stretch of costs by which they follow from the residuals' own scatter."""
-        two, one = (self.excess * fitted.half_widths(part) for part in (0.95, 0.9))
+        both = CONFIDENCE, 2.0 * CONFIDENCE - 1.0
+        two, one = (self.excess * fitted.half_widths(part) for part in both)
         return two, one, (self.excess * fitted.stretch) ** 2
 
     def told(
@@ -755,7 +771,7 @@ def _why_not(fitted: Fitted, i: int) -> str:
             f"its load, at most {largest:.2g} {effort}, is smaller than the friction of "
             f"{friction:.2g} {effort}"
         )
-    side = poses.leaning(column.joint, 0.0, column.term.transition or 0.05 * largest)
+    side = poses.leaning(column.joint, 0.0, column.term.transition or TRANSITIONS[0] * largest)
     if said := one_sided(np.round(side)):
         return said
     return fitted.why_not(len(fitted.problem.frame) + i)
