@@ -38,11 +38,12 @@ _STILL_N_M = 1e-6
 load [N m]."""
 
 _STEEPEST, _WIDEST = 0.02, 0.7
-FRICTIONS = tuple(np.linspace(0.0, _WIDEST, 15))
-TRANSITIONS = tuple(np.geomspace(_STEEPEST, _WIDEST, 10))
-"""Of play, over the largest load of the joint, where they are sought, in steps of 0.05 and by
-factors of 1.5. Steeper than the first is a jump between any two of 50 poses, wider than the last
-nearly compliance (judged)."""
+FRICTIONS = tuple(np.linspace(0.0, _WIDEST, 29))
+TRANSITIONS = tuple(np.geomspace(_STEEPEST, _WIDEST, 19))
+"""Of play, over the largest load of the joint, where they are sought, in steps of 0.025 and by
+factors of 1.2: of 20 intervals in benchmarks/truth/calibrate.py one misses, with steps twice as
+wide four, half as wide one. Steeper than the first is a jump between any two of 50 poses, wider
+than the last nearly compliance (judged)."""
 _TURN_WIDTH = 2.5
 """Prior width of a placement's angles over that of its lengths: lengths over a reach of 0.4 m
 [rad/m]."""
