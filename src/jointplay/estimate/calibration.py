@@ -24,10 +24,11 @@ from jointplay.base.errors import JointplayError, require_a
 from jointplay.base.progress import ProgressBar
 from jointplay.base.units import told
 from jointplay.estimate import planning, static_poses
+from jointplay.estimate.calibration_result import Calibration
 from jointplay.estimate.kinematic_model import COORDINATE, Poses, Term
 from jointplay.estimate.least_squares import LeastSquares
 from jointplay.estimate.planning import MeasurementPlan
-from jointplay.estimate.selection import Calibration, Problem, Selection, Step, held_back
+from jointplay.estimate.selection import Problem, Selection, Step, held_back
 from jointplay.estimate.unknowns import CONFIDENCE, NORMAL, TINY, Estimate, Unknown
 from jointplay.model.mechanism import Mechanism
 
@@ -307,7 +308,7 @@ def calibrate(
             _estimate_scatter(fits, [*given, *candidates])
         name = "base and tool" + "".join(f" + {one.short}" for one in given)
         kept = fits.run(name, given, [[one] for one in candidates])
-        coefficients, play, whole = fits.told(kept, candidates)
+        estimates, whole = fits.estimates(kept, candidates)
         notes, effects = fits.notes(kept), _effects(fits, kept)
     if poses.exchanged:
         rows = ", ".join(str(i + 1) for i in poses.exchanged)
@@ -315,8 +316,10 @@ def calibrate(
             f"note: labels of markers are exchanged in {len(poses.exchanged)} of {len(poses)} rows "
             f"({rows}); put right"
         )
-    told = coefficients, play, words, tuple(notes), effects, whole
-    return Calibration(poses, tuple(fits.steps), *told)
+    return Calibration(
+        poses=poses, steps=tuple(fits.steps), estimates=estimates, folds=words,
+        notes=tuple(notes), effects=effects, whole=whole,
+    )  # fmt: skip
 
 
 def plan_calibration(

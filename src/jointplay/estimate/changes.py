@@ -72,7 +72,7 @@ def changes(first: Sequence[LeastSquares], second: Sequence[LeastSquares]) -> Ch
         pair = before[label], after[label]
         fit, last = search(*_stacked(*pair)), search(pair[1], _begin(pair[1].unknowns))
         for j, i in enumerate(_plays(pair[1].unknowns)):
-            found += [_told(last, i), _told(fit, len(pair[0].unknowns) + j)]
+            found += [_estimate(last, i), _estimate(fit, len(pair[0].unknowns) + j)]
     once = [one for one in {**before, **after} if one not in both]
     notes = [f"note: {one}: measured once, no change is told" for one in once]
     notes.append(
@@ -93,7 +93,7 @@ def _begin(unknowns: Sequence[Unknown]) -> np.ndarray:
     return np.array([value or half for value, half in zip(known, halves, strict=True)])
 
 
-def _told(fit: Fit, i: int) -> Estimate:
+def _estimate(fit: Fit, i: int) -> Estimate:
     half = float(fit.half_width[i])
     reason = "" if np.isfinite(half) else fit.why_not(i) or "nothing that was measured tells it"
     return Estimate(fit.least.unknowns[i], float(fit.theta[i]), half, reason)

@@ -470,6 +470,8 @@ def _placement(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
     return [Feature(one, ways[k], "m" if k < 3 else "rad", k) for k in numbers]
 
 
+# Widths are as large as such errors of arms and their joints get (judged); of parts of the scenario
+# twice what it has.
 TERM_KINDS: Mapping[str, TermKind] = {
     "offset": TermKind(
         "zero of the joint's encoder", 0.1,

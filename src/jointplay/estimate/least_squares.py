@@ -22,7 +22,15 @@ from scipy.optimize import brentq, least_squares
 from scipy.stats import qmc
 from scipy.stats import t as student
 
-from jointplay.estimate.unknowns import CONFIDENCE, FACTOR, TINY, Estimate, Unknown
+from jointplay.estimate.unknowns import (
+    CONFIDENCE,
+    FACTOR,
+    LARGEST_SHARE,
+    MODEL_ERROR,
+    TINY,
+    Estimate,
+    Unknown,
+)
 
 _STEP = 1e-3
 """Step of differences, relative to an unknown's scale: a thousandth of what is curved is left, and
@@ -35,10 +43,9 @@ SHARE = 0.1
 SAFETY = 1.5
 """By which intervals are wider than the statistics say, unless said otherwise; set by the first ten
 machines of benchmarks/truth/identify.py."""
-_LOOKS, _NEAR, _FAR = 2, 0.02, 0.5
-"""How often effects are sought over the width of the intervals; least and largest step by scale:
-an interval as wide as `LARGEST_SHARE` allows, and one that is told to two per cent, the model's own
-error."""
+_LOOKS = 2
+"""How often effects are sought over the width of the intervals, as far as these are no narrower
+than the model's own error, and no wider than what is identified."""
 _FEW = {False: 8, True: 4}
 """Freedom that few groups are granted: with less, intervals say nothing. Fewer where errors are
 only weights, for nothing else says how large they are."""
@@ -338,11 +345,10 @@ class Fit:
         half = float(student.ppf(0.5 + CONFIDENCE / 2.0, self._spread[1]))
         return self.least.safety * float(np.hypot(half * self.stretch * deviation, off))
 
-    @cached_property
-    def acceptable(self) -> float:
+    def acceptable(self, safety: float = 1.0) -> float:
         """Cost up to which another explanation is as good, by the ratio of likelihoods that the
-        intervals allow of one unknown."""
-        return self.least.cost(self.theta) + self.wide(1.0) ** 2
+        statistics allow of one unknown, or intervals that are wider by a factor."""
+        return self.least.cost(self.theta) + (safety * self.wide(1.0) / self.least.safety) ** 2
 
     def informed(self, i: int) -> tuple[float, float, str]:
         """Part of the i-th unknown's prior variance that the measurement took away; its largest
@@ -436,7 +442,8 @@ def fit(problem: LeastSquares, start: np.ndarray, most_steps: int) -> Fit:
     theta, scale = minimum(problem, start, most_steps), problem.scale
     found = Fit(least=problem, theta=theta)
     for _ in range(_LOOKS):
-        steps = np.clip(found.half_width, _NEAR * scale, _FAR * np.maximum(scale, theta))
+        widest = LARGEST_SHARE * np.maximum(scale, theta)
+        steps = np.clip(found.half_width, MODEL_ERROR * scale, widest)
         found = replace(found, steps=steps)
     return found
 
@@ -501,7 +508,7 @@ def search(problem: LeastSquares, start: np.ndarray | None = None) -> Fit:
         if (np.abs(one.theta - best.theta) > far).any()
     ]
     others += _with_other_walls(problem, best.theta)
-    limit = best.acceptable
+    limit = best.acceptable()
     away = [np.abs(theta - best.theta) for theta in others if problem.cost(theta) <= limit]
     plays = [one.name.endswith("clearance") for one in problem.unknowns]
     for soft in filter(None, map(problem.softened, problem.softening)):
@@ -529,6 +536,7 @@ def _profiled(best: Fit, wide: np.ndarray, i: int) -> float:
     widest = one.widest(best.theta[i])
     if not one.sought or half > widest:
         return half  # it is not identified in any case
+    limit = best.acceptable(problem.safety)
     for side in (1.0, -1.0):
         own = float(wide[i])
         start = best.theta
@@ -537,7 +545,7 @@ def _profiled(best: Fit, wide: np.ndarray, i: int) -> float:
             if not one.least < value < one.most:
                 break
             start = _fitted_beside(problem, start, i, value)
-            if problem.cost(start) > best.acceptable:
+            if problem.cost(start) > limit:
                 break
             own *= _OUTWARDS
         half = max(half, own)
@@ -551,7 +559,9 @@ def _with_other_walls(problem: LeastSquares, theta: np.ndarray) -> list[np.ndarr
     interval by slopes would not see how little is lost far away on the other.
     """
     return [
-        _fitted_beside(problem, theta, i, min(max(theta[i], _NEAR * one.scale) * by, one.most))
+        _fitted_beside(
+            problem, theta, i, min(max(theta[i], MODEL_ERROR * one.scale) * by, one.most)
+        )
         for i, one in enumerate(problem.unknowns)
         if one.name == "axial_clearance" and len(theta) > 1
         for by in (FACTOR, 1.0 / FACTOR)

@@ -253,7 +253,7 @@ MOST_PATH = 4000
 _THRESHOLD = 6.0
 """Spreads of an encoder's records by which a position must go back to have turned: of a million
 records none does so by chance."""
-_SMALLEST = 1e-6
+SMALLEST = 1e-6
 """Motion that counts, less than encoders resolve [rad or m]."""
 
 
@@ -383,7 +383,7 @@ def positions(
     names, still = tuple(moving(mechanism)), middle(mechanism)
     found = np.tile([still[name] for name in names], (len(measured.time), 1))
     reference = None if motion is None else motion(measured.time)[0]
-    without_encoder, limits = [], np.full(len(names), _SMALLEST)
+    without_encoder, limits = [], np.full(len(names), SMALLEST)
     for column, name in enumerate(names):
         kinds = ("motor",) if name in mechanism.gears else ("motor", "link")
         kind = next((one for one in kinds if (one, name) in measured.signals), None)
@@ -391,7 +391,7 @@ def positions(
             records = measured.signals[kind, name]
             found[:, column] = _filled(records, measured.time, f"{name} {kind}")
             spread = max(_THRESHOLD * scatter(records), 2.0 * resolution(records))
-            limits[column] = max(spread, _SMALLEST)
+            limits[column] = max(spread, SMALLEST)
             continue
         without_encoder.append(name)
         if motion is not None and reference is not None and name in motion.joints:

@@ -77,6 +77,9 @@ _HALVINGS = 48
 _CREEPS = 0.02
 """Axial load by the rims' forces from which on a journal that turns creeps along its axis to an end
 wall while a place is passed (judged)."""
+_MISSING = 0.5 * LOAD_ERROR
+"""Part of a joint's largest load that may be missing in others: one standard deviation, where the
+error is two. Moments, which change while a place is passed, are off by all of it."""
 _WALKS = 1.0 / 3.0
 """Part of the clearance by which a rim may be held off the place where the load pushes it, and of
 the other rim's force below which it is held nowhere (judged; from a quarter to a half nothing
@@ -219,7 +222,7 @@ class _Rolling(_Bearing):
         here, told = self._rests({}, load)
         across = np.linalg.norm(load[:, :3], axis=1)
         self.sure = told & (across > 0.0)
-        force = LOAD_ERROR * across.max(initial=0.0)
+        force = _MISSING * across.max(initial=0.0)
         moment = LOAD_ERROR * np.linalg.norm(load[:, 3:5], axis=1).max(initial=0.0)
         small = np.array([force, force, 0.0, moment, moment, 0.0])
         room = np.linalg.norm(here[:, [[0, 1], [3, 4]]], axis=2).max(axis=0, initial=0.0)
@@ -625,7 +628,7 @@ class StaticModel:
         half = mine["gear_play"] = self.mechanism.gears[name].play or STIFFEST
         hold, twists = self._hold[name], []
         whole = hold - np.einsum("nk,nk->n", self._pushed[name], self.visits.force)
-        off = LOAD_ERROR * np.abs(whole).max(initial=0.0) * np.ones(len(hold))
+        off = _MISSING * np.abs(whole).max(initial=0.0) * np.ones(len(hold))
         friction = mine.get("dry_friction", self._friction(name).coulomb)
         for more in (0.0 * off, off, -off, -self._inertia[name]):
             for factor in (1.0, FACTOR, 1.0 / FACTOR):
@@ -831,7 +834,7 @@ def _determined(joint: Clearance, load: np.ndarray, inertia: np.ndarray) -> np.n
     hinge, friction = joint.hinge, _FRICTION
     across = np.linalg.norm(load[:, :2], axis=1)
     pressed = across
-    faint = LOAD_ERROR * np.full(len(load), np.linalg.norm(load[:, :3], axis=1).max(initial=0.0))
+    faint = _MISSING * np.full(len(load), np.linalg.norm(load[:, :3], axis=1).max(initial=0.0))
     every = np.eye(6)
     added = [faint[:, None] * every[0], faint[:, None] * every[1], inertia]
     arm = 0.0

@@ -32,7 +32,14 @@ from jointplay.estimate.measurement import SHOWN, Key, Visits, tool_positions
 from jointplay.estimate.model import StaticModel
 from jointplay.estimate.nuisances import offsets
 from jointplay.estimate.parts import WOUND
-from jointplay.estimate.unknowns import FACTOR, LARGEST_SHARE, NORMAL, TINY, Unknown
+from jointplay.estimate.unknowns import (
+    FACTOR,
+    LARGEST_SHARE,
+    MODEL_ERROR,
+    NORMAL,
+    TINY,
+    Unknown,
+)
 from jointplay.model.collisions import SelfCollision
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.loads.drive import JointFriction, urdf_friction
@@ -60,8 +67,6 @@ _OVERCOMES, _STRONGEST_N = 2.0, 100.0
 _WAY, _ROOM = 0.5, 0.25
 """How far joints go before and beyond a pose that is passed, farther than any teeth wind up, and
 the part of the way between their limits that this takes at most [rad or m]."""
-_PART = 0.1
-"""Of that way, from which on the pose is approached."""
 _TRIED = 16
 """Poses that are tried for each that is offered, until enough are free of self-collision."""
 APART = 0.1
@@ -71,8 +76,6 @@ _NAMED = 3
 """Unknowns that are named as acting together with one."""
 _PRIOR = 1e-4
 """Information that unknowns have before: a standard deviation of a hundred of their scales."""
-_WELL = 0.02
-"""Half width by scale beyond which more counts for little: the model's own error."""
 
 
 @dataclass(frozen=True)
@@ -399,7 +402,7 @@ def informations(
     torques = np.array([kind == "torque" for kind, _ in keys])
     held = visits.stopped[:, None] & torques  # the drive may hold any part of friction
     at = np.array([one.nominal for one in unknowns]) if theta is None else theta
-    least = [_WELL * one.scale if one.least >= 0.0 else one.least for one in unknowns]
+    least = [MODEL_ERROR * one.scale if one.least >= 0.0 else one.least for one in unknowns]
     at = np.maximum(at, least)
     problem = LeastSquares(
         unknowns, lambda x: model.predict(x).ravel(), np.zeros(n * c), np.tile(error, n)
@@ -478,7 +481,7 @@ def _visits(mechanism: Mechanism, options: Sequence[Experiment]) -> Visits:
         for push in forces[: 1 if one.force is None else None]:
             for way in (1.0, -1.0) if one.passes else (1.0,):
                 away = way * ways
-                steps = [at + away, at - away, at - _PART * away, at]
+                steps = [at + away, at - away, at]
                 if not one.passes and rows and rows[-1][-1] == number:
                     steps = [at]  # it stands there already
                 path += steps
@@ -546,7 +549,7 @@ def _greedy(
         if not left.any():
             break
         after = np.array([half_widths(unknowns, total + gain) / scale for gain in found.gains])
-        worth = np.log(np.maximum(after[:, sought], _WELL)).sum(axis=1)
+        worth = np.log(np.maximum(after[:, sought], MODEL_ERROR)).sum(axis=1)
         best = int(np.where(left, worth, np.inf).argmin())
         chosen.append(best)
         left &= ~alike[best]

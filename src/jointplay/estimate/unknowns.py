@@ -19,6 +19,9 @@ CONFIDENCE = 0.95
 """With which intervals, and upper bounds, hold."""
 NORMAL = float(norm.ppf(0.5 + CONFIDENCE / 2.0))
 """Half of such an interval in standard deviations."""
+MODEL_ERROR = 0.02
+"""Part of its value by which the static model itself is off, see benchmarks/truth/identify.py:
+nothing is told better."""
 FACTOR = 3.0
 """To which values of a scenario are expected to be right: starts of a search, other end walls, the
 play that a gear must have crossed, static by dynamic friction (judged)."""
@@ -61,8 +64,8 @@ class Unknown:
     """Smallest possible value."""
     fine: bool = True
     """Whether it is as small as a clearance, and shown in such units."""
-    model_error: float = 0.02
-    """Part of its value by which the model itself is off, see benchmarks/truth/identify.py."""
+    model_error: float = MODEL_ERROR
+    """Part of its value by which the model itself is off."""
 
     @property
     def label(self) -> str:
