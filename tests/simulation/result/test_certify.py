@@ -515,7 +515,7 @@ def test_the_study_told_to_stop_while_it_certifies_keeps_the_case(monkeypatch, t
 
 @pytest.mark.thorough
 def test_claims_that_are_left_out_are_said(monkeypatch):
-    result = replace(scara(2e-4), duration=0.31).run(estimate=False)
+    result = replace(scara(2e-4), duration=0.31, judge_from=0.15).run(estimate=False)
     assert "deviation_mm" in {one.name for one in certify(result, claims=True).figures}
     monkeypatch.setattr("jointplay.simulation.spool.MOST_BYTES", 1)
     found = certify(result, claims=True)
