@@ -418,7 +418,7 @@ class PlayBudget(Budget):
             tighter, worst = self.tighter(at), float(self.worst[at])
             words += (
                 f"; half the clearances {readable(tighter, 'm', 3)} instead of "
-                f"{readable(worst, 'm', 3)} at worst"
+                f"{readable(worst, 'm', 3)} at worst of play"
             )
         return [f"cures: {words}"]
 
