@@ -136,7 +136,8 @@ class _Dial:
                 raise JointplayError(f"{option} is not for a dial gauge, which tells single joints")
         self.options = options
         self.noise = _noise(options, "tool", "link")
-        self.posed = posed_machine(options, single=True)
+        options.pose = [options.pose or ""] if options.pose or not options.motion else []
+        self.posed = posed_machine(options)
         pose = self.posed.poses.positions() if any(options.pose) else None
         self.about: dict[str, Any] = {"noise": self.noise, "pose": pose}
 
