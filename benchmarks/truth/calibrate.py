@@ -101,7 +101,7 @@ def case(seed: int) -> list[dict]:
     begin = perf_counter()
     fit = jp.calibrate(one.drawn, one.poses)
     common, rows = {"case": seed, "seconds": perf_counter() - begin}, []
-    for told in fit.estimates:
+    for told in (*fit.coefficients, *fit.play):
         play = told in fit.play
         low, high = (told.low, told.high) if told.found else (0.0, told.upper)
         kind = told.unknown.name.split()[0]

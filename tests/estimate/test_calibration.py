@@ -157,6 +157,8 @@ def test_play_is_found_with_its_friction_and_told_from_compliance(arm):
     assert re.search(r"^elbow +gear play ", text, re.M)
     assert text.count(elbow.words()[1]) == 1
     assert "waist gear play: gravity does not load this joint" in text
+    # What is told of play stands in one place, not once more among the coefficients.
+    assert not [one for one in fit.coefficients if "play" in one.label]
     played = [row["joint"] for row in fit.data.records() if row["quantity"] == "gear_play"]
     assert played == [*JOINTS]
 
@@ -316,7 +318,7 @@ def test_an_encoder_that_jumps_is_told_though_poses_beside_the_jump_are_left_out
     waist = encoder_differences(arm, poses)[0]
     assert [term.kind for term in waist.kept] == ["sawtooth"]
     assert waist.step().held_back[0] < 1e-3
-    gain, jump = (waist[f"waist sawtooth {one}"] for one in ("gain", "jump"))
+    gain, jump = waist.coefficients
     assert gain.low < -0.025 < gain.high
     assert jump.low < 0.17 < jump.high
 
@@ -607,11 +609,7 @@ def test_a_plan_promises_what_its_poses_then_tell(arm):
     truth.motor = np.array([one.positions for one in plan.experiments])
     truth.q = truth.motor.copy()
     fit = calibrate(arm, truth.measured(), (), always=terms, folds=2, error=error)
-    found = [
-        one.half_width / expected[one.label]
-        for one in fit.estimates
-        if one.label in expected and not one.reason
-    ]
+    found = [one.half_width / expected[one.label] for one in fit.coefficients if not one.reason]
     assert 0.6 < np.median(found) < 1.7
     assert (plan.half_width[1:] <= 1.001 * plan.half_width[:-1]).all()
 

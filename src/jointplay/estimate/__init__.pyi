@@ -1,6 +1,5 @@
 from .calibration import calibrate as calibrate
 from .calibration import plan_calibration as plan_calibration
-from .calibration_result import Calibration as Calibration
 from .encoders import encoder_differences as encoder_differences
 from .gauge import Gauged as Gauged
 from .gauge import Readings as Readings
@@ -16,6 +15,7 @@ from .planning import Experiment as Experiment
 from .planning import MeasurementPlan as MeasurementPlan
 from .planning import plan_measurement as plan_measurement
 from .recordings import Recording as Recording
+from .selection import Calibration as Calibration
 from .static_poses import StaticPoses as StaticPoses
 from .unknowns import Estimate as Estimate
 from .unknowns import Unknown as Unknown

@@ -24,12 +24,11 @@ from jointplay.base.errors import JointplayError, require_a
 from jointplay.base.progress import ProgressBar
 from jointplay.base.units import told
 from jointplay.estimate import planning, static_poses
-from jointplay.estimate.calibration_result import Calibration
 from jointplay.estimate.kinematic_model import COORDINATE, Poses, Term
 from jointplay.estimate.least_squares import LeastSquares
 from jointplay.estimate.planning import MeasurementPlan
-from jointplay.estimate.selection import Problem, Selection, Step, held_back
-from jointplay.estimate.unknowns import CONFIDENCE, NORMAL, TINY, Estimate, Unknown
+from jointplay.estimate.selection import Calibration, Problem, Selection, Step, held_back
+from jointplay.estimate.unknowns import NORMAL, Estimate, Unknown
 from jointplay.model.mechanism import Mechanism
 
 if TYPE_CHECKING:
@@ -40,16 +39,10 @@ TERMS = ("offset", "placement", "compliance", "eccentricity", "play")
 CANDIDATES = 200
 """Poses among which a plan chooses."""
 DRAWS = 1000
-"""Of coefficients for an effect's interval: its ends scatter by 2 % of its width."""
-SCATTER = 1e-3, 5e-3
-"""Of positions and orientations about the model, where none is given: a tracker's or an arm's own,
-to a factor (judged) [m, rad]. Where it can, a fit estimates its own."""
-PROBE_M = 0.02
-"""Prior width of the tool's point where only the same points were touched: how well the length of
-a probe is known (judged) [m]."""
+"""Of coefficients for an effect's interval."""
 _FRAME = tuple(f"{what} {axis}" for what in ("base", "base r", "tool", "tool r") for axis in "xyz")
-_ANYWHERE = 100.0
-"""Prior width of what nobody knows, base and tool: any that is large beside robots [m, rad]."""
+_UNKNOWN = 1e2
+"""Prior width of where the base is, and of how base and tool are turned [m, rad]."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +51,7 @@ class Placed(Problem):
 
     point: np.ndarray = field(default_factory=lambda: np.zeros(3))
     """Nominal place of the tool's point in the tool frame, shape (3,) [m]."""
-    point_width: float = _ANYWHERE
+    point_width: float = 10.0
     """Of its prior [m]."""
     turned: tuple[np.ndarray, np.ndarray] = (np.eye(3), np.eye(3))
     """Rotations of the mechanism's base in the instrument's axes and of what was measured in the
@@ -92,7 +85,7 @@ class Placed(Problem):
     @cached_property
     def frame(self) -> tuple[Unknown, ...]:
         values = [*np.zeros(6), *self._nominal, *np.zeros(3)]
-        widths = [_ANYWHERE] * 6 + [self.point_width] * 3 + [_ANYWHERE] * 3
+        widths = [_UNKNOWN] * 6 + [self.point_width] * 3 + [_UNKNOWN] * 3
         every = [
             Unknown("", name, "", value, spread=width, least=-np.inf, sought=False, model_error=0.0)
             for name, value, width in zip(_FRAME, values, widths, strict=True)
@@ -137,7 +130,7 @@ class Placed(Problem):
                 parts.append(turns.reshape(3 * n, -1))
             for way, (one, other) in zip(apart(points), pairs, strict=True):
                 slope = moves[one].mean(axis=0) - moves[other].mean(axis=0)
-                parts.append((way @ slope)[None] / max(float(np.linalg.norm(way)), TINY))
+                parts.append((way @ slope)[None] / max(float(np.linalg.norm(way)), 1e-12))
             return np.concatenate(parts)
 
         return LeastSquares(
@@ -219,10 +212,10 @@ class Placed(Problem):
             # for what follows.
             for _ in range(1 if seen is not None else 4):
                 mixed = base @ body.sum(axis=0)
-                matrix = np.block([[n * eye, mixed], [mixed.T, n * eye]])
+                matrix = np.block([[n * eye, mixed], [mixed.T, n * eye]]) + 1e-9 * np.eye(6)
                 goal = position - origin @ base.T
                 inner = np.einsum("nab,nb->a", back, goal @ base)
-                solved = np.linalg.lstsq(matrix, np.concatenate([goal.sum(axis=0), inner]))[0]
+                solved = np.linalg.solve(matrix, np.concatenate([goal.sum(axis=0), inner]))
                 at, reach = solved[:3], solved[3:]
                 tip = origin + body @ reach
                 if seen is None:
@@ -274,7 +267,7 @@ def calibrate(
             `terms` if None. Intervals follow from the residuals.
         payloads: bodies that the mechanism carried all the time.
         point: nominal place of the measured point in the tool frame, shape (3,) [m].
-        point_width: of its prior [m]; None: `PROBE_M` for closure, otherwise it may be anywhere.
+        point_width: of its prior [m]; 0.02 for closure, 10 otherwise.
         progress: whether to show a bar if it takes more than two seconds.
 
     Raises:
@@ -296,8 +289,8 @@ def calibrate(
     all_poses = Poses(mechanism, poses, payloads)
     groups, words = held_back(poses, folds)
     if point_width is None:
-        point_width = PROBE_M if poses.point is not None else _ANYWHERE
-    scatter = error or SCATTER
+        point_width = 0.02 if poses.point is not None else 10.0
+    scatter = error or (1e-3, 5e-3)
     base = Placed(all_poses, scatter, (), np.asarray(point, float), point_width)
     base, start = replace(base, error=scatter[: len(base.kinds)]).begun()
     count = len(candidates)
@@ -308,7 +301,7 @@ def calibrate(
             _estimate_scatter(fits, [*given, *candidates])
         name = "base and tool" + "".join(f" + {one.short}" for one in given)
         kept = fits.run(name, given, [[one] for one in candidates])
-        estimates, whole = fits.estimates(kept, candidates)
+        coefficients, play, whole = fits.told(kept, candidates)
         notes, effects = fits.notes(kept), _effects(fits, kept)
     if poses.exchanged:
         rows = ", ".join(str(i + 1) for i in poses.exchanged)
@@ -316,10 +309,8 @@ def calibrate(
             f"note: labels of markers are exchanged in {len(poses.exchanged)} of {len(poses)} rows "
             f"({rows}); put right"
         )
-    return Calibration(
-        poses=poses, steps=tuple(fits.steps), estimates=estimates, folds=words,
-        notes=tuple(notes), effects=effects, whole=whole,
-    )  # fmt: skip
+    told = coefficients, play, words, tuple(notes), effects, whole
+    return Calibration(poses, tuple(fits.steps), *told)
 
 
 def plan_calibration(
@@ -327,7 +318,7 @@ def plan_calibration(
     terms: Sequence[Term | str] = TERMS,
     *,
     count: int = 20,
-    error: tuple[float, float] = SCATTER,
+    error: tuple[float, float] = (1e-3, 5e-3),
     payloads: Sequence[Payload] = (),
     point: Sequence[float] = (0.0, 0.0, 0.0),
     seed: int = 0,
@@ -390,7 +381,7 @@ def _estimate_scatter(fits: Selection, terms: Sequence[Term]) -> None:
             part = slice(k * m, (k + 1) * m)
             slope, span = fitted.effect[part], fitted.least.projected[part]
             taken = float(np.sum((slope @ fitted.covariance) * slope) + np.sum(span**2))
-            sizes.append(max(float(np.sqrt(np.sum(left**2) / max(m - taken, 1.0))), TINY))
+            sizes.append(max(float(np.sqrt(np.sum(left**2) / max(m - taken, 0.1 * m))), 1e-9))
         fits.base = replace(fits.base, error=tuple(sizes))
 
 
@@ -416,8 +407,7 @@ def _effects(fits: Selection, kept: Step) -> tuple[Estimate, ...]:
         value = fitted.theta[at] / scale[at]
         drawn = random.multivariate_normal(value, covariance * np.outer(wider, wider), DRAWS)
         size = float(np.linalg.norm(moved @ value))
-        both = 0.5 * np.array([1.0 - CONFIDENCE, 1.0 + CONFIDENCE])
-        low, high = np.quantile(np.linalg.norm(moved @ drawn.T, axis=0), both)
+        low, high = np.quantile(np.linalg.norm(moved @ drawn.T, axis=0), [0.025, 0.975])
         ends = min(float(low), size), max(float(high), size)
         effect = Unknown("", term.short, "m", sought=False, fine=False)
         made.append(Estimate(effect, size, ends=ends))
@@ -427,6 +417,5 @@ def _effects(fits: Selection, kept: Step) -> tuple[Estimate, ...]:
 @cache
 def _grid() -> list[np.ndarray]:
     """Rotations no more than some 40 degrees apart: those of a cube, each with four yaws."""
-    quarter = np.linspace(0.0, np.pi / 2.0, 4, endpoint=False)
-    yaws = Rotation.from_rotvec(np.outer(quarter, [0.0, 0.0, 1.0]))
+    yaws = Rotation.from_rotvec(np.outer(np.arange(4) * np.pi / 8.0, [0.0, 0.0, 1.0]))
     return [(one * yaw).as_matrix() for one in Rotation.create_group("O") for yaw in yaws]

@@ -21,7 +21,7 @@ from jointplay.estimate.unknowns import PLAYS, Answer, Estimate, Unknown
 
 SAME = {"friction": 0.3, "": 0.1}
 """By how much friction, and all else but play, differs between measurements: standard deviations,
-as parts of their sizes. Judged, and said with every answer: grease ages, metal does not."""
+as parts of their sizes. An assumption."""
 _REMEMBERED = 64
 """Predictions of a measurement that are kept: differences in the second leave the first's."""
 
@@ -72,12 +72,12 @@ def changes(first: Sequence[LeastSquares], second: Sequence[LeastSquares]) -> Ch
         pair = before[label], after[label]
         fit, last = search(*_stacked(*pair)), search(pair[1], _begin(pair[1].unknowns))
         for j, i in enumerate(_plays(pair[1].unknowns)):
-            found += [_estimate(last, i), _estimate(fit, len(pair[0].unknowns) + j)]
+            found += [_told(last, i), _told(fit, len(pair[0].unknowns) + j)]
     once = [one for one in {**before, **after} if one not in both]
     notes = [f"note: {one}: measured once, no change is told" for one in once]
     notes.append(
-        f"assumed: between the measurements compliances differ by {100 * SAME['']:g} %, friction "
-        f"by {100 * SAME['friction']:g} % (standard deviations)"
+        f"assumed: between the measurements compliances differ by {100.0 * SAME['']:g} %, friction "
+        f"by {100.0 * SAME['friction']:g} % (standard deviations)"
     )
     return Changes(estimates=tuple(found), notes=tuple(notes))
 
@@ -93,7 +93,7 @@ def _begin(unknowns: Sequence[Unknown]) -> np.ndarray:
     return np.array([value or half for value, half in zip(known, halves, strict=True)])
 
 
-def _estimate(fit: Fit, i: int) -> Estimate:
+def _told(fit: Fit, i: int) -> Estimate:
     half = float(fit.half_width[i])
     reason = "" if np.isfinite(half) else fit.why_not(i) or "nothing that was measured tells it"
     return Estimate(fit.least.unknowns[i], float(fit.theta[i]), half, reason)

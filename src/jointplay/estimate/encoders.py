@@ -15,12 +15,11 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from jointplay.base.errors import JointplayError, require_a
-from jointplay.estimate.calibration_result import Calibration
 from jointplay.estimate.kinematic_model import Poses, Term
 from jointplay.estimate.least_squares import LeastSquares
-from jointplay.estimate.selection import Problem, Selection, held_back
+from jointplay.estimate.selection import Calibration, Problem, Selection, held_back
 from jointplay.estimate.static_poses import FEWEST, StaticPoses
-from jointplay.estimate.unknowns import TINY, Unknown
+from jointplay.estimate.unknowns import Unknown
 from jointplay.model.mechanism import Mechanism
 
 if TYPE_CHECKING:
@@ -37,8 +36,7 @@ _EXCLUSIVE = (
     ({"play"}, {"hysteresis"}),  # play with friction has the other in it
 )
 _WIDE = 100.0
-"""Prior widths of effects, in standard deviations of the difference: so wide that they only keep
-what nothing shows from growing (from 30 on nothing changes)."""
+"""Prior widths of effects, in standard deviations of the difference."""
 _OF_ANGLES = ("eccentricity", "sawtooth")
 _WORDS = {"compliance": "compliance (sag under its load)"}
 _LITTLE = 0.5
@@ -133,7 +131,7 @@ def _compared(poses: Poses, joint: str, terms: Sequence[Term] | None) -> Calibra
         return None
     n, largest = len(kept), {"compliance": poses.load[:, j], "ratio": poses.q[:, j]}
     widths = {
-        kind: _WIDE * size / max(float(np.abs(by).max()), TINY) for kind, by in largest.items()
+        kind: _WIDE * size / max(float(np.abs(by).max()), 1e-9) for kind, by in largest.items()
     }
     asked = {one.kind for one in terms or () if not one.joints or joint in one.joints}
     causes = CAUSES
@@ -167,7 +165,7 @@ def _compared(poses: Poses, joint: str, terms: Sequence[Term] | None) -> Calibra
     if step.held_back[0] > 0.0:  # what priors are weighed against
         fits.base = replace(base, error=(step.held_back[0],))
     play = [one for many in candidates for one in many if one.kind == "play"]
-    estimates, whole = fits.estimates(step, play if may_be(step.terms, play) else ())
+    coefficients, bound, whole = fits.told(step, play if may_be(step.terms, play) else ())
     unknown = Unknown(joint, "difference", base.unit, fine=False)
     explained = " + ".join(_WORDS.get(one.kind, one.kind) for one in step.terms)
     head = (
@@ -175,11 +173,9 @@ def _compared(poses: Poses, joint: str, terms: Sequence[Term] | None) -> Calibra
         f"{unknown.shown(step.held_back[0])} left when predicted by {explained or 'nothing here'}"
     )
     notes = [head, *fits.notes(step)]
-    for one in estimates:
+    for one in coefficients:
         if one.unknown.name == "ratio error":
             factor = f"{1.0 + one.value:.4g} +- {one.half_width:.1g}"
             notes.append(f"{joint}: its link turns {factor} as far as the motor")
-    return Calibration(
-        poses=poses.measured, steps=tuple(fits.steps), estimates=estimates, folds=words,
-        notes=tuple(notes), whole=whole,
-    )  # fmt: skip
+    told = coefficients, bound, words, tuple(notes), (), whole
+    return Calibration(poses.measured, tuple(fits.steps), *told)

@@ -30,9 +30,9 @@ from jointplay.base.units import NUMBER, convert, readable, told
 from jointplay.estimate import columns
 from jointplay.estimate.least_squares import Fit, LeastSquares, search
 from jointplay.estimate.machine import preset_found
-from jointplay.estimate.measurement import rounding
+from jointplay.estimate.measurement import resolution
 from jointplay.estimate.planning import PUSH_N, free_poses
-from jointplay.estimate.unknowns import TINY, Answer, Estimate, Loop, Unknown
+from jointplay.estimate.unknowns import Answer, Estimate, Loop, Unknown
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.loads.drive import urdf_friction
 
@@ -40,24 +40,19 @@ if TYPE_CHECKING:
     from jointplay.scenario.presets import Preset
 
 GAUGE_M, ANGLE = 10e-6, 1e-3
-"""Standard deviations of a reading of a gauge, one of its divisions, and of an angle, a count of a
-servo's encoder, unless said otherwise [m, rad]."""
+"""Standard deviations of a reading of a gauge, and of an angle, unless said otherwise [m, rad]."""
 SIZES = (1.0, 0.4, 0.15)
-"""Pushes of a plan, by the largest: in steps of 2.6, the smallest beyond gravity and friction."""
-EXPECTED = {False: 5e-3, True: 1e-4}
-"""Play by which a plan says how well it tells, of a joint that turns, and of one that slides:
-a small servo's, and a leadscrew's [rad, m]."""
+"""Pushes of a plan, by the largest."""
 RECIPE = (
     "needed are five readings: not pushed, and pushed to each side with two forces, the smaller at "
     "most two thirds of the larger"
 )
 _SOFTLY, _OVERCOMES = 0.02, 10.0
-"""Largest push of a plan, by a joint's limit of effort, and by gravity and friction, at least: the
-smallest one then overcomes these, and teeth wind up little (benchmarks/truth/gauge.py)."""
+"""Largest push of a plan, by a joint's limit of effort, and by gravity and friction, at least."""
 _UNLIKE = 1.5
-"""Ratio of two forces that count as two (judged)."""
+"""Ratio of two forces that count as two."""
 _SURE = 10.0
-"""Residuals that the stated scatter of readings is worth: it is known to a quarter or so."""
+"""Residuals that the stated scatter of readings is worth: it is known, if not quite."""
 _EXPONENT, _STIFFENS, _SOFTEST = 0.75, 0.2, 0.3
 """Exponent by which teeth wind up: what is expected, its standard deviation, and the least. Hertz's
 contact of balls has 2/3, straight teeth nearly 1, strain wave gears and worn teeth 0.5 (judged)."""
@@ -65,20 +60,18 @@ _STRAYS = 0.1
 """Standard deviation by which the wind-up strays from a power of the push between none and the
 largest, as a part of four times its largest: a gear whose stiffness has steps (judged)."""
 _RUBS = 0.1
-"""Friction on the joint's side by the smallest push, where the robot's file says nothing: a plan
-pushes so that it is less."""
+"""Friction on the joint's side by the smallest push, where the robot's file says nothing."""
 _LEVERS = 0.02
-"""Part by which levers are off, and so all angles: 2 mm of 100, by a ruler."""
+"""Part by which levers are off, and so all angles."""
 _BAR_M, _SHORT_M = 0.1, 0.02
-"""Bar that is clamped to links that are shorter than the second, to which a ruler is worse [m]."""
+"""Bar that is clamped to links that are shorter than the second [m]."""
 _FARTHEST = 10.0
 """Longest arm [m]: the largest robots reach half as far."""
 _TURNS = 0.35
 """Largest angle between readings that a gauge follows, for its stem is straight; a sine is 2 % less
 than this angle [rad]."""
 _OUTSIDE = 4.0
-"""Standard deviations beyond both sides from which on a reading is said to be wrong: of 10,000 one
-is by chance."""
+"""Standard deviations beyond both sides from which on a reading is said to be wrong."""
 _HOW = (
     "For each joint: hold the motors, set the gauge, and write down what it reads without a push "
     "and under each push; a push is positive if it makes the reading grow. Weights on a string or "
@@ -194,7 +187,8 @@ class Readings:
                 mine = setups == one
                 side = float(np.sign(motor[mine] @ (push[mine] - push[mine].mean())))
                 turned[mine] -= side * (motor[mine] - motor[mine].mean())
-                error[mine] = np.hypot(error[mine], rounding(motor[mine]))
+                step = resolution(np.sort(motor[mine]))
+                error[mine] = np.hypot(error[mine], step / np.sqrt(12.0))
         pose = texts.get("pose", ())
         return cls(tuple(names), tuple(map(str, setups)), push, turned, error, str(path), pose)
 
@@ -244,7 +238,7 @@ class Gauged(Answer):
         says[push == 0.0] = np.nan  # anywhere within the play
         for one in np.unique(setup):
             turned[setup == one] -= np.nanmean((turned - says)[setup == one])
-        none = np.array([-TINY, TINY])  # where the sides begin
+        none = np.array([-1e-9, 1e-9]) * largest  # where the sides begin
         unit = fitted.least.unknowns[0].unit
         return Loop(
             joint, np.append(push, none), "push", "N" if unit == "m" else "N*m",
@@ -469,11 +463,11 @@ def _problem(
     side, largest = np.sign(push), float(np.abs(push).max())
     rough = np.linalg.lstsq(np.column_stack([zeros, side, push]), turned, rcond=None)[0]
     span = max(float(np.ptp(turned)), float(readings.error[use].max()))
-    give = max(float(rough[-1]), _LEVERS * span / largest)
+    give = max(float(rough[-1]), 0.05 * span / largest)
     part = np.abs(push) / largest
     strays = side * give * largest * part * (1.0 - part)
     nuisance = np.column_stack([zeros, strays])
-    spread = np.append(np.full(zeros.shape[1], np.inf), 4 * _STRAYS)  # part (1 - part) is 1/4
+    spread = np.append(np.full(zeros.shape[1], np.inf), 4.0 * _STRAYS)
     way, soft = ("m", "m/N") if slides else ("rad", "rad/(N*m)")
     rub = max(0.5 * friction, _RUBS * float(np.abs(push).min()))
     unknowns = (
@@ -486,7 +480,7 @@ def _problem(
             model_error=0.0,
         ),
         Unknown(
-            joint, "stiffening", "", _EXPONENT, _STIFFENS, sought=False, spread=_STIFFENS,
+            joint, "stiffening", "", _EXPONENT, 0.1, sought=False, spread=_STIFFENS,
             least=_SOFTEST, model_error=0.0,
         ),
     )  # fmt: skip
@@ -513,9 +507,9 @@ def _outside(readings: Readings, joint: str, mine: np.ndarray, fitted: Fit) -> l
         away = np.abs(off - np.median(off)) - 2.0 * _STRAYS * theta[1] * largest
         if away.max() > 2.0 * _OUTSIDE * readings.error[rows].max():
             notes.append(
-                f"warning: readings of {joint} do not agree by "
-                f"{readable(away.max(), fitted.least.unknowns[0].unit, 3)}: has a push the wrong "
-                "sign, or has the gauge slipped?"
+                f"warning: readings of {joint} do not agree by {1e3 * away.max():.3g} "
+                f"m{fitted.least.unknowns[0].unit}: has a push the wrong sign, or has the gauge "
+                "slipped?"
             )
     for number in np.flatnonzero(mine & (readings.push == 0.0)):
         same = mine & (setups == setups[number]) & (readings.push != 0.0)
@@ -546,7 +540,7 @@ class GaugePlan:
         """A table to fill in."""
         head = "joint,force [N],arm [mm],reading [mm],gauge arm [mm],motor [deg],pose"
         rows = [
-            f'{one.joint},{force:g},{1000 * one.arm:.3g},,{1000 * one.arm:.3g},,"{one.pose}"'
+            f'{one.joint},{force:g},{1e3 * one.arm:.3g},,{1e3 * one.arm:.3g},,"{one.pose}"'
             for one in self.steps
             for force in one.forces
         ]
@@ -572,7 +566,7 @@ class Step:
 
     def __str__(self) -> str:
         forces = ", ".join(f"{force:+g} N" if force else "0" for force in self.forces)
-        where = f"{1000 * self.arm:.0f} mm from its axis" if self.arm else "along its way"
+        where = f"{1e3 * self.arm:.0f} mm from its axis" if self.arm else "along its way"
         bar = " (clamp a bar to the link)" if self.bar else ""
         return (
             f"{self.joint}: gauge and push {where}{bar}; forces {forces}; tells play to "
@@ -586,6 +580,7 @@ def plan_gauge(
     *,
     push: float = PUSH_N,
     noise: Mapping[str, float] | None = None,
+    play: float = 5e-3,
 ) -> GaugePlan:
     """Where to set a dial gauge, and how to push, for each joint.
 
@@ -594,6 +589,7 @@ def plan_gauge(
         joints: those to measure; none: all that move.
         push: largest force [N]; of joints whose limit of effort is known at most half of it.
         noise: see `Readings.from_csv`.
+        play: that is expected [rad; of joints that slide 0.1 mm are].
 
     Raises:
         MissingName: no such joint.
@@ -626,9 +622,10 @@ def plan_gauge(
         gravity = f"gravity loads it by {readable(weight, unit, 2)}"
         if weight >= SIZES[-1] * most * lever:
             gravity += ", beyond the smaller push: push harder (--push)"
-        elif weight < _LEVERS * SIZES[-1] * most * lever:
+        elif weight < 1e-3 * most * lever:
             gravity = "gravity does not load it"
-        wide = _expected(name, entry.slides, np.array(forces) * lever, lever, noise or {})
+        turned = 1e-4 if entry.slides else play
+        wide = _expected(name, entry.slides, np.array(forces) * lever, lever, turned, noise or {})
         numbers = zip(known, poses[best][[ideal.coordinate(one) for one in known]], strict=True)
         pose = ",".join(f"{one}={x:.3g}" for one, x in numbers)
         half = f"+- {told(wide, 'm' if entry.slides else 'rad', 2, entry.slides)}"
@@ -657,10 +654,11 @@ def _expected(
     slides: bool,
     push: np.ndarray,
     lever: float,
+    play: float,
     noise: Mapping[str, float],
 ) -> float:
     """Half width of the play's interval where the link gives way as much as it plays."""
-    largest, play = float(np.abs(push).max()), EXPECTED[slides]
+    largest = float(np.abs(push).max())
     give = play / largest
     n = len(push)
     error = np.full(n, noise.get("tool", GAUGE_M) / lever)

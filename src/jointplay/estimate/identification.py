@@ -13,17 +13,9 @@ from jointplay.accuracy.poses import moving
 from jointplay.base.errors import JointplayError, require_a, require_known
 from jointplay.base.schema import shortest
 from jointplay.base.tables import Table, few
-from jointplay.base.units import readable, told
+from jointplay.base.units import told
 from jointplay.estimate import measurement, planning
-from jointplay.estimate.least_squares import (
-    NULL,
-    RANK,
-    Fit,
-    LeastSquares,
-    basis,
-    information,
-    search,
-)
+from jointplay.estimate.least_squares import NULL, Fit, LeastSquares, basis, information, search
 from jointplay.estimate.machine import TOOL, Given, Machine, apply, compliances, preset_found
 from jointplay.estimate.measurement import Measurement, Observed, Visits
 from jointplay.estimate.model import StaticModel
@@ -33,7 +25,6 @@ from jointplay.estimate.recordings import Recording, is_recording
 from jointplay.estimate.unknowns import (
     LARGEST_SHARE,
     PLAYS,
-    TINY,
     Estimate,
     Loop,
     Unknown,
@@ -51,10 +42,12 @@ if TYPE_CHECKING:
     from jointplay.scenario.presets import Preset
 
 _NAMED = 3
+_SIZE = 8.0
+"""Parts of the strongest push by which sizes of pushes are told apart."""
 LARGE = 3.0
-"""Times the records' scatter from which on residuals are said to be large (only words)."""
-_MOST_TIMES = 16
-"""Repetitions of a measurement that are offered at most (judged)."""
+"""Times the records' scatter from which on residuals are said to be large."""
+_DARK = 1e-12
+"""Square of the part of a compliance's effect below which there is none of its own."""
 _VAGUE = "its interval is wider than half of its value"
 
 # Why an unknown cannot be identified, and what would help: in words; how the machine gives way.
@@ -76,7 +69,7 @@ def elasticity(fit: Fit, model: StaticModel) -> tuple[Estimate, ...]:
         span = basis(np.vstack([others.project(effect), np.zeros(effect.shape[1])]))
         own = column - span @ (span.T @ column)
         size, value, half = float(own @ own), one.unknown.nominal, np.inf
-        if size > RANK**2 * float(whole @ whole):
+        if size > _DARK * float(whole @ whole):
             value += float(own[: len(left)] @ left) / size
             half = fit.wide(1.0 / np.sqrt(size), one.unknown.model_error * value)
         dark = half > LARGEST_SHARE * abs(value)
@@ -155,12 +148,12 @@ def _explained(i: int, fit: Fit, made: Visits) -> str:
     if not labels or not identified(labels):
         return ""
     which = [label for label in labels if identified([label])]
-    sizes = np.linalg.norm(np.unique(measurement.pushes(made.force), axis=0), axis=1)
-    count = len(np.unique(np.round(sizes[sizes > 0.0])))
+    sizes = np.unique(np.round(_SIZE * made.force / max(np.abs(made.force).max(), 1e-12)), axis=0)
+    count = len(np.unique(np.round(np.linalg.norm(sizes, axis=1)))) - 1
     words = ", ".join(which[:_NAMED]) if which else "of several parts at once"
     words += f" or another of {len(which)}" if len(which) > _NAMED else ""
     return (
-        f"elasticity ({words}) explains the data equally well: pushes of {count} "
+        f"elasticity ({words}) explains the data equally well: pushes of {max(count, 0)} "
         f"size{'s' * (count != 1)} are not enough here; push with others, or give the stiffness "
         f"(--known-stiffness{f' of {which[0]}' if which else ''})"
     )
@@ -200,23 +193,23 @@ def advice(
     before = effect.T @ effect / max(fit.misfit, 1.0) ** 2 + planning.prior(unknowns, model)[0]
     noise = dict(planning.NOISE)
     for (kind, _), spread in zip(model.keys, observed.noise, strict=True):
-        noise[kind] = spread or noise[kind]
+        noise[kind] = max(spread, 1e-9)
     offers = planning.offers(model.machine, unknowns, model.keys, noise, fit.theta)
-    halves = [planning.half_widths(unknowns, before + gain) for gain, _ in offers]
     lines = []
     for i, (one, why) in enumerate(zip(unknowns, reasons, strict=True)):
-        line = ""
-        if why and one.sought:
-            limit = one.widest(fit.theta[i])
-            each = [float(half[i]) for half in halves]
-            # The simplest that determines it, as they are in that order; else the best.
-            k = next((k for k, half in enumerate(each) if half <= limit), int(np.argmin(each)))
-            times = int(np.ceil((each[k] / limit) ** 2))
-            if times == 1:
-                line = f"would determine it, to +- {one.shown(each[k])}: {offers[k][1]}"
-            elif times <= _MOST_TIMES:
-                line = f"would determine it if done about {times} times: {offers[k][1]}"
-        lines.append(line)
+        best, words = np.inf, ""
+        for gain, text in offers if why and one.sought else ():
+            half = planning.half_widths(unknowns, before + gain)[i]
+            if half < 0.8 * best:  # the simpler comes first
+                best, words = half, text
+        limit = one.widest(fit.theta[i])
+        if best <= limit:
+            lines.append(f"would determine it, to +- {one.shown(best)}: {words}")
+        elif words and best < 0.5 * fit.half_width[i] and best < 4.0 * limit:
+            times = int(np.ceil((best / limit) ** 2))
+            lines.append(f"would determine it if done about {times} times: {words}")
+        else:
+            lines.append("")
     return tuple(lines)
 
 
@@ -488,8 +481,7 @@ def _compared(
     model = StaticModel(prior, made, observed.keys, unknowns)
     use = np.isfinite(observed.mean) & model.certain[:, None]
     _check(measured, model, use, reference)
-    # Records without any scatter are no more exact than models are.
-    smallest = [TINY + RANK * np.nanmax(np.abs(row), initial=0.0) for row in observed.mean.T]
+    smallest = [1e-12 + 1e-9 * np.nanmax(np.abs(row), initial=0.0) for row in observed.mean.T]
     records = np.where(use, np.maximum(observed.error, smallest), np.nan)
     records = np.hypot(records, model.wander)
     nuisance, labels = nuisances(model, observed, reference, drift, measured.lag > 0.0)
@@ -569,7 +561,8 @@ def _problem(
     if lag:
         known[: len({kind for kind, _ in model.keys if kind in measurement.READINGS})] = lag
     kinds = [kind for kind, _ in model.keys]
-    loads = np.column_stack([made.direction, made.stopped, measurement.pushes(made.force)])
+    strength = max(float(np.abs(made.force).max()), 1e-12)
+    loads = np.column_stack([made.direction, made.stopped, np.round(4.0 * made.force / strength)])
     _, load = np.unique(loads, axis=0, return_inverse=True)
     groups = [n[:, None] * len(kinds) + np.arange(len(kinds)) for n in (made.cell, np.ravel(load))]
     return LeastSquares(
@@ -606,7 +599,7 @@ def _assumptions(
     for label, one in machine.compliances.items():
         unit = "N*m/rad" if one.unit == "rad/(N*m)" else "N/m"
         if one.nominal:
-            part = f" +- {100 * one.spread / one.nominal:.3g} %" if one.spread else ""
+            part = f" +- {100.0 * one.spread / one.nominal:.3g} %" if one.spread else ""
             stated.append(f"{label} {1.0 / one.nominal:.4g} {unit}{part}")
         elif not one.spread:
             stated.append(f"{label} rigid")
@@ -628,10 +621,8 @@ def _assumptions(
     words = f"like a polynomial in time of degree {drift}" if drift else "not at all"
     lines.append(f"assumed (--drift {drift}): readings drift {words}")
     lag = measured.lag
-    words = "simultaneous with motors' encoders"
-    if lag:
-        late = f"some {readable(lag, 's', 4)}" if np.isfinite(lag) else "an unknown time"
-        words = f"late by {late} behind the motors' encoders"
+    words = f"late by some {1e3 * lag:.4g} ms" if np.isfinite(lag) else "late by an unknown time"
+    words = f"{words} behind the motors' encoders" if lag else "simultaneous with motors' encoders"
     lines.append(f"assumed (--lag {lag:g}): readings of tool and links are {words}")
     deviations = []
     for (kind, name), spread in zip(observed.keys, observed.noise, strict=True):

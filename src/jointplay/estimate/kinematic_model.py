@@ -20,7 +20,7 @@ from jointplay.base.errors import JointplayError, require_known
 from jointplay.base.tables import counted
 from jointplay.estimate.parts import SPRINGS, WOUND, Elements, Springs, bearing_parts
 from jointplay.estimate.static_poses import StaticPoses, rotations_of
-from jointplay.estimate.unknowns import TINY, Unknown
+from jointplay.estimate.unknowns import Unknown
 from jointplay.model.builder import z_to
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import RollingBearing
@@ -31,22 +31,18 @@ if TYPE_CHECKING:
 COORDINATE = 6
 """Number of a joint's own coordinate among what may err; 0 to 5: its placement, translations along
 the axes of its frame, then rotations about them."""
+_UNALIGNED = 1e-6
+"""Of an axis' components, beyond which it is not one of its frame's."""
 _LOOSE = 2e-5
-"""Internal clearance of a rolling bearing that is large: ISO 5753 class C3 at 30 mm [m]."""
+"""Internal clearance of a rolling bearing that is large [m]."""
 _STILL_N_M = 1e-6
-"""Loads that count as none: what rounding leaves of an arm's weight on an axis that it does not
-load [N m]."""
+"""Loads that count as none."""
 
-_STEEPEST, _WIDEST = 0.02, 0.7
-FRICTIONS = tuple(np.linspace(0.0, _WIDEST, 29))
-TRANSITIONS = tuple(np.geomspace(_STEEPEST, _WIDEST, 19))
-"""Of play, over the largest load of the joint, where they are sought, in steps of 0.025 and by
-factors of 1.2: of 20 intervals in benchmarks/truth/calibrate.py one misses, with steps twice as
-wide four, half as wide one. Steeper than the first is a jump between any two of 50 poses, wider
-than the last nearly compliance (judged)."""
+FRICTIONS = tuple(step / 20.0 for step in range(15))
+TRANSITIONS = (0.02, 0.03, 0.045, 0.07, 0.1, 0.15, 0.22, 0.33, 0.5, 0.7)
+"""Of play, over the largest load of the joint, where they are sought."""
 _TURN_WIDTH = 2.5
-"""Prior width of a placement's angles over that of its lengths: lengths over a reach of 0.4 m
-[rad/m]."""
+"""Prior width of a placement's angles over that of its lengths [rad/m]."""
 
 
 @dataclass(frozen=True)
@@ -306,7 +302,7 @@ class Poses:
         The load pushes it to one side; friction holds it back against the way it came. Of k
         frictions and transitions the shape is (n, k).
         """
-        j, width = self.names.index(joint), np.maximum(transition, TINY)
+        j, width = self.names.index(joint), np.maximum(transition, 1e-12)
         held = np.multiply.outer(self.approach[:, j], friction)
         push = np.add.outer(self.load[:, j], np.zeros_like(width)) - held
         return np.asarray(np.clip(push / width, -1.0, 1.0))
@@ -463,15 +459,13 @@ def _placement(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
     if j == 0 and not asked:
         return []
     letters, size = term.axes or "xyzabc", np.abs(poses.axis[j])
-    if not term.axes and np.isclose(size.max(), 1.0):  # what the joint's own offset does
+    if not term.axes and np.sort(size)[1] < _UNALIGNED:  # what the joint's own offset does
         letters = letters.replace(("abc" if poses.turns[j] else "xyz")[int(size.argmax())], "")
     ways = [f"along {axis}" for axis in "xyz"] + [f"about {axis}" for axis in "xyz"]
     numbers, one = map("xyzabc".index, letters), np.ones(len(poses))
     return [Feature(one, ways[k], "m" if k < 3 else "rad", k) for k in numbers]
 
 
-# Widths are as large as such errors of arms and their joints get (judged); of parts of the scenario
-# twice what it has.
 TERM_KINDS: Mapping[str, TermKind] = {
     "offset": TermKind(
         "zero of the joint's encoder", 0.1,

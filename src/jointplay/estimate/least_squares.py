@@ -22,53 +22,43 @@ from scipy.optimize import brentq, least_squares
 from scipy.stats import qmc
 from scipy.stats import t as student
 
-from jointplay.estimate.unknowns import (
-    CONFIDENCE,
-    FACTOR,
-    LARGEST_SHARE,
-    MODEL_ERROR,
-    TINY,
-    Estimate,
-    Unknown,
-)
+from jointplay.estimate.unknowns import Estimate, Unknown
 
+CONFIDENCE = 0.95
 _STEP = 1e-3
-"""Step of differences, relative to an unknown's scale: a thousandth of what is curved is left, and
-models that are rounded at 1e-12 show slopes to 1e-9."""
-RANK = 1e-9
-"""Singular values below this part of the largest count as zero: what differences over such steps
-leave of a column that does nothing."""
+"""Step of differences, relative to an unknown's scale."""
+_RANK = 1e-9
+"""Singular values below this part of the largest count as zero."""
 SHARE = 0.1
-"""Part of a direction in the null space from which on an unknown is named with it (only words)."""
+"""Part of a direction in the null space from which on an unknown is named with it."""
 SAFETY = 1.5
 """By which intervals are wider than the statistics say, unless said otherwise; set by the first ten
 machines of benchmarks/truth/identify.py."""
-_LOOKS = 2
-"""How often effects are sought over the width of the intervals, as far as these are no narrower
-than the model's own error, and no wider than what is identified."""
+_LOOKS, _NEAR, _FAR = 2, 0.02, 0.5
+"""How often effects are sought over the width of the intervals; least and largest step by scale."""
 _FEW = {False: 8, True: 4}
 """Freedom that few groups are granted: with less, intervals say nothing. Fewer where errors are
 only weights, for nothing else says how large they are."""
 INFORMED = 0.5
-"""Part of a prior's variance that a measurement must take away, or the prior tells more."""
+"""Part of a prior's variance that a measurement must take away, or it tells nothing."""
 TOGETHER = 0.7
-"""Correlation from which two unknowns are said to act together: half of the variance of either is
-the other's (only words)."""
+"""Correlation from which two unknowns are said to act together."""
+NULL = 1e-4
+"""Square of the part of an unknown that may lie in the null space."""
 FAINT = 1e-3
-"""Effect of a whole scale below which nothing is identified, in standard errors: a half width of
-a thousand scales is none. An unknown lies in that null space if more than a tenth of it does, by
-which rows of its projector are one or nearly zero."""
-NULL = 0.01
-"""Square of that tenth."""
-_TRIED = 16
-"""Starts about the scenario's values that are looked at."""
+"""Effect of a whole scale below which nothing is identified, in standard errors."""
+_TRIED, _RANGE = 16, 3.0
+"""Starts that are looked at, and how far they lie from the scenario's values."""
 _FIRST, _BEST, _LATER = 15, 100, 8
 """Most steps of least squares from each start, from the best of these on, and with other errors."""
+_AS_GOOD = 1.1
+"""Cost of another minimum, relative to the best, up to which it is as good an explanation."""
 _ROUGH = 0.005
 """Part of what play does to a signal by which the static model may be off at a visit."""
+_OTHER_WALL = 4.0
+"""Factor of axial clearances that are tried besides the best."""
 _OUTWARDS = 1.3
-"""By which an end of an interval is moved at a time: ends are as sharp as a seventh of the width,
-half of it on average."""
+"""By which an end of an interval is moved at a time."""
 _ROUNDS = 2
 """In which errors are made as large as the residuals demand."""
 
@@ -76,7 +66,7 @@ _ROUNDS = 2
 def basis(columns: np.ndarray) -> np.ndarray:
     """Orthonormal basis of the span of columns (m, k), shape (m, rank)."""
     left, sizes, _ = np.linalg.svd(columns, full_matrices=False)
-    return left[:, sizes > RANK * sizes.max(initial=TINY)]
+    return left[:, sizes > _RANK * sizes.max(initial=1e-300)]
 
 
 @dataclass(frozen=True)
@@ -239,7 +229,7 @@ class LeastSquares:
                 moved = theta.copy()
                 moved[i] = min(max(goal, one.least), one.most)
                 size = moved[i] - theta[i]
-                if abs(size) >= 0.5 * step and len(changes) < sides:  # else a limit is too near
+                if abs(size) >= 0.2 * step and len(changes) < sides:  # else a limit is too near
                     changes.append((self.off(moved) - here) * one.scale / size)
             if steps is None:
                 columns.append(np.mean(changes, axis=0))
@@ -345,16 +335,11 @@ class Fit:
         half = float(student.ppf(0.5 + CONFIDENCE / 2.0, self._spread[1]))
         return self.least.safety * float(np.hypot(half * self.stretch * deviation, off))
 
-    def acceptable(self, safety: float = 1.0) -> float:
-        """Cost up to which another explanation is as good, by the ratio of likelihoods that the
-        statistics allow of one unknown, or intervals that are wider by a factor."""
-        return self.least.cost(self.theta) + (safety * self.wide(1.0) / self.least.safety) ** 2
-
     def informed(self, i: int) -> tuple[float, float, str]:
         """Part of the i-th unknown's prior variance that the measurement took away; its largest
         correlation with another that is sought, and that one's label if it is large."""
         one = self.least.unknowns[i]
-        spread = np.sqrt(np.maximum(np.diag(self.covariance), TINY))
+        spread = np.sqrt(np.maximum(np.diag(self.covariance), 1e-300))
         told = 1.0 - self.covariance[i, i] * (one.scale / one.spread) ** 2
         together = np.abs(self.covariance[i] / spread[i] / spread)
         together[~np.array([one.sought for one in self.least.unknowns])] = together[i] = 0.0
@@ -424,7 +409,7 @@ def minimum(problem: LeastSquares, start: np.ndarray, most_steps: int = 40) -> n
     scale, (low, high) = problem.scale, problem.limits
     bounded = np.isfinite(low).any() or np.isfinite(high).any()
     if bounded:
-        start = np.clip(start, low + _STEP * scale, high - _STEP * scale)
+        start = np.clip(start, low + 1e-3 * scale, high * (1.0 - 1e-6))
     optimum = least_squares(
         lambda x: problem.residual(x * scale),
         start / scale,
@@ -442,8 +427,7 @@ def fit(problem: LeastSquares, start: np.ndarray, most_steps: int) -> Fit:
     theta, scale = minimum(problem, start, most_steps), problem.scale
     found = Fit(least=problem, theta=theta)
     for _ in range(_LOOKS):
-        widest = LARGEST_SHARE * np.maximum(scale, theta)
-        steps = np.clip(found.half_width, MODEL_ERROR * scale, widest)
+        steps = np.clip(found.half_width, _NEAR * scale, _FAR * np.maximum(scale, theta))
         found = replace(found, steps=steps)
     return found
 
@@ -472,7 +456,7 @@ def information(effect: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
     every = np.zeros(effect.shape[1])
     every[: len(sizes)] = sizes
     # An effect of a whole scale that is a thousandth of the noise identifies nothing either.
-    clear = every > max(RANK * every.max(initial=0.0), FAINT)
+    clear = every > max(_RANK * every.max(initial=0.0), FAINT)
     axes = right[clear].T / every[clear]
     return axes @ axes.T, right[~clear].T @ right[~clear], int(clear.sum())
 
@@ -508,7 +492,7 @@ def search(problem: LeastSquares, start: np.ndarray | None = None) -> Fit:
         if (np.abs(one.theta - best.theta) > far).any()
     ]
     others += _with_other_walls(problem, best.theta)
-    limit = best.acceptable()
+    limit = _AS_GOOD * problem.cost(best.theta)
     away = [np.abs(theta - best.theta) for theta in others if problem.cost(theta) <= limit]
     plays = [one.name.endswith("clearance") for one in problem.unknowns]
     for soft in filter(None, map(problem.softened, problem.softening)):
@@ -536,7 +520,7 @@ def _profiled(best: Fit, wide: np.ndarray, i: int) -> float:
     widest = one.widest(best.theta[i])
     if not one.sought or half > widest:
         return half  # it is not identified in any case
-    limit = best.acceptable(problem.safety)
+    limit = problem.cost(best.theta) + best.wide(1.0) ** 2
     for side in (1.0, -1.0):
         own = float(wide[i])
         start = best.theta
@@ -553,18 +537,16 @@ def _profiled(best: Fit, wide: np.ndarray, i: int) -> float:
 
 
 def _with_other_walls(problem: LeastSquares, theta: np.ndarray) -> list[np.ndarray]:
-    """The best with each axial clearance `FACTOR` times larger or smaller than found.
+    """The best with each axial clearance much larger or smaller than found.
 
     At the edge at which an end wall begins to limit the lean the model is steep on one side, and an
     interval by slopes would not see how little is lost far away on the other.
     """
     return [
-        _fitted_beside(
-            problem, theta, i, min(max(theta[i], MODEL_ERROR * one.scale) * by, one.most)
-        )
+        _fitted_beside(problem, theta, i, min(max(theta[i], 0.1 * one.scale) * factor, one.most))
         for i, one in enumerate(problem.unknowns)
         if one.name == "axial_clearance" and len(theta) > 1
-        for by in (FACTOR, 1.0 / FACTOR)
+        for factor in (_OTHER_WALL, 1.0 / _OTHER_WALL)
     ]
 
 
@@ -594,13 +576,13 @@ def _starts(problem: LeastSquares, start: np.ndarray) -> list[np.ndarray]:
     walls = np.array([one.name == "axial_clearance" for one in problem.unknowns])
     starts = [start]
     if walls.any():
-        starts += [np.where(walls, factor * start, start) for factor in (1.0 / FACTOR, FACTOR)]
+        starts += [np.where(walls, factor * start, start) for factor in (1.0 / _RANGE, _RANGE)]
     cages = np.array([one.name == "cage_angle" for one in problem.unknowns])
     if cages.any():
         starts += [np.where(cages, start + part * problem.scale, start) for part in (1, 2, 3)]
     spread = qmc.LatinHypercube(len(start), rng=0).random(_TRIED)
-    options = np.minimum(start * FACTOR ** (2.0 * spread - 1.0), problem.limits[1])
-    options = np.where(cages, start + 4 * spread * problem.scale, options)
+    options = np.minimum(start * _RANGE ** (2.0 * spread - 1.0), problem.limits[1])
+    options = np.where(cages, start + 4.0 * spread * problem.scale, options)
     return [*starts, min(options, key=problem.cost)]
 
 
@@ -610,8 +592,8 @@ def _excess(left: np.ndarray, error: np.ndarray, freedom: float) -> float:
     def beyond(more: float) -> float:
         return float(np.square(left / np.hypot(error, more)).sum()) - freedom
 
-    high = float(np.sqrt(np.square(left).sum() / freedom))
-    return float(brentq(beyond, 0.0, high)) if beyond(0.0) > 0.0 else 0.0
+    high = float(np.sqrt(np.square(left).sum() / max(freedom, 1e-9)))
+    return float(brentq(beyond, 0.0, 1.001 * high, xtol=1e-15)) if beyond(0.0) > 0.0 else 0.0
 
 
 def solve(problem: LeastSquares, start: np.ndarray | None = None) -> tuple[Estimate, ...]:

@@ -8,7 +8,7 @@ the structure at the tool are unknown, too, unless they are given.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from jointplay.base.errors import JointplayError, nothing_has_play, require_known
 from jointplay.estimate import parts
-from jointplay.estimate.unknowns import FACTOR, PLAYS, Estimate, Unknown
+from jointplay.estimate.unknowns import PLAYS, Estimate, Unknown
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.loads.drive import JointFriction
 
@@ -39,20 +39,24 @@ aside with the contact's normal where friction does; along."""
 TOOL, ALL = "tool", "all"
 """Names of the structure's compliance at the tool, and of everything's."""
 SOFT = {"rad/(N*m)": 1e-5, "m/N": 1e-7}
-"""Scales of compliances of joints and links, by unit: stiffnesses of 1e5 N m/rad and 10 N/um, of
-the harmonic drives and bearings of arms of 10 kg."""
+"""Scales of compliances, by unit."""
 _BY_MOTOR = {"kind": "computed-torque", "encoder": "motor"}
 """Drive of joints with gears of whose drive nothing else is known: play shows by such encoders."""
 LINK = 1e-4
 """Deviation of the bending of links from none where a joint winds up, unless the gear is expected
-to give way by more [rad/(N m)]: ten times a joint's scale. With any number one could make up for
-the other."""
+to give way by more [rad/(N m)]: with any number one could make up for the other."""
 BENDS = 0.15
 """The same of gears with a curve or hysteresis, by what the gear is expected to give way by: where
-their laws are exact they would tell one from the other, but no gear follows them so closely
-(benchmarks/truth/identify.py draws gears by other laws)."""
+their laws are exact they would tell one from the other, but no gear follows them so closely."""
+BUSH = 1e-7
+"""Deviation from none of what a bush gives way by along the contact's normal [m/N]: passes under
+one load do not tell it from friction, so without a bound no friction could be told from them."""
+_TORSION = 1e-5
+"""Torsional compliance from which an unknown one is sought [rad/(N m)]."""
+_STICKS = 3.0
+"""Largest static friction by the dynamic one."""
 _TORQUE_N_M = 0.1
-"""Scale of a friction of which the scenario says nothing: a small servo's [N m]."""
+"""Scale of a friction of which the scenario says nothing."""
 
 
 def compliance(label: str, value: float = 0.0, spread: float = math.inf) -> Unknown:
@@ -132,7 +136,7 @@ class Machine:
         Raises:
             JointplayError: nothing is sought; an unknown name in `also` or `known`.
         """
-        mechanism = self.mechanism
+        mechanism, friction = self.mechanism, self.friction
         if not mechanism.clearance and not mechanism.gears:
             raise nothing_has_play(mechanism.joints)
         sliding = [n for n in mechanism.gears if mechanism.description.joints[n].slides]
@@ -141,11 +145,42 @@ class Machine:
                 f"gears of joints that slide ({', '.join(sliding)}) are not identified from "
                 "recordings; readings of a dial gauge tell their play and compliance"
             )
+        found: list[Unknown] = []
         for word in also:
             require_known("unknown to identify besides", word, parts.ALSO)
-        bearings = list(self._of_bearings(also))
-        found = [*bearings, *self._of_gears(also, links), *self._of_friction(torques, also)]
-        if stops and any(one.name == "friction" for one in bearings):
+        for joint, bearing in mechanism.clearance.items():
+            for part in parts.bearing_parts(joint, bearing):
+                if not isinstance(part, parts.Springs):
+                    found += part.unknowns(also)
+                elif joint in self.springs:
+                    for one in part.unknowns(also):
+                        way = one.name.removesuffix("_compliance")
+                        own = self._compliance(joint, way, one.name, one.nominal)
+                        found += [replace(x, model_error=parts.LOAD_ERROR) for x in own]
+        rubs = any(one.name == "friction" for one in found)
+        for joint, gear in mechanism.gears.items():
+            teeth = parts.Teeth(joint, gear)
+            others = list(teeth.unknowns(also))
+            own = self._compliance(joint, "torsional", "gear_compliance", 1.0 / teeth.stiffness[0])
+            plays = [one for one in others if one.name == "gear_play"]
+            mine = [*plays, *own, *(one for one in others if one not in plays)]
+            if teeth.curved:
+                rough = parts.LOAD_ERROR if joint in links else BENDS
+                mine = [replace(x, model_error=rough) if x.name in parts.WOUND else x for x in mine]
+            found += mine
+        wound = [joint for joint in self.wound if joint not in mechanism.gears]
+        for joint in wound:
+            found += self._compliance(joint, "torsional", "torsional_compliance", _TORSION)
+        dry = [name for name, one in friction.items() if one.coulomb > 0.0]
+        behind = [joint for joint in mechanism.gears if "friction" in also or joint in dry]
+        for joint in dict.fromkeys([*torques, *behind, *wound]):
+            value = friction[joint].coulomb if joint in friction else 0.0
+            unit = "N" if mechanism.description.joints[joint].slides else "N*m"
+            found.append(Unknown(joint, "dry_friction", unit, value, value or _TORQUE_N_M, 1e6))
+            if joint in behind or joint in wound:
+                ratio = 1.0 + friction[joint].excess / value if value else 1.0
+                found.append(Unknown(joint, "stiction", "", ratio, 1.0, _STICKS, sought=False))
+        if stops and rubs:
             found.append(Unknown("", "friction_kept_at_stops", "", 0.5, 0.5, 1.0, sought=False))
         for word in known:
             if not any(word in (one.label, one.name) for one in found):
@@ -155,53 +190,6 @@ class Machine:
         if not any(one.sought for one in kept):
             raise JointplayError("everything is given as known: nothing is left to identify")
         return kept
-
-    def _of_bearings(self, also: Collection[str]) -> Iterator[Unknown]:
-        """Of journals, rolling elements, springs and seats."""
-        for joint, bearing in self.mechanism.clearance.items():
-            for part in parts.bearing_parts(joint, bearing):
-                for one in part.unknowns(also):
-                    if not isinstance(part, parts.Springs):
-                        yield one
-                    elif joint in self.springs:
-                        way = one.name.removesuffix("_compliance")
-                        for known in self._compliance(joint, way, one.name, one.nominal):
-                            yield replace(known, model_error=parts.LOAD_ERROR)
-
-    def _of_gears(self, also: Collection[str], links: Collection[str]) -> Iterator[Unknown]:
-        """Of each gear its play, its compliance, and the rest; and the compliance of joints that
-        wind up without one."""
-        for joint, gear in self.mechanism.gears.items():
-            teeth = parts.Teeth(joint, gear)
-            give = self._compliance(joint, "torsional", "gear_compliance", 1.0 / teeth.stiffness[0])
-            others = list(teeth.unknowns(also))
-            at = sum(one.name == "gear_play" for one in others)  # the first, if there is one
-            rough = parts.LOAD_ERROR if joint in links else BENDS
-            for one in [*others[:at], *give, *others[at:]]:
-                winds = teeth.curved and one.name in parts.WOUND
-                yield replace(one, model_error=rough) if winds else one
-        for joint in self.wound:
-            if joint not in self.mechanism.gears:
-                soft = SOFT["rad/(N*m)"]
-                yield from self._compliance(joint, "torsional", "torsional_compliance", soft)
-
-    def _of_friction(self, torques: Collection[str], also: Collection[str]) -> Iterator[Unknown]:
-        """Dry friction where a torque shows it, or where what winds up is held by it: there static
-        friction, too."""
-        gears = self.mechanism.gears
-        held = [
-            joint for joint in self.wound
-            if joint not in gears or "friction" in also
-            or self.friction.get(joint, JointFriction()).coulomb > 0.0
-        ]  # fmt: skip
-        for joint in dict.fromkeys([*torques, *held]):
-            law = self.friction.get(joint, JointFriction())
-            unit = "N" if self.mechanism.description.joints[joint].slides else "N*m"
-            size = law.coulomb or _TORQUE_N_M
-            yield Unknown(joint, "dry_friction", unit, law.coulomb, size)
-            if joint in held:
-                ratio = 1.0 + law.excess / law.coulomb if law.coulomb else 1.0
-                yield Unknown(joint, "stiction", "", ratio, 1.0, FACTOR, sought=False)
 
     def _compliance(self, joint: str, way: str, name: str, expected: float) -> list[Unknown]:
         """The unknown by which a joint gives way, unless its compliance is given exactly."""
@@ -241,10 +229,8 @@ def compliances(mechanism: Mechanism, given: Given) -> dict[str, Unknown]:
             give = 1.0 / teeth.stiffness[0]
             spread = BENDS * give if teeth.curved else max(LINK, give)
         known[f"{name} link"] = compliance(f"{name} link", spread=spread)
-    # Passes under one load do not tell what a bush gives way by along the contact's normal from
-    # friction: without a bound no friction could be told from them.
     bushes = [f"{name} bush" for name in mechanism.clearance]
-    known |= {label: compliance(label, spread=SOFT["m/N"]) for label in bushes}
+    known |= {label: compliance(label, spread=BUSH) for label in bushes}
     for label in sorted(given, key=lambda one: (one != ALL, " " in one)):
         entry = given[label]
         stiffness, part = entry if isinstance(entry, tuple) else (entry, 0.0)

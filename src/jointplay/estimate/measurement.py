@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -11,14 +10,12 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
-from scipy.stats import norm
 
 from jointplay.accuracy.poses import middle, moving
 from jointplay.base.errors import JointplayError, MissingName, require_positive
 from jointplay.base.tables import Column, Table
 from jointplay.estimate import columns
 from jointplay.estimate.columns import Key
-from jointplay.estimate.unknowns import TINY
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.loads.wrench import Wrench, WrenchOverTime
 from jointplay.simulation.motion.reference import Motion
@@ -230,31 +227,26 @@ def _wrenches(result: Result) -> np.ndarray:
 
 
 CELLS = 20
-"""Cells over a joint's range, in which what moves one way is taken together: loads change little
-within one (judged)."""
-_SAME = 0.25
-"""Part of a cell that a joint must move in a visit, and within which stops are at the same place
-(judged)."""
-_PUSHES = 4
-"""By parts of the strongest push forces are told apart: less are friction's and inertia's."""
+"""Cells over a joint's range, in which what moves one way is taken together."""
+_TRAVEL = 0.3
+"""Part of a cell that a joint must move in a visit."""
+_STOP_CELL = 0.2
+"""Part of a cell within which stops are at the same place."""
 STOP_S = 0.15
-"""Shortest stop that is looked at, a few periods of an arm's; over it motors' paths are smooth,
-too [s]."""
+"""Shortest stop that is looked at [s]."""
 SETTLING = 0.4
-"""Part of a stop that is left out at its beginning, while the machine calms down (judged)."""
+"""Part of a stop that is left out at its beginning, while the machine calms down."""
 FEWEST_IN_VISIT = 3
 LARGEST_LAG = 0.03
-"""For which readings whose lag is unknown leave records out, at both ends of a visit: a camera's
-frame [s]."""
+"""For which readings whose lag is unknown leave records out, at both ends of a visit [s]."""
 _APART = 8
 """Records over which the interval between records is taken."""
 MOST_PATH = 4000
 """Points to which the motors' paths are thinned."""
 _THRESHOLD = 6.0
-"""Spreads of an encoder's records by which a position must go back to have turned: of a million
-records none does so by chance."""
-SMALLEST = 1e-6
-"""Motion that counts, less than encoders resolve [rad or m]."""
+"""Spreads of an encoder's records by which a position must go back to have turned."""
+_SMALLEST = 1e-6
+"""Motion that counts [rad or m]."""
 
 
 @dataclass(frozen=True)
@@ -383,7 +375,7 @@ def positions(
     names, still = tuple(moving(mechanism)), middle(mechanism)
     found = np.tile([still[name] for name in names], (len(measured.time), 1))
     reference = None if motion is None else motion(measured.time)[0]
-    without_encoder, limits = [], np.full(len(names), SMALLEST)
+    without_encoder, limits = [], np.full(len(names), _SMALLEST)
     for column, name in enumerate(names):
         kinds = ("motor",) if name in mechanism.gears else ("motor", "link")
         kind = next((one for one in kinds if (one, name) in measured.signals), None)
@@ -391,7 +383,7 @@ def positions(
             records = measured.signals[kind, name]
             found[:, column] = _filled(records, measured.time, f"{name} {kind}")
             spread = max(_THRESHOLD * scatter(records), 2.0 * resolution(records))
-            limits[column] = max(spread, SMALLEST)
+            limits[column] = max(spread, _SMALLEST)
             continue
         without_encoder.append(name)
         if motion is not None and reference is not None and name in motion.joints:
@@ -409,9 +401,8 @@ def _filled(values: np.ndarray, time: np.ndarray, name: str) -> np.ndarray:
 
 def scatter(values: np.ndarray) -> float:
     """Spread of single records about a smooth course, of their second differences; robust."""
-    bends = np.diff(values[~np.isnan(values)], 2)  # of weights 1, -2, 1
-    middle = norm.ppf(0.75) * np.linalg.norm([1, -2, 1])
-    return float(np.median(np.abs(bends)) / middle) if len(bends) else 0.0
+    bends = np.diff(values[~np.isnan(values)], 2)
+    return float(np.median(np.abs(bends)) / 0.6745 / np.sqrt(6.0)) if len(bends) else 0.0
 
 
 def resolution(values: np.ndarray) -> float:
@@ -419,17 +410,6 @@ def resolution(values: np.ndarray) -> float:
     good = values[~np.isnan(values)]
     steps = np.diff(np.unique(good))
     return float(steps.min()) if 0 < len(steps) <= 0.5 * len(good) else 0.0
-
-
-def rounding(values: np.ndarray) -> float:
-    """Standard deviation of what rounding to that step does."""
-    return resolution(values) / math.sqrt(12)
-
-
-def pushes(force: np.ndarray) -> np.ndarray:
-    """Integers by which forces on the tool (n, 3) count as different."""
-    strongest = max(float(np.abs(force).max(initial=0.0)), TINY)
-    return np.round(_PUSHES * force / strongest).astype(int)
 
 
 def turns(values: np.ndarray, threshold: float) -> np.ndarray:
@@ -473,7 +453,9 @@ def _pieces(
     with np.errstate(invalid="ignore"):
         cells = np.floor((q - q.min(axis=0)) / size).astype(int)
     cells[stands] = -1
-    labels = np.column_stack([ways, stands[:, None], cells, pushes(force)])
+    strength = max(float(np.abs(force).max(initial=0.0)), 1e-12)
+    pushes = np.round(force / (0.25 * strength)).astype(int)
+    labels = np.column_stack([ways, stands[:, None], cells, pushes])
     cuts = np.flatnonzero((np.diff(labels, axis=0) != 0).any(axis=1)) + 1
     pieces = []
     for first, last in pairwise([0, *cuts, len(time)]):
@@ -483,7 +465,7 @@ def _pieces(
                 continue
             calm = int(np.searchsorted(time, time[first] + SETTLING * long))
             first = max(first, min(calm, last - FEWEST_IN_VISIT))
-        elif not (np.ptp(q[first:last], axis=0) > _SAME * size).any():
+        elif not (np.ptp(q[first:last], axis=0) > _TRAVEL * size).any():
             continue  # a drive that gives way to a push: the journals hardly turn
         if last - first >= FEWEST_IN_VISIT:
             pieces.append(slice(int(first), int(last)))
@@ -516,10 +498,9 @@ def visits(
     time = measured.time
     ranges = np.ptp(q, axis=0)
     ways = np.zeros(q.shape, int)
-    moves = ranges > 2.0 * limit
-    for column in np.flatnonzero(moves):
+    for column in np.flatnonzero(ranges > 2.0 * limit):
         ways[:, column] = turns(q[:, column], limit[column])
-    size = np.where(moves, np.maximum(ranges / CELLS, limit), np.inf)
+    size = np.where(ranges > 4.0 * limit, ranges / CELLS, np.inf)
     force = np.zeros((len(time), 3))
     for axis, name in enumerate(AXES):
         if not np.isnan(given := measured.signals.get(("force", name), force[:, axis])).all():
@@ -590,7 +571,7 @@ def places(middles: np.ndarray, stopped: np.ndarray, size: np.ndarray) -> np.nda
     numbers = np.zeros(len(middles), int)
     firsts: list[int] = []
     for i, row in enumerate(middles):
-        reach = (_SAME if stopped[i] else 0.5) * size
+        reach = (_STOP_CELL if stopped[i] else 0.5) * size
         for number, first in enumerate(firsts):
             near = (np.abs(row - middles[first]) <= reach).all()
             if stopped[first] == stopped[i] and near:
@@ -623,7 +604,7 @@ def _observe(
     for column, (key, records) in enumerate(signals.items()):
         values, kind = off[key], key[0]
         spread = measured.noise.get(kind) or scatter(values)
-        floor = rounding(records)
+        floor = resolution(records) / np.sqrt(12.0)
         noise.append(max(spread, floor))
         for i, piece in enumerate(inner if kind in READINGS else pieces):
             good = ~np.isnan(values[piece])

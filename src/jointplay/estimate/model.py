@@ -33,7 +33,6 @@ from jointplay.accuracy.poses import moving
 from jointplay.base.compiler import compiled
 from jointplay.estimate.machine import TOOL, Machine
 from jointplay.estimate.measurement import (
-    STOP_S,
     Key,
     Visits,
     configurations,
@@ -41,17 +40,8 @@ from jointplay.estimate.measurement import (
     stacked,
     tool_effect,
 )
-from jointplay.estimate.parts import (
-    LOAD_ERROR,
-    SPRINGS,
-    STIFFEST,
-    WOUND,
-    Elements,
-    Journal,
-    Teeth,
-    friction_of,
-)
-from jointplay.estimate.unknowns import FACTOR, TINY, Unknown
+from jointplay.estimate.parts import SPRINGS, WOUND, Elements, Journal, Teeth, friction_of
+from jointplay.estimate.unknowns import Unknown
 from jointplay.model.gear import Curve, Gear
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import Clearance, RollingBearing
@@ -64,34 +54,40 @@ _LATERAL = [0, 1, 3, 4]
 _AXES = {"link": [5], "bush": [0, 1]} | {way: list(at) for way, at in SPRINGS.items()}
 """Components of a joint's load and displacement in bearing axes."""
 _LINE_CONTACT = 0.9
-"""Exponent of the load by which contacts of lines give way (Palmgren's of rollers), those of points
-by 2/3; the compliances here give way in proportion to it."""
+"""Exponent of the load by which contacts of lines give way, those of points by 2/3; the compliances
+here give way in proportion to it."""
 _REMEMBERED = 100
 """Displacements of bearings and lags that are kept: differences move one joint at a time."""
+_FORGOTTEN = 0.05
+"""Part of what bristles were bent by in the beginning that is left where they are known at most."""
 _CAGES = 6
 """Places of a cage between one element and the next that are looked at."""
 _SLIPPED = 0.1
-"""Part of what these differ by that is left: cages slip (judged)."""
+"""Part of what these differ by that is left: cages slip."""
+_SMOOTH_S = 0.15
+"""Over which the motors' paths are smoothed to find their accelerations [s]."""
 _HALVINGS = 48
-"""In which the twist of a gear with bristles is found: 1 to rounding."""
-_CREEPS = 0.02
-"""Axial load by the rims' forces from which on a journal that turns creeps along its axis to an end
-wall while a place is passed (judged)."""
-_MISSING = 0.5 * LOAD_ERROR
-"""Part of a joint's largest load that may be missing in others: one standard deviation, where the
-error is two. Moments, which change while a place is passed, are off by all of it."""
-_WALKS = 1.0 / 3.0
-"""Part of the clearance by which a rim may be held off the place where the load pushes it, and of
-the other rim's force below which it is held nowhere (judged; from a quarter to a half nothing
-changes in benchmarks/truth/identify.py)."""
+"""In which the twist of a gear with bristles is found."""
+_FAINT_LOAD = 0.02
+"""Part of the rims' forces below which a load along the axis moves nothing in time."""
+_STIFFEST = 1e-12
+"""Smallest compliance [rad/(N m)]."""
+_LIGHT = 0.3
+"""Part of the other rim's force below which a rim may lie anywhere."""
+_FAINTEST = 0.015
+"""Part of the largest load of a joint that may be missing in others."""
+_TURNING = 0.04
+"""The same of moments that tilt a rolling bearing, which change while a place is passed."""
 _FRICTION = 0.1
-"""Coefficient of the friction along the axis that may hold a journal's lean where it is: of greased
-steel and bronze."""
-_MARGIN = 0.05
-"""Part of a joint's range, of play or of torque or of bristles, that counts as nothing beside it,
-and no more than which is left of what nobody knows where a side is called certain (judged)."""
-_BREAKS = 1.4
-"""Static by dynamic friction, as it may be (judged)."""
+"""Coefficient of the friction along the axis that may hold a journal's lean where it is."""
+_ALIKE = 0.2
+"""Part of a torque's range within which it is the same all along a way."""
+_MOVED = 0.35
+"""Part of the clearance by which rims may be held off the place where the load would push them."""
+_DRY, _BREAKS = 2.5, 1.4
+"""Factor by which friction behind a gear may be wrong, and static by dynamic friction."""
+_UNSURE = 3.0
+"""Plays by which a gear must have been crossed before its side is certain."""
 
 
 @dataclass(frozen=True)
@@ -131,7 +127,7 @@ class _Bearing:
         else:
             rims = [np.linalg.norm(rim, axis=1) for rim in _rims(load, leaning.length)]
             self.rim = self.push = np.mean(rims, axis=0)
-            self.sure &= np.min(rims, axis=0) >= _WALKS * np.max(rims, axis=0)
+            self.sure &= np.min(rims, axis=0) >= _LIGHT * np.max(rims, axis=0)
         speed = way = np.zeros(len(visits))
         if name in visits.joints:
             column = visits.joints.index(name)
@@ -184,8 +180,8 @@ class _Bearing:
         """How a contact of lines gives way beside one that gives way in proportion to its load,
         as a factor, one at the largest load, (n,)."""
         size = np.linalg.norm(self.load[:, :2], axis=1)
-        part = size / max(float(size.max(initial=0.0)), TINY)
-        return np.where(part > 0.0, np.maximum(part, TINY) ** (_LINE_CONTACT - 1.0), 0.0)
+        part = size / max(float(size.max(initial=0.0)), 1e-300)
+        return np.where(part > 0.0, np.maximum(part, 1e-12) ** (_LINE_CONTACT - 1.0), 0.0)
 
     def torque(self, friction: float | None) -> np.ndarray:
         """Of the rims' friction about the axis, its size while sliding, (n,) [N m]."""
@@ -222,8 +218,8 @@ class _Rolling(_Bearing):
         here, told = self._rests({}, load)
         across = np.linalg.norm(load[:, :3], axis=1)
         self.sure = told & (across > 0.0)
-        force = _MISSING * across.max(initial=0.0)
-        moment = LOAD_ERROR * np.linalg.norm(load[:, 3:5], axis=1).max(initial=0.0)
+        force = _FAINTEST * across.max(initial=0.0)
+        moment = _TURNING * np.linalg.norm(load[:, 3:5], axis=1).max(initial=0.0)
         small = np.array([force, force, 0.0, moment, moment, 0.0])
         room = np.linalg.norm(here[:, [[0, 1], [3, 4]]], axis=2).max(axis=0, initial=0.0)
         free = np.array([joint.travel["x"] or np.inf, joint.travel["roll"] or np.inf])
@@ -232,7 +228,7 @@ class _Rolling(_Bearing):
             for way in (1.0, -1.0):
                 off = self._rests({}, load + way * more)[0] - here
                 by = np.linalg.norm(off[:, [[0, 1], [3, 4]]], axis=2)
-                self.sure &= (by <= _WALKS * free).all(axis=1)
+                self.sure &= (by <= _MOVED * free).all(axis=1)
 
     def _rests(
         self, values: Mapping[str, float], load: np.ndarray
@@ -347,7 +343,7 @@ class StaticModel:
         self.elastic = tuple(one for one in elastic if one.unknown.spread > 0.0)
         self.certain = self._sides(
             np.array(
-                [(FACTOR if one.name == "gear_play" else 1.0) * one.nominal for one in unknowns]
+                [(_UNSURE if one.name == "gear_play" else 1.0) * one.nominal for one in unknowns]
             )
         )
 
@@ -375,7 +371,7 @@ class StaticModel:
         visits = self.visits
         speed = acceleration = np.zeros_like(visits.path)
         if visits.path_time is not None:
-            time, width = visits.path_time, STOP_S / float(np.median(np.diff(visits.path_time)))
+            time, width = visits.path_time, _SMOOTH_S / float(np.median(np.diff(visits.path_time)))
             smooth = visits.path
             for _ in range(2):  # twice: encoders have steps
                 smooth = uniform_filter1d(smooth, max(int(width), 1), axis=0, mode="nearest")
@@ -471,7 +467,7 @@ class StaticModel:
                 effect += signal_effect(self.keys, ("link", joint), np.ones(len(twist)))
             ways = self.visits.direction[:, column]
             alike = max(np.ptp(torque[ways == way]) for way in np.unique(ways))
-            if alike > _MARGIN * np.ptp(torque) or not np.ptp(place[0]):
+            if alike > _ALIKE * np.ptp(torque) or not np.ptp(place[0]):
                 place = torque, "torque", "N" if slides else "N*m"
             return twist, "m" if slides else "rad", place, effect
         bearing = self._bearings[joint]
@@ -486,13 +482,13 @@ class StaticModel:
         A journal that does not turn stays along its axis where friction holds it, and one that
         turns creeps along it as fast as the load along the axis is large beside those across: the
         place along each axis with end walls is a column at each stop, unless the load along the
-        axis exceeds all others, and at each other visit, if it is less than `_CREEPS` of them.
+        axis exceeds all others, and at each other visit, if it is less than `_FAINT_LOAD` of them.
         """
         columns = []
         for bearing in self._bearings.values():
             if not bearing.slips:
                 continue
-            enough = np.where(self.visits.stopped, 1.0, _CREEPS) * 2.0 * bearing.push
+            enough = np.where(self.visits.stopped, 1.0, _FAINT_LOAD) * 2.0 * bearing.push
             for i in np.flatnonzero(np.abs(bearing.load[:, 2]) <= enough):
                 moved = np.zeros((len(self.visits), 3))
                 moved[i] = bearing.move[i, :, 2]
@@ -504,7 +500,7 @@ class StaticModel:
         load = self._bearings[joint].load
         for ways in (load[:, :2], load[:, 3:5]):
             size = np.linalg.norm(ways, axis=1)
-            strong = size > _WALKS * size.max(initial=0.0)
+            strong = size > _LIGHT * size.max(initial=0.0)
             for cell in np.unique(self.visits.cell[strong]):
                 mine = ways[strong & (self.visits.cell == cell)]
                 if (mine @ mine.T < 0.0).any():
@@ -601,7 +597,7 @@ class StaticModel:
         give = next((mine[one] for one in WOUND if one in mine), self._gives[name])
         if gear is None or rigid:
             half = 0.0 if gear is None else 0.5 * mine.get("gear_play", gear.play)
-            give = STIFFEST if rigid else max(give, STIFFEST)
+            give = _STIFFEST if rigid else max(give, _STIFFEST)
             return half, Curve.of([(1.0 / give, math.inf)]), (0.0, 1.0)
         own = Teeth(name, gear).holding({"gear_compliance": self._gives[name], **mine})
         return 0.5 * own.play, own.curve(), own.bristles
@@ -612,7 +608,7 @@ class StaticModel:
         sure = np.all([np.ones(len(self.visits)), *(b.sure for b in self._bearings.values())], 0)
         for name in self._gives:
             mine = values.get(name, {})
-            sure &= self._wound(name, mine)[2] == 1.0
+            sure &= self._wound(name, mine)[2] > 1.0 - 1e-9
             gear = self.mechanism.gears.get(name)
             if gear is not None and (gear.play or isinstance(gear, Gear)):
                 sure &= self._one_side(name, mine)
@@ -625,17 +621,17 @@ class StaticModel:
         off count.
         """
         mine = dict(values)
-        half = mine["gear_play"] = self.mechanism.gears[name].play or STIFFEST
+        half = mine["gear_play"] = self.mechanism.gears[name].play or _STIFFEST
         hold, twists = self._hold[name], []
         whole = hold - np.einsum("nk,nk->n", self._pushed[name], self.visits.force)
-        off = _MISSING * np.abs(whole).max(initial=0.0) * np.ones(len(hold))
+        off = _FAINTEST * np.abs(whole).max(initial=0.0) * np.ones(len(hold))
         friction = mine.get("dry_friction", self._friction(name).coulomb)
         for more in (0.0 * off, off, -off, -self._inertia[name]):
-            for factor in (1.0, FACTOR, 1.0 / FACTOR):
+            for factor in (1.0, _DRY, 1.0 / _DRY):
                 for ratio in (1.0, _BREAKS):
                     mine |= {"dry_friction": factor * friction, "stiction": ratio}
                     twists.append(self._wound(name, mine, more, rigid=True)[0])
-        return np.ptp(twists, axis=0) <= _MARGIN * half
+        return np.ptp(twists, axis=0) <= 0.02 * half
 
 
 def visits_mean(visits: Visits, values: np.ndarray) -> np.ndarray:
@@ -717,8 +713,8 @@ def _follow_bristles(
             goal = hold[i] + slides * dry[i, 0]
             start, _ = _bristled(law, slopes, twists, torques, last, bent, last)
             side = 1.0 if goal > start else -1.0
-            near, far = 0.0, law[2]
-            for _ in range(_HALVINGS):
+            near, far = 0.0, 1e-9
+            while far < 10.0:
                 reached, _ = _bristled(law, slopes, twists, torques, last, bent, last + side * far)
                 if side * (reached - goal) >= 0.0:
                     break
@@ -740,7 +736,7 @@ def _follow_bristles(
         torque[i], bent = _bristled(law, slopes, twists, torques, last, bent, there)
         left *= math.exp(-abs(there - last) / law[2])
         last, link = there, motor[i] - there
-        angles[i], sure[i] = link, known and left <= _MARGIN
+        angles[i], sure[i] = link, known and left <= _FORGOTTEN
 
 
 @compiled
@@ -834,7 +830,7 @@ def _determined(joint: Clearance, load: np.ndarray, inertia: np.ndarray) -> np.n
     hinge, friction = joint.hinge, _FRICTION
     across = np.linalg.norm(load[:, :2], axis=1)
     pressed = across
-    faint = _MISSING * np.full(len(load), np.linalg.norm(load[:, :3], axis=1).max(initial=0.0))
+    faint = _FAINTEST * np.full(len(load), np.linalg.norm(load[:, :3], axis=1).max(initial=0.0))
     every = np.eye(6)
     added = [faint[:, None] * every[0], faint[:, None] * every[1], inertia]
     arm = 0.0
@@ -855,7 +851,7 @@ def _determined(joint: Clearance, load: np.ndarray, inertia: np.ndarray) -> np.n
             off = play.support(load + side * more).point - here
             lean = arm * np.linalg.norm(off[:, 3:5], axis=1)
             off_by = np.hypot(np.linalg.norm(off[:, :2], axis=1), lean)
-            sure &= off_by <= _WALKS * joint.radial_travel
+            sure &= off_by <= _MOVED * joint.radial_travel
     return sure & (across + np.abs(load[:, 2]) > 0.0)
 
 

@@ -30,39 +30,25 @@ SPRINGS = {"radial": (0, 1), "axial": (2,), "tilt": (3, 4), "torsional": (5,)}
 """Components of a load and a displacement in which springs give way."""
 WOUND = ("gear_compliance", "gear_compliance_2", "gear_compliance_3", "torsional_compliance")
 """Names of the unknowns by which the torque that a joint transmits turns its link."""
-_LARGEST, _TIMES = 1e-3, 10.0
-"""Clearance beyond which no bearing is one, unless the scenario expects more than a tenth of its
-own limit [m]."""
+_LARGEST = 1e-3
+"""Clearance beyond which no bearing is one, unless the scenario says otherwise [m]."""
 _LEAST = 1e-9
-"""Clearances below it are none: atoms [m]."""
-_STEEPEST = 2.0
-"""Largest coefficient of friction: steel welds in vacuum."""
+"""Clearances below it are none [m]."""
 SOFTEST = 100.0
 """Largest compliance of a gear, of springs or of a joint that winds up, by the expected one."""
 _FEW = 5e-6
-"""Internal clearance that matters where less is expected: the least of class CN of ISO 5753 at
-30 mm [m]."""
+"""Internal clearance that matters where less is expected [m]."""
 LOAD_ERROR = 0.03
-"""Part by which compliances may be off: loads are known no better, and move with what gives way
-(a URDF's masses and centres, judged)."""
-FRICTION_ERROR = 0.1
-"""The same of what friction does, hysteresis too: no law of it is exacter (judged)."""
+"""Part by which compliances may be off: loads are known no better, and move with what gives way."""
 _PRESSED = 5e-3
-"""Most preload, by an element's diameter: a thousandth is heavy (judged)."""
-_LIGHT = 1e-3
-"""Preload that matters where less is expected, by the static load rating (judged)."""
-OF_CATALOGUE = 0.15
+"""Most preload, by an element's diameter."""
+FACTOR = 0.15
 """Deviation of the stiffness of rolling elements from that of their geometry, which is estimated:
 three per cent of a ball's diameter, one ball more or less, and the grooves' radii."""
-_FAR = 20.0
-"""Factor to which it is sought."""
 _HELD = 0.9
-"""Part of the rated torque that hysteresis takes at most: all of it, and the gear would hold."""
-STIFFEST = 1e-12
-"""Smallest compliance: stiffer than any steel of a metre [rad/(N m)]."""
-PLAY, HYSTERESIS, MOST_PLAY = 1e-3, 2e-4, 0.1
-"""Of gears that are expected to have none: what matters, of play and of hysteresis (catalogues of
-strain-wave gears state about 1 arcmin), and the most of hysteresis and lost motion [rad]."""
+"""Part of the rated torque that hysteresis takes at most."""
+_STIFFEST = 1e-12
+"""Smallest compliance [rad/(N m)]."""
 
 
 @dataclass(frozen=True)
@@ -88,13 +74,12 @@ class Journal(Part):
 
     def unknowns(self, also: Collection[str]) -> Iterator[Unknown]:
         for name, value in self.own.clearances.items():
-            most = max(_LARGEST, _TIMES * value)
+            most = max(_LARGEST, 10.0 * value)
             yield Unknown(self.joint, name, "m", value, value, most)
         if coefficient := friction_of(self.own):
             yield Unknown(
-                self.joint, "friction", "", coefficient, coefficient, _STEEPEST,
-                model_error=FRICTION_ERROR,
-            )  # fmt: skip
+                self.joint, "friction", "", coefficient, coefficient, 2.0, model_error=0.1
+            )
 
     def holding(self, values: Mapping[str, float]) -> Clearance:
         sizes = {name: max(values[name], _LEAST) for name in self.own.clearances if name in values}
@@ -118,7 +103,7 @@ class Elements(Part):
         own, preload = self.own, getattr(self.own, "preload", None)
         if preload is not None:
             static = own.ratings()[1]
-            scale = preload or _LIGHT * static
+            scale = preload or 1e-3 * static
             most = max(static, 2.0 * scale)
             yield Unknown(self.joint, "preload", "N", preload, scale, most, model_error=LOAD_ERROR)
         else:
@@ -129,13 +114,12 @@ class Elements(Part):
             )
         way = 2.0 * self.period
         yield Unknown(
-            self.joint, "cage_angle", "rad", own.cage_angle, self.period / 4,
+            self.joint, "cage_angle", "rad", own.cage_angle, 0.25 * self.period,
             own.cage_angle + way, False, least=own.cage_angle - way, model_error=0.0,
         )  # fmt: skip
         asked = "stiffness" in also
-        spread = math.inf if asked else OF_CATALOGUE
-        name, least = "stiffness_factor", 1.0 / _FAR
-        yield Unknown(self.joint, name, "", 1.0, 1.0, _FAR, asked, spread, least=least)
+        spread = math.inf if asked else FACTOR
+        yield Unknown(self.joint, "stiffness_factor", "", 1.0, 1.0, 20.0, asked, spread, least=0.05)
 
     @property
     def period(self) -> float:
@@ -193,7 +177,7 @@ class Springs(Part):
 
     def holding(self, values: Mapping[str, float]) -> Clearance:
         softer = {
-            way: max(values[f"{way}_compliance"] / nominal, _LEAST)
+            way: max(values[f"{way}_compliance"], 1e-6 * nominal) / nominal
             for way, nominal in self.compliances.items()
             if f"{way}_compliance" in values
         }
@@ -242,7 +226,7 @@ class Teeth(Part):
         """All but its compliance, of which `Machine` knows what is given."""
         own, joint = self.own, self.joint
         if own.play or isinstance(own, Gear):
-            yield Unknown(joint, "gear_play", "rad", own.play, own.play or PLAY, 1.0)
+            yield Unknown(joint, "gear_play", "rad", own.play, own.play or 1e-3, 1.0)
         if "stiffness" in also:
             for k, one in enumerate(self.stiffness[1:], 2):
                 value = 1.0 / one
@@ -252,12 +236,11 @@ class Teeth(Part):
             if own.hysteresis or "hysteresis" in also:
                 value = own.hysteresis
                 yield Unknown(
-                    joint, "hysteresis", "rad", value, value or HYSTERESIS, MOST_PLAY,
-                    model_error=FRICTION_ERROR,
-                )  # fmt: skip
+                    joint, "hysteresis", "rad", value, value or 2e-4, 0.1, model_error=0.1
+                )
             if own.stated_lost_motion is not None:
                 value = own.stated_lost_motion
-                yield Unknown(joint, "lost_motion", "rad", value, value, MOST_PLAY)
+                yield Unknown(joint, "lost_motion", "rad", value, value, 0.1)
 
     def holding(self, values: Mapping[str, float]) -> Gearing:
         names = ("gear_play", "hysteresis", "lost_motion", *WOUND[:3])
@@ -277,7 +260,7 @@ class Teeth(Part):
             give = values.get(f"gear_compliance_{k}", softer / one)
             name = f"stiffness_{k}" if isinstance(own, StrainWaveGear) else "stiffness"
             if give != 1.0 / one:
-                changes[name] = 1.0 / max(give, STIFFEST)
+                changes[name] = 1.0 / max(give, _STIFFEST)
         if not isinstance(own, StrainWaveGear | CycloidalGear):
             return replace(own, **changes)
         stated = values.get("lost_motion", own.stated_lost_motion)

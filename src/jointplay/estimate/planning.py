@@ -22,24 +22,18 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from scipy.stats import norm
 
 from jointplay.accuracy.poses import moving, over_workspace
 from jointplay.base.errors import JointplayError, require_a, require_positive
 from jointplay.base.tables import Table
-from jointplay.estimate.least_squares import LeastSquares, basis, partners
+from jointplay.estimate.least_squares import CONFIDENCE, LeastSquares, basis, partners
 from jointplay.estimate.machine import TOOL, WAYS, Given, Machine, compliances
 from jointplay.estimate.measurement import SHOWN, Key, Visits, tool_positions
 from jointplay.estimate.model import StaticModel
 from jointplay.estimate.nuisances import offsets
 from jointplay.estimate.parts import WOUND
-from jointplay.estimate.unknowns import (
-    FACTOR,
-    LARGEST_SHARE,
-    MODEL_ERROR,
-    NORMAL,
-    TINY,
-    Unknown,
-)
+from jointplay.estimate.unknowns import LARGEST_SHARE, Unknown
 from jointplay.model.collisions import SelfCollision
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.loads.drive import JointFriction, urdf_friction
@@ -47,35 +41,35 @@ from jointplay.simulation.motion.cartesian import joint_limits
 from jointplay.simulation.result.result import AXES
 
 NOISE = {"tool": 20e-6, "link": 1e-4, "torque": 0.1}
-"""Of single records, where nothing better is known: a laser tracker's, an encoder's of 16 bits, a
-robot's motor currents' [m, rad, N m]."""
+"""Of single records, where nothing better is known [m, rad, N m]."""
 RECORDS = 25
-"""Of a visit, whose mean is taken: a quarter of a second at 100 Hz."""
+"""Of a visit, whose mean is taken."""
 SPEED = 0.2
-"""At which poses are passed: slowly, so that inertia loads nothing [rad/s or m/s]."""
+"""At which poses are passed [rad/s or m/s]."""
 PUSH_N = 20.0
-"""With which the tool is pushed: a spring balance of 2 kg [N]."""
+"""With which the tool is pushed [N]."""
 POSES = 48
 """Among which a plan chooses."""
 OFFERED = 16
 """Poses among which one is sought that identifies what a measurement could not."""
 SIZES = (1.0, 0.4)
-"""Of a push, where play is to be told from elasticity: as far apart as the smaller one still
-overcomes friction (judged)."""
+"""Of a push, where play is to be told from elasticity."""
 _OVERCOMES, _STRONGEST_N = 2.0, 100.0
-"""Weights of the machine with which it is offered to push besides, and the most: a hand's [N]."""
-_WAY, _ROOM = 0.5, 0.25
-"""How far joints go before and beyond a pose that is passed, farther than any teeth wind up, and
-the part of the way between their limits that this takes at most [rad or m]."""
+"""Weights of the machine with which it is offered to push besides, and the most [N]."""
+_APPROACH = 0.05
+"""Way before a pose that is passed, where limits leave room for ten times as much [rad or m]."""
+_ROOM = 0.25
+"""Part of a joint's way between its limits that ten times the way before a pose takes at most."""
+_BRISK = 0.9
+"""Part of a joint's largest speed with which it passes at most."""
 _TRIED = 16
 """Poses that are tried for each that is offered, until enough are free of self-collision."""
 APART = 0.1
-"""Distance below which two experiments that do the same are the same, by the robot's reach: what is
-told of one place is nearly what is told of the other (judged)."""
+"""Distance below which two experiments that do the same are the same, by the robot's reach."""
 _NAMED = 3
 """Unknowns that are named as acting together with one."""
 _PRIOR = 1e-4
-"""Information that unknowns have before: a standard deviation of a hundred of their scales."""
+"""Information that unknowns have before, in their scales: next to none."""
 
 
 @dataclass(frozen=True)
@@ -149,7 +143,7 @@ class MeasurementPlan:
         for one, half, others in told:
             words = f"+- {one.shown(half)}"
             if half > LARGEST_SHARE * one.scale:
-                near = "" if half > FACTOR * one.scale else f" ({words})"
+                near = "" if half > 10.0 * one.scale else f" ({words})"
                 more = f" and {len(others) - _NAMED} more" if len(others) > _NAMED else ""
                 acts = f": acts only together with {', '.join(others[:_NAMED])}{more}"
                 acts = acts if others else near
@@ -260,7 +254,7 @@ def planned(
 def _ways(mechanism: Mechanism) -> np.ndarray:
     """How far joints go before and beyond a pose, (joints,) [rad or m]."""
     low, high = joint_limits(mechanism, moving(mechanism))
-    return np.minimum(_WAY, _ROOM * np.where(high > low, high - low, np.inf))
+    return np.minimum(10.0 * _APPROACH, _ROOM * np.where(high > low, high - low, np.inf))
 
 
 def free_poses(
@@ -334,7 +328,7 @@ def distances(mechanism: Mechanism, options: Sequence[Experiment]) -> np.ndarray
     apart = np.linalg.norm(where[:, None] - where[None], axis=3).max(axis=2)
     kinds = [(one.force is not None and tuple(map(abs, one.force)), one.passes) for one in options]
     same = np.array([[a == b for b in kinds] for a in kinds])
-    return np.where(same, apart / max(reach, TINY), np.inf)
+    return np.where(same, apart / max(reach, 1e-9), np.inf)
 
 
 def sizes(machine: Machine, unknowns: Sequence[Unknown]) -> tuple[float, ...]:
@@ -402,7 +396,7 @@ def informations(
     torques = np.array([kind == "torque" for kind, _ in keys])
     held = visits.stopped[:, None] & torques  # the drive may hold any part of friction
     at = np.array([one.nominal for one in unknowns]) if theta is None else theta
-    least = [MODEL_ERROR * one.scale if one.least >= 0.0 else one.least for one in unknowns]
+    least = [0.05 * one.scale if one.least >= 0.0 else one.least for one in unknowns]
     at = np.maximum(at, least)
     problem = LeastSquares(
         unknowns, lambda x: model.predict(x).ravel(), np.zeros(n * c), np.tile(error, n)
@@ -471,7 +465,7 @@ def _visits(mechanism: Mechanism, options: Sequence[Experiment]) -> Visits:
     """Each experiment's visits: passed this way and the other, under each push."""
     names, ways = tuple(moving(mechanism)), _ways(mechanism)
     fastest = [mechanism.description.joints[name].speed or np.inf for name in names]
-    rates = np.minimum(SPEED, fastest)
+    rates = np.minimum(SPEED, _BRISK * np.array(fastest))
     path, owner, pushes, near = [], [], [], []
     rows: list[tuple[Any, ...]] = []
     for number, one in enumerate(options):
@@ -481,7 +475,7 @@ def _visits(mechanism: Mechanism, options: Sequence[Experiment]) -> Visits:
         for push in forces[: 1 if one.force is None else None]:
             for way in (1.0, -1.0) if one.passes else (1.0,):
                 away = way * ways
-                steps = [at + away, at - away, at]
+                steps = [at + away, at - away, at - 0.1 * away, at]
                 if not one.passes and rows and rows[-1][-1] == number:
                     steps = [at]  # it stands there already
                 path += steps
@@ -515,8 +509,9 @@ def half_widths(unknowns: Sequence[Unknown], gain: np.ndarray) -> np.ndarray:
     By information about them and about c compliances, shape (p + c, p + c).
     """
     covariance = np.linalg.inv(gain)[: len(unknowns), : len(unknowns)]
+    quantile = float(norm.ppf(0.5 + CONFIDENCE / 2.0))
     scale = np.array([one.scale for one in unknowns])
-    return np.asarray(NORMAL * np.sqrt(np.diag(covariance)) * scale)
+    return np.asarray(quantile * np.sqrt(np.diag(covariance)) * scale)
 
 
 def _partners(
@@ -549,7 +544,8 @@ def _greedy(
         if not left.any():
             break
         after = np.array([half_widths(unknowns, total + gain) / scale for gain in found.gains])
-        worth = np.log(np.maximum(after[:, sought], MODEL_ERROR)).sum(axis=1)
+        # Beyond what is identified well, more of it counts for little.
+        worth = np.log(np.maximum(after[:, sought], 0.02)).sum(axis=1)
         best = int(np.where(left, worth, np.inf).argmin())
         chosen.append(best)
         left &= ~alike[best]

@@ -57,8 +57,6 @@ _EXAMPLES = {"motor": "deg", "link": "deg", "torque": "N*m", "tool": "mm", "forc
 """Units by kind of signal, for messages."""
 _MAP = re.compile(r"(?:([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*\*\s*|(-)\s*)?(\S+)(?:\s+([-+])\s*(\S.*))?")
 """FACTOR * NAME + OFFSET: factor, sign, name, sign of the offset, offset."""
-_SPARED_S = 0.1
-"""Time at both ends that is left out without a word: shorter than any stop that is looked at."""
 _LFS = b"version https://git-lfs"
 """How the text begins that Git puts in the place of a large file."""
 _LAYOUTS = {
@@ -557,7 +555,7 @@ def _together(
     every = np.unique(np.concatenate([time for time, _ in found.values()]))
     kept = every[(every >= begin) & (every <= end)]
     lost = (every[-1] - every[0] - (kept[-1] - kept[0])) / _NANO
-    if lost > _SPARED_S:
+    if lost > 0.1:
         notes.append(
             f"note: {lost:.3g} s at the ends are left out, in which not all encoders and forces "
             "have records"

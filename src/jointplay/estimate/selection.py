@@ -9,48 +9,50 @@ beside all that might stand in for them.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
-from scipy.stats import chi2
+import pinocchio as pin
 from scipy.stats import f as fisher
 from scipy.stats import t as student
 
-from jointplay.base.errors import JointplayError
-from jointplay.estimate.kinematic_model import TRANSITIONS, Column, Poses, Term
+from jointplay.base import tables
+from jointplay.base.errors import JointplayError, MissingName
+from jointplay.base.tables import Table
+from jointplay.base.units import readable
+from jointplay.estimate.kinematic_model import COORDINATE, PARTS, Column, Poses, Term
 from jointplay.estimate.least_squares import Fit, LeastSquares, basis, minimum
+from jointplay.estimate.machine import preset_found
 from jointplay.estimate.static_poses import StaticPoses
-from jointplay.estimate.unknowns import (
-    CONFIDENCE,
-    TINY,
-    Estimate,
-    Unknown,
-)
+from jointplay.estimate.unknowns import Estimate, Loop, Unknown, by_label, data, listed
 
 if TYPE_CHECKING:
-    pass
+    from jointplay.model.mechanism import Mechanism
+    from jointplay.scenario.presets import Preset
 
 CHANCE = 0.1
-"""Probability of chance below which a gain counts, one-sided: weaker than the usual 5 %, for a
-cause that is left out biases all others, one too many only widens them
-(benchmarks/truth/calibrate.py)."""
+"""Probability of chance below which a gain counts, one-sided."""
 LEAST_GAIN = 0.01
-"""Part by which held-back errors must shrink at least (RMS): of thousands of poses even what nobody
-would miss is no chance (judged)."""
+"""Part by which held-back errors must shrink at least (RMS)."""
 RARER_SIGN = 0.05
-"""Part of the poses in which a joint must be loaded the other way, or its play is told by few
-that may be outliers (judged)."""
+"""Part of the poses in which a joint must be loaded the other way, or its play cannot be told."""
 LARGE = 1.2
-"""Excess of held-back errors from which on it is said: that of right fits to 40 poses with three
-numbers each scatters by 0.065, a third of what is missing to it."""
-TWO_UNKNOWNS = float(chi2.ppf(CONFIDENCE, 2))
-"""By how much costs may differ over two unknowns, friction and transition: likelihood ratio."""
+"""Excess of held-back errors from which on it is said."""
+TWO_UNKNOWNS = 5.99
+"""95 % quantile of chi-square with two degrees of freedom, friction's and transition's."""
 SMOOTHINGS = (0.25, 1.0, 4.0)
-"""Times a transition that is given, for which a bound must hold: nobody knows it better than to a
-factor of four (judged)."""
+"""Times a transition that is given, for which a bound must hold."""
+_EQUAL = 1e-9
+"""Part by which gains of choices differ that are the same but for rounding."""
+CONSTANT = ("offset", "placement")
+"""Kinds of terms that are the same in every pose."""
+_BY_LOAD = ("play", "compliance", "gear", "hysteresis")
+"""Kinds of terms that turn a joint by its load or by the way it came."""
+_UNKNOWN = "not determined (other causes do the same, or nothing shows it)"
 
 
 @dataclass(frozen=True)
@@ -146,10 +148,9 @@ class Fitted(Fit):
         off = least.residual(self.theta)[:m].reshape(shape)
         own = 1.0 - np.sum(least.projected[:m] ** 2, axis=1).reshape(shape)  # about their means
         spread = slope @ self.covariance @ np.swapaxes(slope, 1, 2)
-        spread = self.stretch**2 * (spread + np.maximum(own, TINY)[:, :, None] * np.eye(axes))
+        spread = self.stretch**2 * (spread + np.maximum(own, 1e-9)[:, :, None] * np.eye(axes))
         distance = np.einsum("na,na->n", off, np.linalg.solve(spread, off[:, :, None])[:, :, 0])
-        limit = axes * fisher.ppf(CONFIDENCE, axes, max(self.freedom, 1.0))
-        return distance <= limit, distance / axes
+        return distance <= axes * fisher.ppf(0.95, axes, max(self.freedom, 1.0)), distance / axes
 
 
 @dataclass(frozen=True)
@@ -202,6 +203,236 @@ class Step:
         names = ("added", "unknowns", "training", "held_back", "kept", "gain", "margin")
         numbers = {name: getattr(self, name) for name in names}
         return {"terms": [str(term) for term in self.terms], **numbers}
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What static poses tell of the causes of errors; SI units."""
+
+    poses: StaticPoses
+    steps: tuple[Step, ...]
+    """All models that were tried, in order; the first has no causes but those always in it."""
+    coefficients: tuple[Estimate, ...]
+    """Of the terms that were kept, but play, of which `play` has what is told; with all candidates
+    free."""
+    play: tuple[Estimate, ...]
+    """By the side of the load, of every joint; all candidates and everybody's play are free."""
+    folds: str
+    """What was held back, in words."""
+    notes: tuple[str, ...] = ()
+    effects: tuple[Estimate, ...] = ()
+    """What each term that was kept moves the tool by, RMS over the poses, beyond what other places
+    of base and tool would do [m]."""
+    whole: Fitted | None = field(default=None, repr=False)
+    """With all candidates and everybody's play free, which `play` and `coefficients` are of."""
+
+    def step(self) -> Step:
+        return [one for one in self.steps if one.kept][-1]
+
+    @property
+    def mechanism(self) -> Mechanism:
+        return self.step().fitted.problem.poses.mechanism
+
+    @property
+    def kept(self) -> tuple[Term, ...]:
+        return self.step().terms
+
+    @property
+    def kinds(self) -> dict[str, tuple[str, tuple[str, ...]]]:
+        """What was measured: unit and components by kind."""
+        return self.step().fitted.problem.kinds
+
+    @property
+    def within(self) -> np.ndarray:
+        """Which held-back rows lay in their predicted 95 % regions, shape (n,)."""
+        return self.step().within
+
+    def __getitem__(self, label: str) -> Estimate:
+        return by_label(self.coefficients, label)
+
+    def play_of(self, joint: str) -> Estimate:
+        """What is told of a joint's play by the side of its load."""
+        for one in self.play:
+            if one.joint == joint:
+                return one
+        raise MissingName("joint", joint, [one.joint for one in self.play])
+
+    def corrections(self) -> dict[str, pin.SE3]:
+        """By joint, where the kept model has its frame, in the nominal one and with the joint at
+        zero by its encoder: what `placement` and `offset` find. `bridges.urdf.to_urdf` writes them
+        into a URDF, whose tool is then where the model has it, but for causes that depend on the
+        pose or on loads."""
+        fitted = self.step().fitted
+        poses, moved = fitted.problem.poses, np.zeros((len(fitted.problem.poses.names), 7))
+        for one, value in zip(fitted.problem.columns, fitted.coefficients, strict=True):
+            if one.term.kind in CONSTANT:
+                moved[one.index, one.target] += value
+        found = {}
+        for name, axis, turns, own in zip(poses.names, poses.axis, poses.turns, moved, strict=True):
+            if own.any():
+                way = own[COORDINATE] * axis
+                zero = (pin.exp3(way), np.zeros(3)) if turns else (np.eye(3), way)
+                found[name] = pin.SE3(pin.exp3(own[3:6]), own[:3]) * pin.SE3(*zero)
+        return found
+
+    def preset(self, robot: str | Path | None = None) -> Preset:
+        """The robot's joints with what was found: play and compliance as gears, and bearings, seats
+        and gears of the scenario with theirs.
+
+        Args:
+            robot: name or path of the robot; None: the file of its URDF.
+
+        Raises:
+            JointplayError: nothing of it was found.
+        """
+        found = [
+            one for one in self.estimates
+            if one.unknown.name in PARTS.values()
+            and one.identified and one.found and one.value > 0.0
+        ]  # fmt: skip
+        if not found:
+            raise JointplayError(
+                "these poses tell nothing of play or stiffness, which a preset would have"
+            )
+        return preset_found(self.mechanism, found, self.poses.source, robot)
+
+    @property
+    def loops(self) -> tuple[Loop, ...]:
+        """Of each joint whose play was fitted: how far its load and the way it came turn it."""
+        order = {joint: k for k, joint in enumerate(self.poses.joints)}
+        made = () if self.whole is None else _loops(self.whole)
+        return tuple(sorted(made, key=lambda one: order[one.joint]))
+
+    @property
+    def models(self) -> Table:
+        columns = [
+            tables.Column("model", [one.added for one in self.steps]),
+            tables.Column("unknowns", [one.unknowns for one in self.steps]),
+        ]
+        for what in ("training", "held back"):
+            errors = np.array([getattr(one, what.replace(" ", "_")) for one in self.steps])
+            for k, (unit, _) in enumerate(self.kinds.values()):
+                columns.append(tables.Column(f"{what}{', turn' * k}", errors[:, k], unit))
+        columns.append(tables.Column("kept", ["yes" if one.kept else "no" for one in self.steps]))
+        return Table(columns)
+
+    @property
+    def sentence(self) -> str:
+        step, kinds = self.step(), self.kinds
+        sizes = zip(kinds.values(), step.held_back, strict=True)
+        errors = " and ".join(readable(float(size), unit, 3) for (unit, _), size in sizes)
+        causes = ", ".join(map(str, step.terms)) or "no cause"
+        return (
+            f"These poses show {causes}: with it, poses that the fit has not seen are predicted "
+            f"to {errors} (RMS)"
+        )
+
+    @property
+    def estimates(self) -> tuple[Estimate, ...]:
+        """Play and coefficients, by joint."""
+        order = {joint: k for k, joint in enumerate(self.poses.joints)}
+        found = (*self.play, *self.coefficients)
+        return tuple(sorted(found, key=lambda one: order.get(one.joint, len(order))))
+
+    def brief(self) -> str:
+        """What was found, without how."""
+        return listed(self.estimates, vague=_UNKNOWN)
+
+    def __str__(self) -> str:
+        poses = self.poses
+        units = "points" if poses.point is not None else "groups" if poses.group else "rows"
+        lines = [
+            *self.notes,
+            str(self.models),
+            f"{int(self.within.sum())} of {len(self.within)} held-back {next(iter(self.kinds))}s "
+            "lie in their predicted 95 % regions",
+            f"held back: {self.folds}; a term is kept if the squared errors of held-back "
+            f"{units} shrink by more than chance (one-sided 90 %) and their RMS by 1 %",
+        ]
+        lines += ["", self.brief()]
+        if self.effects:
+            head = "moves the tool by (RMS), base and tool placed best without it"
+            lines += ["", listed(self.effects, head)]
+        return "\n".join(lines)
+
+    @property
+    def rows(self) -> list[Estimate]:
+        """Errors of all models, effects, and what was found by joint [SI]."""
+        errors = []
+        for one in self.steps:
+            name = " + ".join(map(str, one.terms)) or one.added
+            note = "kept" if one.kept else "not kept"
+            for what in ("training", "held_back"):
+                for (kind, (unit, _)), size in zip(
+                    self.kinds.items(), getattr(one, what), strict=True
+                ):
+                    error = Unknown("", f"{what} {kind}: {name}", unit, np.nan)
+                    errors.append(Estimate(error, size, note=note))
+        return [*errors, *self.effects, *self.estimates]
+
+    @property
+    def data(self) -> Table:
+        return data(self.rows)
+
+    @property
+    def residuals(self) -> Table:
+        """Errors of every pose, in training and held back."""
+        count, group, point = len(self.poses), self.poses.group, self.poses.point
+        columns = [
+            tables.Column("row", range(1, count + 1)),
+            tables.Column("group", group or [""] * count),
+            tables.Column("point", point or [""] * count),
+        ]
+        for what, errors in self.step().errors.items():
+            for (unit, axes), values in zip(self.kinds.values(), errors, strict=True):
+                for axis, one in zip(axes, values.T, strict=True):
+                    columns.append(tables.Column(f"{what.replace('_', ' ')} {axis}", one, unit))
+        return Table(columns)
+
+    def describe(self) -> dict[str, Any]:
+        error = self.step().fitted.problem.error
+        return {
+            "joints": list(self.poses.joints),
+            "poses": len(self.poses),
+            "held_back": self.folds,
+            "within_region": [bool(one) for one in self.within],
+            "error": dict(zip(self.kinds, error, strict=True)),
+            "kept": [str(term) for term in self.kept],
+            "models": [one.describe() for one in self.steps],
+            "unknowns": [one.describe() for one in self.estimates],
+            "effects": [one.describe() for one in self.effects],
+            "notes": list(self.notes),
+        }
+
+
+def _loops(fitted: Fitted) -> Iterator[Loop]:
+    """By what a turn of the joint itself would do to what was measured in each row."""
+    problem, rows = fitted.problem, fitted.rows
+    poses, owner, first = problem.poses, problem.owner(rows), len(problem.frame)
+    left = -fitted.residual[: len(owner)]
+    mine = (owner[:, None] == np.arange(len(rows))).T  # (n, numbers)
+    turns = fitted.coefficients * problem.features
+    for i, one in enumerate(problem.columns):
+        if one.term.kind != "play":
+            continue
+        bare = replace(one, feature=np.ones(len(poses)))
+        plain = problem.having([*problem.columns[:i], bare, *problem.columns[i + 1 :]]).at(rows)
+        effect = plain.effects(fitted.theta)[: len(owner), first + i] / one.unknown.scale
+        own = sum(
+            turns[:, k] for k, other in enumerate(problem.columns)
+            if other.index == one.index and other.target == COORDINATE and other.moves is None
+            and other.term.kind in _BY_LOAD
+        )  # fmt: skip
+        unit = one.unknown.unit
+        yield Loop.beside(
+            one.joint,
+            (poses.load[rows, one.index], "load", "N" if unit == "m" else "N*m"),
+            np.asarray(own)[rows],
+            unit,
+            np.sign(poses.approach[rows, one.index]).astype(int),
+            mine * effect,
+            mine * left,
+        )
 
 
 Gain = tuple[bool, float, float]
@@ -305,7 +536,7 @@ class Selection:
                 gains, _ = self.gains(self.base.having(made), i, fitted.theta, rows)
                 best = int(gains.argmax())
                 liked = (preferred or {}).get(i, best)
-                if np.isclose(gains[liked], gains[best], atol=0.0):
+                if gains[liked] >= gains[best] * (1.0 - _EQUAL):
                     best = liked
                 chosen[i] = best
                 options = made[i].options
@@ -333,7 +564,7 @@ class Selection:
         features[len(owner) : len(least.measured)] = 0.0
         own = least.project(slope[:, k, None] * features)
         own = own - span @ (span.T @ own)
-        along, square = -(left @ own), np.maximum(np.sum(own**2, axis=0), TINY)
+        along, square = -(left @ own), np.maximum(np.sum(own**2, axis=0), 1e-300)
         return along**2 / square, least.scale[k] * along / square
 
     def tried(self, terms: Sequence[Term]) -> Step:
@@ -424,14 +655,13 @@ class Selection:
     def spread(self, fitted: Fitted) -> tuple[np.ndarray, np.ndarray, float]:
         """Half widths of 95 % intervals and of one-sided bounds of all unknowns [SI], and the
         stretch of costs by which they follow from the residuals' own scatter."""
-        both = CONFIDENCE, 2.0 * CONFIDENCE - 1.0
-        two, one = (self.excess * fitted.half_widths(part) for part in both)
+        two, one = (self.excess * fitted.half_widths(part) for part in (0.95, 0.9))
         return two, one, (self.excess * fitted.stretch) ** 2
 
-    def estimates(
+    def told(
         self, kept: Step, candidates: Sequence[Term]
-    ) -> tuple[tuple[Estimate, ...], Fitted]:
-        """Every joint's play, and the coefficients of what was kept, by joint; and the fit.
+    ) -> tuple[tuple[Estimate, ...], tuple[Estimate, ...], Fitted]:
+        """Of the coefficients of what was kept, and of every joint's play; and the fit.
 
         All candidates and everybody's play are free: where one cause does what another does, the
         interval of neither rests on the other's absence.
@@ -441,12 +671,7 @@ class Selection:
         named = [one for one in every if one.kind == "play"]
         others = [one for one in every if one.kind != "play"]
         in_terms = {column.joint for term in named for column in poses.columns(term)}
-        # What a link encoder's share moves a joint by is what its play does, too.
-        linked = {
-            column.joint for term in others if term.kind == "link-encoder"
-            for column in poses.columns(term)
-        }  # fmt: skip
-        rest = tuple(n for n in self.joints if n not in in_terms | linked and poses.loaded(n))
+        rest = tuple(n for n in self.joints if n not in in_terms and poses.loaded(n))
         model = [*others, *named, *([Term("play", rest)] if rest else [])]
         predicted = {c.joint for c in kept.fitted.problem.columns if c.term.kind == "play"}
         fitted, _ = self.fit(model, self.rows)
@@ -465,8 +690,6 @@ class Selection:
             if joint not in numbers:
                 (column,) = poses.columns(Term("play", (joint,)))
                 reason = "gravity does not load this joint"
-                if joint in linked:
-                    reason = "its encoder on the link's side shows it"
                 made.append(Estimate(column.unknown, 0.0, reason=reason, found=False))
                 continue
             i = numbers[joint]
@@ -486,9 +709,7 @@ class Selection:
             reason, ends = "" if seen else _why_not(fitted, i), (low, high)
             one = Estimate(column.unknown, value, reason=reason, ends=ends, upper=upper, found=seen)
             made.append(one)
-        order = {joint: k for k, joint in enumerate(self.joints)}
-        whose = sorted([*made, *found], key=lambda one: order.get(one.joint, len(order)))
-        return tuple(whose), fitted
+        return tuple(found), tuple(made), fitted
 
     def _smoothed(self, fitted: Fitted, i: int) -> float:
         """The largest bound over other transitions of this joint's play, that are given."""
@@ -534,7 +755,7 @@ def _why_not(fitted: Fitted, i: int) -> str:
             f"its load, at most {largest:.2g} {effort}, is smaller than the friction of "
             f"{friction:.2g} {effort}"
         )
-    side = poses.leaning(column.joint, 0.0, column.term.transition or TRANSITIONS[0] * largest)
+    side = poses.leaning(column.joint, 0.0, column.term.transition or 0.05 * largest)
     if said := one_sided(np.round(side)):
         return said
     return fitted.why_not(len(fitted.problem.frame) + i)

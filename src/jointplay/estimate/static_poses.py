@@ -13,7 +13,6 @@ from scipy.spatial.transform import Rotation
 
 from jointplay.base.errors import JointplayError, MissingName, require_known
 from jointplay.estimate import columns
-from jointplay.estimate.measurement import SMALLEST
 from jointplay.simulation.result.result import AXES
 
 # Columns of a file (see `columns`):
@@ -30,10 +29,6 @@ _TOOL_UNITS = dict.fromkeys(AXES, "m") | {"rx": "rad", "ry": "rad", "rz": "rad"}
 FEWEST = 6
 _MOST_LABELS = 6
 """Markers whose labels can be checked: all permutations are tried."""
-_ROUNDED = 1e-3
-"""By which elements of a rotation matrix may be off: files have three digits of them."""
-_AGREE = 0.1
-"""Part of how much sides of a body of markers differ at all within which rows agree (judged)."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +98,7 @@ class StaticPoses:
         if self.orientation is not None:
             off = np.abs(np.swapaxes(self.orientation, 1, 2) @ self.orientation - np.eye(3))
             worst = int(off.max(axis=(1, 2)).argmax())
-            if off[worst].max() > _ROUNDED or np.linalg.det(self.orientation[worst]) < 0.0:
+            if off[worst].max() > 1e-3 or np.linalg.det(self.orientation[worst]) < 0.0:
                 raise self._wrong(f"the orientation in row {worst + 1} is not a rotation matrix")
         for pair in self.distances:
             for name in pair:
@@ -160,7 +155,7 @@ class StaticPoses:
         for i in range(1, len(self) if self.ordered else 1):
             if group[i] == group[i - 1]:
                 step = self.motor[i] - self.motor[i - 1]
-                way[i] = np.where(np.abs(step) > SMALLEST, np.sign(step), way[i - 1])
+                way[i] = np.where(np.abs(step) > 1e-6, np.sign(step), way[i - 1])
         return way
 
     @classmethod
@@ -312,8 +307,8 @@ def same_labels(markers: np.ndarray) -> tuple[np.ndarray, tuple[int, ...]]:
     first, second = np.array(pairs).T
     lengths = np.linalg.norm(markers[:, first] - markers[:, second], axis=2)
     apart = np.abs(lengths[:, None] - lengths[None]).max(axis=2)
-    limit = _AGREE * float(np.ptp(np.median(np.sort(lengths, axis=1), axis=0)))
-    # Most rows agree with this one.
+    # Most rows agree with this one: within a tenth of how much sides differ at all.
+    limit = 0.1 * float(np.ptp(np.median(np.sort(lengths, axis=1), axis=0)))
     reference = lengths[int((apart < limit).sum(axis=1).argmax())]
     orders = [np.array(one) for one in permutations(range(markers.shape[1]))]
     exchanged = []

@@ -8,35 +8,22 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.stats import norm
 
 from jointplay.base.errors import MissingName
 from jointplay.base.tables import Table
 from jointplay.base.units import told
 
 CANNOT_TELL = "this measurement cannot tell"
-CONFIDENCE = 0.95
-"""With which intervals, and upper bounds, hold."""
-NORMAL = float(norm.ppf(0.5 + CONFIDENCE / 2.0))
-"""Half of such an interval in standard deviations."""
-MODEL_ERROR = 0.02
-"""Part of its value by which the static model itself is off, see benchmarks/truth/identify.py:
-nothing is told better."""
-FACTOR = 3.0
-"""To which values of a scenario are expected to be right: starts of a search, other end walls, the
-play that a gear must have crossed, static by dynamic friction (judged)."""
-TINY = float(np.finfo(float).tiny)
-"""Keeps quotients finite where there is nothing: 0 / TINY is 0."""
+NORMAL = 1.96
+"""Half of a 95 % interval in standard deviations."""
 LARGEST_SHARE, SMALL = 0.5, 0.25
-"""An unknown is identified if half of its interval is at most `LARGEST_SHARE` of its value: it is
-told to a factor of three, from half to one and a half times as much. Values below `SMALL` of its
-scale count as this much, or none that is zero could be told (judged)."""
+"""An unknown is identified if half of its interval is at most `LARGEST_SHARE` of its value; values
+below `SMALL` of its scale count as this much."""
 
 PLAYS = ("gear_play", "radial_clearance")
 """Unknowns that are a joint's play."""
-_SHOWS = 0.2
-"""Part of a joint's largest effect on the signals from which on they are drawn as its position:
-with less, the noise would be five times as large (only drawn, judged)."""
+_FAINT = 0.2
+"""Part of the largest effect of a joint below which signals say nothing of where it was."""
 
 
 @dataclass(frozen=True)
@@ -64,8 +51,8 @@ class Unknown:
     """Smallest possible value."""
     fine: bool = True
     """Whether it is as small as a clearance, and shown in such units."""
-    model_error: float = MODEL_ERROR
-    """Part of its value by which the model itself is off."""
+    model_error: float = 0.02
+    """Part of its value by which the model itself is off, see benchmarks/truth/identify.py."""
 
     @property
     def label(self) -> str:
@@ -210,7 +197,7 @@ class Loop:
             left: measured less fitted, in standard errors, shape (n, k).
         """
         size = np.sum(effect**2, axis=1)
-        use = size > _SHOWS**2 * size.max(initial=0.0)
+        use = size > _FAINT**2 * size.max(initial=0.0)
         measured = fitted[use] + np.sum(effect * left, axis=1)[use] / size[use]
         x, name, its = over
         return cls(joint, x[use], name, its, measured, fitted[use], unit, branch[use])

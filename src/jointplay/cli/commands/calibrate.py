@@ -35,13 +35,10 @@ from jointplay.cli.commands.inputs import is_scenario, scenario_of
 from jointplay.cli.options import FLAG, MASS, REPEATED, Parser, quantity
 
 if TYPE_CHECKING:
-    from jointplay.estimate import Calibration, StaticPoses, Term
-    from jointplay.model.mechanism import Mechanism
-    from jointplay.model.payload import Payload
+    from jointplay.estimate import Calibration
 
 TABLES = ("calibration.csv", "calibration.json", "residuals.csv", "calibration.png")
 ENCODERS, LOOPS = "encoders.csv", "loops.png"
-OUTPUTS = ("urdf", "mjcf", "write_preset")
 
 
 # fmt: off
@@ -82,58 +79,102 @@ def declare(parser: Parser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    _refuse(options)
+    if options.plan == (options.csv is not None):
+        words = "a table of poses (CSV), or --plan to ask where to measure"
+        raise JointplayError(f"give {words}{'; not both' if options.plan else ''}")
     out = Outputs(options.out, ["plan.txt"] if options.plan else [*TABLES, ENCODERS, LOOPS])
-    about: dict[str, Any] = {"point": vector(options.point or "0,0,0", "m", "--point")}
-    if (scatter := _scatter(options.scatter)) is not None:
-        about["error"] = scatter
-    folds = _folds(options.folds)
+    outputs = {name: getattr(options, name) for name in ("urdf", "mjcf", "write_preset")}
+    for name, value in outputs.items():
+        option = f"--{name.replace('_', '-')}"
+        if value is not None and options.plan:
+            raise JointplayError(f"{option} needs measured poses, not --plan")
+        if value is not None:
+            files.check_new(Path(value))
+    folds = options.folds
+    if folds not in ("rows", "groups", "points"):
+        try:
+            folds = int(folds)
+        except ValueError:
+            words = f"--folds must be a number, rows, groups or points, got {folds!r}"
+            raise JointplayError(words) from None
+    scatter = _scatter(options.scatter)
+    point = vector(options.point or "0,0,0", "m", "--point")
     out.claim()
-    from jointplay.estimate import Term, plan_calibration
+    from jointplay.estimate import Term, calibrate, encoder_differences, plan_calibration
     from jointplay.estimate.calibration import TERMS, read_poses
+    from jointplay.estimate.unknowns import data
     from jointplay.model.payload import Payload
 
     terms = [Term.parse(text) for text in options.term or TERMS]
     always = [Term.parse(text) for text in options.always]
     mechanism = scenario_of(options, moves=False).mechanism(options.case)
-    mass = options.payload
-    centre = about["point"]
-    about["payloads"] = [] if mass is None else [Payload(mechanism.tool, mass, centre=centre)]
+    payloads = []
+    if options.payload is not None:
+        payloads = [Payload(mechanism.tool, options.payload, centre=point)]
+    contents: dict[str, Any] = {}
+    found: list[Calibration] = []
     notes = []
     if mechanism.tool_reason:
         notes.append(f"tool: {mechanism.tool!r} (chosen: {mechanism.tool_reason}; see --tool)")
     if options.plan:
+        about: dict[str, Any] = {"payloads": payloads, "point": point}
+        if scatter is not None:
+            about["error"] = scatter
         plan = plan_calibration(mechanism, [*always, *terms], count=options.count, **about)
         print_answer("", plan, notes, options)
         if options.out:
             out.write({"plan.txt": f"{plan}\n"})
         return 0
     poses = read_poses(mechanism, options.csv)
-    measured = poses.position is not None or poses.point is not None
-    contents: dict[str, Any] = {}
-    found: list[Calibration] = []
     if poses.link is not None:
         asked = [*always, *terms] if options.term or options.always else None
-        found += _encoders(mechanism, poses, about["payloads"], asked, notes, contents)
+        found += encoder_differences(mechanism, poses, payloads, asked)
+        notes += ["encoders, link less motor:", *(f"{one}\n" for one in found)]
+        contents[ENCODERS] = data([row for one in found for row in one.rows]).csv(6)
         poses = poses.read_by_link(*options.link)
     elif options.link:
         (joint, *_) = options.link
         raise JointplayError(f"--link {joint}: {options.csv} has no column '{joint} link'")
-    elif not measured:
+    measured = poses.position is not None or poses.point is not None
+    if not measured and not contents:
         raise JointplayError(
             f"{options.csv}: nothing measured: columns such as 'tool x [m]', "
             "'marker NAME x [m]', 'point' or 'JOINT link [rad]' are needed"
         )
-    if notes and (options.detail or found):
+    if notes and (options.detail or not measured or poses.link is not None):
         print("\n".join(notes))
         notes = []
     if measured:
-        about |= {"always": always, "folds": folds, "progress": not options.quiet}
-        found.append(_tool(options, mechanism, poses, terms, about, notes, contents))
-    elif any(getattr(options, name) is not None for name in OUTPUTS):
-        raise JointplayError(
-            "--urdf, --mjcf and --write-preset need positions of the tool, or points"
+        fit = calibrate(
+            mechanism,
+            poses,
+            terms,
+            always=always,
+            folds=folds,
+            error=scatter,
+            payloads=payloads,
+            point=point,
+            progress=not options.quiet,
         )
+        if options.detail:
+            print(f"{fit.sentence}\n{fit}")
+        else:
+            print_answer(fit.sentence, fit.brief(), [*fit.notes, *notes], options, more=True)
+        if options.out:
+            from jointplay.show.plots.design import calibration
+
+            said = json.dumps(fit.describe(), indent=1) + "\n"
+            made = [fit.data.csv(6), said, fit.residuals.csv(6), calibration(fit)]
+            contents |= dict(zip(TABLES, made, strict=True))
+        found.append(fit)
+        for path in filter(None, (options.urdf, options.mjcf)):
+            _write_robot(fit, path, path == options.mjcf)
+        if options.write_preset is not None:
+            place = None if is_scenario(options) else str(options.place)
+            write_preset(options.write_preset, fit.preset(place))
+    elif any(value is not None for value in outputs.values()):
+        words = "--urdf, --mjcf and --write-preset need positions of the tool, or points"
+        raise JointplayError(words)
     if options.out:
         from jointplay.show.plots.design import reversal_loops
 
@@ -146,84 +187,11 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _refuse(options: argparse.Namespace) -> None:
-    """Raise if options do not go together."""
-    if options.plan == (options.csv is not None):
-        words = "a table of poses (CSV), or --plan to ask where to measure"
-        raise JointplayError(f"give {words}{'; not both' if options.plan else ''}")
-    for name in OUTPUTS:
-        if (path := getattr(options, name)) is not None:
-            if options.plan:
-                option = f"--{name.replace('_', '-')}"
-                raise JointplayError(f"{option} needs measured poses, not --plan")
-            files.check_new(Path(path))
-
-
-def _folds(text: str) -> int | str:
-    """What is held back: a number of folds, or one of the words."""
-    if text in ("rows", "groups", "points"):
-        return text
-    try:
-        return int(text)
-    except ValueError:
-        words = f"--folds must be a number, rows, groups or points, got {text!r}"
-        raise JointplayError(words) from None
-
-
-def _encoders(
-    mechanism: Mechanism,
-    poses: StaticPoses,
-    payloads: list[Payload],
-    terms: list[Term] | None,
-    notes: list[str],
-    contents: dict[str, Any],
-) -> tuple[Calibration, ...]:
-    """What the two encoders of joints tell; adds it to the notes and to what is written."""
-    from jointplay.estimate import encoder_differences
-    from jointplay.estimate.unknowns import data
-
-    found = encoder_differences(mechanism, poses, payloads, terms)
-    notes += ["encoders, link less motor:", *(f"{one}\n" for one in found)]
-    contents[ENCODERS] = data([row for one in found for row in one.rows]).csv(6)
-    return found
-
-
-def _tool(
-    options: argparse.Namespace,
-    mechanism: Mechanism,
-    poses: StaticPoses,
-    terms: list[Term],
-    about: Mapping[str, Any],
-    notes: list[str],
-    contents: dict[str, Any],
-) -> Calibration:
-    """What the tool's places tell: printed, added to what is written, and given to the robot."""
-    from jointplay.estimate import calibrate
-
-    fit = calibrate(mechanism, poses, terms, **about)
-    if options.detail:
-        print(f"{fit.sentence}\n{fit}")
-    else:
-        print_answer(fit.sentence, fit.brief(), [*fit.notes, *notes], options, more=True)
-    if options.out:
-        from jointplay.show.plots.design import calibration
-
-        said = json.dumps(fit.describe(), indent=1) + "\n"
-        made = [fit.data.csv(6), said, fit.residuals.csv(6), calibration(fit)]
-        contents |= dict(zip(TABLES, made, strict=True))
-    for path in filter(None, (options.urdf, options.mjcf)):
-        _write_robot(fit, path, path == options.mjcf)
-    if options.write_preset is not None:
-        place = None if is_scenario(options) else str(options.place)
-        write_preset(options.write_preset, fit.preset(place))
-    return fit
-
-
 def _write_robot(fit: Calibration, path: str, mjcf: bool) -> None:
     """Write the corrected robot, and say what it has."""
     from jointplay.bridges.own_mjcf import corrected_mjcf
     from jointplay.bridges.urdf import to_urdf
-    from jointplay.estimate.calibration_result import CONSTANT
+    from jointplay.estimate.selection import CONSTANT
 
     corrections = fit.corrections()
     if not corrections:

@@ -33,6 +33,7 @@ from jointplay.cli.commands import (
     write_robot,
 )
 from jointplay.cli.commands.inputs import (
+    PosedMachine,
     is_scenario,
     named_joints,
     posed_machine,
@@ -40,133 +41,19 @@ from jointplay.cli.commands.inputs import (
 from jointplay.cli.options import FORCE, REPEATED, Parser, quantity
 
 if TYPE_CHECKING:
-    from jointplay.estimate import Identification
-    from jointplay.estimate.gauge import Gauged
-    from jointplay.estimate.least_squares import LeastSquares
     from jointplay.model.mechanism import Mechanism
     from jointplay.scenario.presets import Preset
 
+PLANS = ("motion", "dial")
 OF_MOTIONS = (
     *("known", "also", "known_stiffness", "lag", "signal", "source", "map", "episode", "world"),
 )
 """Options that readings of a dial gauge have no use for."""
 OUTPUTS = ("write_preset", "urdf", "mjcf")
-TABLES = ("identified.csv", "identified.json")
-FIGURE, LOOPS = "identified.png", "loops.png"
-
-
-class _Motion:
-    """A measurement in motion: a table, a bag or a dataset."""
-
-    words = "a measurement in motion"
-    plans, figures = ("plan.txt",), (FIGURE, LOOPS)
-
-    def __init__(self, options: argparse.Namespace) -> None:
-        self.options, paths = options, filter(None, (options.against, options.data))
-        self.recordings = [_recording(options, path) for path in paths]
-        self.posed = posed_machine(options)
-        noise, lag = _noise(options), options.lag
-        self.lag = None if lag is None else _size(lag, "s", "--lag")
-        self.about: dict[str, Any] = {
-            "noise": noise,
-            "also": options.also,
-            "known": options.known,
-            "stiffness": _stiffness(options.known_stiffness),
-        }
-
-    def plan(self) -> tuple[object, dict[str, str]]:
-        """Poses and motions to measure; further files."""
-        from jointplay.estimate import plan_measurement
-
-        options, simulation = self.options, self.posed.simulation
-        plan = plan_measurement(
-            self.posed.mechanism,
-            signals=options.signal or ["tool"],
-            count=options.count,
-            joint_friction=None if simulation is None else simulation.joint_friction,
-            **given(options, "push"),
-            **self.about,
-        )
-        return plan, {}
-
-    def _measured(self) -> tuple[Any, dict[str, Any]]:
-        """The machine, and what is known of how it was measured."""
-        options, simulation = self.options, self.posed.simulation
-        machine: Any = self.posed.mechanism
-        if simulation is not None:
-            machine = replace(simulation, mechanism=machine)
-        shared = {"motion": self.posed.motion, "reference": options.reference}
-        more = {"drift": options.drift, "lag": self.lag, "progress": not options.quiet}
-        return machine, {**shared, **more, **self.about}
-
-    def problems(self) -> list[list[LeastSquares]]:
-        """Least squares of each measurement."""
-        from jointplay.estimate.identification import identify_problem
-
-        machine, about = self._measured()
-        return [[identify_problem(machine, one, **about)] for one in self.recordings]
-
-    def identify(self) -> Identification:
-        from jointplay.estimate import identify
-
-        machine, about = self._measured()
-        fit = identify(machine, self.recordings[-1], **about)
-        if self.options.gear and self.posed.simulation is None:
-            self.posed.notes.append(
-                "note: gears of --gear have no stiffness of their own; unless --known-stiffness "
-                "gives it, it is sought from that of the rule on"
-            )
-        return fit
-
-    def identified(self, fit: Identification) -> tuple[Preset, Mechanism]:
-        """The robot with what was found."""
-        return fit.preset(_place(self.options), self.posed.simulation), fit.mechanism
-
-
-class _Dial:
-    """Readings of a dial gauge, by single joints."""
-
-    words = "a table of a dial gauge"
-    plans, figures = ("plan.txt", "dial.csv"), (LOOPS,)
-
-    def __init__(self, options: argparse.Namespace) -> None:
-        for name in OF_MOTIONS:
-            if getattr(options, name) not in (None, []):
-                option = f"--{name.replace('_', '-')}"
-                raise JointplayError(f"{option} is not for a dial gauge, which tells single joints")
-        self.options = options
-        self.noise = _noise(options, "tool", "link")
-        options.pose = [options.pose or ""] if options.pose or not options.motion else []
-        self.posed = posed_machine(options)
-        pose = self.posed.poses.positions() if any(options.pose) else None
-        self.about: dict[str, Any] = {"noise": self.noise, "pose": pose}
-
-    def plan(self) -> tuple[object, dict[str, str]]:
-        """Where to set the gauge and how to push; the table to fill in."""
-        from jointplay.estimate.gauge import plan_gauge
-
-        mechanism = self.posed.mechanism
-        joints = list(dict.fromkeys([*mechanism.gears, *named_joints(self.options)]))
-        plan = plan_gauge(mechanism, joints, noise=self.noise, **given(self.options, "push"))
-        return plan, {"dial.csv": plan.csv()}
-
-    def problems(self) -> list[list[LeastSquares]]:
-        from jointplay.estimate.gauge import gauge_problems
-
-        paths = self.options.against, self.options.data
-        return [gauge_problems(self.posed.mechanism, path, **self.about) for path in paths]
-
-    def identify(self) -> Gauged:
-        from jointplay.estimate.gauge import identify_gauged
-
-        return identify_gauged(self.posed.mechanism, self.options.data, **self.about)
-
-    def identified(self, fit: Gauged) -> tuple[Preset, Mechanism]:
-        preset = fit.preset(_place(self.options))
-        return preset, preset.mechanism(tool=fit.mechanism.tool)
-
-
-INSTRUMENTS: dict[str, Any] = {"motion": _Motion, "dial": _Dial}
+LOOPS = "loops.png"
+OF_JOINTS = ["identified.csv", "identified.json", LOOPS]
+_KINDS = {True: "a table of a dial gauge", False: "a measurement in motion"}
+"""What was measured, by whether it is readings."""
 
 
 # fmt: off
@@ -230,51 +117,8 @@ def declare(parser: Parser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    _refuse(options)
-    made = _instrument(options)
-    names = [*TABLES, *made.figures]
-    if options.against:
-        names = ["changes.csv", "changes.json"]
-    elif options.plan:
-        names = [*made.plans]
-    out = Outputs(options.out, names)
-    instrument = made(options)
-    out.claim()
-    notes, contents = instrument.posed.notes, {}
-    if options.plan:
-        plan, contents = instrument.plan()
-        print_answer("", plan, notes, options, data=lambda: {"plan": f"{plan}".splitlines()})
-        contents = {"plan.txt": f"{plan}\n", **contents}
-    else:
-        if options.against:
-            from jointplay.estimate.changes import changes
+    from jointplay.estimate.columns import is_readings
 
-            fit: Any = changes(*instrument.problems())
-        else:
-            fit = instrument.identify()
-        values = {} if options.against else {"values": instrument.posed.values}
-        answer = replace(fit, notes=())
-        notes = [*fit.notes, *notes]
-        print_answer(fit.sentence, answer, notes, options, data=lambda: fit.describe() | values)
-        said = json.dumps(fit.describe(), indent=1) + "\n"
-        contents = dict(zip(names, (fit.data.csv(), said), strict=False))
-    if not (options.plan or options.against):
-        if any(getattr(options, name) is not None for name in OUTPUTS):
-            _write_robot(options, *instrument.identified(fit))
-        if options.out:
-            from jointplay.show.plots.design import identification, reversal_loops
-
-            if FIGURE in names:
-                contents[FIGURE] = identification(fit)
-            if fit.loops:
-                contents[LOOPS] = reversal_loops(fit.loops, fit.estimates)
-    if options.out:
-        out.write(contents)
-    return 0
-
-
-def _refuse(options: argparse.Namespace) -> None:
-    """Raise if options do not go together."""
     if (options.plan is None) == (options.data is None):
         raise JointplayError(
             "give a measurement (CSV, bag or dataset), or --plan to ask what to measure"
@@ -290,34 +134,172 @@ def _refuse(options: argparse.Namespace) -> None:
             files.check_new(Path(path))
     if options.plan and options.against:
         raise JointplayError("--plan is for a measurement to come, --against of two")
+    if options.plan and options.plan not in PLANS:
+        raise JointplayError(one_of("--plan", options.plan, PLANS))
+    if options.against:
+        return _changes(options)
+    if options.plan == "dial" or (options.data is not None and is_readings(options.data)):
+        return _gauge(options)
+    if options.plan:
+        return _plan(options)
+    names = ["identified.csv", "identified.json", "identified.png", LOOPS]
+    out = Outputs(options.out, names)
+    data = _recording(options, options.data)
+    posed = posed_machine(options)
+    machine, about = _of_motion(options, posed)
+    out.claim()
+    from jointplay.estimate import identify
+
+    fit = identify(machine, data, **about)
+    notes = list(posed.notes)
+    if options.gear and posed.simulation is None:
+        notes.append(
+            "note: gears of --gear have no stiffness of their own; unless --known-stiffness gives "
+            "it, it is sought from that of the rule on"
+        )
+    notes = [*fit.notes, *notes]
+    found = replace(fit, notes=())
+    print_answer(
+        fit.sentence, found, notes, options, data=lambda: fit.describe() | {"values": posed.values}
+    )
+    _write_robot(options, fit.preset(_place(options), posed.simulation), fit.mechanism)
+    if options.out:
+        from jointplay.show.plots.design import identification, reversal_loops
+
+        said = json.dumps(fit.describe(), indent=1) + "\n"
+        contents = [fit.data.csv(), said, identification(fit)]
+        contents += [reversal_loops(fit.loops, fit.estimates)] if fit.loops else []
+        out.write(dict(zip(names, contents, strict=False)))
+    return 0
 
 
-def _instrument(options: argparse.Namespace) -> Any:
-    """With what was measured, or will be: as the plan says, or as the files' columns do."""
+def _plan(options: argparse.Namespace) -> int:
+    """Propose poses and motions to measure."""
+    out = Outputs(options.out, ["plan.txt"])
+    posed = posed_machine(options)
+    shared, _ = _about(options)
+    out.claim()
+    from jointplay.estimate import plan_measurement
+
+    friction = None if posed.simulation is None else posed.simulation.joint_friction
+    plan = plan_measurement(
+        posed.mechanism,
+        signals=options.signal or ["tool"],
+        count=options.count,
+        joint_friction=friction,
+        **given(options, "push"),
+        **shared,
+    )
+    print_answer("", plan, posed.notes, options, data=lambda: {"plan": f"{plan}".splitlines()})
+    if options.out:
+        out.write({"plan.txt": f"{plan}\n"})
+    return 0
+
+
+def _of_motion(options: argparse.Namespace, posed: PosedMachine) -> tuple[Any, dict[str, Any]]:
+    """The machine that was measured in motion, and what else `identify` is told."""
+    shared, lag = _about(options)
+    machine: Any = posed.mechanism
+    if posed.simulation is not None:
+        machine = replace(posed.simulation, mechanism=machine)
+    about = {"motion": posed.motion, "reference": options.reference, "drift": options.drift}
+    return machine, {**about, "lag": lag, "progress": not options.quiet, **shared}
+
+
+def _changes(options: argparse.Namespace) -> int:
+    """Compare two measurements of the same machine."""
+    from jointplay.estimate.changes import changes
     from jointplay.estimate.columns import is_readings
 
-    if options.plan:
-        if options.plan not in INSTRUMENTS:
-            raise JointplayError(one_of("--plan", options.plan, INSTRUMENTS))
-        return INSTRUMENTS[options.plan]
-    paths = [path for path in (options.against, options.data) if path]
-    for path in paths[: -1 if len(paths) == 1 else None]:
+    paths = options.against, options.data
+    for path in paths:
         if not Path(path).exists():
             raise JointplayError(f"there is no file {path!r}")
-    kinds = [_Dial if is_readings(path) else _Motion for path in paths]
-    if len(set(kinds)) > 1:
-        words = [f"{path} is {kind.words}" for path, kind in zip(paths, kinds, strict=True)]
+    gauged = [is_readings(path) for path in paths]
+    if len(set(gauged)) > 1:
+        words = [f"{path} is {_KINDS[kind]}" for path, kind in zip(paths, gauged, strict=True)]
         raise JointplayError(", and ".join(words))
-    return kinds[0]
+    out = Outputs(options.out, ["changes.csv", "changes.json"])
+    if gauged[0]:
+        from jointplay.estimate.gauge import gauge_problems
+
+        posed, about = _gauged(options)
+        out.claim()
+        old, new = (gauge_problems(posed.mechanism, path, **about) for path in paths)
+    else:
+        from jointplay.estimate.identification import identify_problem
+
+        data = [_recording(options, path) for path in paths]
+        posed = posed_machine(options)
+        machine, about = _of_motion(options, posed)
+        out.claim()
+        old, new = ([identify_problem(machine, one, **about)] for one in data)
+    found = changes(old, new)
+    notes = [*found.notes, *posed.notes]
+    print_answer(found.sentence, replace(found, notes=()), notes, options, data=found.describe)
+    if options.out:
+        said = json.dumps(found.describe(), indent=1) + "\n"
+        out.write({"changes.csv": found.data.csv(), "changes.json": said})
+    return 0
 
 
-def _noise(options: argparse.Namespace, *kinds: str) -> dict[str, float]:
-    """Standard deviations of records of these kinds of signal, or of all [SI]."""
+def _about(options: argparse.Namespace) -> tuple[dict[str, Any], float | None]:
+    """What is known of the signals and the machine; how late readings are [s]."""
     from jointplay.estimate.measurement import JOINT_UNITS, TOOL_UNITS
 
     units = TOOL_UNITS | {kind: units[0] for kind, units in JOINT_UNITS.items()}
-    known = {kind: units[kind] for kind in kinds or units}
-    return numbers_by_name(options.noise, "--noise SIGNAL=X", known)
+    lag = None if options.lag is None else _size(options.lag, "s", "--lag")
+    shared: dict[str, Any] = {
+        "noise": numbers_by_name(options.noise, "--noise SIGNAL=X", units),
+        "also": options.also,
+        "known": options.known,
+        "stiffness": _stiffness(options.known_stiffness),
+    }
+    return shared, lag
+
+
+def _gauged(options: argparse.Namespace) -> tuple[PosedMachine, dict[str, Any]]:
+    """The machine, and how readings were taken: noise and pose."""
+    for name in OF_MOTIONS:
+        if getattr(options, name) not in (None, []):
+            option = f"--{name.replace('_', '-')}"
+            raise JointplayError(f"{option} is not for a dial gauge, which tells single joints")
+    noise = numbers_by_name(options.noise, "--noise SIGNAL=X", {"tool": "m", "link": "rad"})
+    posed = posed_machine(options, single=True)
+    return posed, {"noise": noise, "pose": posed.poses.positions() if any(options.pose) else None}
+
+
+def _gauge(options: argparse.Namespace) -> int:
+    """Plan or take readings of a dial gauge."""
+    from jointplay.estimate.gauge import identify_gauged, plan_gauge
+
+    out = Outputs(options.out, ["plan.txt", "dial.csv"] if options.plan else OF_JOINTS)
+    posed, about = _gauged(options)
+    out.claim()
+    if options.plan:
+        joints = list(dict.fromkeys([*posed.mechanism.gears, *named_joints(options)]))
+        push = given(options, "push")
+        plan = plan_gauge(posed.mechanism, joints, noise=about["noise"], **push)
+        print_answer("", plan, posed.notes, options, data=lambda: {"plan": f"{plan}".splitlines()})
+        if options.out:
+            out.write({"plan.txt": f"{plan}\n", "dial.csv": plan.csv()})
+        return 0
+    fit = identify_gauged(posed.mechanism, options.data, **about)
+    notes = [*fit.notes, *posed.notes]
+    found = replace(fit, notes=())
+    print_answer(
+        fit.sentence, found, notes, options, data=lambda: fit.describe() | {"values": posed.values}
+    )
+    if any(getattr(options, name) is not None for name in OUTPUTS):
+        preset = fit.preset(_place(options))
+        _write_robot(options, preset, preset.mechanism(tool=fit.mechanism.tool))
+    if options.out:
+        from jointplay.show.plots.design import reversal_loops
+
+        picture = reversal_loops(fit.loops, fit.estimates)
+        contents = (fit.data.csv(), json.dumps(fit.describe(), indent=1) + "\n", picture)
+        out.write(dict(zip(OF_JOINTS, contents, strict=True)))
+    return 0
 
 
 def _place(options: argparse.Namespace) -> str | None:
