@@ -154,9 +154,10 @@ def build(part: Part, signature: str, target: Target) -> tuple[Callable[[], byte
         _add_runtime(whole)
     machine = _machine(target)
     whole.triple, whole.data_layout = target.triple, str(machine.target_data)
-    for value in (*whole.functions, *whole.global_variables):
+    for k, value in enumerate((*whole.functions, *whole.global_variables)):
         if not value.is_declaration and value.name != _ENTRY:
-            value.linkage = "internal"
+            # numba's names count what it has compiled before: the same code is the same object.
+            value.linkage, value.name = "internal", f"part_{k}"
 
     def translate() -> bytes:
         tuning = binding.create_pipeline_tuning_options(speed_level=3)
