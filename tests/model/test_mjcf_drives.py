@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import jointplay as jp
 from jointplay.base.errors import JointplayError
@@ -209,3 +210,21 @@ def test_numbers_that_are_none_are_refused(tmp_path, words):
 def test_a_range_the_wrong_way_round_is_said(tmp_path):
     notes = read(written(tmp_path, 0, 'range="1 -1"', TURNS, FIRM)).beyond.notes
     assert "note: a range from above to below is none in MuJoCo: j" in notes
+
+
+def test_a_servo_without_play_is_run_for_its_sag(tmp_path, capsys):
+    """kp (target - q) = m g l sin q where it comes to rest."""
+    path, motion = tmp_path / "arm.xml", tmp_path / "hold.csv"
+    path.write_text(
+        '<mujoco><compiler angle="radian"/><worldbody><body><joint name="j" axis="0 -1 0" '
+        'damping="2"/><inertial pos="0 0 -0.4" mass="3.5" diaginertia="0.02 0.02 0.002"/>'
+        '<site name="hand" pos="0 0 -0.4"/></body></worldbody>'
+        '<actuator><position joint="j" kp="20" kv="2.75"/></actuator></mujoco>'
+    )
+    motion.write_text("time_s,j\n0,0\n1,0.8\n4,0.8\n")
+    command = ["run", str(path), "--tool", "hand", "--motion", str(motion), "--quiet"]
+    assert main([*command, "--no-figures", "--out", str(tmp_path / "out")]) == 0
+    assert "from where it was sent" in capsys.readouterr().out
+    rests = brentq(lambda q: 20.0 * (0.8 - q) - 3.5 * 9.81 * 0.4 * np.sin(q), 0.0, 0.8)
+    result = jp.load(tmp_path / "out" / "result.nc")
+    assert float(result["q"].values[-1, 0]) == pytest.approx(rests, abs=1e-4)

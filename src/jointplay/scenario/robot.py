@@ -116,7 +116,8 @@ def robot_scenario(
     if beyond and len(geared) < len(gears) and "tool" not in given.get("robot", {}):
         tool, why = choose_tool(description, {*joints, *given.get("joints", {}), *geared})
         own.append(Setting(("robot", "tool"), tool, why, ASSUMED))
-    errs = joints or ideal or gears or {"joints", "drive", "drives"} & said.keys()
+    servos = [one for one in given.get("drives", {}).values() if one.get("kind") != "free"]
+    errs = joints or ideal or gears or servos or {"joints", "drive", "drives"} & said.keys()
     if moves and not errs:
         if not scara:
             raise nothing_has_play(description.moving)
