@@ -226,5 +226,5 @@ def test_a_servo_without_play_is_run_for_its_sag(tmp_path, capsys):
     assert main([*command, "--no-figures", "--out", str(tmp_path / "out")]) == 0
     assert "from where it was sent" in capsys.readouterr().out
     rests = brentq(lambda q: 20.0 * (0.8 - q) - 3.5 * 9.81 * 0.4 * np.sin(q), 0.0, 0.8)
-    result = jp.load(tmp_path / "out" / "result.nc")
+    result = jp.Result.load(tmp_path / "out" / "result.nc")
     assert float(result["q"].values[-1, 0]) == pytest.approx(rests, abs=1e-4)
