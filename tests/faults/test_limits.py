@@ -23,7 +23,8 @@ from jointplay.base.units import convert
 from jointplay.cli.options import listed
 from jointplay.model import impact
 from jointplay.model.loop import closing_rows, misfit
-from jointplay.model.urdf import MOST_IN_SERIES, MOST_MOVING, as_option
+from jointplay.model.urdf import MOST_IN_SERIES, MOST_MOVING
+from jointplay.model.vocabulary import as_option
 from jointplay.paper import run_study, scara
 from jointplay.show.player import movie
 from jointplay.show.player.server import Server

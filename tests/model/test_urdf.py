@@ -1,6 +1,7 @@
 """What a URDF may say, and how it is refused."""
 
 import pickle
+import re
 import subprocess
 import sys
 
@@ -8,13 +9,14 @@ import numpy as np
 import pytest
 from conftest import body, joint
 
-from jointplay import JointplayError, shipped
+from jointplay import JointplayError, Mechanism, shipped
 from jointplay.base.errors import MissingName
 from jointplay.cli import main
 from jointplay.model.builder import parse
 from jointplay.model.formats import read
+from jointplay.model.inertias import impossible_inertias
 from jointplay.model.robots import robot_urdf, robots
-from jointplay.model.urdf import elements, impossible_inertias
+from jointplay.model.urdf import elements
 from jointplay.scenario.robot import robot_scenario
 
 
@@ -387,3 +389,41 @@ def test_limits_that_are_not_whole_are_said(tmp_path, limit, words, capsys):
     path.write_text(HALF.format('<limit lower="0.5"/>'))
     with pytest.raises(JointplayError, match=r"the upper one is missing, which means 0: give it"):
         read(path)
+
+
+CAMERA = body("camera").replace(
+    '<inertia ixx="0.01" iyy="0.01" izz="0.01"', '<inertia ixx="0" iyy="0" izz="1e-5"'
+)
+
+
+def test_what_is_fixed_to_a_body_counts_in_the_sum(urdf, capsys):
+    """Pinocchio adds both, and has what is not positive definite alone in what is."""
+    weld = joint("weld", "l", "camera", kind="fixed")
+    path = urdf(body("l"), CAMERA, joint("j", "base", "l"), weld)
+    mechanism = Mechanism(path)
+    assert "no rigid body has" in mechanism.description.doubts[0]
+    assert "camera" in mechanism.description.doubts[0]
+    assert mechanism.model.inertias[1].mass == pytest.approx(4.0)
+    loose = joint("weld", "l", "camera")
+    with pytest.raises(JointplayError, match="link 'camera' has principal moments"):
+        Mechanism(urdf(body("l"), CAMERA, joint("j", "base", "l"), loose))
+
+
+def test_the_base_needs_an_inertia_only_if_it_is_free(urdf):
+    path = urdf(body("l"), joint("j", "base", "l"))
+    text = path.read_text()
+    heavy = '<link name="base"><inertial><mass value="3"/><inertia ixx="-1" ixy="0" ixz="0" '
+    heavy += 'iyy="1" iyz="0" izz="1"/></inertial></link>'
+    path.write_text(re.sub('<link name="base" */>', heavy, text))
+    assert "base" in Mechanism(path).description.doubts[0]
+    with pytest.raises(JointplayError, match="link 'base' has principal moments"):
+        Mechanism(path, base="free")
+
+
+def test_a_budget_needs_no_inertia_and_says_which_is_impossible(urdf, capsys):
+    path = urdf(tensor(1.0, 0.1, 0.1), joint("j", "base", "l"))
+    command = [str(path), "--joint", "j", "--clearance", "0.1 mm"]
+    assert main(["budget", *command]) == 0
+    assert "of no account where nothing moves: l;" in capsys.readouterr().out
+    assert main(["run", *command, "--out", str(path.parent / "out")]) == 2
+    assert "no rigid body has 1 > 0.1 + 0.1" in capsys.readouterr().err

@@ -32,6 +32,7 @@ from jointplay.model.flexible import cut_links, end_of_tool
 from jointplay.model.free_base import BASE, BASES, HELD
 from jointplay.model.gear import GEARS, Gearing
 from jointplay.model.gear_rules import Rule, completed, with_rotors
+from jointplay.model.inertias import impossible_inertias, require_possible
 from jointplay.model.loop import Loop, refuse_name
 from jointplay.model.pinocchio_model import description_of_model
 from jointplay.model.seats import SEAT, seat_of_joint, seat_of_loop
@@ -170,6 +171,8 @@ def design(
     description, loops, joints = _seated(description, loops, joints | cut.hinges)
     fixed = {name for name, one in description.joints.items() if one.kind == "fixed"}
     loose = sorted(name for name in fixed.intersection(joints) if not joints[name].ideal)
+    faults = impossible_inertias(description.parsed, base != HELD, loose)
+    require_possible(faults, allowed)
     source = parse(description, tuple(loose))
     geared, rules = completed(geared, description, source, tool)
     return Design(

@@ -8,7 +8,8 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.base.errors import JointplayError
-from jointplay.model.urdf import as_option, impossible_inertias
+from jointplay.model.inertias import inertia_faults
+from jointplay.model.vocabulary import as_option
 
 if TYPE_CHECKING:
     from jointplay.model.mechanism import Mechanism
@@ -47,7 +48,7 @@ def massless_motions(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
 def _negative(mechanism: Mechanism, q: np.ndarray, motion: np.ndarray) -> str:
     """Why the energy of a motion (nv,) is negative: links that it moves with negative moments."""
     moved = massless_links(mechanism, q, motion[:, None])
-    inertias = impossible_inertias(mechanism.description.elements())
+    inertias = inertia_faults(mechanism.description.elements())
     faults = [fault.partition(";")[0] for link, fault in inertias.items() if link in moved]
     faults = [fault for fault in faults if "positive" in fault]
     names = [mechanism.coordinates[i] for i in np.flatnonzero(np.abs(motion) > _STILL)]

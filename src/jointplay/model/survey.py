@@ -12,10 +12,11 @@ import pinocchio as pin
 from jointplay.base.errors import JointplayError
 from jointplay.base.files import is_file
 from jointplay.model.formats import urdf_text
+from jointplay.model.inertias import ALL, impossible_inertias
 from jointplay.model.massless import massless_links, massless_motions
 from jointplay.model.mechanism import Mechanism
 from jointplay.model.robots import PREFIX, SUFFIXES, source_of
-from jointplay.model.urdf import ALL, doubts, elements, impossible_inertias, mimics, parse
+from jointplay.model.urdf import doubts, elements, mimics, parse
 from jointplay.model.xacro import Value
 
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import json
 import math
 import re
-import shlex
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -17,10 +15,15 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import numpy as np
-
 from jointplay.base.errors import JointplayError, MissingName, closest, require_a, require_known
 from jointplay.base.tables import few
+from jointplay.model.inertias import (
+    ALL,
+    LARGEST,
+    harmless_inertias,
+    impossible_inertias,
+    require_possible,
+)
 from jointplay.model.vocabulary import BEYOND, check_words, numbers, read_elements, unread
 
 if TYPE_CHECKING:
@@ -147,17 +150,11 @@ SHORTEST_AXIS = 1e-6
 UNIT = 1e-3
 """Error of an axis' length that passes for rounding, of three digits."""
 
-LARGEST = 1e6
-"""Largest length [m] or angle [rad]: a float there still tells 0.1 nm and 0.1 nrad apart."""
-
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 """In world axes [m/s^2]."""
 
 GRAVITY = {"balanced": (0.0, 0.0, 0.0), "loaded": STANDARD_GRAVITY}
 """Gravity by word [m/s^2]: none, as if the weight were balanced, or 9.81 m/s^2 along -z."""
-
-INERTIA_TOLERANCE = 1e-6
-"""Violation of the triangle inequality that passes for rounding, relative to the largest moment."""
 
 
 def shipped(name: str) -> Path:
@@ -350,10 +347,6 @@ def with_armature(description: Description, armature: Mapping[str, float]) -> De
     return read_again(description, root, "gear")
 
 
-ALL = "all"
-"""Stands for the names of all links whose inertia no rigid body has."""
-
-
 _DEEPEST = 200
 """Levels of elements that a URDF may have; those in use have about six."""
 
@@ -376,13 +369,6 @@ def elements(text: str, path: Path) -> ElementTree.Element:
     if level:  # Python's own XML writer gives up somewhere beyond
         raise JointplayError(f"the URDF {str(path)!r} nests elements more than {_DEEPEST} deep")
     return root
-
-
-def as_option(names: Sequence[str]) -> str:
-    """Names as ``--fix`` and ``--allow-unphysical`` take them: with commas, quoted if need be."""
-    written = io.StringIO()
-    csv.writer(written, lineterminator="").writerow(names)
-    return shlex.quote(written.getvalue())
 
 
 def parse(text: str, path: Path, allow_unphysical: Collection[str] = ()) -> Description:
@@ -421,12 +407,6 @@ def _parsed(text: str, path: Path, allow_unphysical: tuple[str, ...]) -> Descrip
     for name in allow_unphysical:
         if name not in links and name != ALL:
             raise MissingName("link", name, [*links, ALL])
-    faults = impossible_inertias(root)
-    wrong = [] if ALL in allow_unphysical else [n for n in faults if n not in allow_unphysical]
-    if wrong:
-        flag = f"--allow-unphysical {ALL}"
-        rest = f" (impossible too: {', '.join(wrong[1:])}; all: {flag})" if wrong[1:] else ""
-        raise JointplayError(faults[wrong[0]] + rest)
     joints = {}
     followers, _ = mimics(root)
     for joint in root.findall("joint"):
@@ -443,6 +423,7 @@ def _parsed(text: str, path: Path, allow_unphysical: tuple[str, ...]) -> Descrip
             **_limits(joint, name),
         )
     _check_tree(path, links, joints.values())
+    require_possible(impossible_inertias(root), allow_unphysical)
     return Description(path, text, joints, tuple(links), root)
 
 
@@ -499,6 +480,8 @@ def doubts(root: ElementTree.Element) -> list[str]:
     used = [one.get("name", "") for one in root.findall("link/visual/material")]
     if pale := [name for name in dict.fromkeys(used) if name not in coloured and name]:
         lines.append(f"materials without a colour in the URDF: {few(pale)}")
+    if harmless := harmless_inertias(root):
+        lines.append(harmless)
     told = json.loads(root.findtext(BEYOND) or "{}").get("doubts", ())
     return [*lines, *unread(root), *told]
 
@@ -640,17 +623,6 @@ def _number(
     return numbers(element, key, f"{what} {key}", 1, default)[0]
 
 
-def impossible_inertias(root: ElementTree.Element) -> dict[str, str]:
-    """What is wrong with the inertias that no rigid body has, by link.
-
-    Raises:
-        JointplayError: numbers of an inertia are missing or none.
-    """
-    found = ((link.get("name", ""), link.find("inertial")) for link in root.findall("link"))
-    faults = {name: _fault(name, one) for name, one in found if one is not None}
-    return {name: fault for name, fault in faults.items() if fault}
-
-
 def read_again(
     description: Description, root: ElementTree.Element, what: str, *names: str
 ) -> Description:
@@ -668,7 +640,7 @@ def read_again(
             )
     text = ElementTree.tostring(root, encoding="unicode")
     # Its inertias have been checked, and some allowed although no body has them.
-    made = parse(text, description.path, list(impossible_inertias(root)))
+    made = parse(text, description.path, [ALL])
     return replace(made, stored=description.stored)
 
 
@@ -712,31 +684,3 @@ def _check_tree(path: Path, links: Collection[str], joints: Iterable[JointEntry]
                     f"the URDF {str(path)!r} has more than {MOST_IN_SERIES} links in series, up "
                     f"to {one!r}; at most {MOST_IN_SERIES} are possible"
                 )
-
-
-def _fault(name: str, inertial: ElementTree.Element) -> str:
-    """Why no rigid body has this inertia; empty if one has."""
-    owner = f"link {name!r}"
-    mass = _number(inertial.find("mass"), "value", f"{owner}: mass")
-    element = inertial.find("inertia")
-    xx, yy, zz, xy, xz, yz = (
-        _number(element, f"i{axes}", f"{owner}: inertia")
-        for axes in ("xx", "yy", "zz", "xy", "xz", "yz")
-    )
-    tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    if mass == 0.0 and not tensor.any():
-        return ""  # a frame without mass
-    if mass <= 0.0:
-        return f"{owner} has the mass {mass:g} kg; it must be positive"
-    low, middle, high = np.linalg.eigvalsh(tensor)
-    moments = f"principal moments {low:.4g}, {middle:.4g}, {high:.4g} kg m2"
-    hint = f"; correct it, or allow this link by name (--allow-unphysical {as_option([name])})"
-    if low <= 0.0:
-        return f"{owner} has {moments}: not positive definite{hint}"
-    if high > mass * LARGEST**2:
-        return f"{owner} has {moments}: no body of {mass:g} kg reaches so far{hint}"
-    if high > (low + middle) * (1.0 + INERTIA_TOLERANCE):
-        return (
-            f"{owner} has {moments}: no rigid body has {high:.4g} > {low:.4g} + {middle:.4g}{hint}"
-        )
-    return ""

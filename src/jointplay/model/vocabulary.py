@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import math
 import re
+import shlex
 import xml.etree.ElementTree as ElementTree
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -214,3 +217,10 @@ def _number(text: str) -> float:
     except ValueError:  # too small
         return math.nan
     return value if math.isfinite(value) else math.nan
+
+
+def as_option(names: Sequence[str]) -> str:
+    """Names as ``--fix`` and ``--allow-unphysical`` take them: with commas, quoted if need be."""
+    written = io.StringIO()
+    csv.writer(written, lineterminator="").writerow(names)
+    return shlex.quote(written.getvalue())

@@ -11,6 +11,7 @@ from jointplay.base.tables import few
 from jointplay.base.units import readable
 from jointplay.model.gear import Gear
 from jointplay.model.gear_rules import SPREAD
+from jointplay.model.inertias import impossible_inertias
 from jointplay.simulation.loads.drive import BANDWIDTH
 from jointplay.simulation.values import of_joint
 
@@ -83,6 +84,11 @@ def notes_at_poses(
     mechanism = scenario.mechanism(case)
     lines = [mechanism.held] if mechanism.held else []
     lines += mechanism.description.doubts
+    if wrong := impossible_inertias(mechanism.description.parsed):
+        lines.append(
+            f"inertias that no rigid body has, of no account where nothing moves: "
+            f"{few(list(wrong))}; jointplay run needs right ones"
+        )
     if mechanism.free_base is not None:
         root = mechanism.description.root
         lines.append(

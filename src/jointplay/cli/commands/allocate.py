@@ -70,7 +70,7 @@ def run(options: argparse.Namespace) -> int:
     whole = options.whole is not None
     if options.ideal and not whole:
         raise JointplayError("--ideal leaves nothing of which the size could be sought")
-    posed = inputs.posed_machine(options)
+    posed = inputs.posed_machine(options, inertia=False)
     _refuse_idle(options, posed)
     if not (whole or posed.mechanism.clearance or posed.mechanism.gears):
         raise JointplayError(

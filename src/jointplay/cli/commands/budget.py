@@ -48,7 +48,7 @@ def run(options: argparse.Namespace) -> int:
     if options.causes is not None and options.whole is None:
         words = f"--causes {','.join(options.causes)} selects causes of the whole error"
         raise JointplayError(f"{words}: give --whole CLASS, too")
-    posed = inputs.posed_machine(options)
+    posed = inputs.posed_machine(options, inertia=False)
     mechanism, poses = posed.mechanism, posed.poses
     if options.ideal and options.whole is None and not (mechanism.clearance or mechanism.gears):
         raise JointplayError("--ideal leaves nothing that has play; --whole has other causes")

@@ -314,18 +314,19 @@ def is_scenario(options: argparse.Namespace) -> bool:
     return options.place is not None and not is_robot(options.place)
 
 
-def scenario_of(options: argparse.Namespace, moves: bool = True) -> Scenario:
+def scenario_of(options: argparse.Namespace, moves: bool = True, inertia: bool = True) -> Scenario:
     """The scenario that the options of `declare` describe.
 
     Args:
         options: those of the command.
         moves: whether a robot of which no motion is given is to have one; where nothing moves, it
             need not have play either.
+        inertia: whether inertias matter: those that no rigid body has are refused.
 
     Raises:
         JointplayError: options that do not go together, or what they name is not there.
     """
-    return _Inputs(options).scenario(moves)
+    return _Inputs(options, inertia).scenario(moves)
 
 
 class _Inputs:
@@ -335,7 +336,8 @@ class _Inputs:
     then --set.
     """
 
-    def __init__(self, options: argparse.Namespace) -> None:
+    def __init__(self, options: argparse.Namespace, inertia: bool) -> None:
+        from jointplay.model.inertias import ALL
         from jointplay.scenario import Scenario
 
         self.options = options
@@ -361,6 +363,10 @@ class _Inputs:
             ),
             *map(parse, options.set),
         ]
+        named = "allow_unphysical" in tree(self.wanted).get("robot", {})
+        if self.file is None and not (inertia or named):
+            why = "inertia does not matter where nothing moves"
+            self.wanted.append(Setting(("robot", "allow_unphysical"), [ALL], why, ASSUMED))
 
     def scenario(self, moves: bool) -> Scenario:
         from jointplay.scenario import Scenario
@@ -670,10 +676,13 @@ class PosedMachine:
         return self.scenario.simulation(self.case) if self.of_file else None
 
 
-def posed_machine(options: argparse.Namespace, single: bool = False) -> PosedMachine:
+def posed_machine(
+    options: argparse.Namespace, single: bool = False, inertia: bool = True
+) -> PosedMachine:
     """The machine that the options describe, and the poses at which it is to be looked at.
 
-    `single`: whether that is one, which does not follow a scenario's motion.
+    `single`: whether that is one, which does not follow a scenario's motion. `inertia`: whether
+    inertias matter, see `scenario_of`.
 
     Raises:
         JointplayError: several poses where it is one; see `scenario_of`.
@@ -685,7 +694,7 @@ def posed_machine(options: argparse.Namespace, single: bool = False) -> PosedMac
     chosen = [name for name, value in ways.items() if value not in (None, [])]
     if len(chosen) > 1:
         raise JointplayError(f"give one of --{' and --'.join(chosen)}")
-    scenario = scenario_of(options, moves=False)
+    scenario = scenario_of(options, moves=False, inertia=inertia)
     case = options.case or scenario.cases[0]
     machine, named = scenario.simulation(options.case, still=True), named_joints(options)
     if single:

@@ -86,7 +86,7 @@ def _wrapped(text: str) -> str:
 
 def detail(survey: Survey) -> str:
     from jointplay.model.tool import choose_tool
-    from jointplay.model.urdf import as_option
+    from jointplay.model.vocabulary import as_option
 
     lines = [f"{survey.name}: {survey.path}"]
     if survey.mechanism is None:
