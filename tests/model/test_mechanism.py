@@ -72,7 +72,9 @@ def test_prismatic_joint_is_refused():
 
 
 def test_floating_joint_is_refused(urdf):
-    path = urdf(body("l0"), joint("free", "base", "l0", "floating"))
+    path = urdf(
+        body("l"), body("l0"), joint("j", "base", "l"), joint("free", "l", "l0", "floating")
+    )
     with pytest.raises(JointplayError, match="'free' is of the kind FreeFlyer"):
         Mechanism(path)
 

@@ -427,3 +427,42 @@ def test_a_budget_needs_no_inertia_and_says_which_is_impossible(urdf, capsys):
     assert "of no account where nothing moves: l;" in capsys.readouterr().out
     assert main(["run", *command, "--out", str(path.parent / "out")]) == 2
     assert "no rigid body has 1 > 0.1 + 0.1" in capsys.readouterr().err
+
+
+def test_entries_of_an_inertia_that_are_given_twice_must_be_equal(urdf):
+    path = urdf(body("l"), joint("j", "base", "l"))
+    text = path.read_text().replace('ixy="0"', 'ixy="0.001" iyx="0.001"', 1)
+    path.write_text(text)
+    assert any("iyx" in line for line in Mechanism(path).description.doubts)
+    path.write_text(text.replace('iyx="0.001"', 'iyx="0.002"'))
+    with pytest.raises(JointplayError, match=r"ixy 0.001 and iyx 0.002, which must be equal"):
+        Mechanism(path)
+
+
+def test_the_world_that_no_link_is_called_is_the_ground(urdf):
+    path = urdf(body("l"), joint("weld", "world", "base", kind="fixed"), joint("j", "base", "l"))
+    description = Mechanism(path).description
+    assert description.root == "world"
+    assert "the ground" in description.doubts[0]
+    with pytest.raises(MissingName, match="'earth'"):
+        Mechanism(urdf(body("l"), joint("weld", "earth", "base"), joint("j", "base", "l")))
+
+
+def test_a_floating_joint_to_the_ground_is_a_base_that_is_held_or_free(urdf, capsys, tmp_path):
+    floats = joint("float", "base", "trunk", kind="floating")
+    path = urdf(body("trunk"), body("l"), floats, joint("j", "trunk", "l"))
+    assert Mechanism(path).model.nv == 1
+    assert Mechanism(path, base="free").model.nv == 7
+    command = [str(path), "--joint", "j", "--clearance", "0.1 mm"]
+    assert main(["budget", *command]) == 0
+    assert "'float' to the ground: the base is held unless --base free" in capsys.readouterr().out
+    run = [
+        "run",
+        *command,
+        "--set",
+        "integration.duration=0.01",
+        "--no-figures",
+        "--out",
+        str(tmp_path / "o"),
+    ]
+    assert main([*run, "--base", "free"]) == 0

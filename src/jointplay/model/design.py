@@ -27,7 +27,7 @@ from jointplay.base.errors import (
 from jointplay.model import formats, urdf
 from jointplay.model.beams import FlexibleLink
 from jointplay.model.builder import parse
-from jointplay.model.fixing import with_fixed
+from jointplay.model.fixing import with_fixed, without_floating_base
 from jointplay.model.flexible import cut_links, end_of_tool
 from jointplay.model.free_base import BASE, BASES, HELD
 from jointplay.model.gear import GEARS, Gearing
@@ -135,6 +135,7 @@ def design(
     gravity = robot.get("gravity", STANDARD_GRAVITY) if gravity is None else gravity
     base = robot.get("base", HELD) if base is None else base
     given = require_table("clearance", clearance, "of joints by name", ("clearance",))
+    description = without_floating_base(description, given)
     joints: dict[str, Clearance] = dict(_filed(description, tables.get("joints", {}), JOINT_WORDS))
     joints |= {str(name): joint for name, joint in given.items()}  # NumPy's print as np.str_(...)
     loops = require_table("loops", loops, "of loops by name", ("loops",))

@@ -13,11 +13,31 @@ import pinocchio as pin
 
 from jointplay.base.errors import MissingName
 from jointplay.model.elements import origin_of, place_of
-from jointplay.model.urdf import Description, read_again
+from jointplay.model.urdf import Description, doubt, read_again
 from jointplay.model.vocabulary import numbers
 
 _OF_FIXED = ("parent", "child")
 """Elements that a fixed joint keeps; its origin is written anew."""
+
+
+def without_floating_base(description: Description, clearance: Collection[str]) -> Description:
+    """The description without a floating joint from the ground: `base` says if the base is free.
+
+    One that has `clearance` is a joint with play, for which URDF has no other word.
+    """
+    bases = [
+        joint.name
+        for joint in description.joints.values()
+        if joint.kind == "floating"
+        and joint.parent == description.root
+        and joint.name not in clearance
+    ]
+    if not bases:
+        return description
+    root = description.elements()
+    for name in bases:
+        doubt(root, f"floating joint {name!r} to the ground: the base is held unless --base free")
+    return with_fixed(read_again(description, root, "floating joint"), bases)
 
 
 def with_fixed(description: Description, joints: Collection[str]) -> Description:

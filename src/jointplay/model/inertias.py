@@ -10,7 +10,7 @@ import numpy as np
 
 from jointplay.base.errors import JointplayError
 from jointplay.base.tables import few
-from jointplay.model.vocabulary import as_option, numbers
+from jointplay.model.vocabulary import MIRRORED, as_option, numbers
 
 if TYPE_CHECKING:
     import pinocchio as pin
@@ -96,6 +96,15 @@ def _inertias(root: ElementTree.Element) -> dict[str, tuple[float, np.ndarray]]:
             numbers(element, f"i{axes}", f"{owner}: inertia i{axes}", 1)[0]
             for axes in ("xx", "yy", "zz", "xy", "xz", "yz")
         )
+        for key, same in MIRRORED.items():
+            if element is not None and key in element.attrib:
+                (value,) = numbers(element, key, f"{owner}: inertia {key}", 1)
+                (other,) = numbers(element, same, f"{owner}: inertia {same}", 1)
+                if value != other:
+                    raise JointplayError(
+                        f"{owner}: inertia has {same} {other:g} and {key} {value:g}, which must be "
+                        f"equal; leave out {key}"
+                    )
         inertias[name] = mass, np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     return inertias
 

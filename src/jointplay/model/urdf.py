@@ -384,9 +384,36 @@ def parse(text: str, path: Path, allow_unphysical: Collection[str] = ()) -> Desc
     return _parsed(text, path, tuple(allow_unphysical))
 
 
+def _with_world(root: ElementTree.Element) -> bool:
+    """Add the link ``world`` where joints begin at it and none is described: Drake's ground."""
+    links = {link.get("name") for link in root.findall("link")}
+    parents = {parent.get("link") for parent in root.findall("joint/parent")}
+    if not links or _WORLD in links or _WORLD not in parents:
+        return False
+    root.insert(0, ElementTree.Element("link", name=_WORLD))
+    doubt(
+        root, f"joints begin at {_WORLD!r}, which no link is called: it is the ground, as in Drake"
+    )
+    return True
+
+
+def doubt(root: ElementTree.Element, line: str) -> None:
+    """Add a line to `doubts`."""
+    said = json.loads(root.findtext(BEYOND) or "{}")
+    for old in root.findall(BEYOND):
+        root.remove(old)
+    said["doubts"] = [*said.get("doubts", ()), line]
+    ElementTree.SubElement(root, BEYOND).text = json.dumps(said)
+
+
+_WORLD = "world"
+
+
 @lru_cache(maxsize=32)
 def _parsed(text: str, path: Path, allow_unphysical: tuple[str, ...]) -> Description:
     root = elements(text, path)
+    if _with_world(root):
+        text = ElementTree.tostring(root, encoding="unicode")
     tags = root.findall("link")
     if not tags:
         raise JointplayError(f"the URDF {str(path)!r} has no links")

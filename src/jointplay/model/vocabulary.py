@@ -39,6 +39,8 @@ class Words(NamedTuple):
     """Whether nothing else may stand there: no program puts its own into it."""
 
 
+MIRRORED = {"iyx": "ixy", "izx": "ixz", "izy": "iyz"}
+"""Entries of an inertia that some write besides, and those that they must equal."""
 _SHAPED = Words(("name",), ("origin", "geometry", "material"), ("material",))
 
 WORDS = {
@@ -55,7 +57,9 @@ WORDS = {
     ),
     "inertial": Words((), ("origin", "mass", "inertia"), whole=True),
     "mass": Words(("value",), whole=True),
-    "inertia": Words(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), whole=True),
+    "inertia": Words(
+        ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), others=tuple(MIRRORED), whole=True
+    ),
     "joint": Words(
         ("name", "type"),
         (

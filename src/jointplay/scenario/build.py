@@ -25,7 +25,7 @@ from jointplay.base.schema import Draft, Preset, fields_of, unknown_key
 from jointplay.base.tables import few
 from jointplay.base.units import Measured, ask_unit, expected, named, readable, toml_text
 from jointplay.model.beams import FlexibleLink
-from jointplay.model.fixing import with_fixed
+from jointplay.model.fixing import with_fixed, without_floating_base
 from jointplay.model.flexible import end_of_tool
 from jointplay.model.formats import read
 from jointplay.model.loop import Loop, refuse_name
@@ -570,6 +570,7 @@ def mechanism_of(model: Model, folder: Path, built: Built) -> Mechanism:
         description = read(robot.urdf, robot.allow_unphysical, folder, robot.xacro)
     with within("robot"):
         description = with_fixed(description, robot.fix)
+        description = without_floating_base(description, model.joints)
     parts = model.loops, model.joints, model.gears, model.links
     inputs = (robot, *parts, folder)
     key = (str(description.path), description.text, *map(repr, inputs))

@@ -110,6 +110,9 @@ def robot_scenario(
     beyond = settings_beyond(description, ideal)
     own = with_names([*beyond, *own], description.joints)
     given = tree(own)
+    from jointplay.model.fixing import without_floating_base  # imports Pinocchio
+
+    description = without_floating_base(description, {*joints, *given.get("joints", {})})
     description.require_moving()
     gears = given.get("gears", {})
     geared = [name for name, one in gears.items() if one.get("play", True)]
