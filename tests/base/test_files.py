@@ -504,3 +504,18 @@ def test_damaged_arrays_are_a_value_error_whatever_is_damaged(tmp_path, save):
     assert len(wrong) > 5
     with pytest.raises(OSError, match="No such file"):
         files.arrays(tmp_path / "none")
+
+
+@pytest.mark.parametrize(
+    ("start", "said"),
+    [
+        (b"#ROSBAG V2.0\n", "a bag of ROS 1; rosbags-convert"),
+        (b"PK\x03\x04", "save the table as CSV"),
+        (b"\xff\xfe", "UTF-16"),
+    ],
+)
+def test_a_file_that_is_no_text_is_called_what_it_is(tmp_path, start, said):
+    path = tmp_path / "a.csv"
+    path.write_bytes(start + b"\xff\xbb\x00")
+    with pytest.raises(JointplayError, match=re.escape(said)):
+        files.read_text(path, "table")

@@ -465,4 +465,4 @@ def test_a_floating_joint_to_the_ground_is_a_base_that_is_held_or_free(urdf, cap
         "--out",
         str(tmp_path / "o"),
     ]
-    assert main([*run, "--base", "free"]) == 0
+    assert main(["run", *command, *short, "--base", "free"]) == 0

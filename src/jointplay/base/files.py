@@ -349,8 +349,22 @@ def read_text(path: Path, what: str, most: int = MOST_TEXT) -> str:
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        kind = ": it is a result" if content.startswith(_HDF5) else f" (UTF-8): {error}"
+        kinds = (kind for start, kind in _BEGINNINGS.items() if content.startswith(start))
+        kind = next((f": it is {kind}" for kind in kinds), f" (UTF-8): {error}")
         raise JointplayError(f"cannot read the {what} {str(path)!r}: it is no text{kind}") from None
+
+
+_BEGINNINGS = {
+    _HDF5: "a result",
+    b"#ROSBAG V": "a bag of ROS 1; rosbags-convert --src IN.bag --dst OUT --dst-storage mcap "
+    "--dst-typestore ros2_humble (pip install rosbags) makes an MCAP of it",
+    b"PK\x03\x04": "a ZIP archive, as spreadsheets are; save the table as CSV",
+    b"\x93NUMPY": "an array of NumPy; numpy.savetxt writes a table",
+    b"\x1f\x8b": "compressed by gzip; unpack it",
+    b"\xff\xfe": "UTF-16; save it as UTF-8",
+    b"MATLAB": "a file of MATLAB; writetable makes a CSV",
+}
+"""What files are that are no text, by their first bytes."""
 
 
 def csv_rows(path: Path, what: str) -> list[tuple[int, list[str]]]:
