@@ -14,13 +14,13 @@ import re
 import shutil
 import subprocess
 import sys
-import tempfile
 import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from common import Benchmark
 
+from jointplay.base.files import temporary
 from jointplay.base.progress import ProgressBar
 
 HERE = Path(__file__).resolve().parent / "threads"
@@ -78,7 +78,7 @@ def typed(command: str, folder: Path) -> str:
 
 def answered(thread: Thread) -> tuple[str, str]:
     """What the answer to `thread` lacks, and all that was printed."""
-    with tempfile.TemporaryDirectory() as folder:
+    with temporary("arms") as folder:
         for path in HERE.iterdir():
             shutil.copy(path, folder)
         output = "\n".join(typed(command, Path(folder)) for command in thread.commands)
@@ -91,7 +91,9 @@ def main() -> None:
         joints=(300, "whose lost motion is measured"), seed=(1, "of them"),
     )  # fmt: skip
     args = benchmark.parse()
-    threads = [Thread(**entry) for entry in tomllib.loads((HERE / "threads.toml").read_text())["thread"]]
+    threads = [
+        Thread(**entry) for entry in tomllib.loads((HERE / "threads.toml").read_text())["thread"]
+    ]
     if args.quick:
         threads = [thread for thread in threads if thread.quick]
     if args.only:
@@ -111,7 +113,9 @@ def main() -> None:
     benchmark.finish(["where", "asked", "answer"], table, rows)
     count = sum(row["answered"] for row in rows[: len(threads)])
     good = sum(row["answered"] for row in rows[len(threads) :])
-    print(f"threads {count} of {len(threads)} answered, robots {good} of {len(robots)} at first typing")
+    print(
+        f"threads {count} of {len(threads)} answered, robots {good} of {len(robots)} at first typing"
+    )
 
 
 if __name__ == "__main__":

@@ -456,13 +456,5 @@ def test_a_floating_joint_to_the_ground_is_a_base_that_is_held_or_free(urdf, cap
     command = [str(path), "--joint", "j", "--clearance", "0.1 mm"]
     assert main(["budget", *command]) == 0
     assert "'float' to the ground: the base is held unless --base free" in capsys.readouterr().out
-    run = [
-        "run",
-        *command,
-        "--set",
-        "integration.duration=0.01",
-        "--no-figures",
-        "--out",
-        str(tmp_path / "o"),
-    ]
+    short = ["--set", "integration.duration=0.01", "--no-figures", "--out", str(tmp_path / "o")]
     assert main(["run", *command, *short, "--base", "free"]) == 0
