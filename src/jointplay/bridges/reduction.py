@@ -438,11 +438,14 @@ class _Link:
         lead = np.interp(grid, time, motor)
         speeds = np.gradient(lead, step)
         angles, (angle, speed) = np.empty(count + 1), start
-        slowed = step / (self.inertia + step * (damping + self.viscous))
         for i in range(count + 1):
             angles[i] = angle
             twist = lead[i] - angle
-            torque = stiffness * (twist - min(max(twist, -half), half)) + damping * speeds[i]
+            # Implicit in the teeth's stiffness: a link far lighter than its rotor stays stable.
+            teeth = step * stiffness if abs(twist) > half else 0.0
+            slowed = step / (self.inertia + step * (damping + self.viscous + teeth))
+            torque = stiffness * (twist - min(max(twist, -half), half))
+            torque += (damping + teeth) * speeds[i]
             torque += self.mean + self.even * math.cos(angle) + self.odd * math.sin(angle)
             free = slowed * (self.inertia / step * speed + torque)
             speed = math.copysign(max(abs(free) - slowed * self.friction, 0.0), free)
