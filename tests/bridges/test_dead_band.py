@@ -198,9 +198,7 @@ def test_isaacs_usd_has_friction_by_physxs_schema(path, tmp_path):
 
 def test_the_command_names_the_simulators_it_knows(path, tmp_path, capsys):
     with pytest.raises(SystemExit):
-        main(
-            ["export", "simulator", str(path), *OPTIONS, "--for", "gazebo", "--out", str(tmp_path)]
-        )
+        main(["export", "simulator", str(path), *OPTIONS, "--for", "unity", "--out", str(tmp_path)])
     told = capsys.readouterr().err
-    assert "'gazebo'" in told
-    assert "'mujoco', 'newton', 'genesis', 'isaac'" in told
+    assert "'unity'" in told
+    assert "'mujoco', 'newton', 'genesis', 'gazebo', 'isaac'" in told

@@ -177,7 +177,8 @@ def test_the_sdf_stands_where_the_robot_stands_and_has_all_play(mechanism, reduc
     ideal = mechanism.ideal()
     pin.forwardKinematics(ideal.model, ideal.data, np.zeros(3))
     for name, index in (("a", 1), ("b", 2), ("c", 3)):
-        pose = [float(x) for x in links[f"{name}_link"].find("pose").text.split()]
+        link = mechanism.description.joints[name].child
+        pose = [float(x) for x in links[link].find("pose").text.split()]
         place = ideal.data.oMi[index]
         assert pose[:3] == pytest.approx(place.translation)
         assert pin.rpy.rpyToMatrix(*pose[3:]) == pytest.approx(place.rotation)
@@ -190,6 +191,35 @@ def test_the_sdf_stands_where_the_robot_stands_and_has_all_play(mechanism, reduc
         assert joints[one.joint].find("child").text == motor
     assert {one.find("child").text for one in joints.values()} == set(links)
     assert {one.find("parent").text for one in joints.values()} <= {*links, "world"}
+
+
+def test_the_sdf_keeps_links_and_limits_and_publishes_what_the_encoder_reads(tmp_path):
+    path = tmp_path / "leg.urdf"
+    path.write_text(
+        '<robot name="leg"><link name="trunk"/>'
+        + body("thigh") + body("calf") + '<link name="foot"/>'
+        + joint("hip", "trunk", "thigh") + joint("knee", "thigh", "calf", at="0 0 -0.2")
+        + '<joint name="sole" type="fixed"><parent link="calf"/><child link="foot"/>'
+        '<origin xyz="0 0 -0.3"/></joint></robot>'
+    )  # fmt: skip
+    path.write_text(path.read_text().replace('effort="1000"', 'effort="36"'))
+    leg = Mechanism(path, gears={"knee": Gear(0.02, 0.05, 2e3, 2.0)})
+    play = Reduction("knee", dead_band=0.02, stiffness=2e3, damping=2.0, rotor_inertia=0.05)
+    published = {}
+    for encoder in ("motor", "link"):
+        model = ElementTree.fromstring(to_sdf(leg, play, encoder=encoder)).find("model")
+        assert {one.get("name") for one in model.findall("link")} == {
+            *("trunk", "thigh", "calf", "knee_motor"),
+        }
+        (foot,) = model.findall("frame")
+        assert (foot.get("name"), foot.get("attached_to")) == ("foot", "calf")
+        limits = {one.get("name"): one.find("axis/limit") for one in model.findall("joint")[1:]}
+        entry = leg.description.joints["knee"]
+        for tag, value in (("effort", entry.effort), ("velocity", entry.speed)):
+            assert float(limits["knee"].find(tag).text) == value
+        assert limits["knee_play"].find("effort") is None
+        published[encoder] = [one.text for one in model.findall("plugin/joint_name")]
+    assert published == {"motor": ["hip", "knee"], "link": ["hip", "knee", "knee_play"]}
 
 
 @pytest.mark.needs("pxr", "newton_usd_schemas")
@@ -384,3 +414,19 @@ def test_the_so101_of_the_preset_stands_in_mujoco_with_its_servos_and_play(tmp_p
     )
     assert motor == pytest.approx(goal, abs=0.05)
     assert abs(play) < np.deg2rad(0.25) + 0.02
+
+
+@pytest.mark.needs("mujoco")
+@pytest.mark.thorough
+def test_meshes_of_more_triangles_than_an_stl_may_have_are_written(tmp_path):
+    """As of the trunk of a Go1."""
+    import trimesh
+
+    trimesh.creation.icosphere(subdivisions=7).export(tmp_path / "ball.stl")
+    shape = '<visual><geometry><mesh filename="ball.stl"/></geometry></visual></link>'
+    path = tmp_path / "arm.urdf"
+    links = '<link name="base"/>' + body("arm").replace("</link>", shape)
+    path.write_text(f'<robot name="r">{links}{joint("a", "base", "arm")}</robot>')
+    robot = compile_robot(Mechanism(path), ())
+    assert [*robot.meshes] == ["ball.obj"]
+    assert compile_text(robot.mjcf(()), robot.meshes).nmeshface == 20 * 4**7

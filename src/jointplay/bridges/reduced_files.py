@@ -124,21 +124,30 @@ def rotor(axis: np.ndarray, inertia: float) -> pin.Inertia:
     return pin.Inertia(1e-6, np.zeros(3), matrix)
 
 
-def to_sdf(mechanism: Mechanism, *reductions: Reduction) -> str:
-    """The robot as SDF 1.9; bodies without shapes.
+def to_sdf(mechanism: Mechanism, *reductions: Reduction, encoder: str = "motor") -> str:
+    """The robot as SDF 1.9: links and limits of the URDF, bodies without shapes.
 
-    The bearing's friction acts on the motor's side of the play, for SDF has no joint beside
-    another.
+    Links that fixed joints hold are frames of the link they are fixed to, which has their mass. The
+    bearing's friction acts on the motor's side of the play, for SDF has no joint beside another.
+    Gazebo publishes what encoders read: of one on the link of a joint J with play, J and J_play,
+    whose sum it is.
     """
+    check_encoder(encoder)
     root = Element("sdf", version="1.9")
     model = put(root, "model", name=mechanism.description.path.stem)
-    _put_link(model, "base", pin.SE3.Identity(), LEAST)
-    _put_texts(put(model, "joint", name="base_fixed", type="fixed"), parent="world", child="base")
+    described, ideal = mechanism.description, mechanism.ideal().model
+    ground = described.root if described.root != "world" else "base"  # a word of SDF's own
+    names = {f"{name}_link": described.joints[name].child for name in ideal.names[1:]}
+    base = ideal.inertias[0]
+    _put_link(model, ground, pin.SE3.Identity(), base if base.mass > 0.0 else LEAST)
+    _put_texts(put(model, "joint", name="base_fixed", type="fixed"), parent="world", child=ground)
+    published = []
     for body in bodies(mechanism, reductions):
-        _put_link(model, body.link, body.place, body.inertia)
+        link = names.get(body.link, body.link)
+        _put_link(model, link, body.place, body.inertia)
         joint = put(model, "joint", name=body.name, type="prismatic" if body.slides else "revolute")
-        parent = "base" if body.parent is None else body.parent.link
-        _put_texts(joint, parent=parent, child=body.link)
+        parent = ground if body.parent is None else names.get(body.parent.link, body.parent.link)
+        _put_texts(joint, parent=parent, child=link)
         axis = put(joint, "axis")
         _put_texts(axis, xyz=body.axis)
         limit = put(axis, "limit")
@@ -146,7 +155,23 @@ def to_sdf(mechanism: Mechanism, *reductions: Reduction) -> str:
             _put_texts(limit, lower=body.limits[0], upper=body.limits[1])
         if body.stop is not None:
             _put_texts(limit, stiffness=body.stop[0], dissipation=body.stop[1])
+        if (entry := described.joints.get(body.name)) is not None:
+            rated = {"effort": entry.effort, "velocity": entry.speed}
+            _put_texts(limit, **{tag: x for tag, x in rated.items() if x is not None})
         _put_texts(put(axis, "dynamics"), damping=body.damping, friction=body.friction)
+        if body.stop is None or encoder == "link":
+            published.append(body.name)
+    carriers = [ground, *(names[f"{name}_link"] for name in ideal.names[1:])]
+    for frame in ideal.frames:
+        carrier = carriers[frame.parentJoint]
+        if frame.type == pin.FrameType.BODY and frame.name not in (*carriers, "world"):
+            place = frame.placement
+            pose = [*place.translation, *pin.rpy.matrixToRpy(place.rotation)]
+            _put_texts(put(model, "frame", name=frame.name, attached_to=carrier), pose=pose)
+    plugin = put(model, "plugin", name="gz::sim::systems::JointStatePublisher")
+    plugin.set("filename", "gz-sim-joint-state-publisher-system")
+    for name in published:
+        put(plugin, "joint_name").text = name
     return document(root)
 
 

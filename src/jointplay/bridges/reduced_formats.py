@@ -63,6 +63,12 @@ SIMULATORS = {
         _HINGE,
         "the teeth's stiffness, tilt, servos, friction at the link",
     ),
+    "gazebo": Simulator(
+        ("sdf", "urdf"),
+        "SDF, and URDF with tags of ros2_control",
+        f"{_HINGE}; encoders as states that it publishes",
+        "tilt, servos, friction at the link, shapes in SDF; the teeth's stiffness in DART",
+    ),
     "isaac": Simulator(
         ("usd", "py"),
         "USD; converts URDF and MJCF to it (Isaac Sim 6.0, Isaac Lab 3.0, by their documentation)",

@@ -37,6 +37,8 @@ _STIFF = np.array([0.99, 0.9999, 1e-6])
 """MuJoCo's impedance of the bore: as stiff as it bears."""
 _HELD = 1e6
 """Inertia of what moves as prescribed, when models are compared [kg m^2]."""
+_MOST_IN_STL = 200_000
+"""Triangles of an STL that MuJoCo reads (its error message says so); of an OBJ any number."""
 _COMPILER = {
     "fusestatic": "true",
     "discardvisual": "false",
@@ -56,7 +58,7 @@ class CompiledRobot:
     mechanism: Mechanism
     root: Element
     meshes: Mapping[str, bytes]
-    """Files of shapes (STL) by name, which belong into the folder `FOLDER`."""
+    """Files of shapes by name, which belong into the folder `FOLDER`."""
     mass: np.ndarray
     """Mass matrix at the pose, without rotors, (nv, nv)."""
     dofs: Mapping[str, int]
@@ -245,7 +247,7 @@ def compile_robot(
 
 
 def _meshes(mechanism: Mechanism, root: Element) -> tuple[dict[str, bytes], list[str]]:
-    """Files of the URDF's meshes as STL, named in `root` instead; shapes without one go."""
+    """Files of the URDF's meshes as STL or OBJ, named in `root` instead; shapes without one go."""
     import trimesh
 
     folders, stored = mesh_folders(mechanism), mechanism.description.stored
@@ -264,17 +266,21 @@ def _meshes(mechanism: Mechanism, root: Element) -> tuple[dict[str, bytes], list
                 link.remove(shape)
                 continue
             if path not in known:
-                stem, number = path.stem, 1
-                while f"{stem}.stl" in made:
-                    number += 1
-                    stem = f"{path.stem}_{number}"
                 corners = np.concatenate([part.corners() for part in parts])
                 whole = trimesh.Trimesh(**trimesh.triangles.to_kwargs(corners))
-                known[path] = f"{stem}.stl"
-                made[f"{stem}.stl"] = whole.export(file_type="stl")
+                kind = "stl" if len(corners) <= _MOST_IN_STL else "obj"
+                name, number = f"{path.stem}.{kind}", 1
+                while name in made:
+                    number += 1
+                    name = f"{path.stem}_{number}.{kind}"
+                known[path], made[name] = name, _bytes(whole.export(file_type=kind))
             mesh.set("filename", known[path])
     left = f"shapes left out of the MJCF, their meshes are missing: {', '.join(missing)}"
     return made, [left] * bool(missing)
+
+
+def _bytes(content: str | bytes) -> bytes:
+    return content.encode() if isinstance(content, str) else content
 
 
 def _edit(

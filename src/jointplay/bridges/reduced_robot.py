@@ -136,7 +136,9 @@ class ReducedRobot:
         """Texts of the files by their names."""
         texts = {}
         if "sdf" in self.formats:
-            texts[f"{stem}.sdf"] = reduced_files.to_sdf(self.mechanism, *self.reductions)
+            texts[f"{stem}.sdf"] = reduced_files.to_sdf(
+                self.mechanism, *self.reductions, encoder=self.encoder
+            )
         if "mjcf" in self.formats:
             texts[f"{stem}.xml"] = self._mjcf
         if "usd" in self.formats:

@@ -36,8 +36,8 @@ def declare(parser: Parser) -> None:
     add("--amplitude", **ANGLE, help="amplitude of the reversals (default: 0.1)")
     add("--period", **TIME, help="period of a reversal, there and back (default: 2)")
     add = parser.add_argument_group("output").add_argument
-    add("--for", choices=("mujoco", "newton", "genesis", "isaac"), help="what this simulator takes "
-        "and nothing else; says which parts of the play it has, and what is lost")
+    add("--for", choices=("mujoco", "newton", "genesis", "gazebo", "isaac"), help="what this "
+        "simulator takes and nothing else; says which parts of the play it has, and what is lost")
     add("--format", choices=("mjcf", "sdf", "urdf", "json", "usd", "py"), **REPEATED,
         help="file format; by default all")
     add("--spread", metavar="SHARE", help="JSON: relative half width of ranges without measured "
