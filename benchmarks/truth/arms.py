@@ -4,8 +4,8 @@
 with the numbers that were given, the commands that a reader of the README would type, and what an
 answer must say: texts, and figures between two bounds that come from the thread, from closed forms
 or from other programs (`because`). Robots are typed as they are, each with play in all its gears;
-what is not answered in the first line is not answered. Intervals of lost motion are those of
-`python benchmarks lost_motion`.
+what is not answered in the first line is not answered. Intervals of lost motion
+are those of `python benchmarks lost_motion`.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from common import Benchmark
+from truth.lost_motion import held
 
 from jointplay.base.files import temporary
 from jointplay.base.progress import ProgressBar
@@ -88,7 +89,7 @@ def answered(thread: Thread) -> tuple[str, str]:
 def main() -> None:
     benchmark = Benchmark(
         "arms", __doc__, runs=0, only=("", "threads whose source has this text"),
-        joints=(300, "whose lost motion is measured"), seed=(1, "of them"),
+        axes=(300, "whose lost motion is measured"), seed=(1, "of them"),
     )  # fmt: skip
     args = benchmark.parse()
     threads = [
@@ -113,8 +114,10 @@ def main() -> None:
     benchmark.finish(["where", "asked", "answer"], table, rows)
     count = sum(row["answered"] for row in rows[: len(threads)])
     good = sum(row["answered"] for row in rows[len(threads) :])
+    axes = 10 if args.quick else args.axes
     print(
-        f"threads {count} of {len(threads)} answered, robots {good} of {len(robots)} at first typing"
+        f"threads {count} of {len(threads)} answered, robots {good} of {len(robots)} at first "
+        f"typing, lost motion {held(axes, args.seed):.1f} % of intervals hold"
     )
 
 

@@ -474,16 +474,19 @@ def test_a_bag_of_a_motion_is_read_again(level, tmp_path):
 
 def test_linuxcnc_gets_what_the_joint_does_each_way(upright):
     found = compensate(simulated(machine(upright, play=1e-4), to=0.5))
-    ((name, text),) = backlash.tables(found, "linuxcnc").items()
+    ((name, text),) = backlash.tables(backlash.corrected(found), "linuxcnc").items()
     rows = np.array([[float(x) for x in line.split()] for line in text.splitlines()])
     assert name == "j.comp"
     assert len(rows) <= 256
     assert (np.diff(rows[:, 0]) > 0.0).all()
     assert np.abs(rows[:, 1:] - rows[:, :1]).max() <= np.degrees(np.abs(found.shift).max()) + 1e-6
-    assert backlash.tables(found, "grblhal")["grblhal.txt"] == f"$160={np.degrees(1e-4):.4f}\n"
+    assert (
+        backlash.tables(backlash.corrected(found), "grblhal")["grblhal.txt"]
+        == f"$160={np.degrees(1e-4):.4f}\n"
+    )
     for other in ("fluidnc", "marlin"):
         with pytest.raises(JointplayError):
-            backlash.tables(found, other)
+            backlash.tables(backlash.corrected(found), other)
 
 
 def test_no_name_of_a_joint_leads_out_of_the_folder(urdf):
@@ -495,12 +498,12 @@ def test_no_name_of_a_joint_leads_out_of_the_folder(urdf):
     drive = ComputedTorque(encoder="motor")
     robot = Mechanism(place, gears={evil: gear}, gravity=(0, 0, 0))
     found = compensate(Simulation(robot, motion, drive=drive, step="20 us", record_every=50))
-    assert list(backlash.tables(found, "linuxcnc")) == ["evil.comp"]
+    assert list(backlash.tables(backlash.corrected(found), "linuxcnc")) == ["evil.comp"]
 
 
 def test_firmware_gets_nothing_for_a_joint_that_never_crosses(level):
     with pytest.raises(JointplayError, match="no gear's teeth change sides"):
-        backlash.tables(compensate(simulated(machine(level))), "linuxcnc")
+        backlash.tables(backlash.corrected(compensate(simulated(machine(level)))), "linuxcnc")
 
 
 def test_the_command_writes_what_improves_and_refuses_what_it_cannot_do(level, tmp_path):

@@ -1,4 +1,4 @@
-"""What firmware can take of a compensation: a table or a number for each joint.
+"""What firmware can take of lost motion: a table or a number for each joint.
 
 All of it goes by the sign of the commanded speed: none can say payload, acceleration, or on which
 side a joint rests. So a joint whose teeth never change sides gets nothing: the rule would only
@@ -6,21 +6,28 @@ move it. Seen: LinuxCNC, docs/src/config/ini-config.adoc at commit 0052c79; Marl
 Marlin/src/gcode/calibrate/M425.cpp at commit 00ebfe5; Klipper,
 klippy/extras/backlash_compensation.py at commit 8503b63 of pull request 7259, a draft; grblHAL,
 settings.h of grblHAL/core at commit f80fc34 ($160 and following, where config.h has
-ENABLE_BACKLASH_COMPENSATION on, which is off by default). FluidNC has none ("can make things
-worse", issue 756).
+ENABLE_BACKLASH_COMPENSATION on, which is off by default); Smoothieware, pull request 1543, open
+(built with BACKLASH=1). FluidNC has none ("can make things worse", issue 756). Of a CoreXY machine
+both motors turn for X and for Y, and Marlin, Klipper and Smoothieware have numbers of axes: none of
+these files holds there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from jointplay.accuracy.compensation import Compensation
 from jointplay.accuracy.compensator import STILL
 from jointplay.base.errors import JointplayError
 from jointplay.base.files import names_for
+from jointplay.estimate.lost_motion import axis_letters
+
+if TYPE_CHECKING:
+    from jointplay.accuracy.compensation import Compensation
+    from jointplay.model.mechanism import Mechanism
 
 LINES = 65
 """Lines of a table; LinuxCNC takes at most 256 a joint."""
@@ -29,10 +36,50 @@ _LOST = "the side a joint rests on, payload and acceleration"
 
 
 @dataclass(frozen=True)
+class Reversals:
+    """What joints lose where they turn back."""
+
+    joints: tuple[str, ...]
+    """All that move, in their order."""
+    sliding: tuple[str, ...]
+    """Those of them that slide."""
+    lost: Mapping[str, float]
+    """Of those whose teeth change sides, the whole of it [rad or m]."""
+    tables: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """By joint, where a motion was corrected: place, and how far the link lags when it is come to
+    upwards and downwards, (n, 3) [rad or m]."""
+
+    @classmethod
+    def of(cls, mechanism: Mechanism, lost: Mapping[str, float]) -> Reversals:
+        """Of lost motion that was measured [rad or m]."""
+        joints, entries = tuple(mechanism.joints), mechanism.description.joints
+        return cls(joints, tuple(name for name in joints if entries[name].slides), lost)
+
+    @property
+    def letters(self) -> dict[str, str]:
+        """Letters of the axes that slide and lose motion."""
+        letters = axis_letters(self.sliding)
+        return {name: letters[name] for name in letters if name in self.lost}
+
+    @property
+    def numbers(self) -> dict[str, int]:
+        """Of the axes that lose motion, X to C from 0 on: by their letters, else by their order."""
+        letters = axis_letters(self.sliding)
+        return {
+            name: "XYZ".index(letters[name]) if name in letters else self.joints.index(name)
+            for name in self.lost
+        }
+
+    def size(self, joint: str) -> float:
+        """What a joint loses, in mm or degrees, as firmware counts."""
+        return _in_unit(self.lost[joint], joint in self.sliding)
+
+
+@dataclass(frozen=True)
 class Format:
     """One firmware's, by its word."""
 
-    write: Callable[[Compensation], dict[str, str]]
+    write: Callable[[Reversals], dict[str, str]]
     """Texts by name of the file."""
     lost: str
     """What it cannot say."""
@@ -40,7 +87,27 @@ class Format:
     """Which it knows, if not all."""
 
 
-def tables(compensation: Compensation, name: str) -> dict[str, str]:
+def corrected(compensation: Compensation) -> Reversals:
+    """What the gears of a corrected motion lose that change sides in it."""
+    mechanism = compensation.simulation.mechanism
+    motion = compensation.simulation.motion
+    assert motion is not None
+    position, speed, _ = motion(compensation.times)
+    crossing = zip(compensation.gears, compensation.crossings, strict=True)
+    lost = {name: mechanism.gears[name].play for name, number in crossing if number}
+    tables = {}
+    for name in lost:
+        k = motion.joints.index(name)
+        q, v, shift = position[:, k], speed[:, k], compensation.shift[:, k]
+        nominal = np.linspace(q.min(), q.max(), LINES)
+        ways = [_at(nominal, q[sign * v > STILL], shift[sign * v > STILL]) for sign in (1, -1)]
+        tables[name] = np.column_stack([nominal, *ways])
+    entries = mechanism.description.joints
+    joints = tuple(mechanism.joints)
+    return Reversals(joints, tuple(n for n in joints if entries[n].slides), lost, tables)
+
+
+def tables(reversals: Reversals, name: str) -> dict[str, str]:
     """Files for a firmware of `FORMATS`, by name.
 
     Raises:
@@ -50,11 +117,11 @@ def tables(compensation: Compensation, name: str) -> dict[str, str]:
         raise JointplayError(
             "FluidNC has no backlash compensation: give it the corrected motion as a program"
         )
-    if not (compensation.gears and compensation.crossings.any()):
+    if not reversals.lost:
         raise JointplayError(
             f"nothing to tell {name}: no gear's teeth change sides, and its rule goes by reversals"
         )
-    found = FORMATS[name].write(compensation)
+    found = FORMATS[name].write(reversals)
     if not found:
         raise JointplayError(
             f"nothing to tell {name}, which knows {FORMATS[name].axes}: none of them changes sides"
@@ -62,33 +129,24 @@ def tables(compensation: Compensation, name: str) -> dict[str, str]:
     return found
 
 
-def _crossing(compensation: Compensation) -> list[tuple[str, bool, float]]:
-    """Gears whose teeth change sides: joint, whether it slides, play [rad or m]."""
-    mechanism = compensation.simulation.mechanism
-    return [
-        (name, mechanism.description.joints[name].slides, mechanism.gears[name].play)
-        for name, number in zip(compensation.gears, compensation.crossings, strict=True)
-        if number
-    ]
-
-
 def _in_unit(value: float, slides: bool) -> float:
     """In mm or degrees, as firmware counts."""
     return 1e3 * value if slides else float(np.degrees(value))
 
 
-def _linuxcnc(compensation: Compensation) -> dict[str, str]:
-    motion = compensation.simulation.motion
-    assert motion is not None
-    position, speed, _ = motion(compensation.times)
-    found, crossing = {}, _crossing(compensation)
-    files = names_for([name for name, *_ in crossing], ".comp")
-    for (name, slides, _), file in zip(crossing, files, strict=True):
-        k = motion.joints.index(name)
-        q, v, shift = position[:, k], speed[:, k], compensation.shift[:, k]
-        nominal = np.linspace(q.min(), q.max(), LINES)
-        ways = [_at(nominal, q[sign * v > STILL], shift[sign * v > STILL]) for sign in (1, -1)]
-        rows = np.column_stack([nominal, *(nominal - way for way in ways)])
+def _linuxcnc(reversals: Reversals) -> dict[str, str]:
+    """Tables of a corrected motion; of what was measured, the lines of its INI file."""
+    if not reversals.tables:
+        lines = [
+            f"[JOINT_{number}]\nBACKLASH = {reversals.size(name):.4f}"
+            for name, number in reversals.numbers.items()
+        ]
+        return {"linuxcnc.ini": "\n".join(lines) + "\n"}
+    files = names_for(list(reversals.tables), ".comp")
+    found = {}
+    for (name, table), file in zip(reversals.tables.items(), files, strict=True):
+        slides = name in reversals.sliding
+        rows = np.column_stack([table[:, 0], table[:, :1] - table[:, 1:]])
         lines = [" ".join(f"{_in_unit(x, slides):.6f}" for x in row) for row in rows]
         found[file] = "\n".join(lines) + "\n"
     return found
@@ -106,34 +164,38 @@ def _at(places: np.ndarray, q: np.ndarray, shift: np.ndarray) -> np.ndarray:
     return found
 
 
-def _letters(compensation: Compensation) -> list[tuple[str, str, float]]:
-    """Joint, letter and play [mm] of those of X, Y and Z that slide and change sides."""
-    mechanism = compensation.simulation.mechanism
-    sliding = [name for name in mechanism.joints if mechanism.description.joints[name].slides]
-    letters = dict(zip(sliding, "XYZ", strict=False))
-    return [(n, letters[n], 1e3 * p) for n, _, p in _crossing(compensation) if n in letters]
-
-
-def _marlin(compensation: Compensation) -> dict[str, str]:
-    words = " ".join(f"{letter}{play:.4f}" for _, letter, play in _letters(compensation))
+def _marlin(reversals: Reversals) -> dict[str, str]:
+    words = [f"{letter}{reversals.size(n):.4f}" for n, letter in reversals.letters.items()]
     if not words:
         return {}
-    return {"marlin.gcode": f"; play by axis, full correction\nM425 F1.0 {words}\n"}
+    return {"marlin.gcode": f"; play by axis, full correction\nM425 F1.0 {' '.join(words)}\n"}
 
 
-def _klipper(compensation: Compensation) -> dict[str, str]:
-    lines = [f"{one.lower()}_backlash: {play:.4f}" for _, one, play in _letters(compensation)]
+def _klipper(reversals: Reversals) -> dict[str, str]:
+    lines = [
+        f"{letter.lower()}_backlash: {reversals.size(name):.4f}"
+        for name, letter in reversals.letters.items()
+    ]
     return {"klipper.cfg": "\n".join(["[backlash_compensation]", *lines]) + "\n"} if lines else {}
 
 
-def _grblhal(compensation: Compensation) -> dict[str, str]:
-    joints = list(compensation.simulation.mechanism.joints)
+def _grblhal(reversals: Reversals) -> dict[str, str]:
     lines = [
-        f"$16{joints.index(name)}={_in_unit(play, slides):.4f}"
-        for name, slides, play in _crossing(compensation)
-        if joints.index(name) < 6
+        f"$16{number}={reversals.size(name):.4f}"
+        for name, number in reversals.numbers.items()
+        if number < 6
     ]
     return {"grblhal.txt": "\n".join(lines) + "\n"} if lines else {}
+
+
+def _smoothieware(reversals: Reversals) -> dict[str, str]:
+    greek = {"X": "alpha", "Y": "beta", "Z": "gamma"}
+    lines = [
+        f"{greek[letter]}_backlash_mm {reversals.size(name):.4f}"
+        for name, letter in reversals.letters.items()
+    ]
+    text = "\n".join([*lines, "backlash_enable true"]) + "\n"
+    return {"smoothieware.txt": text} if lines else {}
 
 
 FORMATS = {
@@ -142,6 +204,9 @@ FORMATS = {
     "klipper": Format(_klipper, f"{_LOST}, wind-up; one number for each of X, Y, Z", _LETTERS),
     "grblhal": Format(
         _grblhal, f"{_LOST}, wind-up; one number for each of six axes", "the first six axes"
+    ),
+    "smoothieware": Format(
+        _smoothieware, f"{_LOST}, wind-up; one number for each of X, Y, Z", _LETTERS
     ),
     "fluidnc": Format(lambda _: {}, "everything"),
 }

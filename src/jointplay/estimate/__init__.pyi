@@ -10,6 +10,10 @@ from .identification import identify as identify
 from .kinematic_model import Term as Term
 from .least_squares import LeastSquares as LeastSquares
 from .least_squares import solve as solve
+from .lost_motion import LostMotion as LostMotion
+from .lost_motion import Stairs as Stairs
+from .lost_motion import identify_lost_motion as identify_lost_motion
+from .lost_motion import plan_lost_motion as plan_lost_motion
 from .measurement import Measurement as Measurement
 from .planning import Experiment as Experiment
 from .planning import MeasurementPlan as MeasurementPlan

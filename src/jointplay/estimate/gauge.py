@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -82,6 +82,15 @@ _COLUMNS = (
     "joint, setup (names), force [N], arm [mm], reading [mm], gauge arm [mm], or torque [N*m], "
     "angle [deg], motor [deg], and pose (JOINT=X,... in rad or m)"
 )
+
+
+class Posed(Protocol):
+    """Readings, each of which says in which pose it was taken, or none."""
+
+    @property
+    def pose(self) -> tuple[str, ...]: ...
+    @property
+    def source(self) -> str: ...
 
 
 @dataclass(frozen=True)
@@ -271,7 +280,7 @@ def identify_gauged(
     friction, found, fits, notes = urdf_friction(ideal), list[Estimate](), dict[str, Fit](), []
     for joint, mine, slides in _by_joint(mechanism, readings):
         smallest, unit = _smallest(readings, mine), "N" if slides else "N*m"
-        weight, said = _gravity(ideal, readings, joint, mine, pose)
+        weight, said = gravity_load(ideal, readings, joint, mine, pose)
         _require_yielding(readings, joint, mine)
         problem = _problem(readings, joint, mine, friction[joint].coulomb, slides)
         play, give, rubs, bends = problem.unknowns
@@ -342,7 +351,7 @@ def gauge_problems(
     return [
         _problem(readings, joint, mine, urdf_friction(ideal)[joint].coulomb, slides)
         for joint, mine, slides in _by_joint(mechanism, readings)
-        if not (gravity := _gravity(ideal, readings, joint, mine, pose))[1]
+        if not (gravity := gravity_load(ideal, readings, joint, mine, pose))[1]
         or gravity[0] < _smallest(readings, mine)
     ]
 
@@ -408,9 +417,9 @@ def _require_yielding(readings: Readings, joint: str, mine: np.ndarray) -> None:
             )
 
 
-def _gravity(
+def gravity_load(
     ideal: Mechanism,
-    readings: Readings,
+    readings: Posed,
     joint: str,
     mine: np.ndarray,
     pose: Mapping[str, float] | None,

@@ -115,7 +115,7 @@ def _further(found: Compensation, wanted: Sequence[str]) -> dict[str, Any]:
             contents["table.csv"] = table_for_controllers(found).csv()
         else:
             try:
-                contents |= backlash.tables(found, one)
+                contents |= backlash.tables(backlash.corrected(found), one)
                 lost.append(f"note: {one} cannot say {backlash.FORMATS[one].lost}")
             except JointplayError as error:
                 lost.append(f"warning: no file for {one}: {error}")

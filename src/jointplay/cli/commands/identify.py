@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jointplay.base import files
-from jointplay.base.errors import JointplayError
+from jointplay.base.errors import JointplayError, require_known
 from jointplay.base.pairs import misread, pair
 from jointplay.base.schema import one_of
 from jointplay.base.tables import few
@@ -38,13 +38,13 @@ from jointplay.cli.commands.inputs import (
     named_joints,
     posed_machine,
 )
-from jointplay.cli.options import FORCE, REPEATED, Parser, quantity
+from jointplay.cli.options import FORCE, REPEATED, Parser, listed, quantity
 
 if TYPE_CHECKING:
     from jointplay.model.mechanism import Mechanism
     from jointplay.scenario.presets import Preset
 
-PLANS = ("motion", "dial")
+PLANS = ("motion", "dial", "lost-motion")
 OF_MOTIONS = (
     *("known", "also", "known_stiffness", "lag", "signal", "source", "map", "episode", "world"),
 )
@@ -100,7 +100,8 @@ def declare(parser: Parser) -> None:
         "robot's base")
     add = parser.add_argument_group("plan").add_argument
     add("--plan", nargs="?", metavar="KIND", const="motion", help="propose what to measure: "
-        "motion, poses and motions of the robot; dial, where to set a dial gauge and how to push")
+        "motion, poses and motions of the robot; dial, where to set a dial gauge and how to push; "
+        "lost-motion, moves forth and back under a dial, without forces")
     add("--signal", choices=("tool", "link", "torque"), **REPEATED, help="signal that can be "
         "measured besides the motors' encoders; by default tool")
     add("--count", metavar="N", type=int, default=6, help="number of experiments to choose")
@@ -108,6 +109,8 @@ def declare(parser: Parser) -> None:
     add("--out", metavar="DIR", help="folder for the tables (CSV, JSON) and the figure")
     add("--write-preset", metavar="FILE", help="write the robot's joints with what was identified, "
         "for --preset FILE of every command")
+    add("--formats", type=listed, metavar="LIST", help="lost motion, for firmware, in DIR: marlin, "
+        "linuxcnc, grblhal, klipper, smoothieware")
     add("--urdf", metavar="FILE", help="write its URDF with the clearance of bearings as chains of "
         "joints")
     add("--mjcf", metavar="FILE", help="write it as MJCF, play as dead bands and tilts (export "
@@ -118,6 +121,7 @@ def declare(parser: Parser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     from jointplay.estimate.columns import is_readings
+    from jointplay.estimate.lost_motion import is_stairs
 
     if (options.plan is None) == (options.data is None):
         raise JointplayError(
@@ -138,6 +142,12 @@ def run(options: argparse.Namespace) -> int:
         raise JointplayError(one_of("--plan", options.plan, PLANS))
     if options.against:
         return _changes(options)
+    if options.plan == "lost-motion":
+        return _plan_lost_motion(options)
+    if options.data is not None and is_readings(options.data) and is_stairs(options.data):
+        return _lost_motion(options)
+    if options.formats:
+        raise JointplayError("--formats are of lost motion: moves under a dial, without forces")
     if options.plan == "dial" or (options.data is not None and is_readings(options.data)):
         return _gauge(options)
     if options.plan:
@@ -299,6 +309,65 @@ def _gauge(options: argparse.Namespace) -> int:
         picture = reversal_loops(fit.loops, fit.estimates)
         contents = (fit.data.csv(), json.dumps(fit.describe(), indent=1) + "\n", picture)
         out.write(dict(zip(OF_JOINTS, contents, strict=True)))
+    return 0
+
+
+def _plan_lost_motion(options: argparse.Namespace) -> int:
+    """Propose moves forth and back."""
+    from jointplay.estimate.lost_motion import plan_lost_motion
+
+    out = Outputs(options.out, ["plan.txt", "lost_motion.csv", "lost_motion.gcode"])
+    posed, _ = _gauged(options)
+    out.claim()
+    joints = list(dict.fromkeys([*posed.mechanism.gears, *named_joints(options)]))
+    plan = plan_lost_motion(posed.mechanism, joints)
+    print_answer("", plan, posed.notes, options, data=lambda: {"plan": f"{plan}".splitlines()})
+    if options.out:
+        files_of = {"plan.txt": f"{plan}\n", "lost_motion.csv": plan.csv()}
+        out.write({**files_of, "lost_motion.gcode": plan.gcode()})
+    return 0
+
+
+def _lost_motion(options: argparse.Namespace) -> int:
+    """Take readings of moves forth and back."""
+    from jointplay.bridges import backlash
+    from jointplay.estimate.lost_motion import identify_lost_motion
+
+    wanted = options.formats or []
+    for one in wanted:
+        require_known("format", one, backlash.FORMATS)
+    if wanted and not options.out:
+        raise JointplayError("--formats are written into a folder: give --out DIR, too")
+    out = Outputs(options.out, OF_JOINTS)
+    posed, about = _gauged(options)
+    out.claim()
+    noise = about["noise"].get("tool", about["noise"].get("link"))
+    fit = identify_lost_motion(posed.mechanism, options.data, scatter=noise, pose=about["pose"])
+    notes = [*fit.notes, *posed.notes]
+    contents: dict[str, str] = {}
+    for one in wanted:
+        try:
+            reversals = backlash.Reversals.of(fit.mechanism, fit.plays)
+            contents |= backlash.tables(reversals, one)
+            notes.append(f"note: {one} cannot say {backlash.FORMATS[one].lost}")
+        except JointplayError as error:
+            notes.append(f"warning: no file for {one}: {error}")
+    print_answer(
+        fit.sentence,
+        replace(fit, notes=()),
+        notes,
+        options,
+        data=lambda: fit.describe() | {"values": posed.values},
+    )
+    if any(getattr(options, name) is not None for name in OUTPUTS):
+        preset = fit.preset(_place(options))
+        _write_robot(options, preset, preset.mechanism(tool=fit.mechanism.tool))
+    if options.out:
+        from jointplay.show.plots.design import reversal_loops
+
+        picture = reversal_loops(fit.loops, fit.estimates)
+        said = json.dumps(fit.describe(), indent=1) + "\n"
+        out.write(dict(zip(OF_JOINTS, (fit.data.csv(), said, picture), strict=True)) | contents)
     return 0
 
 

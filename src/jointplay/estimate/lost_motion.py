@@ -1,0 +1,523 @@
+"""Lost motion of single joints: moved forth and back under a dial gauge, without forces.
+
+Where friction alone holds the link, it stays where it was left until the teeth of the other side
+take it along (the play operator), and a dial reads where it is:
+
+    link_i = min(max(link_{i-1}, motor_i - L/2), motor_i + L/2)
+    reading_i = zero + scale link_i + drift (t_i) + scatter
+
+with the total lost motion L: the play, and what gears give way to friction both ways. Given L, all
+else but the side on which the link began is linear, so L's interval is that of its profile (Bates
+and Watts, Nonlinear Regression Analysis, ch. 6). Weight that exceeds friction holds the link to one
+side, and nothing is lost: then this test tells nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pinocchio as pin
+from scipy.stats import t as student
+
+from jointplay.accuracy.poses import moving
+from jointplay.base import files
+from jointplay.base.errors import JointplayError, MissingName, require_known
+from jointplay.base.tables import counted, few
+from jointplay.base.units import readable
+from jointplay.estimate import columns
+from jointplay.estimate.gauge import GAUGE_M, gravity_load
+from jointplay.estimate.machine import preset_found
+from jointplay.estimate.unknowns import Answer, Estimate, Loop, Unknown
+from jointplay.model.mechanism import Mechanism
+from jointplay.simulation.loads.drive import urdf_friction
+
+if TYPE_CHECKING:
+    from jointplay.scenario.presets import Preset
+
+SCALE = 0.05
+"""Standard deviation by which a motor's scale and a dial's lever are off, as a part: screws are
+true to 0.1 %, belts to 1 %, a lever that is measured by a ruler to 5 % (judged)."""
+LEAST_READINGS = 6
+"""Of a joint in one setup: zero, scale, drift, lost motion and a side leave one to judge by."""
+_DRIFTS = 2
+"""Degree of the polynomial by which readings drift from one to the next: as a machine warms."""
+_GRID = 240
+"""Values of the lost motion that are tried between none and the whole travel; refined after."""
+_OUTLIES = 5.0
+"""Deviations, by the median's, from which on a reading is left out (judged: of normal scatter one
+in a million is)."""
+_ARM_M = 0.1
+"""Of a dial at a joint that turns [m], for its scatter if nobody says."""
+_PLACES, _ROUNDS = 5, 2
+"""Of a plan: places, each come to from both sides, and how often."""
+_STRIDE = 5.0
+"""Distance of a plan's places by the lost motion that is expected: it is lost well within one."""
+_EXPECTED = {True: 1e-4, False: math.radians(0.5)}
+"""Lost motion of a plan, unless the gear has some, by whether the joint slides [m, rad]."""
+_NUMBERS = ("motor", "reading", "gauge arm")
+_COLUMNS = (
+    "joint, setup (names), motor [mm or deg] as it was sent, in the order of the moves, reading "
+    "[mm or deg] (empty: only passed), gauge arm [mm] where a joint turns and is read in mm, and "
+    "pose (JOINT=X,... in rad or m)"
+)
+
+
+@dataclass(frozen=True)
+class Stairs:
+    """Places to which joints were sent, and what a dial read there; SI units."""
+
+    joint: tuple[str, ...]
+    """Of each move, n of them, in their order."""
+    setup: tuple[str, ...]
+    """Names of setups, each with a zero of its own."""
+    motor: np.ndarray
+    """Where the joint was sent, shape (n,) [rad or m]."""
+    reading: np.ndarray
+    """Of the link, shape (n,) [rad or m]; nan where none was taken."""
+    source: str = "the readings"
+    pose: tuple[str, ...] = ()
+    """See `gauge.Readings`."""
+    step: float = 0.0
+    """In which the dial was read [rad or m]; zero: nobody says."""
+
+    @classmethod
+    def from_csv(cls, path: str | Path, joints: Mapping[str, bool]) -> Stairs:
+        """Read a CSV file, a row for each move (docs/identify.md).
+
+        Args:
+            path: the file.
+            joints: the robot's joints, and whether each slides.
+
+        Raises:
+            JointplayError: see `columns.read`; a joint that the robot has not, a move without a
+                place, or a joint that turns read in mm without a gauge arm.
+        """
+        path = Path(path)
+        (_, head), *rows = files.csv_rows(path, "readings")
+        at = [cell.strip() for cell in head].index("joint")
+        names = tuple(row[at].strip() for _, row in rows)
+        if not names:
+            raise JointplayError(f"{path} has no readings: {_needed()}")
+        for name in names:
+            require_known("joint", name, joints)
+        slides = {joints[name] for name in names}
+        if len(slides) > 1:
+            raise JointplayError(f"{path}: joints that slide need a file of their own")
+        slide = slides.pop()
+        way, angular = ("m", False) if slide else ("rad", _reads_angles(head))
+        units = {"motor": way, "reading": "rad" if angular else "m", "gauge arm": "m"}
+
+        def known(title: str) -> tuple[columns.Key, str] | None:
+            title = title.replace("_", " ")
+            return ((title, ""), units[title]) if title in units else None
+
+        numbers, texts = columns.read(
+            path, "readings", known, _COLUMNS, ("joint", "setup", "pose"), _NUMBERS
+        )
+        nothing = np.full(len(names), np.nan)
+        motor, reading, arm = (numbers.get((name, ""), nothing) for name in _NUMBERS)
+        if (bad := np.flatnonzero(~np.isfinite(motor))).size:
+            raise JointplayError(f"{path}: move {bad[0] + 1} has no motor position")
+        if not slide and not angular:
+            if (bad := np.flatnonzero(np.isfinite(reading) & ~(arm > 0.0))).size:
+                raise JointplayError(
+                    f"{path}: reading {bad[0] + 1} in mm needs a gauge arm [mm], the distance of "
+                    "the dial from the axis"
+                )
+            step, reading = _dial_step(reading, 1e-3), reading / arm
+            step /= float(np.nanmean(arm))
+        else:
+            step = _dial_step(reading, math.radians(1.0) if angular else 1e-3)
+        setup = texts.get("setup", ("",) * len(names))
+        setups = tuple(f"{a}, {b}" for a, b in zip(names, setup, strict=True))
+        return cls(names, setups, motor, reading, str(path), texts.get("pose", ()), step)
+
+
+_FINEST, _COARSEST = 1e-5, 0.05
+"""Smallest step of a dial, in mm or degrees, and the largest, by what its readings span (judged:
+places that are round numbers are no sign of a coarse dial)."""
+
+
+def _dial_step(readings: np.ndarray, unit: float) -> float:
+    """Largest of 1, 2, 5 times a power of ten `unit` of which all readings are multiples; or 0."""
+    values = readings[np.isfinite(readings)] / unit
+    for power in range(0, -6, -1):
+        for digit in (5.0, 2.0, 1.0):
+            step = digit * 10.0**power
+            even = np.abs(values / step - np.round(values / step)).max(initial=0.0) < 1e-6
+            if even and _FINEST <= step <= _COARSEST * np.ptp(values):
+                return step * unit
+    return 0.0
+
+
+def is_stairs(path: str | Path) -> bool:
+    """Whether a table of readings (`columns.is_readings`) is one of moves, without forces."""
+    titles = [
+        cell.strip().partition(" ")[0] for cell in files.csv_rows(Path(path), "readings")[0][1]
+    ]
+    return "motor" in titles and not {"force", "torque"} & {*titles}
+
+
+def _reads_angles(head: Sequence[str]) -> bool:
+    """Whether the column of readings is in an angle's unit."""
+    titles = [cell.strip() for cell in head]
+    return any(one.startswith("reading") and one.endswith(("deg]", "rad]")) for one in titles)
+
+
+def _needed() -> str:
+    return (
+        f"a joint needs {LEAST_READINGS} readings at two places at least, each come to from both "
+        "sides; --plan lost-motion writes the moves"
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class LostMotion(Answer):
+    """What moves forth and back tell of joints' lost motion; SI units."""
+
+    mechanism: Mechanism
+    stairs: Stairs
+    loops: tuple[Loop, ...]
+    """How far each link lagged behind its motor, over the motor's place."""
+
+    @property
+    def sentence(self) -> str:
+        known = [f"{one.joint} {one.span}" for one in self.estimates if one.identified]
+        of = f"{len(known)} of {counted(len(self.estimates), 'joint')}"
+        return f"The moves tell the lost motion of {of}{f': {few(known)}' if known else ''}"
+
+    def describe(self) -> dict[str, Any]:
+        return {**super().describe(), "source": self.stairs.source}
+
+    @property
+    def plays(self) -> dict[str, float]:
+        """Total lost motion of the joints of which it is known [rad or m]."""
+        return {one.joint: one.value for one in self.estimates if one.identified and one.found}
+
+    def preset(self, robot: str | Path | None = None) -> Preset:
+        """The robot's joints with what was found; see `Identification.preset`."""
+        return preset_found(self.mechanism, self.estimates, self.stairs.source, robot)
+
+
+def identify_lost_motion(
+    mechanism: Mechanism,
+    stairs: Stairs | str | Path,
+    *,
+    scatter: float | None = None,
+    pose: Mapping[str, float] | None = None,
+) -> LostMotion:
+    """Total lost motion of single joints from places they were sent to and a dial's readings.
+
+    Args:
+        mechanism: the robot.
+        stairs: or the path of their CSV file.
+        scatter: least standard deviation of a reading [rad or m]; None: a quarter of a dial's
+            usual `GAUGE_M`, or what its steps leave open.
+        pose: joint positions in which was measured, for the load of gravity [rad or m]; None: not
+            known.
+
+    Raises:
+        JointplayError: see `Stairs.from_csv`; too few readings of a joint, or all from one side.
+    """
+    ideal = mechanism.ideal()
+    entries = mechanism.description.joints
+    if not isinstance(stairs, Stairs):
+        stairs = Stairs.from_csv(stairs, {n: entries[n].slides for n in moving(ideal)})
+    friction, found, loops, notes = urdf_friction(ideal), [], [], []
+    for joint in dict.fromkeys(stairs.joint):
+        mine = np.array([one == joint for one in stairs.joint])
+        slides = entries[joint].slides
+        profile = _Profile.of(stairs, joint, mine, slides, scatter)
+        estimate, said, loop = profile.estimate()
+        notes += said
+        loops.append(loop)
+        weight, known = gravity_load(ideal, stairs, joint, mine, pose)
+        rubs, unit = friction[joint].coulomb, "N" if slides else "N*m"
+        if known and weight > rubs:
+            side = _held_to(ideal, stairs, joint, mine, pose)
+            words = (
+                f"gravity loads it by {readable(weight, unit, 3)} towards {side}, friction by "
+                f"{readable(rubs, unit, 3)} by its file: its teeth lie on one side"
+            )
+            if not estimate.found:
+                estimate = replace(
+                    estimate,
+                    reason=f"{words}, and no move shows its play",
+                    advice="balance the weight, measure in another pose, or push (--plan dial)",
+                )
+            else:
+                notes.append(f"note: {joint}: {words}, unless friction is more; yet motion is lost")
+        elif weight > rubs:
+            notes.append(
+                f"note: gravity may load {joint} by {readable(weight, unit, 3)}, more than "
+                "friction by its file: if so its teeth lie on one side and no move shows its play "
+                "(give the pose by --pose)"
+            )
+        gear = mechanism.gears.get(joint)
+        if rubs and gear is not None and estimate.found:
+            wound = 2.0 * float(gear.wound_up(rubs) - gear.play / 2.0)
+            part = readable(wound, "m" if slides else "rad", 3)
+            notes.append(f"note: of this, {part} is the gear of {joint} giving way to friction")
+        found.append(estimate)
+    return LostMotion(
+        estimates=tuple(found), mechanism=mechanism, stairs=stairs, loops=tuple(loops),
+        notes=tuple(notes),
+    )  # fmt: skip
+
+
+def _held_to(
+    ideal: Mechanism,
+    stairs: Stairs,
+    joint: str,
+    mine: np.ndarray,
+    pose: Mapping[str, float] | None,
+) -> str:
+    """The side to which gravity holds a joint, in words."""
+    at = ideal.coordinate(joint)
+    place = {joint: float(stairs.motor[mine].mean()), **(pose or {})}
+    q = ideal.configuration(place)
+    load = pin.computeGeneralizedGravity(ideal.model, ideal.model.createData(), q)[at]
+    return "minus" if load > 0.0 else "plus"
+
+
+def links(motor: np.ndarray, lost: float, start: float) -> np.ndarray:
+    """Where the link lies after each move, (n,): the play operator of width `lost`.
+
+    It begins at ``motor[0] + start lost / 2``, with `start` from -1 to 1.
+    """
+    place, link = motor[0] + 0.5 * start * lost, np.empty(len(motor))
+    for i, target in enumerate(motor):
+        place = link[i] = min(max(place, target - 0.5 * lost), target + 0.5 * lost)
+    return link
+
+
+@dataclass
+class _Profile:
+    """Sum of squares of a joint's readings over its lost motion, all else as fits best."""
+
+    joint: str
+    slides: bool
+    setups: list[tuple[np.ndarray, np.ndarray]]
+    """Of each: moves, and readings, which are nan where there are none."""
+    scatter: float
+    """Least standard deviation of a reading [rad or m]."""
+
+    @classmethod
+    def of(
+        cls, stairs: Stairs, joint: str, mine: np.ndarray, slides: bool, scatter: float | None
+    ) -> _Profile:
+        names = np.array(stairs.setup)
+        setups = []
+        for name in dict.fromkeys(names[mine]):
+            rows = np.flatnonzero(mine & (names == name))
+            motor, reading = stairs.motor[rows], stairs.reading[rows]
+            read = np.isfinite(reading)
+            ways = np.sign(np.diff(motor, prepend=motor[0]))[read]
+            if read.sum() < LEAST_READINGS or not (ways > 0).any() or not (ways < 0).any():
+                raise JointplayError(
+                    f"{stairs.source}: {joint}: {_needed()}; got {int(read.sum())}"
+                )
+            setups.append((motor, reading))
+        usual = GAUGE_M / 4.0 if slides else GAUGE_M / 4.0 / _ARM_M
+        floor = stairs.step / math.sqrt(12.0) or usual
+        return cls(joint, slides, setups, floor if scatter is None else scatter)
+
+    def fit(self, lost: float, sigma: float) -> tuple[float, list[tuple[np.ndarray, ...]]]:
+        """Sum of squares, priors included, at a lost motion; link, fitted, drift, scale of each."""
+        total, parts = 0.0, []
+        for motor, reading in self.setups:
+            read = np.isfinite(reading)
+            when = np.linspace(-1.0, 1.0, len(motor))
+            best: tuple[float, tuple[np.ndarray, ...]] = (math.inf, ())
+            for start in (-1.0, -0.5, 0.0, 0.5, 1.0) if lost else (0.0,):
+                link = links(motor, lost, start)
+                size = min(_DRIFTS, int(read.sum()) - LEAST_READINGS + 1)
+                drift = np.column_stack([when**k for k in range(size + 1)])
+                matrix = np.column_stack([drift, link])[read]
+                prior = np.append(np.zeros(size + 1), sigma / SCALE)
+                rows, goal = np.vstack([matrix, prior]), np.append(reading[read], prior[-1])
+                found = np.linalg.lstsq(rows, goal, rcond=None)[0]
+                squares = float(np.square(rows @ found - goal).sum())
+                if squares < best[0]:
+                    best = squares, (link, drift @ found[:-1], np.array(found[-1]))
+            total += best[0]
+            parts.append(best[1])
+        return total, parts
+
+    def estimate(self) -> tuple[Estimate, list[str], Loop]:
+        """Lost motion with its interval, notes, and the loop to draw."""
+        notes = self._without_outliers()
+        most = max(float(np.ptp(motor)) for motor, _ in self.setups)
+        count = sum(int(np.isfinite(reading).sum()) for _, reading in self.setups)
+        free = max(count - 1 - len(self.setups) * (2 + _DRIFTS), 1)
+        sigma = self.scatter
+        for _ in range(2):  # the prior of the scale is worth more, the less readings scatter
+            grid = most * np.linspace(0.0, 1.0, _GRID + 1)
+            squares = np.array([self.fit(x, sigma)[0] for x in grid])
+            near = (
+                grid[max(int(squares.argmin()) - 1, 0)],
+                grid[min(int(squares.argmin()) + 1, _GRID)],
+            )
+            fine = np.linspace(*near, _GRID // 6)
+            grid = np.concatenate([grid, fine])
+            squares = np.append(squares, [self.fit(x, sigma)[0] for x in fine])
+            order = np.argsort(grid)
+            grid, squares = grid[order], squares[order]
+            sigma = max(math.sqrt(squares.min() / free), self.scatter)
+        bound = float(student.ppf(0.975, free)) ** 2 * sigma**2
+        inside = grid[squares <= squares.min() + bound]
+        value = float(grid[squares.argmin()])
+        # Between two points of the grid the profile is taken as linear.
+        low = _crossing(grid, squares, squares.min() + bound, value, -1)
+        high = _crossing(grid, squares, squares.min() + bound, value, 1)
+        unit = "m" if self.slides else "rad"
+        unknown = Unknown(self.joint, "gear_play", unit, math.nan, most, fine=True, most=most)
+        sure = float(inside.min()) > 0.0 and squares[0] > squares.min() + bound
+        note = f"one side repeats to {readable(sigma, unit, 2)}"
+        found = Estimate(
+            unknown, value, max(value - low, high - value), ends=(low, high), found=sure,
+            upper=high, note=note,
+        )  # fmt: skip
+        if high >= most:
+            found = replace(
+                found, reason="no move is longer than what may be lost", advice="move farther"
+            )
+        _, parts = self.fit(value, sigma)
+        return found, notes, self._loop(parts, unit)
+
+    def _without_outliers(self) -> list[str]:
+        most = max(float(np.ptp(motor)) for motor, _ in self.setups)
+        grid = most * np.linspace(0.0, 1.0, _GRID // 4 + 1)
+        best = min(grid, key=lambda x: self.fit(x, self.scatter)[0])
+        _, parts = self.fit(best, self.scatter)
+        notes = []
+        for (_, reading), (link, drift, scale) in zip(self.setups, parts, strict=True):
+            off = reading - drift - scale * link
+            deviation = max(1.4826 * float(np.nanmedian(np.abs(off))), self.scatter)
+            away = np.abs(off) > _OUTLIES * deviation
+            if away.any() and away.sum() <= 0.2 * np.isfinite(reading).sum():
+                reading[away] = np.nan
+                moves = few([str(i + 1) for i in np.flatnonzero(away)])
+                notes.append(
+                    f"note: {self.joint}: readings far off the rest are left out: move {moves}"
+                )
+        return notes
+
+    def _loop(self, parts: list[tuple[np.ndarray, ...]], unit: str) -> Loop:
+        motors, lags, fits, ways = [], [], [], []
+        for (motor, reading), (link, drift, scale) in zip(self.setups, parts, strict=True):
+            motors.append(motor)
+            lags.append((reading - drift) / scale - motor)
+            fits.append(link - motor)
+            ways.append(np.sign(np.diff(motor, prepend=motor[0])))
+        joined = [np.concatenate(one) for one in (motors, lags, fits, ways)]
+        return Loop(
+            self.joint, joined[0], "motor", unit, joined[1], joined[2], unit, joined[3].astype(int)
+        )
+
+
+def _crossing(grid: np.ndarray, squares: np.ndarray, bound: float, best: float, way: int) -> float:
+    """Where the profile last lies below `bound` on one side of the best value."""
+    side = grid <= best if way < 0 else grid >= best
+    xs, ys = grid[side][::way], squares[side][::way]
+    inside = np.flatnonzero(ys <= bound)
+    last = int(inside[-1])
+    if last == len(xs) - 1:
+        return float(xs[-1])
+    part = (bound - ys[last]) / (ys[last + 1] - ys[last])
+    return float(xs[last] + part * (xs[last + 1] - xs[last]))
+
+
+def axis_letters(sliding: Sequence[str]) -> dict[str, str]:
+    """Letters X, Y, Z of axes that slide: those they are called, else the next that are free."""
+    letters = {name: name.upper() for name in sliding if name.upper() in ("X", "Y", "Z")}
+    free = [one for one in "XYZ" if one not in letters.values()]
+    return letters | dict(zip([n for n in sliding if n not in letters], free, strict=False))
+
+
+@dataclass(frozen=True)
+class LostMotionPlan:
+    """Moves forth and back, and a table to fill in."""
+
+    joints: Mapping[str, tuple[bool, float, float]]
+    """Whether each slides, where it begins and its stride [rad or m]."""
+    notes: tuple[str, ...] = ()
+
+    def moves(self, joint: str) -> list[tuple[float, bool]]:
+        """Places of a joint in their order [rad or m], and whether the dial is read."""
+        _, begin, stride = self.joints[joint]
+        places = [begin + k * stride for k in range(1, _PLACES + 1)]
+        rounds = [(begin, False)]
+        for _ in range(_ROUNDS):
+            rounds += [(x, True) for x in places]
+            rounds += [(places[-1] + stride, False), *((x, True) for x in reversed(places))]
+            rounds.append((begin, False))
+        return rounds
+
+    def csv(self) -> str:
+        """A table to fill in."""
+        lines: list[str] = []
+        for joint, (slides, *_) in self.joints.items():
+            way, size = ("mm", 1e3) if slides else ("deg", math.degrees(1.0))
+            lines += [] if lines else [f"joint,motor [{way}],reading [{way}]"]
+            lines += [f"{joint},{size * x:.6g}," for x, _ in self.moves(joint)]
+        return "\n".join(lines) + "\n"
+
+    def gcode(self) -> str:
+        """Moves of axes that slide, X, Y and Z in their order; each stop waits to be read."""
+        sliding = [joint for joint, (slides, *_) in self.joints.items() if slides]
+        lines = ["; lost motion: read the dial at each M0", "G21", "G90"]
+        for joint, letter in axis_letters(sliding).items():
+            for x, read in self.moves(joint):
+                lines.append(f"G1 {letter}{1e3 * x:.4f} F300")
+                lines += [f"M0 ; {joint}"] * read
+        return "\n".join(lines) + "\n"
+
+    def __str__(self) -> str:
+        rows = [
+            f"{number}. {joint}: {_PLACES} places from both sides, {_ROUNDS} times, "
+            f"{readable(stride, 'm' if slides else 'rad', 3)} apart from "
+            f"{readable(begin, 'm' if slides else 'rad', 3)} on"
+            for number, (joint, (slides, begin, stride)) in enumerate(self.joints.items(), 1)
+        ]
+        how = (
+            "Set a dial on what the joint moves, send it to each place, and write down the reading."
+        )
+        return "\n".join([*self.notes, *rows, how])
+
+
+def plan_lost_motion(mechanism: Mechanism, joints: Sequence[str] = ()) -> LostMotionPlan:
+    """Moves that tell the lost motion of joints; none named: of all that move.
+
+    Raises:
+        MissingName: no such joint.
+        JointplayError: joints that turn and joints that slide: a table is of one kind.
+    """
+    ideal = mechanism.ideal()
+    known, entries = moving(ideal), mechanism.description.joints
+    for name in joints:
+        if name not in known:
+            raise MissingName("joint that moves", name, known)
+    names = list(joints) or known
+    if len({entries[name].slides for name in names}) > 1:
+        raise JointplayError("joints that slide need a plan of their own: name them by --gear")
+    moves, notes = {}, []
+    for name in names:
+        slides = entries[name].slides
+        gear = mechanism.gears.get(name)
+        expected = gear.play if gear is not None and gear.play else _EXPECTED[slides]
+        stride, neutral = _STRIDE * expected, entries[name].neutral
+        lower, upper = entries[name].lower, entries[name].upper
+        span = (_PLACES + 1) * stride
+        if lower is not None and upper is not None:
+            if upper - lower < span:
+                stride, span = (upper - lower) / (_PLACES + 1), upper - lower
+                notes.append(f"note: {name} has no room for more: its moves are short")
+            neutral = min(max(neutral, lower), upper - span)
+        moves[name] = slides, neutral, stride
+    return LostMotionPlan(moves, tuple(notes))

@@ -1,0 +1,152 @@
+"""Moves forth and back under a dial: the motion that is lost, and what hides it."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from jointplay import JointplayError, Mechanism, shipped
+from jointplay.bridges import backlash
+from jointplay.cli import main
+from jointplay.estimate.lost_motion import (
+    Stairs,
+    identify_lost_motion,
+    links,
+    plan_lost_motion,
+)
+from jointplay.model.gear import Gear
+
+GANTRY = "jointplay:gantry.urdf"
+
+
+@pytest.fixture(scope="module")
+def gantry():
+    return Mechanism(shipped("gantry.urdf"))
+
+
+def measured(gantry, lost, scale=1.0, drift=0.0, scatter=0.0, joint="x", seed=0):
+    """Readings of the plan's moves by the play operator itself."""
+    moves = plan_lost_motion(gantry, [joint]).moves(joint)
+    motor = np.array([place for place, _ in moves])
+    n = len(motor)
+    reading = 0.3e-3 + scale * links(motor, lost, -1.0) + np.linspace(0.0, drift, n)
+    reading += scatter * np.random.default_rng(seed).normal(size=n)
+    reading[[not read for _, read in moves]] = np.nan
+    return Stairs((joint,) * n, ("",) * n, motor, reading)
+
+
+@settings(max_examples=15, deadline=None)
+@given(lost=st.floats(2e-5, 3e-4), scale=st.floats(0.95, 1.05), drift=st.floats(-5e-5, 5e-5))
+def test_lost_motion_is_told_apart_from_scale_and_drift(gantry, lost, scale, drift):
+    found = identify_lost_motion(gantry, measured(gantry, lost, scale, drift, 1e-6))
+    (one,) = found.estimates
+    assert one.found
+    assert one.low <= lost <= one.high
+    assert one.value == pytest.approx(lost, abs=5e-6)
+
+
+def test_no_lost_motion_has_a_bound_and_no_interval(gantry):
+    (one,) = identify_lost_motion(gantry, measured(gantry, 0.0, scatter=2e-6)).estimates
+    assert not one.found
+    assert one.upper < 1e-5
+
+
+def test_a_slip_of_the_pen_is_left_out_and_said(gantry):
+    stairs = measured(gantry, 1e-4, scatter=1e-6)
+    stairs.reading[4] += 5e-4
+    found = identify_lost_motion(gantry, stairs)
+    assert found.estimates[0].value == pytest.approx(1e-4, abs=5e-6)
+    assert "left out: move 5" in found.notes[0]
+
+
+def test_weight_beyond_friction_hides_play_and_says_on_which_side(gantry):
+    """The lift weighs 29 N, its file's friction is 2 N: without lost motion nothing is told."""
+    stairs = measured(gantry, 0.0, scatter=1e-6, joint="z")
+    found = identify_lost_motion(gantry, stairs, pose={"x": 0.1})
+    assert "gravity loads it by 29.4 N towards minus" in found.estimates[0].reason
+    assert "balance the weight" in found.estimates[0].advice
+    assert not found.plays
+
+
+def test_friction_is_said_to_wind_the_gear_up():
+    gear = Gear(1e-4, 1.0, 1e6, 10.0)
+    robot = Mechanism(shipped("gantry.urdf"), gears={"x": gear})
+    found = identify_lost_motion(robot, measured(robot, 1.08e-4, scatter=1e-6))
+    assert any("of this, 8 µm is the gear of x giving way" in note for note in found.notes)
+
+
+def test_all_from_one_side_is_refused(gantry):
+    motor = np.linspace(0.0, 1e-3, 8)
+    stairs = Stairs(("x",) * 8, ("",) * 8, motor, motor.copy())
+    with pytest.raises(JointplayError, match="each come to from both sides"):
+        identify_lost_motion(gantry, stairs)
+
+
+def test_firmware_gets_what_was_measured(gantry):
+    reversals = backlash.Reversals.of(gantry, {"x": 3.6e-5, "z": 1.2e-4})
+    texts = {
+        name: backlash.tables(reversals, name) for name in backlash.FORMATS if name != "fluidnc"
+    }
+    assert texts["marlin"]["marlin.gcode"].endswith("M425 F1.0 X0.0360 Z0.1200\n")
+    assert texts["linuxcnc"]["linuxcnc.ini"].startswith("[JOINT_0]\nBACKLASH = 0.0360\n[JOINT_2]")
+    assert texts["grblhal"]["grblhal.txt"] == "$160=0.0360\n$162=0.1200\n"
+    assert "gamma_backlash_mm 0.1200" in texts["smoothieware"]["smoothieware.txt"]
+    assert "x_backlash: 0.0360" in texts["klipper"]["klipper.cfg"]
+
+
+def test_from_the_plan_to_firmware_and_preset(tmp_path, capsys):
+    plan, out = tmp_path / "plan", tmp_path / "out"
+    assert main(["identify", GANTRY, "--plan", "lost-motion", "--gear", "x=0.1 mm",
+                 "--out", str(plan)]) == 0  # fmt: skip
+    assert "M0 ; x" in (plan / "lost_motion.gcode").read_text()
+    head, *rows = (plan / "lost_motion.csv").read_text().splitlines()
+    motor = np.array([float(row.split(",")[1]) for row in rows])
+    read = links(motor, 0.08, -1.0)
+    table = tmp_path / "read.csv"
+    table.write_text("\n".join([head, *(f"{r}{x:.3f}" for r, x in zip(rows, read, strict=True))]))
+    preset = tmp_path / "mine.toml"
+    command = ["identify", GANTRY, str(table), "--formats", "marlin,fluidnc", "--json"]
+    assert main([*command, "--write-preset", str(preset), "--out", str(out)]) == 0
+    said, _ = capsys.readouterr()
+    answer = json.loads(said[said.index("{") :])
+    (one,) = answer["unknowns"]
+    assert one["low"] <= 8e-5 <= one["high"]
+    assert any("no file for fluidnc" in note for note in answer["notes"])
+    sent = float((out / "marlin.gcode").read_text().split("X")[-1])
+    assert sent == pytest.approx(0.08, abs=1e-3)
+    assert main(["budget", GANTRY, "--preset", str(preset)]) == 0
+    assert re.search(r"up to 0\.(0399|04) mm off .* all of it by x", capsys.readouterr().out)
+
+
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        ("joint,motor [mm],reading [mm]\ny,0,0\n", "no joint 'y'"),
+        ("joint,motor [mm],reading [mm]\nx,,0\n", "move 1 has no motor position"),
+        ("joint,motor [mm],reading [mm]\nx,0,0\n", "needs 6 readings at two places"),
+        ("joint,motor [mm],dial [mm]\nx,0,0\n", "column 'dial [mm]' is unknown"),
+    ],
+)
+def test_wrong_tables_are_refused_in_a_line(tmp_path, capsys, table, said):
+    path = tmp_path / "a.csv"
+    path.write_text(table)
+    assert main(["identify", GANTRY, str(path)]) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_a_turning_joint_is_read_in_mm_at_an_arm_or_in_degrees(tmp_path, capsys):
+    motor = np.array([0, 1, 2, 3, 4, 3, 2, 1, 0, 1, 2, 3, 4, 3, 2, 1], float)
+    pairs = [*zip(motor, links(motor, 0.5, -1.0), strict=True)]
+    rows = [f"joint_1,{m:g},{1e2 * np.radians(x):.4f},100" for m, x in pairs]
+    path = tmp_path / "arm.csv"
+    path.write_text("\n".join(["joint,motor [deg],reading [mm],gauge arm [mm]", *rows]))
+    assert main(["identify", "ar4", str(path)]) == 0
+    by_arm = capsys.readouterr().out
+    rows = [f"joint_1,{m:g},{x:.4f}" for m, x in pairs]
+    path.write_text("\n".join(["joint,motor [deg],reading [deg]", *rows]))
+    assert main(["identify", "ar4", str(path)]) == 0
+    for said in (by_arm, capsys.readouterr().out):
+        assert "tell the lost motion of 1 of 1 joint: joint_1 8." in said
