@@ -258,7 +258,7 @@ def test_the_reversal_loop_has_all_readings_and_the_play_as_its_step(arm):
     ("change", "said"),
     [
         (("arm [mm]", "arm"), "has no unit"),
-        (("arm [mm]", "arms [mm]"), "'arms [mm]' is unknown; there are: joint, setup"),
+        (("arm [mm]", "arms [mm]"), "'arms [mm]' is unknown"),
         (("\nj,", "\nk,"), "no joint 'k'"),
         (("\nj,8,100,", "\nj,8,,"), "reading 2 has no force and arm, or torque"),
         (("\nj,0,100", "\nj,zero,100"), "line 2: 'force [N]' must be a number, got 'zero'"),

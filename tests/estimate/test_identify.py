@@ -318,7 +318,7 @@ def rows(header, count=30):
 @pytest.mark.parametrize("name", ["[j]", "a(b)", "(j", "j)", "é [x] 1"])
 def test_joints_may_have_brackets_in_their_names(name):
     for unit in ("[rad]", "(rad)", " [rad] "):
-        found = columns.split_title(f"{name} motor {unit}", Path("m.csv"))
+        found = columns.split_title(f"{name} motor {unit}")
         assert found == (f"{name} motor", "rad")
 
 
@@ -536,3 +536,25 @@ def test_a_prior_that_says_nothing_takes_as_much_of_the_data_as_none(spread, fre
         assert fit.freedom == pytest.approx(freedom, abs=1e-3)
         sizes.append(fit.misfit**2)
     assert np.mean(sizes) == pytest.approx(1.0, abs=0.06)
+
+
+def test_all_wrong_columns_are_named_at_once_with_what_to_write(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("timestamp,k.goal,k.pos,nose [m]\n0,0,0,0\n")
+    with pytest.raises(JointplayError) as error:
+        Measurement.from_csv(path, {"k": False})
+    for said in (
+        "write 'time [s]'",
+        "write 'k goal [deg]'",
+        "write 'k [deg]'",
+        "'nose [m]' is unk",
+    ):
+        assert said in str(error.value)
+
+
+def test_a_joint_alone_is_its_motor_and_where_it_was_sent_is_left_out(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("time [s],k goal [deg],k [deg]\n" + "".join(f"{t},9,{t}\n" for t in range(40)))
+    signals = Measurement.from_csv(path, {"k": False}).signals
+    assert list(signals) == [("motor", "k")]
+    assert signals["motor", "k"][3] == pytest.approx(np.radians(3.0))

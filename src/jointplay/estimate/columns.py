@@ -18,6 +18,7 @@ from jointplay.base.units import convert, plain_number
 Key = tuple[str, str]
 """``("tool", "x")``, ``("link", "elbow")``: kind of a signal, then its axis or joint."""
 _BRACKETS = re.compile(r"^(.*?)\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\))\s*$")
+_MOTOR, _GOAL = "motor", "goal"
 _SHOWN = 60
 _LARGEST = 1e12
 """Largest number in a measurement [SI]: times since 1970 have ten digits, all else has fewer."""
@@ -47,6 +48,7 @@ def read(
     rows = files.csv_rows(path, what)
     numbers: dict[Key, np.ndarray] = {}
     texts: dict[str, tuple[str, ...]] = {}
+    _check_titles(path, [cell.strip() for cell in rows[0][1]], meaning, known, words)
     for column, title in enumerate(cell.strip() for cell in rows[0][1]):
         cells = [(line, row[column].strip()) for line, row in rows[1:]]
         if title in words:
@@ -54,10 +56,12 @@ def read(
                 raise JointplayError(f"{path}: {title!r} appears twice")
             texts[title] = tuple(cell for _, cell in cells)
             continue
-        name, unit = split_title(title, path)
-        if (found := meaning(name)) is None:
-            raise JointplayError(f"{path}: column {title!r} is unknown; there are: {known}")
+        name, unit = split_title(title)
+        found = meaning(name)
+        assert found is not None  # by the check of all titles
         key, goal = found
+        if key[0] == _GOAL:
+            continue
         try:
             factor = float(convert(f"1 {unit}", goal))
         except ValueError as error:
@@ -90,8 +94,45 @@ def is_readings(path: str | Path) -> bool:
     return "joint" in [cell.strip() for cell in files.csv_rows(path, "measurement")[0][1]]
 
 
-def split_title(title: str, path: Path) -> tuple[str, str]:
-    """A column's name and unit, of ``tool x [mm]`` or ``tool_x_mm``."""
+def _check_titles(
+    path: Path,
+    titles: list[str],
+    meaning: Callable[[str], tuple[Key, str] | None],
+    known: str,
+    words: Collection[str],
+) -> None:
+    """Refuse columns without a unit or of an unknown name, all in one message."""
+    wrong, unknown = [], False
+    for title in titles:
+        if title in words:
+            continue
+        name, unit = split_title(title)
+        if not unit:
+            said = as_written(name, meaning) or "'time [s]', 'elbow motor [deg]'"
+            wrong.append(f"{title!r} has no unit; write {said}")
+        elif meaning(name) is None:
+            unknown = True
+            said = as_written(name, meaning)
+            wrong.append(f"{title!r} is unknown{f'; did you mean {said}?' if said else ''}")
+    if wrong:
+        there = f"; there are: {known}" if unknown else ""
+        number = "column" if len(wrong) == 1 else "columns"
+        raise JointplayError(f"{path}: {number} {', '.join(wrong)}{there}")
+
+
+def as_written(name: str, meaning: Callable[[str], tuple[Key, str] | None]) -> str:
+    """How a column that others call `name`, as in logs of LeRobot, is called here; or nothing."""
+    if name.lower() in ("timestamp", "stamp", "t", "time"):
+        return "'time [s]'" if meaning("time") else ""
+    joint, _, last = name.rpartition(".")
+    kind = {"pos": "", "position": "", "goal": " goal", "cmd": " goal", "action": " goal"}.get(last)
+    if joint and kind is not None and (found := meaning(f"{joint}{kind}")):
+        return f"'{joint}{kind} [{'deg' if found[1] == 'rad' else 'mm'}]'"
+    return ""
+
+
+def split_title(title: str) -> tuple[str, str]:
+    """A column's name and unit, of ``tool x [mm]`` or ``tool_x_mm``; no unit if it has none."""
     match = _BRACKETS.match(title)
     if match:
         return match[1].strip(), (match[2] or match[3] or "").strip()
@@ -100,11 +141,7 @@ def split_title(title: str, path: Path) -> tuple[str, str]:
         convert(f"1 {unit}", "s", "m", "rad", "N", "N*m")
     except ValueError:
         name = ""
-    if not name:
-        raise JointplayError(
-            f"{path}: column {title!r} has no unit; write 'time [s]', 'elbow motor [deg]'"
-        )
-    return name.strip(), unit
+    return (name.strip(), unit) if name else (title, "")
 
 
 def meaning(
@@ -116,8 +153,15 @@ def meaning(
     """Which signal a column such as ``tool x``, ``elbow motor`` is, and the unit that it must fit.
 
     By the robot's `joints`, and whether each slides; by units of the kinds of signal of a joint
-    that turns and of one that slides, and by those of the axes of others.
+    that turns and of one that slides, and by those of the axes of others. A joint alone, or its
+    ``position``, is where its motor is; its ``goal``, where it was sent, is known and not used.
     """
+    joint = name.removesuffix(" position")
+    if joint in joints:
+        return (_MOTOR, joint), of_joints[_MOTOR][joints[joint]]
+    joint = name.removesuffix(f" {_GOAL}")
+    if joint in joints:
+        return (_GOAL, joint), of_joints[_MOTOR][joints[joint]]
     for mark in (" ", "_", "."):
         first, _, last = name.partition(mark)
         if last in of_axes.get(first, ()):

@@ -196,16 +196,14 @@ class StaticPoses:
         path = Path(path)
 
         def known(name: str) -> tuple[columns.Key, str] | None:
-            if name in joints:
-                return ("motor", name), "m" if joints[name] else "rad"
             body, _, axis = name.removeprefix("marker ").rpartition(" ")
             if name.startswith("marker ") and axis in AXES:
                 return ("marker", f"{body} {axis}"), "m"
             return columns.meaning(name, joints, _JOINT_UNITS, {"tool": _TOOL_UNITS})
 
         words = (
-            "JOINT motor, JOINT link, JOINT load, tool x (y, z, rx, ry, rz), marker NAME x (y, "
-            f"z), point, group; joints: {', '.join(joints)}"
+            "JOINT (or JOINT motor), JOINT link, JOINT load, tool x (y, z, rx, ry, rz), marker "
+            f"NAME x (y, z), point, group; joints: {', '.join(joints)}"
         )
         numbers, texts = columns.read(
             path, "table of poses", known, words, ("point", "group"), gaps=("link",)

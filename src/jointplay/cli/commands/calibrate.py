@@ -97,6 +97,13 @@ def run(options: argparse.Namespace) -> int:
         except ValueError:
             words = f"--folds must be a number, rows, groups or points, got {folds!r}"
             raise JointplayError(words) from None
+    from jointplay.estimate.columns import is_readings
+
+    if options.csv is not None and is_readings(options.csv):
+        raise JointplayError(
+            f"{options.csv} has readings of single joints: jointplay identify {options.place} "
+            f"{options.csv}"
+        )
     scatter = _scatter(options.scatter)
     point = vector(options.point or "0,0,0", "m", "--point")
     out.claim()
