@@ -12,7 +12,9 @@ import os
 import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Mapping
+from copy import deepcopy
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 from xml.parsers import expat
@@ -49,6 +51,8 @@ _ASIDE = 0.1
 """Part of its size by which a centre of mass may lie outside a link's shapes, which lack motors."""
 _BEYOND = 1.5
 """Factor by which an inertia may exceed that of the link's mass at its farthest corner."""
+_SURE = 100.0
+"""Factor by which it then is in another unit, not of parts that are not drawn."""
 _SLIGHT = 0.02
 """Part of that of its shapes below which an inertia is a placeholder, as 1e-6 is."""
 
@@ -67,6 +71,8 @@ class Finding(NamedTuple):
     """The element that says so, to be pasted; empty if there is none."""
     note: bool = False
     """Whether it refuses nothing."""
+    doubt: bool = False
+    """Whether the file may be right after all, so that `element` is not written into it."""
 
     def __str__(self) -> str:
         at = "" if self.line is None else f"line {self.line}, "
@@ -93,7 +99,7 @@ class Diagnosis:
     @property
     def mended(self) -> int:
         """Findings of which the right element is known."""
-        return sum(bool(one.element) for one in self.findings)
+        return sum(bool(one.element) and not one.doubt for one in self.findings)
 
     @property
     def sentence(self) -> str:
@@ -132,6 +138,7 @@ def diagnose(place: str | Path, arguments: Mapping[str, Value] | None = None) ->
     for beyond in root.findall(BEYOND):
         root.remove(beyond)
     patient = _Patient(source.path, text, root)
+    comments = _without_comments(root)
     findings = [one for part in patient.parts() for one in part]
     findings.sort(key=lambda one: (one.note, one.line or 0))
     refused = ""
@@ -141,7 +148,22 @@ def diagnose(place: str | Path, arguments: Mapping[str, Value] | None = None) ->
         refused = str(error)
         if not any(not one.note and not one.element for one in findings):
             findings.insert(0, Finding(None, "the robot", refused, ""))
+    for parent, comment, after in reversed(comments):
+        children = list(parent)
+        parent.insert(children.index(after) if after in children else len(children), comment)
     return Diagnosis(source.path, findings, root, refused)
+
+
+def _without_comments(root: Element) -> list[tuple[Element, Element, Element | None]]:
+    """Take comments out: of each the element it was in, itself, and what came after it."""
+    found = []
+    for parent in list(root.iter()):
+        children: list[Element | None] = [*parent, None]
+        for one, after in pairwise(children):
+            if one is not None and one.tag is ElementTree.Comment:
+                found.append((parent, one, after))
+                parent.remove(one)
+    return found
 
 
 @dataclass
@@ -307,15 +329,17 @@ class _Patient:
                 fault, matters = str(error), True
             mass = self._mass(inertial)
             if not fault and not mass and name in self.moved and not self._carries(name):
-                fault, matters = "has no mass, and a joint moves it", True
+                fault, matters = "has no mass, and a joint moves it", False
             fault = fault.partition("; correct it")[0].removeprefix(f"link {name!r}")
             fault = fault.removeprefix(" has ").removeprefix(": ").strip()
-            if not fault and mass:
-                matters, fault = False, self._doubt(link, mass)
+            doubt = False
+            if not fault and mass > 0.0:
+                matters, (fault, doubt) = False, self._doubt(link, mass)
             if fault:
-                right, text = self._right(link, abs(mass) if mass else None)
+                other = deepcopy(link) if doubt else link
+                right, text = self._right(other, abs(mass) if mass else None)
                 where = f"link {name!r}"
-                yield Finding(self.line(link), where, fault, right, text, not matters)
+                yield Finding(self.line(link), where, fault, right, text, not matters, doubt)
 
     def _carries(self, name: str) -> bool:
         """Whether a link that moves has mass by what is fixed to it."""
@@ -342,22 +366,25 @@ class _Patient:
             return 0.0
         return value if np.isfinite(value) else 0.0
 
-    def _doubt(self, link: Element, mass: float) -> str:
-        """What a possible inertia is not, seen beside the link's shapes; empty if it is."""
+    def _doubt(self, link: Element, mass: float) -> tuple[str, bool]:
+        """What a possible inertia is not, seen beside the link's shapes; empty if it is.
+
+        And whether the shapes may be to blame: they often leave out motors.
+        """
         solid, inertial = self.solid(link), link.find("inertial")
         if solid is None or inertial is None:
-            return ""
+            return "", False
         low, high = solid.bounds
         size, centre = float(np.linalg.norm(high - low)), place_of(inertial).translation
         if size < urdf.SHORTEST_AXIS:
-            return ""
+            return "", False
         if np.any(centre < low - _ASIDE * size) or np.any(centre > high + _ASIDE * size):
             less = centre / 1e3
             inside = np.all(less >= low) and np.all(less <= high)
             own = np.linalg.norm(np.maximum(np.maximum(low - centre, centre - high), 0.0))
             return f"centre of mass {readable(float(own), 'm', 3)} outside its shapes" + (
                 ": written in millimetres?" if inside and np.abs(centre).max() > 1.0 else ""
-            )
+            ), not inside
         tensor = _tensor(inertial)
         principal = np.linalg.eigvalsh(tensor)
         corners = np.abs(np.array([low, high]) - centre).max(axis=0)
@@ -367,16 +394,19 @@ class _Patient:
             unit = _unit(float(np.median(principal / likely)))
             return (
                 f"largest moment {principal[2]:.4g} kg m2; {mass:g} kg within its shapes have "
-                f"{most:.3g} at most{unit}"
+                f"{most:.3g} at most{unit}",
+                principal[2] < _SURE * most,
             )
         if principal[2] < _SLIGHT * likely[2]:
             return (
                 f"largest moment {principal[2]:.4g} kg m2, a placeholder? that of its shapes is "
-                f"{likely[2]:.3g}{_unit(float(np.median(principal / likely)))}"
+                f"{likely[2]:.3g}{_unit(float(np.median(principal / likely)))}",
+                True,
             )
         if mass > _DENSEST * solid.volume:
-            return f"{mass:g} kg in {1e6 * solid.volume:.3g} cm3 are denser than any matter"
-        return ""
+            words = f"{mass:g} kg in {1e6 * solid.volume:.3g} cm3 are denser than any matter"
+            return words, True
+        return "", False
 
     def _right(self, link: Element, mass: float | None) -> tuple[str, str]:
         """The inertia that a link should have, in words and as an element, which it gets."""
@@ -506,12 +536,10 @@ def _evenly(points: np.ndarray, triangles: np.ndarray) -> pin.Inertia:
             mesh = mesh.convex_hull
         if mesh.volume < 0.0:  # mirrored
             mesh.invert()
-        volume, centre, tensor = mesh.volume, mesh.center_mass, mesh.moment_inertia
+        made = pin.Inertia(float(mesh.volume), mesh.center_mass, mesh.moment_inertia)
     except Exception:  # noqa: BLE001 - Qhull and trimesh raise whatever they like of flat ones
         return pin.Inertia.Zero()
-    if not volume > 0.0 or not np.isfinite(tensor).all():
-        return pin.Inertia.Zero()
-    return pin.Inertia(float(volume), np.asarray(centre), np.asarray(tensor))
+    return made if made.mass > 0.0 and np.isfinite(made.inertia).all() else pin.Inertia.Zero()
 
 
 def _place(inertial: Element) -> pin.SE3 | None:
@@ -540,16 +568,18 @@ def _unit(ratio: float) -> str:
 def _put(link: Element, mass: float, place: pin.SE3, tensor: np.ndarray) -> str:
     """Give a link this inertial, in place of its own; its text."""
     old = link.find("inertial")
-    made = ElementTree.Element("inertial")
+    made = ElementTree.SubElement(link, "inertial") if old is None else old
+    if old is None:
+        link.remove(made)
+        link.insert(0, made)
+        made.tail = link.text
+    text, tail = made.text, made.tail
+    made.clear()
+    made.text, made.tail = text, tail
     if not place.isIdentity(0.0):
         made.append(origin_of(place))
     put(made, "mass", value=f"{mass:.9g}")
     put(made, "inertia", **{key: float(f"{x:.6g}") for key, x in moments(tensor).items()})
-    index = 0 if old is None else list(link).index(old)
-    if old is not None:
-        made.tail = old.tail
-        link.remove(old)
-    link.insert(index, made)
     return _shown(made)
 
 
