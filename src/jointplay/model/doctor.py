@@ -51,6 +51,8 @@ _ASIDE = 0.1
 """Part of its size by which a centre of mass may lie outside a link's shapes, which lack motors."""
 _BEYOND = 1.5
 """Factor by which an inertia may exceed that of the link's mass at its farthest corner."""
+_LEAST = 1e-12
+"""Least moment that is written [kg m^2]: MuJoCo refuses 1e-15, which a marker of 1e-9 kg has."""
 _SURE = 100.0
 """Factor by which it then is in another unit, not of parts that are not drawn."""
 _SLIGHT = 0.02
@@ -186,7 +188,7 @@ class _Patient:
         moved = {one.get("link") for j in self.joints if j.get("type") != "fixed"
                  for one in j.findall("child")}  # fmt: skip
         self.moved = moved
-        self.solids: dict[str, _Solid | None] = {}
+        self.solids: dict[Element, _Solid | None] = {}
 
     def parts(self) -> Iterator[Iterator[Finding]]:
         """All there is to find; in this order, as right inertias need right meshes."""
@@ -248,6 +250,10 @@ class _Patient:
                 for key in ("effort", "velocity"):
                     limit.set(key, limit.get(key, "0").lstrip("-"))
                 right, text = "positive, as it is a size", _shown(limit)
+            elif "<mass>, where nobody" in why and self._mass(top.find("inertial")):
+                for one in top.findall("mass"):
+                    top.remove(one)
+                right, text = "leave it out, for it has one", _shown(top.find("inertial/mass"))
             yield Finding(self.line(top), where, why.removeprefix(f"{where} has ")
                           .removeprefix(f"{where}: "), right, text)  # fmt: skip
 
@@ -305,7 +311,7 @@ class _Patient:
                 old = np.array([float(one) for one in mesh.get("scale", "1 1 1").split()])
                 mesh.set("scale", written(factor * np.broadcast_to(old, 3)))
                 shown = _shown(mesh)
-            del self.solids[link.get("name", "")]
+            del self.solids[link]
             unit = "millimetres" if factor < 1.0 else "metres, scaled to millimetres"
             words = (
                 f"meshes of {readable(size, 'm', 3)} on a robot of {readable(self.reach, 'm', 3)}"
@@ -441,6 +447,8 @@ class _Patient:
         return words, _put(link, mass, place, tensor)
 
     def lost(self) -> Iterator[Finding]:
+        for link in self.links:
+            self.solid(link)
         for name in dict.fromkeys(self.missing):
             fault = f"mesh {name!r} is not found or not readable"
             found = re.search(re.escape(name), self.original)
@@ -451,11 +459,10 @@ class _Patient:
 
     def solid(self, link: Element) -> _Solid | None:
         """What a link's visuals make up, or else its collision shapes; None if there are none."""
-        name = link.get("name", "")
-        if name not in self.solids:
-            self.solids[name] = next(filter(None, (self._of(link, kind) for kind in
-                                                   ("visual", "collision"))), None)  # fmt: skip
-        return self.solids[name]
+        if link not in self.solids:
+            kinds = (self._of(link, kind) for kind in ("visual", "collision"))
+            self.solids[link] = next(filter(None, kinds), None)
+        return self.solids[link]
 
     def _of(self, link: Element, kind: str) -> _Solid | None:
         bodies, corners, files = [], [], []
@@ -578,6 +585,8 @@ def _put(link: Element, mass: float, place: pin.SE3, tensor: np.ndarray) -> str:
     made.text, made.tail = text, tail
     if not place.isIdentity(0.0):
         made.append(origin_of(place))
+    low = float(np.linalg.eigvalsh(tensor)[0])
+    tensor = tensor * max(1.0, _LEAST / low)
     put(made, "mass", value=f"{mass:.9g}")
     put(made, "inertia", **{key: float(f"{x:.6g}") for key, x in moments(tensor).items()})
     return _shown(made)
