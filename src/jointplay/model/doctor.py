@@ -253,7 +253,8 @@ class _Patient:
             elif "<mass>, where nobody" in why and self._mass(top.find("inertial")):
                 for one in top.findall("mass"):
                     top.remove(one)
-                right, text = "leave it out, for it has one", _shown(top.find("inertial/mass"))
+                own = top.findall("inertial/mass")
+                right, text = "leave it out, for it has one", _shown(own[0])
             yield Finding(self.line(top), where, why.removeprefix(f"{where} has ")
                           .removeprefix(f"{where}: "), right, text)  # fmt: skip
 
