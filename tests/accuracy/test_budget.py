@@ -21,12 +21,21 @@ from jointplay import (
     shipped,
 )
 from jointplay.accuracy import poses, rest
+from jointplay.accuracy.compensation import compensate
 from jointplay.accuracy.error_budget import budget
 from jointplay.cli import main
 from jointplay.model.robots import robot_urdf
 from jointplay.physics.contact import Coulomb
-from jointplay.simulation.loads import ComputedTorque, Prescribed, Spring, TorsionSpring, Wrench
+from jointplay.simulation.loads import (
+    ComputedTorque,
+    Prescribed,
+    Servo,
+    Spring,
+    TorsionSpring,
+    Wrench,
+)
 from jointplay.simulation.run import Run
+from jointplay.study.corners import judge, trust_of
 
 REACH = 0.5
 """Distance of the tool from the joint [m]."""
@@ -89,9 +98,39 @@ def test_cures_of_play_are_told_beside_each_other(urdf, axis, axial, left):
     own = bearing(friction=Coulomb(0.0), axial_clearance=axial)
     found = budget(Mechanism(path, {"j": own}), {})
     rest = np.linalg.norm(found.rest_positions.at(0).whole[:3])
-    assert found.compensated(0) == pytest.approx((left + 0.3) * rest, abs=0.08 * rest)
-    assert found.tighter(0) == pytest.approx(found.worst[0] / 2.0, rel=1e-3)
-    assert any("jointplay compensate" in line for line in found.table().notes)
+    assert found.compensated(0, 0.3) == pytest.approx((left + 0.3) * rest, abs=0.08 * rest)
+    tighter = next(one for one in found.cures if one.words.startswith("half the play of j "))
+    assert tighter.after == pytest.approx(found.worst[0] / 2.0, rel=1e-3)
+    assert any("jointplay compensate" in one.words for one in found.cures) == (left == 0.0)
+
+
+def test_compensated_motion_takes_back_a_servos_sag_and_a_stiffer_gain_half_of_it(arm):
+    """15 N m on a P servo of 200 N m/rad: judged by what `compensate` leaves in its own runs."""
+    servo = Servo(voltage=480.0, torque_constant=1.0, resistance=1.0, p_gain=200.0, encoder="motor")
+    robot = Mechanism(arm, gears={"j": Gear(2e-3, 0.1, 1e4, 5.0)}, gravity=(0.0, -9.81, 0.0))
+    found = budget(robot, {}, drive=servo)
+    words = {one.words.split(",")[0].split(" (")[0]: one for one in found.cures}
+    sag = 3.0 * 9.81 * REACH / 200.0
+    half = words["twice the P gain"]
+    assert half.before - half.after == pytest.approx(0.5 * sag * REACH, rel=0.05)
+    assert words["compensated"].after < 0.05 * words["compensated"].before
+    motion = Motion(["j"], [0.0, 0.5, 1.5], [[0.0], [0.02], [0.0]])
+    judged = judge(compensate(Simulation(robot, motion, servo)), trust_of("exact", None))
+    assert judged.nominal.before.rms == pytest.approx(found.rest_error[0], rel=0.1)
+    assert judged.nominal.after.rms < 0.05 * judged.nominal.before.rms
+
+
+def test_a_spring_holds_the_teeth_where_the_weight_changes_sides(arm):
+    """3 kg at half a metre, upright and tipped to either side by 0.1 and 0.2 rad."""
+    robot = Mechanism(arm, gears={"j": Gear(2e-3, 0.1, 1e4)}, gravity=(-9.81, 0.0, 0.0))
+    q = np.concatenate([poses.at_pose(robot, {"j": x}) for x in (-0.1, 0.2)])
+    found = budget(robot, q, drive=ComputedTorque(encoder="motor"))
+    spring = next(one for one in found.cures if one.words.startswith("a spring"))
+    needed = 3.0 * 9.81 * REACH * np.sin(0.1)
+    assert f"of {needed:.3g} N m in j, which" in spring.words
+    assert spring.after == pytest.approx(0.0, abs=1e-9)
+    one_side = budget(robot, q[1:], drive=ComputedTorque(encoder="motor"))
+    assert not any(one.words.startswith("a spring") for one in one_side.cures)
 
 
 def test_a_planar_journal_displaces_the_tool_by_its_clearance(arm):
@@ -578,8 +617,8 @@ def test_a_corrected_motion_leaves_a_part_of_the_play_not_of_the_wind_up(arm):
     mechanism = Mechanism(arm, gears={"j": Gear(play, 0.1, stiffness)}, gravity=(0.0, -9.81, 0.0))
     found = budget(mechanism, {}, drive=ComputedTorque(encoder="motor"))
     assert found.rest_error[0] == pytest.approx((play / 2.0 + 5e-3) * REACH, rel=0.05)
-    assert found.compensated(0) == pytest.approx(0.3 * play / 2.0 * REACH, abs=1e-5)
-    assert any("instead of 2.7" in line for line in found.table().notes)
+    assert found.compensated(0, 0.3) == pytest.approx(0.3 * play / 2.0 * REACH, abs=1e-5)
+    assert any("instead of 2.7" in str(one) for one in found.cures)
 
 
 def test_the_worst_turn_in_the_answer_is_that_of_all_poses():

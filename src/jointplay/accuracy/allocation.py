@@ -25,7 +25,8 @@ from jointplay.accuracy.causes import (
     told_apart,
 )
 from jointplay.accuracy.cheapest import COSTS, Error, Key, Problem, Sizes
-from jointplay.accuracy.error_budget import KNOWN, NOWHERE, budget, holding_drives
+from jointplay.accuracy.cures import KNOWN
+from jointplay.accuracy.error_budget import NOWHERE, budget, holding_drives
 from jointplay.accuracy.error_model import Contribution, ErrorModel, play_model
 from jointplay.accuracy.jacobians import GEAR, configurations, with_force
 from jointplay.accuracy.robot_errors import RobotErrors

@@ -15,6 +15,7 @@ from typing import overload
 import numpy as np
 
 from jointplay.accuracy.causes import GIVEN, RULED, Cause, cause_model, named, told_apart
+from jointplay.accuracy.cures import Cure, cures
 from jointplay.accuracy.error_model import ErrorModel, Farthest, covering, half_sphere, play_model
 from jointplay.accuracy.jacobians import (
     carrying,
@@ -50,8 +51,6 @@ _MENTIONED = 0.01
 """Part of the error at rest that a cause has to be named for it."""
 NOWHERE = 1e-9
 """Way of the tool's origin by its turn that is none [m]."""
-KNOWN = 0.3
-"""Part by which play is taken to be off where a motion is corrected for it."""
 _DECIDES = 0.5
 """Part of the error at rest by which friction decides it, if it can shift the tool so far."""
 _TRUE = 0.25
@@ -280,13 +279,13 @@ class PlayBudget(Budget):
         names = sorted(self.rest_positions.regulated)
         return f"; encoders behind their gears hold {few(names)} there" if names else ""
 
-    def compensated(self, pose: int, trust: float = KNOWN, friction: float = 0.0) -> float:
+    def compensated(self, pose: int, trust: float, friction: float = 0.0) -> float:
         """Largest error at rest of a motion that takes the play out (`compensate`) [m].
 
         What friction, larger by a part `friction` than it is known, may shift the tool from its
         place of rest, the part `trust` of the play on the way there that is not known, what the
-        joints cannot take back of what journals do, as where an arm is stretched, and the sag of
-        drives. Deflection, which may be larger than the play, is taken for known. NaN where no
+        joints cannot take back of what journals do, as where an arm is stretched. Deflection and
+        the sag of drives, which may be larger than the play, are taken for known. NaN where no
         place of rest is found, and of loops.
         """
         if self.mechanism.loops:
@@ -300,17 +299,16 @@ class PlayBudget(Budget):
         at = {name: float(q[robot.coordinate(name)]) for name in robot.joints}
         _, left = taken_up(self._ideal, at, rest.parts[own].sum(axis=0))
         unknown = trust * np.linalg.norm(self._free(pose))
-        return float(shift + unknown + np.linalg.norm(left[:3]) + np.linalg.norm(rest.sag[:3]))
+        return float(shift + unknown + np.linalg.norm(left[:3]))
 
     @cached_property
     def _ideal(self) -> Mechanism:
         return self.mechanism.ideal()
 
-    def tighter(self, pose: int, part: float = 0.5) -> float:
-        """Largest error at a pose if clearances were smaller by a factor, gears as they are [m]."""
-        own = [1.0 if one.gear else part for one in self.model.contributions]
-        model = self.model.subset(poses=[pose])
-        return float(model.scaled(np.array(own)).farthest().size[0])
+    @cached_property
+    def cures(self) -> list[Cure]:
+        """What would make it more accurate at the worst pose, at most three, the best first."""
+        return cures(self)
 
     @property
     def ranking(self) -> str:
@@ -401,26 +399,7 @@ class PlayBudget(Budget):
                 size = float(np.linalg.norm(load[3:] if turns else load[:3]))
                 words.append(f"{one.name} {size:.4g} {'N m' if turns else 'N'}")
             lines.append(f"the joints bear there: {', '.join(words)}")
-        return [*lines, *self._held(at), *self._cures(at)]
-
-    def _cures(self, at: int) -> list[str]:
-        """What a corrected motion, and tighter clearances, would leave, and of what."""
-        left, most = self.compensated(at), float(self.rest_positions.interval(at)[3, 1])
-        if not np.isfinite(left):
-            return []
-        words = "compensated (jointplay compensate), it would be no nearer at rest"
-        if left < most:
-            leaves = f"{readable(left, 'm', 3)} instead of {readable(most, 'm', 3)} at rest"
-            words = (
-                f"compensated (jointplay compensate), its play known to {100 * KNOWN:g} %, {leaves}"
-            )
-        if any(not one.gear for one in self.model.contributions):
-            tighter, worst = self.tighter(at), float(self.worst[at])
-            words += (
-                f"; half the clearances {readable(tighter, 'm', 3)} instead of "
-                f"{readable(worst, 'm', 3)} at worst of play"
-            )
-        return [f"cures: {words}"]
+        return [*lines, *self._held(at)]
 
     def _held(self, at: int) -> list[str]:
         place, ends = self.rest_positions.at(at).whole[:3], self.rest_positions.interval(at)

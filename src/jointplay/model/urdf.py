@@ -454,6 +454,26 @@ def _parsed(text: str, path: Path, allow_unphysical: tuple[str, ...]) -> Descrip
     return Description(path, text, joints, tuple(links), root)
 
 
+def slips(root: ElementTree.Element) -> Iterator[tuple[ElementTree.Element, str]]:
+    """Links, joints and materials that `parse` refuses by themselves, and the first reason why."""
+    for top in root:
+        if top.tag not in _READ:
+            continue
+        alone, name = ElementTree.Element("robot"), top.get("name", "")
+        alone.append(top)
+        try:
+            _check_names(top.tag, [name])
+            check_words(alone)
+            _check_numbers(alone)
+            if top.tag == "joint":
+                _limits(top, name)
+                for key in ("friction", "damping"):
+                    _resistance(top.find("dynamics"), key, name)
+                mimics(alone)
+        except JointplayError as error:
+            yield top, str(error)
+
+
 def _limits(joint: ElementTree.Element, name: str) -> dict[str, float | None]:
     """Lower, upper, speed and effort; programs that write URDFs put 0 or -1 where they know none.
 

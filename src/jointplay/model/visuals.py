@@ -135,7 +135,7 @@ def look(
     if not any(link.visuals for link in robot.links):
         bare = [link.name for link in robot.links]
     for name, place, form in _stand_ins(mechanism, places, bare, THICKNESS * made.reach):
-        part, tone = _surface(form), tones[name]
+        part, tone = surface_of(form), tones[name]
         made.shapes.append(
             LinkShape(name, place, np.ones(3), form, "", (part,), (tone,), stands_in=True)
         )
@@ -216,11 +216,20 @@ def mesh_folders(mechanism: Mechanism, given: Sequence[str | Path] = ()) -> list
         if not is_folder(folder):
             raise JointplayError(f"no folder of meshes {str(folder)!r}")
     if not mechanism.description.stored:
-        # package://name/meshes beside name/urdf
-        path = mechanism.description.path.resolve()
-        named = dict.fromkeys(_PACKAGE.findall(mechanism.description.text))
-        beside = (packages.find(name, path) for name in named)
-        folders += [Path.cwd(), *list(path.parents)[:4], *filter(None, beside)]
+        folders += folders_of(mechanism.description.path, mechanism.description.text)
+    return [*folders, *collected_folders()]
+
+
+def folders_of(path: Path, text: str) -> list[Path]:
+    """Folders of a robot's file and of the packages that its text names."""
+    path = path.resolve()
+    # package://name/meshes beside name/urdf
+    beside = (packages.find(name, path) for name in dict.fromkeys(_PACKAGE.findall(text)))
+    return [Path.cwd(), *list(path.parents)[:4], *filter(None, beside)]
+
+
+def collected_folders() -> list[Path]:
+    """Folders of example-robot-data."""
     try:
         files = distribution("example-robot-data").files or []
     except PackageNotFoundError:
@@ -229,9 +238,8 @@ def mesh_folders(mechanism: Mechanism, given: Sequence[str | Path] = ()) -> list
         parts = file.parts
         if "robots" in parts:
             robots = Path(str(file.locate())).parents[len(parts) - parts.index("robots") - 2]
-            folders += [robots, robots.parent, robots.parent.parent]
-            break
-    return folders
+            return [robots, robots.parent, robots.parent.parent]
+    return []
 
 
 def find_mesh(name: str, folders: Sequence[Path], anywhere: bool = True) -> Path | None:
@@ -293,11 +301,11 @@ def _surfaces(geometry: Any, where: Sequence[Path], anywhere: bool) -> tuple[For
         form = "cylinder", (float(geometry.cylinder.radius), float(geometry.cylinder.length))
     else:
         form = "capsule", (float(geometry.sphere.radius), 0.0)
-    return form, "", (_surface(form),)
+    return form, "", (surface_of(form),)
 
 
 @lru_cache(maxsize=256)
-def _surface(form: Form) -> Surface:
+def surface_of(form: Form) -> Surface:
     """Surface of a box, a cylinder or a capsule about its middle; without length it is a ball."""
     import trimesh
 

@@ -97,6 +97,7 @@ def run(options: argparse.Namespace) -> int:
     table = errors.table()
     shown += [str(replace(table, notes=())), errors.ranking]
     shown += _at_ends(options, mechanism, poses.q, about)
+    shown += [f"cure: {one}" for one in errors.cures]
     notes = [*at, *table.notes, errors.validity]
     sentence = f"{errors.sentence}{posed.undecided(any(about['force']))}"
 

@@ -2,8 +2,12 @@
 
 Check a scenario without running it: its keys, values and units, the robot, and whether every case
 can start. Prints how the file was understood, and draws the mechanism at the start of the first
-case with clearance. Of a robot alone (URDF, xacro, MJCF) it says what it is made of and what stands
-in the way. All input options of jointplay run are accepted too.
+case with clearance. Of a robot alone (URDF, xacro, MJCF) it says what it is made of, and all that
+is impossible or doubtful in it, each with link, line and what would be right, as an element to
+paste: an inertia is that of the link's mesh at its mass. All input options of jointplay run are
+accepted too.
+
+Example: jointplay check my.urdf --write fixed.urdf
 """
 
 from __future__ import annotations
@@ -24,6 +28,7 @@ from jointplay.model.robots import PREFIXES
 if TYPE_CHECKING:
     import numpy as np
 
+    from jointplay.model.doctor import Diagnosis
     from jointplay.model.mechanism import Mechanism
 
 MARK = "jointplay check"
@@ -41,6 +46,8 @@ def declare(parser: Parser) -> None:
         "explanations and checks")
     add("--picture", metavar="PNG", help="picture of the mechanism (default: beside FILE, as .png)")
     add("--no-picture", **FLAG, help="do not draw a picture")
+    add("--write", metavar="URDF", help="of a robot alone, write it with what would be right; of "
+        "xacro and MJCF as a URDF; nothing is overwritten")
     parser.share("--json")
 # fmt: on
 
@@ -57,6 +64,20 @@ def run(options: argparse.Namespace) -> int:
     if options.picture and options.no_picture:
         raise JointplayError("give one of --picture and --no-picture")
     bare = _bare(options)
+    found = _examined(options) if bare else None
+    if options.write and found is None:
+        raise JointplayError("--write mends a robot's file: give one, without joints or a motion")
+    if found is not None:
+        print(found.sentence, *found.findings, sep="\n")
+        if options.write:
+            path = Path(options.write)
+            files.write(path, found.text(path))
+            left = f", refused still: {found.refused}" if found.refused else ""
+            print(f"written to {path}{left}")
+        if found.impossible:
+            if options.json:
+                print_json(options, {"answer": found.sentence, "findings": _rows(found)})
+            return 1
     scenario = scenario_of(options, moves=not bare)
     place = None if options.no_picture else _place(options, scenario)
     if bare and not _plays(mechanism := scenario.mechanism()):
@@ -65,7 +86,9 @@ def run(options: argparse.Namespace) -> int:
 
         text = detail(survey(options.place, xacro_arguments(options.xacro)))
         if options.json:
-            print_json(options, {"answer": text.splitlines(), **described(mechanism.description)})
+            parts = described(mechanism.description)
+            findings = [] if found is None else _rows(found)
+            print_json(options, {"answer": text.splitlines(), "findings": findings, **parts})
         print(text)
         print(*scenario.assumptions, sep="\n", end="\n" * bool(scenario.assumptions))
         if place is not None:
@@ -107,6 +130,17 @@ def run(options: argparse.Namespace) -> int:
         lines.append(_drawn(*place, scenario.title, shown.mechanism, shown.workspace.q))
     print("\n".join(lines))
     return 0
+
+
+def _examined(options: argparse.Namespace) -> Diagnosis:
+    """What is impossible in a robot's file."""
+    from jointplay.model.doctor import diagnose
+
+    return diagnose(options.place, xacro_arguments(options.xacro))
+
+
+def _rows(found: Diagnosis) -> list[dict[str, Any]]:
+    return [one._asdict() for one in found.findings]
 
 
 def _place(options: argparse.Namespace, scenario: Any) -> tuple[Path, bool]:

@@ -95,7 +95,18 @@ def run(options: argparse.Namespace) -> int:
         robot = [] if options.place is None else [str(options.place)]
         line = shlex.join(["jointplay", "run", *robot, *(word for pair in asked for word in pair)])
         print(f"next, with the joints and drives as here: {line} --out DIR")
+        if "motion.yaml" in extra:
+            print(f"next, in ROS 2: {_published(Path(options.out) / 'motion.yaml')}")
+        else:
+            print("next, for ROS 2: --formats yaml writes a JointTrajectory, mcap a bag")
     return 0
+
+
+def _published(file: Path) -> str:
+    """The command by which a controller is given a trajectory."""
+    topic = "/joint_trajectory_controller/joint_trajectory"
+    what = f'"$(cat {shlex.quote(str(file))})"'
+    return f"ros2 topic pub --once {topic} trajectory_msgs/msg/JointTrajectory {what}"
 
 
 def _further(found: Compensation, wanted: Sequence[str]) -> dict[str, Any]:

@@ -1,0 +1,106 @@
+"""Which cure of play is worth it: what each would leave, at most three, the best first.
+
+Each is computed by what would carry it out: tighter joints by the sum of their sets, a corrected
+motion by what `compensate` takes back at rest, springs by statics, gains by the drives' sag.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from jointplay.base.units import readable
+from jointplay.simulation.loads.drive import Servo
+
+if TYPE_CHECKING:
+    from jointplay.accuracy.error_budget import PlayBudget
+
+KNOWN = 0.3
+"""Part by which play is taken to be off where a motion is corrected for it."""
+_MOST = 3
+"""So many are told."""
+_WORTH = 0.05
+"""Part of the error that a cure must take to be told."""
+
+
+class Cure(NamedTuple):
+    """A cure, and the error without and with it [m]."""
+
+    words: str
+    before: float
+    after: float
+    of: str
+    """Which error: at rest, or the worst case of play."""
+
+    def __str__(self) -> str:
+        now, then = readable(self.after, "m", 3), readable(self.before, "m", 3)
+        return f"{self.words}: {now} instead of {then} {self.of}"
+
+
+def cures(found: PlayBudget) -> list[Cure]:
+    """What would make a machine more accurate at the worst pose, the best first."""
+    at = found.worst_pose
+    every = [*_tighter(found, at), *_sprung(found, at), *_at_rest(found, at)]
+    worth = [one for one in every if one.after < (1.0 - _WORTH) * one.before]
+    return sorted(worth, key=lambda one: one.after / one.before)[:_MOST]
+
+
+def _tighter(found: PlayBudget, at: int) -> Iterator[Cure]:
+    """Half the play of the joint that adds most."""
+    worst = float(found.worst[at])
+    if worst > 0.0:
+        most = int(found.shares.argmax())
+        words = f"half the play of {found.joints[most]} (jointplay allocate)"
+        yield Cure(words, worst, _worst(found, at, most, 0.5), "at worst of play")
+
+
+def _worst(found: PlayBudget, at: int, source: int, part: float) -> float:
+    """The worst case of play with one source of it smaller by a factor [m]."""
+    factors = np.ones(len(found.joints))
+    factors[source] = part
+    model = found.model.subset(poses=[at])
+    return float(model.scaled(factors).farthest().size[0])
+
+
+def _sprung(found: PlayBudget, at: int) -> Iterator[Cure]:
+    """Springs that keep the teeth of a gear on one side at all poses that are looked at.
+
+    The gear's play then is one offset, which a datum takes out.
+    """
+    rest, entries = found.rest_positions, found.mechanism.description.joints
+    for k, one in enumerate(found.model.contributions):
+        if not one.gear or one.joint in rest.regulated:
+            continue
+        torque = found.model.load[k, :, entries[one.joint].way]
+        ends = float(max(torque.max(), 0.0)), float(max(-torque.min(), 0.0))
+        if not min(ends) > 0.0:
+            continue
+        friction = rest.joint_friction.get(one.joint)
+        more = 0.0 if friction is None else friction.coulomb
+        unit = "N" if entries[one.joint].slides else "N m"
+        words = (
+            f"a spring or counterweight of {min(ends) + more:.3g} {unit} in {one.joint}, which "
+            f"keeps its teeth on one side at all {len(torque)} poses"
+        )
+        yield Cure(words, float(found.worst[at]), _worst(found, at, k, 0.0), "at worst of play")
+
+
+def _at_rest(found: PlayBudget, at: int) -> Iterator[Cure]:
+    """A corrected motion, with stops approached from one side and without; stiffer servos."""
+    rest, largest = found.rest_positions, float(found.rest_positions.interval(at)[3, 1])
+    left = found.compensated(at, KNOWN)
+    if not np.isfinite(left):
+        return
+    words = f"compensated (jointplay compensate), its play known to {100 * KNOWN:g} %"
+    sided = found.compensated(at, KNOWN, friction=-1.0)
+    if any(one.gear for one in found.model.contributions) and sided < (1.0 - _WORTH) * left:
+        words += f", with --approach {readable(sided, 'm', 3)}, without"
+    yield Cure(words, largest, left, "at rest")
+    place = rest.at(at)
+    size, sag = float(np.linalg.norm(place.whole[:3])), place.sag[:3]
+    if any(isinstance(one, Servo) for one in rest.drives.values()) and sag.any():
+        half = float(np.linalg.norm(place.whole[:3] - 0.5 * sag))
+        words = "twice the P gain, if it is calm (jointplay study hunting tells)"
+        yield Cure(words, size, half, "at rest")
