@@ -11,14 +11,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from jointplay.accuracy.compensation import compensate
 from jointplay.base.errors import JointplayError
 from jointplay.base.tables import few
-from jointplay.simulation.analysis.tool_error import stops
+from jointplay.model.mechanism import loaded
+from jointplay.simulation.analysis.tool_error import Stop, stops
 from jointplay.simulation.checks import joint_friction
 from jointplay.simulation.loads import JointFriction, Servo
 from jointplay.simulation.loads.drive import assign
@@ -40,6 +43,13 @@ LEAST = 2e-3
 APPROACH_S, DWELL_S = 0.25, 0.5
 """Time of the last way to a stop, and of the stop, as in `cube_motion` [s]."""
 
+REST_S = 1.0
+"""Rest before a path, in which teeth fall to their sides and come to rest (judged: those of an AR4
+have in 0.6 s) [s]."""
+
+NO_WEIGHT = 1e-3
+"""Torque of weight, relative to the largest of all joints, that presses nothing (judged)."""
+
 ANY, ONE, CORRECTED = "from any side", "from one side", "compensated"
 WAYS = (ANY, ONE, CORRECTED)
 
@@ -52,11 +62,14 @@ class Approaches:
     """The cycle that is asked about."""
 
     @property
+    def _stops(self) -> list[Stop]:
+        """Rests, that at its start first."""
+        return [one for one in stops(self._motion, self._motion.duration) if one.at_rest]
+
+    @property
     def places(self) -> np.ndarray:
-        """Where its joints stop, after its start, (stops, joints) [rad or m]."""
-        motion = self._motion
-        found = [one for one in stops(motion, motion.duration) if one.at_rest and one.end > 0.0]
-        return motion(np.array([one.end for one in found]))[0]
+        """Where its joints stop, after its start (stops, joints) [rad or m]."""
+        return self._motion(np.array([one.end for one in self._stops[1:]]))[0]
 
     @property
     def _motion(self) -> Motion:
@@ -66,9 +79,7 @@ class Approaches:
     @property
     def _times(self) -> np.ndarray:
         """When the last way to each stop begins, ends, and the stop (stops, 3) [s]."""
-        motion = self._motion
-        found = [one for one in stops(motion, motion.duration) if one.at_rest]
-        ways = [b.start - a.end for a, b in zip(found, found[1:], strict=False)]
+        ways = [after.start - before.end for before, after in pairwise(self._stops)]
         ends = np.cumsum([way + APPROACH_S + DWELL_S for way in ways])
         return ends[:, None] - np.array([APPROACH_S + DWELL_S, DWELL_S, 0.0])
 
@@ -108,6 +119,17 @@ class Approaches:
             times += at.tolist()
             rows += [beside, place, place]
         return Motion(motion.joints, times, np.array(rows), "rest-to-rest")
+
+    def rested(self) -> Simulation:
+        """The cycle itself, after a rest if it moves from rest to rest."""
+        motion, lasts = self._motion, self.simulation.duration
+        if motion.interpolation != "rest-to-rest":
+            return self.simulation
+        times = np.concatenate([[0.0], np.add(motion.times, REST_S)])
+        rows = np.concatenate([motion.positions[:1], motion.positions])
+        later = Motion(motion.joints, times, rows, motion.interpolation)
+        lasts = None if lasts is None else lasts + REST_S
+        return replace(self.simulation, motion=later, duration=lasts, judge_from=REST_S)
 
     def reference(self) -> Simulation:
         """A cycle by which others are judged, its machine to be made ideal."""
@@ -149,6 +171,25 @@ class Approaches:
         return self._with(moved, drive=drives, joint_friction=losses, seed=seed)
 
     @property
+    def _pressed(self) -> list[str]:
+        """Joints whose teeth weight presses to the same side at all stops, against friction."""
+        robot, joints = self.simulation.mechanism, self._motion.joints
+        bodies = loaded(robot.model, self.simulation.payloads, 0.0)
+        data, at = bodies.createData(), [robot.coordinate(name) for name in joints]
+        q = [
+            robot.configuration(dict(zip(joints, one.tolist(), strict=True))) for one in self.places
+        ]
+        weights = np.array([pin.computeGeneralizedGravity(bodies, data, one)[at] for one in q])
+        losses, found = joint_friction(self.simulation), []
+        for name, weight in zip(joints, weights.T, strict=True):
+            loss, gear = losses.get(name, JointFriction()), robot.gears.get(name)
+            holds = max(loss.coulomb + loss.excess, NO_WEIGHT * float(np.abs(weights).max()))
+            same = (weight > holds).all() or (weight < -holds).all()
+            if same and gear is not None and gear.play:
+                found.append(name)
+        return found
+
+    @property
     def causes(self) -> list[str]:
         """What differs from cycle to cycle, and what is not known of the machine, in words."""
         drives, losses = self._drives, joint_friction(self.simulation)
@@ -168,6 +209,17 @@ class Approaches:
             f"{few(loose)} lie at the start"
             + (f"; {', '.join(there)} (friction +-{100 * FRICTION:g} %, judged)" if there else "")
         ]
+        pressed = self._pressed
+        if pressed:
+            lines.append(
+                f"weight presses the teeth of {few(pressed)} to one side at every stop, whichever "
+                "way they arrive"
+            )
+        if floating := [n for n in loose if n not in {*pressed, *known["dry friction"]}]:
+            lines.append(
+                f"neither weight nor friction that is known holds the teeth of {few(floating)} at "
+                "stops: give --joint-friction"
+            )
         if missing:
             lines.append(
                 f"not known, so left out: {', '.join(missing)}; --joint-friction, --preset or "
@@ -187,20 +239,26 @@ def applies(simulation: Simulation) -> bool:
         return False
     if any(one.pick or one.release for one in simulation.payloads):
         return False
-    return len(Approaches(simulation).places) > 0
+    return len(Approaches(simulation)._stops) > 1
 
 
 def planned(
     simulation: Simulation, cycles: int
-) -> tuple[Approaches, dict[str, list[Simulation]], str]:
-    """Cycles by the way in which they reach places; why there are no corrected ones."""
-    arm, first = Approaches(simulation), simulation.seed or 1
-    seeds = range(first, first + cycles)
+) -> tuple[Approaches, dict[str, list[Simulation]], list[str]]:
+    """Cycles by the way in which they reach places, and what is to be said of them."""
+    arm, first = Approaches(simulation), 1 if simulation.seed is None else simulation.seed
+    seeds, said = range(first, first + cycles), arm.causes
     plans = {way: [arm.cycle(seed, way) for seed in seeds] for way in (ANY, ONE)}
-    if simulation.mechanism.clearance:
-        return arm, plans, "journals: see jointplay compensate"
     try:
+        if simulation.mechanism.clearance:
+            raise JointplayError("of journals see jointplay compensate")
         plans[CORRECTED] = [arm.cycle(seed, CORRECTED) for seed in seeds]
+        left = compensate(arm.reference()).undecided_stops
     except JointplayError as error:
-        return arm, plans, str(error)
-    return arm, plans, ""
+        return arm, plans, [*said, f"not {CORRECTED}: {error}"]
+    if loose := list(dict.fromkeys(name for _, names in left for name in names)):
+        said.append(
+            f"no torque decides at stops on which side the teeth of {few(loose)} lie: compensated "
+            "motion takes their last one, and may repeat worse"
+        )
+    return arm, plans, said

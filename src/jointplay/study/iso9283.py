@@ -38,7 +38,7 @@ from jointplay.simulation.motion.cartesian import cartesian_path
 from jointplay.simulation.motion.reference import GOES_ON, Motion
 from jointplay.simulation.run import Run
 from jointplay.simulation.simulation import Simulation
-from jointplay.study.approaches import ANY, CORRECTED, applies, planned
+from jointplay.study.approaches import ANY, applies, planned
 from jointplay.study.courses import MOST_RUNS, Trace, at_speed, errors, seeded, traces
 
 TITLES = {
@@ -274,13 +274,12 @@ class Iso9283:
     def _repeats(self) -> str:
         """How well it comes back to the worst of its stops, in words."""
         if self.alike:
-            words = "comes back to each stop without any scatter: nothing differs at its stops"
-            return words + (" (see below)" if self.causes else " from cycle to cycle")
+            return "comes back to each stop alike: nothing differs there from cycle to cycle"
         worst = max(self.poses, key=lambda one: one.figures["RP_l"].value)
-        size = {
-            way: readable(poses[self.poses.index(worst)].figures["RP_l"].value, "m", 3)
-            for way, poses in (self.ways or {"": self.poses}).items()
-        }
+        k, size = self.poses.index(worst), dict[str, str]()
+        for way, poses in (self.ways or {"": self.poses}).items():
+            value = poses[k].figures["RP_l"].value
+            size[way] = readable(value, "m", 3) if value > NOTHING else "0.1 µm"
         if not self.ways:
             return f"repeats a stop to {size['']} (RP, {worst.head.partition(',')[0]})"
         said = ", ".join(f"{one} {way}" for way, one in size.items())
@@ -338,14 +337,12 @@ class Iso9283:
             for k, (head, found, _) in enumerate(self._parts):
                 if accuracy not in found:
                     continue
-                sizes = [found[name].value for name in (accuracy, repeatability)]
                 stop = k < len(self.poses)
-                sizes[1] = 0.0 if stop and self.alike else sizes[1]
-                more = [
-                    None if not stop else 0.0 if self.alike
-                    else self.ways[way][k].figures[repeatability].value for way in others
-                ]  # fmt: skip
-                rows.append((head, f"{accuracy[:2]}, {repeatability[:2]}", *sizes, *more))
+                same = [self.ways[way][k].figures if stop else {} for way in others]
+                scatters = [one.get(repeatability) for one in (found, *same)]
+                sizes = [one and (one.value if one.value > NOTHING else 0.0) for one in scatters]
+                kinds = f"{accuracy[:2]}, {repeatability[:2]}"
+                rows.append((head, kinds, found[accuracy].value, *sizes))
         heads = [("of", ""), ("figures", ""), ("accuracy", "m"), ("repeatability", "m")]
         return Table.of([*heads, *((way, "m") for way in others)], rows)
 
@@ -406,17 +403,21 @@ def iso9283(
     assert simulation.motion is not None
     geared = applies(simulation)
     own = replace(counts, pose=min(counts.pose, counts.path)) if geared else counts
-    runs = [ideal_simulation(simulation), *seeded(simulation, own.most)]
-    n, plans, why = len(runs), dict[str, list[Simulation]](), ""
+    plans, causes, whole = dict[str, list[Simulation]](), list[str](), simulation
     if geared:
-        arm, plans, why = planned(simulation, counts.pose)
+        arm, plans, causes = planned(simulation, counts.pose)
+        whole = arm.rested()
+    assert whole.motion is not None
+    runs = [ideal_simulation(whole), *seeded(whole, own.most)]
+    n = len(runs)
+    if geared:
         runs += [ideal_simulation(arm.reference()), *(one for way in plans.values() for one in way)]
     ideal, *courses = traces(runs, jobs=jobs, keep=keep, progress=progress, what="cycles")
     own_courses = courses[: n - 1]
-    since = simulation.judged_from
+    since = whole.judged_from
     if since is None:
         since = max(float(one.judged_from) for one in own_courses)
-    found = figures(own_courses, ideal, simulation.motion, since, cycles=own)
+    found = figures(own_courses, ideal, whole.motion, since, cycles=own)
     found = replace(found, conditions=words, speed=speed)
     if not geared:
         return found
@@ -427,7 +428,6 @@ def iso9283(
         )
         for k, way in enumerate(plans)
     }
-    causes = [*arm.causes, *([f"not {CORRECTED}: {why}"] if why else [])]
     return replace(found, cycles=counts, poses=ways[ANY], ways=ways, causes=tuple(causes))
 
 
@@ -575,9 +575,7 @@ def figures(
     )
 
 
-def _poses(
-    runs: Sequence[Trace], ideal: Trace, ends: np.ndarray, cycles: int
-) -> tuple[Pose, ...]:
+def _poses(runs: Sequence[Trace], ideal: Trace, ends: np.ndarray, cycles: int) -> tuple[Pose, ...]:
     """Figures of the first cycles at the ends of stops [s]."""
     error, turns = errors(runs[:cycles], ideal), turns_of(runs[:cycles], ideal)
     poses = []
