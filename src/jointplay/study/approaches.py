@@ -202,7 +202,11 @@ class Approaches:
             "dead band": [n for n in drives if getattr(drives[n], "band", 0.0)],
             "counts": [n for n in drives if getattr(drives[n], "resolution", 0.0)],
         }  # fmt: skip
-        there = [f"{what} of {few(list(names))}" for what, names in known.items() if names]
+        there = [
+            f"{what} of {'them' if list(names) == loose else few(list(names))}"
+            for what, names in known.items()
+            if names
+        ]
         missing = [what for what, names in known.items() if not names]
         lines = [
             "drawn anew in each cycle: the side from which joints arrive and where the teeth of "

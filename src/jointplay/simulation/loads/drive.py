@@ -348,34 +348,34 @@ class Servo(Drive):
             JointplayError: no such servo or register, or a value that it cannot hold.
         """
         units, gains, told = _servo(name).get("registers", {}), dict[str, float](), list[str]()
-        for register, value in registers.items():
-            if register not in REGISTERS:
-                raise JointplayError(one_of("register", register, REGISTERS))
-            most, least = units.get("most", math.inf), 1 if register == "P" else 0
+        for letter, value in registers.items():
+            if letter not in REGISTERS:
+                raise JointplayError(one_of("register", letter, REGISTERS))
+            most, least = units.get("most", math.inf), 1 if letter == "P" else 0
             if not (least <= value <= most and float(value).is_integer()):
                 raise JointplayError(
-                    f"register {register} of {name} takes whole numbers from {least} to {most:g}, "
+                    f"register {letter} of {name} takes whole numbers from {least} to {most:g}, "
                     f"got {value:g}"
                 )
-            gain, known = REGISTERS[register], units.get(register)
+            gain, known = REGISTERS[letter], units.get(letter)
             if known is not None:
                 gains[gain] = value * known["value"] * voltage
                 told.append(
-                    f"{name} {register}={value:g} is {gain} {gains[gain]:.4g} V/rad: "
+                    f"{name} {letter}={value:g} is {gain} {gains[gain]:.4g} V/rad: "
                     f"{known['origin']}; {known['source']}"
                 )
             elif value:
                 why = units.get("unknown", "its unit was not found")
-                told.append(f"note: {name} {register}={value:g} left out, {gain} as it was: {why}")
+                told.append(f"note: {name} {letter}={value:g} left out, {gain} as it was: {why}")
             else:
                 gains[gain] = 0.0
         return gains, told
 
     @property
-    def register_unit(self) -> float | None:
-        """P gain of a unit of the register [V/rad]; None: not known."""
+    def register(self) -> tuple[float, int] | None:
+        """P gain of a unit of its register [V/rad], and the largest value; None: not known."""
         units = {} if self.catalogue is None else _servo(self.catalogue).get("registers", {})
-        return units["P"]["value"] * self.voltage if "P" in units else None
+        return (units["P"]["value"] * self.voltage, units["most"]) if "P" in units else None
 
     @property
     def band(self) -> float:
