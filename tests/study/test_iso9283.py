@@ -261,7 +261,7 @@ def test_a_servo_with_a_lever_of_10_cm_repeats_as_owners_measure(urdf, gain, low
              for way, poses in found.ways.items()}  # fmt: skip
     assert worst[ONE] < worst[CORRECTED] < worst[ANY]
     assert "from any side" in found.sentence
-    assert "dead band of a, counts of a" in found.causes[0]
+    assert "dead band of them, counts of them" in found.causes[0]
 
 
 @pytest.mark.parametrize("encoder", ["motor", "link"])

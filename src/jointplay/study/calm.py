@@ -91,6 +91,7 @@ class Calm:
         if len(kinds) == 1:
             (kind,) = kinds
             return f"{self.joint} {'shakes' if kind == 'shakes' else 'is unclear'} at every pose"
+        unclear = " (elsewhere a longer --time must tell)" * ("unclear" in kinds)
         begin, parts = "" if self.places[0].verdict == "calm" else None, []
         for at, calm in self.edges:
             if calm:
@@ -100,7 +101,7 @@ class Calm:
                              f"below {self._text(at)}")  # fmt: skip
                 begin = None
         parts += [f"above {begin}"] if begin else []
-        return f"{self.joint} is calm {' and '.join(parts) or 'nowhere'}"
+        return f"{self.joint} is calm {' and '.join(parts) or 'nowhere'}{unclear}"
 
     @property
     def advice(self) -> str:
@@ -168,9 +169,7 @@ def calm(
     return answers
 
 
-def _put(
-    simulation: Simulation, joint: str, pose: Mapping[str, float] | None, at: float
-) -> Axis:
+def _put(simulation: Simulation, joint: str, pose: Mapping[str, float] | None, at: float) -> Axis:
     (axis,) = released(simulation, [joint], dict(pose or {}) | {joint: at})
     assert isinstance(axis, Axis)
     return axis
@@ -185,8 +184,10 @@ def _kinds(places: Sequence[Place]) -> list[list[Place]]:
             if (a.gear, a.drive, a.friction) != (b.gear, b.drive, b.friction):
                 continue
             loads = abs(abs(a.load) - abs(b.load))
-            if loads <= max(ALIKE * abs(b.load), NO_LOAD) and a.slides == b.slides and (
-                abs(a.inertia - b.inertia) <= ALIKE * b.inertia
+            if (
+                loads <= max(ALIKE * abs(b.load), NO_LOAD)
+                and a.slides == b.slides
+                and (abs(a.inertia - b.inertia) <= ALIKE * b.inertia)
             ):
                 kind.append(one)
                 break

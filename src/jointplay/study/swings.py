@@ -201,7 +201,8 @@ def _judge(time: np.ndarray, places: np.ndarray, axis: Axis, last: bool) -> Swin
             )
     if servo and servo.i_gain == 0.0 and time[-1] >= (1.0 - ROUNDING) * STEPPED_S:
         # Beside the edge of a count it chatters where it came to rest, as nothing winds up.
-        chatters = each >= 2 and spans[farther] < smallest
+        tail = later[:, quarter:]
+        chatters = len(_rises(tail[farther])) > 6 and np.ptp(tail, axis=1).max() < smallest
         if chatters and (ways[2] <= (1.0 + EVEN) * ways[1]).all():
             return QUIET
     if not last:

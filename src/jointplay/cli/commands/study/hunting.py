@@ -118,7 +118,9 @@ def run(options: argparse.Namespace) -> int:
         return 0
     all_found = hunting.hunting(simulation, joints, held, gain=options.gain, **how)
     table = hunting.table(all_found, options.gain)
-    print_answer(hunting.sentence(all_found), table, [*hunting.notes(all_found), *registers], options)
+    print_answer(
+        hunting.sentence(all_found), table, [*hunting.notes(all_found), *registers], options
+    )
     if options.out:
         out.write({"hunting.csv": table.csv()})
     return 0
