@@ -238,9 +238,10 @@ def _judge(
     total = len(STARTS) * _Gains.runs(len(kinds))
     with ProgressBar(disable=not progress, unit="run", total=total) as bar:
         found = _Gains([kind[0].axis for kind in kinds], Search(STARTS, longest, jobs, bar))
-    for kind, *told in zip(kinds, found.loose, found.tight, found.calm, found.shakes, strict=True):
+    told = zip(found.loose, found.tight, found.calm, found.shakes, strict=True)
+    for kind, (swing, control, quiet, shakes) in zip(kinds, told, strict=True):
         for place in kind:
-            place.swing, place.control, place.calm, place.shakes = told
+            place.swing, place.control, place.calm, place.shakes = swing, control, quiet, shakes
 
 
 def _outward(quiet: float | None, shake: float | None, axis: Axis) -> float | None:

@@ -42,7 +42,7 @@ def declare(parser: Parser) -> None:
         "and a servo or controller)")
     add("--pose", **REPEATED, metavar="JOINT=X,...", help="positions at which joints are held "
         "(default: where the motion begins)")
-    add("--poses", metavar="N", type=int, help="put each joint to N places over its limits instead, "
+    add("--poses", metavar="N", type=int, help="put each joint to N places over its limits, "
         "and say where it is calm, and up to which P gain")
     add("--time", **TIME, help="longest motion, if it is not clear before whether swings last "
         "(default: a day; under controllers of your own 300 s, 60 s to look for a gain, 12 s for a "
@@ -85,7 +85,8 @@ def run(options: argparse.Namespace) -> int:
         )
     scenario = released(options)
     simulation, told = scenario.simulation(options.case), scenario.assumptions
-    registers = [line for line in told if options.registers and " P=" in line or "note: " in line]
+    words = ("note: ", " is p_gain") if options.registers else ("note: ",)
+    registers = [line for line in told if any(word in line for word in words)]
     require_one_pose(options)
     held = positions(simulation.mechanism, "".join(options.pose))
     how = {"longest": options.time, "jobs": options.jobs, "progress": not options.quiet}
