@@ -81,7 +81,7 @@ def looked_at(command, *words):
         return answer.getvalue()
     options = parser().parse_args(words)
     if command == "study hunting":
-        simulation = hunting.released(options)
+        simulation = hunting.released(options).simulation(options.case)
         held = inputs.positions(simulation.mechanism, "".join(options.pose))
         return json.dumps([simulation.describe(), repr(simulation.drive), held], default=str)
     if command in STANDING:

@@ -7,13 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import body, joint
+from scipy.integrate import solve_ivp
 from warm import JOINTPLAY
 
 import jointplay as jp
 from jointplay.cli import main
-from jointplay.study import hunting
+from jointplay.study import calm, hunting
 from jointplay.study.hunting import Axis, Trial, describing_function, predicted
 from jointplay.study.slow_motion import slow_motion
+from jointplay.study.swings import QUIET
 
 GEAR = jp.Gear(play=8.7e-3, rotor_inertia=0.0284, stiffness=300.0, damping=1.0)
 
@@ -409,6 +411,80 @@ def test_others_stand_where_their_limits_let_them(urdf):
         hunting.released(whole, ["a"], pose)[0].inertia for pose in (None, {"b": 1.5}, {"b": 0.0})
     ]
     assert inertias[0] == inertias[1] != pytest.approx(inertias[2])
+
+
+def bowing(urdf, encoder):
+    """An arm about y, upright at 0, whose weight presses its teeth the farther it bows."""
+    arm = urdf(body("one", com="0 0 0.2", mass=0.2, inertia=0.01), joint("a", "base", "one",
+               axis="0 1 0"))  # fmt: skip
+    servo = jp.loads.Servo.of("STS3215", voltage=7.4, p_gain=100.0, encoder=encoder, friction=0.01)
+    return jp.Simulation(jp.Mechanism(arm, gears={"a": GEAR}), drive={"a": servo})
+
+
+def independent(one, start, lasts=20.0):
+    """Half the swing of the link in the last fifth: an integration of equations written anew."""
+    gear, servo, half = one.gear, one.drive, 0.5 * one.gear.play
+    stall = servo.torque_constant / servo.resistance
+
+    def rates(_, y):
+        link, motor, v, w = y
+        twist = motor - link
+        deep = max(abs(twist) - half, 0.0)
+        side = np.sign(twist)
+        teeth = side * max(gear.stiffness * deep + gear.damping * side * (w - v), 0.0) * (deep > 0)
+        volts = np.clip(-servo.p_gain * (link if servo.encoder == "link" else motor), -7.4, 7.4)
+        pull = stall * (volts - servo.torque_constant * w)
+        rubs = servo.friction * np.tanh(w / 1e-3) + servo.viscous * w
+        return [v, w, (teeth + one.load) / one.inertia, (pull - rubs - teeth) / gear.rotor_inertia]
+
+    done = solve_ivp(rates, (0.0, lasts), [start, start, 0.0, 0.0], "LSODA", max_step=2e-3,
+                     rtol=1e-7, atol=1e-9)  # fmt: skip
+    return 0.5 * np.ptp(done.y[0][done.t > 0.8 * lasts])
+
+
+def test_an_arm_that_shakes_upright_is_calm_where_it_bows_as_integrated_anew(urdf):
+    (found,) = calm.calm(bowing(urdf, "link"), places=9, jobs=1)
+    upright = found.places[4]
+    assert upright.verdict == "shakes: play"
+    assert upright.swing.amplitude == pytest.approx(
+        independent(upright.axis, 2.0 * GEAR.play), rel=0.05
+    )
+    verdicts = [one.verdict for one in found.places]
+    assert "calm" in verdicts
+    assert " is calm " in found.sentence
+    for place in found.places[4:]:
+        largest = max(independent(place.axis, start * GEAR.play) for start in (0.5, 2.0, 8.0))
+        assert (largest > 0.01 * GEAR.play) == (place.verdict != "calm")
+        if place.calm is not None and place.verdict != "calm":
+            at_ease = place.axis.with_gains(p_gain=place.calm)
+            assert independent(at_ease, 2.0 * GEAR.play, 60.0) < 0.01 * GEAR.play
+
+
+def test_with_the_encoder_on_the_motor_the_same_arm_is_calm_at_every_pose(urdf):
+    (found,) = calm.calm(bowing(urdf, "motor"), places=3, jobs=1)
+    assert found.sentence == "a is calm at every pose"
+    assert "nothing to do; calm up to P=" in found.advice
+
+
+def test_registers_are_gains_of_servos_as_their_sources_have_them(tmp_path):
+    made, told = jp.loads.Servo.gains_of("STS3215", 7.4, {"P": 32, "D": 32, "I": 0})
+    assert made == {"p_gain": pytest.approx(38.6, rel=0.01), "i_gain": 0.0}  # logs of a stand
+    assert [line.startswith("note: STS3215 D=32 left out") for line in told] == [False, True]
+    with pytest.raises(jp.JointplayError, match="P of STS3215 takes whole numbers from 1 to 254"):
+        jp.loads.Servo.gains_of("STS3215", 7.4, {"P": 255})
+    more = ["--of", "wrist_roll", "--preset", "--quiet", "--jobs", "1", "--time", "2 s"]
+    more += ["--registers", "P=16,D=32,I=0", "--poses", "2", "--out", str(tmp_path)]
+    said = command("so101", *more).stdout
+    assert "is p_gain 19.3 V/rad: seen; 8/1000 a count at the maker's P = 32" in said
+    assert "note: STS3215 D=32 left out, d_gain as it was" in said
+    rows = (tmp_path / "hunting.csv").read_text().splitlines()
+    assert len(rows) == 3
+
+
+def test_chatter_beside_the_edge_of_a_count_is_rest():
+    count = 2.0 * np.pi / 4096
+    held = replace(axis(38.6, resolution=count, dead_band_counts=1), load=0.4, inertia=0.008)
+    assert at(held) == QUIET
 
 
 def test_the_command_says_whether_a_robot_hunts(tmp_path):

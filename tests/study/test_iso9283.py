@@ -19,9 +19,10 @@ from jointplay import (
 from jointplay.cli import main
 from jointplay.model.gear import Gear
 from jointplay.model.payload import Payload
-from jointplay.simulation.loads import ComputedTorque, JointFriction
+from jointplay.simulation.loads import ComputedTorque, JointFriction, Servo, Wrench
 from jointplay.simulation.run import Run
 from jointplay.study import courses as traces_module
+from jointplay.study.approaches import ANY, CORRECTED, ONE
 from jointplay.study.courses import Trace, seeded, traces
 from jointplay.study.iso9283 import (
     Cycles,
@@ -208,10 +209,59 @@ def geared(urdf, axis, **options):
 
 def test_weight_puts_teeth_to_one_flank_whichever_way_seeds_laid_them(urdf):
     found = iso9283(geared(urdf, "0 1 0"), 3)
-    begin, end = found.poses
-    assert begin.figures["AP_z"].value == pytest.approx(-0.5e-3, rel=0.2)  # half the play, 0.5 m
-    assert end.figures["AP_z"].value == pytest.approx(-0.5e-3, rel=0.2)
-    assert end.figures["RP_l"].value < 1e-6
+    (end,) = found.poses  # where it starts is not come back to
+    assert end.figures["AP_z"].value == pytest.approx(-0.5e-3, rel=0.2)  # half the play, 0.5 m
+    assert all(poses[0].figures["RP_l"].value < 1e-7 for poses in found.ways.values())
+    assert "comes back to each stop alike: nothing differs" in found.sentence
+    assert found.brief.columns[3].values[0] == 0.0
+    said = " ".join(found.causes)
+    assert "weight presses the teeth of a to one side at every stop" in said
+    assert "not known, so left out: dry friction, dead band, counts" in said
+
+
+def test_teeth_of_an_upright_arm_lie_on_two_flanks_half_its_play_apart_by_statics(urdf):
+    rubs, play, stiffness, lever = 0.2, 2e-3, 1e5, 0.5
+    found = iso9283(geared(urdf, "0 0 1", joint_friction={"a": JointFriction(rubs)}), 8)
+    across = found.poses[0].attained[:, 1]
+    by_hand = lever * (0.5 * play + rubs / stiffness)
+    assert {1, -1} == set(np.sign(across))
+    assert np.abs(across) == pytest.approx(by_hand, rel=0.02)
+    away = np.abs(across - across.mean())
+    spread = away.mean() + 3.0 * away.std(ddof=1)
+    assert found.poses[0].figures["RP_l"].value == pytest.approx(spread, rel=0.01)
+    one, corrected = (found.ways[way][0].figures["RP_l"].value for way in (ONE, CORRECTED))
+    assert one < 0.01 * by_hand  # always the same flank
+    assert corrected < 0.05 * by_hand  # friction is known, so is the flank
+
+
+@pytest.mark.parametrize(("gain", "low", "high"), [(38.6, 0.15, 0.45), (19.3, 0.3, 0.9)])
+def test_a_servo_with_a_lever_of_10_cm_repeats_as_owners_measure(urdf, gain, low, high):
+    # +-0.3 mm with a dial on a lever of 10 cm, steps of 20 counts to and fro, whose probe keeps
+    # the teeth on one side: github TheRobotStudio/SO-ARM100, issue 134. Friction and dead band over
+    # the controller's spring by hand: +-4.5 mrad at P = 32 if nothing carries the arm on.
+    count = 2.0 * np.pi / 4096
+    lever = urdf(
+        body("one", mass=0.05, com="0.05 0 0", inertia=5e-5),
+        joint("a", "base", "one"),
+        tip("one", at="0.1 0 0"),
+    )
+    gear = Gear(np.radians(0.5), 0.0284, 25.3, 0.05)
+    servo = Servo.of("STS3215", voltage=7.4, p_gain=gain, dead_band_counts=1, resolution=count)
+    machine = Simulation(
+        Mechanism(lever, gears={"a": gear}, gravity=(0, 0, 0), tool="tool"),
+        Motion(["a"], [0.0, 0.5, 1.0], [[0.0], [20 * count], [40 * count]], "rest-to-rest"),
+        drive={"a": servo},
+        loads={"probe": Wrench("one", moment=(0, 0, 0.08))},
+    )
+    found = iso9283(machine, 12)
+    for pose in found.poses:
+        half = 0.5e3 * np.ptp(pose.attained[:, 1])
+        assert low < half < high
+    worst = {way: max(1e3 * np.ptp(one.attained[:, 1]) for one in poses)
+             for way, poses in found.ways.items()}  # fmt: skip
+    assert worst[ONE] < worst[CORRECTED] < worst[ANY]
+    assert "from any side" in found.sentence
+    assert "dead band of them, counts of them" in found.causes[0]
 
 
 @pytest.mark.parametrize("encoder", ["motor", "link"])
@@ -229,11 +279,6 @@ def test_friction_keeps_teeth_where_seeds_laid_them_until_the_joint_moves(urdf, 
     assert (twist.max(), twist.min()) == pytest.approx((1e-3, -1e-3), abs=6e-4)  # anywhere
     led = motor if encoder == "motor" else link
     assert led == pytest.approx(0.0, abs=1e-12)  # what the encoder reads is as it was sent
-    if encoder == "motor":
-        begin, end = iso9283(machine, 8).poses
-        across = 0.5 * twist  # at the tool
-        assert begin.attained[:, 1] == pytest.approx(across, abs=2e-5)
-        assert end.figures["RP_l"].value < 0.2 * begin.figures["RP_l"].value
 
 
 def test_speed_and_load_are_conditions_of_the_test(arm):

@@ -127,7 +127,7 @@ class Hunting:
 
 
 @dataclass(frozen=True)
-class _Search:
+class Search:
     """Runs from several starts."""
 
     starts: Sequence[float]
@@ -146,7 +146,6 @@ class _Search:
             for one in these
             for start in self.starts
         ]
-        self.bar.total = (self.bar.total or 0) + len(trials)
         all_swings, n = Study(trials, swings).run(self.jobs, self.bar), len(self.starts)
         return [
             [
@@ -155,6 +154,14 @@ class _Search:
             ]
             for k in range(0, len(trials), n)
         ]
+
+    def each(self, axes: Sequence[Axis], play: bool) -> list[Swing]:
+        """The largest swing of each axis."""
+        return [swing for (swing,) in self.largest(axes, play)]
+
+    def skip(self, count: int) -> None:
+        """So many that were planned need not be run."""
+        self.bar.update(max(count, 0) * len(self.starts))
 
     def safe_gain(
         self, one: Released, gain: str, given: Sequence[Swing]
@@ -184,6 +191,7 @@ class _Search:
             quiet, hunts = bracket()
             if quiet is not None and hunts is not None:
                 add(np.geomspace(quiet, hunts, BETWEEN + 2)[1:-1].tolist())
+        self.skip(REACH + 2 * BETWEEN + 1 - len(tried))
         return bracket()
 
 
@@ -220,8 +228,10 @@ def hunting(
         _require_gain(one, gain := str(gain))
         if one.gains[gain] == 0.0:
             raise JointplayError(f"{gain} is 0: give a value that can be doubled and halved")
-    with ProgressBar(disable=not progress, unit="run", total=0) as bar:
-        search = _Search(starts, longest, jobs, bar)
+    varies = sum(gain is not None or isinstance(one, Axis) for one in these)
+    most = len(starts) * (2 * len(these) + (1 + REACH + 2 * BETWEEN) * varies)
+    with ProgressBar(disable=not progress, unit="run", total=most) as bar:
+        search = Search(starts, longest, jobs, bar)
         for one in these:
             (loose,), (tight,) = (search.largest([one], play, LONGEST_S) for play in (True, False))
             name = gain or ("p_gain" if isinstance(one, Axis) else None)
@@ -231,6 +241,8 @@ def hunting(
             above = tight
             if name is not None and hunts is not None:
                 (above,) = search.largest([one.with_gains(**{name: hunts})], False)
+            elif name is not None:
+                search.skip(1)
             for axis, swing, control, there in zip(one.axes, loose, tight, above, strict=True):
                 screen = predicted(axis)
                 answers.append(Hunting(axis, swing, control, screen, varied, quiet, hunts, there))
@@ -317,8 +329,8 @@ def gain_map(
     if len(one.axes) > 1:
         raise JointplayError(f"a map is of one joint, got {', '.join(a.joint for a in one.axes)}")
     pairs = [one.with_gains(**{x: float(a), y: float(b)}) for b in ys for a in xs]
-    with ProgressBar(disable=not progress, unit="run", total=0) as bar:
-        search = _Search([start], longest, jobs, bar)
+    with ProgressBar(disable=not progress, unit="run", total=2 * len(pairs)) as bar:
+        search = Search([start], longest, jobs, bar)
         loose, tight = (
             [swing for (swing,) in search.largest(pairs, play, MAP_S)] for play in (True, False)
         )

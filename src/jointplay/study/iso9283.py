@@ -12,7 +12,7 @@ would count angles does not matter.
 What differs from a test of a robot: each cycle is a run of its own, whose journals and teeth begin
 displaced at random; and the command pose is where the ideal mechanism under the same drives is, so
 that only play and what gives way with it count, not the drives' lag, calibration, heat or the
-measurement.
+measurement. Stops of arms with play in gears are reached in three ways (`study.approaches`).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -38,6 +38,7 @@ from jointplay.simulation.motion.cartesian import cartesian_path
 from jointplay.simulation.motion.reference import GOES_ON, Motion
 from jointplay.simulation.run import Run
 from jointplay.simulation.simulation import Simulation
+from jointplay.study.approaches import ANY, applies, planned
 from jointplay.study.courses import MOST_RUNS, Trace, at_speed, errors, seeded, traces
 
 TITLES = {
@@ -54,6 +55,9 @@ LEAST_CYCLES = 3
 """With fewer, nothing can be said of the scatter."""
 PATH_POINTS = 100
 """Most points along the path at which AT and RT are calculated."""
+NOTHING = 1e-7
+"""Scatter below which nothing differs from cycle to cycle [m]: no instrument shows it, and runs of
+another step differ by more."""
 _MOVING = 0.02
 """Part of its greatest speed above which the commanded tool is on a path."""
 Figures = Mapping[str, IntervalEstimate]
@@ -151,8 +155,8 @@ def turns_of(runs: Sequence[Trace], ideal: Trace) -> np.ndarray | None:
 
 
 _ANSWERS = {
-    "AP_p": "stops off its place by at most",
     "RP_l": "repeats a stop to",
+    "AP_p": "stops off its place by at most",
     "AT_p": "leaves its path by at most",
 }
 """What figures say in a sentence."""
@@ -255,6 +259,31 @@ class Iso9283:
     """Load, speed and poses that the cycles were run with (clauses 6.6 to 6.8)."""
     speed: float | None = None
     """Part of the speed that counts as rated."""
+    ways: Mapping[str, tuple[Pose, ...]] = field(default_factory=dict)
+    """Stops by the way in which they are reached; `poses` are those from any side."""
+    causes: tuple[str, ...] = ()
+    """What differs from cycle to cycle, and what is left out."""
+
+    @property
+    def alike(self) -> bool:
+        """Whether nothing differs at any stop."""
+        poses = [one for several in (self.poses, *self.ways.values()) for one in several]
+        return bool(poses) and all(one.figures["RP_l"].value < NOTHING for one in poses)
+
+    @property
+    def _repeats(self) -> str:
+        """How well it comes back to the worst of its stops, in words."""
+        if self.alike:
+            return "comes back to each stop alike: nothing differs there from cycle to cycle"
+        worst = max(self.poses, key=lambda one: one.figures["RP_l"].value)
+        k, size = self.poses.index(worst), dict[str, str]()
+        for way, poses in (self.ways or {"": self.poses}).items():
+            value = poses[k].figures["RP_l"].value
+            size[way] = readable(value, "m", 3) if value > NOTHING else "0.1 µm"
+        if not self.ways:
+            return f"repeats a stop to {size['']} (RP, {worst.head.partition(',')[0]})"
+        said = ", ".join(f"{one} {way}" for way, one in size.items())
+        return f"comes back to the same place within {said} (RP, {worst.head.partition(',')[0]})"
 
     @property
     def validity(self) -> str:
@@ -276,13 +305,23 @@ class Iso9283:
         return [*poses, *path]
 
     @property
+    def _other_ways(self) -> list[tuple[str, Figures, str]]:
+        """Each pose as in `_parts`, reached in the other ways."""
+        return [
+            (f"{one.head}, {way}", one.figures, f"{one.time:.6g}")
+            for way, poses in self.ways.items() if way != ANY for one in poses
+        ]  # fmt: skip
+
+    @property
     def sentence(self) -> str:
         parts = []
         for symbol, words in _ANSWERS.items():
             having = [
                 (head, found[symbol].value) for head, found, _ in self._parts if symbol in found
             ]
-            if having:
+            if symbol == "RP_l" and having:
+                parts.append(self._repeats)
+            elif having:
                 head, worst = max(having, key=lambda one: one[1])
                 kind = symbol.partition("_")[0]
                 parts.append(
@@ -293,19 +332,25 @@ class Iso9283:
     @property
     def brief(self) -> Table:
         """A row for each pose and the path: how accurate and how repeatable."""
-        rows = []
+        rows, others = [], [way for way in self.ways if way != ANY]
         for accuracy, repeatability in (("AP_p", "RP_l"), ("AT_p", "RT_p")):
-            for head, found, _ in self._parts:
-                if accuracy in found:
-                    sizes = (found[name].value for name in (accuracy, repeatability))
-                    rows.append((head, f"{accuracy[:2]}, {repeatability[:2]}", *sizes))
-        heads = (("of", ""), ("figures", ""), ("accuracy", "m"), ("repeatability", "m"))
-        return Table.of(heads, rows)
+            for k, (head, found, _) in enumerate(self._parts):
+                if accuracy not in found:
+                    continue
+                stop = k < len(self.poses)
+                same = [self.ways[way][k].figures if stop else {} for way in others]
+                scatters = [one.get(repeatability) for one in (found, *same)]
+                sizes = [one and (one.value if one.value > NOTHING else 0.0) for one in scatters]
+                kinds = f"{accuracy[:2]}, {repeatability[:2]}"
+                rows.append((head, kinds, found[accuracy].value, *sizes))
+        heads = [("of", ""), ("figures", ""), ("accuracy", "m"), ("repeatability", "m")]
+        return Table.of([*heads, *((way, "m") for way in others)], rows)
 
     def __str__(self) -> str:
         """All figures as text [mm, mrad]."""
         lines = [f"conditions: {self.conditions}"] if self.conditions else []
-        lines += [_text(head, found) for head, found, _ in self._parts]
+        lines += [_text(head, found) for head, found, _ in [*self._parts, *self._other_ways]]
+        lines += self.causes
         if not self.poses:
             lines.append(f"no stop from {self.since:g} s on: no pose figures")
         return "\n".join([*lines, self.validity])
@@ -314,6 +359,11 @@ class Iso9283:
     def table(self) -> Table:
         """A row for each figure, lengths in m, angles in rad."""
         rows = [row for _, found, at in self._parts for row in _rows(found, at)]
+        for way, poses in self.ways.items():
+            for one in poses if way != ANY else ():
+                rows += [
+                    (f"{row[0]} {way}", *row[1:]) for row in _rows(one.figures, f"{one.time:.6g}")
+                ]
         for kind, number in vars(self.cycles).items():
             rows.append((f"cycles_{kind}", "6.9", "", number, "", "", ""))
         if self.speed is not None:
@@ -351,13 +401,34 @@ def iso9283(
     words = f"load: {_load_words(simulation)}; speed: {100 * speed:g} % of the motion's; {poses}"
     simulation = at_speed(simulation, speed)
     assert simulation.motion is not None
-    runs = [ideal_simulation(simulation), *seeded(simulation, counts.most)]
+    geared = applies(simulation)
+    own = replace(counts, pose=min(counts.pose, counts.path)) if geared else counts
+    plans, causes, whole = dict[str, list[Simulation]](), list[str](), simulation
+    if geared:
+        arm, plans, causes = planned(simulation, counts.pose)
+        whole = arm.rested()
+    assert whole.motion is not None
+    runs = [ideal_simulation(whole), *seeded(whole, own.most)]
+    n = len(runs)
+    if geared:
+        runs += [ideal_simulation(arm.reference()), *(one for way in plans.values() for one in way)]
     ideal, *courses = traces(runs, jobs=jobs, keep=keep, progress=progress, what="cycles")
-    since = simulation.judged_from
+    own_courses = courses[: n - 1]
+    since = whole.judged_from
     if since is None:
-        since = max(float(one.judged_from) for one in courses)
-    found = figures(courses, ideal, simulation.motion, since, cycles=counts)
-    return replace(found, conditions=words, speed=speed)
+        since = max(float(one.judged_from) for one in own_courses)
+    found = figures(own_courses, ideal, whole.motion, since, cycles=own)
+    found = replace(found, conditions=words, speed=speed)
+    if not geared:
+        return found
+    reference, reached = courses[n - 1], courses[n:]
+    ways = {
+        way: _poses(
+            reached[k * counts.pose : (k + 1) * counts.pose], reference, arm.looked_at, counts.pose
+        )
+        for k, way in enumerate(plans)
+    }
+    return replace(found, cycles=counts, poses=ways[ANY], ways=ways, causes=tuple(causes))
 
 
 def _load_words(simulation: Simulation) -> str:
@@ -478,22 +549,12 @@ def figures(
     if len(runs) < counts.most:
         raise JointplayError(f"{counts.most} cycles are requested, but there are only {len(runs)}")
     time = ideal.time
-    error, turns = errors(runs, ideal), turns_of(runs, ideal)
+    error = errors(runs, ideal)
+    turns = turns_of(runs, ideal)
     stopping = motion.interpolation not in GOES_ON
     waypoints = stops(motion, float(time[-1])) if stopping else []
     halts = [one for one in waypoints if one.at_rest and one.end >= since and one.end > 0.0]
-    poses: list[Pose] = []
-    for number, stop in enumerate(halts, 1):
-        at = int(np.abs(time - stop.end).argmin())
-        attained = error[: counts.pose, at : at + 1]
-        found = {
-            "AP_p": bootstrap(attained, largest(pose_accuracy)),
-            **{f"AP_{axis}": bootstrap(attained[:, 0, k], _mean) for k, axis in enumerate("xyz")},
-            "RP_l": bootstrap(attained, largest(repeatability)),
-            **_orientation("P", None if turns is None else turns[: counts.pose, at]),
-        }
-        head = f"pose {number} (t = {time[at]:.4g} s), {counts.pose} cycles"
-        poses.append(Pose(head, found, float(time[at]), attained[:, 0]))
+    ends = np.array([stop.end for stop in halts])
     points = _path(ideal, since)
     across = _across(error[: counts.path, points], ideal.velocity[points])
     path: Figures = {}
@@ -505,13 +566,31 @@ def figures(
         }
     return Iso9283(
         counts,
-        tuple(poses),
+        _poses(runs, ideal, ends, counts.pose),
         path,
         time[points],
         pose_accuracy(across),
         repeatability(across),
         since,
     )
+
+
+def _poses(runs: Sequence[Trace], ideal: Trace, ends: np.ndarray, cycles: int) -> tuple[Pose, ...]:
+    """Figures of the first cycles at the ends of stops [s]."""
+    error, turns = errors(runs[:cycles], ideal), turns_of(runs[:cycles], ideal)
+    poses = []
+    for number, end in enumerate(ends, 1):
+        at = int(np.abs(ideal.time - end).argmin())
+        attained = error[:, at : at + 1]
+        found = {
+            "AP_p": bootstrap(attained, largest(pose_accuracy)),
+            **{f"AP_{axis}": bootstrap(attained[:, 0, k], _mean) for k, axis in enumerate("xyz")},
+            "RP_l": bootstrap(attained, largest(repeatability)),
+            **_orientation("P", None if turns is None else turns[:, at]),
+        }
+        head = f"pose {number} (t = {ideal.time[at]:.4g} s), {cycles} cycles"
+        poses.append(Pose(head, found, float(ideal.time[at]), attained[:, 0]))
+    return tuple(poses)
 
 
 def _path(ideal: Trace, since: float) -> np.ndarray:

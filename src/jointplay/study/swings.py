@@ -7,7 +7,9 @@ quarter of their motion, which is cut into three:
    a day: it rests.
 2. Whichever of the two goes farther passes its middle upwards several times; the ways between these
    passes, in three groups one after the other, are alike and take as long: it swings.
-3. At the end of the time a motion that leads one way and slows down, without an integral that winds
+3. Under a servo without an integral, swings at the edge of a count that do not grow, and are too
+   small to be said to hunt, are rest.
+4. At the end of the time a motion that leads one way and slows down, without an integral that winds
    up meanwhile, ends where forces balance; so does one that goes ever slower for a day.
 
 A joint under a servo is run by the engine for a minute, then, from the start, by an implicit
@@ -157,7 +159,7 @@ def _stepped(run: Run, trial: Trial, last: bool) -> list[Swing]:
             look *= LATER
             if clear := judged(end=False):
                 return clear
-    return judged(end=True) if last else []
+    return judged(end=last)
 
 
 def _solved(axis: Axis, trial: Trial, longest: float) -> Swing:
@@ -197,6 +199,12 @@ def _judge(time: np.ndarray, places: np.ndarray, axis: Axis, last: bool) -> Swin
             return Swing(
                 True, 0.5 * float(np.ptp(link)), frequency, 0.5 * float(np.ptp(motor - link))
             )
+    if servo and servo.i_gain == 0.0 and time[-1] >= (1.0 - ROUNDING) * STEPPED_S:
+        # Beside the edge of a count it chatters where it came to rest, as nothing winds up.
+        tail = later[:, quarter:]
+        chatters = len(_rises(tail[farther])) > 6 and np.ptp(tail, axis=1).max() < smallest
+        if chatters and (ways[2] <= (1.0 + EVEN) * ways[1]).all():
+            return QUIET
     if not last:
         return None
     ends = rests

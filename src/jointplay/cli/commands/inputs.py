@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jointplay.base import files, streams
-from jointplay.base.errors import JointplayError
+from jointplay.base.errors import JointplayError, require_known
 from jointplay.base.origins import ASSUMED
 from jointplay.base.pairs import misread, name_and_number
 from jointplay.base.tables import few
@@ -117,6 +117,9 @@ OPTIONS: dict[str, tuple[tuple[str, dict[str, Any]], ...]] = {
         _option("--joint-friction", **REPEATED, metavar="JOINT=C,V", help="Coulomb [N m or N] and "
             "viscous [N m s/rad or N s/m] friction (default: from the URDF)"),
         _option("--payload", **MASS, help="mass held at the tool"),
+        _option("--registers", metavar="P=N,...", help="gains of servos as their registers have "
+            "them, such as P=16,D=32,I=0 of LeRobot, or elbow_flex:P=16 of one joint (repeatable); "
+            "docs/drives.md has the units", **REPEATED),
     ),
     "poses": (
         _option("--pose", **REPEATED, metavar="JOINT=X,...", help="joint positions [rad or m, or "
@@ -345,6 +348,8 @@ class _Inputs:
         self.named = named_joints(options)
         self.tool: list[Setting] = []
         """The tool, if it was chosen by the joints that move it."""
+        self.converted: list[str] = []
+        """What --registers sets, and what of it is not known."""
         self.file: Scenario | None = None
         if is_scenario(options):
             _require_known(options.place)
@@ -401,6 +406,7 @@ class _Inputs:
             scenario = robot_scenario(options.place, names, settings, self.ideal, moves)
         else:
             scenario = Scenario.load(options.place, settings)
+        scenario.assumptions += dict.fromkeys(self.converted)
         if preset is not None:
             about, *origins = (
                 f"preset {preset.name}: {line}" for line in (preset.words, *preset.origins)
@@ -416,7 +422,8 @@ class _Inputs:
     @property
     def _anything(self) -> bool:
         """Whether any option says anything of the machine."""
-        others = (_value(self.options, name) for name in ("gear", "payload", "joint_friction"))
+        words = ("gear", "payload", "joint_friction", "registers")
+        others = (_value(self.options, name) for name in words)
         named = [*self.wanted, *self.named, *_given(self.options)]
         return bool(named or any(others) or _value(self.options, "preset") is not None)
 
@@ -603,6 +610,39 @@ class _Inputs:
                 raise misread(entry, "--joint-friction JOINT=COULOMB,VISCOUS")
             for key, value in zip(("coulomb", "viscous"), parts, strict=True):
                 settings.append(Setting(("joint_friction", name, key), value, "--joint-friction"))
+        return settings + self._of_registers(known.get("drives", {}))
+
+    def _of_registers(self, drives: Mapping[str, Any]) -> list[Setting]:
+        """Gains that --registers sets, of the servos in the catalogue that it names, or all."""
+        from jointplay.simulation.loads.drive import Servo
+
+        able = {
+            name: table
+            for name, table in drives.items()
+            if isinstance(table, Mapping) and table.get("catalogue")
+        }
+        settings: list[Setting] = []
+        for entry in _value(self.options, "registers") or ():
+            joint, colon, text = entry.rpartition(":")
+            pairs = [pair.partition("=")[::2] for pair in text.split(",")]
+            values = {name.strip(): number(value.strip()) for name, value in pairs}
+            if not all(isinstance(value, int | float) for value in values.values()):
+                raise misread(entry, "--registers P=16,D=32,I=0")
+            if not able:
+                raise JointplayError(
+                    "--registers is of servos in the catalogue, and there is none: give --preset, "
+                    'or --set \'drives.JOINT={kind="servo", catalogue="STS3215", ...}\''
+                )
+            if colon:
+                require_known("servo", joint, able)
+            for name in [joint] if colon else able:
+                supply = quantity(able[name]["voltage"], "V", f"drives.{name}.voltage")
+                gains, told = Servo.gains_of(able[name]["catalogue"], supply, values)
+                settings += [
+                    Setting(("drives", name, gain), value, "--registers")
+                    for gain, value in gains.items()
+                ]
+                self.converted += told
         return settings
 
 

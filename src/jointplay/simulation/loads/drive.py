@@ -6,6 +6,7 @@ clearance). A drive acts on joints of the URDF; joints that close loops follow.
 
 from __future__ import annotations
 
+import math
 from abc import ABC
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -332,6 +333,50 @@ class Servo(Drive):
             if name not in _BESIDE and getattr(self, name) == item["value"]
         }
 
+    @staticmethod
+    def gains_of(
+        name: str, voltage: float, registers: Mapping[str, float]
+    ) -> tuple[dict[str, float], list[str]]:
+        """Gains that registers of a servo in the catalogue set, and what to say of each.
+
+        Args:
+            name: in the catalogue.
+            voltage: of the supply [V].
+            registers: values of P, I, D, as they are written into the servo.
+
+        Raises:
+            JointplayError: no such servo or register, or a value that it cannot hold.
+        """
+        units, gains, told = _servo(name).get("registers", {}), dict[str, float](), list[str]()
+        for letter, value in registers.items():
+            if letter not in REGISTERS:
+                raise JointplayError(one_of("register", letter, REGISTERS))
+            most, least = units.get("most", math.inf), 1 if letter == "P" else 0
+            if not (least <= value <= most and float(value).is_integer()):
+                raise JointplayError(
+                    f"register {letter} of {name} takes whole numbers from {least} to {most:g}, "
+                    f"got {value:g}"
+                )
+            gain, known = REGISTERS[letter], units.get(letter)
+            if known is not None:
+                gains[gain] = value * known["value"] * voltage
+                told.append(
+                    f"{name} {letter}={value:g} is {gain} {gains[gain]:.4g} V/rad: "
+                    f"{known['origin']}; {known['source']}"
+                )
+            elif value:
+                why = units.get("unknown", "its unit was not found")
+                told.append(f"note: {name} {letter}={value:g} left out, {gain} as it was: {why}")
+            else:
+                gains[gain] = 0.0
+        return gains, told
+
+    @property
+    def register(self) -> tuple[float, int] | None:
+        """P gain of a unit of its register [V/rad], and the largest value; None: not known."""
+        units = {} if self.catalogue is None else _servo(self.catalogue).get("registers", {})
+        return (units["P"]["value"] * self.voltage, units["most"]) if "P" in units else None
+
     @property
     def band(self) -> float:
         """Error of position up to which no voltage answers [rad or m]."""
@@ -362,8 +407,11 @@ class Servo(Drive):
         )
 
 
-_BESIDE = ("armature",)
-"""Of the catalogue, what is no field of a servo: the gear's `rotor_inertia`."""
+_BESIDE = ("armature", "registers")
+"""Of the catalogue, what is no field of a servo: the gear's `rotor_inertia`, units of registers."""
+
+REGISTERS = {"P": "p_gain", "I": "i_gain", "D": "d_gain"}
+"""Gains by the registers of servos that set them."""
 
 
 def _servo(name: str) -> dict[str, Any]:

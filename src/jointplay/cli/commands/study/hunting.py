@@ -1,4 +1,4 @@
-"""`jointplay study hunting`: do position servos oscillate at rest, because of play or their gains?
+"""`jointplay study hunting`: why does my arm shake? At which gains and poses is it calm?
 
 Look at one joint at a time, all others held: its motor, gear with play, inertia and weight at the
 pose, friction, and its servo. Joints that controllers of your own ([loads]) set move together. They
@@ -31,7 +31,7 @@ from jointplay.cli.commands.inputs import (
 from jointplay.cli.options import REPEATED, TIME, Parser
 
 if TYPE_CHECKING:
-    from jointplay.simulation.simulation import Simulation
+    from jointplay.scenario import Scenario
 
 
 # fmt: off
@@ -42,6 +42,8 @@ def declare(parser: Parser) -> None:
         "and a servo or controller)")
     add("--pose", **REPEATED, metavar="JOINT=X,...", help="positions at which joints are held "
         "(default: where the motion begins)")
+    add("--poses", metavar="N", type=int, help="put each joint to N places over its limits, "
+        "and say where it is calm, and up to which P gain")
     add("--time", **TIME, help="longest motion, if it is not clear before whether swings last "
         "(default: a day; under controllers of your own 300 s, 60 s to look for a gain, 12 s for a "
         "map)")
@@ -58,6 +60,8 @@ def declare(parser: Parser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     out = Outputs(options.out, ["gains.csv", "gains.png"] if options.map else ["hunting.csv"])
+    if options.poses is not None and (options.map or options.gain):
+        raise JointplayError("--poses is of the P gain: leave out --map and --gain")
     spans = [_span(text) for text in options.map or ()]
     if spans and len(spans) != 2:
         raise JointplayError(f"a map is over two gains: give --map twice, got {len(spans)}")
@@ -79,7 +83,10 @@ def run(options: argparse.Namespace) -> int:
         raise JointplayError(
             f"hunting is of gears with play under servos, none is given: add {add}"
         )
-    simulation = released(options)
+    scenario = released(options)
+    simulation, told = scenario.simulation(options.case), scenario.assumptions
+    words = ("note: ", " is p_gain") if options.registers else ("note: ",)
+    registers = [line for line in told if any(word in line for word in words)]
     require_one_pose(options)
     held = positions(simulation.mechanism, "".join(options.pose))
     how = {"longest": options.time, "jobs": options.jobs, "progress": not options.quiet}
@@ -100,20 +107,32 @@ def run(options: argparse.Namespace) -> int:
         return 0
     out.claim()
     streams.release()
+    if options.poses is not None:
+        from jointplay.study import calm
+
+        answers = calm.calm(simulation, joints, held, places=options.poses, **how)
+        table = calm.table(answers)
+        notes = [*(one.advice for one in answers), *registers]
+        print_answer("; ".join(one.sentence for one in answers), table, notes, options)
+        if options.out:
+            out.write({"hunting.csv": table.csv()})
+        return 0
     all_found = hunting.hunting(simulation, joints, held, gain=options.gain, **how)
     table = hunting.table(all_found, options.gain)
-    print_answer(hunting.sentence(all_found), table, hunting.notes(all_found), options)
+    print_answer(
+        hunting.sentence(all_found), table, [*hunting.notes(all_found), *registers], options
+    )
     if options.out:
         out.write({"hunting.csv": table.csv()})
     return 0
 
 
-def released(options: argparse.Namespace) -> Simulation:
+def released(options: argparse.Namespace) -> Scenario:
     """The machine of whose joints some are released; journals, which are held, are refused."""
     if options.joint or (journals := for_joints(options)):
         option = "--joint" if options.joint else journals[0].name
         raise JointplayError(f"{option} is of journals, which are held here: hunting is of gears")
-    return scenario_of(options).simulation(options.case)
+    return scenario_of(options)
 
 
 def _span(text: str) -> tuple[str, Any]:

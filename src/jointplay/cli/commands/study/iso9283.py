@@ -74,7 +74,11 @@ def run(options: argparse.Namespace) -> int:
         if options.detail:
             print_answer(performance.sentence, performance, (), options)
         else:
-            notes = (f"conditions: {performance.conditions}", performance.validity)
+            notes = [
+                *performance.causes,
+                f"conditions: {performance.conditions}",
+                performance.validity,
+            ]
             print_answer(performance.sentence, performance.brief, notes, options, more=True)
         if options.out:
             from jointplay.show.plots import design as plots
