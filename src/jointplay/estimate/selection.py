@@ -40,19 +40,19 @@ LEAST_GAIN = 0.01
 """Part by which held-back errors must shrink at least (RMS)."""
 RARER_SIGN = 0.05
 """Part of the poses in which a joint must be loaded the other way, or its play cannot be told."""
-LARGE = 1.2
+LARGE_EXCESS = 1.2
 """Excess of held-back errors from which on it is said."""
 TWO_UNKNOWNS = 5.99
 """95 % quantile of chi-square with two degrees of freedom, friction's and transition's."""
 SMOOTHINGS = (0.25, 1.0, 4.0)
 """Times a transition that is given, for which a bound must hold."""
-_EQUAL = 1e-9
+_ROUNDING = 1e-9
 """Part by which gains of choices differ that are the same but for rounding."""
 CONSTANT = ("offset", "placement")
 """Kinds of terms that are the same in every pose."""
 _BY_LOAD = ("play", "compliance", "gear", "hysteresis")
 """Kinds of terms that turn a joint by its load or by the way it came."""
-_UNKNOWN = "not determined (other causes do the same, or nothing shows it)"
+_NOT_DETERMINED = "not determined (other causes do the same, or nothing shows it)"
 
 
 @dataclass(frozen=True)
@@ -336,7 +336,7 @@ class Calibration:
 
     def brief(self) -> str:
         """What was found, without how."""
-        return listed(self.estimates, vague=_UNKNOWN)
+        return listed(self.estimates, vague=_NOT_DETERMINED)
 
     def __str__(self) -> str:
         poses = self.poses
@@ -536,7 +536,7 @@ class Selection:
                 gains, _ = self.gains(self.base.having(made), i, fitted.theta, rows)
                 best = int(gains.argmax())
                 liked = (preferred or {}).get(i, best)
-                if gains[liked] >= gains[best] * (1.0 - _EQUAL):
+                if gains[liked] >= gains[best] * (1.0 - _ROUNDING):
                     best = liked
                 chosen[i] = best
                 options = made[i].options
@@ -727,7 +727,7 @@ class Selection:
     def notes(self, kept: Step) -> list[str]:
         """What must be said of the model that was kept."""
         notes = []
-        if self.excess > LARGE:
+        if self.excess > LARGE_EXCESS:
             notes.append(
                 f"note: held-back errors are {self.excess:.1f} times as large as the fits predict: "
                 "these causes do not explain all of it; intervals and bounds are enlarged "
