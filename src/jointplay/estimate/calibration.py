@@ -39,10 +39,11 @@ TERMS = ("offset", "placement", "compliance", "eccentricity", "play")
 CANDIDATES = 200
 """Poses among which a plan chooses."""
 DRAWS = 1000
-"""Of coefficients for an effect's interval."""
+"""Of coefficients for an effect's interval, whose ends are each beyond 25 of them."""
 _FRAME = tuple(f"{what} {axis}" for what in ("base", "base r", "tool", "tool r") for axis in "xyz")
-_UNKNOWN = 1e2
-"""Prior width of where the base is, and of how base and tool are turned [m, rad]."""
+_ANYWHERE = 1e2
+"""Prior width of where the base is, and of how base and tool are turned: large beside any robot
+[m, rad]."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,7 @@ class Placed(Problem):
     @cached_property
     def frame(self) -> tuple[Unknown, ...]:
         values = [*np.zeros(6), *self._nominal, *np.zeros(3)]
-        widths = [_UNKNOWN] * 6 + [self.point_width] * 3 + [_UNKNOWN] * 3
+        widths = [_ANYWHERE] * 6 + [self.point_width] * 3 + [_ANYWHERE] * 3
         every = [
             Unknown("", name, "", value, spread=width, least=-np.inf, sought=False, model_error=0.0)
             for name, value, width in zip(_FRAME, values, widths, strict=True)

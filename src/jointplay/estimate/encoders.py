@@ -39,7 +39,7 @@ _WIDE = 100.0
 """Prior widths of effects, in standard deviations of the difference."""
 _OF_ANGLES = ("eccentricity", "sawtooth")
 _WORDS = {"compliance": "compliance (sag under its load)"}
-_LITTLE = 0.5
+_RATIO_LEFT = 0.5
 """Part of what the causes that were asked for leave from which on a ratio that was not is in the
 model: judged; wrong ratios of gears leave a hundredth, right ones all."""
 
@@ -159,7 +159,7 @@ def _compared(poses: Poses, joint: str, terms: Sequence[Term] | None) -> Calibra
     ratio, begin = Term("ratio", (joint,), widths["ratio"]), len(fits.steps)
     if terms is not None and not {"ratio", "sawtooth"} & {one.kind for one in step.terms}:
         left = fits.tried([*step.terms, ratio]).held_back[0]
-        if left < _LITTLE * step.held_back[0]:  # beside which nothing else could be told
+        if left < _RATIO_LEFT * step.held_back[0]:  # beside which nothing else could be told
             step = fits.run("constant, ratio", (ratio,), candidates, may_be)
             del fits.steps[:begin]
     if step.held_back[0] > 0.0:  # what priors are weighed against

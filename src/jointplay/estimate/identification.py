@@ -42,12 +42,12 @@ if TYPE_CHECKING:
     from jointplay.scenario.presets import Preset
 
 _NAMED = 3
-_SIZE = 8.0
-"""Parts of the strongest push by which sizes of pushes are told apart."""
+_SIZE_STEPS = 8.0
+"""Parts of the strongest push by which a message tells sizes of pushes apart."""
 LARGE = 3.0
 """Times the records' scatter from which on residuals are said to be large."""
-_DARK = 1e-12
-"""Square of the part of a compliance's effect below which there is none of its own."""
+_ROUNDING = 1e-12
+"""Square of the part of a compliance's effect below which there is none of its own: rounding."""
 _VAGUE = "its interval is wider than half of its value"
 
 # Why an unknown cannot be identified, and what would help: in words; how the machine gives way.
@@ -69,7 +69,7 @@ def elasticity(fit: Fit, model: StaticModel) -> tuple[Estimate, ...]:
         span = basis(np.vstack([others.project(effect), np.zeros(effect.shape[1])]))
         own = column - span @ (span.T @ column)
         size, value, half = float(own @ own), one.unknown.nominal, np.inf
-        if size > _DARK * float(whole @ whole):
+        if size > _ROUNDING * float(whole @ whole):
             value += float(own[: len(left)] @ left) / size
             half = fit.wide(1.0 / np.sqrt(size), one.unknown.model_error * value)
         dark = half > LARGEST_SHARE * abs(value)
@@ -148,7 +148,7 @@ def _explained(i: int, fit: Fit, made: Visits) -> str:
     if not labels or not identified(labels):
         return ""
     which = [label for label in labels if identified([label])]
-    sizes = np.unique(np.round(_SIZE * made.force / max(np.abs(made.force).max(), 1e-12)), axis=0)
+    sizes = np.unique(measurement.pushes(made.force, _SIZE_STEPS), axis=0)
     count = len(np.unique(np.round(np.linalg.norm(sizes, axis=1)))) - 1
     words = ", ".join(which[:_NAMED]) if which else "of several parts at once"
     words += f" or another of {len(which)}" if len(which) > _NAMED else ""
@@ -561,8 +561,7 @@ def _problem(
     if lag:
         known[: len({kind for kind, _ in model.keys if kind in measurement.READINGS})] = lag
     kinds = [kind for kind, _ in model.keys]
-    strength = max(float(np.abs(made.force).max()), 1e-12)
-    loads = np.column_stack([made.direction, made.stopped, np.round(4.0 * made.force / strength)])
+    loads = np.column_stack([made.direction, made.stopped, measurement.pushes(made.force)])
     _, load = np.unique(loads, axis=0, return_inverse=True)
     groups = [n[:, None] * len(kinds) + np.arange(len(kinds)) for n in (made.cell, np.ravel(load))]
     return LeastSquares(

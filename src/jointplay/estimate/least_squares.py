@@ -26,40 +26,41 @@ from jointplay.estimate.unknowns import Estimate, Unknown
 
 CONFIDENCE = 0.95
 _STEP = 1e-3
-"""Step of differences, relative to an unknown's scale."""
+"""Step of differences, relative to an unknown's scale: with it rounding at 1e-12 leaves slopes to
+1e-9, below which singular values therefore count as zero (`_RANK`, by the largest)."""
 _RANK = 1e-9
-"""Singular values below this part of the largest count as zero."""
 SHARE = 0.1
-"""Part of a direction in the null space from which on an unknown is named with it."""
+"""Part of a direction in the null space from which on an unknown is named with it: only words."""
 SAFETY = 1.5
 """By which intervals are wider than the statistics say, unless said otherwise; set by the first ten
 machines of benchmarks/truth/identify.py."""
-_LOOKS, _NEAR, _FAR = 2, 0.02, 0.5
+_EFFECT_ROUNDS, _LEAST_STEP, _LARGEST_STEP = 2, 0.02, 0.5
 """How often effects are sought over the width of the intervals; least and largest step by scale."""
-_FEW = {False: 8, True: 4}
+_LEAST_FREEDOM = {False: 8, True: 4}
 """Freedom that few groups are granted: with less, intervals say nothing. Fewer where errors are
 only weights, for nothing else says how large they are."""
 INFORMED = 0.5
-"""Part of a prior's variance that a measurement must take away, or it tells nothing."""
+"""Part of a prior's variance that a measurement must take away, or the prior tells more."""
 TOGETHER = 0.7
-"""Correlation from which two unknowns are said to act together."""
+"""Correlation from which two unknowns are said to act together: half of the variance of either is
+the other's. Only words."""
 NULL = 1e-4
 """Square of the part of an unknown that may lie in the null space."""
 FAINT = 1e-3
 """Effect of a whole scale below which nothing is identified, in standard errors."""
-_TRIED, _RANGE = 16, 3.0
+_STARTS_TRIED, _START_FACTOR = 16, 3.0
 """Starts that are looked at, and how far they lie from the scenario's values."""
-_FIRST, _BEST, _LATER = 15, 100, 8
+_FIRST_STEPS, _BEST_STEPS, _LATER_STEPS = 15, 100, 8
 """Most steps of least squares from each start, from the best of these on, and with other errors."""
 _AS_GOOD = 1.1
 """Cost of another minimum, relative to the best, up to which it is as good an explanation."""
-_ROUGH = 0.005
+_MODEL_ERROR = 0.005
 """Part of what play does to a signal by which the static model may be off at a visit."""
-_OTHER_WALL = 4.0
+_WALL_FACTOR = 4.0
 """Factor of axial clearances that are tried besides the best."""
 _OUTWARDS = 1.3
-"""By which an end of an interval is moved at a time."""
-_ROUNDS = 2
+"""By which an end of an interval is moved at a time: ends are as sharp as that."""
+_ERROR_ROUNDS = 2
 """In which errors are made as large as the residuals demand."""
 
 
@@ -311,7 +312,7 @@ class Fit:
             taken = 1 if self.least.weights else self._information[2]
             if number > taken:
                 variance = np.maximum(variance, number / (number - taken) * robust)
-                freedom = min(freedom, max(number - taken, _FEW[self.least.weights]))
+                freedom = min(freedom, max(number - taken, _LEAST_FREEDOM[self.least.weights]))
         return variance, freedom
 
     def half_widths(self, confidence: float = CONFIDENCE) -> np.ndarray:
@@ -426,8 +427,10 @@ def fit(problem: LeastSquares, start: np.ndarray, most_steps: int) -> Fit:
     """Least squares from a start (p,), with effects over the width of the intervals."""
     theta, scale = minimum(problem, start, most_steps), problem.scale
     found = Fit(least=problem, theta=theta)
-    for _ in range(_LOOKS):
-        steps = np.clip(found.half_width, _NEAR * scale, _FAR * np.maximum(scale, theta))
+    for _ in range(_EFFECT_ROUNDS):
+        steps = np.clip(
+            found.half_width, _LEAST_STEP * scale, _LARGEST_STEP * np.maximum(scale, theta)
+        )
         found = replace(found, steps=steps)
     return found
 
@@ -470,24 +473,25 @@ def search(problem: LeastSquares, start: np.ndarray | None = None) -> Fit:
     """
     if start is None:
         start = np.array([one.nominal or 0.5 * one.scale for one in problem.unknowns])
-    tried = [fit(problem, one, _FIRST) for one in _starts(problem, start)]
+    tried = [fit(problem, one, _FIRST_STEPS) for one in _starts(problem, start)]
     best = min(tried, key=lambda one: problem.cost(one.theta))
-    best = fit(problem, best.theta, _BEST)  # residuals of where it stopped would grow the errors
+    # Residuals of where a short search stopped would grow the errors.
+    best = fit(problem, best.theta, _BEST_STEPS)
     own = problem.error
     kinds = np.zeros(len(own), int) if problem.kinds is None else problem.kinds
-    for _ in range(_ROUNDS):
+    for _ in range(_ERROR_ROUNDS):
         left = best.residual[: len(own)] * problem.error
-        rough = _ROUGH * np.abs(problem.predict(best.theta))
+        rough = _MODEL_ERROR * np.abs(problem.predict(best.theta))
         share = max(best.freedom, 1.0) / len(own)
         more = np.zeros(len(own))
         for kind in np.unique(kinds):
             mine = kinds == kind
             more[mine] = _excess(left[mine], np.hypot(own, rough)[mine], share * mine.sum())
         problem = replace(problem, error=np.sqrt(own**2 + more**2 + rough**2))
-        best = fit(problem, best.theta, _LATER)
+        best = fit(problem, best.theta, _LATER_STEPS)
     far = np.minimum(best.half_width, problem.scale)  # another minimum, not within the intervals
     others = [
-        fit(problem, one.theta, _LATER).theta
+        fit(problem, one.theta, _LATER_STEPS).theta
         for one in tried
         if (np.abs(one.theta - best.theta) > far).any()
     ]
@@ -496,7 +500,7 @@ def search(problem: LeastSquares, start: np.ndarray | None = None) -> Fit:
     away = [np.abs(theta - best.theta) for theta in others if problem.cost(theta) <= limit]
     plays = [one.name.endswith("clearance") for one in problem.unknowns]
     for soft in filter(None, map(problem.softened, problem.softening)):
-        other = fit(soft, best.theta, _LATER)
+        other = fit(soft, best.theta, _LATER_STEPS)
         cost = soft.cost(other.theta)
         if cost <= limit:
             # Where that explains the means better, its own interval counts, too.
@@ -546,7 +550,7 @@ def _with_other_walls(problem: LeastSquares, theta: np.ndarray) -> list[np.ndarr
         _fitted_beside(problem, theta, i, min(max(theta[i], 0.1 * one.scale) * factor, one.most))
         for i, one in enumerate(problem.unknowns)
         if one.name == "axial_clearance" and len(theta) > 1
-        for factor in (_OTHER_WALL, 1.0 / _OTHER_WALL)
+        for factor in (_WALL_FACTOR, 1.0 / _WALL_FACTOR)
     ]
 
 
@@ -567,7 +571,7 @@ def _fitted_beside(problem: LeastSquares, theta: np.ndarray, i: int, value: floa
         predict=lambda x: problem.predict(whole(x)),
         jacobian=None if slopes is None else lambda x: np.delete(slopes(whole(x)), i, axis=1),
     )
-    return whole(fit(part, theta[kept], _LATER).theta)
+    return whole(fit(part, theta[kept], _LATER_STEPS).theta)
 
 
 def _starts(problem: LeastSquares, start: np.ndarray) -> list[np.ndarray]:
@@ -576,12 +580,15 @@ def _starts(problem: LeastSquares, start: np.ndarray) -> list[np.ndarray]:
     walls = np.array([one.name == "axial_clearance" for one in problem.unknowns])
     starts = [start]
     if walls.any():
-        starts += [np.where(walls, factor * start, start) for factor in (1.0 / _RANGE, _RANGE)]
+        starts += [
+            np.where(walls, factor * start, start)
+            for factor in (1.0 / _START_FACTOR, _START_FACTOR)
+        ]
     cages = np.array([one.name == "cage_angle" for one in problem.unknowns])
     if cages.any():
         starts += [np.where(cages, start + part * problem.scale, start) for part in (1, 2, 3)]
-    spread = qmc.LatinHypercube(len(start), rng=0).random(_TRIED)
-    options = np.minimum(start * _RANGE ** (2.0 * spread - 1.0), problem.limits[1])
+    spread = qmc.LatinHypercube(len(start), rng=0).random(_STARTS_TRIED)
+    options = np.minimum(start * _START_FACTOR ** (2.0 * spread - 1.0), problem.limits[1])
     options = np.where(cages, start + 4.0 * spread * problem.scale, options)
     return [*starts, min(options, key=problem.cost)]
 

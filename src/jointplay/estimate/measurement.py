@@ -229,24 +229,28 @@ def _wrenches(result: Result) -> np.ndarray:
 CELLS = 20
 """Cells over a joint's range, in which what moves one way is taken together."""
 _TRAVEL = 0.3
-"""Part of a cell that a joint must move in a visit."""
+"""Part of a cell that a joint must move in a visit: judged."""
+PUSH_STEPS = 4.0
+"""Parts of the strongest force by which forces on the tool are told apart: less may be friction's
+and inertia's. Judged."""
 _STOP_CELL = 0.2
-"""Part of a cell within which stops are at the same place."""
+"""Part of a cell within which stops are at the same place: judged."""
 STOP_S = 0.15
 """Shortest stop that is looked at [s]."""
 SETTLING = 0.4
-"""Part of a stop that is left out at its beginning, while the machine calms down."""
+"""Part of a stop that is left out at its beginning, while the machine calms down: judged."""
 FEWEST_IN_VISIT = 3
 LARGEST_LAG = 0.03
 """For which readings whose lag is unknown leave records out, at both ends of a visit [s]."""
-_APART = 8
+_INTERVAL_RECORDS = 8
 """Records over which the interval between records is taken."""
 MOST_PATH = 4000
 """Points to which the motors' paths are thinned."""
-_THRESHOLD = 6.0
-"""Spreads of an encoder's records by which a position must go back to have turned."""
-_SMALLEST = 1e-6
-"""Motion that counts [rad or m]."""
+_TURNING_SPREADS = 6.0
+"""Spreads of an encoder's records by which a position must go back to have turned: of a million
+records hardly one does so by chance."""
+_SMALLEST_MOTION = 1e-6
+"""Motion that counts, less than encoders resolve [rad or m]."""
 
 
 @dataclass(frozen=True)
@@ -375,15 +379,15 @@ def positions(
     names, still = tuple(moving(mechanism)), middle(mechanism)
     found = np.tile([still[name] for name in names], (len(measured.time), 1))
     reference = None if motion is None else motion(measured.time)[0]
-    without_encoder, limits = [], np.full(len(names), _SMALLEST)
+    without_encoder, limits = [], np.full(len(names), _SMALLEST_MOTION)
     for column, name in enumerate(names):
         kinds = ("motor",) if name in mechanism.gears else ("motor", "link")
         kind = next((one for one in kinds if (one, name) in measured.signals), None)
         if kind is not None:
             records = measured.signals[kind, name]
             found[:, column] = _filled(records, measured.time, f"{name} {kind}")
-            spread = max(_THRESHOLD * scatter(records), 2.0 * resolution(records))
-            limits[column] = max(spread, _SMALLEST)
+            spread = max(_TURNING_SPREADS * scatter(records), 2.0 * resolution(records))
+            limits[column] = max(spread, _SMALLEST_MOTION)
             continue
         without_encoder.append(name)
         if motion is not None and reference is not None and name in motion.joints:
@@ -410,6 +414,12 @@ def resolution(values: np.ndarray) -> float:
     good = values[~np.isnan(values)]
     steps = np.diff(np.unique(good))
     return float(steps.min()) if 0 < len(steps) <= 0.5 * len(good) else 0.0
+
+
+def pushes(force: np.ndarray, steps: float = PUSH_STEPS) -> np.ndarray:
+    """Whole numbers by which forces on the tool (n, 3) differ, in parts of the strongest."""
+    strongest = max(float(np.abs(force).max(initial=0.0)), 1e-12)
+    return np.asarray(np.round(steps * force / strongest)).astype(int)
 
 
 def turns(values: np.ndarray, threshold: float) -> np.ndarray:
@@ -453,9 +463,7 @@ def _pieces(
     with np.errstate(invalid="ignore"):
         cells = np.floor((q - q.min(axis=0)) / size).astype(int)
     cells[stands] = -1
-    strength = max(float(np.abs(force).max(initial=0.0)), 1e-12)
-    pushes = np.round(force / (0.25 * strength)).astype(int)
-    labels = np.column_stack([ways, stands[:, None], cells, pushes])
+    labels = np.column_stack([ways, stands[:, None], cells, pushes(force)])
     cuts = np.flatnonzero((np.diff(labels, axis=0) != 0).any(axis=1)) + 1
     pieces = []
     for first, last in pairwise([0, *cuts, len(time)]):
@@ -553,7 +561,7 @@ def visits(
 def _standing(time: np.ndarray, q: np.ndarray, limit: np.ndarray) -> np.ndarray:
     """Whether a record belongs to a while in which all joints stay within their limits, (n,)."""
     # Over several records: signals of different instruments come in pairs, and recordings pause.
-    apart = min(_APART, len(time) - 1)
+    apart = min(_INTERVAL_RECORDS, len(time) - 1)
     interval = float(np.median(time[apart:] - time[:-apart])) / apart
     width = max(int(np.ceil(STOP_S / interval)), 2)
     ranges = maximum_filter1d(q, width, axis=0) - minimum_filter1d(q, width, axis=0)

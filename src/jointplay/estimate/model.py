@@ -40,7 +40,15 @@ from jointplay.estimate.measurement import (
     stacked,
     tool_effect,
 )
-from jointplay.estimate.parts import SPRINGS, WOUND, Elements, Journal, Teeth, friction_of
+from jointplay.estimate.parts import (
+    SPRINGS,
+    STIFFEST,
+    WOUND,
+    Elements,
+    Journal,
+    Teeth,
+    friction_of,
+)
 from jointplay.estimate.unknowns import Unknown
 from jointplay.model.gear import Curve, Gear
 from jointplay.model.mechanism import Mechanism
@@ -54,40 +62,44 @@ _LATERAL = [0, 1, 3, 4]
 _AXES = {"link": [5], "bush": [0, 1]} | {way: list(at) for way, at in SPRINGS.items()}
 """Components of a joint's load and displacement in bearing axes."""
 _LINE_CONTACT = 0.9
-"""Exponent of the load by which contacts of lines give way, those of points by 2/3; the compliances
-here give way in proportion to it."""
+"""Exponent of the load by which contacts of lines give way (Palmgren's of rollers), those of points
+by 2/3; the compliances here give way in proportion to it."""
 _REMEMBERED = 100
 """Displacements of bearings and lags that are kept: differences move one joint at a time."""
 _FORGOTTEN = 0.05
-"""Part of what bristles were bent by in the beginning that is left where they are known at most."""
+"""Part of what bristles were bent by in the beginning that may be left where they count as known:
+after three of their angles, exp(-3)."""
 _CAGES = 6
 """Places of a cage between one element and the next that are looked at."""
-_SLIPPED = 0.1
-"""Part of what these differ by that is left: cages slip."""
+_CAGE_WANDER = 0.1
+"""Part of what these differ by that is left, for cages slip: judged."""
 _SMOOTH_S = 0.15
 """Over which the motors' paths are smoothed to find their accelerations [s]."""
 _HALVINGS = 48
-"""In which the twist of a gear with bristles is found."""
-_FAINT_LOAD = 0.02
-"""Part of the rims' forces below which a load along the axis moves nothing in time."""
-_STIFFEST = 1e-12
-"""Smallest compliance [rad/(N m)]."""
-_LIGHT = 0.3
-"""Part of the other rim's force below which a rim may lie anywhere."""
-_FAINTEST = 0.015
-"""Part of the largest load of a joint that may be missing in others."""
-_TURNING = 0.04
-"""The same of moments that tilt a rolling bearing, which change while a place is passed."""
-_FRICTION = 0.1
-"""Coefficient of the friction along the axis that may hold a journal's lean where it is."""
-_ALIKE = 0.2
-"""Part of a torque's range within which it is the same all along a way."""
-_MOVED = 0.35
-"""Part of the clearance by which rims may be held off the place where the load would push them."""
-_DRY, _BREAKS = 2.5, 1.4
-"""Factor by which friction behind a gear may be wrong, and static by dynamic friction."""
-_UNSURE = 3.0
-"""Plays by which a gear must have been crossed before its side is certain."""
+"""In which the twist of a gear with bristles is found: as many bits as a number has, less some."""
+_CREEP_LOAD = 0.02
+"""Load along the axis by the rims' forces from which on a journal that turns creeps to an end wall
+while a place is passed: judged."""
+_LEAST_RIM_LOAD = 0.3
+"""Part of the other rim's force below which a rim may lie anywhere: judged."""
+_LOAD_ERROR = 0.015
+"""Part of a joint's largest load by which the model of its loads may be off: judged."""
+_MOMENT_ERROR = 0.04
+"""The same of moments that tilt a rolling bearing, which change while a place is passed: judged."""
+_AXIAL_FRICTION = 0.1
+"""Coefficient of the friction along the axis that may hold a journal's lean where it is: of greased
+steel and bronze."""
+_CONSTANT_TORQUE = 0.2
+"""Part of a torque's range within which it is the same all along a way, and a loop is drawn over
+the position: only a figure's choice."""
+_HELD_OFF = 0.35
+"""Part of the clearance by which rims may be held off the place where the load would push them:
+judged."""
+_FRICTION_FACTOR, _STICTION_RATIO = 2.5, 1.4
+"""Factor by which friction behind a gear may be wrong, and static by dynamic friction: judged."""
+_LARGEST_PLAY_RATIO = 3.0
+"""Expected plays that a gear may have in truth: a visit is used only if its side is certain even
+then. Judged."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +139,7 @@ class _Bearing:
         else:
             rims = [np.linalg.norm(rim, axis=1) for rim in _rims(load, leaning.length)]
             self.rim = self.push = np.mean(rims, axis=0)
-            self.sure &= np.min(rims, axis=0) >= _LIGHT * np.max(rims, axis=0)
+            self.sure &= np.min(rims, axis=0) >= _LEAST_RIM_LOAD * np.max(rims, axis=0)
         speed = way = np.zeros(len(visits))
         if name in visits.joints:
             column = visits.joints.index(name)
@@ -218,8 +230,8 @@ class _Rolling(_Bearing):
         here, told = self._rests({}, load)
         across = np.linalg.norm(load[:, :3], axis=1)
         self.sure = told & (across > 0.0)
-        force = _FAINTEST * across.max(initial=0.0)
-        moment = _TURNING * np.linalg.norm(load[:, 3:5], axis=1).max(initial=0.0)
+        force = _LOAD_ERROR * across.max(initial=0.0)
+        moment = _MOMENT_ERROR * np.linalg.norm(load[:, 3:5], axis=1).max(initial=0.0)
         small = np.array([force, force, 0.0, moment, moment, 0.0])
         room = np.linalg.norm(here[:, [[0, 1], [3, 4]]], axis=2).max(axis=0, initial=0.0)
         free = np.array([joint.travel["x"] or np.inf, joint.travel["roll"] or np.inf])
@@ -228,7 +240,7 @@ class _Rolling(_Bearing):
             for way in (1.0, -1.0):
                 off = self._rests({}, load + way * more)[0] - here
                 by = np.linalg.norm(off[:, [[0, 1], [3, 4]]], axis=2)
-                self.sure &= (by <= _MOVED * free).all(axis=1)
+                self.sure &= (by <= _HELD_OFF * free).all(axis=1)
 
     def _rests(
         self, values: Mapping[str, float], load: np.ndarray
@@ -332,7 +344,9 @@ class StaticModel:
         for bearing in self._bearings.values():
             if isinstance(bearing, _Rolling):
                 moved = np.einsum("nij,nj->ni", bearing.move**2, bearing.wander() ** 2)
-                self.wander = np.hypot(self.wander, tool_effect(keys, _SLIPPED * np.sqrt(moved)))
+                self.wander = np.hypot(
+                    self.wander, tool_effect(keys, _CAGE_WANDER * np.sqrt(moved))
+                )
         self._way = self._on_the_way([name for name in driven if self._remembers(name)])
         self.softening = {name: one.softening() for name, one in self._bearings.items()}
         elastic = self._elastic(loads, tool)
@@ -343,7 +357,10 @@ class StaticModel:
         self.elastic = tuple(one for one in elastic if one.unknown.spread > 0.0)
         self.certain = self._sides(
             np.array(
-                [(_UNSURE if one.name == "gear_play" else 1.0) * one.nominal for one in unknowns]
+                [
+                    (_LARGEST_PLAY_RATIO if one.name == "gear_play" else 1.0) * one.nominal
+                    for one in unknowns
+                ]
             )
         )
 
@@ -467,7 +484,7 @@ class StaticModel:
                 effect += signal_effect(self.keys, ("link", joint), np.ones(len(twist)))
             ways = self.visits.direction[:, column]
             alike = max(np.ptp(torque[ways == way]) for way in np.unique(ways))
-            if alike > _ALIKE * np.ptp(torque) or not np.ptp(place[0]):
+            if alike > _CONSTANT_TORQUE * np.ptp(torque) or not np.ptp(place[0]):
                 place = torque, "torque", "N" if slides else "N*m"
             return twist, "m" if slides else "rad", place, effect
         bearing = self._bearings[joint]
@@ -482,13 +499,13 @@ class StaticModel:
         A journal that does not turn stays along its axis where friction holds it, and one that
         turns creeps along it as fast as the load along the axis is large beside those across: the
         place along each axis with end walls is a column at each stop, unless the load along the
-        axis exceeds all others, and at each other visit, if it is less than `_FAINT_LOAD` of them.
+        axis exceeds all others, and at each other visit, if it is less than `_CREEP_LOAD` of them.
         """
         columns = []
         for bearing in self._bearings.values():
             if not bearing.slips:
                 continue
-            enough = np.where(self.visits.stopped, 1.0, _FAINT_LOAD) * 2.0 * bearing.push
+            enough = np.where(self.visits.stopped, 1.0, _CREEP_LOAD) * 2.0 * bearing.push
             for i in np.flatnonzero(np.abs(bearing.load[:, 2]) <= enough):
                 moved = np.zeros((len(self.visits), 3))
                 moved[i] = bearing.move[i, :, 2]
@@ -500,7 +517,7 @@ class StaticModel:
         load = self._bearings[joint].load
         for ways in (load[:, :2], load[:, 3:5]):
             size = np.linalg.norm(ways, axis=1)
-            strong = size > _LIGHT * size.max(initial=0.0)
+            strong = size > _LEAST_RIM_LOAD * size.max(initial=0.0)
             for cell in np.unique(self.visits.cell[strong]):
                 mine = ways[strong & (self.visits.cell == cell)]
                 if (mine @ mine.T < 0.0).any():
@@ -597,7 +614,7 @@ class StaticModel:
         give = next((mine[one] for one in WOUND if one in mine), self._gives[name])
         if gear is None or rigid:
             half = 0.0 if gear is None else 0.5 * mine.get("gear_play", gear.play)
-            give = _STIFFEST if rigid else max(give, _STIFFEST)
+            give = STIFFEST if rigid else max(give, STIFFEST)
             return half, Curve.of([(1.0 / give, math.inf)]), (0.0, 1.0)
         own = Teeth(name, gear).holding({"gear_compliance": self._gives[name], **mine})
         return 0.5 * own.play, own.curve(), own.bristles
@@ -621,14 +638,14 @@ class StaticModel:
         off count.
         """
         mine = dict(values)
-        half = mine["gear_play"] = self.mechanism.gears[name].play or _STIFFEST
+        half = mine["gear_play"] = self.mechanism.gears[name].play or STIFFEST
         hold, twists = self._hold[name], []
         whole = hold - np.einsum("nk,nk->n", self._pushed[name], self.visits.force)
-        off = _FAINTEST * np.abs(whole).max(initial=0.0) * np.ones(len(hold))
+        off = _LOAD_ERROR * np.abs(whole).max(initial=0.0) * np.ones(len(hold))
         friction = mine.get("dry_friction", self._friction(name).coulomb)
         for more in (0.0 * off, off, -off, -self._inertia[name]):
-            for factor in (1.0, _DRY, 1.0 / _DRY):
-                for ratio in (1.0, _BREAKS):
+            for factor in (1.0, _FRICTION_FACTOR, 1.0 / _FRICTION_FACTOR):
+                for ratio in (1.0, _STICTION_RATIO):
                     mine |= {"dry_friction": factor * friction, "stiction": ratio}
                     twists.append(self._wound(name, mine, more, rigid=True)[0])
         return np.ptp(twists, axis=0) <= 0.02 * half
@@ -827,10 +844,10 @@ def _determined(joint: Clearance, load: np.ndarray, inertia: np.ndarray) -> np.n
     along rims and walls, with the moments that they make) must not move rims by more than a part of
     the clearance.
     """
-    hinge, friction = joint.hinge, _FRICTION
+    hinge, friction = joint.hinge, _AXIAL_FRICTION
     across = np.linalg.norm(load[:, :2], axis=1)
     pressed = across
-    faint = _FAINTEST * np.full(len(load), np.linalg.norm(load[:, :3], axis=1).max(initial=0.0))
+    faint = _LOAD_ERROR * np.full(len(load), np.linalg.norm(load[:, :3], axis=1).max(initial=0.0))
     every = np.eye(6)
     added = [faint[:, None] * every[0], faint[:, None] * every[1], inertia]
     arm = 0.0
@@ -851,7 +868,7 @@ def _determined(joint: Clearance, load: np.ndarray, inertia: np.ndarray) -> np.n
             off = play.support(load + side * more).point - here
             lean = arm * np.linalg.norm(off[:, 3:5], axis=1)
             off_by = np.hypot(np.linalg.norm(off[:, :2], axis=1), lean)
-            sure &= off_by <= _MOVED * joint.radial_travel
+            sure &= off_by <= _HELD_OFF * joint.radial_travel
     return sure & (across + np.abs(load[:, 2]) > 0.0)
 
 

@@ -30,25 +30,26 @@ SPRINGS = {"radial": (0, 1), "axial": (2,), "tilt": (3, 4), "torsional": (5,)}
 """Components of a load and a displacement in which springs give way."""
 WOUND = ("gear_compliance", "gear_compliance_2", "gear_compliance_3", "torsional_compliance")
 """Names of the unknowns by which the torque that a joint transmits turns its link."""
-_LARGEST = 1e-3
+_LARGEST_CLEARANCE_M = 1e-3
 """Clearance beyond which no bearing is one, unless the scenario says otherwise [m]."""
-_LEAST = 1e-9
+_LEAST_CLEARANCE_M = 1e-9
 """Clearances below it are none [m]."""
 SOFTEST = 100.0
 """Largest compliance of a gear, of springs or of a joint that winds up, by the expected one."""
-_FEW = 5e-6
-"""Internal clearance that matters where less is expected [m]."""
+_SMALL_CLEARANCE_M = 5e-6
+"""Internal clearance that matters where less is expected: judged, some micrometres, as bearings of
+class CN of ISO 5753 have at least [m]."""
 LOAD_ERROR = 0.03
 """Part by which compliances may be off: loads are known no better, and move with what gives way."""
-_PRESSED = 5e-3
-"""Most preload, by an element's diameter."""
+_MOST_PRELOAD = 5e-3
+"""Most preload, by an element's diameter: judged, five times what is called heavy."""
 FACTOR = 0.15
 """Deviation of the stiffness of rolling elements from that of their geometry, which is estimated:
 three per cent of a ball's diameter, one ball more or less, and the grooves' radii."""
-_HELD = 0.9
-"""Part of the rated torque that hysteresis takes at most."""
-_STIFFEST = 1e-12
-"""Smallest compliance [rad/(N m)]."""
+_MOST_HYSTERESIS = 0.9
+"""Part of the rated torque that hysteresis takes at most: with all of it the gear would hold."""
+STIFFEST = 1e-12
+"""Smallest compliance, which only keeps divisions finite [rad/(N m)]."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,7 @@ class Journal(Part):
 
     def unknowns(self, also: Collection[str]) -> Iterator[Unknown]:
         for name, value in self.own.clearances.items():
-            most = max(_LARGEST, 10.0 * value)
+            most = max(_LARGEST_CLEARANCE_M, 10.0 * value)
             yield Unknown(self.joint, name, "m", value, value, most)
         if coefficient := friction_of(self.own):
             yield Unknown(
@@ -82,7 +83,11 @@ class Journal(Part):
             )
 
     def holding(self, values: Mapping[str, float]) -> Clearance:
-        sizes = {name: max(values[name], _LEAST) for name in self.own.clearances if name in values}
+        sizes = {
+            name: max(values[name], _LEAST_CLEARANCE_M)
+            for name in self.own.clearances
+            if name in values
+        }
         changed = self.own.with_clearances(sizes)
         if friction_of(self.own) is not None and "friction" in values:
             law, asked = self.own.friction, values["friction"]
@@ -107,10 +112,16 @@ class Elements(Part):
             most = max(static, 2.0 * scale)
             yield Unknown(self.joint, "preload", "N", preload, scale, most, model_error=LOAD_ERROR)
         else:
-            value, pressed = own.bought_clearance, _PRESSED * own.d_element
+            value, pressed = own.bought_clearance, _MOST_PRELOAD * own.d_element
             least, most = min(-pressed, 2.0 * value), own.loosest
             yield Unknown(
-                self.joint, "radial_clearance", "m", value, max(abs(value), _FEW), most, least=least
+                self.joint,
+                "radial_clearance",
+                "m",
+                value,
+                max(abs(value), _SMALL_CLEARANCE_M),
+                most,
+                least=least,
             )
         way = 2.0 * self.period
         yield Unknown(
@@ -260,7 +271,7 @@ class Teeth(Part):
             give = values.get(f"gear_compliance_{k}", softer / one)
             name = f"stiffness_{k}" if isinstance(own, StrainWaveGear) else "stiffness"
             if give != 1.0 / one:
-                changes[name] = 1.0 / max(give, _STIFFEST)
+                changes[name] = 1.0 / max(give, STIFFEST)
         if not isinstance(own, StrainWaveGear | CycloidalGear):
             return replace(own, **changes)
         stated = values.get("lost_motion", own.stated_lost_motion)
@@ -268,7 +279,7 @@ class Teeth(Part):
         bare = replace(own, **changes, stated_lost_motion=None)
         hysteresis = values.get("hysteresis", own.hysteresis)
         if own.rated_torque is not None:
-            most = 2.0 * float(bare.curve().depth(np.array(_HELD * own.rated_torque)))
+            most = 2.0 * float(bare.curve().depth(np.array(_MOST_HYSTERESIS * own.rated_torque)))
             hysteresis = min(hysteresis, most)
         full = replace(bare, hysteresis=hysteresis)
         if stated is None:

@@ -40,19 +40,19 @@ LEAST_GAIN = 0.01
 """Part by which held-back errors must shrink at least (RMS)."""
 RARER_SIGN = 0.05
 """Part of the poses in which a joint must be loaded the other way, or its play cannot be told."""
-LARGE = 1.2
+LARGE_EXCESS = 1.2
 """Excess of held-back errors from which on it is said."""
 TWO_UNKNOWNS = 5.99
 """95 % quantile of chi-square with two degrees of freedom, friction's and transition's."""
 SMOOTHINGS = (0.25, 1.0, 4.0)
 """Times a transition that is given, for which a bound must hold."""
-_EQUAL = 1e-9
+_ROUNDING = 1e-9
 """Part by which gains of choices differ that are the same but for rounding."""
 CONSTANT = ("offset", "placement")
 """Kinds of terms that are the same in every pose."""
 _BY_LOAD = ("play", "compliance", "gear", "hysteresis")
 """Kinds of terms that turn a joint by its load or by the way it came."""
-_UNKNOWN = "not determined (other causes do the same, or nothing shows it)"
+_NOT_DETERMINED = "not determined (other causes do the same, or nothing shows it)"
 
 
 @dataclass(frozen=True)
@@ -336,7 +336,7 @@ class Calibration:
 
     def brief(self) -> str:
         """What was found, without how."""
-        return listed(self.estimates, vague=_UNKNOWN)
+        return listed(self.estimates, vague=_NOT_DETERMINED)
 
     def __str__(self) -> str:
         poses = self.poses
@@ -533,10 +533,10 @@ class Selection:
         # Each in turn takes the best of its features, once more with the others as they then are.
         for _ in range(2):
             for i in sought:
-                gains, _ = self.gains(self.base.having(made), i, fitted.theta, rows)
+                gains, *_ = self.gains(self.base.having(made), i, fitted.theta, rows)
                 best = int(gains.argmax())
                 liked = (preferred or {}).get(i, best)
-                if gains[liked] >= gains[best] * (1.0 - _EQUAL):
+                if gains[liked] >= gains[best] * (1.0 - _ROUNDING):
                     best = liked
                 chosen[i] = best
                 options = made[i].options
@@ -548,9 +548,10 @@ class Selection:
 
     def gains(
         self, problem: Problem, i: int, theta: np.ndarray, rows: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """What each choice of the i-th column's feature does to first order, beside all other
-        unknowns: by how much the cost falls, and the coefficient, shape (choices,) each."""
+        unknowns: by how much the cost falls, and the coefficient, shape (choices,) each; and all
+        unknowns with it, shape (p, choices)."""
         column, k = problem.columns[i], len(problem.frame) + i
         bare = replace(column, feature=np.ones(len(self.rows)))
         least = problem.having([*problem.columns[:i], bare, *problem.columns[i + 1 :]]).at(rows)
@@ -558,14 +559,22 @@ class Selection:
         assert options is not None
         theta = np.where(np.arange(len(theta)) == k, 0.0, theta)
         slope, left = least.effects(theta), least.residual(theta)
-        span = basis(least.project(np.delete(slope, k, axis=1)))
+        others = least.project(np.delete(slope, k, axis=1))
+        span = basis(others)
         features = np.ones((len(slope), options.shape[1]))  # also of what was known before
         features[: len(owner)] = options[rows][owner]
         features[len(owner) : len(least.measured)] = 0.0
         own = least.project(slope[:, k, None] * features)
-        own = own - span @ (span.T @ own)
-        along, square = -(left @ own), np.maximum(np.sum(own**2, axis=0), 1e-300)
-        return along**2 / square, least.scale[k] * along / square
+        apart = own - span @ (span.T @ own)
+        along, square = -(left @ apart), np.maximum(np.sum(apart**2, axis=0), 1e-300)
+        size = along / square
+        moved = -np.linalg.lstsq(others, left[:, None] + own * size, rcond=None)[0]
+        moved = np.insert(moved, k, size, axis=0)
+        return (
+            along**2 / square,
+            least.scale[k] * size,
+            theta[:, None] + least.scale[:, None] * moved,
+        )
 
     def tried(self, terms: Sequence[Term]) -> Step:
         """A set of terms, fitted to all rows and to each fold."""
@@ -677,6 +686,16 @@ class Selection:
         fitted, _ = self.fit(model, self.rows)
         half, side, stretch = self.spread(fitted)
         found, first, numbers = [], len(self.start), {}
+        # Over all frictions and transitions of play that are not worse by more than chi-square's
+        # quantile, each to first order from the best one: other causes stand in for them.
+        ends, chosen = np.stack([fitted.theta, fitted.theta]), dict[int, np.ndarray]()
+        for i, column in enumerate(fitted.problem.columns):
+            if column.options is not None and column.term.kind == "play":
+                gains, values, whole = self.gains(fitted.problem, i, fitted.theta, self.rows)
+                near = gains >= gains.max() - TWO_UNKNOWNS * stretch
+                chosen[i], whole = values[near], whole[:, near]
+                ends[0] = np.minimum(ends[0], whole.min(axis=1))
+                ends[1] = np.maximum(ends[1], whole.max(axis=1))
         for i, column in enumerate(fitted.problem.columns):
             if column.term.kind == "play":
                 numbers[column.joint] = i
@@ -684,7 +703,9 @@ class Selection:
                 k, (*_, other) = first + i, fitted.informed(first + i)
                 note = other and f"acts together with {other}"
                 value, width, reason = float(fitted.theta[k]), float(half[k]), fitted.why_not(k)
-                found.append(Estimate(column.unknown, value, width, reason, note=note))
+                both = (float(ends[0, k]) - width, float(ends[1, k]) + width)
+                one = Estimate(column.unknown, value, width, reason, note=note, ends=both)
+                found.append(one)
         made = []
         for joint in self.joints:
             if joint not in numbers:
@@ -697,17 +718,14 @@ class Selection:
             low, high = value - half[k], value + half[k]
             upper = max(value, 0.0) + side[k]
             if column.options is not None:
-                # Over all frictions and transitions that are not worse by more than chi-square's
-                # quantile; each to first order from the best one.
-                gains, values = self.gains(fitted.problem, i, fitted.theta, self.rows)
-                near = values[gains >= gains.max() - TWO_UNKNOWNS * stretch]
+                near = chosen[i]
                 low, high = float(near.min()) - half[k], float(near.max()) + half[k]
                 upper = max(upper, max(high - half[k], 0.0) + side[k])
             else:
                 upper = max(upper, self._smoothed(fitted, i))
             seen = bool(joint in predicted and low > 0.0)
-            reason, ends = "" if seen else _why_not(fitted, i), (low, high)
-            one = Estimate(column.unknown, value, reason=reason, ends=ends, upper=upper, found=seen)
+            reason, both = "" if seen else _why_not(fitted, i), (low, high)
+            one = Estimate(column.unknown, value, reason=reason, ends=both, upper=upper, found=seen)
             made.append(one)
         return tuple(found), tuple(made), fitted
 
@@ -727,7 +745,7 @@ class Selection:
     def notes(self, kept: Step) -> list[str]:
         """What must be said of the model that was kept."""
         notes = []
-        if self.excess > LARGE:
+        if self.excess > LARGE_EXCESS:
             notes.append(
                 f"note: held-back errors are {self.excess:.1f} times as large as the fits predict: "
                 "these causes do not explain all of it; intervals and bounds are enlarged "

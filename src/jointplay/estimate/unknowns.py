@@ -22,8 +22,8 @@ below `SMALL` of its scale count as this much."""
 
 PLAYS = ("gear_play", "radial_clearance")
 """Unknowns that are a joint's play."""
-_FAINT = 0.2
-"""Part of the largest effect of a joint below which signals say nothing of where it was."""
+_LEAST_EFFECT = 0.2
+"""Part of the largest effect of a joint below which signals are left out of its loop's figure."""
 
 
 @dataclass(frozen=True)
@@ -197,7 +197,7 @@ class Loop:
             left: measured less fitted, in standard errors, shape (n, k).
         """
         size = np.sum(effect**2, axis=1)
-        use = size > _FAINT**2 * size.max(initial=0.0)
+        use = size > _LEAST_EFFECT**2 * size.max(initial=0.0)
         measured = fitted[use] + np.sum(effect * left, axis=1)[use] / size[use]
         x, name, its = over
         return cls(joint, x[use], name, its, measured, fitted[use], unit, branch[use])
