@@ -30,7 +30,10 @@ OPTIONS = {name for group in inputs.OPTIONS.values() for name, _ in group} | {
 }
 ELSEWHERE = {"--case": "of several", "--import": "of what a file names", "--xacro": "of xacro"}
 """What has no meaning for these machines."""
-OWN = {"study wear --joint", "study dynamics --joint", "calibrate --payload"}
+OWN = {
+    *("study wear --joint", "study dynamics --joint", "calibrate --payload"),
+    "study hunting --poses",
+}
 """Options that mean something else to a command."""
 SAID = {
     *(f"{command} --base" for command in STANDING),
@@ -67,6 +70,7 @@ def values(loose, tight, folder):
         "--poses": [str(poses)], "--workspace": ["5"], "--force": ["0,0,-9"],
         "--whole": ["calibrated-industrial"],
         "--causes": ["play", "--whole=calibrated-industrial"],
+        "--registers": ["P=16"],
     }  # fmt: skip
 
 
