@@ -106,7 +106,7 @@ def test_all_is_found_at_once_each_with_its_line(written, tmp_path, capsys):
         "note: line 8, joint 'j': limit effort 0",
         "note: line 10, joint 'k': mimics 'jj', which is no joint",
         '<mimic joint="j" />',
-        "note: line 15, mesh: mesh 'gone.stl' is not found",
+        "note: line 15, meshes: not found or not readable: gone.stl",
     ):
         assert line in said, line
 

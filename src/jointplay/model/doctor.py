@@ -450,11 +450,12 @@ class _Patient:
     def lost(self) -> Iterator[Finding]:
         for link in self.links:
             self.solid(link)
-        for name in dict.fromkeys(self.missing):
-            fault = f"mesh {name!r} is not found or not readable"
-            found = re.search(re.escape(name), self.original)
+        if names := list(dict.fromkeys(self.missing)):
+            found = re.search(re.escape(names[0]), self.original)
             line = None if found is None else 1 + self.original.count("\n", 0, found.start())
-            yield Finding(line, "mesh", fault, "beside the URDF, or its package above it", "", True)
+            right = "beside the URDF, or in their package above it; .stl, .obj or .dae"
+            fault = f"not found or not readable: {few(names, 3)}"
+            yield Finding(line, "meshes", fault, right, "", True)
 
     # Shapes.
 
