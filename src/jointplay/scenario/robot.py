@@ -25,7 +25,8 @@ from jointplay.physics.joints import (
     replacing,
 )
 from jointplay.physics.kernel.integrators import DEFAULT
-from jointplay.scenario.overrides import (
+from jointplay.scenario.reading import (
+    Scenario,
     Setting,
     description_of,
     inline,
@@ -34,7 +35,6 @@ from jointplay.scenario.overrides import (
     tree,
     with_names,
 )
-from jointplay.scenario.reading import Scenario
 from jointplay.simulation.result.settings import Integration, RecordSettings
 
 SCARA = f"{SHIPPED}scara.urdf"
