@@ -17,10 +17,10 @@ from warm import System, close
 
 from jointplay import JointplayError, Mechanism, Motion, RevoluteClearance, Simulation, simulate
 from jointplay.physics.geometry import touch_cylinder
-from jointplay.physics.kernel.integrators import DEFAULT
+from jointplay.physics.kernel.constants import DEFAULT
 from jointplay.simulation import Run
 from jointplay.simulation.loads import ComputedTorque
-from jointplay.simulation.working_files import CHECKPOINT
+from jointplay.simulation.spool import CHECKPOINT
 
 # What runs in the background or under nohup ignores these, and so would all that tests start.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

@@ -10,7 +10,7 @@ import pytest
 import jointplay as jp
 from jointplay.base.errors import JointplayError
 from jointplay.cli import main
-from jointplay.model.builder import parse
+from jointplay.model.design import parse
 from jointplay.model.formats import read
 from jointplay.model.mjcf import load_spec
 from jointplay.scenario import Scenario
