@@ -908,7 +908,7 @@ class RollingBearing(WholeLawJoint):
 
 
 _BY_LOAD = np.array([1.0, 1.0, 1.0, 1.0, -1.0])[:, None] * np.eye(5)[[0, 1, 2, 4, 3]]
-"""Force and moment in terms of `contact.rolling_rest`'s xi."""
+"""Force and moment in terms of `contact.rolling`'s xi."""
 _LOOSEST, _ROOM = 1e-3, 0.9
 """Largest clearance of rollers [m]; of balls, by that which leaves no angle of contact."""
 _MOST_ROUNDS, _SAME_LEAN = 60, 1e-14

@@ -270,7 +270,7 @@ SERVO = _record(
     reading_before=_FLOAT,
     integrated_until=_FLOAT,
 )
-"""The controller of one servo; see `kernel.servo`."""
+"""The controller of one servo; see `kernel.drive`."""
 
 FRICTION_ROW = _record(
     coordinate=_INT,
