@@ -20,7 +20,7 @@ from jointplay.physics.geometry import touch_cylinder
 from jointplay.physics.kernel.constants import DEFAULT
 from jointplay.simulation import Run
 from jointplay.simulation.loads import ComputedTorque
-from jointplay.simulation.spool import CHECKPOINT
+from jointplay.simulation.working_files import CHECKPOINT
 
 # What runs in the background or under nohup ignores these, and so would all that tests start.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

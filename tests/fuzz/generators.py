@@ -38,7 +38,7 @@ from jointplay.cli.commands.inputs import FLAGS, number
 from jointplay.model.urdf import shipped
 from jointplay.simulation.result import netcdf
 from jointplay.simulation.simulation import Simulation
-from jointplay.simulation.spool import CHECKPOINT
+from jointplay.simulation.working_files import CHECKPOINT
 from jointplay.study.database import FILE
 
 NASTY = (

@@ -16,7 +16,7 @@ from sweep_scenario import ARM
 
 from jointplay.scenario import Scenario
 from jointplay.simulation import spool
-from jointplay.simulation.spool import working_paths
+from jointplay.simulation.working_files import working_paths
 
 SCENARIO = (
     ARM.replace("friction", 'wear_rate = "1e-5 mm^3/(N*m)"\nfriction')

@@ -22,7 +22,7 @@ from jointplay.simulation import spool
 from jointplay.simulation.analysis import headline
 from jointplay.simulation.loads import ComputedTorque, drive_tables
 from jointplay.simulation.result import audit, netcdf
-from jointplay.simulation.spool import working_paths
+from jointplay.simulation.working_files import working_paths
 
 
 @pytest.fixture

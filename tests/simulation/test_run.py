@@ -14,7 +14,7 @@ import jointplay as jp
 from jointplay.base.pairs import name_and_number
 from jointplay.physics.kernel import Status
 from jointplay.scenario.reading import dotted, parse
-from jointplay.simulation.spool import CHECKPOINT
+from jointplay.simulation.working_files import CHECKPOINT
 from jointplay.study.keys import path_of
 
 

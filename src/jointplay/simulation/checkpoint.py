@@ -20,7 +20,7 @@ from jointplay.base import compiler, files
 from jointplay.base.errors import JointplayError, damaged
 from jointplay.base.schema import differences, short
 from jointplay.simulation.result.stored import versions
-from jointplay.simulation.spool import CHECKPOINT
+from jointplay.simulation.working_files import CHECKPOINT
 
 if TYPE_CHECKING:
     from jointplay.simulation.run import Run

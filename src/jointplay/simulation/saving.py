@@ -14,12 +14,12 @@ from jointplay.base import files, signals
 from jointplay.base.errors import JointplayError
 from jointplay.base.progress import ProgressBar
 from jointplay.physics.kernel import Status
-from jointplay.simulation import checkpoint, spool
+from jointplay.simulation import checkpoint, working_files
 from jointplay.simulation.result.histories import HistoryBuilder
 from jointplay.simulation.result.netcdf import GrowingDataset
 from jointplay.simulation.result.result import Result
 from jointplay.simulation.run import Run
-from jointplay.simulation.spool import working_paths
+from jointplay.simulation.working_files import working_paths
 
 if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
@@ -31,7 +31,7 @@ CHECKPOINT_S = 60.0
 def run_to(simulation: Simulation, path: Path, progress: bool, resume: bool) -> Result:
     """Run, with records and checkpoints beside `path`, and save; `resume` continues from them."""
     records, kept = working_paths(path)
-    spool.check_own(path)
+    working_files.check_own(path)
     resume = resume and kept.exists()
     if not resume:
         files.check_new(path)
@@ -93,7 +93,7 @@ def run_and_save(
             _save_from_disk(run, path, status, notes, overwrite, progress)
         if status != Status.INTERRUPTED and on_disk is not None:
             on_disk.remove()
-            spool.remove(path)
+            working_files.remove(path)
     return status, result
 
 

@@ -26,7 +26,7 @@ from jointplay.simulation.loads import Load
 from jointplay.simulation.loads.drive import Drive, JointFriction
 from jointplay.simulation.motion.completion import complete_motion
 from jointplay.simulation.motion.reference import Motion
-from jointplay.simulation.result.settings import FILES_DRIVES, FILES_LOADS, Inputs
+from jointplay.simulation.result.inputs import FILES_DRIVES, FILES_LOADS, Inputs
 from jointplay.simulation.run import Moment, Run
 from jointplay.simulation.saving import run_to
 

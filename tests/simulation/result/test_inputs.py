@@ -9,7 +9,8 @@ import pytest
 import jointplay as jp
 from jointplay.base.schema import explanations, fields_of
 from jointplay.scenario.declarations import IntegrationTable
-from jointplay.simulation.result.settings import Inputs, Integration
+from jointplay.simulation.result.inputs import Inputs
+from jointplay.simulation.result.settings import Integration
 from jointplay.simulation.simulation import Settings
 
 SCARA = "jointplay:scara.urdf"

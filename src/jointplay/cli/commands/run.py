@@ -31,7 +31,7 @@ from jointplay.base.tables import Table, counted, few
 from jointplay.cli.commands import MORE, first_notes, inputs, print_json
 from jointplay.cli.commands.inputs import is_scenario, scenario_of
 from jointplay.cli.options import FLAG, REPEATED, Parser
-from jointplay.simulation.spool import check_own, working_paths
+from jointplay.simulation.working_files import check_own, working_paths
 
 if TYPE_CHECKING:
     from jointplay.scenario import Scenario

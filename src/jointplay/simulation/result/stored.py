@@ -22,7 +22,7 @@ from jointplay.physics.joints import MOTOR, VIRTUAL_LINK, Coordinate
 from jointplay.physics.kernel import Status
 from jointplay.simulation.result.audit import Audit
 from jointplay.simulation.result.certificate import Certificate
-from jointplay.simulation.result.settings import Inputs
+from jointplay.simulation.result.inputs import Inputs
 from jointplay.simulation.result.variables import HISTORIES
 
 if TYPE_CHECKING:
