@@ -18,7 +18,7 @@ import jointplay as jp
 from jointplay.base.processes import cores
 from jointplay.base.tables import Table
 from jointplay.paper.cases import JUDGED_FROM_S
-from jointplay.physics.kernel.integrators import DEFAULT
+from jointplay.physics.kernel.constants import DEFAULT
 from jointplay.simulation import PERTURBATION
 from jointplay.simulation.result.certificate import plus_minus
 

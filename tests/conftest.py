@@ -17,7 +17,7 @@ from warm import System, close
 
 from jointplay import JointplayError, Mechanism, Motion, RevoluteClearance, Simulation, simulate
 from jointplay.physics.geometry import touch_cylinder
-from jointplay.physics.kernel.integrators import DEFAULT
+from jointplay.physics.kernel.constants import DEFAULT
 from jointplay.simulation import Run
 from jointplay.simulation.loads import ComputedTorque
 from jointplay.simulation.working_files import CHECKPOINT

@@ -20,7 +20,7 @@ from cost import scale
 
 from jointplay.base.files import temporary
 from jointplay.base.tables import Table
-from jointplay.simulation.analysis.headline_figures import figures
+from jointplay.simulation.analysis.headline import figures
 
 BASELINE = Path(__file__).with_name("baseline.json")
 

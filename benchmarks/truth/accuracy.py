@@ -41,8 +41,8 @@ import jointplay as jp
 from jointplay import analysis
 from jointplay.base.processes import cores
 from jointplay.physics.contact import FRICTION_LAWS
-from jointplay.physics.kernel.integrators import DEFAULT
-from jointplay.simulation.analysis.headline_figures import figures
+from jointplay.physics.kernel.constants import DEFAULT
+from jointplay.simulation.analysis.headline import figures
 from jointplay.simulation.result.audit import Audit
 from jointplay.simulation.result.certificate import COUNTS, HEADLINE
 

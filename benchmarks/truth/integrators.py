@@ -29,7 +29,7 @@ from matplotlib.ticker import NullFormatter
 
 import jointplay as jp
 from jointplay.base.progress import ProgressBar
-from jointplay.physics.kernel.integrators import DEFAULT, INTEGRATORS
+from jointplay.physics.kernel.constants import DEFAULT, INTEGRATORS
 
 CLEARANCES = (0.2e-3, 0.5e-3)
 STEPS = (4e-5, 2e-5, 1e-5, 5e-6, 2.5e-6)

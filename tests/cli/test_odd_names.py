@@ -88,7 +88,7 @@ def test_an_odd_name_goes_through_the_commands(odd, capsys):
 
 
 def test_names_with_dots_need_no_quotes_in_settings_for_shells_take_them_away(tmp_path, capsys):
-    from jointplay.scenario.overrides import parse, with_names
+    from jointplay.scenario.reading import parse, with_names
 
     names = ["joint_0.0", "joint_0.0.x", "k"]
     for text, key in (

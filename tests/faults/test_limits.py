@@ -210,7 +210,7 @@ def test_nothing_but_numbers_passes_for_a_number_of_a_function(wrong):
 
 
 def test_a_run_too_large_for_the_memory_says_how_it_would_fit(monkeypatch):
-    monkeypatch.setattr("jointplay.simulation.checks.memory", lambda: 4e9)
+    monkeypatch.setattr("jointplay.simulation.prepare.memory", lambda: 4e9)
     long = dataclasses.replace(scara(2e-4), duration=1000.0)
     with pytest.raises(JointplayError, match=r"record_every = \d+ would fit"):
         jp.Run(long)

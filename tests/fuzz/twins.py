@@ -20,7 +20,7 @@ import pinocchio as pin
 from jointplay.base.errors import JointplayError
 from jointplay.physics.kernel import Status
 from jointplay.scenario import Scenario
-from jointplay.scenario.overrides import inline
+from jointplay.scenario.reading import inline
 from jointplay.simulation.result.audit import ENERGY_WARNING
 from jointplay.simulation.run import Run
 from jointplay.simulation.simulation import Simulation

@@ -10,11 +10,11 @@ import pytest
 import jointplay as jp
 from jointplay.base.errors import JointplayError
 from jointplay.cli import main
-from jointplay.model.builder import parse
+from jointplay.model.design import parse
 from jointplay.model.formats import read
 from jointplay.model.mjcf import load_spec
 from jointplay.scenario import Scenario
-from jointplay.scenario.overrides import Setting
+from jointplay.scenario.reading import Setting
 from jointplay.scenario.robot import robot_scenario
 
 pytestmark = pytest.mark.needs("mujoco")

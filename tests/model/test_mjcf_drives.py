@@ -9,7 +9,7 @@ from jointplay.base.errors import JointplayError
 from jointplay.cli import main
 from jointplay.model.formats import read
 from jointplay.scenario import Scenario
-from jointplay.scenario.overrides import Setting
+from jointplay.scenario.reading import Setting
 from jointplay.scenario.robot import robot_scenario
 
 pytestmark = pytest.mark.needs("mujoco")

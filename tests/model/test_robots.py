@@ -324,7 +324,7 @@ def test_a_motion_that_nobody_gave_keeps_from_the_limits():
 
 @pytest.mark.parametrize("name", ["tiago", "pr2", "baxter"])
 def test_a_motion_that_nobody_gave_keeps_from_limits_of_speed_and_of_followers(name):
-    from jointplay.scenario.overrides import Setting
+    from jointplay.scenario.reading import Setting
     from jointplay.scenario.robot import robot_scenario
 
     allowed = Setting(("robot", "allow_unphysical"), list(survey(name).unphysical), "test")

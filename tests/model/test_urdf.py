@@ -12,7 +12,7 @@ from conftest import body, joint
 from jointplay import JointplayError, Mechanism, shipped
 from jointplay.base.errors import MissingName
 from jointplay.cli import main
-from jointplay.model.builder import parse
+from jointplay.model.design import parse
 from jointplay.model.formats import read
 from jointplay.model.inertias import impossible_inertias
 from jointplay.model.robots import robot_urdf, robots

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 import jointplay as jp
 from jointplay.physics.contact import NORMAL_LAWS
-from jointplay.simulation.assemble import REST_SPEED
+from jointplay.simulation.prepare import REST_SPEED
 
 MASS, GRAVITY = 1.51, 9.80665
 WEIGHT = MASS * GRAVITY

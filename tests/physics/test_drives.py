@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 import jointplay as jp
 from jointplay.model.gear import Gear
-from jointplay.physics.kernel.integrators import INTEGRATORS
+from jointplay.physics.kernel.constants import INTEGRATORS
 from jointplay.simulation.loads.drive import (
     ComputedTorque,
     JointFriction,

@@ -5,7 +5,7 @@ import pytest
 from conftest import body, joint, release, still
 
 import jointplay as jp
-from jointplay.physics.kernel.integrators import INTEGRATORS
+from jointplay.physics.kernel.constants import INTEGRATORS
 
 ELASTIC = {"normal": jp.contact.Hertz(), "restitution": 1.0, "friction": jp.contact.Ambrosio(0.0)}
 TUMBLING = {

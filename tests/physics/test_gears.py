@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import jointplay as jp
 from jointplay.model.gear import GEARS, Gear, Gearing
-from jointplay.physics.kernel.integrators import INTEGRATORS
+from jointplay.physics.kernel.constants import INTEGRATORS
 from jointplay.simulation.loads.drive import ComputedTorque, Free, Prescribed
 
 ARCMIN = math.pi / 10800.0

@@ -7,7 +7,7 @@ from conftest import body, joint
 import jointplay as jp
 from jointplay.model.loop import Loop, assemble, follow, misfit
 from jointplay.physics.joints import SphericalClearance
-from jointplay.physics.kernel.integrators import INTEGRATORS
+from jointplay.physics.kernel.constants import INTEGRATORS
 from jointplay.simulation.loads.drive import ComputedTorque, Prescribed
 
 FLAT = (0.0, 0.0, 0.0)

@@ -22,8 +22,7 @@ from jointplay.physics.contact import (
 from jointplay.physics.joints import JOINT_WORDS
 from jointplay.physics.kernel import Status
 from jointplay.scenario import Scenario
-from jointplay.scenario.places import lines
-from jointplay.scenario.reading import merge
+from jointplay.scenario.reading import lines, merge
 from jointplay.scenario.schema import schema
 from jointplay.scenario.summary import summary
 from jointplay.simulation.loads.drive import DRIVES

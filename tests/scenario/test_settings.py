@@ -1,7 +1,7 @@
 import pytest
 
 from jointplay import JointplayError, Scenario
-from jointplay.scenario.overrides import Setting, given_by, parse, setting_texts, tree
+from jointplay.scenario.reading import Setting, given_by, parse, setting_texts, tree
 
 SCARA = "jointplay:scara.toml"
 

@@ -39,7 +39,7 @@ SLIDER_CRANK = "jointplay:slider_crank.toml"
 
 def scenario(**settings):
     """The SCARA, for a short time."""
-    from jointplay.scenario.overrides import parse
+    from jointplay.scenario.reading import parse
 
     given = [f"integration.duration={DURATION}", *(f"{k}={v}" for k, v in settings.items())]
     return robot_scenario(None, (), [parse(text) for text in given])
@@ -637,7 +637,7 @@ def test_controls_are_those_of_the_machine():
 
 def test_gears_have_their_play():
     """Of a servo that turns, and of a screw; a train has it in its stages, which have none."""
-    from jointplay.scenario.overrides import parse
+    from jointplay.scenario.reading import parse
 
     given = [parse(f"integration.duration={DURATION}")]
     gear = 'gears.{}={{kind="backlash",play="{}",stiffness="{}",rotor_inertia="{}"}}'
@@ -661,7 +661,7 @@ def test_gears_have_their_play():
 
 
 def test_a_rolling_bearing_has_its_temperature():
-    from jointplay.scenario.overrides import parse
+    from jointplay.scenario.reading import parse
 
     given = [
         parse('joints.joint_b={kind="ball-bearing",designation="6010/C3"}'),

@@ -11,7 +11,7 @@ from matplotlib.colors import to_hex
 from jointplay import analysis
 from jointplay.paper import scara
 from jointplay.physics.geometry import Mode
-from jointplay.scenario.overrides import parse
+from jointplay.scenario.reading import parse
 from jointplay.scenario.robot import robot_scenario
 from jointplay.show import plots
 from jointplay.show.plots import figures

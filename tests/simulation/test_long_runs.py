@@ -19,7 +19,7 @@ from jointplay.cli.commands import run
 from jointplay.paper import scara
 from jointplay.physics.kernel import Status
 from jointplay.simulation import spool
-from jointplay.simulation.analysis import headline_figures
+from jointplay.simulation.analysis import headline
 from jointplay.simulation.loads import ComputedTorque, drive_tables
 from jointplay.simulation.result import audit, netcdf
 from jointplay.simulation.working_files import working_paths
@@ -112,7 +112,7 @@ def test_errors_of_a_run_on_disk_are_those_of_one_in_memory(tmp_path, monkeypatc
         if where == "disk":
             for name, size in (("PORTION_BYTES", 1), ("RECORD_BYTES", 1), ("MOST_BYTES", 1)):
                 monkeypatch.setattr(spool, name, size)
-            monkeypatch.setattr(headline_figures, "AT_ONCE", 4096)
+            monkeypatch.setattr(headline, "AT_ONCE", 4096)
             # What lies between the ideal mechanism's records is interpolated.
             monkeypatch.setattr("jointplay.study.certification.SUMMARY_RECORDS", 1000)
         command = ["run", str(tmp_path / "long.toml"), "--out", str(tmp_path / where)]

@@ -13,8 +13,7 @@ from conftest import body, checkpoint_arrays, joint, save_checkpoint
 import jointplay as jp
 from jointplay.base.pairs import name_and_number
 from jointplay.physics.kernel import Status
-from jointplay.scenario.overrides import parse
-from jointplay.scenario.places import dotted
+from jointplay.scenario.reading import dotted, parse
 from jointplay.simulation.working_files import CHECKPOINT
 from jointplay.study.keys import path_of
 

@@ -11,7 +11,7 @@ from jointplay import JointplayError
 from jointplay.base.schema import fields_of
 from jointplay.paper import Condition, scara
 from jointplay.physics.kernel import Status
-from jointplay.physics.kernel.integrators import INTEGRATORS
+from jointplay.physics.kernel.constants import INTEGRATORS
 from jointplay.simulation.loads import ComputedTorque
 
 LOADED = Condition("loaded", "consistent")

@@ -9,7 +9,7 @@ import numpy as np
 from truth.peer_engines.common import Problem
 from truth.peer_engines.trace import Trace
 
-from jointplay.physics.kernel.integrators import DEFAULT
+from jointplay.physics.kernel.constants import DEFAULT
 from jointplay.simulation.run import Run
 
 

@@ -17,7 +17,7 @@ from truth.validation import Outcome, case
 
 import jointplay as jp
 from jointplay.base.files import temporary
-from jointplay.physics.kernel.integrators import DEFAULT
+from jointplay.physics.kernel.constants import DEFAULT
 from jointplay.simulation.result import FORMAT
 
 CHILD = """

@@ -36,8 +36,8 @@ from jointplay.accuracy.robot_errors import (
     refuse_misfit,
 )
 from jointplay.base.errors import JointplayError, MissingName, require_known, require_positive
-from jointplay.model.builder import parse
 from jointplay.model.closed_loops import ClosedLoops
+from jointplay.model.design import parse
 from jointplay.model.gear_rules import SPREAD, Rule, rated_efforts, stiffness_rule
 from jointplay.model.mechanism import Mechanism
 from jointplay.model.payload import Payload

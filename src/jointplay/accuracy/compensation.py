@@ -31,7 +31,6 @@ from jointplay.base.tables import Column, Table, counted, few
 from jointplay.model.mechanism import Coordinate, Mechanism, loaded
 from jointplay.physics.joints import Clearance
 from jointplay.simulation.analysis.tool_error import stops
-from jointplay.simulation.checks import joint_friction
 from jointplay.simulation.loads import limits
 from jointplay.simulation.loads.drive import (
     BANDWIDTH,
@@ -42,6 +41,7 @@ from jointplay.simulation.loads.drive import (
     assign,
 )
 from jointplay.simulation.motion.reference import GOES_ON, Motion
+from jointplay.simulation.prepare import joint_friction
 from jointplay.simulation.simulation import Simulation
 from jointplay.simulation.statics import StaticEquilibrium
 

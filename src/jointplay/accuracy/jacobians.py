@@ -16,8 +16,8 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.base.errors import JointplayError, require_finite, require_numbers
-from jointplay.model.builder import z_to
 from jointplay.model.closed_loops import ClosedLoops, is_closed, opening, own_opening
+from jointplay.model.design import z_to
 from jointplay.model.mechanism import Mechanism, frame_index, loaded
 from jointplay.model.payload import Payload
 from jointplay.physics.joints import Coordinate

@@ -21,7 +21,7 @@ from jointplay.base.tables import counted
 from jointplay.estimate.parts import SPRINGS, WOUND, Elements, Springs, bearing_parts
 from jointplay.estimate.static_poses import StaticPoses, rotations_of
 from jointplay.estimate.unknowns import Unknown
-from jointplay.model.builder import z_to
+from jointplay.model.design import z_to
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import RollingBearing
 

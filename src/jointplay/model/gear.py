@@ -161,7 +161,7 @@ class Gearing(Described, ABC):
 
     def row(self, motor: int = 0, link: int = 0) -> np.ndarray:
         """What the kernels know of it, shape (1,): of `layout.GEAR_ROW`."""
-        from jointplay.physics.kernel.sites import gear_row  # the compiler takes long to import
+        from jointplay.physics.kernel.layout import gear_row  # the compiler takes long to import
 
         terms = np.array(self.error_terms).reshape(-1, 3).T
         names = ("running_torque", "viscous", "driving_loss", "driven_loss")
@@ -241,7 +241,7 @@ class Gearing(Described, ABC):
         self, curve: Curve, bristles: tuple[float, float], torques: Sequence[float] | np.ndarray
     ) -> np.ndarray:
         from jointplay.physics.kernel.gear import turn_slowly
-        from jointplay.physics.kernel.sites import gear_row
+        from jointplay.physics.kernel.layout import gear_row
 
         torques = np.asarray(torques, float)
         if torques.ndim != 1 or not np.isfinite(torques).all():

@@ -106,7 +106,7 @@ def rated_efforts(description: Description, source: pin.Model, tool: str) -> Eff
 
     Args:
         description: the robot.
-        source: Pinocchio's reading of it (`builder.parse`).
+        source: Pinocchio's reading of it (`design.parse`).
         tool: frame that holds what it carries.
     """
     entries = description.joints

@@ -24,8 +24,7 @@ from jointplay.base.tables import Overview, counted, few
 from jointplay.base.units import readable, typeset
 from jointplay.model import urdf
 from jointplay.model.beams import FlexibleLink
-from jointplay.model.builder import build
-from jointplay.model.design import Design, design
+from jointplay.model.design import Design, build, design
 from jointplay.model.flexible import hinges_of
 from jointplay.model.frames import Frame, Frames, motion_between, pose_between, signs_between
 from jointplay.model.free_base import BASES, HELD

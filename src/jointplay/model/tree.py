@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.base.compiler import compiled
-from jointplay.model.builder import z_to
+from jointplay.model.design import z_to
 from jointplay.model.frames import WORLD_FRAME, Frame, motions
 from jointplay.physics.kernel.frames import add, add_scaled, cross, dot, get_vector, scale
 

@@ -25,7 +25,7 @@ import pinocchio as pin
 from jointplay.base.errors import JointplayError
 from jointplay.base.files import is_folder
 from jointplay.model import packages
-from jointplay.model.builder import parse
+from jointplay.model.design import parse
 from jointplay.model.loop import assemble
 from jointplay.model.meshes import Colour, Parts, Surface, readable, surface
 

@@ -15,10 +15,10 @@ from jointplay.model.urdf import shipped
 from jointplay.paper.outputs import FILES as FILES
 from jointplay.paper.outputs import JOINT as JOINT
 from jointplay.physics.kernel import Status
-from jointplay.physics.kernel.integrators import DEFAULT
+from jointplay.physics.kernel.constants import DEFAULT
 from jointplay.scenario import Scenario
 from jointplay.simulation.analysis.claims import Measures, measure
-from jointplay.simulation.analysis.headline_figures import figures
+from jointplay.simulation.analysis.headline import figures
 from jointplay.simulation.result.result import Result
 from jointplay.simulation.run import Run
 from jointplay.simulation.saving import run_and_save
@@ -45,7 +45,7 @@ _RECORD_EVERY = 50  # of the perturbed runs
 
 JUDGED_FROM_S = 0.15
 """Start that figures of the study leave out [s]: so long do journals bounce that fall under their
-weight at restitution 0.9 (0.14 s at 0.2 mm, 0.2 s at 0.5 mm; `simulation.settling`)."""
+weight at restitution 0.9 (0.14 s at 0.2 mm, 0.2 s at 0.5 mm; `simulation.run`)."""
 
 EARLY_S = 0.5
 EARLY = f"peak joint force, first {EARLY_S:g} s"

@@ -18,7 +18,7 @@ from jointplay.base.processes import Pool, number_of
 from jointplay.base.progress import current
 from jointplay.base.tables import Table
 from jointplay.paper import cases
-from jointplay.physics.kernel.integrators import DEFAULT
+from jointplay.physics.kernel.constants import DEFAULT
 from jointplay.simulation.analysis.claims import CLAIM_COLUMNS, ISOLATED, Measures, Verdict, judge
 from jointplay.simulation.initial import PERTURBATION
 from jointplay.simulation.result.stored import versions

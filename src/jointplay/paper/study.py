@@ -26,7 +26,7 @@ from jointplay.paper.cases import (
 from jointplay.paper.ensembles import Ensembles, filled, write_claims
 from jointplay.paper.outputs import folder
 from jointplay.paper.page import Rows, write_page
-from jointplay.physics.kernel.integrators import DEFAULT
+from jointplay.physics.kernel.constants import DEFAULT
 from jointplay.simulation.analysis.claims import Verdict
 from jointplay.simulation.result.certificate import CertifiedFigure
 from jointplay.simulation.result.result import Result

@@ -36,8 +36,7 @@ from jointplay.base.schema import ask_scales, check, choice, make, quantity, rea
 from jointplay.model.gear import Gearing
 from jointplay.model.urdf import Description
 from jointplay.physics.joints import Clearance
-from jointplay.scenario.overrides import Setting, as_toml
-from jointplay.scenario.places import lines, parsed, said_at
+from jointplay.scenario.reading import Setting, as_toml, lines, parsed, said_at
 from jointplay.simulation.loads.drive import Drive, JointFriction
 
 if TYPE_CHECKING:
@@ -308,7 +307,7 @@ class Preset:
         Raises:
             JointplayError: no robot is given and the preset has none.
         """
-        from jointplay.scenario.overrides import description_of
+        from jointplay.scenario.reading import description_of
         from jointplay.scenario.robot import robot_place, robot_scenario
 
         place = robot or self.robot

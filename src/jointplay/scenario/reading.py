@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import copy
+import json
+import re
+import tomllib
 from collections import OrderedDict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jointplay.base.errors import JointplayError, MissingName, require_a
 from jointplay.base.files import is_file, read_text
-from jointplay.base.origins import FILE
+from jointplay.base.origins import ASSUMED, FILE, GIVEN
+from jointplay.base.pairs import divided
 from jointplay.base.schema import ask_scales, check, fields_of, make, unknown_key
 from jointplay.base.tables import Overview, few
-from jointplay.base.units import toml_text
+from jointplay.base.units import not_lost, toml_text
 from jointplay.model.robots import SHIPPED, is_robot, resolve
 from jointplay.scenario.declarations import (
     MOTION_SOURCES,
@@ -24,16 +29,323 @@ from jointplay.scenario.declarations import (
     Model,
     Output,
 )
-from jointplay.scenario.overrides import Setting, given_by, tree, with_names
-from jointplay.scenario.places import Key, dotted, lines, parsed, said_at
 from jointplay.simulation.loads.drive import ComputedTorque
 
 if TYPE_CHECKING:
     from jointplay.accuracy.robot_errors import RobotErrors
     from jointplay.model.mechanism import Mechanism
+    from jointplay.model.urdf import Description
     from jointplay.scenario.build import Built
     from jointplay.simulation.run import Run
     from jointplay.simulation.simulation import Simulation
+
+
+# TOML files of users, and where in them a key stands: errors name its line.
+
+LONGEST = 5_000_000
+"""Most characters of a file (judged: a motion of 100,000 rows; longer ones are CSV)."""
+DEEPEST = 50
+"""Most parts of a key: those of scenarios have fewer than ten, and what reads them calls itself."""
+_DEEP_KEY = re.compile(
+    r"(?<![\w\"'-])(?:[\w\"'-]+[ \t]*\.[ \t]*){%d}" % DEEPEST  # noqa: UP031
+)
+Key = tuple[str | int, ...]
+_TRIED = 30
+"""Lines of a statement that is open at its end after which the rest is awaited."""
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
+
+
+def parsed(text: str, path: Path) -> dict[str, Any]:
+    """What a TOML file says.
+
+    Raises:
+        JointplayError: it is no TOML, or too much; the message has the file and the line.
+    """
+    if len(text) > LONGEST:
+        size, most = f"{len(text) / 1e6:.3g} MB", f"{LONGEST / 1e6:g} MB"
+        raise JointplayError(f"{path}: {size} of text; at most {most} are read")
+    deep = _DEEP_KEY.search(text)
+    if deep:
+        line = text.count("\n", 0, deep.start()) + 1
+        raise JointplayError(f"{path}, line {line}: a key has at most {DEEPEST} parts")
+    try:
+        return tomllib.loads(text, parse_float=not_lost)
+    except tomllib.TOMLDecodeError as error:
+        raise JointplayError(f"{path}{_syntax(str(error))}") from None
+    except RecursionError:
+        raise JointplayError(f"{path}: lists or tables are nested too deeply") from None
+    except ValueError as error:  # a whole number of too many digits
+        raise JointplayError(f"{path}: {error}") from None
+
+
+def dotted(path: Sequence[str | int]) -> str:
+    """A key's path as TOML writes it, elements of lists in brackets from 1."""
+    text = ""
+    for part in path:
+        if isinstance(part, int):
+            text += f"[{part + 1}]"
+        else:
+            shown = part if _BARE.fullmatch(part) else json.dumps(part, ensure_ascii=False)
+            text += f".{shown}" if text else shown
+    return text
+
+
+def lines(text: str) -> dict[Key, int]:
+    """Line at which each key of a well-formed TOML text stands, tables at their header."""
+    known: dict[Key, int] = {}
+    counts: dict[Key, int] = {}
+    table: Key = ()
+    chunk: list[str] = []
+    opened = 0
+    for number, line in enumerate(text.splitlines(), 1):
+        chunk.append(line)
+        # Brackets may stand in text, so this is a guess; to try each line of a long list is slow.
+        opened += sum(line.count(c) for c in "[{") - sum(line.count(c) for c in "]}")
+        if opened > 0 and len(chunk) > _TRIED:
+            continue
+        try:  # a statement may go on over several lines
+            parsed = tomllib.loads("\n".join(chunk))
+        except tomllib.TOMLDecodeError:
+            continue
+        start = number - len(chunk) + 1
+        header = chunk[0].lstrip().startswith("[")
+        chunk, opened = [], 0
+        if header:
+            table = _header(parsed, counts)
+            _note(known, table, start)
+        else:
+            for path in _paths(parsed):
+                _note(known, (*table, *path), start)
+    return known
+
+
+def _note(known: dict[Key, int], path: Key, line: int) -> None:
+    for size in range(1, len(path) + 1):
+        known.setdefault(path[:size], line)
+
+
+def _header(parsed: Any, counts: dict[Key, int]) -> Key:
+    """Path that ``[a.b]`` or ``[[a.b]]`` opens, with indices of arrays of tables."""
+    path: Key = ()
+    while parsed:
+        if isinstance(parsed, list):  # [[...]]: a new element
+            counts[path] = counts.get(path, -1) + 1
+            return (*path, counts[path])
+        ((key, parsed),) = parsed.items()
+        path = (*path, key)
+        if isinstance(parsed, dict) and path in counts:  # a table within the last element
+            path = (*path, counts[path])
+    return path
+
+
+def _paths(parsed: Any) -> list[Key]:
+    if isinstance(parsed, dict):
+        items: Any = parsed.items()
+    elif isinstance(parsed, list):
+        items = enumerate(parsed)
+    else:
+        return [()]
+    return [()] + [(key, *rest) for key, value in items for rest in _paths(value)]
+
+
+def said_at(path: Path, known: Mapping[Key, int], place: Sequence[str | int]) -> str:
+    """File, line and key of what an error is about, as its message begins."""
+    line = line_of(known, place)
+    words = [str(path), *([] if line is None else [f"line {line}"])]
+    return ", ".join([*words, *([dotted(place)] if place else [])])
+
+
+def line_of(known: Mapping[Key, int], path: Sequence[str | int]) -> int | None:
+    """Line of the key at `path`, or of the nearest table above it that the file has."""
+    for size in range(len(path), 0, -1):
+        if tuple(path[:size]) in known:
+            return known[tuple(path[:size])]
+    return None
+
+
+def _syntax(message: str) -> str:
+    """Tomllib's message, its place in front."""
+    parts = re.fullmatch(r"(.*) \(at (?:line (\d+), column (\d+)|end of document)\)", message)
+    if parts is None:
+        return f": {message}"
+    what, line, column = parts.groups()
+    place = f", line {line}, column {column}" if line else ", end of file"
+    twice = re.match(r"Cannot (?:declare \((.*?),?\) twice|overwrite a value)", what)
+    if twice:
+        names = re.findall(r"'([^']*)'|\"([^\"]*)\"", twice[1] or "")
+        key = dotted([a or b for a, b in names])
+        what = f"{key or 'a key'} is given twice; each may have one entry"
+    return f"{place}: {what}"
+
+
+# Settings: single keys of a scenario given on top of its file, as by ``--set KEY=VALUE``.
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A key, its value as TOML has it, and who gave it."""
+
+    key: tuple[str, ...]
+    value: Any
+    source: str
+    """What errors name: the option that gave it."""
+    origin: str = GIVEN
+    """``given``, ``file`` of the robot; of presets ``measured``, ``seen``, ``estimated``;
+    ``assumed`` if it stands for what nobody gave."""
+
+    why: str = ""
+    """Where a number was seen, or why it was chosen."""
+
+    @property
+    def assumed(self) -> bool:
+        return self.origin == ASSUMED
+
+
+def parse(text: str) -> Setting:
+    """A setting written as ``KEY=VALUE``: a dotted key, and its value as in a scenario file.
+
+    Text needs no quotes, for shells take them away: ``drive.kind=prescribed``.
+
+    Raises:
+        JointplayError: there is no key, or no value.
+    """
+    name, value = divided(text)
+    if "\n" in name or not name.strip() or value is None or not value.strip():
+        raise JointplayError(
+            f"--set {toml_text(text)}: give KEY=VALUE, such as "
+            'joints.joint_b.radial_clearance="0.3 mm" or integration.step=5e-6'
+        )
+    name, value = name.strip(), value.strip()
+    try:
+        table = tomllib.loads(f"{name} = 0")
+    except (tomllib.TOMLDecodeError, RecursionError):
+        raise JointplayError(
+            f"--set {toml_text(text)}: {toml_text(name)} is not a key; parts are joined by dots, "
+            "and quoted where they have other signs than letters, digits, - and _; the shell needs "
+            "quotes of its own around that: --set 'joints.\"left elbow\".restitution=0.8'"
+        ) from None
+    key = []
+    here: Any = table
+    while isinstance(here, dict):
+        ((part, here),) = here.items()
+        key.append(part)
+    return Setting(tuple(key), _value(value), f"--set {name}")
+
+
+def with_names(settings: Iterable[Setting], names: Collection[str]) -> list[Setting]:
+    """Settings in which parts of keys that spell one of `names` together are that name.
+
+    Shells take quotes away: ``joints."joint_0.0".ideal`` comes as ``joints.joint_0.0.ideal``.
+    """
+    spelled = {tuple(name.split(".")): name for name in names if "." in name}
+    found = []
+    for setting in settings:
+        key: list[str] = []
+        rest = setting.key
+        while rest:
+            fits = [parts for parts in spelled if rest[: len(parts)] == parts]
+            parts = max(fits, key=len, default=rest[:1]) if key else rest[:1]
+            key.append(spelled.get(parts, parts[0]))
+            rest = rest[len(parts) :]
+        found.append(replace(setting, key=tuple(key)))
+    return found
+
+
+def _value(text: str) -> Any:
+    for written in (text, json.dumps(text, ensure_ascii=False)):
+        try:
+            table = tomllib.loads(f"value = {written}", parse_float=not_lost)
+        except (ValueError, RecursionError):
+            continue
+        if set(table) == {"value"}:
+            return table["value"]
+    return text
+
+
+def tree(settings: Iterable[Setting]) -> dict[str, Any]:
+    """All settings as tables within tables; of two for one key the later counts."""
+    root: dict[str, Any] = {}
+    for setting in settings:
+        here = root
+        for part in setting.key[:-1]:
+            below = here.get(part)
+            if not isinstance(below, dict):
+                below = here[part] = {}
+            here = below
+        here[setting.key[-1]] = copy.deepcopy(setting.value)  # later settings may reach into it
+    return root
+
+
+def given_by(settings: Iterable[Setting], path: Key) -> str | None:
+    """Which setting gave the key at `path`, the last one of several; None if none did."""
+    given = [one.source for one in settings if one.key and path[: len(one.key)] == one.key]
+    return given[-1] if given else None
+
+
+def setting_texts(settings: Iterable[Setting]) -> list[str]:
+    """Settings as lines that `parse` reads, to be kept with a result."""
+    return [f"{dotted(s.key)}={inline(s.value)}" for s in settings]
+
+
+def as_toml(data: Mapping[str, Any]) -> str:
+    """Tables as a TOML file has them: single keys first, then a section a table."""
+    lines: list[str] = []
+    _section((), data, lines)
+    return "\n".join(lines).lstrip("\n") + "\n"
+
+
+def _section(path: Key, table: Mapping[str, Any], lines: list[str]) -> None:
+    own = {key: value for key, value in table.items() if not isinstance(value, Mapping)}
+    if path and (own or not table):
+        lines += ["", f"[{dotted(path)}]"]
+    lines += [f"{dotted((key,))} = {inline(value)}" for key, value in own.items()]
+    for key, value in table.items():
+        if isinstance(value, Mapping):
+            _section((*path, key), value, lines)
+
+
+def inline(value: Any) -> str:
+    """A value as TOML writes it in one line."""
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{json.dumps(k)} = {inline(v)}" for k, v in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(inline, value))}]"
+    if isinstance(value, float):
+        return repr(float(value))  # also of numpy's
+    return json.dumps(value, ensure_ascii=False, default=str)
+
+
+# The robot that settings make of its file, and what that file says beyond a URDF.
+
+
+def description_of(place: str, settings: Sequence[Setting], folder: Path = Path()) -> Description:
+    """A robot with what settings allow and hold; what else they say is read with the scenario."""
+    robot = tree(settings).get("robot", {})
+    names = {key: robot.get(key) for key in ("allow_unphysical", "fix")}
+    allowed, fix = (one if isinstance(one, list) else [] for one in names.values())
+    arguments = robot.get("xacro")
+    arguments = arguments if isinstance(arguments, dict) else {}
+    from jointplay.model.fixing import with_fixed  # imports Pinocchio
+    from jointplay.model.formats import read
+
+    return with_fixed(read(place, allowed, folder, arguments), fix)
+
+
+def settings_beyond(description: Description, ideal: bool) -> list[Setting]:
+    """What a robot's file says beyond a URDF, of joints that move; play unless it is `ideal`."""
+    settings = []
+    for table, rows in description.beyond.tables.items():
+        for name, row in rows.items():
+            if table == "robot":
+                settings.append(Setting((table, name), row, "the MJCF", FILE))
+                continue
+            if row.get("joint", name) not in description.moving:
+                continue
+            if table == "gears" and ideal:
+                row = row | {"play": 0.0}
+            settings.append(Setting((table, name), row, "the MJCF", FILE))
+    return settings
+
 
 _SELECTORS = ("kind", "law")
 _TABLES = {
@@ -252,7 +564,6 @@ class Scenario(Overview):
         A scenario that is named like its robot is made of it and has that among its settings.
         """
         from jointplay.model import formats
-        from jointplay.scenario.overrides import description_of, settings_beyond
 
         robot = said.get("robot")
         place = robot.get("urdf") if isinstance(robot, Mapping) else None

@@ -24,8 +24,9 @@ from jointplay.physics.joints import (
     SlidingClearance,
     replacing,
 )
-from jointplay.physics.kernel.integrators import DEFAULT
-from jointplay.scenario.overrides import (
+from jointplay.physics.kernel.constants import DEFAULT
+from jointplay.scenario.reading import (
+    Scenario,
     Setting,
     description_of,
     inline,
@@ -34,7 +35,6 @@ from jointplay.scenario.overrides import (
     tree,
     with_names,
 )
-from jointplay.scenario.reading import Scenario
 from jointplay.simulation.result.settings import Integration, RecordSettings
 
 SCARA = f"{SHIPPED}scara.urdf"
@@ -227,7 +227,7 @@ def step_for(scenario: Scenario) -> tuple[float, str] | None:
     from jointplay.model.massless import require_inertia
     from jointplay.physics.contact.resultant import HOLDING
     from jointplay.physics.kernel import WELL_RESOLVED_STEPS
-    from jointplay.simulation.assemble import MIN_CONTACT_STEPS
+    from jointplay.simulation.prepare import MIN_CONTACT_STEPS
 
     simulation = scenario.simulation()
     mechanism, motion = simulation.mechanism, simulation.motion
@@ -279,7 +279,7 @@ def _there_and_back(description: Description, free: Collection[str]) -> tuple[di
     Those are its own, of position and speed, and those of the joints that mimic it and follow.
     Those in `free` are not moved.
     """
-    from jointplay.model.builder import parse
+    from jointplay.model.design import parse
 
     followers: dict[str, list[str]] = {}
     for name, entry in description.joints.items():

@@ -15,7 +15,7 @@ from jointplay.model.loop import closing_rows
 from jointplay.model.mechanism import Mechanism, frame_index
 from jointplay.model.payload import Payload, velocity_after_pick
 from jointplay.model.urdf import MOST_LETTERS
-from jointplay.physics.kernel.sites import LoadSite
+from jointplay.physics.kernel.layout import LoadSite
 from jointplay.physics.kernel.workspace import Workspace
 from jointplay.simulation.loads.base import Load, Site, compiled_law
 from jointplay.simulation.loads.controller import Controller, held, hold

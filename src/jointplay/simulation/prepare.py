@@ -9,10 +9,11 @@ and rotors need; and the arrays that the kernels step. Where the machine then st
 
 from __future__ import annotations
 
+import math
 import sys
 import threading
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -20,20 +21,275 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
+from jointplay.base.errors import JointplayError, require_known, require_positive, require_whole
 from jointplay.base.tables import few
+from jointplay.model.impact import REFERENCE_SPEED, contact_duration, effective_mass, tooth_duration
 from jointplay.model.massless import require_inertia
+from jointplay.model.mechanism import Mechanism
+from jointplay.physics import kernel
+from jointplay.physics.contact import elastic, resultant
+from jointplay.physics.contact.compiled import address, check_parameters
+from jointplay.physics.contact.law import Law
 from jointplay.physics.kernel import ahead as kernel_ahead
-from jointplay.physics.kernel.integrators import Integrator, integrator
-from jointplay.physics.kernel.sites import LoadSite
+from jointplay.physics.kernel import layout
+from jointplay.physics.kernel.constants import DEFAULT, Integrator, integrator
+from jointplay.physics.kernel.layout import JointSite, LoadSite
 from jointplay.physics.kernel.workspace import Workspace
-from jointplay.simulation import acting, base_chart, checks, time_loop
-from jointplay.simulation.assemble import check_step, joint_site
+from jointplay.simulation import acting, base_chart, time_loop
 from jointplay.simulation.initial import InitialState, behind_gears, initial_state
-from jointplay.simulation.loads.drive import ComputedTorque, Drive, JointFriction, Servo, assign
+from jointplay.simulation.loads import limits as limits_of_joints
+from jointplay.simulation.loads.drive import (
+    ComputedTorque,
+    Drive,
+    JointFriction,
+    Servo,
+    assign,
+    urdf_friction,
+)
 from jointplay.simulation.loads.drive_tables import Reference, table_nodes, tabulate
+from jointplay.simulation.result.netcdf import MEMORY_SHARE, memory
 
 if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
+
+
+# What is checked of a run before anything is made: its steps, memory, friction and efforts.
+
+MOST_STEPS = 10**12
+"""Most steps of a run: they would take months."""
+
+
+def check_integration(simulation: Simulation, method: Integrator) -> tuple[float, float, int]:
+    """Refuse settings that make no sense; returns step, end [s] and the number of steps.
+
+    The end is the duration, or that of the last step, if it is later.
+    """
+    step = require_positive("step", simulation.step, "s", ("step",))
+    for option, words, unit in (("macro_step", "macro step", "s"), ("tolerance", "tolerance", "")):
+        value = getattr(simulation, option)
+        if value is None:
+            continue
+        require_positive(words, value, unit, (option,))
+        if method.single_rate:
+            raise JointplayError(
+                f"{option} (got {value:g}) belongs to the integrator {DEFAULT!r}; "
+                f"{method.name!r} has a fixed step: leave it out, or take {DEFAULT!r}",
+                (option,),
+            )
+    if simulation.tolerance is not None and simulation.tolerance > 1.0:
+        said = f"tolerance is relative, at most 1, got {simulation.tolerance:g}"
+        raise JointplayError(said, ("tolerance",))
+    duration, motion = simulation.duration, simulation.motion
+    if duration is None:
+        if motion is None:
+            said = "a simulation without motion needs a duration [s]"
+            raise JointplayError(said, ("duration",))
+        duration = motion.duration
+    duration = require_positive("duration", duration, "s", ("duration",))
+    require_whole("record_every", simulation.record_every, 1, MOST_STEPS, ("record_every",))
+    if simulation.seed is not None:
+        require_whole("seed", simulation.seed, 0, 2**63 - 1, ("seed",))
+    if duration / step > MOST_STEPS:
+        steps = f"{duration / step:.3g} steps of {step:g} s; at most {MOST_STEPS:.0e} are possible"
+        raise JointplayError(f"duration {duration:g} s is {steps}", ("duration",))
+    count = round(duration / step)
+    if count < 1:
+        said = f"duration {duration:g} s is shorter than the step {step:g} s"
+        raise JointplayError(said, ("duration",))
+    end = count * step
+    return step, end if end > (1.0 + 1e-9) * duration else duration, count
+
+
+def joint_friction(simulation: Simulation) -> Mapping[str, JointFriction]:
+    """Friction by joint: what is given, or the URDF's."""
+    given, joints = simulation.joint_friction, simulation.mechanism.joints
+    for name in given or ():
+        require_known("moving joint", name, joints)
+    return urdf_friction(simulation.mechanism) if given is None else given
+
+
+def effort_bounds(simulation: Simulation, followed: Sequence[str]) -> dict[str, float]:
+    """Check the motion against the URDF's limits; returns the efforts at which drives are cut."""
+    if simulation.limits == "ignore":
+        return {}
+    if followed:
+        assert simulation.motion is not None
+        motion = simulation.motion
+        for text in limits_of_joints.check_motion(simulation.mechanism, motion, followed):
+            warnings.warn(text, RuntimeWarning, stacklevel=6)
+    if simulation.limits != "cut":
+        return {}
+    return limits_of_joints.bounds(simulation.mechanism)
+
+
+def check_memory(mechanism: Mechanism, duration: float, steps: int, every: int, nodes: int) -> None:
+    """Refuse a run whose tables (of `nodes`) and records would not fit, before any are made."""
+    nv, contacts = mechanism.model.nv, sum(len(j.contacts) for j in mechanism.clearance.values())
+    reference = nodes * 9.0 * max(len(mechanism.joints), 1)
+    record = 3.0 * nv + 20.0 + 10.0 * len(mechanism.clearance) + 3.0 * contacts
+    # Records are there twice when they are made into histories.
+    needed = 8.0 * (reference + 2.0 * record * (steps / every))
+    most = MEMORY_SHARE * memory()
+    if needed > most:
+        fitting = needed - 8.0 * reference
+        ratio = fitting / (most - 8.0 * reference) if most > 8.0 * reference else math.inf
+        advice = (
+            f"record_every = {math.ceil(every * ratio):.3g} would fit, or a shorter duration"
+            if math.isfinite(ratio) and every * ratio < steps
+            else "take a shorter duration"
+        )
+        raise JointplayError(
+            f"duration {duration:g} s with a record every {every} steps needs about "
+            f"{needed / 1e9:.3g} GB of memory, of which there are {most / 1e9:.3g}; {advice}",
+            where=("duration",),
+        )
+
+
+# From a mechanism to what the kernels know of it, and whether it can be stepped at all.
+
+MIN_CONTACT_STEPS = 4.0
+"""Fewer steps in an impact than this and the step is refused.
+
+At 4 steps the restitution of an impact scatters by 0.03 (0.07 at c_e = 0.5), at 2 an impact can
+gain energy (docs/validation.md).
+"""
+
+NO_MASS = 1e-9
+"""Part of the mechanism's mass below which what a contact meets counts as no mass."""
+
+FILM_LAG = 0.5
+"""Part of the effective mass that a film's lag reckons with: it may fall on the way."""
+
+REST_SPEED = 0.05
+"""Part of the speed of an impact that would store what a contact at rest stores, to which its
+damping is referred.
+
+Smaller, and explicit steps cannot follow the damper that a resting contact is; larger, and it
+reaches into what moves: the restitution of an impact is left as it is while the mass that it meets
+is below 1/REST_SPEED^2 = 400 times the smallest one of the start (docs/theory.md, section 5).
+"""
+
+
+LARGEST_TURN = 1.0
+"""Step times natural frequency on a preloaded bearing above which it is refused [rad]."""
+
+
+def joint_site(mechanism: Mechanism, name: str, q: np.ndarray) -> JointSite:
+    """The joint with clearance `name` as the kernels have it; q is that of the start."""
+    joint = mechanism.clearance[name]
+    mass = effective_mass(mechanism, name, q)
+    record = np.zeros(1, layout.JOINT)
+    parameters = np.zeros((len(joint.contacts), layout.MAX_PARAMETERS))
+    for contact, row in enumerate(parameters):
+        _fill(row, joint.normal, joint.normal.parameters(joint.contact_properties(contact)))
+    _fill(record["friction_parameters"][0], joint.friction, joint.friction.parameters())
+    record["normal_law"], record["friction_law"] = address(joint.normal), address(joint.friction)
+    record["bristles"] = joint.friction.bristles
+    record["shape"], record["count"] = int(joint.shape), len(joint.contacts)
+    if joint.resultant is not None:
+        record["resultant"], record["element_law"] = 1, elastic.address(joint.law)
+        record["cage"] = joint.resultant[resultant.CAGE]
+    record["wearing"] = len(joint.wear.widths) if joint.wear else 0
+    record["limit"] = -joint.depth_limit
+    record["rest_mass"] = mass / REST_SPEED**2
+    if joint.film is not None:
+        law, properties = joint.film
+        _fill(record["film_parameters"][0], law, law.parameters(properties))
+        record["film_law"] = address(law)
+        record["must_not_touch"] = 0 if law.hybrid else properties.contacts
+        record["sections"] = properties.contacts
+        record["section"] = law.section * properties.length if properties.tilts else 0.0
+        record["clearance"] = properties.clearance
+        record["thinnest"] = law.thickest(properties.clearance)
+        record["transition"] = law.transition
+        record["lag_mass"] = FILM_LAG * mass
+    holds = joint.law in resultant.HOLDING
+    if mechanism.has_virtual_link(name):
+        record["first"] = mechanism.virtual_link(name)
+        return JointSite(record, parameters, joint.dimensions, holds)
+    record["first"] = layout.NO_VIRTUAL_LINK
+    carriers = mechanism.frames(name)
+    return JointSite(record, parameters, joint.dimensions, holds, carriers, mechanism.signs(name))
+
+
+def _fill(row: np.ndarray, law: Law, parameters: tuple[float, ...]) -> None:
+    row[: len(parameters)] = check_parameters(parameters, law.name)
+
+
+def _link_masses(mechanism: Mechanism, name: str) -> str:
+    sides = [index for index, _ in mechanism.frames(name)]
+    if name in mechanism.loops:
+        loop = mechanism.loops[name]
+        links = (loop.bearing_link, loop.journal_link)
+    else:
+        entry = mechanism.description.joints[name]
+        links = (entry.parent, entry.child)
+    if mechanism.clearance[name].exchanged:
+        sides = sides[::-1]
+    masses = [float(mechanism.model.inertias[index].mass) for index in sides]
+    return " and ".join(
+        f"link {link!r} belongs to the ground" if index == 0 else f"link {link!r} has {mass:.2g} kg"
+        for link, index, mass in zip(links, sides, masses, strict=True)
+    )
+
+
+def _check_step_follows(mechanism: Mechanism, name: str, step: float, q: np.ndarray) -> None:
+    """Refuse a step [s] too large for the swing on springs or on a preloaded bearing."""
+    joint = mechanism.clearance[name]
+    assert joint.resultant is not None
+    centred = np.concatenate([np.zeros(3), np.eye(3).ravel()])
+    found = elastic.answers(joint.law, joint.resultant, centred[None])[0]
+    stiffness = found[resultant.TANGENT : resultant.ANSWERS].reshape(6, 6)
+    jacobian = mechanism.relative_jacobian(name, q)
+    squares = np.linalg.eigvals(
+        jacobian @ mechanism.inverse_mass_matrix(q) @ jacobian.T @ stiffness
+    ).real
+    frequency = float(np.sqrt(max(squares.max(), 0.0)))
+    if frequency * step > LARGEST_TURN:
+        raise JointplayError(
+            f"step {step:g} s is too large for the stiffness of {name!r}: what it carries "
+            f"would swing at {frequency / (2.0 * np.pi):.3g} Hz, so take at most "
+            f"{LARGEST_TURN / frequency:.2g} s, or a tolerance",
+            where=("step",),
+        )
+
+
+def check_step(mechanism: Mechanism, mass_of_all: float, step: float | None, q: np.ndarray) -> None:
+    """Refuse contacts that meet no mass, and a step [s] too large for an impact; None: steps are
+    chosen by their error, and none is too large.
+    """
+    for name in mechanism.clearance:
+        mass = effective_mass(mechanism, name, q)
+        if not mass >= NO_MASS * mass_of_all:
+            raise JointplayError(
+                f"a contact in joint {name!r} would meet a mass of {mass:.2g} kg only, of "
+                f"{mass_of_all:.3g} kg in all: {_link_masses(mechanism, name)}; give the "
+                "lighter one more mass or inertia in the URDF"
+            )
+        if step is None:
+            continue
+        joint = mechanism.clearance[name]
+        if joint.resultant is not None:
+            _check_step_follows(mechanism, name, step, q)
+        if joint.law in resultant.HOLDING:  # nothing hits
+            continue
+        impact = f"the contact stiffness at {name!r}: an impact at {REFERENCE_SPEED:g} m/s"
+        _check_step_resolves(step, contact_duration(mechanism, name, q), impact)
+    for name in mechanism.gears:
+        if step is None:
+            continue
+        impact = f"the stiffness of the gear at {name!r}: an impact of its teeth"
+        _check_step_resolves(step, tooth_duration(mechanism, name, q), impact)
+
+
+def _check_step_resolves(step: float, duration: float, impact: str) -> None:
+    if duration < MIN_CONTACT_STEPS * step:
+        raise JointplayError(
+            f"step {step:g} s is too large for {impact} lasts {duration:.2g} s, so take at most "
+            f"{duration / kernel.WELL_RESOLVED_STEPS:.2g} s",
+            where=("step",),
+        )
+
 
 EXPLICIT_DECAY = 0.2
 """Part of a journal's speed that a drive's damping may take in a step explicitly, if it flies: then
@@ -80,13 +336,13 @@ def prepare(simulation: Simulation, in_memory: bool, progress: bool, ahead: bool
     """
     mechanism, every = simulation.mechanism, simulation.record_every
     method = integrator(simulation.integrator)
-    step, duration, total_steps = checks.check_integration(simulation, method)
+    step, duration, total_steps = check_integration(simulation, method)
     acting.check(simulation.loads)
     drives = assign(mechanism, simulation.motion, simulation.drive)
     if in_memory:
         nodes = table_nodes(simulation.motion, drives, duration)
-        checks.check_memory(mechanism, duration, total_steps, every, nodes)
-    friction = dict(checks.joint_friction(simulation))
+        check_memory(mechanism, duration, total_steps, every, nodes)
+    friction = dict(joint_friction(simulation))
     for name, drive in drives.items():
         if isinstance(drive, Servo) and name not in mechanism.gears:
             friction[name] = drive.with_friction(friction.get(name, JointFriction()))
@@ -101,7 +357,7 @@ def prepare(simulation: Simulation, in_memory: bool, progress: bool, ahead: bool
         text = "without damping no bandwidth of a drive that its encoder is behind is stable: give "
         text += "the gear's damping or the drive's bandwidth, or put the encoder on the motor"
         warnings.warn(f"through the teeth of {few(undamped)} {text}", RuntimeWarning, stacklevel=5)
-    bounds = checks.effort_bounds(simulation, followed)
+    bounds = effort_bounds(simulation, followed)
     start = initial_state(simulation, followed)
     base_chart.check_start(mechanism, start.q)
     require_inertia(mechanism, start.q)

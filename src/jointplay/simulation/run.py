@@ -7,7 +7,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,35 +18,148 @@ from jointplay.base import signals
 from jointplay.base.errors import (
     JointplayError,
     require_a,
+    require_known,
     require_positive,
     require_vector,
     require_whole,
 )
 from jointplay.base.progress import Simulated
 from jointplay.base.tables import counted, few
+from jointplay.model.gear import Gearing
 from jointplay.model.impact import tooth_duration
+from jointplay.model.mechanism import Mechanism
+from jointplay.physics.joints import Coordinate
 from jointplay.physics.kernel import Status
-from jointplay.simulation import (
-    acting,
-    checkpoint,
-    initial,
-    step_check,
-    time_loop,
-)
+from jointplay.physics.kernel.workspace import Workspace
+from jointplay.simulation import acting, checkpoint, initial, step_check, time_loop
 from jointplay.simulation.acting import Events, LoadSchedule
 from jointplay.simulation.base_chart import BaseChart
+from jointplay.simulation.initial import named
 from jointplay.simulation.loads.drive import assign
-from jointplay.simulation.moment import Moment
 from jointplay.simulation.prepare import CHUNK, Prepared, prepare, saying_if_long
 from jointplay.simulation.result.histories import compile_histories, histories
 from jointplay.simulation.result.variables import Phase, Records
-from jointplay.simulation.settling import Settling
 from jointplay.simulation.spool import DiskRecords, Overflow, PassedRecords
 from jointplay.simulation.statics import Rest, StaticLoads
 
 if TYPE_CHECKING:
     from jointplay.simulation.result.result import Result
     from jointplay.simulation.simulation import Simulation
+
+
+# A run at one instant, to be read.
+
+
+@dataclass(frozen=True)
+class Moment:
+    """State and contact forces at one instant; arrays are copies, the run goes on without them.
+
+    Names that do not exist are a `MissingName`.
+    """
+
+    time: float
+    """[s]."""
+    step: int
+    q: np.ndarray
+    """Generalised coordinates, in the order of `coordinates`, shape (nq,) [rad or m]."""
+    v: np.ndarray
+    """Their velocities, shape (nv,)."""
+    mechanism: Mechanism
+    poses: np.ndarray
+    """By joint with clearance: centre of the journal (3) [m], then its orientation row by row (9),
+    in the bearing frame; shape (nj, 12)."""
+    wrenches: np.ndarray
+    """Force on the journal (3) [N] and moment about its centre (3) [N m], bearing axes, (nj, 6)."""
+    normal_forces: np.ndarray
+    """By joint and contact, 0 where nothing touches, shape (nj, contacts) [N]."""
+
+    @property
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        return tuple(self.mechanism.coordinates)
+
+    def position(self, name: str) -> float:
+        """Of a joint or of a single coordinate such as ``joint.x`` [rad or m]."""
+        return float(self.q[named(self.mechanism, name)[0]])
+
+    def speed(self, name: str) -> float:
+        """Of a joint or of a single coordinate [rad/s or m/s]."""
+        return float(self.v[named(self.mechanism, name)[0]])
+
+    def journal(self, joint: str) -> tuple[np.ndarray, np.ndarray]:
+        """Centre (3,) [m] and orientation (3, 3) of a journal in its bearing frame."""
+        pose = self.poses[self._joint(joint)]
+        return pose[:3], pose[3:].reshape(3, 3)
+
+    def force(self, joint: str) -> np.ndarray:
+        """Force on a journal in the axes of its bearing, shape (3,) [N]."""
+        return self.wrenches[self._joint(joint), :3]
+
+    def contacts(self, joint: str) -> dict[str, float]:
+        """Normal force by the name of the contact [N]."""
+        at = self._joint(joint)
+        names = self.mechanism.clearance[joint].contacts
+        return {name: float(self.normal_forces[at, k]) for k, name in enumerate(names)}
+
+    def _joint(self, name: str) -> int:
+        joints = list(self.mechanism.clearance)
+        require_known("joint with clearance", name, joints)
+        return joints.index(name)
+
+
+# When a start has died away: by the first contacts that a run itself shows.
+
+LOOK_S = 1e-3
+"""Interval at which a run looks for first contacts [s]: what falls faster counts as so long."""
+
+
+class Settling:
+    """Looks at the contacts of a run from its start until they have settled."""
+
+    def __init__(self, mechanism: Mechanism, step: float) -> None:
+        self._mechanism = mechanism
+        self._every = max(round(LOOK_S / step), 1)
+        self.next_step = self._every
+        """At or after which the run shall look."""
+        self._settled: dict[str, float] = {}
+        """By joint that has touched: when its bounces are over [s]."""
+
+    def has_settled(self, workspace: Workspace) -> bool:
+        """Look, at `next_step` or later: whether all that has touched by now lies."""
+        self.next_step = (workspace.steps // self._every + 1) * self._every
+        time, mechanism = workspace.time, self._mechanism
+        onsets = workspace.contact_statistics()["onsets"]
+        for (name, joint), own in zip(mechanism.clearance.items(), onsets, strict=True):
+            if own.any() and joint.has_play and name not in self._settled:
+                nominal = joint.contact_properties(0).restitution
+                delivered = joint.normal.effective_restitution(nominal)
+                restitution = nominal if delivered is None else delivered
+                self._settled[name] = bounced_until(time, restitution)
+        for name, gear in mechanism.gears.items():
+            ends = (workspace.q[mechanism.motor(name)], workspace.q[mechanism.coordinate(name)])
+            touches = abs(gear.twist(*ends)) >= 0.5 * gear.play > 0.0
+            if touches and f"{name}.motor" not in self._settled:
+                self._settled[f"{name}.motor"] = bounced_until(time, _restitution(gear))
+        return bool(self._settled) and time >= max(self._settled.values())
+
+    def memory(self) -> dict[str, Any]:
+        return {"next_step": self.next_step, "settled": self._settled}
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        self.next_step = int(memory["next_step"])
+        self._settled = {str(name): float(time) for name, time in memory["settled"].items()}
+
+
+def bounced_until(fallen: float, restitution: float) -> float:
+    """When the bounces after a fall that began at 0 and ended at `fallen` are over [s]."""
+    if restitution >= 1.0:
+        return math.inf
+    return fallen * (1.0 + restitution) / (1.0 - restitution)
+
+
+def _restitution(gear: Gearing) -> float:
+    """Of teeth, with the rotor alone on them: a joint beside it makes it smaller."""
+    ratio = gear.damping / (2.0 * math.sqrt(gear.steepest * max(gear.rotor_inertia, 1e-300)))
+    return math.exp(-math.pi * ratio / math.sqrt(1.0 - ratio**2)) if ratio < 1.0 else 0.0
 
 
 FASTEST_SHOWN = 4

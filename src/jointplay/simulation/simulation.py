@@ -24,11 +24,10 @@ from jointplay.simulation import checkpoint
 from jointplay.simulation.initial import position_and_speed
 from jointplay.simulation.loads import Load
 from jointplay.simulation.loads.drive import Drive, JointFriction
-from jointplay.simulation.moment import Moment
 from jointplay.simulation.motion.completion import complete_motion
 from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.result.inputs import FILES_DRIVES, FILES_LOADS, Inputs
-from jointplay.simulation.run import Run
+from jointplay.simulation.run import Moment, Run
 from jointplay.simulation.saving import run_to
 
 if TYPE_CHECKING:
@@ -144,8 +143,8 @@ class Simulation(Overview, Inputs):
         `judge_from` if given, else when `settle` is over; else, where journals fall into their
         bearings or perturbed teeth through their play at the start, after the first turn of a joint
         of the motion, if another follows; None: when contacts have settled, which a run finds
-        (`settling`). At 0 where nothing falls. Refused if it makes no sense, as turns of what does
-        not turn.
+        (`run.Settling`). At 0 where nothing falls. Refused if it makes no sense, as turns of what
+        does not turn.
         """
         duration = self._simulated_time()
         if self.judge_from is not None:

@@ -24,7 +24,7 @@ from jointplay.physics.contact.compiled import MAX_PARAMETERS, address
 from jointplay.physics.contact.resultant import DEEPEST, ENERGY
 from jointplay.physics.geometry import touch
 from jointplay.physics.joints import VIRTUAL_LINK, Clearance, Coordinate
-from jointplay.physics.kernel.sites import Carriers, LoadSite
+from jointplay.physics.kernel.layout import Carriers, LoadSite
 from jointplay.simulation.loads.base import Load, compiled_law
 from jointplay.simulation.loads.drive import Drive, JointFriction
 

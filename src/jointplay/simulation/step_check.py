@@ -20,7 +20,7 @@ import numpy as np
 from jointplay.base import signals
 from jointplay.base.errors import JointplayError
 from jointplay.physics.kernel import Status
-from jointplay.physics.kernel.integrators import integrator
+from jointplay.physics.kernel.constants import integrator
 from jointplay.simulation.result.audit import STEP_WARNING
 from jointplay.simulation.time_loop import LONGEST_MACRO_STEP_S
 

@@ -14,7 +14,7 @@ from jointplay.model.loop import PROXIMAL
 from jointplay.model.tree import Tree
 from jointplay.physics.kernel import REACHED, Command, compiled, entry_of, layout
 from jointplay.physics.kernel.adaptive import STABLE_TURN
-from jointplay.physics.kernel.sites import CarriedFrame, JointSite, LoadSite
+from jointplay.physics.kernel.layout import CarriedFrame, JointSite, LoadSite
 
 if TYPE_CHECKING:
     from jointplay.simulation.run import Run

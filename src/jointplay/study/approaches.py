@@ -22,10 +22,10 @@ from jointplay.base.errors import JointplayError
 from jointplay.base.tables import few
 from jointplay.model.mechanism import loaded
 from jointplay.simulation.analysis.tool_error import Stop, stops
-from jointplay.simulation.checks import joint_friction
 from jointplay.simulation.loads import JointFriction, Servo
 from jointplay.simulation.loads.drive import assign
 from jointplay.simulation.motion.reference import GOES_ON, Motion
+from jointplay.simulation.prepare import joint_friction
 from jointplay.simulation.simulation import Simulation
 
 FRICTION = 0.2

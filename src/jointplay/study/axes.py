@@ -13,7 +13,7 @@ from jointplay.base.errors import JointplayError, closest, require_positive, req
 from jointplay.base.schema import one_of, unknown_key
 from jointplay.base.units import convert, toml_text
 from jointplay.physics.joints import Fit
-from jointplay.scenario.places import Key, dotted
+from jointplay.scenario.reading import Key, dotted
 from jointplay.study.keys import is_whole, kinds, path_of, units_of
 
 SPACINGS = ("linear", "log")

@@ -22,7 +22,7 @@ from jointplay.base.modules import import_module
 from jointplay.model.robots import PREFIXES
 from jointplay.physics.kernel import Status
 from jointplay.scenario import Scenario
-from jointplay.scenario.overrides import Setting
+from jointplay.scenario.reading import Setting
 from jointplay.simulation.analysis.twins import ideal_simulation, task, tool_motion
 from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.result import netcdf

@@ -23,9 +23,9 @@ from jointplay.base.errors import JointplayError, require_a
 from jointplay.base.processes import copies
 from jointplay.base.units import displayed
 from jointplay.physics.kernel import Status
-from jointplay.physics.kernel.integrators import DEFAULT
+from jointplay.physics.kernel.constants import DEFAULT
 from jointplay.simulation import spool
-from jointplay.simulation.analysis.headline_figures import (
+from jointplay.simulation.analysis.headline import (
     Headline,
     Measured,
     claims_of,

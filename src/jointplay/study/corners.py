@@ -33,8 +33,8 @@ from jointplay.simulation.analysis.tool_error import (
     time_weights,
 )
 from jointplay.simulation.analysis.twins import TOOL_MOTIONS, ideal_simulation, tool_motion
-from jointplay.simulation.checks import joint_friction
 from jointplay.simulation.loads.drive import JointFriction, Prescribed, assign
+from jointplay.simulation.prepare import joint_friction
 from jointplay.simulation.simulation import Simulation
 from jointplay.study.study import Study
 

@@ -14,7 +14,7 @@ from jointplay.base.errors import JointplayError
 from jointplay.base.schema import Field, family_of, fields_of, unknown_key
 from jointplay.base.units import toml_text
 from jointplay.scenario.declarations import Model
-from jointplay.scenario.places import Key, dotted
+from jointplay.scenario.reading import Key, dotted
 
 _PART = re.compile(
     r"""(?P<quoted>"(?:[^"\\]|\\.)*"|'[^']*')|\[(?P<number>\d+)\]|(?P<word>[^."'\[\]]+)"""
@@ -27,7 +27,7 @@ NOT_SWEPT = ("title", "errors", "output", "cases", "sweep")
 def path_of(name: str) -> Key:
     """The path that ``joints.joint_b.friction.mu_d`` or ``payloads[1].mass`` names.
 
-    Elements of lists are counted from 1 (`places.dotted`), in the path from 0.
+    Elements of lists are counted from 1 (`reading.dotted`), in the path from 0.
 
     Raises:
         JointplayError: it names none.

@@ -22,9 +22,9 @@ from jointplay.model.gear import Gearing
 from jointplay.model.impact import tooth_duration
 from jointplay.model.mechanism import Mechanism, loaded
 from jointplay.physics.kernel import WELL_RESOLVED_STEPS
-from jointplay.simulation.checks import joint_friction
 from jointplay.simulation.loads import Controller, Free, JointFriction, Prescribed, Servo, Wrench
 from jointplay.simulation.motion.reference import Motion
+from jointplay.simulation.prepare import joint_friction
 from jointplay.simulation.simulation import Simulation
 
 STEP_S, RECORD_S = 2e-4, 1e-3

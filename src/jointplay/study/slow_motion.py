@@ -2,7 +2,7 @@
 
 While friction holds or creeps and an integral winds up, minutes pass between slips of milliseconds.
 A solver whose steps follow the error takes each such phase in a few: implicit ones where the
-equations are stiff. The equations are those of the engine: the kernel's `gear`, `servo`, `drive`.
+equations are stiff. The equations are those of the engine: the kernel's `gear` and `drive`.
 Not in them are sampling and the kinematic error of a gear; a reading in counts changes from one to
 the next within `EDGE` of a count, and the solver follows it there.
 """

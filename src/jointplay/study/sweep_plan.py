@@ -22,8 +22,7 @@ from jointplay.base.units import toml_text
 from jointplay.model.formats import urdf_text
 from jointplay.model.robots import resolve, source_of
 from jointplay.scenario import Scenario
-from jointplay.scenario.places import Key, dotted
-from jointplay.scenario.reading import merge
+from jointplay.scenario.reading import Key, dotted, merge
 from jointplay.simulation.analysis.uncertainty import Until, read_until
 from jointplay.study.axes import GROWING, METHODS, Axis, points, read
 from jointplay.study.keys import set_key

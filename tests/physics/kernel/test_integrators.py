@@ -7,7 +7,7 @@ from conftest import body, joint, release, still
 from scipy.integrate import solve_ivp
 
 import jointplay as jp
-from jointplay.physics.kernel.integrators import INTEGRATORS
+from jointplay.physics.kernel.constants import INTEGRATORS
 
 ELASTIC = {"normal": jp.contact.Hertz(), "restitution": 1.0, "friction": jp.contact.Ambrosio(0.0)}
 METHODS = pytest.mark.parametrize("method", INTEGRATORS.values(), ids=INTEGRATORS.keys())

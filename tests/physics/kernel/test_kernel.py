@@ -274,7 +274,7 @@ BOUNDED = """
 from dataclasses import replace
 import jointplay as jp
 from jointplay.physics.kernel import Command
-from jointplay.physics.kernel.integrators import INTEGRATORS
+from jointplay.physics.kernel.constants import INTEGRATORS
 
 def run(name, duration, **changes):
     scenario = jp.Scenario.load(jp.shipped(name + ".toml"))

@@ -8,7 +8,7 @@ from machines import QUIET, rotor
 from scipy.linalg import expm
 
 import jointplay as jp
-from jointplay.physics.kernel.integrators import INTEGRATORS
+from jointplay.physics.kernel.constants import INTEGRATORS
 from jointplay.simulation.loads import Controller
 
 INERTIA, KP, KD = 0.02, 8.0, 0.2

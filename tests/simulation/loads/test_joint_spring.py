@@ -5,7 +5,7 @@ import pytest
 from machines import QUIET, rotor
 
 import jointplay as jp
-from jointplay.physics.kernel.integrators import INTEGRATORS
+from jointplay.physics.kernel.constants import INTEGRATORS
 from jointplay.simulation.loads import Stop, TorsionSpring
 
 

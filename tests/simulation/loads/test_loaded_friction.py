@@ -7,7 +7,7 @@ from machines import QUIET, slider
 from scipy.integrate import solve_ivp
 
 import jointplay as jp
-from jointplay.physics.kernel.integrators import INTEGRATORS
+from jointplay.physics.kernel.constants import INTEGRATORS
 from jointplay.simulation.loads import LoadedFriction, Wrench
 
 WEIGHT = (0.0, 0.0, -9.81)

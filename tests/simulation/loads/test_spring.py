@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from machines import QUIET, arm, slider
 
 import jointplay as jp
-from jointplay.physics.kernel.integrators import INTEGRATORS
+from jointplay.physics.kernel.constants import INTEGRATORS
 from jointplay.simulation.loads import CurveSpring, Spring
 
 

@@ -8,7 +8,7 @@ from jointplay import Mechanism, Motion, robot_scenario
 from jointplay.base.errors import JointplayError
 from jointplay.scenario import Scenario
 from jointplay.scenario.build import complete
-from jointplay.scenario.overrides import parse
+from jointplay.scenario.reading import parse
 from jointplay.simulation.motion.completion import complete_motion
 
 

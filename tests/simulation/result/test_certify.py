@@ -20,7 +20,7 @@ from jointplay.paper import scara
 from jointplay.physics.kernel import Status
 from jointplay.show.reports import cases, sections
 from jointplay.simulation.analysis import twins
-from jointplay.simulation.analysis.headline_figures import (
+from jointplay.simulation.analysis.headline import (
     STRETCHES,
     Measured,
     _History,

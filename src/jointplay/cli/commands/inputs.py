@@ -34,7 +34,7 @@ from jointplay.cli.options import (
     listed,
     quantity,
 )
-from jointplay.scenario.overrides import Setting, parse, tree
+from jointplay.scenario.reading import Setting, parse, tree
 
 if TYPE_CHECKING:
     from jointplay.accuracy.poses import Poses
@@ -375,8 +375,7 @@ class _Inputs:
 
     def scenario(self, moves: bool) -> Scenario:
         from jointplay.scenario import Scenario
-        from jointplay.scenario.overrides import settings_beyond
-        from jointplay.scenario.reading import merge
+        from jointplay.scenario.reading import merge, settings_beyond
         from jointplay.scenario.robot import SCARA_JOINT, robot_scenario
 
         options, preset = self.options, chosen_preset(self.options)
@@ -429,7 +428,7 @@ class _Inputs:
 
     @cached_property
     def description(self) -> Description:
-        from jointplay.scenario.overrides import description_of
+        from jointplay.scenario.reading import description_of
         from jointplay.scenario.robot import robot_place
 
         if self.file is None:

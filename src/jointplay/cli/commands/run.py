@@ -273,7 +273,7 @@ class Cases:
         """
         from jointplay.base.origins import to_text
         from jointplay.physics.kernel import Status
-        from jointplay.scenario.overrides import setting_texts
+        from jointplay.scenario.reading import setting_texts
         from jointplay.simulation.checkpoint import check_replaceable, continue_run
         from jointplay.simulation.saving import run_and_save
         from jointplay.simulation.values import values

@@ -619,24 +619,24 @@ class RollingBearing(WholeLawJoint):
     def _at_rest(
         self, loads: np.ndarray, cage: np.ndarray | float | None
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Centre and lean (n, 5), their compliance (n, 5, 5), and state (n,) of `rolling_rest`."""
-        from jointplay.physics.contact import rolling_rest
+        """Centre and lean (n, 5), their compliance (n, 5, 5), and state (n,) of `rolling`."""
+        from jointplay.physics.contact import rolling
 
         turn, seat = self.cage_angle if cage is None else cage, self.seat
         lean = np.zeros((len(loads), 2))
         for _ in range(_MOST_ROUNDS):
-            found = rolling_rest.rests(self.resultant, loads[:, :5], turn, lean)
-            state = found[:, rolling_rest.FOUND]
+            found = rolling.rests(self.resultant, loads[:, :5], turn, lean)
+            state = found[:, rolling.FOUND]
             if (state == 0.0).any():
                 given = loads[int(np.argmax(state == 0.0))]
                 raise JointplayError(
                     f"no place of rest was found under the force {given[:3].tolist()} N and the "
                     f"moment {given[3:].tolist()} N m"
                 )
-            xi, soft = found[:, :5], found[:, rolling_rest.SOFT :].reshape(-1, 5, 5)
+            xi, soft = found[:, :5], found[:, rolling.SOFT :].reshape(-1, 5, 5)
             if seat is None:
                 return xi, soft, state
-            pushes = found[:, rolling_rest.PUSH : rolling_rest.SOFT]
+            pushes = found[:, rolling.PUSH : rolling.SOFT]
             moved = [seat.under(push, ABOUT_AXIS) for push in pushes]
             shift = np.array([one for one, _ in moved]).reshape(-1, 5)
             if np.abs(shift[:, 3:] - lean).max(initial=0.0) <= _SAME_LEAN:
@@ -908,7 +908,7 @@ class RollingBearing(WholeLawJoint):
 
 
 _BY_LOAD = np.array([1.0, 1.0, 1.0, 1.0, -1.0])[:, None] * np.eye(5)[[0, 1, 2, 4, 3]]
-"""Force and moment in terms of `contact.rolling_rest`'s xi."""
+"""Force and moment in terms of `contact.rolling`'s xi."""
 _LOOSEST, _ROOM = 1e-3, 0.9
 """Largest clearance of rollers [m]; of balls, by that which leaves no angle of contact."""
 _MOST_ROUNDS, _SAME_LEAN = 60, 1e-14

@@ -30,10 +30,15 @@ import numpy as np
 from jointplay.base.compiler import address_of, compiled
 from jointplay.physics.contact.calls import call_normal
 from jointplay.physics.kernel.access import words
-from jointplay.physics.kernel.bodies import place_bodies
 from jointplay.physics.kernel.constants import POWERS
 from jointplay.physics.kernel.contact import contact_gap, is_clear
-from jointplay.physics.kernel.frames import cross, get_vector, project_wrench, set_vector
+from jointplay.physics.kernel.frames import (
+    cross,
+    get_vector,
+    place_bodies,
+    project_wrench,
+    set_vector,
+)
 from jointplay.physics.kernel.layout import SPEED, STORED
 from jointplay.physics.kernel.multirate import (
     add_work,

@@ -13,13 +13,13 @@ from typing import Any
 from jointplay.base import compiler
 from jointplay.physics.kernel import (
     adaptive,
+    drive,
     film,
     gear,
     load,
     loops,
     multirate,
     rolling,
-    servo,
     singlerate,
 )
 from jointplay.physics.kernel import record as records
@@ -111,7 +111,7 @@ _APART = {
     "gear": (gear.gears, RUN_PART),
     "loop": (loops.loops, RUN_PART),
     "load": (load.loads, RUN_PART),
-    "servo": (servo.servos, RUN_PART),
+    "servo": (drive.servos, RUN_PART),
 }
 
 

@@ -15,13 +15,15 @@ from __future__ import annotations
 
 from jointplay.base.compiler import carray, compiled
 from jointplay.physics.kernel.access import carry_out, flat, run_at
-from jointplay.physics.kernel.bodies import (
+from jointplay.physics.kernel.frames import (
+    add,
+    cross,
     find_body_rates,
+    get_vector,
     matrix_times_vector,
     place_bodies,
     point_acceleration,
 )
-from jointplay.physics.kernel.frames import add, cross, get_vector
 
 REDUNDANT = 1e-10
 """Rows of less inverse mass than this, relative to the first one's, are redundant."""

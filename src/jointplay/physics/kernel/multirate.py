@@ -25,7 +25,9 @@ from jointplay.physics.kernel.drive import (
     add_drive_power,
     add_joint_losses,
     apply_drives,
+    apply_servos,
     commit_bristles,
+    commit_servos,
     complete_drives,
     prescribe_motion,
 )
@@ -52,7 +54,6 @@ from jointplay.physics.kernel.load import add_load_work, apply_loads, find_load_
 from jointplay.physics.kernel.loops import correct_drift, project_dynamics
 from jointplay.physics.kernel.record import is_due, write_record
 from jointplay.physics.kernel.rolling import advance_cages
-from jointplay.physics.kernel.servo import apply_servos, commit_servos
 from jointplay.physics.kernel.solve import (
     TOLERANCE,
     evaluate_velocity_forces,

@@ -28,7 +28,9 @@ from jointplay.physics.kernel.drive import (
     add_joint_losses,
     apply_drives,
     apply_joint_friction,
+    apply_servos,
     commit_bristles,
+    commit_servos,
     prescribe_motion,
 )
 from jointplay.physics.kernel.film import add_film_forces, add_film_losses, commit_film
@@ -43,7 +45,6 @@ from jointplay.physics.kernel.layout import POWERS, SPEED_LIMIT
 from jointplay.physics.kernel.load import add_stage_work, apply_current_loads
 from jointplay.physics.kernel.record import complete_step, is_due, write_record
 from jointplay.physics.kernel.rolling import advance_cages, advance_cages_by_stage
-from jointplay.physics.kernel.servo import apply_servos, commit_servos
 
 _NP = len(POWERS)
 _RUN_AWAY = int(Status.RUN_AWAY)

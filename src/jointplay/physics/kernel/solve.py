@@ -21,7 +21,6 @@ import math
 
 from jointplay.base.compiler import compiled, contracted, reordered
 from jointplay.physics.kernel.access import flat, square
-from jointplay.physics.kernel.bodies import place_bodies
 from jointplay.physics.kernel.contact import (
     add_contact_forces,
     add_contact_slope,
@@ -36,6 +35,7 @@ from jointplay.physics.kernel.drive import (
 from jointplay.physics.kernel.film import add_film_forces, add_film_slope
 from jointplay.physics.kernel.frames import (
     find_twist,
+    place_bodies,
     pose_of_frames,
     pose_of_virtual_link,
     project_slope,

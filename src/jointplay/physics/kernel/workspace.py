@@ -13,8 +13,7 @@ from jointplay.physics.contact.resultant import SEAT_ANSWERS
 from jointplay.physics.kernel import Command, Status, compiled, layout
 from jointplay.physics.kernel.constants import AZIMUTHS
 from jointplay.physics.kernel.entry import apart
-from jointplay.physics.kernel.record import contact_statistics
-from jointplay.physics.kernel.sites import (
+from jointplay.physics.kernel.layout import (
     PARTS,
     CarriedFrame,
     Carriers,
@@ -22,6 +21,7 @@ from jointplay.physics.kernel.sites import (
     JointSite,
     LoadSite,
 )
+from jointplay.physics.kernel.record import contact_statistics
 
 FIXED = (
     *("dimensions", "dt", "reference_interval"),

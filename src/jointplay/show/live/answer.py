@@ -22,7 +22,7 @@ from jointplay.base.origins import to_text
 from jointplay.base.units import readable
 from jointplay.model.scene import tool_places
 from jointplay.physics.kernel import Status
-from jointplay.physics.kernel.integrators import DEFAULT
+from jointplay.physics.kernel.constants import DEFAULT
 from jointplay.show.live.state import WHOLE, State
 from jointplay.show.player import playback
 from jointplay.show.plots.chart import Axis, Curve, Panel

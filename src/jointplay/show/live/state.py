@@ -21,8 +21,7 @@ from jointplay.model.robots import resolve
 from jointplay.model.urdf import STANDARD_GRAVITY
 from jointplay.physics.joints import Clearance
 from jointplay.scenario.declarations import MotionTable
-from jointplay.scenario.overrides import as_toml
-from jointplay.scenario.reading import Scenario, merge
+from jointplay.scenario.reading import Scenario, as_toml, merge
 
 if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation

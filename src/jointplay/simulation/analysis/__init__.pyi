@@ -1,12 +1,12 @@
 from .bearings import BearingLife as BearingLife
+from .bearings import Contacts as Contacts
 from .bearings import bearing_life as bearing_life
+from .bearings import contacts as contacts
 from .bearings import element_loads as element_loads
 from .bearings import rolling_bearings as rolling_bearings
+from .bearings import time_fractions as time_fractions
 from .comparison import Comparison as Comparison
 from .comparison import compare as compare
-from .contact_statistics import Contacts as Contacts
-from .contact_statistics import contacts as contacts
-from .contact_statistics import time_fractions as time_fractions
 from .parts import ToolError as ToolError
 from .tool_error import COMPONENTS as COMPONENTS
 from .tool_error import ErrorStatistics as ErrorStatistics

@@ -11,8 +11,7 @@ from jointplay.base.errors import JointplayError, require_a
 from jointplay.base.schema import differences, short
 from jointplay.base.tables import Column, Table
 from jointplay.base.units import told
-from jointplay.simulation.analysis.headline import reference
-from jointplay.simulation.analysis.headline_figures import figures
+from jointplay.simulation.analysis.headline import figures, reference
 from jointplay.simulation.analysis.tool_error import difference, error_statistics
 from jointplay.simulation.analysis.twins import inputs, is_twin
 from jointplay.simulation.analysis.vibration import rattle

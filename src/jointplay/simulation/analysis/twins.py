@@ -25,7 +25,7 @@ from jointplay.physics.joints import (
     class_of,
 )
 from jointplay.physics.kernel import Status
-from jointplay.physics.kernel.integrators import DEFAULT, integrator
+from jointplay.physics.kernel.constants import DEFAULT, integrator
 from jointplay.simulation.loads.drive import Drive, assign
 from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.result.result import Result

@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.kernel import layout
-from jointplay.physics.kernel.sites import CoordinateTables, drive_row, friction_row, stacked
+from jointplay.physics.kernel.layout import CoordinateTables, drive_row, friction_row, stacked
 from jointplay.simulation.loads.drive import (
     BANDWIDTH,
     PRESCRIBED_ARMATURE,

@@ -16,7 +16,7 @@ from jointplay.model.impact import friction_step_limit, tooth_duration
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.contact import ContactProperties
 from jointplay.physics.kernel import WELL_RESOLVED_STEPS
-from jointplay.physics.kernel.integrators import DEFAULT, integrator
+from jointplay.physics.kernel.constants import DEFAULT, integrator
 from jointplay.physics.kernel.layout import FRICTION
 from jointplay.physics.kernel.workspace import Workspace
 from jointplay.simulation.loads.limits import beyond, worst

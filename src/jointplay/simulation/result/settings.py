@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from jointplay.base.schema import choice, quantity
-from jointplay.physics.kernel.integrators import DEFAULT, INTEGRATORS
+from jointplay.physics.kernel.constants import DEFAULT, INTEGRATORS
 from jointplay.simulation.loads.limits import LIMITS
 
 STARTS = ("rest", "centred")

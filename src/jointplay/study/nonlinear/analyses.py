@@ -14,7 +14,7 @@ import numpy as np
 from jointplay.base.errors import JointplayError, require_known, require_whole
 from jointplay.base.tables import counted
 from jointplay.scenario import Scenario
-from jointplay.scenario.overrides import setting_texts
+from jointplay.scenario.reading import setting_texts
 from jointplay.simulation.simulation import Simulation
 from jointplay.study.nonlinear import lyapunov, observables, poincare
 from jointplay.study.nonlinear.rows import Key, Observation, Varied, rows

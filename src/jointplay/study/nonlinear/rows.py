@@ -18,7 +18,7 @@ from jointplay.base.errors import JointplayError
 from jointplay.base.pairs import misread, pair
 from jointplay.base.tables import Column, Table
 from jointplay.scenario import Scenario
-from jointplay.scenario.overrides import Setting, parse, tree
+from jointplay.scenario.reading import Setting, parse, tree
 from jointplay.simulation.analysis import ideal_simulation
 from jointplay.simulation.simulation import Simulation
 from jointplay.study.nonlinear import lyapunov, steady_motion
