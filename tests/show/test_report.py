@@ -65,6 +65,30 @@ def test_page_has_its_sections_and_no_addresses(page):
     assert b"LastResort" not in pdf
 
 
+@pytest.mark.thorough
+def test_a_machine_with_gears_alone_has_no_empty_sections(tmp_path):
+    options = ["--gear", "joint_b=1 mrad", "--gear-stiffness", "2e4", "--rotor-inertia", "0.5"]
+    run = [
+        "run",
+        "scara",
+        *options,
+        "--duration",
+        "0.1",
+        "--no-error-estimate",
+        "--no-figures",
+        "--quiet",
+    ]
+    done = call(*run, "--out", tmp_path)
+    assert done.returncode == 0, done.stderr
+    done = call("report", tmp_path, "--quiet", "--no-pdf")
+    assert done.returncode == 0, done.stderr
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    for name in ("Journal", "Impacts"):
+        assert f"<h2>{name}</h2>" not in text
+    assert 'id="chart-force_x"' in text  # of the ideal joint: its constraint force
+    assert "<h2>Spectrum</h2>" in text
+
+
 def test_numbers_are_those_of_the_results(page, folder):
     from jointplay import analysis
 

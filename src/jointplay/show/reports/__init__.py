@@ -132,16 +132,23 @@ def page(cases: Sequence[Case], title: str, claims: Path | None) -> str:
         "Audit": sections.audits(cases) + sections.certificates(cases),
         "Motion of the tool": markup('<p class="screen">{}</p>', hint) + chart(*motion),
         "Accuracy": sections.accuracies(cases, start),
-        inside_bearings(cases)[0]: chart("journal_orbit", "modes", "loaded")
-        + sections.modes(cases, start)
-        + sections.bearings(cases, start),
-        "Forces": sections.loads(cases, start) + chart("force_x", "force_y", "force_z"),
-        "Impacts": sections.impacts(cases, start)
-        + chart("impacts")
-        + sections.singles(cases)
-        + chart("contacts", "gaps"),
-        "Spectrum": chart("spectrum") + sections.spectra(cases, start),
     }
+    journals = any(case.joints for case in cases)  # where gears alone play, none strikes
+    if journals:
+        parts[inside_bearings(cases)[0]] = (
+            chart("journal_orbit", "modes", "loaded")
+            + sections.modes(cases, start)
+            + sections.bearings(cases, start)
+        )
+    parts["Forces"] = sections.loads(cases, start) + chart("force_x", "force_y", "force_z")
+    if journals:
+        parts["Impacts"] = (
+            sections.impacts(cases, start)
+            + chart("impacts")
+            + sections.singles(cases)
+            + chart("contacts", "gaps")
+        )
+    parts["Spectrum"] = chart("spectrum") + sections.spectra(cases, start)
     if claims is not None or figures.is_paper({case.label: case.result for case in cases}):
         parts["Claims"] = sections.claims(cases, claims)
     end = max(case.duration for case in cases)

@@ -111,10 +111,12 @@ def claims(cases: Sequence[Case], source: Path | None) -> Html:
 
 def modes(cases: Sequence[Case], start: float) -> Html:
     """Shares of the time in each mode and form."""
-    every = [(case, joint) for case in cases for joint in case.joints]
-    if not every:
-        return paragraph("No case has clearance.")
-    pairs = [(case, joint) for case, joint in every if not analysis.rolls(case.result, joint)]
+    pairs = [
+        (case, joint)
+        for case in cases
+        for joint in case.joints
+        if not analysis.rolls(case.result, joint)
+    ]
     if not pairs:
         return Html("")
     names = [markup("{}, {}", dark(case), joint) for case, joint in pairs]
@@ -178,8 +180,6 @@ def impacts(cases: Sequence[Case], start: float) -> Html:
                     "peak force, largest": (percentile(place.peak, 100), "N"),
                 }
             )
-    if not rows:
-        return paragraph("No case has clearance.")
     intervals = {1e3 * float(np.median(np.diff(case.result.time))) for case in cases if case.joints}
     spacing = ", ".join(f"{value:g}" for value in sorted(intervals))
     return worst_first(rows, "peak force, largest", "places") + paragraph(note("impacts", spacing))
