@@ -430,3 +430,31 @@ def test_meshes_of_more_triangles_than_an_stl_may_have_are_written(tmp_path):
     robot = compile_robot(Mechanism(path), ())
     assert [*robot.meshes] == ["ball.obj"]
     assert compile_text(robot.mjcf(()), robot.meshes).nmeshface == 20 * 4**7
+
+
+def test_all_takes_joints_that_do_not_move_the_tool_and_keeps_those_that_are_done(
+    tmp_path, capsys, monkeypatch
+):
+    from jointplay.bridges import reduction
+
+    path = tmp_path / "two.urdf"
+    legs = body("left") + body("right") + joint("l", "base", "left") + joint("r", "base", "right")
+    path.write_text(f'<robot name="two"><link name="base"/>{legs}</robot>')
+    command = ["export", "simulator", str(path), "--all", "--gear", "all=1 deg", "--quiet"]
+    command += ["--format", "json", "--period", "0.4"]
+    assert main([*command, "--out", str(tmp_path / "both")]) == 0
+    said = json.loads((tmp_path / "both" / "robot.json").read_text())
+    assert [one["joint"] for one in said["joints"]] == ["l", "r"]
+    full = reduction._full_run
+
+    def failing(mechanism, name, *others):
+        if name == "r":
+            raise JointplayError("it diverges")
+        return full(mechanism, name, *others)
+
+    monkeypatch.setattr(reduction, "_full_run", failing)
+    capsys.readouterr()
+    assert main([*command, "--out", str(tmp_path / "one")]) == 0
+    assert "not reduced: joint 'r': it diverges" in capsys.readouterr().out
+    said = json.loads((tmp_path / "one" / "robot.json").read_text())
+    assert [one["joint"] for one in said["joints"]] == ["l"]

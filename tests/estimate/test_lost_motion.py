@@ -150,3 +150,20 @@ def test_a_turning_joint_is_read_in_mm_at_an_arm_or_in_degrees(tmp_path, capsys)
     assert main(["identify", "ar4", str(path)]) == 0
     for said in (by_arm, capsys.readouterr().out):
         assert "tell the lost motion of 1 of 1 joint: joint_1 8." in said
+
+
+def test_a_fine_dial_on_long_moves_has_an_interval_that_is_no_step_of_the_search(gantry):
+    """6 mm of travel, a dial of 1 µm: the profile must be found finer than the interval is wide."""
+    held = 0
+    for seed in range(12):
+        stairs = measured(gantry, 1e-4)
+        motor = stairs.motor * 2.0
+        lost = 1e-4 + 3.7e-7 * seed
+        reading = 0.3e-3 + links(motor, lost, -1.0)
+        reading += 3e-7 * np.random.default_rng(seed).normal(size=len(motor))
+        reading = 1e-6 * np.round(reading / 1e-6)
+        reading[np.isnan(stairs.reading)] = np.nan
+        fine = Stairs(stairs.joint, stairs.setup, motor, reading, step=1e-6)
+        (one,) = identify_lost_motion(gantry, fine).estimates
+        held += one.low <= lost <= one.high
+    assert held >= 11

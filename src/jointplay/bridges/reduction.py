@@ -273,12 +273,19 @@ def reduce_all(
     able = [name for name in names if name not in refused]
     if not able:
         raise JointplayError(f"no joint with play can be reduced: {'; '.join(refused.values())}")
+    how: dict[str, Any] = {"amplitude": amplitude, "period": period}
+    rubs, reductions = joint_friction or {}, []
     with ProgressBar(able, "reducing", unit="joint", disable=not progress) as bar:
-        how: dict[str, Any] = {"amplitude": amplitude, "period": period}
-        rubs = joint_friction or {}
-        return [
-            reduce(mechanism, name, pose, joint_friction=rubs.get(name), **how) for name in bar
-        ], refused
+        for name in bar:
+            try:
+                reductions.append(
+                    reduce(mechanism, name, pose, joint_friction=rubs.get(name), **how)
+                )
+            except JointplayError as error:
+                refused[name] = f"joint {name!r}: {error}"
+    if not reductions:
+        raise JointplayError(f"no joint with play can be reduced: {'; '.join(refused.values())}")
+    return reductions, refused
 
 
 def _with_play(mechanism: Mechanism) -> list[str]:

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from jointplay.model.payload import Payload
 
 TERMS = ("offset", "placement", "compliance", "eccentricity", "play")
-"""Calibration that are tried if none are named."""
+"""Causes that are tried if none are named."""
 CANDIDATES = 200
 """Poses among which a plan chooses."""
 DRAWS = 1000

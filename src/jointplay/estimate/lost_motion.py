@@ -48,6 +48,9 @@ _DRIFTS = 2
 """Degree of the polynomial by which readings drift from one to the next: as a machine warms."""
 _GRID = 240
 """Values of the lost motion that are tried between none and the whole travel; refined after."""
+_ZOOMS = 2
+"""How often the grid is refined about its best: once leaves 1/5000 of the travel, which is as wide
+as the interval of a fine dial on a long way."""
 _OUTLIES = 5.0
 """Deviations, by the median's, from which on a reading is left out (judged: of normal scatter one
 in a million is)."""
@@ -359,15 +362,14 @@ class _Profile:
         for _ in range(2):  # the prior of the scale is worth more, the less readings scatter
             grid = most * np.linspace(0.0, 1.0, _GRID + 1)
             squares = np.array([self.fit(x, sigma)[0] for x in grid])
-            near = (
-                grid[max(int(squares.argmin()) - 1, 0)],
-                grid[min(int(squares.argmin()) + 1, _GRID)],
-            )
-            fine = np.linspace(*near, _GRID // 6)
-            grid = np.concatenate([grid, fine])
-            squares = np.append(squares, [self.fit(x, sigma)[0] for x in fine])
-            order = np.argsort(grid)
-            grid, squares = grid[order], squares[order]
+            for _ in range(_ZOOMS):
+                best = int(squares.argmin())
+                near = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
+                fine = np.linspace(*near, _GRID // 6)
+                grid = np.concatenate([grid, fine])
+                squares = np.append(squares, [self.fit(x, sigma)[0] for x in fine])
+                order = np.argsort(grid)
+                grid, squares = grid[order], squares[order]
             sigma = max(math.sqrt(squares.min() / free), self.scatter)
         bound = float(student.ppf(0.975, free)) ** 2 * sigma**2
         inside = grid[squares <= squares.min() + bound]

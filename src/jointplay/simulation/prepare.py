@@ -4,7 +4,7 @@ In this order: the number of steps, and whether they fit in memory; by joint its
 and which effort cuts it; the state in which loops are closed and nothing is loaded yet; the drives
 along the whole motion as tables; a model of the run's own, with the armature that prescribed motion
 and rotors need; and the arrays that the kernels step. Where the machine then stands is found by
-`initial.rest_of`.
+`initial.find_rest`.
 """
 
 from __future__ import annotations

@@ -572,7 +572,10 @@ class _Inputs:
             units = {name: j.unit for name, j in joints.items() if j.kind != "fixed"}
             every = [text for text in entries if name_and_number(text)[0] == ALL]
             if every:
-                plays = _plays_of_all(every, {n: units[n] for n in self._movers if n in units})
+                free = [n for n in units if joints[n].mimic is None]
+                # A file of the whole robot has the play of all; else that which moves the tool.
+                of_all = free if _value(self.options, "all") else self._movers
+                plays = _plays_of_all(every, {n: units[n] for n in of_all if n in units})
             each = [text for text in entries if text not in every]
             plays |= commands.numbers_by_name(each, "--gear JOINT=PLAY", units)
         idle = not (plays or known or _value(self.options, "whole"))
