@@ -362,7 +362,7 @@ ELSEWHERE = {
     "show/reports/sections show/reports/sweep simulation/result/netcdf simulation/checkpoint "
     "simulation/analysis/parts simulation/result/result",
     "text, or standard output": "bridges/trajectory cli/commands/check base/streams",
-    "in temporary folders and the user's cache": "model/viewer model/meshes model/builder "
+    "in temporary folders and the user's cache": "model/viewer model/meshes model/design "
     "model/mjcf_whole "
     "show/player/movie study/case base/locks",
     "pieces whose checksums tell what is whole": "base/objects simulation/spool study/database",

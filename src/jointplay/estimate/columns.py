@@ -94,6 +94,14 @@ def is_readings(path: str | Path) -> bool:
     return "joint" in [cell.strip() for cell in files.csv_rows(path, "measurement")[0][1]]
 
 
+def is_stairs(path: str | Path) -> bool:
+    """Whether a table of readings (`is_readings`) is one of moves, without forces."""
+    titles = [
+        cell.strip().partition(" ")[0] for cell in files.csv_rows(Path(path), "readings")[0][1]
+    ]
+    return "motor" in titles and not {"force", "torque"} & {*titles}
+
+
 def _check_titles(
     path: Path,
     titles: list[str],

@@ -158,14 +158,6 @@ def _dial_step(readings: np.ndarray, unit: float) -> float:
     return 0.0
 
 
-def is_stairs(path: str | Path) -> bool:
-    """Whether a table of readings (`columns.is_readings`) is one of moves, without forces."""
-    titles = [
-        cell.strip().partition(" ")[0] for cell in files.csv_rows(Path(path), "readings")[0][1]
-    ]
-    return "motor" in titles and not {"force", "torque"} & {*titles}
-
-
 def _reads_angles(head: Sequence[str]) -> bool:
     """Whether the column of readings is in an angle's unit."""
     titles = [cell.strip() for cell in head]

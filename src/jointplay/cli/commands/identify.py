@@ -120,8 +120,7 @@ def declare(parser: Parser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from jointplay.estimate.columns import is_readings
-    from jointplay.estimate.lost_motion import is_stairs
+    from jointplay.estimate.columns import is_readings, is_stairs
 
     if (options.plan is None) == (options.data is None):
         raise JointplayError(
