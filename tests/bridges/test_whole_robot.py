@@ -458,3 +458,26 @@ def test_all_takes_joints_that_do_not_move_the_tool_and_keeps_those_that_are_don
     assert "not reduced: joint 'r': it diverges" in capsys.readouterr().out
     said = json.loads((tmp_path / "one" / "robot.json").read_text())
     assert [one["joint"] for one in said["joints"]] == ["l"]
+
+
+@pytest.mark.needs("mujoco")
+def test_play_is_found_of_a_joint_whose_limits_exclude_zero(tmp_path):
+    """As of a knee: at zero MuJoCo throws it towards its limits."""
+    path = tmp_path / "knee.urdf"
+    limits = 'lower="-9" upper="9"'
+    path.write_text(
+        '<robot name="leg"><link name="base"/>'
+        + body("thigh", mass=0.6, com="0 0 -0.1", inertia=3e-3)
+        + body("calf", mass=0.15, com="0 0 -0.1", inertia=8e-4)
+        + joint("hip", "base", "thigh", axis="0 1 0")
+        + joint("knee", "thigh", "calf", axis="0 1 0", at="0 0 -0.213").replace(
+            limits, 'lower="-2.7" upper="-0.84"'
+        )
+        + "</robot>"
+    )
+    knee = Mechanism(path, gears={"knee": Gear(0.0175, 0.00679, 442.0, 0.1)})
+    play = Reduction("knee", dead_band=0.0175, stiffness=442.0, damping=0.1, rotor_inertia=0.00679)
+    robot = compile_robot(knee, [play])
+    found = find_play(compile_text(robot.mjcf([play]), robot.meshes))["knee"]
+    assert found.dead_band == pytest.approx(0.0175, rel=1e-2)
+    assert found.stiffness == pytest.approx(442.0, rel=1e-2)

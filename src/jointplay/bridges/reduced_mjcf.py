@@ -380,6 +380,8 @@ def find_play(written: Any) -> dict[str, PlayFound]:
         alone, hinge = copy.copy(model), play_hinge(model, name)
         row = int(alone.joint(hinge).dofadr[0])
         alone.dof_armature[np.arange(alone.nv) != row] = _HELD
+        # Zero may lie outside a joint's limits, which throw what is held however heavy it is.
+        alone.jnt_limited[np.arange(alone.njnt) != alone.joint(hinge).id] = 0
         data = mujoco.MjData(alone)
         mujoco.mj_setConst(alone, data)
         stiffness = float(np.ravel(model.tendon_stiffness[index])[0])
