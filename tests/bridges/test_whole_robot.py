@@ -481,3 +481,12 @@ def test_play_is_found_of_a_joint_whose_limits_exclude_zero(tmp_path):
     found = find_play(compile_text(robot.mjcf([play]), robot.meshes))["knee"]
     assert found.dead_band == pytest.approx(0.0175, rel=1e-2)
     assert found.stiffness == pytest.approx(442.0, rel=1e-2)
+
+
+def test_a_free_base_that_files_would_hold_is_refused(tmp_path, capsys):
+    path = tmp_path / "walker.urdf"
+    links = body("trunk") + body("leg") + joint("hip", "trunk", "leg")
+    path.write_text(f'<robot name="walker">{links}</robot>')
+    command = ["export", "simulator", str(path), "--all", "--gear", "hip=1 deg", "--base", "free"]
+    assert main([*command, "--format", "json", "--out", str(tmp_path / "o")]) == 2
+    assert "--base free: the files hold the base" in capsys.readouterr().err

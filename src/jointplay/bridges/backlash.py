@@ -176,7 +176,9 @@ def _klipper(reversals: Reversals) -> dict[str, str]:
         f"{letter.lower()}_backlash: {reversals.size(name):.4f}"
         for name, letter in reversals.letters.items()
     ]
-    return {"klipper.cfg": "\n".join(["[backlash_compensation]", *lines]) + "\n"} if lines else {}
+    head = ["# For pull request 7259, a draft: Klipper without it refuses this section."]
+    text = "\n".join([*head, "[backlash_compensation]", *lines]) + "\n"
+    return {"klipper.cfg": text} if lines else {}
 
 
 def _grblhal(reversals: Reversals) -> dict[str, str]:
@@ -194,14 +196,19 @@ def _smoothieware(reversals: Reversals) -> dict[str, str]:
         f"{greek[letter]}_backlash_mm {reversals.size(name):.4f}"
         for name, letter in reversals.letters.items()
     ]
-    text = "\n".join([*lines, "backlash_enable true"]) + "\n"
+    head = ["# For pull request 1543, built with BACKLASH=1."]
+    text = "\n".join([*head, *lines, "backlash_enable true"]) + "\n"
     return {"smoothieware.txt": text} if lines else {}
 
 
 FORMATS = {
     "linuxcnc": Format(_linuxcnc, f"{_LOST}; goes by position and commanded direction"),
     "marlin": Format(_marlin, f"{_LOST}, wind-up; one number for each of X, Y, Z", _LETTERS),
-    "klipper": Format(_klipper, f"{_LOST}, wind-up; one number for each of X, Y, Z", _LETTERS),
+    "klipper": Format(
+        _klipper,
+        f"{_LOST}, wind-up; one number for each of X, Y, Z; needs a draft, pull request 7259",
+        _LETTERS,
+    ),
     "grblhal": Format(
         _grblhal, f"{_LOST}, wind-up; one number for each of six axes", "the first six axes"
     ),

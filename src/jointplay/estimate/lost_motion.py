@@ -459,6 +459,9 @@ class LostMotionPlan:
         for joint, (slides, *_) in self.joints.items():
             way, size = ("mm", 1e3) if slides else ("deg", math.degrees(1.0))
             lines += [] if lines else [f"joint,motor [{way}],reading [{way}]"]
+            turns = [i for i, (_, read) in enumerate(self.moves(joint), 1) if not read]
+            rows = ", ".join(map(str, turns))
+            lines.append(f"# rows {rows} of {joint} only turn back: leave their readings empty")
             lines += [f"{joint},{size * x:.6g}," for x, _ in self.moves(joint)]
         return "\n".join(lines) + "\n"
 

@@ -71,6 +71,11 @@ def run(options: argparse.Namespace) -> int:
 
     posed = inputs.posed_machine(options, single=True)
     mechanism, pose = posed.mechanism, posed.poses.positions()
+    if mechanism.free_base is not None and not is_own(mechanism.description):
+        raise JointplayError(
+            "--base free: the files hold the base, as a URDF does; export from an MJCF with a free "
+            "joint, or add <freejoint/> to the MJCF's first body"
+        )
     if not (joint is None or options.joint or posed.of_file or joint in mechanism.gears):
         raise nothing_has_play(mechanism.joints)
     play = [*mechanism.clearance, *mechanism.gears] if joint is None else [joint]
