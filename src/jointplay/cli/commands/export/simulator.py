@@ -71,7 +71,8 @@ def run(options: argparse.Namespace) -> int:
 
     posed = inputs.posed_machine(options, single=True)
     mechanism, pose = posed.mechanism, posed.poses.positions()
-    if mechanism.free_base is not None and not is_own(mechanism.description):
+    free = posed.scenario.mechanism(posed.case).free_base is not None
+    if free and not is_own(mechanism.description):
         raise JointplayError(
             "--base free: the files hold the base, as a URDF does; export from an MJCF with a free "
             "joint, or add <freejoint/> to the MJCF's first body"
