@@ -460,6 +460,7 @@ def test_an_arm_that_shakes_upright_is_calm_where_it_bows_as_integrated_anew(urd
             assert independent(at_ease, 2.0 * GEAR.play, 60.0) < 0.01 * GEAR.play
 
 
+@pytest.mark.thorough
 def test_with_the_encoder_on_the_motor_the_same_arm_is_calm_at_every_pose(urdf):
     (found,) = calm.calm(bowing(urdf, "motor"), places=3, jobs=1)
     assert found.sentence == "a is calm at every pose"
