@@ -130,15 +130,7 @@ class Readings:
                 force or reading.
         """
         path = Path(path)
-        names = _of_column(path, "joint")
-        if not names:
-            raise JointplayError(f"{path} has no readings: {RECIPE}")
-        for name in names:
-            require_known("joint", name, joints)
-        slides = {joints[name] for name in names}
-        if len(slides) > 1:
-            raise JointplayError(f"{path}: joints that slide need a file of their own")
-        (slides_all,) = slides or {False}
+        names, slides_all = joints_of_table(path, joints, RECIPE)
         way = "m" if slides_all else "rad"
         units = dict(zip(_NUMBERS, ("N", "m", "m", "m", "N*m", way, way), strict=True))
 
@@ -202,12 +194,21 @@ class Readings:
         return cls(tuple(names), tuple(map(str, setups)), push, turned, error, str(path), pose)
 
 
-def _of_column(path: Path, title: str) -> list[str]:
+def joints_of_table(path: Path, joints: Mapping[str, bool], needed: str) -> tuple[list[str], bool]:
+    """The joint of each reading in a table, and whether they slide; `needed` are which readings."""
     (_, head), *rows = files.csv_rows(path, "readings")
     titles = [cell.strip() for cell in head]
-    if title not in titles:
-        raise JointplayError(f"{path} has no column {title!r}; columns are: {_COLUMNS}")
-    return [row[titles.index(title)].strip() for _, row in rows]
+    if "joint" not in titles:
+        raise JointplayError(f"{path} has no column 'joint'; columns are: {_COLUMNS}")
+    names = [row[titles.index("joint")].strip() for _, row in rows]
+    if not names:
+        raise JointplayError(f"{path} has no readings: {needed}")
+    for name in names:
+        require_known("joint", name, joints)
+    slides = {joints[name] for name in names}
+    if len(slides) > 1:
+        raise JointplayError(f"{path}: joints that slide need a file of their own")
+    return names, slides.pop()
 
 
 @dataclass(frozen=True, kw_only=True)

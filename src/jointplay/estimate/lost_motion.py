@@ -7,9 +7,9 @@ take it along (the play operator), and a dial reads where it is:
     reading_i = zero + scale link_i + drift (t_i) + scatter
 
 with the total lost motion L: the play, and what gears give way to friction both ways. Given L, all
-else but the side on which the link began is linear, so L's interval is that of its profile (Bates
-and Watts, Nonlinear Regression Analysis, ch. 6). Weight that exceeds friction holds the link to one
-side, and nothing is lost: then this test tells nothing.
+else but the side on which the link began is linear, so L's interval is that of its profile: values
+whose sum of squares exceeds the least by no more than Student's t allows. Weight that exceeds
+friction holds the link to one side, and nothing is lost: then this test tells nothing.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from scipy.stats import t as student
 
 from jointplay.accuracy.poses import moving
 from jointplay.base import files
-from jointplay.base.errors import JointplayError, MissingName, require_known
+from jointplay.base.errors import JointplayError, MissingName
 from jointplay.base.tables import counted, few
 from jointplay.base.units import readable
 from jointplay.estimate import columns
-from jointplay.estimate.gauge import GAUGE_M, gravity_load
+from jointplay.estimate.gauge import GAUGE_M, gravity_load, joints_of_table
 from jointplay.estimate.machine import preset_found
 from jointplay.estimate.unknowns import Answer, Estimate, Loop, Unknown
 from jointplay.model.mechanism import Mechanism
@@ -101,17 +101,8 @@ class Stairs:
                 place, or a joint that turns read in mm without a gauge arm.
         """
         path = Path(path)
-        (_, head), *rows = files.csv_rows(path, "readings")
-        at = [cell.strip() for cell in head].index("joint")
-        names = tuple(row[at].strip() for _, row in rows)
-        if not names:
-            raise JointplayError(f"{path} has no readings: {_needed()}")
-        for name in names:
-            require_known("joint", name, joints)
-        slides = {joints[name] for name in names}
-        if len(slides) > 1:
-            raise JointplayError(f"{path}: joints that slide need a file of their own")
-        slide = slides.pop()
+        (_, head), *_ = files.csv_rows(path, "readings")
+        names, slide = joints_of_table(path, joints, _needed())
         way, angular = ("m", False) if slide else ("rad", _reads_angles(head))
         units = {"motor": way, "reading": "rad" if angular else "m", "gauge arm": "m"}
 
@@ -138,7 +129,7 @@ class Stairs:
             step = _dial_step(reading, math.radians(1.0) if angular else 1e-3)
         setup = texts.get("setup", ("",) * len(names))
         setups = tuple(f"{a}, {b}" for a, b in zip(names, setup, strict=True))
-        return cls(names, setups, motor, reading, str(path), texts.get("pose", ()), step)
+        return cls(tuple(names), setups, motor, reading, str(path), texts.get("pose", ()), step)
 
 
 _FINEST, _COARSEST = 1e-5, 0.05

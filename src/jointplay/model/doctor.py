@@ -29,7 +29,7 @@ from jointplay.base.units import readable
 from jointplay.model import meshes, urdf
 from jointplay.model.elements import moments, origin_of, place_of, put, written
 from jointplay.model.formats import urdf_text
-from jointplay.model.inertias import impossible_inertias, inertia_faults
+from jointplay.model.inertias import impossible_inertias, inertia_faults, tensor_of
 from jointplay.model.robots import source_of
 from jointplay.model.visuals import collected_folders, find_mesh, folders_of, surface_of
 from jointplay.model.vocabulary import BEYOND, numbers
@@ -392,7 +392,7 @@ class _Patient:
             return f"centre of mass {readable(float(own), 'm', 3)} outside its shapes" + (
                 ": written in millimetres?" if inside and np.abs(centre).max() > 1.0 else ""
             ), not inside
-        tensor = _tensor(inertial)
+        tensor = tensor_of(inertial, f"link {link.get('name')!r}")
         principal = np.linalg.eigvalsh(tensor)
         corners = np.abs(np.array([low, high]) - centre).max(axis=0)
         most = mass * float(corners @ corners)
@@ -556,13 +556,6 @@ def _place(inertial: Element) -> pin.SE3 | None:
         return place_of(inertial)
     except (ValueError, TypeError):
         return None
-
-
-def _tensor(inertial: Element) -> np.ndarray:
-    element = inertial.find("inertia")
-    xx, yy, zz, xy, xz, yz = (numbers(element, f"i{axes}", "inertia", 1)[0]
-                              for axes in ("xx", "yy", "zz", "xy", "xz", "yz"))  # fmt: skip
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 def _unit(ratio: float) -> str:

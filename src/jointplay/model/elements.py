@@ -21,7 +21,13 @@ def written(value: Any) -> str:
     """Text as it is; numbers so that they read back the same."""
     if isinstance(value, str):
         return value
-    return " ".join(f"{x + 0.0:.17g}" for x in np.ravel(value))
+    return " ".join(_shortest(float(x) + 0.0) for x in np.ravel(value))
+
+
+def _shortest(number: float) -> str:
+    """Fifteen digits where they read back the same, as of 1.6e-6, else seventeen."""
+    text = f"{number:.15g}"
+    return text if float(text) == number else f"{number:.17g}"
 
 
 def document(root: Element) -> str:

@@ -79,6 +79,16 @@ def inertia_faults(root: ElementTree.Element) -> dict[str, str]:
     return {name: fault for name, fault in faults.items() if fault}
 
 
+def tensor_of(inertial: ElementTree.Element, owner: str) -> np.ndarray:
+    """Inertia about the centre of mass, in the axes of the inertial, (3, 3) [kg m2]."""
+    element = inertial.find("inertia")
+    xx, yy, zz, xy, xz, yz = (
+        numbers(element, f"i{axes}", f"{owner}: inertia i{axes}", 1)[0]
+        for axes in ("xx", "yy", "zz", "xy", "xz", "yz")
+    )
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
 def _inertias(root: ElementTree.Element) -> dict[str, tuple[float, np.ndarray]]:
     """Mass [kg] and inertia about its centre, axes of the inertial [kg m2], of each link."""
     inertias = {}
@@ -92,10 +102,6 @@ def _inertias(root: ElementTree.Element) -> dict[str, tuple[float, np.ndarray]]:
         if mass < 0.0:
             raise JointplayError(f"{owner} has the mass {mass:g} kg; it must be positive")
         element = inertial.find("inertia")
-        xx, yy, zz, xy, xz, yz = (
-            numbers(element, f"i{axes}", f"{owner}: inertia i{axes}", 1)[0]
-            for axes in ("xx", "yy", "zz", "xy", "xz", "yz")
-        )
         for key, same in MIRRORED.items():
             if element is not None and key in element.attrib:
                 (value,) = numbers(element, key, f"{owner}: inertia {key}", 1)
@@ -105,7 +111,7 @@ def _inertias(root: ElementTree.Element) -> dict[str, tuple[float, np.ndarray]]:
                         f"{owner}: inertia has {same} {other:g} and {key} {value:g}, which must be "
                         f"equal; leave out {key}"
                     )
-        inertias[name] = mass, np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        inertias[name] = mass, tensor_of(inertial, owner)
     return inertias
 
 
@@ -166,8 +172,7 @@ def _bodies(root: ElementTree.Element, loose: Collection[str]) -> dict[str, dict
 def _united(root: ElementTree.Element, places: dict[str, pin.SE3]) -> tuple[float, np.ndarray]:
     """Mass [kg] and inertia about its centre [kg m2] of links at places.
 
-    By hand, as Pinocchio refuses parts that are not positive definite; parallel axes: Featherstone,
-    Rigid Body Dynamics Algorithms, eq 2.63.
+    By hand, by parallel axes (Steiner), as Pinocchio refuses parts that no body has.
     """
     from jointplay.model.elements import place_of
 

@@ -110,7 +110,8 @@ class Calm:
         assert isinstance(servo, Servo)
         worst = max((one.swing for one in self.places), key=lambda swing: swing.amplitude)
         if all(one.verdict == "calm" for one in self.places):
-            return f"{self.joint}: nothing to do; calm up to {self._gain(servo, largest)}"
+            more = "" if any(one.shakes is not None for one in self.places) else " at least"
+            return f"{self.joint}: nothing to do; calm up to {self._gain(servo, largest)}{more}"
         if largest is not None:
             return f"{self.joint}: {self._gain(servo, largest)} is calm at every pose"
         other = "set I to 0, or " * bool(servo.i_gain)
