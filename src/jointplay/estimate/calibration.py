@@ -253,8 +253,8 @@ def calibrate(
     as long as that is better by more than chance (`improves`); then terms are dropped whose loss is
     not worse by more than chance. Base and tool are unknown always.
     Intervals are those of the linearised fit with priors, all candidates free, by Student's t, or
-    of the sandwich over independent units where that is wider; those of play hold for every
-    friction and transition whose fit is not significantly worse.
+    of the sandwich over independent units where that is wider; all hold for every
+    friction and transition of play whose fit is not significantly worse.
 
     Args:
         mechanism: open chain, or a URDF or robot's name; the tool is the mechanism's.
