@@ -469,14 +469,18 @@ class LostMotionPlan:
     def __str__(self) -> str:
         rows = [
             f"{number}. {joint}: {_PLACES} places from both sides, {_ROUNDS} times, "
-            f"{readable(stride, 'm' if slides else 'rad', 3)} apart from "
-            f"{readable(begin, 'm' if slides else 'rad', 3)} on"
+            f"{_told(stride, slides)} apart from {_told(begin, slides)} on"
             for number, (joint, (slides, begin, stride)) in enumerate(self.joints.items(), 1)
         ]
         how = (
             "Set a dial on what the joint moves, send it to each place, and write down the reading."
         )
         return "\n".join([*self.notes, *rows, how])
+
+
+def _told(value: float, slides: bool) -> str:
+    """A place in the unit of the table."""
+    return f"{1e3 * value:.3g} mm" if slides else f"{math.degrees(value):.3g} deg"
 
 
 def plan_lost_motion(mechanism: Mechanism, joints: Sequence[str] = ()) -> LostMotionPlan:
