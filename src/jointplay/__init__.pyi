@@ -30,6 +30,9 @@ from .model.gear import Gear as Gear
 from .model.gear import GearStage as GearStage
 from .model.gear import GearTrain as GearTrain
 from .model.gear import StrainWaveGear as StrainWaveGear
+from .model.linkage import Linkage as Linkage
+from .model.linkage import LinkageLink as LinkageLink
+from .model.linkage import LinkageSlider as LinkageSlider
 from .model.loop import Loop as Loop
 from .model.payload import Payload as Payload
 from .model.robots import robots as robots

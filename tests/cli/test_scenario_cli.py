@@ -36,6 +36,20 @@ def test_init_writes_what_check_and_run_take_and_never_overwrites(tmp_path):
     assert call("init", "no/where.toml", cwd=tmp_path).returncode == 2
 
 
+def test_a_linkage_to_start_from_runs_as_it_stands(tmp_path):
+    assert call("init", "crank", "--linkage", "slider-crank", cwd=tmp_path).returncode == 0
+    text = (tmp_path / "crank.toml").read_text(encoding="utf-8")
+    keys = [line for line in text.splitlines() if line and not line.startswith("#")]
+    assert len(keys) <= 16
+    done = call("run", "crank.toml", "--out", "out", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "crank: Play of 0.1 mm in B puts the tool 'slider' up to 0.110 mm off" in done.stdout
+    assert "warning" not in done.stdout
+    wrong = call("init", "--linkage", "slider", cwd=tmp_path)
+    assert wrong.returncode == 2
+    assert "four-bar" in wrong.stderr
+
+
 def test_what_the_template_shows_as_defaults_are_the_defaults(short):
     """Each line commented out can be used as it stands."""
     text = short.read_text(encoding="utf-8")

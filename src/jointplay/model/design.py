@@ -38,6 +38,7 @@ from jointplay.model.free_base import BASE, BASES, HELD
 from jointplay.model.gear import GEARS, Gearing
 from jointplay.model.gear_rules import Rule, completed, with_rotors
 from jointplay.model.inertias import impossible_inertias, require_possible
+from jointplay.model.linkage import Linkage
 from jointplay.model.loop import Lock, Loop, refuse_name
 from jointplay.model.pinocchio_model import description_of_model
 from jointplay.model.tool import choose_tool
@@ -119,7 +120,7 @@ class Design:
 
 
 def design(
-    path: str | Path | Description | pin.Model,
+    path: str | Path | Description | Linkage | pin.Model,
     clearance: Mapping[str, Clearance] | None,
     *,
     loops: Mapping[str, Loop] | None,
@@ -142,6 +143,13 @@ def design(
     )
     fix = require_names("fix", fix, "names of joints", ("fix",))
     tables: Mapping[str, Mapping[str, Any]] = {}
+    if isinstance(path, Linkage):
+        play = require_table("clearance", clearance, "of joints by name", ("clearance",))
+        linkage = path
+        path, closing, balls = linkage.tree(play)
+        loops = closing | require_table("loops", loops, "of loops by name", ("loops",))
+        clearance = balls | play
+        tool = linkage.tool if tool is None else tool
     if not isinstance(path, Description):
         path = _read(path, allowed, xacro)
         tables = path.beyond.tables

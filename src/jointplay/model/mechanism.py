@@ -29,6 +29,7 @@ from jointplay.model.flexible import hinges_of
 from jointplay.model.frames import Frame, Frames, motion_between, pose_between, signs_between
 from jointplay.model.free_base import BASES, HELD
 from jointplay.model.gear import Gear, Gearing
+from jointplay.model.linkage import Linkage
 from jointplay.model.loop import Loop
 from jointplay.model.payload import Payload
 from jointplay.model.tree import Tree
@@ -90,7 +91,8 @@ class Mechanism(Overview, Described, Design):
     Args:
         path: the URDF or xacro, ``jointplay:NAME`` for one that ships with the package, or a name
             such as ``ur5`` for a robot of example-robot-data or robot_descriptions; or a
-            ``pinocchio.Model``, whose placements, inertias, limits, gravity and armature count.
+            ``pinocchio.Model``, whose placements, inertias, limits, gravity and armature count; or
+            a `Linkage`, which brings its loops.
         clearance: joints with clearance, by the name of the URDF joint that each replaces or of the
             loop that each cuts. One whose field `ideal` is set has none.
         loops: joints that close loops, by name; without clearance they are ideal revolute joints.
@@ -126,7 +128,7 @@ class Mechanism(Overview, Described, Design):
 
     def __init__(
         self,
-        path: str | Path | Description | pin.Model,
+        path: str | Path | Description | Linkage | pin.Model,
         clearance: Mapping[str, Clearance] | None = None,
         *,
         loops: Mapping[str, Loop] | None = None,

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from jointplay.accuracy.poses import along_motion
 from jointplay.accuracy.robot_errors import RobotErrors, refuse_misfit
 from jointplay.base.errors import (
     JointplayError,
@@ -28,13 +29,14 @@ from jointplay.model.beams import FlexibleLink
 from jointplay.model.fixing import with_fixed, without_floating_base
 from jointplay.model.flexible import end_of_tool
 from jointplay.model.formats import read
+from jointplay.model.linkage import Linkage
 from jointplay.model.loop import Loop, refuse_name
 from jointplay.model.mechanism import Mechanism
 from jointplay.model.payload import Payload
 from jointplay.model.robots import resolve
 from jointplay.model.tool import choose_tool
 from jointplay.model.urdf import Description, JointEntry
-from jointplay.physics.joints import JOINT_WORDS, Coordinate
+from jointplay.physics.joints import JOINT_WORDS, Clearance, Coordinate
 from jointplay.physics.joints.base import RoundClearance
 from jointplay.scenario.declarations import ANGLE, ANGULAR_SPEED, MOTION_SOURCES, PATHS, Model
 from jointplay.simulation.loads import Load
@@ -415,6 +417,8 @@ def build(
     notes += [mechanism.base_words] if mechanism.base_words else []
     notes += [*_of_zero(model, mechanism), *_of_wide_clearances(mechanism)]
     notes += _of_idle_planes(mechanism)
+    if model.linkage is not None:
+        notes += _of_reach(mechanism, motion, start)
     drives = drive_of(model, mechanism)
     if still:
         drive: Drive | Mapping[str, Drive] = drives
@@ -507,6 +511,17 @@ def _of_idle_planes(mechanism: Mechanism) -> list[str]:
     return lines
 
 
+def _of_reach(mechanism: Mechanism, motion: Motion | None, start: Mapping[str, float]) -> list[str]:
+    """Where along the motion loops cannot be closed, as past a dead point."""
+    if motion is None or not mechanism.loops:
+        return []
+    try:
+        along_motion(mechanism, motion, near=start)
+    except JointplayError as error:
+        return [f"warning: {error}; a machine that is driven on breaks there"]
+    return []
+
+
 def _idle_plane(name: str) -> str:
     return (
         f"joint {name!r} has planar play along x of its frame, across which nothing else moves or "
@@ -565,25 +580,40 @@ _LAST_BUILT = 4
 
 def mechanism_of(model: Model, folder: Path, built: Built) -> Mechanism:
     """The mechanism that `model` describes; alike ones are built once."""
-    robot = model.robot
-    with within("robot", "urdf"):
-        description = read(robot.urdf, robot.allow_unphysical, folder, robot.xacro)
+    robot, linkage = model.robot, model.linkage
+    closing: Mapping[str, Loop] = {}
+    balls: Mapping[str, Clearance] = {}
+    if linkage is None:
+        with within("robot", "urdf"):
+            description = read(robot.urdf, robot.allow_unphysical, folder, robot.xacro)
+    else:
+        with within("linkage"):
+            drawn: Linkage = linkage.make() if isinstance(linkage, Draft) else linkage
+            description, closing, balls = drawn.tree(model.joints)
+            robot = replace(robot, tool=robot.tool or drawn.tool)
     with within("robot"):
         description = with_fixed(description, robot.fix)
         description = without_floating_base(description, model.joints)
-    parts = model.loops, model.joints, model.gears, model.links
+    parts = model.loops, closing, model.joints, model.gears, model.links
     inputs = (robot, *parts, folder)
     key = (str(description.path), description.text, *map(repr, inputs))
-    made = built.pop(key, None) or _built_anew(model, description)
+    made = built.pop(key, None) or _built_anew(
+        replace(model, robot=robot), description, closing, balls
+    )
     built[key] = made
     if len(built) > _LAST_BUILT:
         built.popitem(last=False)
     return made
 
 
-def _built_anew(model: Model, description: Description) -> Mechanism:
+def _built_anew(
+    model: Model,
+    description: Description,
+    closing: Mapping[str, Loop],
+    balls: Mapping[str, Clearance],
+) -> Mechanism:
     robot = model.robot
-    loops = {}
+    loops = dict(closing)
     for name, ends in model.loops.items():
         bearing, journal = ends.bearing, ends.journal
         with within("loops", name):
@@ -591,7 +621,7 @@ def _built_anew(model: Model, description: Description) -> Mechanism:
             loops[name] = Loop(
                 bearing.link, journal.link, bearing.xyz, bearing.rpy, journal.xyz, journal.rpy
             )
-    joints = {}
+    joints = dict(balls)
     for name, draft in drafts(model.joints).items():
         with within("joints", name):
             if name not in description.joints and name not in loops:

@@ -9,10 +9,12 @@ from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar
 
 from jointplay.accuracy.robot_errors import RobotErrors
+from jointplay.base.errors import JointplayError
 from jointplay.base.schema import choice, quantity
 from jointplay.model.beams import FlexibleLink
 from jointplay.model.free_base import BASES, HELD
 from jointplay.model.gear import Gearing
+from jointplay.model.linkage import Linkage
 from jointplay.model.payload import Payload, Vector
 from jointplay.model.urdf import GRAVITY, STANDARD_GRAVITY
 from jointplay.physics.joints import Clearance
@@ -39,9 +41,10 @@ ANGULAR_SPEED = ("rad/s", "m/s")
 class Robot(LimitSettings):
     """The robot or linkage."""
 
-    urdf: str
+    urdf: str = ""
     """URDF or xacro: a path relative to the scenario's file, ``jointplay:NAME`` for one that ships
-    with the package, ``example-robot-data:NAME`` or ``robot_descriptions:NAME``."""
+    with the package, ``example-robot-data:NAME`` or ``robot_descriptions:NAME``. None of a
+    [linkage]."""
     xacro: dict[str, str | bool | int | float] = quantity("", default_factory=dict)
     """Arguments of a robot that is written in xacro, by name."""
     tool: str | None = None
@@ -161,8 +164,10 @@ class Model:
 
     title: str = ""
     """What the scenario is about, in a line."""
-    robot: Robot
+    robot: Robot = Robot()
     """The robot or linkage."""
+    linkage: Linkage | None = None
+    """A linkage by its points, links and sliders, instead of a URDF."""
     loops: dict[str, LoopEnds] = field(default_factory=dict)
     """Joints that close loops, by name."""
     joints: dict[str, Clearance] = field(default_factory=dict)
@@ -195,6 +200,19 @@ class Model:
     """Time integration, and the start."""
     output: Output = Output()
     """What is kept."""
+
+
+def require_machine(model: Model) -> None:
+    """Raise unless a scenario has either a robot's file or a linkage."""
+    if model.robot.urdf and model.linkage is not None:
+        raise JointplayError("give [robot] urdf or [linkage], not both", where=("linkage",))
+    if not model.robot.urdf and model.linkage is None:
+        raise JointplayError(
+            "what moves is missing: give [robot] urdf, or a [linkage] of points and links",
+            where=("robot",),
+        )
+    if model.linkage is not None and model.robot.xacro:
+        raise JointplayError("a [linkage] takes no xacro", where=("robot", "xacro"))
 
 
 NOT_IN_A_CASE = ("title", "cases", "sweep")

@@ -28,6 +28,7 @@ from jointplay.scenario.declarations import (
     IntegrationTable,
     Model,
     Output,
+    require_machine,
 )
 from jointplay.simulation.loads.drive import ComputedTorque
 
@@ -347,6 +348,9 @@ def settings_beyond(description: Description, ideal: bool) -> list[Setting]:
     return settings
 
 
+TOLERANCE = 1e-3
+"""Tolerance of the steps of a machine of which nothing else is said: on random robots as good as
+equal steps of 10 us, at two thirds of their cost (docs/integrators.md)."""
 _SELECTORS = ("kind", "law")
 _TABLES = {
     **{one.name: "integration" for one in fields(IntegrationTable)},
@@ -417,7 +421,8 @@ class Scenario(Overview):
 
     def facts(self) -> tuple[str, dict[str, str]]:
         """File and title; its robot, its cases, and what was chosen that nobody gave."""
-        facts = {"robot": self.model(self.cases[0]).robot.urdf, "cases": few(list(self.cases))}
+        robot = self.model(self.cases[0]).robot.urdf or "[linkage]"
+        facts = {"robot": robot, "cases": few(list(self.cases))}
         if self.settings:
             facts["settings"] = few([dotted(setting.key) for setting in self.settings])
         if self.sweep:
@@ -547,6 +552,7 @@ class Scenario(Overview):
         data = merge(self.data(case), changes or {})
         try:
             model: Model = make(check(Model, data), objects=False)
+            require_machine(model)
             return model
         except JointplayError as error:
             raise self.error(error.where, str(error), case) from None
@@ -563,6 +569,8 @@ class Scenario(Overview):
 
         A scenario that is named like its robot is made of it and has that among its settings.
         """
+        if isinstance(said.get("linkage"), Mapping):
+            return self._beneath_linkage(said)
         from jointplay.model import formats
 
         robot = said.get("robot")
@@ -582,6 +590,28 @@ class Scenario(Overview):
             self._read[key] = found
         drives = "motion" in said and "drive" not in said
         return tree(one for one in self._read[key] if drives or one.key[0] != "drives")
+
+    def _beneath_linkage(self, said: Mapping[str, Any]) -> dict[str, Any]:
+        """What who draws a linkage means: plane play, a crank that keeps its speed."""
+        beneath: dict[str, Any] = {}
+        points, joints = said["linkage"].get("points"), said.get("joints")
+        planar = isinstance(points, Mapping) and all(
+            isinstance(place, list) and len(place) == 2 for place in points.values()
+        )
+        if planar and isinstance(joints, Mapping):
+            kinds = {"kind": "planar"}
+            beneath["joints"] = {
+                name: kinds for name, joint in joints.items() if isinstance(joint, Mapping)
+            }
+        if "speeds" in said.get("motion", ()) and not {"drive", "drives"} & said.keys():
+            beneath["drive"] = {"kind": "prescribed"}
+            line = 'motors keep the given speeds whatever the load: drive.kind = "prescribed"'
+            self.assumptions += [line] if line not in self.assumptions else []
+        integration = said.get("integration", {})
+        steps = {"step", "tolerance", "integrator", "macro_step"}
+        if isinstance(integration, Mapping) and not steps & integration.keys():
+            beneath["integration"] = {"tolerance": TOLERANCE}
+        return beneath
 
     def origins(self, case: str) -> dict[tuple[str, ...], tuple[str, str]]:
         """Who gave each value of a case, by key: the file, or the last setting of it."""

@@ -26,6 +26,7 @@ from jointplay.physics.joints import (
 )
 from jointplay.physics.kernel.constants import DEFAULT
 from jointplay.scenario.reading import (
+    TOLERANCE,
     Scenario,
     Setting,
     description_of,
@@ -186,11 +187,6 @@ def assumed_joint(
         if across in given or not {instead, "fit"}.intersection(given):
             table[across] = ASSUMED_CLEARANCE
     return Setting(("joints", name), table, f"--joint {name}", ASSUMED)
-
-
-TOLERANCE = 1e-3
-"""Tolerance of the steps of a robot of which nothing else is said: on random robots as good as
-equal steps of 10 us, at two thirds of their cost (docs/integrators.md)."""
 
 
 def _steps(scenario: Scenario) -> tuple[list[Setting], str]:
