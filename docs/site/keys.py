@@ -17,6 +17,7 @@ from jointplay.base.schema import (
 )
 from jointplay.model.beams import FlexibleLink
 from jointplay.model.gear import Gearing
+from jointplay.model.linkage import Linkage, LinkageLink, LinkageSlider
 from jointplay.physics.contact.film import FilmLaw
 from jointplay.physics.contact.law import FrictionLaw, NormalForceLaw
 from jointplay.physics.joints import Clearance
@@ -32,7 +33,7 @@ from jointplay.simulation.loads import Load
 from jointplay.simulation.loads.drive import Drive, JointFriction
 
 KINDS = (
-    *(Robot, LoopEnds, Clearance, NormalForceLaw, FrictionLaw, FilmLaw, MotionTable, Drive),
+    *(Robot, Linkage, LinkageLink, LinkageSlider, LoopEnds, Clearance, NormalForceLaw, FrictionLaw, FilmLaw, MotionTable, Drive),
     *(JointFriction, Gearing, FlexibleLink, Load, HeldPayload),
     *(RobotErrors, JointErrors, IntegrationTable, Output),
 )

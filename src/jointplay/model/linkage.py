@@ -72,6 +72,7 @@ class LinkageLink(Described):
     """
 
     points: tuple[str, ...]
+    """Names of the points that it joins."""
     mass: float | None = quantity("kg", default=None, above=0.0)
     """If not given, that of the section."""
     centre: tuple[float, ...] | None = quantity("m", default=None)
@@ -104,9 +105,11 @@ class LinkageSlider(Described):
     """A link slides along a line, on the ground or on another link, and does not turn on it."""
 
     link: str
+    """The link that slides."""
     along: tuple[float, ...] = quantity("")
     """Direction in the drawing."""
     on: str = GROUND
+    """The link on which it slides."""
 
     def __post_init__(self) -> None:
         check_fields(self)
