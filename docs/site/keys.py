@@ -33,7 +33,19 @@ from jointplay.simulation.loads import Load
 from jointplay.simulation.loads.drive import Drive, JointFriction
 
 KINDS = (
-    *(Robot, Linkage, LinkageLink, LinkageSlider, LoopEnds, Clearance, NormalForceLaw, FrictionLaw, FilmLaw, MotionTable, Drive),
+    *(
+        Robot,
+        Linkage,
+        LinkageLink,
+        LinkageSlider,
+        LoopEnds,
+        Clearance,
+        NormalForceLaw,
+        FrictionLaw,
+        FilmLaw,
+        MotionTable,
+        Drive,
+    ),
     *(JointFriction, Gearing, FlexibleLink, Load, HeldPayload),
     *(RobotErrors, JointErrors, IntegrationTable, Output),
 )

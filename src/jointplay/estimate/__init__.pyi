@@ -1,6 +1,7 @@
 from .calibration import calibrate as calibrate
 from .calibration import plan_calibration as plan_calibration
 from .encoders import encoder_differences as encoder_differences
+from .experiment import beside_experiment as beside_experiment
 from .gauge import Gauged as Gauged
 from .gauge import Readings as Readings
 from .gauge import identify_gauged as identify_gauged

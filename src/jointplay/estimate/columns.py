@@ -132,6 +132,8 @@ def as_written(name: str, meaning: Callable[[str], tuple[Key, str] | None]) -> s
     """How a column that others call `name`, as in logs of LeRobot, is called here; or nothing."""
     if name.lower() in ("timestamp", "stamp", "t", "time"):
         return "'time [s]'" if meaning("time") else ""
+    if (known := meaning(name)) is not None:
+        return f"'{name} [{'deg' if known[1] == 'rad' else known[1].replace('*', ' ')}]'"
     joint, _, last = name.rpartition(".")
     kind = {"pos": "", "position": "", "goal": " goal", "cmd": " goal", "action": " goal"}.get(last)
     if joint and kind is not None and (found := meaning(f"{joint}{kind}")):

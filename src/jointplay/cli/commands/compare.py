@@ -1,52 +1,102 @@
-"""`jointplay compare`: two results side by side: inputs that differ, figures, tool paths.
+"""`jointplay compare`: a result beside another one, or beside what was measured.
 
 Compare two results: which inputs differ, by how much the headline figures do and whether that is
 more than their numerical errors, how often the joints strike, and how far apart the two tools are.
+Or compare a result with a measurement, a CSV with columns such as 'time [s]', 'slider acceleration
+[m/s^2]', 'B force [N]': RMS and largest differences, the run's own error, the curves laid over each
+other, and with --ensemble the band of runs with perturbed starts.
 
-Example: jointplay compare old/result.nc new/result.nc --out difference
+Examples: jointplay compare old/result.nc new/result.nc --out difference; jointplay compare
+crank/crank.nc measured.csv --shift found --ensemble 20 --out beside
 """
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from jointplay.base.errors import JointplayError
 from jointplay.cli.commands import Outputs
-from jointplay.cli.options import FLAG, Parser
+from jointplay.cli.options import FLAG, Parser, quantity
+
+if TYPE_CHECKING:
+    from jointplay.simulation.result.result import Result
 
 
 # fmt: off
 def declare(parser: Parser) -> None:
     add = parser.add_argument
     add("a", metavar="A", help="result file (.nc), or a folder with one")
-    add("b", metavar="B", help="result file (.nc), or a folder with one")
+    add("b", metavar="B", help="another one, or a measurement (.csv)")
     add("--out", metavar="DIR", help="folder for comparison.txt and the figures that compare both")
     add("--pdf", **FLAG, help="draw each figure as .pdf, too")
-    parser.share("--quiet", "--import")
+    add("--shift", metavar="TIME", help="added to the measured times; found takes what fits best "
+        "(default: 0)")
+    add("--ensemble", metavar="N", type=int, default=0, help="draw the band of N runs with "
+        "perturbed starts, too")
+    parser.share("--jobs", "--quiet", "--import")
 # fmt: on
 
 
 def run(options: argparse.Namespace) -> int:
-    out = Outputs(options.out, ["comparison.txt"])
-    from jointplay.base.errors import JointplayError
-    from jointplay.show import plots, reports
+    measured = options.b.lower().endswith(".csv")
+    if not measured and (options.shift is not None or options.ensemble):
+        raise JointplayError("--shift and --ensemble are for a measurement (.csv)")
+    names = ["comparison.txt", *(["beside.png", "beside.csv"] if measured else [])]
+    out = Outputs(options.out, names + ["beside.pdf"] * (measured and options.pdf))
+    return _beside(options, out) if measured else _results(options, out)
+
+
+def _results(options: argparse.Namespace, out: Outputs) -> int:
+    from jointplay.show import plots
     from jointplay.simulation.analysis import compare
 
     paths = [Path(options.a), Path(options.b)]
     labels = [path.stem if path.is_file() else path.name for path in paths]
     if labels[0] == labels[1]:
         labels = [str(path) for path in paths]
-    found = {}
-    for label, path in zip(labels, paths, strict=True):
-        read = reports.load([path], [])
-        if len(read) > 1:
-            names = ", ".join(f"{name}.nc" for name in read)
-            raise JointplayError(f"{str(path)!r} has {len(read)} results; name one: {names}")
-        (found[label],) = read.values()
-    if len(found) < 2:
+    results = {label: _load(path) for label, path in zip(labels, paths, strict=True)}
+    if len(results) < 2:
         raise JointplayError(f"{str(paths[0])!r} twice: give two results")
     folder = out.claim()
-    comparison = compare(found, not options.quiet)
+    comparison = compare(results, not options.quiet)
     print(comparison)
     if folder is not None:
         out.write({"comparison.txt": f"{comparison}\n"})
-        plots.save(found, folder, options.pdf)
+        plots.save(results, folder, options.pdf)
     return 0
+
+
+def _beside(options: argparse.Namespace, out: Outputs) -> int:
+    result = _load(Path(options.a))
+    from jointplay.estimate.experiment import beside_experiment
+
+    shift = options.shift or "0 s"
+    comparison = beside_experiment(
+        result,
+        options.b,
+        shift=None if shift == "found" else quantity(shift, "s", "--shift"),
+        runs=options.ensemble,
+        jobs=options.jobs,
+        progress=not options.quiet,
+    )
+    print(comparison)
+    if out.claim() is not None:
+        from jointplay.show.plots.draw import draw
+        from jointplay.show.plots.experiment import overlay
+
+        figure = draw(overlay(comparison))
+        contents = {"comparison.txt": f"{comparison}\n", "beside.csv": comparison.csv}
+        out.write(contents | {name: figure for name in out.names if name.startswith("beside.p")})
+    return 0
+
+
+def _load(path: Path) -> "Result":
+    """The only result at a place."""
+    from jointplay.show import reports
+
+    results = reports.load([path], [])
+    if len(results) > 1:
+        names = ", ".join(f"{name}.nc" for name in results)
+        raise JointplayError(f"{str(path)!r} has {len(results)} results; name one: {names}")
+    (result,) = results.values()
+    return result
