@@ -108,6 +108,18 @@ def test_csv_reads_back_bit_for_bit_with_units_in_its_header(result, tmp_path):
 
 
 @pytest.mark.needs("pyarrow")
+def test_matlab_reads_every_column_and_its_unit(result, tmp_path):
+    from scipy.io import loadmat
+
+    read = loadmat(result.export(tmp_path / "r.mat"), simplify_cells=True)
+    table = result.to_dataframe()
+    np.testing.assert_array_equal(read["time"], table["time"].values)
+    name = next(name for name in table.columns if name.startswith("joint_force."))
+    np.testing.assert_array_equal(read[name.replace(".", "_")], table[name].values)
+    assert read["units"][name.replace(".", "_")] == "N"
+    assert read["message"] == result.message
+
+
 def test_parquet_reads_back_with_units_and_types(result, tmp_path):
     import pyarrow.parquet as pq
 

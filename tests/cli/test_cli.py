@@ -119,7 +119,7 @@ BAD_INPUT = {
     "not a number": (["--clearance", "wide"], '--clearance: "wide" is not a length'),
     "non-finite": (["--clearance", "nan"], "nan"),
     "journal too large": (["--journal-radius", "0.02"], "20 mm does not fit"),
-    "restitution": (["--restitution", "1.5"], "(0, 1], got 1.5"),
+    "restitution": (["--restitution", "1.5"], "[0, 1], got 1.5"),
     "friction": (["--friction", "-0.1"], "-0.1"),
     "step too large": (["--step", "1e-3"], "0.001 s is too large for the contact stiffness"),
     "gravity": (["--gravity", "down"], '--gravity: no gravity "down"'),

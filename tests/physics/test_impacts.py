@@ -256,3 +256,38 @@ def test_no_normal_law_gives_energy(free_mass, name):
     assert (result["normal_force"].values >= 0.0).all()
     assert np.diff(result["normal_dissipation"].values).min() >= -1e-6 * start
     assert float(result["kinetic_energy"].values.max()) < 1.001 * start
+
+
+PLASTIC_LAWS = ["zhang-sharf", "gonthier", "flores", "hu-guo", "gharib-hurmuzlu"]
+
+
+@pytest.mark.parametrize("name", PLASTIC_LAWS)
+def test_what_drops_with_a_restitution_of_0_stays(free_mass, name):
+    speed, offset, velocity = 0.2, [0.0] * 6, [0.0] * 6
+    offset[2], velocity[2] = 1.99e-4, speed
+    run = free_mass(
+        normal=NORMAL_LAWS[name](),
+        restitution=0.0,
+        friction=jp.contact.Ambrosio(0.0),
+        offset=offset,
+        velocity=velocity,
+        gravity=(0.0, 0.0, 9.81),
+        mass=MASS,
+        duration=0.01,
+        step=2.5e-7,
+    )
+    result = run.finish()
+    after = result["time"].values > 1e-3
+    assert np.abs(result["v"].values[after, 2]).max() < 0.011 * speed
+    assert np.abs(result["v"].values[-1, 2]) < 1e-3 * speed
+    assert result["gap"].values[after, 0, 2].max() < 0.5 * (0.011 * speed) ** 2 / 9.81
+    assert result["normal_dissipation"].values[-1] > 0.999 * 0.5 * MASS * speed**2
+
+
+@pytest.mark.parametrize("name", sorted({*NORMAL_LAWS} - {*PLASTIC_LAWS}))
+def test_laws_without_a_plastic_impact_refuse_a_restitution_of_0(name):
+    needed = {"kelvin-voigt": (2e3,), "anagnostopoulos": (MASS,)}
+    with pytest.raises(jp.JointplayError, match=r"has no plastic impact.*choose normal = 'zhang"):
+        jp.RevoluteClearance(
+            radial_clearance=2e-4, restitution=0.0, normal=NORMAL_LAWS[name](*needed.get(name, ()))
+        )

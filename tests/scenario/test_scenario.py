@@ -345,7 +345,7 @@ REFUSED = [
     ((LAST, f"{LAST}\n[cases.a]\nintegration.stepp = 1"),
      "line 17, cases.a.integration.stepp", 'did you mean "step"?'),
     ((LAST, f"{LAST}\n[cases.a]\njoints.joint_b.restitution = 2"),
-     "line 17, cases.a.joints.joint_b.restitution", "(0, 1], got 2"),
+     "line 17, cases.a.joints.joint_b.restitution", "[0, 1], got 2"),
     ((LAST, f'{LAST}\n[cases.a]\ntitle = "x"'), "title"),
     (("[motion]", '[[payloads]]\nmass = "1 kg"\n[[payloads]]\nmass = "1 m"\n[motion]'),
      "line 12, payloads[2].mass", "is not a mass"),

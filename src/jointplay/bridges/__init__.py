@@ -36,6 +36,7 @@ class ExportKind:
 EXPORT_KINDS = {
     "csv": ExportKind("table:csv", (".csv",), "all histories as a table, one row a record"),
     "parquet": ExportKind("table:parquet", (".parquet",), "the same table, typed and compressed"),
+    "mat": ExportKind("table:mat", (".mat",), "the same table for MATLAB and Octave"),
     "trajectory": ExportKind(
         "trajectory:trajectory",
         (".yaml", ".yml", ".csv"),

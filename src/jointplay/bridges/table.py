@@ -10,11 +10,13 @@ from __future__ import annotations
 import io
 import itertools
 import json
+import re
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from jointplay import bridges
+from jointplay.base.errors import JointplayError
 from jointplay.base.imports import extra
 from jointplay.simulation.result.result import Result
 
@@ -99,4 +101,29 @@ def parquet(result: Result, suffix: str, progress: bool) -> bytes:
     made = table.cast(pa.schema(fields, {**(table.schema.metadata or {}), **own}))
     sink = io.BytesIO()
     pq.write_table(made, sink, compression="zstd")
+    return sink.getvalue()
+
+
+_MOST_LETTERS = 63
+"""Of a name in MATLAB."""
+
+
+def mat(result: Result, suffix: str, progress: bool) -> bytes:
+    """MATLAB 5: each column as a vector, dots in its name as underscores, units in ``units``.
+
+    Raises:
+        JointplayError: two columns whose names would be the same there.
+    """
+    from scipy.io import savemat
+
+    histories = columns(result)
+    names = {name: re.sub(r"\W", "_", name)[:_MOST_LETTERS] for name in histories}
+    if len({*names.values()}) < len(names):
+        same = next(name for name in names.values() if [*names.values()].count(name) > 1)
+        raise JointplayError(f"several columns would be called {same!r} in MATLAB; export a table")
+    content = {names[name]: values[:, None] for name, (values, _) in histories.items()}
+    units = {names[name]: unit for name, (_, unit) in histories.items()}
+    sink = io.BytesIO()
+    savemat(sink, {**content, "units": units, "message": result.message}, do_compression=True,
+            long_field_names=True)  # fmt: skip
     return sink.getvalue()

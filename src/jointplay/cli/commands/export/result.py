@@ -17,8 +17,8 @@ from jointplay.cli.options import Parser
 def declare(parser: Parser) -> None:
     add = parser.add_argument
     add("result", metavar="RESULT", help="result file (.nc)")
-    add("--to", metavar="KIND", help="table (.csv), parquet, trajectory (.yaml, .yml, .csv) or "
-        "mcap (default: by the extension of --out)")
+    add("--to", metavar="KIND", help="table (.csv), parquet, mat (MATLAB), trajectory (.yaml, "
+        ".yml, .csv) or mcap (default: by the extension of --out)")
     add("--out", metavar="FILE", required=True, help="file to write")
     add("--every", metavar="N", type=int, default=1, help="only every N-th record and the last; "
         "peaks include the records between")
