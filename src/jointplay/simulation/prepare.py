@@ -28,8 +28,8 @@ from jointplay.model.massless import require_inertia
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics import kernel
 from jointplay.physics.contact import elastic, resultant
-from jointplay.physics.contact.compiled import address, check_parameters
 from jointplay.physics.contact.law import Law
+from jointplay.physics.contact.machine_code import address, check_parameters
 from jointplay.physics.kernel import ahead as kernel_ahead
 from jointplay.physics.kernel import layout
 from jointplay.physics.kernel.constants import DEFAULT, Integrator, integrator

@@ -20,7 +20,7 @@ from jointplay.model.loop import closing_rows, newton_step
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.contact import elastic, resultant
 from jointplay.physics.contact.calls import call_normal
-from jointplay.physics.contact.compiled import MAX_PARAMETERS, address
+from jointplay.physics.contact.machine_code import MAX_PARAMETERS, address
 from jointplay.physics.contact.resultant import DEEPEST, ENERGY
 from jointplay.physics.geometry import touch
 from jointplay.physics.joints import VIRTUAL_LINK, Clearance, Coordinate

@@ -12,7 +12,7 @@ import pinocchio as pin
 from jointplay.model.frames import Frame
 from jointplay.model.loop import PROXIMAL
 from jointplay.model.tree import Tree
-from jointplay.physics.kernel import REACHED, Command, compiled, entry_of, layout
+from jointplay.physics.kernel import REACHED, Command, caller_of, entry_of, layout
 from jointplay.physics.kernel.adaptive import STABLE_TURN
 from jointplay.physics.kernel.layout import CarriedFrame, JointSite, LoadSite
 
@@ -79,7 +79,7 @@ class TimeLoop(ABC):
 
     def compile(self) -> None:
         for command in self.commands:
-            compiled(command)
+            caller_of(command)
 
     @abstractmethod
     def begin(self) -> None:
@@ -241,11 +241,11 @@ class MultiRate(TimeLoop):
 
     def stretch(self, steps: int, pause: int | None = None) -> bool:
         address, (q, v) = self.workspace.address, self._middle
-        enter, advance = compiled(self.advancing), int(self.advancing)
+        enter, advance = caller_of(self.advancing), int(self.advancing)
         model, data, zero, none = self.model, self.data, self._zero, self._none
         if not self._planned_on:
             self._until[0] = self.workspace.steps + steps
-            compiled()(self.workspace.address, _PLAN)
+            caller_of()(self.workspace.address, _PLAN)
         self._planned_on = False
         state = 0
         while state == 0:
@@ -323,7 +323,7 @@ class SingleRate(TimeLoop):
     def stretch(self, steps: int, pause: int | None = None) -> bool:
         if pause is not None:
             steps = min(steps, max(pause - self.workspace.steps, 1))
-        enter, address = compiled(self.method.command), self.workspace.address
+        enter, address = caller_of(self.method.command), self.workspace.address
         command, load = int(self.method.command), int(Command.EVALUATE_FORCES)
         dynamics, state = self._call
         jacobians, place = pin.computeJointJacobians, (self.model, self.data, self.workspace.q)

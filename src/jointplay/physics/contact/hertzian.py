@@ -232,7 +232,7 @@ class HysteresisLaw(PointContactLaw):
 
     family: ClassVar[str] = "F_n = k delta^(3/2) [1 + a ddelta/ddelta0]"
     """In words."""
-    given: ClassVar[str] = "factor"
+    varying: ClassVar[str] = "factor"
     """Name of the function in which laws of the family differ."""
 
     @staticmethod
@@ -260,15 +260,15 @@ def law(
     formula: str,
     reference: str,
     validity: str,
-    words: str = "",
+    note: str = "",
 ) -> type[L]:
     """A law of a family: a class, docstring and all, of what a table says of it.
 
-    `base`, the family: its `given` names the one `function` in which its laws differ. The word that
-    selects the law follows from its `name`; `words` are what else there is to say.
+    `base`, the family: its `varying` names the one `function` in which its laws differ. The word
+    that selects the law follows from its `name`; `note` is what else there is to say.
     """
     family: Any = base
-    says = [f"{family.family}.", words, f"{reference}.", f"Good for {validity}."]
+    says = [f"{family.family}.", note, f"{reference}.", f"Good for {validity}."]
     entries = {
         "__doc__": "\n\n".join(part for part in says if part),
         "__module__": base.__module__,
@@ -276,7 +276,7 @@ def law(
         "formula": formula,
         "reference": reference,
         "validity": validity,
-        family.given: staticmethod(function),
+        family.varying: staticmethod(function),
     }
     return dataclass(frozen=True)(type(name, (base,), entries))
 

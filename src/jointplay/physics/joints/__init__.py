@@ -60,8 +60,8 @@ register_names(Material, materials.material, lambda: materials.materials(aliases
 
 def class_of(description: Mapping[str, Any]) -> type[Clearance]:
     """Class of the joint that `Clearance.describe` described."""
-    made = JOINT_WORDS[description.get("kind", UNNAMED_KIND.kind)]
-    return made.kind if isinstance(made, Preset) else made
+    kind = JOINT_WORDS[description.get("kind", UNNAMED_KIND.kind)]
+    return kind.kind if isinstance(kind, Preset) else kind
 
 
 def replacing(entry: str) -> list[str]:

@@ -29,7 +29,7 @@ import numpy as np
 
 from jointplay.base.compiler import address_of, compiled
 from jointplay.physics.contact.calls import call_normal
-from jointplay.physics.kernel.access import words
+from jointplay.physics.kernel.access import machine_words
 from jointplay.physics.kernel.constants import POWERS
 from jointplay.physics.kernel.contact import contact_gap, is_clear
 from jointplay.physics.kernel.frames import (
@@ -102,7 +102,7 @@ def _save(run):
     """Keep a copy of all that a macro step changes."""
     for k in range(run.ncopies):
         array, copy, size = run.copies[k, 0], run.copies[k, 1], run.copies[k, 2]
-        source, target = words(array, size), words(copy, size)
+        source, target = machine_words(array, size), machine_words(copy, size)
         for i in range(size):
             target[i] = source[i]
 
@@ -115,7 +115,7 @@ def _restore(run):
     retried = run.retried_at
     for k in range(run.ncopies):
         array, copy, size = run.copies[k, 0], run.copies[k, 1], run.copies[k, 2]
-        source, target = words(copy, size), words(array, size)
+        source, target = machine_words(copy, size), machine_words(array, size)
         for i in range(size):
             target[i] = source[i]
     run.solves, run.iterations, run.unsolved = solves, iterations, unsolved
@@ -124,23 +124,23 @@ def _restore(run):
 
 
 @compiled
-def _gap_ahead(run, elapsed, every):
+def _gap_ahead(run, elapsed, all_contacts):
     """Least gap of the contacts that do not touch now, `elapsed` after the present state.
 
-    Unless of `every` one, those that are plainly clear are left out.
+    Unless of `all_contacts`, those that are plainly clear are left out.
     """
     nv = run.nv
     q, v, a = run.q, run.v, run.a
-    there = run.trial[SPEED]
+    ahead = run.trial[SPEED]
     for i in range(nv):
-        there[i] = q[i] + elapsed * (v[i] + 0.5 * elapsed * a[i])
-    place_bodies(run, there)
+        ahead[i] = q[i] + elapsed * (v[i] + 0.5 * elapsed * a[i])
+    place_bodies(run, ahead)
     least = np.inf
     for j in range(run.nj):
         joint = run.joints[j]
-        find_pose(run, joint, there)
+        find_pose(run, joint, ahead)
         for k in range(joint.count):
-            if run.contacts[j, k].touching == 0 and (every or not is_clear(joint, k)):
+            if run.contacts[j, k].touching == 0 and (all_contacts or not is_clear(joint, k)):
                 least = min(least, contact_gap(joint, k))
     return least
 
@@ -176,12 +176,12 @@ def _time_to_onset(run, h):
         # Aim just behind the onset, so that it is the end behind it that comes near.
         part = (gap + 0.5 * enough) / (gap + weight)
         middle = low + min(max(part, 1e-3), 0.999) * (high - low)
-        found = _gap_ahead(run, middle, True)
-        if found >= 0.0:
-            low, gap = middle, found
+        gap_there = _gap_ahead(run, middle, True)
+        if gap_there >= 0.0:
+            low, gap = middle, gap_there
             weight *= 0.5
         else:
-            high, depth, weight = middle, -found, -found
+            high, depth, weight = middle, -gap_there, -gap_there
             gap *= 0.5 if part > 0.5 else 1.0
     return high
 
@@ -204,15 +204,15 @@ def _compliance_at(run, joint, contact):
     """Inverse of the mass that a contact meets along its normal [1/kg]."""
     nv = run.nv
     pull = run.scratch
-    kept = (get_vector(joint.wrench, 0), get_vector(joint.wrench, 3))
+    saved = (get_vector(joint.wrench, 0), get_vector(joint.wrench, 3))
     normal = get_vector(contact.direction, 0)
     set_vector(joint.wrench, 0, normal)
     set_vector(joint.wrench, 3, cross(get_vector(contact.arm, 0), normal))
     for i in range(nv):
         pull[i] = 0.0
     project_wrench(joint, pull)
-    set_vector(joint.wrench, 0, kept[0])
-    set_vector(joint.wrench, 3, kept[1])
+    set_vector(joint.wrench, 0, saved[0])
+    set_vector(joint.wrench, 3, saved[1])
     return _quadratic_form(run, pull)
 
 
@@ -314,9 +314,9 @@ def _step_error(run, h):
     if wrong == 0.0:
         return 0.0
     moved = max(run.moved_by_forces, _size(run, a))
-    whole = max(moved, run.moved, run.braking)
+    scale = max(moved, run.moved, run.braking)
     run.moved = moved
-    return wrong / (run.micro_tolerance * (whole + SMALL_SPEED / h))
+    return wrong / (run.micro_tolerance * (scale + SMALL_SPEED / h))
 
 
 @compiled
@@ -453,8 +453,8 @@ def advance_adaptively(run):
     _save(run)
     while not _try_steps(run):
         _restore(run)
-    done = run.step - first
-    if run.fixed == 0 and done < macro:
-        run.suggested = min(max(2 * done, 1), run.longest)
+    steps = run.step - first
+    if run.fixed == 0 and steps < macro:
+        run.suggested = min(max(2 * steps, 1), run.longest)
     if run.status == 0 and run.step < run.until:
         plan_macro_step(run)

@@ -125,13 +125,13 @@ def find_gaps(run, j, joint):
         for k in range(joint.count):
             touching |= _take_place(run, j, joint, k, _contact_place(joint, k))
         return touching
-    one, other = _rims_of_cylinder(joint)
-    touching |= _take_place(run, j, joint, 0, one)
-    touching |= _take_place(run, j, joint, 1, other)
+    end_a, end_b = _rims_of_cylinder(joint)
+    touching |= _take_place(run, j, joint, 0, end_a)
+    touching |= _take_place(run, j, joint, 1, end_b)
     if joint.count > 2:
-        one, other = _faces_of_cylinder(joint)
-        touching |= _take_place(run, j, joint, 2, one)
-        touching |= _take_place(run, j, joint, 3, other)
+        end_a, end_b = _faces_of_cylinder(joint)
+        touching |= _take_place(run, j, joint, 2, end_a)
+        touching |= _take_place(run, j, joint, 3, end_b)
     return touching
 
 
@@ -491,8 +491,8 @@ def _count_sliding(joint, k, direction, work):
     """Add normal force times sliding distance to the two azimuths beside the contact's place."""
     counted = joint.sliding_work
     place = math.atan2(-direction[1], -direction[0]) * (AZIMUTHS / (2.0 * math.pi))
-    whole = math.floor(place)
-    part = place - whole
-    at = int(whole) % AZIMUTHS
+    lower = math.floor(place)
+    part = place - lower
+    at = int(lower) % AZIMUTHS
     counted[k, at] += (1.0 - part) * work
     counted[k, (at + 1) % AZIMUTHS] += part * work

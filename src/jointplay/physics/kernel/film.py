@@ -168,25 +168,25 @@ _FORCES, _LAGGED, _SLOPE, _LOSSES, _COMMIT = range(5)
 
 
 @compiled
-def film(run, joint, j, what):
+def film(run_address, joint_address, j, task):
     """Do one of the following for a joint with a film (`access.PART`)."""
-    own, its = run_at(run), joint_at(joint)
-    if what == _SLOPE:
-        _add_film_slope(own, its)
-    elif what == _LOSSES:
-        _add_losses(own, j, its)
-    elif what == _COMMIT:
-        _commit(own, its)
+    run, joint = run_at(run_address), joint_at(joint_address)
+    if task == _SLOPE:
+        _add_film_slope(run, joint)
+    elif task == _LOSSES:
+        _add_losses(run, j, joint)
+    elif task == _COMMIT:
+        _commit(run, joint)
     else:
-        _add_forces(own, its, what == _LAGGED)
+        _add_forces(run, joint, task == _LAGGED)
     return 0.0
 
 
 @compiled
 def add_film_forces(run, j, joint, lag):
     """Add the film's forces at the joint's twist to its wrench, of an explicit step with `lag`."""
-    what = _LAGGED if lag else _FORCES
-    call_part(joint.film_part, (place_of(run), place_of(joint), j, what))
+    task = _LAGGED if lag else _FORCES
+    call_part(joint.film_part, (place_of(run), place_of(joint), j, task))
 
 
 @compiled

@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from jointplay.physics.contact.compiled import MAX_PARAMETERS
 from jointplay.physics.contact.law import BRISTLE_NUMBERS, FILM_NUMBERS
+from jointplay.physics.contact.machine_code import MAX_PARAMETERS
 from jointplay.physics.kernel.constants import AZIMUTHS, GEAR_BENDS, GEAR_ORDERS, NEVER, POWERS
 
 DRIVE, NORMAL, FRICTION, JOINT_FRICTION, GEAR, FILM = range(len(POWERS))
@@ -330,7 +330,7 @@ BODY = _record(
 )
 """One body that a coordinate moves."""
 
-HOLD = _record(one=_INT, other=_INT, place=(_FLOAT, (3,)), other_place=(_FLOAT, (3,)))
+HOLD = _record(body=_INT, partner=_INT, place=(_FLOAT, (3,)), partner_place=(_FLOAT, (3,)))
 """Two points of two bodies that a loop without clearance holds together."""
 
 LOAD = _record(
@@ -504,7 +504,7 @@ RUN = _record(
     nwindows=_INT,
     ncopies=_INT,
     # How to go on.
-    every=_INT,
+    record_every=_INT,  # steps
     until=_INT,  # step that no macro step goes beyond
     suggested=_INT,  # length that the next macro step should have, in steps
     longest=_INT,
@@ -623,7 +623,7 @@ class LoadSite:
     stores: bool = False
     """Whether its answer at rest is the slope of an energy."""
     implicit: int = NEVER
-    """When the rest of it depends on velocity: `words.NEVER`, `ALWAYS` or `IF_PRESSED`."""
+    """When the rest of it depends on velocity: `constants.NEVER`, `ALWAYS` or `IF_PRESSED`."""
     inputs: tuple[int, ...] = ()
     """Coordinates that the law reads."""
     outputs: tuple[int, ...] = ()
@@ -689,22 +689,22 @@ def drive_row(
     return np.array([values], DRIVE_ROW)
 
 
-def friction_row(coordinate: int, **given: float) -> np.ndarray:
+def friction_row(coordinate: int, **fields: float) -> np.ndarray:
     """Record of a joint's friction, shape (1,): fields of `FRICTION_ROW`; see
     `drive.JointFriction`.
     """
     row = np.zeros(1, FRICTION_ROW)
     row["coordinate"], row["stribeck"] = coordinate, 1.0
-    for name, value in given.items():
+    for name, value in fields.items():
         row[name] = value
     return row
 
 
-def gear_row(**given: Any) -> np.ndarray:
+def gear_row(**fields: Any) -> np.ndarray:
     """Record of a gear, shape (1,): fields of `GEAR_ROW`, lists shorter."""
     row = np.zeros(1, GEAR_ROW)
     row["bend_twists"], row["presliding"], row["lever"] = np.inf, 1.0, 1.0
-    for name, value in given.items():
+    for name, value in fields.items():
         if np.ndim(value):
             row[name][0, : len(value)] = value
         else:

@@ -108,9 +108,9 @@ def find_velocity_forces(run, q, half):
             marks[support[k]] = 1.0
     for row in run.frictions:
         marks[row.coordinate] = 1.0
-    for one in run.drives:
-        if one.implicit != 0:
-            marks[one.coordinate] = marks[one.encoder] = 1.0
+    for drive in run.drives:
+        if drive.implicit != 0:
+            marks[drive.coordinate] = marks[drive.encoder] = 1.0
     if run.nl + run.ng > 0:
         place_gears(run, q)
         mark_gears(run, marks)
@@ -264,20 +264,20 @@ def _factor(run, h):
         exchanged[k] = best
         row = inverse[k]
         if best != k:
-            other = inverse[best]
+            exchanged_row = inverse[best]
             for b in range(n):
-                row[b], other[b] = other[b], row[b]
+                row[b], exchanged_row[b] = exchanged_row[b], row[b]
         pivot = 1.0 / row[k]
         row[k] = 1.0
         for b in range(n):
             row[b] *= pivot
         for a in range(n):
-            other = inverse[a]
-            factor = other[k]
+            exchanged_row = inverse[a]
+            factor = exchanged_row[k]
             if a != k and factor != 0.0:
-                other[k] = 0.0
+                exchanged_row[k] = 0.0
                 for b in range(n):
-                    other[b] -= factor * row[b]
+                    exchanged_row[b] -= factor * row[b]
     for k in range(n - 1, -1, -1):
         best = exchanged[k]
         if best != k:
