@@ -117,19 +117,19 @@ class Settling:
 
     def __init__(self, mechanism: Mechanism, step: float) -> None:
         self._mechanism = mechanism
-        self._every = max(round(LOOK_S / step), 1)
-        self.next_step = self._every
+        self._interval = max(round(LOOK_S / step), 1)
+        self.next_step = self._interval
         """At or after which the run shall look."""
         self._settled: dict[str, float] = {}
         """By joint that has touched: when its bounces are over [s]."""
 
     def has_settled(self, workspace: Workspace) -> bool:
         """Look, at `next_step` or later: whether all that has touched by now lies."""
-        self.next_step = (workspace.steps // self._every + 1) * self._every
+        self.next_step = (workspace.steps // self._interval + 1) * self._interval
         time, mechanism = workspace.time, self._mechanism
         onsets = workspace.contact_statistics()["onsets"]
-        for (name, joint), own in zip(mechanism.clearance.items(), onsets, strict=True):
-            if own.any() and joint.has_play and name not in self._settled:
+        for (name, joint), begun in zip(mechanism.clearance.items(), onsets, strict=True):
+            if begun.any() and joint.has_play and name not in self._settled:
                 nominal = joint.contact_properties(0).restitution
                 delivered = joint.normal.effective_restitution(nominal)
                 restitution = nominal if delivered is None else delivered
@@ -211,22 +211,26 @@ class Run:
         ahead: bool = False,
     ) -> None:
         require_a("simulation", simulation, "Simulation")
-        made = prepare(simulation, records is None, progress, ahead)
+        prepared = prepare(simulation, records is None, progress, ahead)
         self.simulation, self.mechanism = simulation, simulation.mechanism
         self.label = ""  # what the progress bar calls the run
-        self.method, self.total_steps, self.friction = made.method, made.total_steps, made.friction
-        self.model, self.data, self.workspace = made.model, made.data, made.workspace
-        self._reference, self._compiles = made.reference, made.compiles
+        self.method, self.total_steps, self.friction = (
+            prepared.method,
+            prepared.total_steps,
+            prepared.friction,
+        )
+        self.model, self.data, self.workspace = prepared.model, prepared.data, prepared.workspace
+        self._reference, self._compiles = prepared.reference, prepared.compiles
         self._chart = BaseChart(self)
-        self.overflow = None if records is None else self._overflow(records, made)
+        self.overflow = None if records is None else self._overflow(records, prepared)
         """Where records go that memory has no room for."""
-        self._watch = LoadSchedule(self, made.sites)
+        self._watch = LoadSchedule(self, prepared.sites)
         self._events = Events(self)
         self.rest: Rest | None = None
         """Where the search for the place of rest ended; None if journals start centred."""
         if simulation.starts_at_rest:
-            self._place(made, places or {})
-        made.start.check_journals()
+            self._place(prepared, places or {})
+        prepared.start.check_journals()
         self._open_ended = any(
             math.isfinite(joint.engaged_within) for joint in self.mechanism.clearance.values()
         )
@@ -238,7 +242,7 @@ class Run:
         self.unjudged: dict[str, np.ndarray] | None = None
         """Contact statistics then; None: at the start, or it has not come to that."""
         self._begun = self._finished = False
-        self._whole = True
+        self._complete = True
         """Whether q and v of the workspace are complete: no step since they were made so."""
         self._left: tuple[bytes, bytes] | None = None
         """q and v as the run left them."""
@@ -249,12 +253,12 @@ class Run:
         """Called between stretches; the run stops, to be continued or not, if one says True."""
         correction = time_loop.LOOP_CORRECTION / simulation.step
         constraints = self.mechanism.constraints(self.workspace.q, correction)
-        self._loop: time_loop.TimeLoop = made.loop(self, constraints)
+        self._loop: time_loop.TimeLoop = prepared.loop(self, constraints)
 
-    def _overflow(self, records: Path | Callable[[Records], None], made: Prepared) -> Overflow:
-        step, every = self.simulation.step, self.simulation.record_every
-        stretch = CHUNK + math.ceil(made.longest_macro_step / step) + 2
-        numbers = self.workspace, self.total_steps // every + 2, stretch
+    def _overflow(self, records: Path | Callable[[Records], None], prepared: Prepared) -> Overflow:
+        step, record_every = self.simulation.step, self.simulation.record_every
+        stretch = CHUNK + math.ceil(prepared.longest_macro_step / step) + 2
+        numbers = self.workspace, self.total_steps // record_every + 2, stretch
         keeps = PassedRecords if callable(records) else DiskRecords
         overflow: Overflow = keeps(records, *numbers)  # type: ignore[arg-type]
         overflow.before_writing = self._chart.convert_records
@@ -264,15 +268,15 @@ class Run:
     def on_disk(self) -> DiskRecords | None:
         return self.overflow if isinstance(self.overflow, DiskRecords) else None
 
-    def _place(self, made: Prepared, places: Mapping[str, np.ndarray]) -> None:
+    def _place(self, prepared: Prepared, places: Mapping[str, np.ndarray]) -> None:
         """Let the run begin where the machine rests, if it does.
 
         Without play, too: its drives give way, and its loads bend it.
         """
-        simulation, w, start = self.simulation, self.workspace, made.start
+        simulation, w, start = self.simulation, self.workspace, prepared.start
         self._events.apply_due_events(w)  # what is picked at 0 weighs from the first
-        loads = StaticLoads(simulation.loads, self.mechanism, made.sites)
-        rest = initial.find_rest(self, start, made.drives, loads, places)
+        loads = StaticLoads(simulation.loads, self.mechanism, prepared.sites)
+        rest = initial.find_rest(self, start, prepared.drives, loads, places)
         if not (self.mechanism.clearance or self.mechanism.gears):
             if rest.solved and np.abs(rest.q - w.q).max(initial=0.0) <= SAME_PLACE:
                 return  # it stands where it begins anyway
@@ -281,21 +285,21 @@ class Run:
                 return  # nothing is centred in it: it begins where it was put, and moves
         self.rest = rest
         if not rest.solved and simulation.start == "rest":
-            what = (
+            failure = (
                 f"after {rest.trials} trials {rest.residual:.3g} N of {rest.load:.3g} N are "
                 "not balanced"
                 if rest.inside
                 else "a journal would break out of its bearing"
             )
             raise JointplayError(
-                f"no equilibrium was found: {what}; start 'centred', or give a state in "
+                f"no equilibrium was found: {failure}; start 'centred', or give a state in "
                 "which the drives hold the machine"
             )
         # As the result says: to run it again is to run it like this.
         self.simulation = replace(simulation, start="rest" if rest.solved else "centred")
         start.q = rest.q if rest.solved else start.q
         if simulation.seed is not None:
-            behind = initial.behind_gears(made.drives)
+            behind = initial.behind_gears(prepared.drives)
             start.perturb(simulation.seed, at_rest=rest.solved, behind=behind)
         start.move()
         w.q[:], w.v[:] = start.q, start.v
@@ -304,18 +308,18 @@ class Run:
         """Of what springs, gears and drives can make swing [rad/s], where the run begins."""
         mechanism, w = self.mechanism, self.workspace
         inverse = np.diag(pin.computeMinverse(self.model, self.data, w.q))
-        found = [acting.highest_frequency(self.simulation.loads, mechanism, w.q)[0]]
-        found += [math.pi / tooth_duration(mechanism, name, w.q) for name in mechanism.gears]
+        frequencies = [acting.highest_frequency(self.simulation.loads, mechanism, w.q)[0]]
+        frequencies += [math.pi / tooth_duration(mechanism, name, w.q) for name in mechanism.gears]
         for row in w.servos:
             mobility, stall = inverse[row["coordinate"]], float(row["stall"])
-            found.append(math.sqrt(row["p_gain"] * stall * mobility))
-            found.append(row["d_gain"] * stall * mobility)
+            frequencies.append(math.sqrt(row["p_gain"] * stall * mobility))
+            frequencies.append(row["d_gain"] * stall * mobility)
         for row in w.drives[w.drives["armature"] == 0.0]:
             mobility = inverse[row["coordinate"]]
-            found.append(math.sqrt(max(row["kp"] * mobility, 0.0)))
+            frequencies.append(math.sqrt(max(row["kp"] * mobility, 0.0)))
             if not row["implicit"]:
-                found.append(row["kd"] * mobility)
-        return float(max(found))
+                frequencies.append(row["kd"] * mobility)
+        return float(max(frequencies))
 
     @property
     def phases(self) -> list[Phase]:
@@ -362,8 +366,8 @@ class Run:
         if only is not None and check_step:
             only = [*dict.fromkeys([*only, *step_check.COMPARED])]
         result = self.result(status, only=only)
-        done, origin = status == Status.COMPLETED, self._origin
-        if check_step and done and origin is not None:
+        completed, origin = status == Status.COMPLETED, self._origin
+        if check_step and completed and origin is not None:
             error = step_check.step_error(self, result, origin, progress)
             if error is not None:
                 result.amend(step_error=error[0], relative_step_error=error[1])
@@ -453,19 +457,19 @@ class Run:
             require_positive("every", every, "s")
         self._loop.compile()
         yield self.moment()
-        given = 0 if every is None else math.floor(self.workspace.time / every + 1e-9)
+        reached = 0 if every is None else math.floor(self.workspace.time / every + 1e-9)
         most = 1 if every is None else max(round(every / self.simulation.step), 1)
         for now in self._stretches(most):
-            due = given if every is None else math.floor(now / every + 1e-9)
-            if every is None or due > given:
-                given = due
+            due = reached if every is None else math.floor(now / every + 1e-9)
+            if every is None or due > reached:
+                reached = due
                 yield self.moment()
 
     def moment(self) -> Moment:
         """The present instant, to be read; the run goes on as if nobody had looked."""
         self.begin()
         w = self.workspace
-        kept = [array.copy() for array in w.state()]
+        saved = [array.copy() for array in w.state()]
         self._loop.look()
         touching = w.contacts["touching"] > 0
         if not self.method.single_rate:
@@ -479,7 +483,7 @@ class Run:
             w.joints["wrench"].copy(),
             np.where(touching, w.contacts["normal_now"], 0.0),
         )
-        for array, values in zip(w.state(), kept, strict=True):
+        for array, values in zip(w.state(), saved, strict=True):
             np.copyto(array, values)
         return moment
 
@@ -495,7 +499,7 @@ class Run:
         """
         if self._begun and self._left == self._state():
             return
-        if self._begun and not self._whole:
+        if self._begun and not self._complete:
             raise JointplayError(
                 f"q or v of the workspace were changed at t = {self.workspace.time:g} s while the "
                 "method has parts of the state elsewhere: call synchronize() before you change them"
@@ -510,10 +514,10 @@ class Run:
 
         They are whole before the first step, and after a `synchronize`: nothing is done then.
         """
-        if not self._whole:
+        if not self._complete:
             self.begin()
             self._loop.synchronize()
-            self._begun, self._whole = False, True
+            self._begun, self._complete = False, True
 
     def _state(self) -> tuple[bytes, bytes]:
         return self.workspace.q.tobytes(), self.workspace.v.tobytes()
@@ -537,7 +541,7 @@ class Run:
     def memory(self) -> dict[str, Any]:
         return {
             "begun": self._begun,
-            "whole": self._whole,
+            "whole": self._complete,
             "finished": self._finished,
             "elapsed": self.elapsed,
             "origin": None if self._origin is None else [x.tolist() for x in self._origin],
@@ -554,7 +558,7 @@ class Run:
     def recall(self, memory: Mapping[str, Any]) -> None:
         self._events.recall(memory["events"])
         self._loop.recall(memory["loop"])
-        self._whole, self._left = bool(memory["whole"]), self._state()
+        self._complete, self._left = bool(memory["whole"]), self._state()
         self._begun, self._elapsed = bool(memory["begun"]), float(memory["elapsed"])
         self._finished = bool(memory["finished"])
         if memory["origin"] is not None:
@@ -578,7 +582,7 @@ class Run:
         """
         w = self.workspace
         self.begin()
-        self._whole = False
+        self._complete = False
         if w.time >= self._reference.until:
             self._set_reference_block()
         if self.overflow is not None:
@@ -632,9 +636,9 @@ class Run:
         if self._reference.go_to(self.workspace.time):
             self.workspace.set_reference_block(self._reference.table, self._reference.first)
 
-    def share_reference(self, other: Run) -> None:
+    def share_reference(self, run: Run) -> None:
         """Use the reference tables of another run of the same motion: results are bit-identical."""
-        self._reference = other._reference
+        self._reference = run._reference
         self._reference.go_to(self.workspace.time)
         self.workspace.set_reference_block(self._reference.table, self._reference.first)
 
@@ -665,9 +669,9 @@ class Run:
         joint, contact = workspace.bad_contact
         if status == Status.BAD_LOAD:
             load = list(self.simulation.loads)[joint]
-            what, remedy = f"the load {load!r} gave a non-finite value", "correct it"
+            failure, remedy = f"the load {load!r} gave a non-finite value", "correct it"
         elif status == Status.RUN_AWAY:
-            what = "the state diverged or is not a number"
+            failure = "the state diverged or is not a number"
             remedy = "reduce the step or the drive's bandwidth"
             drives = assign(mechanism, self.simulation.motion, self.simulation.drive)
             through = [
@@ -682,17 +686,17 @@ class Run:
             law = mechanism.clearance[name]
             place = law.contacts[contact]
             if status == Status.BROKE_OUT and name == initial.left_bearing(mechanism, workspace.q):
-                what = f"the journal of {name!r} left its bearing, whose ends are open"
+                failure = f"the journal of {name!r} left its bearing, whose ends are open"
                 remedy = "hold it along the axis, or make bearing or journal longer"
             elif status == Status.BROKE_OUT:
-                what = f"the journal of {name!r} broke out of its bearing ({place})"
+                failure = f"the journal of {name!r} broke out of its bearing ({place})"
                 remedy = "reduce the step or check stiffness and loads"
             elif status == Status.FILM_BROKE:
-                what = f"the journal of {name!r} touched its bore through the film ({place})"
+                failure = f"the journal of {name!r} touched its bore through the film ({place})"
                 remedy = "let the film be hybrid, or take a more viscous oil"
             else:
                 laws = [law.normal, law.friction] + ([law.film[0]] if law.film else [])
-                named = " or ".join(repr(one.name) for one in laws)
-                what = f"law {named} of {name!r} returned a non-finite value ({place})"
+                named = " or ".join(repr(law_used.name) for law_used in laws)
+                failure = f"law {named} of {name!r} returned a non-finite value ({place})"
                 remedy = "correct the law"
-        return f"stopped {at}: {what}; {remedy}. State: {shown}"
+        return f"stopped {at}: {failure}; {remedy}. State: {shown}"

@@ -198,9 +198,9 @@ class PassedRecords(Overflow):
 
     def _pass(self, count: int) -> None:
         if count:
-            given = Records(self._left[:count], self._workspace.fields, self._passed)
+            records = Records(self._left[:count], self._workspace.fields, self._passed)
             self._left, self._passed = self._left[count:], self._passed + count
-            self._taker(given)
+            self._taker(records)
 
     def finish(self) -> None:
         """Pass the rest; what never left memory is one portion."""

@@ -33,21 +33,21 @@ def moving_bodies(
         body that carries it, and its place in that.
     """
     tree = Tree(model)
-    every = tree.bodies
+    bodies = tree.bodies
     carriers, places = tree.frames(frames)
     needed = {0}
     for body in map(int, carriers):
         while body not in needed:
             needed.add(body)
-            body = int(every.parents[body])
+            body = int(bodies.parents[body])
     numbers = {body: number for number, body in enumerate(sorted(needed))}
     rows = np.zeros(len(numbers), layout.BODY)
     rows["rotation"][0] = np.eye(3).ravel()
     for body, number in numbers.items():
         row = rows[number]
-        row["parent"], row["coordinate"] = numbers[int(every.parents[body])], body - 1
-        row["slides"] = every.slides[body]
-        row["turn"], row["shift"] = every.turns[body], every.shifts[body]
+        row["parent"], row["coordinate"] = numbers[int(bodies.parents[body])], body - 1
+        row["slides"] = bodies.slides[body]
+        row["turn"], row["shift"] = bodies.turns[body], bodies.shifts[body]
     return rows, [(numbers[int(b)], place) for b, place in zip(carriers, places, strict=True)]
 
 
@@ -161,9 +161,9 @@ class MultiRate(TimeLoop):
     advancing = Command.ADVANCE
     longest_macro_step_s = LONGEST_MACRO_STEP_S
 
-    def __init__(self, whole: Run, constraints: list[pin.RigidConstraintModel]) -> None:
-        super().__init__(whole, constraints)
-        w, run, macro_step = self.workspace, self.workspace.run, whole.simulation.macro_step
+    def __init__(self, parent: Run, constraints: list[pin.RigidConstraintModel]) -> None:
+        super().__init__(parent, constraints)
+        w, run, macro_step = self.workspace, self.workspace.run, parent.simulation.macro_step
         self._dt = float(run["dt"][0])
         self._middle = w.middle
         self._zero = np.zeros(self.model.nv)
@@ -201,17 +201,17 @@ class MultiRate(TimeLoop):
         reached = [frame for site in sites for frame in site.carriers or ()]
         held = [
             frame
-            for one in self._models
+            for pair in self._models
             for frame in (
-                (one.joint1_id, one.joint1_placement),
-                (one.joint2_id, one.joint2_placement),
+                (pair.joint1_id, pair.joint1_placement),
+                (pair.joint2_id, pair.joint2_placement),
             )
         ]
         bodies, carried = moving_bodies(self.model, [*reached, *held])
         w.place(bodies, carried[: len(reached)])
         if held:
             pairs = zip(carried[len(reached) :: 2], carried[len(reached) + 1 :: 2], strict=True)
-            points = [(i, j, one[9:], other[9:]) for (i, one), (j, other) in pairs]
+            points = [(i, j, first[9:], second[9:]) for (i, first), (j, second) in pairs]
             w.set_held_pairs(np.array(points, layout.HOLD))
 
     def begin(self) -> None:
@@ -271,17 +271,17 @@ class Adaptive(MultiRate):
     advancing = Command.ADVANCE_ADAPTIVELY
     longest_macro_step_s = LONGEST_ADAPTIVE_MACRO_STEP_S
 
-    def __init__(self, whole: Run, constraints: list[pin.RigidConstraintModel]) -> None:
-        super().__init__(whole, constraints)
-        run, tolerance = self.workspace.run, whole.simulation.tolerance
+    def __init__(self, parent: Run, constraints: list[pin.RigidConstraintModel]) -> None:
+        super().__init__(parent, constraints)
+        run, tolerance = self.workspace.run, parent.simulation.tolerance
         assert tolerance is not None
         run["micro_tolerance"], run["shortest_micro"] = tolerance, SHORTEST_MICRO_STEP_S
         run["micro_step"] = self._dt
-        if whole.simulation.macro_step is None and tolerance < USUAL_TOLERANCE:
+        if parent.simulation.macro_step is None and tolerance < USUAL_TOLERANCE:
             less = USUAL_TOLERANCE / tolerance
             self.shorten_macro_steps(less**0.25)
             run["tolerance"] /= less**0.5  # in proportion, with what that did
-        highest = whole.highest_frequency()
+        highest = parent.highest_frequency()
         run["longest_micro"] = STABLE_TURN / highest if highest > 0.0 else np.inf
         self.workspace.keep_copies()
 

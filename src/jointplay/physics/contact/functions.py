@@ -214,7 +214,6 @@ class OfFunction(Described):
         return _restored, (type(self), function, self._further_arguments())
 
 
-def _restored(kind: type[Any], function: str | Absent, arguments: dict[str, Any]) -> Any:
+def _restored(kind: type[Any], path: str | Absent, arguments: dict[str, Any]) -> Any:
     """Build a law or load again from the name of its function."""
-    function = function if isinstance(function, Absent) else named(function)
-    return kind(function=function, **arguments)
+    return kind(function=path if isinstance(path, Absent) else named(path), **arguments)

@@ -93,8 +93,8 @@ class JointFriction(Described):
     def __post_init__(self) -> None:
         check_fields(self)
         if self.static is not None and self.static < self.coulomb:
-            both = f"{self.static:g} N m is below the dry friction {self.coulomb:g} N m"
-            raise JointplayError(f"static joint friction {both}", ("static",))
+            conflict = f"{self.static:g} N m is below the dry friction {self.coulomb:g} N m"
+            raise JointplayError(f"static joint friction {conflict}", ("static",))
 
     @property
     def excess(self) -> float:
@@ -157,8 +157,8 @@ class ComputedTorque(Drive):
         check_fields(self)
         for name, most in (("bandwidth", FASTEST), ("damping_ratio", MOST_DAMPED)):
             if (value := getattr(self, name)) is not None and value > most:
-                words = name.replace("_", " ")
-                raise JointplayError(f"{words} must be at most {most:g}, got {value:g}", (name,))
+                noun = name.replace("_", " ")
+                raise JointplayError(f"{noun} must be at most {most:g}, got {value:g}", (name,))
 
     def through_teeth(self, inertia: float, gear: Gearing | None) -> ComputedTorque:
         """With the bandwidth that the teeth of a gear allow, if nobody gave it; else as it is.
@@ -292,8 +292,8 @@ class Servo(Drive):
     """Sampling period, between whose ends the voltage is held [s]; continuous if not given."""
 
     def __post_init__(self) -> None:
-        given = {} if self.catalogue is None else _servo(self.catalogue)
-        for name, item in given.items():
+        catalogued = {} if self.catalogue is None else _servo(self.catalogue)
+        for name, item in catalogued.items():
             if name not in _BESIDE and getattr(self, name) is None:
                 object.__setattr__(self, name, item["value"])
         missing = [n for n in ("torque_constant", "resistance") if getattr(self, n) is None]
@@ -326,10 +326,10 @@ class Servo(Drive):
         return float(_servo(name)["armature"]["value"])
 
     def origins(self) -> dict[str, str]:
-        given = {} if self.catalogue is None else _servo(self.catalogue)
+        catalogued = {} if self.catalogue is None else _servo(self.catalogue)
         return {
             name: str(item["source"])
-            for name, item in given.items()
+            for name, item in catalogued.items()
             if name not in _BESIDE and getattr(self, name) == item["value"]
         }
 
@@ -347,7 +347,7 @@ class Servo(Drive):
         Raises:
             JointplayError: no such servo or register, or a value that it cannot hold.
         """
-        units, gains, told = _servo(name).get("registers", {}), dict[str, float](), list[str]()
+        units, gains, notes = _servo(name).get("registers", {}), dict[str, float](), list[str]()
         for letter, value in registers.items():
             if letter not in REGISTERS:
                 raise JointplayError(one_of("register", letter, REGISTERS))
@@ -360,16 +360,16 @@ class Servo(Drive):
             gain, known = REGISTERS[letter], units.get(letter)
             if known is not None:
                 gains[gain] = value * known["value"] * voltage
-                told.append(
+                notes.append(
                     f"{name} {letter}={value:g} is {gain} {gains[gain]:.4g} V/rad: "
                     f"{known['origin']}; {known['source']}"
                 )
             elif value:
                 why = units.get("unknown", "its unit was not found")
-                told.append(f"note: {name} {letter}={value:g} left out, {gain} as it was: {why}")
+                notes.append(f"note: {name} {letter}={value:g} left out, {gain} as it was: {why}")
             else:
                 gains[gain] = 0.0
-        return gains, told
+        return gains, notes
 
     @property
     def register(self) -> tuple[float, int] | None:
@@ -462,20 +462,22 @@ def assign(
         drives = {name: drive if name in names else Free() for name in joints}
     if unknown:
         raise MissingName("moving joint", unknown[0], joints)
-    for name, one in drives.items():
-        if not isinstance(one, Drive):
-            raise JointplayError(f"joint {name!r} needs a drive, got {one!r}")
+    for name, acting in drives.items():
+        if not isinstance(acting, Drive):
+            raise JointplayError(f"joint {name!r} needs a drive, got {acting!r}")
         entry = mechanism.description.joints.get(name)
-        if isinstance(one, Servo) and one.catalogue and entry is not None and entry.slides:
+        if isinstance(acting, Servo) and acting.catalogue and entry is not None and entry.slides:
             raise JointplayError(
-                f"joint {name!r} slides, and {one.catalogue} of the catalogue turns its own: give "
-                "torque_constant [N/A] and resistance instead"
+                f"joint {name!r} slides, and {acting.catalogue} of the catalogue turns its own: "
+                "give torque_constant [N/A] and resistance instead"
             )
-        if one.follows and name not in in_motion:
-            raise JointplayError(f"joint {name!r} has a {one.kind} drive but no reference motion")
-        if name in in_motion and not one.follows:
+        if acting.follows and name not in in_motion:
             raise JointplayError(
-                f"joint {name!r} has a reference motion, but its drive is {one.kind}; "
+                f"joint {name!r} has a {acting.kind} drive but no reference motion"
+            )
+        if name in in_motion and not acting.follows:
+            raise JointplayError(
+                f"joint {name!r} has a reference motion, but its drive is {acting.kind}; "
                 f"drives that follow: {', '.join(d.kind for d in DRIVES.values() if d.follows)}"
             )
     return drives

@@ -229,7 +229,7 @@ def tabulate(
         # A run, its ideal twin, those that state its errors, and the same machine with other
         # clearances all ask for the same.
         alike = None if ideal is None else ideal.alike()
-        if alike is None or motion is None or any(one.follows is None for one in columns):
+        if alike is None or motion is None or any(column.follows is None for column in columns):
             return _table(columns, times, motion, follows, ideal, bar)
         known, model = alike
         key = (

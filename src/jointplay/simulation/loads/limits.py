@@ -73,8 +73,8 @@ def beyond(
     for name, entry, position, sizes in _histories(mechanism, q, v, effort):
         place = _position_beyond(entry, times, position) if len(times) else None
         lines += [f"joint {name!r} was at {place}"] if place else []
-        for what, values in sizes.items():
-            text = _size_beyond(entry, what, times, values) if len(times) else None
+        for quantity, values in sizes.items():
+            text = _size_beyond(entry, quantity, times, values) if len(times) else None
             lines += [f"joint {name!r} had {text}"] if text else []
     return tuple(lines)
 
@@ -84,8 +84,8 @@ def worst(mechanism: Mechanism, q: np.ndarray, v: np.ndarray, effort: np.ndarray
     rows = {0}
     for _, entry, position, sizes in _histories(mechanism, q, v, effort):
         rows |= {int(np.argmax(position)), int(np.argmin(position))}
-        for what, values in sizes.items():
-            limit = getattr(entry, what)
+        for quantity, values in sizes.items():
+            limit = getattr(entry, quantity)
             if limit is not None:
                 size = np.abs(values)
                 over = size > limit * (1.0 + MARGIN)
@@ -119,9 +119,11 @@ def _position_beyond(entry: JointEntry, times: np.ndarray, values: np.ndarray) -
     )
 
 
-def _size_beyond(entry: JointEntry, what: str, times: np.ndarray, values: np.ndarray) -> str | None:
+def _size_beyond(
+    entry: JointEntry, quantity: str, times: np.ndarray, values: np.ndarray
+) -> str | None:
     """The largest value and when, if it is beyond its limit, and when that began."""
-    limit = getattr(entry, what)
+    limit = getattr(entry, quantity)
     if limit is None:
         return None
     sizes = np.abs(values)
@@ -129,9 +131,9 @@ def _size_beyond(entry: JointEntry, what: str, times: np.ndarray, values: np.nda
     if not sizes[at] > limit * (1.0 + MARGIN):
         return None
     first = times[int(np.argmax(sizes > limit * (1.0 + MARGIN)))]
-    words, units = _SIZES[what]
+    noun, units = _SIZES[quantity]
     unit = units[entry.slides]
     return (
-        f"{words} of {values[at]:.4g} {unit} at t = {times[at]:.4g} s, beyond its limit of "
+        f"{noun} of {values[at]:.4g} {unit} at t = {times[at]:.4g} s, beyond its limit of "
         f"{limit:g} {unit} (first at {first:.4g} s)"
     )

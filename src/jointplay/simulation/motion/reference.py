@@ -67,10 +67,10 @@ def are_samples(times: np.ndarray, positions: np.ndarray) -> bool:
         return False
     spans = np.diff(times)
     limit = min(len(times) / ENOUGH_SAMPLES, 1.0)
-    ways = np.diff(positions, axis=0)
+    steps = np.diff(positions, axis=0)
     smooth = any(
         (np.diff(speeds, axis=0) ** 2).sum() < limit * (speeds**2).sum()
-        for speeds in (ways / spans[:, None], ways)
+        for speeds in (steps / spans[:, None], steps)
     )
     return bool(np.median(spans) < SAMPLED_S or smooth)
 
@@ -95,7 +95,9 @@ def motion_csv(
 ) -> str:
     """A file that `Motion.from_csv` reads as it was: a comment says how it is interpolated."""
     columns = zip(joints, positions.T, strict=True)
-    table = Table([Column("time", times, "s"), *(Column(n, own, key=n) for n, own in columns)])
+    table = Table(
+        [Column("time", times, "s"), *(Column(n, column, key=n) for n, column in columns)]
+    )
     return f"# interpolation: {interpolation}\n{table.csv(None)}"
 
 
@@ -179,7 +181,7 @@ class Motion(Described):
             curve = self._fit()
             curves = (curve, curve.derivative(1), curve.derivative(2))
         object.__setattr__(self, "_curves", curves)
-        if not all(np.isfinite(one.c).all() for one in curves):
+        if not all(np.isfinite(polynomial.c).all() for polynomial in curves):
             raise JointplayError(
                 "the motion's accelerations overflow: its waypoints are too far apart"
             )
@@ -239,8 +241,8 @@ class Motion(Described):
     def summary(self) -> str:
         number = len(self.waypoints[0])
         through = f" through {len(self.times)} points" if number < len(self.times) else ""
-        what = "sample" if self.samples else "waypoint"
-        return f"{counted(number, what)}, {self.interpolation}{through}"
+        noun = "sample" if self.samples else "waypoint"
+        return f"{counted(number, noun)}, {self.interpolation}{through}"
 
     @property
     def samples(self) -> bool:
@@ -269,7 +271,8 @@ class Motion(Described):
         speeds = np.diff(self.positions, axis=0) / np.diff(self.times)[:, None]
         turns = np.diff(speeds, axis=0)
         rough, turned, moved = (
-            (one**2).sum(axis=0) for one in (np.diff(turns, 2, axis=0), turns, speeds)
+            (differences**2).sum(axis=0)
+            for differences in (np.diff(turns, 2, axis=0), turns, speeds)
         )
         noisy = (rough * 6.0 / 70.0 > NOISY * turned) & (turned > RESTS**2 * moved)
         most = np.abs(self(self.times)[2]).max(axis=0)
@@ -308,8 +311,10 @@ class Motion(Described):
     def at_speed(self, factor: float) -> Motion:
         """The same way at `factor` times the speed, which must be positive."""
         require_positive("factor of the speed", factor, "")
-        given = None if self.given is None else self.given / factor
-        return Motion(self.joints, self.times / factor, self.positions, self.interpolation, given)
+        waypoints = None if self.given is None else self.given / factor
+        return Motion(
+            self.joints, self.times / factor, self.positions, self.interpolation, waypoints
+        )
 
     @classmethod
     def from_csv(cls, path: str | Path, interpolation: str | None = None) -> Motion:
@@ -346,8 +351,8 @@ class Motion(Described):
         table = np.array(values)
         if interpolation is None:
             above = files.read_text(path, "motion").splitlines()[: rows[0][0] - 1]
-            said = [found[1] for line in above if (found := _SAYS.fullmatch(line.strip()))]
-            interpolation = said[0] if said else None
+            named = [match[1] for line in above if (match := _SAYS.fullmatch(line.strip()))]
+            interpolation = named[0] if named else None
         return cls(header[1:], table[:, 0], table[:, 1:], interpolation)
 
     def csv(self) -> str:

@@ -224,11 +224,11 @@ class GrowingDataset:
         self._rows = end
         self._disk.check()
 
-    def finish(self, attributes: Mapping[str, Any], whole: Mapping[str, xr.DataArray]) -> None:
+    def finish(self, attributes: Mapping[str, Any], totals: Mapping[str, xr.DataArray]) -> None:
         """Write the dataset's attributes, the values of the `whole` at the end, and the seal."""
         import h5netcdf
 
-        for name, variable in whole.items():
+        for name, variable in totals.items():
             self._h5[name][...] = variable.values
         with h5netcdf.File(self._h5, "r+") as dataset:
             dataset.attrs.update(attributes)
@@ -250,11 +250,13 @@ def add_attributes(path: Path, attributes: Mapping[str, Any]) -> None:
     import h5py
 
     with files.writing(path, overwrite=True) as file:
-        with _verified(path) as (whole, size):
-            for piece in _pieces(whole, size):
+        with _verified(path) as (sealed_file, size):
+            for piece in _pieces(sealed_file, size):
                 file.write(piece)
             file.seek(0)
-            if whole.read() != SEAL + digest(file) + b"\n":  # no damage gets a seal of its own
+            if (
+                sealed_file.read() != SEAL + digest(file) + b"\n"
+            ):  # no damage gets a seal of its own
                 raise damaged(path, "result", _CHANGED)
         file.flush()
         disk = _CheckedFile(file)
@@ -295,8 +297,8 @@ class _CheckedFile(io.RawIOBase):
             return None
 
     def readinto(self, buffer: Any) -> int:
-        got = self._try(self._inner.readinto, buffer)  # type: ignore[attr-defined]
-        return len(buffer) if got is None else int(got)
+        count = self._try(self._inner.readinto, buffer)  # type: ignore[attr-defined]
+        return len(buffer) if count is None else int(count)
 
     def write(self, content: Any) -> int:
         self._try(self._inner.write, content)
