@@ -74,11 +74,7 @@ def _beside(figure: CertifiedFigure, method: MethodFigures | None) -> str:
 def measures_table(cases: Mapping[str, Result]) -> list[tuple[str, ...]]:
     """What the claims use, a row for each measure and a column for each case that has it."""
     named = {
-        label: {
-            figure.name: figure
-            for figure in certificate.figures
-            if figure not in certificate.headline
-        }
+        label: {fig.name: fig for fig in certificate.figures if fig not in certificate.headline}
         for label, result in cases.items()
         if (certificate := result.certificate) is not None
     }
@@ -86,9 +82,7 @@ def measures_table(cases: Mapping[str, Result]) -> list[tuple[str, ...]]:
     rows: Rows = [("measure", *played)]
     for name in dict.fromkeys(name for measures in played.values() for name in measures):
         figures = [measures[name] for measures in played.values()]
-        rows.append(
-            (name, *(f"{figure}{' (above 5 %)' if figure.marked else ''}" for figure in figures))
-        )
+        rows.append((name, *(f"{fig}{' (above 5 %)' if fig.marked else ''}" for fig in figures)))
     return rows
 
 

@@ -123,26 +123,24 @@ def effort_bounds(simulation: Simulation, followed: Sequence[str]) -> dict[str, 
     return limits_of_joints.bounds(simulation.mechanism)
 
 
-def check_memory(
-    mechanism: Mechanism, duration: float, steps: int, record_every: int, nodes: int
-) -> None:
+def check_memory(mechanism: Mechanism, end: float, steps: int, interval: int, nodes: int) -> None:
     """Refuse a run whose tables (of `nodes`) and records would not fit, before any are made."""
     nv, contacts = mechanism.model.nv, sum(len(j.contacts) for j in mechanism.clearance.values())
     reference = nodes * 9.0 * max(len(mechanism.joints), 1)
     record = 3.0 * nv + 20.0 + 10.0 * len(mechanism.clearance) + 3.0 * contacts
     # Records are there twice when they are made into histories.
-    needed = 8.0 * (reference + 2.0 * record * (steps / record_every))
+    needed = 8.0 * (reference + 2.0 * record * (steps / interval))
     most = MEMORY_SHARE * memory()
     if needed > most:
         fitting = needed - 8.0 * reference
         ratio = fitting / (most - 8.0 * reference) if most > 8.0 * reference else math.inf
         advice = (
-            f"record_every = {math.ceil(record_every * ratio):.3g} would fit, or a shorter duration"
-            if math.isfinite(ratio) and record_every * ratio < steps
+            f"record_every = {math.ceil(interval * ratio):.3g} would fit, or a shorter duration"
+            if math.isfinite(ratio) and interval * ratio < steps
             else "take a shorter duration"
         )
         raise JointplayError(
-            f"duration {duration:g} s with a record every {record_every} steps needs about "
+            f"duration {end:g} s with a record every {interval} steps needs about "
             f"{needed / 1e9:.3g} GB of memory, of which there are {most / 1e9:.3g}; {advice}",
             where=("duration",),
         )

@@ -214,13 +214,10 @@ class Run:
         prepared = prepare(simulation, records is None, progress, ahead)
         self.simulation, self.mechanism = simulation, simulation.mechanism
         self.label = ""  # what the progress bar calls the run
-        self.method, self.total_steps, self.friction = (
-            prepared.method,
-            prepared.total_steps,
-            prepared.friction,
-        )
+        self.method, self.total_steps = prepared.method, prepared.total_steps
         self.model, self.data, self.workspace = prepared.model, prepared.data, prepared.workspace
-        self._reference, self._compiles = prepared.reference, prepared.compiles
+        self.friction, self._reference = prepared.friction, prepared.reference
+        self._compiles = prepared.compiles
         self._chart = BaseChart(self)
         self.overflow = None if records is None else self._overflow(records, prepared)
         """Where records go that memory has no room for."""

@@ -79,9 +79,8 @@ class Simulation(Overview, Inputs):
         object.__setattr__(self, "state", state)
         for payload in self.payloads:
             require_a("a payload", payload, "Payload")
-        object.__setattr__(
-            self, "payloads", tuple(load for load in self.payloads if load.mass > 0.0)
-        )
+        carried = tuple(payload for payload in self.payloads if payload.mass > 0.0)
+        object.__setattr__(self, "payloads", carried)
         self._check_tables()
         if self.motion is not None and isinstance(self.drive, Drive) and self.drive.follows:
             moving = {name for name, (_, speed) in state.items() if speed is not None}
@@ -109,9 +108,8 @@ class Simulation(Overview, Inputs):
             motion, joints = self.motion, few(list(self.motion.joints))
             facts["motion"] = f"{joints}: {motion.summary}"
         drives = {"all": self.drive} if isinstance(self.drive, Drive) else self.drive
-        facts["drives"] = (
-            "; ".join(f"{name}: {drive.kind}" for name, drive in drives.items()) or "none"
-        )
+        kinds = (f"{name}: {drive.kind}" for name, drive in drives.items())
+        facts["drives"] = "; ".join(kinds) or "none"
         duration = self._simulated_time()
         facts["duration"] = "not given" if math.isnan(duration) else readable(duration, "s")
         facts["integration"] = f"{self.integrator}, steps of {readable(self.step, 's')}"
@@ -163,9 +161,8 @@ class Simulation(Overview, Inputs):
         else:
             perturbed, machine = self.seed is not None, self.mechanism
             falls = machine.clearance and (perturbed or not self.starts_at_rest)
-            if not (
-                falls or (perturbed and any(gear.play > 0.0 for gear in machine.gears.values()))
-            ):
+            loose = any(gear.play > 0.0 for gear in machine.gears.values())
+            if not (falls or (perturbed and loose)):
                 return 0.0
             motion, periods = self.motion, list[float]()
             for name in _turning(self):

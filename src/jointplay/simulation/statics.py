@@ -469,10 +469,8 @@ def weight_curvature(model: pin.Model, data: pin.Data, q: np.ndarray) -> np.ndar
     Above the diagonal Pinocchio 4.1 gives other numbers than differences of its own gravity
     (`tests/physics/test_rest.py`), so those below are taken for both.
     """
-    derivatives = pin.computeGeneralizedGravityDerivatives(model, data, q).reshape(
-        model.nv, model.nv
-    )
-    return np.where(_below_diagonal(model.nv), derivatives, derivatives.T)
+    slopes = pin.computeGeneralizedGravityDerivatives(model, data, q).reshape(model.nv, model.nv)
+    return np.where(_below_diagonal(model.nv), slopes, slopes.T)
 
 
 @lru_cache(maxsize=16)
@@ -613,7 +611,7 @@ class StaticEquilibrium:
         """Directions in which the machine can come to rest, shape (nv, n)."""
         mechanism = self._mechanism
         nv = self._model.nv
-        play, journal_coordinates = set(), set()
+        play, journals = set(), set()
         blocks: dict[str, set[int]] = {}
         for name, joint in mechanism.clearance.items():
             if name in mechanism.loops:
@@ -621,14 +619,12 @@ class StaticEquilibrium:
             members = {
                 part: mechanism.coordinates.index(Coordinate(name, part)) for part in joint.freedoms
             }
-            journal_coordinates |= set(members.values())
+            journals |= set(members.values())
             film = joint.film is not None and not joint.film[0].hybrid
             if not film and not fixed & set(members.values()):
                 blocks[name] = {members[part] for part in limited_freedoms(joint)}
                 play |= blocks[name]
-        journal_coordinates -= {
-            mechanism.coordinate(n) for n in mechanism.joints if n in mechanism.clearance
-        }
+        journals -= {mechanism.coordinate(n) for n in mechanism.joints if n in mechanism.clearance}
         identity = np.eye(nv)
         columns = [identity[:, sorted((play | sprung) - fixed)]]
         # What moves one journal only, unless it has to close an ideal loop.
@@ -636,7 +632,7 @@ class StaticEquilibrium:
         # Joints that no drive holds are held where they are, as far as loops leave them free.
         held = {mechanism.motor(n) for n, drive in drives.items() if drive.follows}
         held |= {mechanism.coordinate(n) for n, drive in drives.items() if drive.follows}
-        held |= journal_coordinates | play | sprung | fixed | set(map(int, self._trailing))
+        held |= journals | play | sprung | fixed | set(map(int, self._trailing))
         held |= {mechanism.motor(n) for n in mechanism.gears}
         undriven = np.array([i for i in range(nv) if i not in held], int)
         if mechanism.loops and len(undriven):
@@ -868,6 +864,5 @@ class StaticEquilibrium:
 
     def _look(self, q: np.ndarray, directions: np.ndarray, names: Collection[str]) -> TrialState:
         height, gradient, curvature, load = self.potential(q, names)
-        return TrialState(
-            q, height, directions.T @ gradient, directions.T @ curvature @ directions, load
-        )
+        bend = directions.T @ curvature @ directions
+        return TrialState(q, height, directions.T @ gradient, bend, load)

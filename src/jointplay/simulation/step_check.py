@@ -127,9 +127,7 @@ def _difference(
 
 def _largest_distance(run: Run, result: Result, twin: Result) -> StepError:
     step = run.simulation.step
-    ours, theirs = (
-        np.round(run_result.time / step).astype(np.int64) for run_result in (result, twin)
-    )
+    ours, theirs = (np.round(side.time / step).astype(np.int64) for side in (result, twin))
     _, rows, twin_rows = np.intersect1d(ours, theirs, return_indices=True)
     if len(rows) < 2:
         return _UNBOUNDED

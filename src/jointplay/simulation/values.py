@@ -46,7 +46,7 @@ def values(
     """
     alike: dict[tuple[str, ...], list[str]] = {}
     origins = origins or {}
-    for key, text, default in _entries(simulation, origins):
+    for key, text, default in _list(simulation, origins):
         origin, source = _origin(key, origins, default)
         table, name, field = (key[0], "", key[1]) if len(key) == 2 else (*key, "", "")[:3]
         separate = () if merged else (name,)
@@ -103,9 +103,7 @@ def of_joint(joint: Clearance, known_fields: Collection[str]) -> Iterator[tuple[
     yield "friction", _law_text(joint.friction), "friction" in known
 
 
-def _entries(
-    simulation: Simulation, origins: Origins
-) -> Iterator[tuple[Key, str, tuple[str, str]]]:
+def _list(simulation: Simulation, origins: Origins) -> Iterator[tuple[Key, str, tuple[str, str]]]:
     """Each value: its key, as text, and the origin that it has if none is known."""
     mechanism = simulation.mechanism
     usual, given = (ASSUMED, "nobody said otherwise"), (GIVEN, "in Python")

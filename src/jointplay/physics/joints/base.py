@@ -564,10 +564,8 @@ class SlidingClearance(Clearance):
             with within("seat"):
                 self.seat.require_free(None)
         if self.seat is None and self.seat_mass is not None:
-            raise JointplayError(
-                f"seat_mass {self.seat_mass:g} kg is of a bush in a seat: give the seat, too",
-                where=("seat_mass",),
-            )
+            bush = f"seat_mass {self.seat_mass:g} kg is of a bush in a seat"
+            raise JointplayError(f"{bush}: give the seat, too", where=("seat_mass",))
         if not 0.0 < self.restitution <= 1.0:
             raise JointplayError(
                 f"restitution must lie in (0, 1], got {self.restitution:g}", where=("restitution",)
@@ -604,9 +602,8 @@ class SlidingClearance(Clearance):
         if clearance is None:
             clearance = fit.middle
         elif not fit.least - _ROUNDING_M <= clearance <= fit.most + _ROUNDING_M:
-            conflict = (
-                f"{play.replace('_', ' ')} {readable(clearance, 'm')} contradicts the fit {fit}"
-            )
+            noun = play.replace("_", " ")
+            conflict = f"{noun} {readable(clearance, 'm')} contradicts the fit {fit}"
             raise JointplayError(f"{conflict}, which has {fit.range}: give one", where=(play,))
         for field_name, value in (("fit", str(fit)), (name, fitted), (play, clearance)):
             object.__setattr__(self, field_name, value)

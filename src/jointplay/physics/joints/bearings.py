@@ -1148,11 +1148,8 @@ class BallBearing(RollingBearing):
         if self.pairing == "single":
             return ((0.0, up),)
         half = 0.5 * (self.spacing or self.row_width)
-        directions = {"DB": (-1.0, 1.0), "DF": (1.0, -1.0), "DT": (1.0, 1.0)}[self.pairing]
-        return tuple(
-            (side * half, direction * up)
-            for side, direction in zip((1.0, -1.0), directions, strict=True)
-        )
+        first, second = {"DB": (-up, up), "DF": (up, -up), "DT": (up, up)}[self.pairing]
+        return (half, first), (-half, second)
 
     @property
     def _numbers(self) -> dict[str, Any]:

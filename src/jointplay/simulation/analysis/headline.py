@@ -195,10 +195,9 @@ class Headline:
                 moves = error["time"].values, growth(error.values, error["rate"].values)
                 for how in ("peak", "RMS"):
                     unit = error.attrs["units"]
-                    history = self._of(
-                        f"{how} tool {quantity}", how, unit, len(self._compared_weights)
-                    )
-                    history.add(sizes, self._compared_weights[rows], moves)
+                    weights = self._compared_weights
+                    history = self._of(f"{how} tool {quantity}", how, unit, len(weights))
+                    history.add(sizes, weights[rows], moves)
         self._add_losses(part, judged)
 
     def _of(self, name: str, how: str, unit: str, count: int) -> _History:
@@ -432,9 +431,7 @@ def _at_stops(result: Result, error: xr.DataArray) -> list[str]:
     if not any(sizes):
         return []
     known = result.certificate.headline if result.certificate else ()
-    of_tool = [
-        figure.error for figure in known if figure.name in ("peak tool error", "RMS tool error")
-    ]
+    of_tool = [fig.error for fig in known if fig.name in ("peak tool error", "RMS tool error")]
     off = max(of_tool, default=0.0)
     if len(times) > MOST_STOPS:
         worst = int(np.argmax(sizes))

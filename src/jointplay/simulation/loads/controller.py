@@ -108,11 +108,7 @@ class Controller(OfFunction, Load):
         labels: list[str] = []
         if inspect.isclass(self.function):
             known = inspect.signature(self.function).parameters.values()
-            labels = [
-                argument.name
-                for argument in known
-                if argument.kind is argument.POSITIONAL_OR_KEYWORD
-            ]
+            labels = [part.name for part in known if part.kind is part.POSITIONAL_OR_KEYWORD]
         labels += [f"p{k}" for k in range(len(labels), len(self.parameters))]
         return tuple(labels[: len(self.parameters)])
 

@@ -462,22 +462,22 @@ def assign(
         drives = {name: drive if name in names else Free() for name in joints}
     if unknown:
         raise MissingName("moving joint", unknown[0], joints)
-    for name, acting in drives.items():
-        if not isinstance(acting, Drive):
-            raise JointplayError(f"joint {name!r} needs a drive, got {acting!r}")
+    for name, chosen in drives.items():
+        if not isinstance(chosen, Drive):
+            raise JointplayError(f"joint {name!r} needs a drive, got {chosen!r}")
         entry = mechanism.description.joints.get(name)
-        if isinstance(acting, Servo) and acting.catalogue and entry is not None and entry.slides:
+        if isinstance(chosen, Servo) and chosen.catalogue and entry is not None and entry.slides:
             raise JointplayError(
-                f"joint {name!r} slides, and {acting.catalogue} of the catalogue turns its own: "
+                f"joint {name!r} slides, and {chosen.catalogue} of the catalogue turns chosen own: "
                 "give torque_constant [N/A] and resistance instead"
             )
-        if acting.follows and name not in in_motion:
+        if chosen.follows and name not in in_motion:
             raise JointplayError(
-                f"joint {name!r} has a {acting.kind} drive but no reference motion"
+                f"joint {name!r} has a {chosen.kind} drive but no reference motion"
             )
-        if name in in_motion and not acting.follows:
+        if name in in_motion and not chosen.follows:
             raise JointplayError(
-                f"joint {name!r} has a reference motion, but its drive is {acting.kind}; "
+                f"joint {name!r} has a reference motion, but chosen drive is {chosen.kind}; "
                 f"drives that follow: {', '.join(d.kind for d in DRIVES.values() if d.follows)}"
             )
     return drives

@@ -119,11 +119,9 @@ def _position_beyond(entry: JointEntry, times: np.ndarray, values: np.ndarray) -
     )
 
 
-def _size_beyond(
-    entry: JointEntry, quantity: str, times: np.ndarray, values: np.ndarray
-) -> str | None:
+def _size_beyond(entry: JointEntry, kind: str, times: np.ndarray, values: np.ndarray) -> str | None:
     """The largest value and when, if it is beyond its limit, and when that began."""
-    limit = getattr(entry, quantity)
+    limit = getattr(entry, kind)
     if limit is None:
         return None
     sizes = np.abs(values)
@@ -131,7 +129,7 @@ def _size_beyond(
     if not sizes[at] > limit * (1.0 + MARGIN):
         return None
     first = times[int(np.argmax(sizes > limit * (1.0 + MARGIN)))]
-    noun, units = _SIZES[quantity]
+    noun, units = _SIZES[kind]
     unit = units[entry.slides]
     return (
         f"{noun} of {values[at]:.4g} {unit} at t = {times[at]:.4g} s, beyond its limit of "

@@ -172,10 +172,8 @@ class Arm:
         self._within = REACHED_M
         self.seed = self._seed(start)
         if not ideal.loops and driven is not None:
-            raise JointplayError(
-                "driven joints are chosen in closed loops only: here all its joints are driven",
-                ("driven",),
-            )
+            reason = "driven joints are chosen in closed loops only: here all its joints are driven"
+            raise JointplayError(reason, ("driven",))
         self.mimics = closed_loops.followed_mimics(ideal, self.seed, () if ideal.loops else start)
         if ideal.loops or self.mimics:
             self.seed = self.search(self.seed, None).q

@@ -291,20 +291,18 @@ def driven_map(mechanism: Mechanism, q: np.ndarray, at: Sequence[int]) -> np.nda
             configuration, or too few drives).
     """
     rows = closing_rows(mechanism, q)
-    followers = np.setdiff1d(np.arange(mechanism.model.nv), at)
-    block = rows[:, followers]
+    led = np.setdiff1d(np.arange(mechanism.model.nv), at)
+    block = rows[:, led]
     _, values, motions = np.linalg.svd(block)
     held = int(np.count_nonzero(values >= 1e-8 * values.max(initial=0.0)))
-    if held < len(followers):
+    if held < len(led):
         sizes = np.abs(motions[held:]).max(axis=0)
         names, driven = (
             ", ".join(dict.fromkeys(repr(mechanism.coordinates[i].joint) for i in some))
-            for some in (followers[sizes > 1e-6], at)
+            for some in (led[sizes > 1e-6], at)
         )
         outside = dict.fromkeys(
-            repr(mechanism.coordinates[i].joint)
-            for i in followers
-            if np.abs(rows[:, i]).max() < 1e-9
+            repr(mechanism.coordinates[i].joint) for i in led if np.abs(rows[:, i]).max() < 1e-9
         )
         if outside:
             raise JointplayError(
@@ -317,6 +315,6 @@ def driven_map(mechanism: Mechanism, q: np.ndarray, at: Sequence[int]) -> np.nda
         )
     ratios = np.zeros((mechanism.model.nv, len(at)))
     ratios[at, np.arange(len(at))] = 1.0
-    if len(followers):  # none: a door on two hinges
-        ratios[followers] = -np.linalg.lstsq(block, rows[:, at], rcond=None)[0]
+    if len(led):  # none: a door on two hinges
+        ratios[led] = -np.linalg.lstsq(block, rows[:, at], rcond=None)[0]
     return ratios

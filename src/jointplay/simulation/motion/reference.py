@@ -95,9 +95,7 @@ def motion_csv(
 ) -> str:
     """A file that `Motion.from_csv` reads as it was: a comment says how it is interpolated."""
     columns = zip(joints, positions.T, strict=True)
-    table = Table(
-        [Column("time", times, "s"), *(Column(n, column, key=n) for n, column in columns)]
-    )
+    table = Table([Column("time", times, "s"), *(Column(n, q, key=n) for n, q in columns)])
     return f"# interpolation: {interpolation}\n{table.csv(None)}"
 
 
@@ -311,10 +309,8 @@ class Motion(Described):
     def at_speed(self, factor: float) -> Motion:
         """The same way at `factor` times the speed, which must be positive."""
         require_positive("factor of the speed", factor, "")
-        waypoints = None if self.given is None else self.given / factor
-        return Motion(
-            self.joints, self.times / factor, self.positions, self.interpolation, waypoints
-        )
+        given = None if self.given is None else self.given / factor
+        return Motion(self.joints, self.times / factor, self.positions, self.interpolation, given)
 
     @classmethod
     def from_csv(cls, path: str | Path, interpolation: str | None = None) -> Motion:

@@ -124,9 +124,7 @@ class HistoryBuilder:
             elastic = elastic + loads["load_energy"][1].sum(axis=1)
             work = np.hstack([work, -loads["load_work"][1]])
         if len(phases) > 1:
-            brought = np.concatenate(
-                [np.full(hi - lo, stretch_phase.energy) for lo, hi, stretch_phase in stretches]
-            )
+            brought = np.concatenate([np.full(end - at, p.energy) for at, end, p in stretches])
             histories |= variables.declared({"payload_energy": brought})
             work = work.copy()
             work[:, 0] += brought
@@ -136,9 +134,9 @@ class HistoryBuilder:
         effort = records.recorded("drive") + acting.driven(records)
         self._auditor.add_records(records, (q, v), energies, work, residual, drift, effort, elastic)
         coordinates |= self._coordinates(records)
-        return (
-            (histories, coordinates) if self._only is None else self._chosen(histories, coordinates)
-        )
+        if self._only is None:
+            return histories, coordinates
+        return self._chosen(histories, coordinates)
 
     def _chosen(
         self, histories: variables.Variables, coordinates: Mapping[str, Any]

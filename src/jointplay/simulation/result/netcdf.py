@@ -254,9 +254,7 @@ def add_attributes(path: Path, attributes: Mapping[str, Any]) -> None:
             for piece in _pieces(sealed_file, size):
                 file.write(piece)
             file.seek(0)
-            if (
-                sealed_file.read() != SEAL + digest(file) + b"\n"
-            ):  # no damage gets a seal of its own
+            if sealed_file.read() != SEAL + digest(file) + b"\n":  # no damage gets its own seal
                 raise damaged(path, "result", _CHANGED)
         file.flush()
         disk = _CheckedFile(file)

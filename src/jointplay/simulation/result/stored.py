@@ -151,13 +151,10 @@ def _check_histories(dataset: xr.Dataset, inputs: Any) -> None:
     _check_times(dataset)
     _names(dataset, "coordinate")
     _names(dataset, "coordinate_unit", "coordinate")
-    for name, plural, components in (
-        ("axis", "axes", "xyz"),
-        ("quaternion", "quaternions", "wxyz"),
-    ):
+    for name, parts in (("axis", "xyz"), ("quaternion", "wxyz")):
         listed = _names(dataset, name)
-        if listed != [*components]:
-            raise JointplayError(f"its {plural} are {listed!r:.60}, not {', '.join(components)}")
+        if listed != [*parts]:
+            raise JointplayError(f"along {name!r} it has {listed!r:.60}, not {', '.join(parts)}")
     if "moving_joint" in dataset.dims:
         _names(dataset, "moving_joint")
 

@@ -410,9 +410,8 @@ def contact_variables(
     histories = {"gap": gap, "mode": mode, "form": form}
     if rolls:
         histories |= {"joint_moment": moment, "loaded_elements": loaded, "cage_angle": cage}
-    histories |= _journals(mechanism, body, only) | _recorded_contacts(
-        mechanism, records, body, only
-    )
+    histories |= _journals(mechanism, body, only)
+    histories |= _recorded_contacts(mechanism, records, body, only)
     return declared(
         {name: histories[name] for name in HISTORIES if name in histories and name in only}
     ), stored
