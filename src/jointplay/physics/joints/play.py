@@ -236,52 +236,56 @@ class JournalPlay(Play):
     def pressed(self, loads: np.ndarray, point: np.ndarray) -> Pressed:
         """Rims A and B on the bore, then the walls at ends A and B; see `Play.pressed`.
 
-        First what each of them bears, then the wrenches of unit forces there: normal to the
-        surface, and along two tangents of it. A journal that cannot lean has one line of contact
-        in the place of two rims.
+        A journal that cannot lean has one line of contact in the place of two rims.
         """
         loads = np.asarray(loads, float).reshape(-1, 6)
-        n, walled = len(loads), 0.0 < self.along < math.inf
-        leans = not math.isinf(self.length)
+        walled, leans = 0.0 < self.along < math.inf, not math.isinf(self.length)
         if leans:
             outward, lean, forces = self._borne_leaning(loads, point, walled)
             heights = [0.5 * self.length, -0.5 * self.length]
         else:
-            outward, lean, heights = [_unit(loads[:, :2])], np.zeros((n, 2)), [0.0]
+            outward, lean, heights = [_unit(loads[:, :2])], np.zeros((len(loads), 2)), [0.0]
             axial = loads[:, 2] * walled
             radial = np.linalg.norm(loads[:, :2], axis=1)
             forces = [radial, np.maximum(axial, 0.0), np.maximum(-axial, 0.0)]
-        rims, e_z = len(outward), np.array([0.0, 0.0, 1.0])
-        normal, across = np.zeros((n, len(forces), 6)), np.zeros((n, len(forces), 2, 6))
-        for k, (direction, height) in enumerate(zip(outward, heights, strict=True)):
-            out = np.column_stack([direction, np.zeros(n)])
-            around = np.cross(e_z, out)
-            normal[:, k, :3], normal[:, k, 3:] = -out, -height * around
-            across[:, k, 0, :3], across[:, k, 0, 3:] = around, -height * out
-            across[:, k, 1, :3], across[:, k, 1, 3:] = e_z, -self.radius * around
-        # A wall meets the leaning face where its rim stands highest.
+        contacts = [self._on_bore(*rim) for rim in zip(outward, heights, strict=True)]
+        for side in (1.0, -1.0):
+            normal, across, reached, patch = self._on_wall(side, lean, point, heights[0])
+            contacts.append((normal, across, reached & walled, patch * leans))
+        arrays = (np.stack(parts, axis=1) for parts in zip(*contacts, strict=True))
+        normal, across, touching, patch = arrays
+        which, force = tuple(range(len(contacts))), np.column_stack(forces)
+        borne = (0, 1) + (2,) * walled + (3, 4) * leans
+        return Pressed(which, force, normal, across, touching, patch, borne)
+
+    def _on_bore(self, outward: np.ndarray, height: float) -> tuple[np.ndarray, ...]:
+        """Contact of a rim: wrenches of unit forces, normal (n, 6) and along two tangents (n, 2,
+        6); whether it touches (n,); radius of its patch (n,), none.
+
+        Of rims at a height, whose unit directions outward are zero where they do not touch, (n, 2).
+        """
+        n, e_z = len(outward), np.array([0.0, 0.0, 1.0])
+        out = np.column_stack([outward, np.zeros(n)])
+        around = np.cross(e_z, out)
+        along = np.hstack([np.broadcast_to(e_z, (n, 3)), -self.radius * around])
+        tangents = np.stack([np.hstack([around, -height * out]), along], axis=1)
+        touching = np.abs(outward).max(axis=1) > 0.0
+        return np.hstack([-out, -height * around]), tangents, touching, np.zeros(n)
+
+    def _on_wall(
+        self, side: float, lean: np.ndarray, point: np.ndarray, height: float
+    ) -> tuple[np.ndarray, ...]:
+        """The same of a face on the wall at the end on this `side`, which leans so, (n, 2)."""
+        n, e_z = len(lean), np.array([0.0, 0.0, 1.0])
+        # A wall meets the leaning face where its rim stands highest; a straight one lies flat.
         highest = self.rim * np.column_stack([lean, np.zeros(n)])
+        normal = np.hstack([np.broadcast_to([0.0, 0.0, -side], (n, 3)), np.cross(highest, e_z)])
+        across = np.eye(3)[:2]
+        tangents = np.hstack([across, side * height * np.cross(e_z, across)])
         rise = self.rim * np.hypot(point[:, 3], point[:, 4])
-        touching = [np.abs(direction).max(axis=1) > 0.0 for direction in outward]
-        for k, side in ((rims, 1.0), (rims + 1, -1.0)):
-            normal[:, k, 2] = -side
-            normal[:, k, 3:] = np.cross(highest, e_z)
-            across[:, k, :, :3] = np.eye(3)[:2]
-            across[:, k, :, 3:] = side * heights[0] * np.cross(e_z, np.eye(3)[:2])
-            reached = side * point[:, 2] >= (self.along - rise) - (1.0 - _TOUCHES) * self.along
-            touching.append(reached & walled)
-        patch = np.zeros((n, len(forces)))
-        if leans:  # straight, its face lies flat on a wall
-            patch[:, rims:] = np.where(lean.any(axis=1), 0.0, self.rim)[:, None]
-        return Pressed(
-            tuple(range(len(forces))),
-            np.column_stack(forces),
-            normal,
-            across,
-            np.column_stack(touching),
-            patch,
-            (0, 1) + (2,) * walled + (3, 4) * leans,
-        )
+        reached = side * point[:, 2] >= (self.along - rise) - (1.0 - _TOUCHES) * self.along
+        patch = np.where(lean.any(axis=1), 0.0, self.rim)
+        return normal, np.broadcast_to(tangents, (n, 2, 6)), reached, patch
 
     def _borne_leaning(
         self, loads: np.ndarray, point: np.ndarray, walled: bool
