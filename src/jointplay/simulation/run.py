@@ -584,6 +584,8 @@ class Run:
             self._set_reference_block()
         if self.overflow is not None:
             self.overflow.before_stretch()
+        # How far at most, or at least, until something is due: `steps` is met exactly, which may
+        # end a macro step early; `pause` by the end of the macro step that passes it.
         steps = min(most, self.total_steps - w.steps)
         look = max(round(ENGAGED_S / self.simulation.step), 1)
         soon = w.steps + (min(CHUNK, look) if self._open_ended else CHUNK)
@@ -663,37 +665,39 @@ class Run:
         shown = ", ".join(state[k] for k in fast)
         if len(fast) < len(state):
             shown += f" (the fastest of {len(state)} coordinates)"
-        joint, contact = workspace.bad_contact
+        failure, remedy = self._failure(status)
+        return f"stopped {at}: {failure}; {remedy}. State: {shown}"
+
+    def _failure(self, status: Status) -> tuple[str, str]:
+        """What stopped the run, and what would help."""
+        mechanism, workspace = self.mechanism, self.workspace
+        index, contact = workspace.bad_contact
         if status == Status.BAD_LOAD:
-            load = list(self.simulation.loads)[joint]
-            failure, remedy = f"the load {load!r} gave a non-finite value", "correct it"
-        elif status == Status.RUN_AWAY:
-            failure = "the state diverged or is not a number"
-            remedy = "reduce the step or the drive's bandwidth"
+            load = list(self.simulation.loads)[index]
+            return f"the load {load!r} gave a non-finite value", "correct it"
+        if status == Status.RUN_AWAY:
             drives = assign(mechanism, self.simulation.motion, self.simulation.drive)
             through = [
                 name for name in mechanism.gears if getattr(drives[name], "encoder", "") == "link"
             ]
+            remedy = "reduce the step or the drive's bandwidth"
             if through:
                 remedy = f"the drive of {few(through)} acts through the teeth of its gear on what "
                 remedy += "its encoder reads: put that on the motor (--encoder motor), or lower "
                 remedy += "--bandwidth"
-        else:
-            name = list(mechanism.clearance)[joint]
-            law = mechanism.clearance[name]
-            place = law.contacts[contact]
-            if status == Status.BROKE_OUT and name == initial.left_bearing(mechanism, workspace.q):
-                failure = f"the journal of {name!r} left its bearing, whose ends are open"
+            return "the state diverged or is not a number", remedy
+        name = list(mechanism.clearance)[index]
+        joint = mechanism.clearance[name]
+        journal, place = f"the journal of {name!r}", joint.contacts[contact]
+        if status == Status.BROKE_OUT:
+            if name == initial.left_bearing(mechanism, workspace.q):
                 remedy = "hold it along the axis, or make bearing or journal longer"
-            elif status == Status.BROKE_OUT:
-                failure = f"the journal of {name!r} broke out of its bearing ({place})"
-                remedy = "reduce the step or check stiffness and loads"
-            elif status == Status.FILM_BROKE:
-                failure = f"the journal of {name!r} touched its bore through the film ({place})"
-                remedy = "let the film be hybrid, or take a more viscous oil"
-            else:
-                laws = [law.normal, law.friction] + ([law.film[0]] if law.film else [])
-                named = " or ".join(repr(law_used.name) for law_used in laws)
-                failure = f"law {named} of {name!r} returned a non-finite value ({place})"
-                remedy = "correct the law"
-        return f"stopped {at}: {failure}; {remedy}. State: {shown}"
+                return f"{journal} left its bearing, whose ends are open", remedy
+            remedy = "reduce the step or check stiffness and loads"
+            return f"{journal} broke out of its bearing ({place})", remedy
+        if status == Status.FILM_BROKE:
+            remedy = "let the film be hybrid, or take a more viscous oil"
+            return f"{journal} touched its bore through the film ({place})", remedy
+        laws = [joint.normal, joint.friction] + ([joint.film[0]] if joint.film else [])
+        named = " or ".join(repr(law.name) for law in laws)
+        return f"law {named} of {name!r} returned a non-finite value ({place})", "correct the law"

@@ -55,12 +55,16 @@ class TrialState:
 
 
 def minimize_in_ball(slope: np.ndarray, bend: np.ndarray, radius: float) -> np.ndarray:
-    """Where a quadratic is lowest within a ball about the origin."""
+    """Where a quadratic is lowest within a ball about the origin.
+
+    Its curvature is shifted until it is positive and the step no longer than the radius; how far is
+    found by bisection.
+    """
     # Eigen's, for on a busy machine the threads of numpy's wait for each other.
     spectrum = eigenpy.SelfAdjointEigenSolver(0.5 * (bend + bend.T))
     sizes, axes = spectrum.eigenvalues(), spectrum.eigenvectors()
     along = axes.T @ slope
-    least = 1e-13 * max(float(np.abs(sizes).max()), 1e-30)
+    least = 1e-13 * max(float(np.abs(sizes).max()), 1e-30)  # above rounding of the largest
     low = max(0.0, -float(sizes.min())) + least
     if sizes.min() > least and _length(along / sizes) <= radius:
         return -axes @ (along / sizes)
@@ -73,7 +77,7 @@ def minimize_in_ball(slope: np.ndarray, bend: np.ndarray, radius: float) -> np.n
             low = middle
         else:
             high = middle
-        if high < 1.01 * low:
+        if high < 1.01 * low:  # right to 1 %, enough for a trust radius
             break
     return -axes @ (along / (sizes + high))
 
@@ -90,6 +94,7 @@ _SHIFT_M = 1e-9
 differences are then wrong by 1e-6 at 0.2 µm, and less where surfaces are pressed deeper."""
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
+"""By which a law's force is integrated over the depth to the energy: 12 of Gauss's points."""
 
 
 @compiled
@@ -418,6 +423,13 @@ TOWARDS_MIDDLE = 1e-5
 """Stiffness towards the start in the first search, relative to the weight per clearance: judged; a
 tenth of `TOLERANCE`."""
 
+_LEAST_GAIN, _GOOD_GAIN = 0.1, 0.5
+"""Parts of the gain that the quadratic promises: below the first a step is not taken, above the
+second the next may be longer (judged, as usual in trust regions)."""
+
+_LEAST_RADIUS = 1e-12
+"""Trust radius in clearances below which the search ends: steps of it are rounding."""
+
 _ERROR_ROUNDS = 12
 """How often a motor is moved for its gear's kinematic error, whose slope is far below one."""
 
@@ -711,10 +723,12 @@ class StaticEquilibrium:
         (nv, nv), and the largest joint force [N]. The energy is infinite where a law fails.
         """
         model, data, away = self._model, self._data, q - self._start
+        # Gravity.
         curvature = weight_curvature(model, data, q)
         gradient = pin.computeGeneralizedGravity(model, data, q).copy()
         pin.computeJointJacobians(model, data, q)
         energy = pin.computePotentialEnergy(model, data)
+        # Springs of drives with dead band and limit; efforts and inertia forces that are constant.
         pulls, far = self._pulls(q), np.abs(self._unbent - q) - self._bands
         bends = (self._bands == 0.0) | (pulls != 0.0)
         bent = np.abs(pulls)
@@ -725,7 +739,7 @@ class StaticEquilibrium:
         energy += float((self._inertia - self._load_forces) @ away) + self._loads.energy(data, q)
         slope, bend = self._loads.slopes(data, q)
         gradient, curvature = gradient + (slope - self._load_forces), curvature + bend
-        load = 0.0
+        load = 0.0  # contacts
         for name in names:
             contacts, pose, moves = self._elastic[name], self._pose(name), self._jacobian(name)
             wrench = contacts.wrench(pose)
@@ -744,7 +758,7 @@ class StaticEquilibrium:
             gradient += torque * rates
             curvature += stiffness * np.outer(rates, rates)
             curvature[m, m] += torque * bend
-        if self._pull.any():
+        if self._pull.any():  # the soft spring towards the start (`settle`)
             parts = self.basis / self.scale
             moved = away @ parts
             energy += 0.5 * float(self._pull @ moved**2)
@@ -831,6 +845,15 @@ class StaticEquilibrium:
         names: Collection[str] | None = None,
         at: Collection[int] = (),
     ) -> tuple[np.ndarray, float, float, int]:
+        """Newton's method in a trust region, from q; returns where it ends, the residual and the
+        load there [N], and how many states were tried.
+
+        Steps are of `basis` in units of `scale`: a length of 1 crosses a clearance. One that gains
+        enough of what the quadratic promises is taken; others make the region smaller.
+
+        `most`: states to try; `names`: joints whose contacts count, None all; `at`: coordinates of
+        which one must move with a direction for it to be searched, none: all directions.
+        """
         names = self._elastic if names is None else names
         directions, rooms = self.basis * self.scale, self._rooms
         if at:
@@ -841,7 +864,11 @@ class StaticEquilibrium:
         while True:
             residual = float(np.abs(state.slope / rooms).max(initial=0.0))
             load = state.load
-            if residual <= SOLVED * (load or self._least_load) or trials >= most or radius < 1e-12:
+            if (
+                residual <= SOLVED * (load or self._least_load)
+                or trials >= most
+                or radius < _LEAST_RADIUS
+            ):
                 return state.q, residual, load, trials
             step = minimize_in_ball(state.slope, state.bend, radius)
             expected = -float(state.slope @ step + 0.5 * step @ state.bend @ step)
@@ -849,16 +876,16 @@ class StaticEquilibrium:
             trial = self._look(self.close(state.q + directions @ step), directions, names)
             trials += 1
             straight = state.gain(trial, expected)
-            if straight <= 0.1 and trials < most:
+            if straight <= _LEAST_GAIN and trials < most:
                 # Along curved walls, and where a wall is met: a second step leads back to it.
                 step = minimize_in_ball(trial.slope, trial.bend, size)
                 trial = self._look(self.close(trial.q + directions @ step), directions, names)
                 trials += 1
             gain = state.gain(trial, expected)
-            if not gain > 0.1:
+            if not gain > _LEAST_GAIN:
                 radius = 0.25 * size
                 continue
-            if gain > 0.5 or straight <= 0.1:
+            if gain > _GOOD_GAIN or straight <= _LEAST_GAIN:
                 radius = max(radius, 2.0 * size)
             state = trial
 
