@@ -335,10 +335,7 @@ class Run:
             self._loop.shorten_macro_steps(factor)
 
     def finish(
-        self,
-        progress: bool = False,
-        check_step: bool = True,
-        only: Sequence[str] | None = None,
+        self, progress: bool = False, check_step: bool = True, only: Sequence[str] | None = None
     ) -> Result:
         """Simulate to the end, from the start or from where the run stands; once only.
 
@@ -370,11 +367,7 @@ class Run:
                 result.amend(step_error=error[0], relative_step_error=error[1])
         return result
 
-    def result(
-        self,
-        status: Status | None = None,
-        only: Sequence[str] | None = None,
-    ) -> Result:
+    def result(self, status: Status | None = None, only: Sequence[str] | None = None) -> Result:
         """What was recorded so far, as a result.
 
         Args:

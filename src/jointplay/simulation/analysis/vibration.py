@@ -9,12 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.lib.stride_tricks import sliding_window_view
 
-from jointplay.base.errors import (
-    JointplayError,
-    require_finite,
-    require_known,
-    require_whole,
-)
+from jointplay.base.errors import JointplayError, require_finite, require_known, require_whole
 from jointplay.base.tables import counted
 from jointplay.base.units import readable, typeset
 from jointplay.simulation.analysis.tool_error import COMPONENTS, deviation

@@ -452,10 +452,7 @@ class Auditor:
         self._unknown += ((interval * widest) ** 2).sum(axis=0)
 
     def audit(
-        self,
-        workspace: Workspace,
-        rest: Rest | None,
-        unjudged: Mapping[str, np.ndarray] | None,
+        self, workspace: Workspace, rest: Rest | None, unjudged: Mapping[str, np.ndarray] | None
     ) -> Audit:
         """The figures of a run at its end.
 
