@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
 LARGEST_STEP_TURN = 1.0
 """Step times natural frequency of springs above which it is refused: 6 steps a period [rad]."""
-
 FINE_STEP_TURN = 0.2
 """The same that is advised: the period is then right to 0.2 % [rad]."""
 

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
 LOOK_S = 1e-3
 """Time between two looks at the pitch of a free base [s]."""
-
 LARGEST_PITCH = 1.0
 """Pitch beyond which a base gets another chart [rad]: it would have to turn by more than half a
 radian between two looks to come near a right angle."""

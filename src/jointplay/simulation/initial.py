@@ -30,13 +30,11 @@ PERTURBATION = 0.5
 Nobody knows where in its bearing a journal rests when the motion begins. Much smaller
 displacements are often forgotten: a journal wedged by the first stroke starts afresh.
 """
-
 _NOTICEABLE = 0.1
 """Part of the speed of pins at which a journal that nobody set flying is told of: judged; start
 speeds of two digits leave up to 0.05."""
 _AHEAD_S = 1e-6
 """Time over which accelerations of loops are taken from speeds [s]."""
-
 State = Mapping[str, Any]
 """By name of a joint or coordinate: position, or a pair of position and speed, None if free."""
 
@@ -282,25 +280,14 @@ def find_rest(
     if any(np.abs(gap).max() > loop.ASSEMBLY_TOLERANCE_M for gap in gaps.values()):
         fixed += start.held  # which have put journals aside: there they shall be
     balance = statics.StaticEquilibrium(
-        mechanism,
-        bodies,
-        workspace.q,
-        workspace.v,
-        drives,
-        workspace.drives,
-        workspace.servos,
-        workspace.reference[0],
-        run.friction,
-        loads,
-        start.acceleration(along),
-        fixed,
-    )
+        mechanism, bodies, workspace.q, workspace.v, drives, workspace.drives, workspace.servos,
+        workspace.reference[0], run.friction, loads, start.acceleration(along), fixed,
+    )  # fmt: skip
     return balance.settle(places=places)
 
 
 HELD = 0.05
 """Part of the largest stiffness above which contacts hold a journal in a direction: judged."""
-
 HELD_ASIDE_M = 1e-9
 """How far a journal is moved into contacts that hold it, at most [m]."""
 

@@ -154,13 +154,10 @@ MIN_CONTACT_STEPS = 4.0
 At 4 steps the restitution of an impact scatters by 0.03 (0.07 at c_e = 0.5), at 2 an impact can
 gain energy (docs/validation.md).
 """
-
 NO_MASS = 1e-9
 """Part of the mechanism's mass below which what a contact meets counts as no mass."""
-
 FILM_LAG = 0.5
 """Part of the effective mass that a film's lag reckons with: it may fall on the way."""
-
 REST_SPEED = 0.05
 """Part of the speed of an impact that would store what a contact at rest stores, to which its
 damping is referred.
@@ -295,10 +292,8 @@ def _check_step_resolves(step: float, duration: float, impact: str) -> None:
 EXPLICIT_DECAY = 0.2
 """Part of a journal's speed that a drive's damping may take in a step explicitly, if it flies: then
 the step is off by 2 % of that speed, 1 - 0.2 for exp(-0.2)."""
-
 LONG_STEP_S = 1e-4
 """Step for which that is asked where steps go by their error [s]: judged."""
-
 CHUNK = 2000
 """Steps between two looks at the clock and the keyboard, at most: some milliseconds of work."""
 
@@ -366,18 +361,11 @@ def prepare(simulation: Simulation, in_memory: bool, progress: bool, ahead: bool
         start.perturb(simulation.seed, at_rest=False, behind=behind_gears(drives))
     loop = time_loop.Adaptive if simulation.tolerance else time_loop.MultiRate
     macro_step = simulation.macro_step or loop.longest_macro_step_s
+    ahead_s = 2.0 * (CHUNK * step + macro_step)
     tables, armature, reference = tabulate(
-        mechanism,
-        simulation.motion,
-        drives,
-        duration,
-        friction,
-        start.q,
-        progress,
-        bounds,
-        ahead=2.0 * (CHUNK * step + macro_step),
-        speed=start.v,
-    )
+        mechanism, simulation.motion, drives, duration, friction, start.q, progress, bounds,
+        ahead_s, start.v,
+    )  # fmt: skip
     start.move()
     with saying_if_long(progress and ahead):
         # What else is compiled, by this process, is so while another one ends the kernel.
@@ -410,26 +398,15 @@ def prepare(simulation: Simulation, in_memory: bool, progress: bool, ahead: bool
     check_step(mechanism, pin.computeTotalMass(model), equal, start.q)
     if equal is not None:
         acting.check_step(simulation.loads, mechanism, equal, start.q)
+    stepper = time_loop.SingleRate if method.single_rate else loop
     return Prepared(
-        method,
-        total_steps,
-        time_loop.SingleRate if method.single_rate else loop,
-        macro_step,
-        drives,
-        friction,
-        start,
-        reference,
-        model,
-        data,
-        sites,
-        workspace,
-        compiles,
-    )
+        method, total_steps, stepper, macro_step, drives, friction, start, reference,
+        model, data, sites, workspace, compiles,
+    )  # fmt: skip
 
 
 _COMPILES_S = 5.0
 """Loading compiled kernels takes less than this; compiling them, at the first start, much more."""
-
 _announced = threading.Event()
 """Whether this process has said so: each of several kernels is compiled when it is called for."""
 

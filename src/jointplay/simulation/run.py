@@ -164,10 +164,8 @@ def _restitution(gear: Gearing) -> float:
 
 FASTEST_SHOWN = 4
 """Coordinates that the message on a run that diverged has."""
-
 SAME_PLACE = 1e-12
 """A machine without play that would rest so near where it is begins there [rad or m]."""
-
 ENGAGED_S = 1e-3
 """Interval at which is looked whether journals are in their open-ended bearings [s]."""
 

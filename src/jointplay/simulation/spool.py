@@ -26,10 +26,8 @@ from jointplay.simulation.working_files import RECORDS
 
 PORTION_BYTES = 2 << 20
 """Records that are in memory at once when histories are made of them [bytes]."""
-
 MOST_BYTES = 32 << 20
 """Records of a run that take more do not stay in memory, if they may go elsewhere [bytes]."""
-
 RECORD_BYTES = 4 << 20
 """Of such a run so much is in memory [bytes]."""
 

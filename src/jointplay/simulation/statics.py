@@ -92,7 +92,6 @@ def _length(vector: np.ndarray) -> float:
 _SHIFT_M = 1e-9
 """Displacement by which wrenches are differentiated [m]: of a force like depth^1.5 central
 differences are then wrong by 1e-6 at 0.2 µm, and less where surfaces are pressed deeper."""
-
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 """By which a law's force is integrated over the depth to the energy: 12 of Gauss's points."""
 
@@ -131,7 +130,7 @@ def _press(shape, dimensions, count, law, parameters, poses, nodes, weights, out
 @lru_cache(maxsize=256)
 def _springs(joint: Clearance, contact: int) -> tuple[np.ndarray, np.ndarray]:
     parameters = joint.normal.parameters(joint.contact_properties(contact))
-    depths = np.geomspace(1e-10, joint.depth_limit, 600)
+    depths = np.geomspace(1e-10, joint.depth_limit, 600)  # from an atom on
     forces = np.gradient(elastic_energy(joint.normal, parameters, depths), depths)
     return np.maximum.accumulate(forces), depths
 
@@ -401,38 +400,28 @@ class _StaticLoad:
 
 TOLERANCE = 1e-4
 """Unbalanced force, relative to the largest force of a joint, below which a state is at rest."""
-
 SOLVED = 1e-10
 """The same at which the search ends."""
-
 BALANCED = 1e-7
 """The same at which it is not begun anew: judged, far below `TOLERANCE` and far above rounding."""
-
 MOST_TRIALS = 100
 """States tried of all joints together, before the search goes on joint by joint or is given up:
 judged, as `MOST_LOCAL` and `MOST_ROUNDS` are; the shipped scenarios take 2 to 60 in all, the 3-RRR
 1,100."""
-
 MOST_LOCAL = 150
 """States tried of one joint."""
-
 MOST_ROUNDS = 10
 """How often forces that are no potential are reckoned anew where the machine then rests."""
-
 TOWARDS_MIDDLE = 1e-5
 """Stiffness towards the start in the first search, relative to the weight per clearance: judged; a
 tenth of `TOLERANCE`."""
-
 _LEAST_GAIN, _GOOD_GAIN = 0.1, 0.5
 """Parts of the gain that the quadratic promises: below the first a step is not taken, above the
 second the next may be longer (judged, as usual in trust regions)."""
-
 _LEAST_RADIUS = 1e-12
 """Trust radius in clearances below which the search ends: steps of it are rounding."""
-
 _ERROR_ROUNDS = 12
 """How often a motor is moved for its gear's kinematic error, whose slope is far below one."""
-
 _ANGLE = 1e-3
 """Displacement by which a joint is asked what its ideal twin would follow [m or rad]."""
 

@@ -31,10 +31,8 @@ if TYPE_CHECKING:
 
 _DOUBTED = 0.3 * STEP_WARNING
 """Difference from the run with twice the step above which half the step is tried."""
-
 _LEAST_MOTION = 1e-6
 """A motion of all coordinates by less than this counts as this [rad or m]."""
-
 _MOST_ROWS = 2000
 """Records of the other runs, about: their memory does not count."""
 
@@ -43,7 +41,6 @@ StepError = tuple[float, float]
 """How far a run may be off because of its step: largest error of the tool's position [m]; and of
 the coordinates, relative to how far they move at most, weighted with the masses that they move,
 motors left out."""
-
 COMPARED = ("q", "tool_position")
 """Histories that are compared."""
 

@@ -121,32 +121,26 @@ class TimeLoop(ABC):
 
 LONGEST_MACRO_STEP_S = 2e-4
 """Macro steps that an error estimate chooses are no longer than this [s]."""
-
 LONGEST_ADAPTIVE_MACRO_STEP_S = 3e-4
 """The same where micro steps go by their own error [s].
 
 SCARA, 3 s, tolerance 1e-3: the peak is 0.6 % off with 0.5 ms, 0.4 % with 0.3 ms, and 0.1 % with
 0.2 ms, which costs an eighth more than 0.3 ms.
 """
-
 MACRO_TOLERANCE = 1e-3
 """Error of the acceleration drawn along a line through two macro steps, relative: what the third
 says differs from it by no more, or the next macro step is shorter.
 
 The error between the middles is a small part of that. Measured: docs/integrators.md.
 """
-
 LARGEST_DEPARTURE = 3.0
 """Angle by which the state may leave the path that was predicted for a macro step, over the micro
 step [rad/s]: in proportion, so that smaller micro steps bring this error down with their own."""
-
 LOOP_TOLERANCE = 3e-5
 """`MACRO_TOLERANCE` with ideal loops, which drift apart by what the parabola is off."""
-
 USUAL_TOLERANCE = 1e-3
 """Tolerance of micro steps to which the macro steps above belong; with less they have a smaller
 error, too, in proportion, and are no longer than by its fourth root."""
-
 SHORTEST_MICRO_STEP_S = 2e-8
 """Micro steps that go by their error are no shorter than this [s]."""
 

@@ -8,7 +8,6 @@ from jointplay.base import files
 
 CHECKPOINT = b"jointplay checkpoint 4\n"
 """How a checkpoint begins."""
-
 RECORDS = b"jointplay records 1 "
 """How a file of records begins; then the run's own name and a line end."""
 

@@ -32,7 +32,6 @@ from jointplay.physics.contact.machine_code import (
 
 Parameters = Sequence[float] | Mapping[str, float]
 """Parameters of a law in the order of its arguments, or by name."""
-
 _DEPTHS, _SPEEDS = (1e-7, 1e-5), (1e-3, 1.0, 3.0)
 """Depths [m] and approach speeds [m/s] at which a law's elastic force is looked at."""
 

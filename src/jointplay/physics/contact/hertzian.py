@@ -25,16 +25,13 @@ CONTACT_WIDTH_LIMIT = 0.3
 
 The parabola's height is off by (a/R)^2/4, 2 % here.
 """
-
 POINT_YIELD = 1.60
 """Peak pressure over yield strength at first yield of a point contact (von Mises, nu = 0.3).
 
 K. L. Johnson, Contact Mechanics, Cambridge University Press, 1985, section 6.1.
 """
-
 REFERENCE_PENETRATION_M = 1e-5
 """Depth at which laws with other units of stiffness agree with Hertz's."""
-
 _TINY = 1e-6
 """Below this the equation of the restitution cancels; its first order is exact to its square."""
 

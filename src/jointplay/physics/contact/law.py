@@ -34,16 +34,12 @@ from jointplay.physics.contact.machine_code import parameter_names
 
 BRISTLE_NUMBERS = 8
 """What a friction law with bristles tells; see `bristle.Bristles`."""
-
 FILM_NUMBERS = 4
 """What a film law tells; see `film.FilmForce`."""
-
 RESTITUTION_MARGIN = 0.05
 """A run is warned of if an impact delivers a restitution further than this from c_e."""
-
 STATIC_RATIO = 1.5
 """Static over dynamic friction coefficient, where only the dynamic one is given."""
-
 WAVE_FRACTION = 1e-5
 """Fraction of the waves' speed up to which an impact counts as quasi-static.
 

@@ -37,7 +37,6 @@ LINE_YIELD = 1.79
 
 K. L. Johnson, Contact Mechanics, Cambridge University Press, 1985, section 6.1.
 """
-
 LARGEST_S = 2.0 * math.exp(-2.0)
 """s at u = 2, beyond which the implicit laws are continued along their tangent."""
 

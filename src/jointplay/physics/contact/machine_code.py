@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
 MAX_PARAMETERS = 8
 """Numbers a law can take: the room that the time loop keeps for each contact."""
-
 ARRAY = "p"
 """Argument that takes all parameters at once, as an array."""
 

@@ -295,7 +295,7 @@ _SINGULAR = 1e-12
 
 _elements, _curvature = compiled(find_element_forces), compiled(find_element_curvature)
 _SQUARE = WAYS * WAYS
-FOUND, PUSH, SOFT = WAYS, WAYS + 1, 2 * WAYS + 1
+STATE, PUSH, SOFT = WAYS, WAYS + 1, 2 * WAYS + 1
 """Places of what `rests` finds behind xi: whether it is a place of rest, the load in terms of xi
 less what the cage takes (5) [N, N m], and how xi changes with force and moment (5, 5)."""
 REST = SOFT + _SQUARE
@@ -511,7 +511,7 @@ def _find_rest(d, load, lean, result):
     _size(d, max(size, 1e-3 * out[SUM], 1e-9), unit)
     if out[SUM] == 0.0:
         if size == 0.0:
-            result[FOUND] = 1.0
+            result[STATE] = 1.0
             return
         # Centred, nothing bears: begin as far off as the load can push.
         long = 0.0
@@ -548,7 +548,7 @@ def _find_rest(d, load, lean, result):
     _answer(d, load, lean, best, pose, out, left)
     _curvature(d, pose, bend)
     stiff = _soften(d, load, best, pose, out, bend, unit, result[SOFT:])
-    result[FOUND] = 1.0 if stiff else -1.0
+    result[STATE] = 1.0 if stiff else -1.0
     for i in range(WAYS):
         result[i] = best[i]
     for i in range(3):

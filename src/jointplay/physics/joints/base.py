@@ -44,19 +44,14 @@ from jointplay.physics.joints.play import Play, play_within
 
 VIRTUAL_LINK = ("x", "y", "z", "yaw", "pitch", "roll")
 """The six coordinates of a clearance joint, in their order in q."""
-
 RELATIVE = ("x", "y", "z", "roll", "pitch", "yaw")
 """The same in the order of a twist: velocity, then angular velocity."""
-
 MOTOR = "motor"
 """What the coordinate of a geared joint's motor is called."""
-
 SAMPLES = 72
 """Azimuths at which contact directions are sampled."""
-
 _ROUNDING_M = 1e-12
 """By which a clearance may be beyond its limits."""
-
 _ON_A_SPHERE = 200
 """Directions at which those of a ball are sampled."""
 

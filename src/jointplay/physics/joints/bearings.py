@@ -38,16 +38,12 @@ from jointplay.physics.joints.play import Play
 
 ARRANGEMENTS = ("single", "DB", "DF", "DT")
 """One row, or a pair: back to back (O), face to face (X), both the same way (tandem)."""
-
 CLASSES = ("C0", "C1", "C2", "C3", "C4", "CN", "CC0")
 """Of internal clearance, of which a bearing has some."""
-
 AS_GIVEN, PRELOADED = "as given", "preloaded"
 """What an angular contact bearing can be instead of a class."""
-
 _SHIELDS = re.compile(r"[- ]?(2?ZZ?|2?RS[HLR12]?|DDU?|LLU)$")
 """What makers append for shields and seals, which change nothing here."""
-
 BALL_SHARE = 0.2945
 """Ball diameter over outside less bore, the mean of seven catalogue bearings (0.291 to 0.298)."""
 FILLING = 0.58
@@ -66,7 +62,6 @@ BALL_FRICTION, ROLLER_FRICTION = 0.0015, 0.003
 """Friction torque over load and half of the bore, from memory of makers' tables."""
 STIFFNESS_DAMPING_S = 1e-5
 """Damping over stiffness of a rolling contact [s], from memory."""
-
 _element_play = lru_cache(maxsize=64)(ElementPlay)
 """Equal bearings share what is found of theirs."""
 
@@ -625,7 +620,7 @@ class RollingBearing(WholeLawJoint):
         lean = np.zeros((len(loads), 2))
         for _ in range(_MOST_ROUNDS):
             results = rolling.rests(self.resultant, loads[:, :5], turn, lean)
-            state = results[:, rolling.FOUND]
+            state = results[:, rolling.STATE]
             if (state == 0.0).any():
                 load = loads[int(np.argmax(state == 0.0))]
                 raise JointplayError(

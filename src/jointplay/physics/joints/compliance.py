@@ -227,7 +227,6 @@ def hinge_of_beam(
 
 BUSH_WALL = 0.5
 """Wall of a bush over the half width of its bore, where no mass is given."""
-
 BUSH_DENSITY = 7850.0
 """Steel [kg/m^3], where the bearing's material has none."""
 

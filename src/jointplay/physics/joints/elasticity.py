@@ -14,10 +14,8 @@ from jointplay.physics.contact import resultant
 
 _MOST_BENDS = 60
 """Steps in which displacements on curves are found."""
-
 ABOUT_AXIS, ALONG_AXIS = 5, 2
 """Directions in which joints that turn, and that slide, are free: places in `DIRECTIONS`."""
-
 DIRECTIONS = ("radial", "radial", "axial", "tilt", "tilt", "torsion")
 """Which stiffness holds along x, y, z and about x, y, z."""
 

@@ -60,7 +60,6 @@ def record_failure(run, status, contact):
 PART = "d(i,i,i,i)"
 """Signature of what is compiled apart and called by address, as most runs do without it: of the
 addresses of run and joint, the joint's number, and what is to be done."""
-
 RUN_PART = "v(i,p,p,p,d,i)"
 """The same of parts of the whole run: of its address, the vectors q, v and tau, the time, and which
 of its tasks it is to do. A task reads and writes those of them that it needs."""

@@ -15,7 +15,6 @@ from jointplay.physics.kernel.layout import DRIVE, JOINT_FRICTION
 
 _DIFFERENCE = 1e-5
 """Relative difference of the speed by which the slope of bristles' friction is found."""
-
 _LEAST_DIFFERENCE = 1e-9
 """At least so much [rad/s or m/s]."""
 

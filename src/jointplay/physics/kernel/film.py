@@ -17,6 +17,8 @@ from jointplay.physics.kernel.layout import FILM
 _BAD_FORCE = int(Status.BAD_FORCE)
 _DIFFERENCE = 1e-4
 """Relative difference of a section's speed by which the film is differentiated."""
+_LEAST_DIFFERENCE = 1e-9
+"""The same where nothing moves [m/s]."""
 
 
 @compiled
@@ -84,7 +86,7 @@ def _add_slope(run, joint, place, velocity, arm, force):
     """Add the slope of a section's force with its velocity to the joint's."""
     e, part, direction = place
     size = math.sqrt(velocity[0] * velocity[0] + velocity[1] * velocity[1])
-    more = _DIFFERENCE * size + 1e-9
+    more = _DIFFERENCE * size + _LEAST_DIFFERENCE
     wrench_slope = joint.wrench_slope
     for c in range(2):
         ux = velocity[0] + (more if c == 0 else 0.0)

@@ -28,7 +28,6 @@ from jointplay.physics.kernel.layout import GEAR, GEAR_ROW, GEAR_TORQUE
 
 LEAST_TURN = 1e-12
 """First twist that is tried beyond the last one in a search for a torque [rad]."""
-
 HALVINGS = 64
 """By which the interval of that search becomes no more than rounding."""
 

@@ -31,7 +31,6 @@ _BAD_LOAD = int(Status.BAD_LOAD)
 
 LOAD_LAW = "v(d,p,p,p,p)"
 """Signature of a load's law, see `compiler.Compiled.native`."""
-
 _DIFFERENCE = 1e-6
 """Difference of velocities by which laws are differentiated, relative; and at rest [m/s]."""
 

@@ -71,29 +71,21 @@ from jointplay.physics.kernel.solve import (
 
 LARGEST_TURN = 0.02
 """Angle by which no joint turns further in a macro step that an error estimate chooses [rad]."""
-
 FEWEST_STEPS = 6
 """Steps that a macro step has although joints turn further: coarse steps of fast machines."""
-
 REFUSED = 4.0
 """A macro step whose middle is so many times the tolerance off is planned anew."""
-
 LEAST_STEPS = 8
 """Macro steps are planned no shorter than this many steps where one has been ended early."""
-
 GROWTH = 1.5
 """By how much a macro step is longer than the one before at most."""
-
 LEAST_APART = 0.3
 """Middles nearer to each other than this, relative to the macro step, do not make a line."""
-
 CHORD_STEPS = 4
 """Micro steps over which a chord stands for the parabola of the inverse mass matrix: the parabola
 itself is more memory than the nearest cache has beside what the velocity solve needs there."""
-
 LEAST_COMPLIANCE = 1e-14
 """Inverse inertia of a coordinate that is held, relative to the largest: it must not be zero."""
-
 CHORD_PART = 0.25
 """Longest chord, relative to the macro step."""
 

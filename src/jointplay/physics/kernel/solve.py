@@ -48,25 +48,18 @@ from jointplay.physics.kernel.load import add_load_slopes, apply_velocity_loads,
 TOLERANCE = 1e-9
 """Error of the velocity solve in each coordinate, their root mean square, as the root of twice its
 kinetic energy [kg^0.5 m/s]."""
-
 RELATIVE_TOLERANCE = 1e-11
 """The same relative to the state's own."""
-
 MOST_LISTED = 0.75
 """Where more than this part of all coordinates take part, all do: their rows lie there already."""
-
 SINGLE = 6
 """Coordinates of one joint with clearance: loops of this length are compiled on their own."""
-
 CONTRACTION = 0.1
 """A matrix that brings the error down by less than this is reckoned anew."""
-
 REFINED = 0.05
 """Below this part of the tolerance an error does not spoil the guesses extrapolated from it."""
-
 MOST_TRIALS = 40
 """Velocities tried before the best of them is taken."""
-
 LEAST_PART = 1.0 / 64.0
 """Smallest part of a Newton step that is tried."""
 

@@ -31,7 +31,6 @@ FIXED = (
 
 CACHE_LINE = 8
 """Numbers in a cache line: vectors of numbers that cross two take twice as long to read."""
-
 LEFT_OUT = "reference"
 """Array that a simulation makes again and no copy needs."""
 

@@ -19,12 +19,10 @@ from jointplay.simulation.result.result import AXES, Result
 
 CONFIDENCE = 0.95
 """A difference counts if its confidence interval (Welch) excludes zero."""
-
 PEAK_LEVEL = 0.2
 """A force peak reaches this fraction of the run's largest force."""
 ISOLATED = 0.05
 """Peaks are isolated in time if they fill less than this fraction of it."""
-
 APART_M = 1e-9
 """Points of a path that are nearer to each other count as one [m]: a search among the thousands
 that a tool at rest leaves takes four times as long."""

@@ -56,10 +56,8 @@ STRETCHES = 8
 Two runs of a chaotic motion can have the same largest force, or the same loss, by chance; not in
 all stretches.
 """
-
 SUBSETS = 4
 """Subsets of the records, each of every fourth, whose root mean squares are compared."""
-
 AT_ONCE = 16 * netcdf.CHUNK
 """Records of a long run that are in memory at once."""
 

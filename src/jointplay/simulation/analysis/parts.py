@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 COUNTS = 0.01
 """Part of the whole error from which on that of the drives is told; rigid ones leave a millionth.
 """
-
 STANDS_M = 1e-9
 """A point that moves by less stands: that much is rounding."""
 

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
 RATES = {"tool_position": "tool_velocity", "tool_orientation": "tool_angular_velocity"}
 """Which history says how fast another changes."""
-
 COMPONENTS = (*AXES, "total")
 """Columns of accuracies and spectra: x, y, z, and all three together."""
 

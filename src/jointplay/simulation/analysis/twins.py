@@ -36,10 +36,8 @@ if TYPE_CHECKING:
 
 TOOL_MOTIONS = ("tool_position", "tool_velocity", "tool_orientation", "tool_angular_velocity")
 """Histories of the tool that are measured against those of the ideal mechanism."""
-
 SLIDING_KINDS = {name for name, kind in JOINT_KINDS.items() if issubclass(kind, SlidingClearance)}
 """Kinds of joint whose surfaces slide on each other."""
-
 ROLLING_KINDS = {name for name, kind in JOINT_KINDS.items() if issubclass(kind, RollingBearing)}
 """Kinds of joint with rolling elements."""
 
@@ -242,10 +240,10 @@ def twin(result: Result, progress: bool = False) -> Result:
     return simulation.run(progress, check_step=check_step, estimate=False)
 
 
-_KEPT, _LARGE = 6, 1e7
+_MOST_RECENT, _LARGE_BYTES = 6, 1e7
 _recent: OrderedDict[str, Result] = OrderedDict()
 """The last twins' motions, by what was run: whoever judges a run asks for the same ones. Those of
-more bytes than `_LARGE` are run again, lest memory grow with the length of runs."""
+more bytes than `_LARGE_BYTES` are run again, lest memory grow with the length of runs."""
 
 
 def tool_motion(
@@ -271,11 +269,11 @@ def tool_motion(
         # Seen from a free base it needs all velocities.
         more = ("q", "v") if simulation.mechanism.free_base is not None else ()
         motion = run.result(status, only=(*TOOL_MOTIONS, *also, *more))
-        if status != Status.COMPLETED or motion.dataset.nbytes > _LARGE:
+        if status != Status.COMPLETED or motion.dataset.nbytes > _LARGE_BYTES:
             return motion
         _recent[key] = motion
     _recent.move_to_end(key)
-    while len(_recent) > _KEPT:
+    while len(_recent) > _MOST_RECENT:
         _recent.popitem(last=False)
     return _recent[key]
 

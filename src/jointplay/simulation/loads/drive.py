@@ -34,22 +34,17 @@ if TYPE_CHECKING:
 
 FASTEST = 1e9
 """Largest bandwidth of a drive [rad/s]: no step follows it."""
-
 MOST_DAMPED = 1e9
 """Largest damping ratio: beyond it a joint creeps, and far beyond it numbers end."""
-
 BANDWIDTH = 100.0
 """Bandwidth of computed torque that nobody gave [rad/s]: judged; what play does to the tool of
 SO-101, AR4, UR5 and Panda changes by less than 4 % between 30 and 300."""
-
 MARGIN = 0.5
 """Part of the bandwidth up to which a drive is stable that it has through teeth: the gain margin of
 6 dB that is usual; of five arms one swung up at 0.8, none at this."""
-
 PRESCRIBED_ARMATURE = 1e9
 """Armature of a joint with prescribed motion, relative to the inertia that it carries: the joint
 departs from the reference by its inverse."""
-
 ENCODERS = ("motor", "link")
 """Where an encoder can sit: before the play of its joint's gear, as in nearly all arms and servos,
 and so where nothing else is said; or behind it, on the joint."""
@@ -409,7 +404,6 @@ class Servo(Drive):
 
 _BESIDE = ("armature", "registers")
 """Of the catalogue, what is no field of a servo: the gear's `rotor_inertia`, units of registers."""
-
 REGISTERS = {"P": "p_gain", "I": "i_gain", "D": "d_gain"}
 """Gains by the registers of servos that set them."""
 

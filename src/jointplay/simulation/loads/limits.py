@@ -20,13 +20,10 @@ if TYPE_CHECKING:
 
 LIMITS = ("report", "cut", "ignore")
 """What becomes of them: ``cut`` also cuts efforts to them, ``ignore`` checks nothing."""
-
 INTERVAL_S = 1e-3
 """Interval at which a reference is held against them."""
-
 MARGIN = 1e-6
 """What passes for rounding [rad or m; of speeds and efforts relative]."""
-
 _SIZES = {"speed": ("a speed", ("rad/s", "m/s")), "effort": ("an effort", ("N m", "N"))}
 """Words and units, of revolute and of prismatic joints."""
 

@@ -38,51 +38,36 @@ from jointplay.simulation.motion.reference import Motion, check_waypoints
 
 ANGLE_ARM_M = 0.1
 """What turns an angle of the tool into a length [m]: 1 rad counts as 0.1 m."""
-
 REACHED_M = 1e-11
 """Error within which a waypoint counts as reached [m]."""
-
 NEARLY_M = 1e-6
 """Error to which a search that ends in a singular configuration may have come [m]."""
-
 SINGULAR_M = 1e-4
 """Singular values of the tool's Jacobian below this have lost their direction [m per rad or m]."""
-
 _DAMPING = (1e-7, 1e-2, 1e3)
 """Smallest, first and largest damping of the search [m]."""
-
 _ITERATIONS = 300
 """Steps of a search, at most: judged; `_STALLED` ends most that come to nothing."""
-
 _FAR = 2.0
 """Beyond so many times its reach (`Arm.reach`) nothing is searched; nearer, a search says how near
 the tool comes."""
-
 _STALLED, _STALLED_FALL = 20, 0.99
 """Steps of a search (damping takes 17 of them from its smallest to its largest) in which the error
 must fall below this part of itself: where it does not, there is no solution to come to."""
-
 _LOST = 1e-8
 """Singular values of the loops' Jacobian below this part of the largest are none."""
-
 SINGULAR = 1e-3
 """Least motion of the driven joints in a motion of all joints of size 1, see `Arm.authority`."""
-
 _SAMPLES = 5
 """Closed configurations in which freedoms are counted, beside the first."""
-
 _SAME = 1e-6
 """Within which two configurations are the same [rad or m]."""
-
 _NEAR = 30
 """Steps of a search for what is near."""
-
 _LEAST_SHARE = 1.0 / 256.0
 """Of the way to a target, the least step in which it is approached."""
-
 _BOND_WEIGHT = 1e3
 """Of what the joints must keep to, beside the tool that cannot be led where it shall be."""
-
 HALF_RANGE = math.pi
 """Range of restarts about zero, for joints without limits [rad or m]."""
 
@@ -511,16 +496,12 @@ PATHS = ("joint", "line")
 
 SAMPLE_S = 5e-3
 """Longest time between two inverse solutions on a line [s]."""
-
 SAMPLE_M = 2e-3
 """Longest way of the tool between them [m]; an angle counts on an arm of `ANGLE_ARM_M`."""
-
 JUMP = 0.1
 """A joint that moves farther than this while the tool moves by `SAMPLE_M` jumps [rad or m]."""
-
 _PATIENCE_S = 2.0
 """What takes longer has a bar [s]."""
-
 _RESTARTS = 40
 """Searches from anywhere before a waypoint is out of reach: judged; an arm of six
 axes has up to 16 branches."""

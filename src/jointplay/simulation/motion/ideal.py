@@ -18,19 +18,14 @@ from jointplay.simulation.motion.reference import REFERENCE_NODE_S, Motion
 
 LOOP_NODE_S = 1e-3
 """Interval at which loops are closed along the motion; between, a quintic spline [s]."""
-
 _SPLINE_MARGIN = 60
 """Nodes beyond the times that are asked for: a spline forgets its end by 0.43 a node or faster."""
-
 _BLOCKS_BEHIND = 3
 """Ends of calls of `efforts` whose closed loops are remembered."""
-
 _PORTION = 20_000
 """Times at which a tree's motion is held in memory at once."""
-
 _BASE = slice(0, 6)
 """The coordinates of a free base."""
-
 _PATIENCE_S = 1.0
 """What takes longer has a bar [s]."""
 

@@ -35,7 +35,6 @@ INTERPOLATIONS = ("rest-to-rest", "spline", "constant-speed", "speed-ramps")
 
 GOES_ON = INTERPOLATIONS[2:]
 """Those that do not stand still after the last waypoint."""
-
 ENOUGH_SAMPLES = 12
 """So many points that follow each other closely by chance are rare: of waypoints drawn anywhere one
 joint does so in 0.1 %, of waypoints each drawn about the last one in 8 % of all cases. Of fewer
@@ -45,7 +44,6 @@ SAMPLED_S = 0.025
 RESTS = 0.01
 """At an end where a joint moves at less than this part of its largest speed it is at rest (judged:
 what noise and the spline's own error come to). Noise that changes speeds by less is none."""
-
 NOISY = 0.25
 """From this part on that noise has in the squares of accelerations it is said: half the root mean
 square (judged). It is told by differences of fourth order, which of white noise have 70 / 6 times

@@ -176,7 +176,6 @@ def opened(path: Path) -> Iterator[Bag]:
 
 _FOOTER = 8 + 8 + 4
 """Bytes of what an MCAP file's last record holds: where summary and its index begin, checksum."""
-
 _ENDING = _FOOTER + 8
 """The same with the mark that ends the file."""
 

@@ -28,30 +28,24 @@ if TYPE_CHECKING:
 
 DRIFT_WARNING_M = 1e-6
 """Gap of an ideal loop above which a run warns."""
-
 NOTHING_EXCHANGED = 1e-6
 """Part of the kinetic and elastic energy below which variations count as none."""
-
 SPEED_NOISE = 1e-9
 """Speed that the velocity solve does not tell from rest, of a kilogram (`solve.TOLERANCE`) [m/s].
 """
-
 ENERGY_WARNING = 0.01
 """Relative energy residual above which a run warns."""
-
 UNDER_RESOLVED_WARNING = 1e-3
 """Share of the normal impulse in contacts of too few steps above which a run warns."""
-
 STEP_WARNING = 0.01
 """Error by the step, relative to the motion, above which a run warns."""
-
+DEEP_WARNING = 0.5
+"""Penetration over clearance above which a run warns: judged, far beyond what contact laws mean."""
 FEW_UNSOLVED = 10
 """So many steps whose velocities are known to less than the solve's tolerance are not worth a word:
 a first step from rest, or a corner of a friction law hit exactly."""
-
 IMPULSE_WARNING = 0.01
 """Part of a joint's impulse that its recorded forces may miss before a run warns."""
-
 FED_WARNING = 0.01
 """What friction may give back, relative to the energy exchanged, before a run warns."""
 
@@ -160,7 +154,7 @@ class Audit(Described):
                 f"{WELL_RESOLVED_STEPS} steps (shortest {self.shortest_contact_steps}; "
                 f"{100 * self.under_resolved_impulse:.2g} % of the impulse): reduce the step"
             )
-        if self.penetration_over_clearance > 0.5:
+        if self.penetration_over_clearance > DEEP_WARNING:
             worries.append(
                 f"the journal sank in by {self.largest_penetration:.3g} m, "
                 f"{100 * self.penetration_over_clearance:.0f} % of its clearance: the contact is "
@@ -333,7 +327,6 @@ MISSED = 5.0
 Between two records a force is unknown by no more than it is seen to vary there, its peak included;
 over many intervals these errors add up as independent ones do, unless records and force keep step.
 """
-
 MOST_WORST = 64
 """Portions whose worst records are kept apart."""
 

@@ -32,10 +32,8 @@ if TYPE_CHECKING:
 
 SEAL = b"\njointplay sha256 "
 """What stands between a file's content and its checksum, which ends the file with a newline."""
-
 CHUNK = 4096
 """Records that are compressed together."""
-
 INDEX_BYTES = 1 << 18
 """Memory for the index of the chunks, however many there are [bytes]."""
 

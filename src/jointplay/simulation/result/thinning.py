@@ -9,13 +9,10 @@ import xarray as xr
 
 _LARGEST, _SMALLEST, _STRONGEST = "normal_force_peak", "gap_min", "joint_force_peak"
 """Variables that cover the time since the last record, by how two of them make one."""
-
 _AT_ONCE = 1 << 15
 """Records of a variable that are read at once, about."""
-
 LARGE_FILE = 10_000_000
 """Files that are smaller are read whole [bytes]."""
-
 SUMMARY_RECORDS = 50_000
 """Records of a long run that are read for its summary and figures, about."""
 
