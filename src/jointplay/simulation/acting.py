@@ -235,7 +235,7 @@ class ReactionLoads:
         """Take the forces of the first instant, which no friction has changed yet."""
         w = self._workspace
         levels = self._friction(w.q, v, acceleration)
-        for (_, numbers, *_where), level in zip(self.members, levels, strict=True):
+        for (_, numbers, *_place), level in zip(self.members, levels, strict=True):
             numbers[TIME], numbers[LEVEL], numbers[RATE] = w.time, level, 0.0
         self._before = (w.time, w.q.copy(), v.copy())
 
@@ -249,7 +249,7 @@ class ReactionLoads:
             return
         middle = 0.5 * (w.q + q), (w.q - q) / span, (v - speed) / span
         levels = self._friction(*middle)
-        for (_, numbers, *_where), level in zip(self.members, levels, strict=True):
+        for (_, numbers, *_place), level in zip(self.members, levels, strict=True):
             now = time + 0.5 * span
             apart = now - numbers[TIME]
             rate = (level - numbers[LEVEL]) / apart if apart > 0.0 else 0.0

@@ -93,15 +93,15 @@ class BaseChart:
         if not self:
             return
         w = self._workspace
-        first_here = w.kept_elsewhere
-        first = max(self._converted, first_here) - first_here
+        elsewhere = w.kept_elsewhere
+        first = max(self._converted, elsewhere) - elsewhere
         angles, speeds = (w.recorded(name)[first:, ANGLES] for name in ("q", "v"))
         if len(angles):
             if self._moved:
-                counted = np.ascontiguousarray(angles)
-                spin = turning(counted, speeds)
-                converted = angles_of(self._chart @ rotation(counted), self._last)
-                angles[:], speeds[:] = converted, rates(converted, spin)
+                old = np.ascontiguousarray(angles)
+                spin = turning(old, speeds)
+                new = angles_of(self._chart @ rotation(old), self._last)
+                angles[:], speeds[:] = new, rates(new, spin)
             self._last = angles[-1].copy()
         self._converted = w.rows
 

@@ -155,9 +155,9 @@ class MultiRate(TimeLoop):
     advancing = Command.ADVANCE
     longest_macro_step_s = LONGEST_MACRO_STEP_S
 
-    def __init__(self, parent: Run, constraints: list[pin.RigidConstraintModel]) -> None:
-        super().__init__(parent, constraints)
-        w, run, macro_step = self.workspace, self.workspace.run, parent.simulation.macro_step
+    def __init__(self, owner: Run, constraints: list[pin.RigidConstraintModel]) -> None:
+        super().__init__(owner, constraints)
+        w, run, macro_step = self.workspace, self.workspace.run, owner.simulation.macro_step
         self._dt = float(run["dt"][0])
         self._middle = w.middle
         self._zero = np.zeros(self.model.nv)
@@ -265,17 +265,17 @@ class Adaptive(MultiRate):
     advancing = Command.ADVANCE_ADAPTIVELY
     longest_macro_step_s = LONGEST_ADAPTIVE_MACRO_STEP_S
 
-    def __init__(self, parent: Run, constraints: list[pin.RigidConstraintModel]) -> None:
-        super().__init__(parent, constraints)
-        run, tolerance = self.workspace.run, parent.simulation.tolerance
+    def __init__(self, owner: Run, constraints: list[pin.RigidConstraintModel]) -> None:
+        super().__init__(owner, constraints)
+        run, tolerance = self.workspace.run, owner.simulation.tolerance
         assert tolerance is not None
         run["micro_tolerance"], run["shortest_micro"] = tolerance, SHORTEST_MICRO_STEP_S
         run["micro_step"] = self._dt
-        if parent.simulation.macro_step is None and tolerance < USUAL_TOLERANCE:
+        if owner.simulation.macro_step is None and tolerance < USUAL_TOLERANCE:
             less = USUAL_TOLERANCE / tolerance
             self.shorten_macro_steps(less**0.25)
             run["tolerance"] /= less**0.5  # in proportion, with what that did
-        highest = parent.highest_frequency()
+        highest = owner.highest_frequency()
         run["longest_micro"] = STABLE_TURN / highest if highest > 0.0 else np.inf
         self.workspace.keep_copies()
 

@@ -77,7 +77,7 @@ def _origin(key: Key, origins: Origins, default: tuple[str, str]) -> tuple[str, 
 
 
 def of_joint(joint: Clearance, known_fields: Collection[str]) -> Iterator[tuple[str, str, bool]]:
-    """What decides a joint's numbers: field, text, and whether it is among those `said`.
+    """What decides a joint's numbers: field, text, and whether it is among the `known_fields`.
 
     Of joints that do not slide their summary stands for all.
     """

@@ -659,7 +659,7 @@ def complete(
         outer: dimension of the bearing [m].
         inner: dimension of the journal [m], or None.
         factor: clearances between outer and inner.
-        words: names of the clearance and of the dimension, for errors.
+        names: of the clearance and of the dimension, for errors.
 
     Returns:
         play and inner [m].

@@ -202,7 +202,7 @@ class Workspace:
         code goes by them wherever they lead.
 
         Args:
-            kept: copies by name.
+            copies: by name.
             state: whole numbers that steps change, each with its largest value: by name of the
                 array, its fields by name; an array that has none, as "". No other whole number is
                 written.

@@ -64,8 +64,8 @@ def contacts(result: Result, start: float | None = None) -> list[Contacts]:
             force = result["normal_force_peak"].sel(at).values
             edges = np.diff(np.concatenate([[False], force > 0.0, [False]]).astype(int))
             first, last = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
-            later_ones = time[first] >= start
-            first, last = first[later_ones], last[later_ones]
+            begun = time[first] >= start
+            first, last = first[begun], last[begun]
             top = [f + int(force[f : t + 1].argmax()) for f, t in zip(first, last, strict=True)]
             spacing = later[first]
             normal = result["normal_force"].sel(at).values[judged]

@@ -215,17 +215,17 @@ class Headline:
         self._seen += int(np.count_nonzero(judged))
 
     def measured(self, impacts: int | None) -> dict[str, Measured]:
-        by_name = {name: history.measured() for name, history in self._histories.items()}
+        figures = {name: history.measured() for name, history in self._histories.items()}
         if self._play:
-            by_name["impacts"] = Measured(float(impacts or 0), "", np.empty(0))
+            figures["impacts"] = Measured(float(impacts or 0), "", np.empty(0))
         lost = np.concatenate(self._lost)
         if self._work:
             work = np.concatenate(self._work)
             # What a load has taken in all; none where it has given.
             absorbed = work[0] - work
             lost = lost + absorbed[:, absorbed[-1] > 0.0].sum(axis=1)
-        by_name["dissipated energy"] = Measured(float(lost[-1] - lost[0]), "J", np.diff(lost))
-        return by_name
+        figures["dissipated energy"] = Measured(float(lost[-1] - lost[0]), "J", np.diff(lost))
+        return figures
 
 
 class _History:

@@ -306,7 +306,7 @@ def without(result: Result, cause: str, progress: bool = False) -> Result | None
     drives = assign(mechanism, motion, simulation.drive)
     driven = [name for name, drive in drives.items() if drive.follows]
     # Loops are closed at nodes, between which other drives are nearer than a spline.
-    nearer = mechanism.loops and not any(isinstance(a_drive, Servo) for a_drive in drives.values())
+    nearer = mechanism.loops and not any(isinstance(acting, Servo) for acting in drives.values())
     if nearer or (len(driven) < len(drives) and not mechanism.loops):
         return None
     start = initial_state(simulation, driven).q

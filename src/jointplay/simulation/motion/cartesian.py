@@ -732,7 +732,7 @@ def _require_near(arm: Arm, target: Target, label: str) -> None:
 def _solve(
     arm: Arm, seed: np.ndarray, target: Target, label: str, first: bool = False
 ) -> np.ndarray:
-    """Configuration near `seed` in which the frame is where it shall be; `what` names it."""
+    """Configuration near `seed` in which the frame is where it shall be; `label` names it."""
     solution = arm.approach(seed, target)
     if not solution.reached and arm.ideal.loops:
         solution = arm.search(seed, target)
@@ -765,8 +765,8 @@ def _otherwise(
     doing = f"looking for {label}"
     restarts = ProgressBar(range(_RESTARTS), doing, unit="try", delay=_PATIENCE_S, leave=False)
     tries = [arm.search(arm.anywhere(arm.random), target) for _ in restarts]
-    others = [end for end in tries if end.reached]
-    branch = min(others, key=lambda end: float(np.linalg.norm(end.q - seed)), default=None)
+    branches = [end for end in tries if end.reached]
+    branch = min(branches, key=lambda end: float(np.linalg.norm(end.q - seed)), default=None)
     remedy = ""
     if branch is not None:
         if first:

@@ -224,10 +224,10 @@ class IdealMotion:
         high = min(math.ceil(times[-1] / interval) + _SPLINE_MARGIN, self._nodes - 1)
         further = math.floor(times[-1] / interval) - _SPLINE_MARGIN
         begin = max(node for node in self._closed if node <= low)
-        times_ahead = np.arange(begin, high + 1) * interval
+        node_times = np.arange(begin, high + 1) * interval
         if high == self._nodes - 1:
-            times_ahead[-1] = self._end
-        nodes, places = times_ahead[low - begin :], motion(times_ahead)[0][:, self._order]
+            node_times[-1] = self._end
+        nodes, places = node_times[low - begin :], motion(node_times)[0][:, self._order]
         q = np.empty((len(nodes), ideal.model.nq))
         maps = np.empty((len(nodes), ideal.model.nv, len(at)))
         guess = self._closed[begin]

@@ -217,7 +217,7 @@ def _choose(topics: Mapping[str, str], path: Path, topic: str | None) -> tuple[s
         require_known("topic of joint positions", topic, fit)
         return fit[topic], topic
     for kind in (_TRAJECTORY, STATE):
-        named = [name for name, topic_kind in fit.items() if topic_kind == kind]
+        named = [name for name, its_kind in fit.items() if its_kind == kind]
         if len(named) > 1:
             raise JointplayError(f"{path}: name one of the topics {', '.join(named)}")
         if named:

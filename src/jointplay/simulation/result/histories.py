@@ -294,14 +294,14 @@ def _dataset(histories: variables.Variables, coordinates: Mapping[str, Any]) -> 
         },
         coordinates,
     )
-    variables_of = dataset.variables
-    if "tool_orientation" in variables_of:
-        variables_of["tool_orientation"].attrs["comment"] = CONVENTION
+    named = dataset.variables
+    if "tool_orientation" in named:
+        named["tool_orientation"].attrs["comment"] = CONVENTION
     for name, kind in (("mode", Mode), ("form", Form)):
-        if name in variables_of:
+        if name in named:
             members = [member.name.lower() for member in kind]  # type: ignore[var-annotated]
-            variables_of[name].attrs["flag_meanings"] = " ".join(members)
-            variables_of[name].attrs["flag_values"] = np.arange(len(members), dtype=np.int8)
-    if "form" in variables_of:
-        variables_of["form"].attrs["comment"] = "-1 for joints that Figure 2 does not show"
+            named[name].attrs["flag_meanings"] = " ".join(members)
+            named[name].attrs["flag_values"] = np.arange(len(members), dtype=np.int8)
+    if "form" in named:
+        named["form"].attrs["comment"] = "-1 for joints that Figure 2 does not show"
     return dataset

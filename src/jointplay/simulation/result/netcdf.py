@@ -223,7 +223,7 @@ class GrowingDataset:
         self._disk.check()
 
     def finish(self, attributes: Mapping[str, Any], totals: Mapping[str, xr.DataArray]) -> None:
-        """Write the dataset's attributes, the values of the `whole` at the end, and the seal."""
+        """Write the dataset's attributes, the values of the `totals` at the end, and the seal."""
         import h5netcdf
 
         for name, variable in totals.items():

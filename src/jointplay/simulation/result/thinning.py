@@ -45,7 +45,7 @@ def thin(dataset: xr.Dataset, every: int, only: Collection[str] | None = None) -
 def _read(
     name: str, variable: xr.Variable, rows: np.ndarray, begin: np.ndarray, every: int
 ) -> xr.Variable:
-    """The records `kept` of a variable, each with what happened from the one at `begin` on."""
+    """The records `rows` of a variable, each with what happened from the one at `begin` on."""
     if "time" not in variable.dims:
         return variable.copy(data=variable.values)
     shape = [len(rows) if dim == "time" else size for dim, size in variable.sizes.items()]
@@ -62,7 +62,7 @@ def _read(
 
 
 def _reduced(name: str, block: np.ndarray, rows: np.ndarray, begin: np.ndarray) -> np.ndarray:
-    """Of a piece of a variable the records `kept`, or what covers the time from `begin` on."""
+    """Of a piece of a variable the records `rows`, or what covers the time from `begin` on."""
     if name == _LARGEST:
         return np.asarray(np.fmax.reduceat(block, begin, axis=0))
     if name == _SMALLEST:
