@@ -57,8 +57,8 @@ def save(run: Run, path: Path) -> Path:
 def resume(path: Path, build: Callable[[dict[str, Any], Path | None], Run]) -> Run:
     """A run as it was left, see `Simulation.resume`.
 
-    `build`: from the description of a simulation, and where its records are if that is on disk, to a
-    run of it.
+    `build`: from the description of a simulation, and where its records are if that is on disk, to
+    a run of it.
     """
     arrays, head = read(path)
     with _naming_checkpoint(path):

@@ -89,7 +89,7 @@ def _on_curve(d, at, x):
 
 @compiled
 def _springs(d, at, n, xi, push, bend):
-    """Gradient (n) and curvature (n n) of the energy of springs in n directions; returns the energy."""
+    """Gradient (n), curvature (n n) of the energy of springs in n directions; returns it."""
     energy = 0.0
     for i in range(n):
         push[i] = 0.0
