@@ -25,16 +25,15 @@ from jointplay.base.errors import (
 )
 from jointplay.base.progress import Simulated
 from jointplay.base.tables import counted, few
-from jointplay.model.gear import Gearing
 from jointplay.model.impact import tooth_duration
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import Coordinate
 from jointplay.physics.kernel import Status
-from jointplay.physics.kernel.workspace import Workspace
 from jointplay.simulation import acting, checkpoint, initial, step_check, time_loop
 from jointplay.simulation.acting import Events, LoadSchedule
 from jointplay.simulation.base_chart import BaseChart
 from jointplay.simulation.initial import named
+from jointplay.simulation.judging import Judging
 from jointplay.simulation.loads.drive import assign
 from jointplay.simulation.prepare import CHUNK, Prepared, prepare, saying_if_long
 from jointplay.simulation.result.histories import compile_histories, histories
@@ -106,62 +105,6 @@ class Moment:
         return joints.index(name)
 
 
-# When a start has died away: by the first contacts that a run itself shows.
-
-LOOK_S = 1e-3
-"""Interval at which a run looks for first contacts [s]: what falls faster counts as so long."""
-
-
-class Settling:
-    """Looks at the contacts of a run from its start until they have settled."""
-
-    def __init__(self, mechanism: Mechanism, step: float) -> None:
-        self._mechanism = mechanism
-        self._interval = max(round(LOOK_S / step), 1)
-        self.next_step = self._interval
-        """At or after which the run shall look."""
-        self._settled: dict[str, float] = {}
-        """By joint that has touched: when its bounces are over [s]."""
-
-    def has_settled(self, workspace: Workspace) -> bool:
-        """Look, at `next_step` or later: whether all that has touched by now lies."""
-        self.next_step = (workspace.steps // self._interval + 1) * self._interval
-        time, mechanism = workspace.time, self._mechanism
-        onsets = workspace.contact_statistics()["onsets"]
-        for (name, joint), begun in zip(mechanism.clearance.items(), onsets, strict=True):
-            if begun.any() and joint.has_play and name not in self._settled:
-                nominal = joint.contact_properties(0).restitution
-                delivered = joint.normal.effective_restitution(nominal)
-                restitution = nominal if delivered is None else delivered
-                self._settled[name] = bounced_until(time, restitution)
-        for name, gear in mechanism.gears.items():
-            ends = (workspace.q[mechanism.motor(name)], workspace.q[mechanism.coordinate(name)])
-            touches = abs(gear.twist(*ends)) >= 0.5 * gear.play > 0.0
-            if touches and f"{name}.motor" not in self._settled:
-                self._settled[f"{name}.motor"] = bounced_until(time, _restitution(gear))
-        return bool(self._settled) and time >= max(self._settled.values())
-
-    def memory(self) -> dict[str, Any]:
-        return {"next_step": self.next_step, "settled": self._settled}
-
-    def recall(self, memory: Mapping[str, Any]) -> None:
-        self.next_step = int(memory["next_step"])
-        self._settled = {str(name): float(time) for name, time in memory["settled"].items()}
-
-
-def bounced_until(fallen: float, restitution: float) -> float:
-    """When the bounces after a fall that began at 0 and ended at `fallen` are over [s]."""
-    if restitution >= 1.0:
-        return math.inf
-    return fallen * (1.0 + restitution) / (1.0 - restitution)
-
-
-def _restitution(gear: Gearing) -> float:
-    """Of teeth, with the rotor alone on them: a joint beside it makes it smaller."""
-    ratio = gear.damping / (2.0 * math.sqrt(gear.steepest * max(gear.rotor_inertia, 1e-300)))
-    return math.exp(-math.pi * ratio / math.sqrt(1.0 - ratio**2)) if ratio < 1.0 else 0.0
-
-
 FASTEST_SHOWN = 4
 """Coordinates that the message on a run that diverged has."""
 SAME_PLACE = 1e-12
@@ -229,13 +172,7 @@ class Run:
         self._open_ended = any(
             math.isfinite(joint.engaged_within) for joint in self.mechanism.clearance.values()
         )
-        judged_from = self.simulation.judged_from
-        self.judged_from = judged_from or 0.0
-        """When figures begin to be judged [s]; 0 until contacts have settled, if they say when."""
-        settles = judged_from is None
-        self._settling = Settling(self.mechanism, simulation.step) if settles else None
-        self.unjudged: dict[str, np.ndarray] | None = None
-        """Contact statistics then; None: at the start, or it has not come to that."""
+        self.judging = Judging(self.mechanism, simulation.step, self.simulation.judged_from)
         self._begun = self._finished = False
         self._complete = True
         """Whether q and v of the workspace are complete: no step since they were made so."""
@@ -536,9 +473,8 @@ class Run:
             "reference": self._reference.memory(),
             "events": self._events.memory(),
             "loop": self._loop.memory(),
-            "judged_from": self.judged_from,
-            "settling": None if self._settling is None else self._settling.memory(),
-            "unjudged": self.unjudged,
+            "judging": self.judging.memory(),
+            "unjudged": self.judging.unjudged,
             "watch": self._watch.memory(),
             "chart": self._chart.memory(),
         }
@@ -554,11 +490,7 @@ class Run:
             self._origin = np.array(q, float), np.array(v, float)
         self._reference.recall(memory["reference"])
         self._set_reference_block()
-        self.judged_from, self.unjudged = float(memory["judged_from"]), memory["unjudged"]
-        if memory["settling"] is None:
-            self._settling = None
-        elif self._settling is not None:
-            self._settling.recall(memory["settling"])
+        self.judging.recall(memory["judging"], memory["unjudged"])
         self._watch.recall(memory["watch"])
         self._chart.recall(memory["chart"])
 
@@ -584,19 +516,15 @@ class Run:
         due = self._events.next_step
         if due is not None:
             steps = min(steps, due - w.steps)
-        judged = round(self.judged_from / self.simulation.step)
         for watch in (self._watch, self._chart):
             watched = watch.steps_until_next(w.steps)
             if watched is not None:
                 steps = min(steps, watched)
-        if w.steps < judged:
-            pause = min(pause, judged)
-        if self._settling is not None:
-            pause = min(pause, self._settling.next_step)
+        pause = int(min(pause, self.judging.next_step(w.steps)))
         try:
             good = self._loop.stretch(steps, pause)
             if good:
-                self._do_what_is_due(due, judged)
+                self._do_what_is_due(due)
                 left = initial.left_bearing(self.mechanism, w.q) if self._open_ended else None
                 if left is not None:
                     w.fail(Status.BROKE_OUT, list(self.mechanism.clearance).index(left))
@@ -605,14 +533,9 @@ class Run:
             self._left = self._state()
         return good
 
-    def _do_what_is_due(self, due: int | None, judged: int) -> None:
+    def _do_what_is_due(self, due: int | None) -> None:
         w = self.workspace
-        if self.unjudged is None and w.steps >= judged > 0:
-            self.unjudged = w.contact_statistics()
-        settling = self._settling
-        if settling and w.steps >= settling.next_step and settling.has_settled(w):
-            self.judged_from, self._settling = w.time, None
-            self.unjudged = w.contact_statistics()
+        self.judging.look(w)
         if due is not None and due == w.steps:
             self._loop.synchronize()
             self._events.apply_due_events(w)

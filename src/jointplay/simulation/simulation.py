@@ -145,7 +145,7 @@ class Simulation(Overview, Inputs):
         `judge_from` if given, else when `settle` is over; else, where journals fall into their
         bearings or perturbed teeth through their play at the start, after the first turn of a joint
         of the motion, if another follows; None: when contacts have settled, which a run finds
-        (`run.Settling`). At 0 where nothing falls. Refused if it makes no sense, as turns of what
+        (`judging`). At 0 where nothing falls. Refused if it makes no sense, as turns of what
         does not turn.
         """
         duration = self._simulated_time()

@@ -56,7 +56,7 @@ class HistoryBuilder:
         self._mechanism = mechanism = run.mechanism
         self._simulation = run.simulation.describe()
         self._acting = variables.BoundLoads(mechanism, run.simulation.loads)
-        self._auditor = Auditor(mechanism, self._simulation, run.judged_from)
+        self._auditor = Auditor(mechanism, self._simulation, run.judging.start)
         self._energy: np.ndarray | None = None
         self._orientation: np.ndarray | None = None
         self._held: dict[int, list[pin.RigidConstraintModel]] = {}
@@ -215,7 +215,7 @@ class HistoryBuilder:
         return {"sliding_work": xr.DataArray(work, {"azimuth": about}, dims, attrs=attributes)}
 
     def audit(self) -> Audit:
-        return self._auditor.audit(self._run.workspace, self._run.rest, self._run.unjudged)
+        return self._auditor.audit(self._run.workspace, self._run.rest, self._run.judging.unjudged)
 
     def attributes(self, status: Status) -> dict[str, Any]:
         """What a result says of the run, all its portions made."""
