@@ -122,7 +122,11 @@ class Workspace:
         )
         path = self._arrays["path"]
         self.middle = (path[layout.MIDDLE], path[layout.MIDDLE_SPEED])
-        self._link_pinocchio(data)
+        # What Pinocchio finds, the kernels read in place.
+        self.inverse_mass = self._point("found_minv", data.Minv)
+        self._point("found_free", data.ddq)
+        self._point("world_jacobian", data.J)
+        self.acceleration = self._allocate("a") if own_acceleration else self._point("a", data.ddq)
         self._take_tables(tables)
         self.joints, self.contacts = self._allocate("joints"), self._allocate("contacts")
         for name in ("shortest", "gap", "gap_min", "deepest"):
@@ -235,14 +239,6 @@ class Workspace:
                 writes.append((target, source))
         for target, source in writes:
             np.copyto(target, source)
-
-    def _link_pinocchio(self, data: pin.Data) -> None:
-        """Let the kernels read what Pinocchio finds."""
-        self.inverse_mass = self._point("found_minv", data.Minv)
-        self._point("found_free", data.ddq)
-        self._point("world_jacobian", data.J)
-        allocated = self._own_acceleration
-        self.acceleration = self._allocate("a") if allocated else self._point("a", data.ddq)
 
     def _take_tables(self, tables: CoordinateTables) -> None:
         """Let the kernels read what acts on single coordinates."""

@@ -415,12 +415,8 @@ def ended_words(result: Result, error: xr.DataArray) -> str:
     return f", against the ideal mechanism, whose run ends at {last:.4g} s" if short else ""
 
 
-def _judged(vectors: xr.DataArray) -> xr.DataArray:
-    return vectors.sel(time=vectors["time"] >= vectors.attrs["judge_from"])
-
-
 def _time_of_peak(vectors: xr.DataArray) -> float:
-    judged = _judged(vectors)
+    judged = vectors.sel(time=vectors["time"] >= vectors.attrs["judge_from"])
     return float(judged["time"][int(np.linalg.norm(judged.values, axis=1).argmax())])
 
 
