@@ -39,7 +39,7 @@ from jointplay.base.progress import ProgressBar
 from jointplay.model.impact import effective_mass, impact_duration
 from jointplay.paper.cases import JUDGED_FROM_S
 from jointplay.physics.contact import FILM_LAWS, FRICTION_LAWS, NORMAL_LAWS, FilmProperties
-from jointplay.physics.contact.compiled import MAX_PARAMETERS, compiled_law
+from jointplay.physics.contact.machine_code import MAX_PARAMETERS, compiled_law
 
 REGISTRIES = {"normal": NORMAL_LAWS, "friction": FRICTION_LAWS, "film": FILM_LAWS}
 """All laws, by family and name."""

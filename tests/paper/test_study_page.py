@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import jointplay
-from jointplay.paper import METHODS, Findings, Found, early_peak, errors_table, scara
+from jointplay.paper import METHODS, Findings, MethodFigures, early_peak, errors_table, scara
 from jointplay.paper.cases import EARLY, EARLY_S, judged
 from jointplay.paper.page import (
     PRINTED_PEAKS,
@@ -80,7 +80,7 @@ def test_the_explicit_method_is_too_high_in_the_first_strokes_and_every_cell_say
     explicit = judged(replace(scara(2e-4), **options, duration=EARLY_S)).run()
     default = early_peak(cases["0.2 mm"])
     assert default == pytest.approx(476.9, abs=0.1)  # 476.90 by an independent integrator
-    found = Found({EARLY: early_peak(explicit)}, tuple(explicit.audit.warnings))
+    found = MethodFigures({EARLY: early_peak(explicit)}, tuple(explicit.audit.warnings))
     assert found.figures[EARLY] > 1.3 * default
     assert any("explicit step" in warning for warning in found.warnings)
     rows = errors_table(cases, {("0.2 mm", method): found})

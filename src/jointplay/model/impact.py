@@ -13,8 +13,8 @@ from jointplay.base.errors import JointplayError, require_non_negative, require_
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.contact.bristle import BristleLaw
 from jointplay.physics.contact.calls import call_normal
-from jointplay.physics.contact.compiled import MAX_PARAMETERS, address, compiled_law
 from jointplay.physics.contact.law import FrictionLaw, NormalForceLaw
+from jointplay.physics.contact.machine_code import MAX_PARAMETERS, address, compiled_law
 from jointplay.physics.kernel import WELL_RESOLVED_STEPS
 
 REFERENCE_SPEED = 0.1

@@ -2,7 +2,7 @@ from .cases import CASES as CASES
 from .cases import CONDITIONS as CONDITIONS
 from .cases import METHODS as METHODS
 from .cases import Condition as Condition
-from .cases import Found as Found
+from .cases import MethodFigures as MethodFigures
 from .cases import early_peak as early_peak
 from .cases import run_case as run_case
 from .cases import scara as scara

@@ -149,7 +149,7 @@ def run_case(
 
 
 @dataclass(frozen=True)
-class Found:
+class MethodFigures:
     """What a method finds of a case."""
 
     figures: dict[str, float]  # by the names of certificates, and `EARLY`
@@ -174,12 +174,12 @@ def _ideal_with(method: str, condition: Condition) -> Result:
     return _with(None, method, condition)
 
 
-def by_method(label: str, method: str, condition: Condition = CONDITIONS[0]) -> Found:
+def by_method(label: str, method: str, condition: Condition = CONDITIONS[0]) -> MethodFigures:
     """Figures of the case `label` by one of the `METHODS`, and of its ideal twin by the same."""
 
     result = _with(CASES[label], method, condition).completed(f"{label}, {method}")
-    found = {EARLY: early_peak(result)}
+    values = {EARLY: early_peak(result)}
     if METHODS[method].get("duration", np.inf) > EARLY_S:
         ideal = None if CASES[label] is None else _ideal_with(method, condition)
-        found |= {name: value for name, (value, _) in figures(result, ideal).items()}
-    return Found(found, tuple(result.audit.warnings))
+        values |= {name: value for name, (value, _) in figures(result, ideal).items()}
+    return MethodFigures(values, tuple(result.audit.warnings))

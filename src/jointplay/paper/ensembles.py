@@ -56,19 +56,19 @@ class Ensembles:
         plan: dict[Any, Callable[[], Any]]
         plan = {key: partial(cases.by_method, *key, condition) for key in self._methods}
         plan |= {key: partial(cases.perturbed, *key, integrator) for key in self.plan}
-        self._found = Memory[Any]()
-        self._study: Study[Callable[[], Any], Any] = Study(plan, call, self._found)
+        self._outcomes = Memory[Any]()
+        self._study: Study[Callable[[], Any], Any] = Study(plan, call, self._outcomes)
         self.to_simulate = len(plan) * cases.length()  # what its runs simulate [s]
 
     @property
     def measures(self) -> dict[tuple[cases.Condition, str, int], Measures]:
         """Of the perturbed runs so far, by condition, case and seed."""
-        return {key: self._found[key] for key in self.plan if key in self._found}
+        return {key: self._outcomes[key] for key in self.plan if key in self._outcomes}
 
     @property
-    def others(self) -> dict[tuple[str, str], cases.Found]:
+    def others(self) -> dict[tuple[str, str], cases.MethodFigures]:
         """What other methods found so far, by case and method."""
-        return {key: self._found[key] for key in self._methods if key in self._found}
+        return {key: self._outcomes[key] for key in self._methods if key in self._outcomes}
 
     @contextmanager
     def started(self) -> Iterator[Future[None]]:
@@ -104,20 +104,20 @@ class Ensembles:
     @property
     def table(self) -> Table:
         """A row for each perturbed run: what it was run with, and its measures."""
-        found = self.measures
-        heads = ["gravity", "inertia", "clearance", "seed", *next(iter(found.values()), {})]
+        measured = self.measures
+        heads = ["gravity", "inertia", "clearance", "seed", *next(iter(measured.values()), {})]
         rows = [
             (condition.gravity, condition.variant, label, seed, *measures.values())
-            for (condition, label, seed), measures in found.items()
+            for (condition, label, seed), measures in measured.items()
         ]
         return Table.of([(head, "") for head in heads], rows)
 
     def verdicts(self) -> list[Verdict]:
         """Claims under each condition for which at least two runs of each case are there."""
-        verdicts, found = [], self.measures
+        verdicts, measured = [], self.measures
         for condition in cases.CONDITIONS:
             small, large = (
-                [measures for key, measures in found.items() if key[:2] == (condition, label)]
+                [measures for key, measures in measured.items() if key[:2] == (condition, label)]
                 for label in ("0.2 mm", "0.5 mm")
             )
             if min(len(small), len(large)) >= 2:
@@ -150,16 +150,16 @@ def write_claims(verdicts: Sequence[Verdict], ensembles: Ensembles, out: Path) -
 
 def filled(name: str, **values: Any) -> str:
     """A page of the study: its text in `pages` with these values, and what it was made with."""
-    made = Environment(
+    environment = Environment(
         loader=PackageLoader("jointplay.paper", "pages"),
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    made.filters["table"] = lambda rows: Table.of_texts(rows).markdown()
+    environment.filters["table"] = lambda rows: Table.of_texts(rows).markdown()
     names = ", ".join(f"{name} {version}" for name, version in versions().items())
-    return made.get_template(name).render(values, made_with=f"Made with {names}.")
+    return environment.get_template(name).render(values, made_with=f"Made with {names}.")
 
 
 def summary(verdicts: Sequence[Verdict]) -> str:

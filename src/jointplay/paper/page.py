@@ -36,12 +36,12 @@ def largest_peaks(result: Result, axis: str) -> list[tuple[float, float]]:
     judged = result.time >= result.judge_from
     time = result.time[judged]
     left = np.abs(result["joint_force_peak"].sel(joint=JOINT, axis=axis).values[judged])
-    found = []
+    peaks = []
     for _ in range(2):
         at = int(left.argmax())
-        found.append((float(time[at]), float(left[at])))
+        peaks.append((float(time[at]), float(left[at])))
         left = np.where(np.abs(time - time[at]) < PEAKS_APART_S, -1.0, left)
-    return sorted(found)
+    return sorted(peaks)
 
 
 def rim_reading(result: Result) -> dict[Mode, tuple[float, float, float]]:
@@ -57,21 +57,21 @@ def rim_reading(result: Result) -> dict[Mode, tuple[float, float, float]]:
     rims = np.hypot(*analysis.rim_centres(result, JOINT)[:, judged, :2].T).max(axis=1)
     middle = np.hypot(*result["journal_centre"].sel(joint=JOINT).values[judged, :2].T)
     mode = result["mode"].sel(joint=JOINT).values[judged]
-    found = {}
-    for one in Mode:
-        here = mode == one
-        count = max(int(here.sum()), 1)
-        rim, centre = (float((at[here] >= outline.max()).sum()) / count for at in (rims, middle))
-        found[one] = (float(here.mean()), rim, centre)
-    return found
+    shares = {}
+    for kind in Mode:
+        rows = mode == kind
+        count = max(int(rows.sum()), 1)
+        rim, centre = (float((at[rows] >= outline.max()).sum()) / count for at in (rims, middle))
+        shares[kind] = (float(rows.mean()), rim, centre)
+    return shares
 
 
 def _played(cases: Mapping[str, Result]) -> dict[str, Result]:
     return {label: result for label, result in cases.items() if result.joints}
 
 
-def _words(one: Form | Mode) -> str:
-    return one.name.lower().replace("_", " ")
+def _label(member: Form | Mode) -> str:
+    return member.name.lower().replace("_", " ")
 
 
 def forms_table(cases: Mapping[str, Result]) -> Rows:
@@ -80,8 +80,8 @@ def forms_table(cases: Mapping[str, Result]) -> Rows:
     shares = [analysis.time_fractions(result, JOINT, "form") for result in played.values()]
     rows: Rows = [("form", "contacts", *played)]
     for form in filter(None, Form):
-        cells = [f"{100.0 * one[form.name.lower()]:.2f} %" for one in shares]
-        rows.append((form.letter, _words(form), *(c if c != "0.00 %" else "never" for c in cells)))
+        cells = [f"{100.0 * fractions[form.name.lower()]:.2f} %" for fractions in shares]
+        rows.append((form.letter, _label(form), *(c if c != "0.00 %" else "never" for c in cells)))
     return rows
 
 
@@ -103,7 +103,7 @@ def _orbit_table(cases: Mapping[str, Result]) -> Rows:
     return [
         head,
         *(
-            (label, _words(mode), *(f"{100.0 * share:.2f} %" for share in shares))
+            (label, _label(mode), *(f"{100.0 * share:.2f} %" for share in shares))
             for label, result in _played(cases).items()
             for mode, shares in rim_reading(result).items()
         ),
@@ -116,7 +116,7 @@ def _inertia_table() -> Rows:
     rows: Rows = [("link", "mass [kg]", "Jxx, Jyy, Jzz [kg m²]", "Jxy, Jxz, Jyz [kg m²]")]
     for name, joint in (("arm1", "joint_a"), ("arm2", "joint_b"), ("arm3", "joint_c")):
         inertial = model.inertias[model.getJointId(joint)]
-        moments = [f"{one:.4g}" for one in inertial.inertia[np.triu_indices(3)]]
+        moments = [f"{moment:.4g}" for moment in inertial.inertia[np.triu_indices(3)]]
         xx, xy, xz, yy, yz, zz = moments
         rows.append((name, f"{inertial.mass:g}", f"{xx}, {yy}, {zz}", f"{xy}, {xz}, {yz}"))
     return rows
@@ -130,27 +130,27 @@ def page(study: Findings, setting: str) -> str:
         setting: gravity, inertia and method of the cases, in words.
     """
 
-    def found(claims: Sequence[int]) -> str:
+    def holding(claims: Sequence[int]) -> str:
         """Where some claims hold, by the ensembles."""
-        said = []
+        parts = []
         for claim in claims:
             where: dict[str, list[str]] = {}
             for verdict in study.verdicts:
                 if verdict.claim == claim:
                     where.setdefault(verdict.holds, []).append(verdict.condition)
-            words = ", ".join(
+            verdicts = ", ".join(
                 f"**{holds}** ({'; '.join(conditions) if len(where) > 1 else 'each condition'})"
                 for holds, conditions in where.items()
             )
-            if words:
-                said.append(f"claim {claim}: {words}")
-        return "; ".join(said)
+            if verdicts:
+                parts.append(f"claim {claim}: {verdicts}")
+        return "; ".join(parts)
 
     return filled(
         PAGE,
         study=study,
         setting=setting,
-        found=found,
+        found=holding,
         start=f"{JUDGED_FROM_S:g}",
         clearances="ideal; " + ", ".join(label for label, size in CASES.items() if size),
         printed=PRINTED_PEAKS,

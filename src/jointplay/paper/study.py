@@ -17,7 +17,7 @@ from jointplay.paper.cases import (
     EARLY,
     EARLY_S,
     Condition,
-    Found,
+    MethodFigures,
     early_peak,
     length,
     run_case,
@@ -34,7 +34,7 @@ from jointplay.study.certification import number_of_runs
 
 
 def errors_table(
-    cases: Mapping[str, Result], others: Mapping[tuple[str, str], Found]
+    cases: Mapping[str, Result], others: Mapping[tuple[str, str], MethodFigures]
 ) -> list[tuple[str, ...]]:
     """Certified figures of the cases, and what other methods find.
 
@@ -59,22 +59,22 @@ def errors_table(
     return rows
 
 
-def _beside(figure: CertifiedFigure, found: Found | None) -> str:
+def _beside(figure: CertifiedFigure, method: MethodFigures | None) -> str:
     """What another method finds of a figure, and how much that differs."""
-    if found is None or figure.name not in found.figures:
+    if method is None or figure.name not in method.figures:
         return "not computed"
-    other = found.figures[figure.name]
-    text = told(other, figure.unit, 5)
+    value = method.figures[figure.name]
+    text = told(value, figure.unit, 5)
     if figure.value == 0.0:
         return text
-    held = ", within the error" if abs(other - figure.value) <= figure.error < math.inf else ""
-    return f"{text} ({100.0 * (other / figure.value - 1.0):+.1f} %{held})"
+    held = ", within the error" if abs(value - figure.value) <= figure.error < math.inf else ""
+    return f"{text} ({100.0 * (value / figure.value - 1.0):+.1f} %{held})"
 
 
 def measures_table(cases: Mapping[str, Result]) -> list[tuple[str, ...]]:
     """What the claims use, a row for each measure and a column for each case that has it."""
     named = {
-        label: {one.name: one for one in certificate.figures if one not in certificate.headline}
+        label: {fig.name: fig for fig in certificate.figures if fig not in certificate.headline}
         for label, result in cases.items()
         if (certificate := result.certificate) is not None
     }
@@ -82,20 +82,20 @@ def measures_table(cases: Mapping[str, Result]) -> list[tuple[str, ...]]:
     rows: Rows = [("measure", *played)]
     for name in dict.fromkeys(name for measures in played.values() for name in measures):
         figures = [measures[name] for measures in played.values()]
-        rows.append((name, *(f"{one}{' (above 5 %)' if one.marked else ''}" for one in figures)))
+        rows.append((name, *(f"{fig}{' (above 5 %)' if fig.marked else ''}" for fig in figures)))
     return rows
 
 
-def write_errors(found: Findings, setting: str, out: Path) -> None:
+def write_errors(findings: Findings, setting: str, out: Path) -> None:
     """Write ``errors.md``."""
     text = filled(
         "errors.md",
         setting=setting,
         early=f"{EARLY_S:g}",
-        rows=found.rows,
-        warnings=found.warnings,
-        measures=measures_table(found.cases),
-        done=len(found.cases),
+        rows=findings.rows,
+        warnings=findings.warnings,
+        measures=measures_table(findings.cases),
+        done=len(findings.cases),
         planned=len(CASES),
     )
     files.write(out / "errors.md", text)
@@ -172,14 +172,14 @@ def run_study(
             others = ensembles.others
             warnings = [
                 f"{label}, {method}: {warning}"
-                for (label, method), one in others.items()
-                for warning in one.warnings
+                for (label, method), method_figures in others.items()
+                for warning in method_figures.warnings
             ]
-            found = Findings(cases, errors_table(cases, others), warnings, ensembles.verdicts())
-            write_errors(found, setting, out)
+            findings = Findings(cases, errors_table(cases, others), warnings, ensembles.verdicts())
+            write_errors(findings, setting, out)
             if runs:
-                write_claims(found.verdicts, ensembles, out)
+                write_claims(findings.verdicts, ensembles, out)
     with signals.keeping(f"the figures in {out}"):
         plots.save(cases, out, pdf)  # last: whatever happens to figures, the numbers are there
-        write_page(found, setting, out)
-    return found
+        write_page(findings, setting, out)
+    return findings

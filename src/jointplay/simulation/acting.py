@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
 LARGEST_STEP_TURN = 1.0
 """Step times natural frequency of springs above which it is refused: 6 steps a period [rad]."""
-
 FINE_STEP_TURN = 0.2
 """The same that is advised: the period is then right to 0.2 % [rad]."""
 
@@ -56,7 +55,7 @@ def load_site(load: Load, mechanism: Mechanism, bounds: Mapping[str, float]) -> 
     law, numbers = int(compiled_law(load).address), load.numbers(mechanism)
     if site.frames is None:
         largest = tuple(bounds.get(name, math.inf) for name in load.driven())
-        cut = largest if any(math.isfinite(one) for one in largest) else ()
+        cut = largest if any(math.isfinite(effort) for effort in largest) else ()
         return LoadSite(law, numbers, load.stores, load.implicit(), site.inputs, site.outputs, cut)
     (i, _), (j, _) = site.frames
     signs = signs_between(mechanism.model, i, j)
@@ -89,8 +88,8 @@ def check_step(loads: Mapping[str, Load], mechanism: Mechanism, step: float, q: 
     if frequency * step > LARGEST_STEP_TURN:
         swing = f"a swing on its springs at {frequency / (2.0 * np.pi):.3g} Hz"
         most = f"take at most {FINE_STEP_TURN / frequency:.2g} s"
-        said = f"step {step:g} s is too large for the load {stiffest!r}, {swing}: {most}"
-        raise JointplayError(said, ("step",))
+        advice = f"step {step:g} s is too large for the load {stiffest!r}, {swing}: {most}"
+        raise JointplayError(advice, ("step",))
 
 
 def _direction(site: Site, model: pin.Model, data: pin.Data, q: np.ndarray) -> np.ndarray:
@@ -130,7 +129,7 @@ class Events:
     def __init__(self, run: Run) -> None:
         simulation, step = run.simulation, run.simulation.step
         self._mechanism, self._model = run.mechanism, run.model
-        self._every = simulation.record_every
+        self._record_every = simulation.record_every
         self.phases = [Phase(0, run.mechanism.model.copy())]
         planned: list[tuple[int, Payload, bool]] = []
         for payload in simulation.payloads:
@@ -168,7 +167,7 @@ class Events:
                 for model in (before, now):  # the chart of a free base is that of the run
                     model.jointPlacements[base] = self._model.jointPlacements[base]
                 brought += _energy(now, w.q, w.v) - _energy(before, w.q, speed)
-            row = -(-w.steps // self._every)
+            row = -(-w.steps // self._record_every)
             self.phases.append(Phase(row, bodies, brought))
 
     def memory(self) -> list[tuple[int, float]]:
@@ -207,15 +206,15 @@ class ReactionLoads:
 
     def __init__(self, run: Run, sites: Sequence[LoadSite]) -> None:
         self._workspace, self._model, mechanism = run.workspace, run.model, run.mechanism
-        every = list(enumerate(zip(run.simulation.loads.values(), sites, strict=True)))
+        numbered = list(enumerate(zip(run.simulation.loads.values(), sites, strict=True)))
         self.members = [
             (load, site.numbers, *_axis(mechanism, load.joint))
-            for _, (load, site) in every
+            for _, (load, site) in numbered
             if isinstance(load, LoadedFriction)
         ]
         self._pushers = [
             (index, load.site(mechanism))
-            for index, (load, site) in every
+            for index, (load, site) in numbered
             if site.carriers is not None
         ]
         self._data: pin.Data | None = None
@@ -236,7 +235,7 @@ class ReactionLoads:
         """Take the forces of the first instant, which no friction has changed yet."""
         w = self._workspace
         levels = self._friction(w.q, v, acceleration)
-        for (_, numbers, *_rest), level in zip(self.members, levels, strict=True):
+        for (_, numbers, *_place), level in zip(self.members, levels, strict=True):
             numbers[TIME], numbers[LEVEL], numbers[RATE] = w.time, level, 0.0
         self._before = (w.time, w.q.copy(), v.copy())
 
@@ -250,7 +249,7 @@ class ReactionLoads:
             return
         middle = 0.5 * (w.q + q), (w.q - q) / span, (v - speed) / span
         levels = self._friction(*middle)
-        for (_, numbers, *_rest), level in zip(self.members, levels, strict=True):
+        for (_, numbers, *_place), level in zip(self.members, levels, strict=True):
             now = time + 0.5 * span
             apart = now - numbers[TIME]
             rate = (level - numbers[LEVEL]) / apart if apart > 0.0 else 0.0
@@ -292,8 +291,8 @@ def _axis(mechanism: Mechanism, name: str) -> tuple[int, np.ndarray, bool]:
         return index, np.array([0.0, 0.0, 1.0]), slides
     data = model.createData()
     pin.computeJointJacobians(model, data, pin.neutral(model))
-    (way,) = motions(model, data, index)
-    return index, way[:3] if slides else way[3:], slides
+    (column,) = motions(model, data, index)
+    return index, column[:3] if slides else column[3:], slides
 
 
 class LoadSchedule:
@@ -316,16 +315,16 @@ class LoadSchedule:
         periods = map(float, self._workspace.servos["period"])  # servos sample in compiled code
         servos = [_steps_in(period, step, "a servo") for period in periods if period > 0.0]
         reactions = [max(round(REACTION_S / step), 1)] if self._reactions.members else []
-        self._looks = [*(every for _, _, every, _ in self._controllers), *reactions]
+        self._looks = [*(interval for _, _, interval, _ in self._controllers), *reactions]
         self._stops = [*self._looks, *servos]
         self._reactions_every = reactions[0] if reactions else None
 
     def steps_until_next(self, step: int) -> int | None:
         """Steps from `step` until one of them looks again; None if none ever does."""
-        return min((every - step % every for every in self._stops), default=None)
+        return min((interval - step % interval for interval in self._stops), default=None)
 
     def is_due(self, step: int) -> bool:
-        return any(step % every == 0 for every in self._looks)
+        return any(step % interval == 0 for interval in self._looks)
 
     def start(self, loop: TimeLoop) -> None:
         """Let a loop begin, once more when the forces that joints transmit are known."""
@@ -341,7 +340,7 @@ class LoadSchedule:
         w = self._workspace
         if self._reactions_every and w.steps % self._reactions_every == 0:
             self._reactions.update(loop.velocity())
-        if last or all(w.steps % every for _, _, every, _ in self._controllers):
+        if last or all(w.steps % interval for _, _, interval, _ in self._controllers):
             return
         if loop.method.single_rate:
             loop.synchronize()
@@ -357,8 +356,8 @@ class LoadSchedule:
         are held from it on. With `jumps` the torques before count for half of the present instant.
         """
         w = self._workspace
-        for load, site, every, sampler in self._controllers:
-            if w.steps % every == 0:
+        for load, site, interval, sampler in self._controllers:
+            if w.steps % interval == 0:
                 inputs = list(site.inputs)
                 if self._asked == w.steps:
                     torques = held(site.numbers)

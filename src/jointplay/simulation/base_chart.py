@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
 LOOK_S = 1e-3
 """Time between two looks at the pitch of a free base [s]."""
-
 LARGEST_PITCH = 1.0
 """Pitch beyond which a base gets another chart [rad]: it would have to turn by more than half a
 radian between two looks to come near a right angle."""
@@ -53,7 +52,7 @@ class BaseChart:
     def __init__(self, run: Run) -> None:
         self._joint, self._model = run.mechanism.base_joint, run.model
         self._workspace = run.workspace
-        self._every = max(round(LOOK_S / run.simulation.step), 1)
+        self._interval = max(round(LOOK_S / run.simulation.step), 1)
         self._chart = np.eye(3)
         self._moved = False
         """Whether the chart has ever been replaced."""
@@ -66,12 +65,12 @@ class BaseChart:
         return self._joint > 0
 
     def steps_until_next(self, step: int) -> int | None:
-        return self._every - step % self._every if self else None
+        return self._interval - step % self._interval if self else None
 
     def replace_if_due(self, loop: TimeLoop) -> bool:
         """Replace the chart where the pitch has gone far; the loop must then begin again."""
         w = self._workspace
-        if not self or w.steps % self._every or abs(w.q[ANGLES][1]) < LARGEST_PITCH:
+        if not self or w.steps % self._interval or abs(w.q[ANGLES][1]) < LARGEST_PITCH:
             return False
         loop.synchronize()
         self.convert_records()
@@ -94,15 +93,15 @@ class BaseChart:
         if not self:
             return
         w = self._workspace
-        kept = w.kept_elsewhere
-        first = max(self._converted, kept) - kept
+        elsewhere = w.kept_elsewhere
+        first = max(self._converted, elsewhere) - elsewhere
         angles, speeds = (w.recorded(name)[first:, ANGLES] for name in ("q", "v"))
         if len(angles):
             if self._moved:
-                given = np.ascontiguousarray(angles)
-                spin = turning(given, speeds)
-                found = angles_of(self._chart @ rotation(given), self._last)
-                angles[:], speeds[:] = found, rates(found, spin)
+                old = np.ascontiguousarray(angles)
+                spin = turning(old, speeds)
+                new = angles_of(self._chart @ rotation(old), self._last)
+                angles[:], speeds[:] = new, rates(new, spin)
             self._last = angles[-1].copy()
         self._converted = w.rows
 

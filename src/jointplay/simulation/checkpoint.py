@@ -54,18 +54,18 @@ def save(run: Run, path: Path) -> Path:
     return files.write(path, out.getvalue(), overwrite=True, announced=False)
 
 
-def resume(path: Path, made: Callable[[dict[str, Any], Path | None], Run]) -> Run:
+def resume(path: Path, build: Callable[[dict[str, Any], Path | None], Run]) -> Run:
     """A run as it was left, see `Simulation.resume`.
 
-    `made`: from the description of a simulation, and where its records are if that is on disk, to a
-    run of it.
+    `build`: from the description of a simulation, and where its records are if that is on disk, to
+    a run of it.
     """
     arrays, head = read(path)
     with _naming_checkpoint(path):
         # It names a file beside it, which must hold records of this very run: nothing else is read,
         # written or deleted because a checkpoint says so.
         records = None if head["records"] is None else path.with_name(head["records"]["file"])
-        run = made(head["simulation"], records)
+        run = build(head["simulation"], records)
         _restore(run, arrays, head)
     return run
 
@@ -78,9 +78,9 @@ def check_replaceable(path: Path) -> None:
     if not os.path.lexists(path):
         return
     with suppress(JointplayError):
-        found = Result.open(path)
-        found.dataset.close()
-        if found.status == Status.INTERRUPTED:
+        result = Result.open(path)
+        result.dataset.close()
+        if result.status == Status.INTERRUPTED:
             return
     raise JointplayError(
         f"{str(path)!r} is not the result of an interrupted run, which would be replaced; move it"

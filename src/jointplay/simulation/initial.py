@@ -30,28 +30,26 @@ PERTURBATION = 0.5
 Nobody knows where in its bearing a journal rests when the motion begins. Much smaller
 displacements are often forgotten: a journal wedged by the first stroke starts afresh.
 """
-
 _NOTICEABLE = 0.1
 """Part of the speed of pins at which a journal that nobody set flying is told of: judged; start
 speeds of two digits leave up to 0.05."""
 _AHEAD_S = 1e-6
 """Time over which accelerations of loops are taken from speeds [s]."""
-
 State = Mapping[str, Any]
 """By name of a joint or coordinate: position, or a pair of position and speed, None if free."""
 
 
 def position_and_speed(name: str, value: Any) -> tuple[float | None, float | None]:
     """Position and speed that were given for a coordinate, checked."""
-    given = list(value) if isinstance(value, list | tuple) else [value, None]
-    if len(given) != 2:
+    pair = list(value) if isinstance(value, list | tuple) else [value, None]
+    if len(pair) != 2:
         raise JointplayError(
             f"state of {name!r} must be a position or a pair of position and speed, got {value!r}"
         )
-    words = ("start of joint", "rad or m"), ("speed at the start of joint", "rad/s or m/s")
+    quantities = ("start of joint", "rad or m"), ("speed at the start of joint", "rad/s or m/s")
     position, speed = (
-        None if one is None else require_finite(f"{what} {name!r}", one, unit)
-        for one, (what, unit) in zip(given, words, strict=True)
+        None if number is None else require_finite(f"{quantity} {name!r}", number, unit)
+        for number, (quantity, unit) in zip(pair, quantities, strict=True)
     )
     return position, speed
 
@@ -62,7 +60,7 @@ class InitialState:
 
     Attributes:
         q, v: shapes (nq,) and (nv,).
-        given: coordinates of journals whose places were given.
+        placed: coordinates of journals whose places were given.
         led: coordinates that follow the motion.
         moving: coordinates whose speeds are given.
     """
@@ -71,7 +69,7 @@ class InitialState:
     motion_speed: np.ndarray
     q: np.ndarray
     v: np.ndarray
-    given: list[int]
+    placed: list[int]
     held: list[int]
     led: list[int]
     moving: list[int]
@@ -100,14 +98,14 @@ class InitialState:
             for part, target in zip(VIRTUAL_LINK[:3], push * rooms, strict=True):
                 if part in joint.freedoms:
                     i = mechanism.coordinates.index(Coordinate(name, part))
-                    shift = target - self.q[i] if at_rest and i not in self.given else target
+                    shift = target - self.q[i] if at_rest and i not in self.placed else target
                     limits = joint.start_travels.get(part, 0.0) > 0.0
                     if limits:
                         self.q[i] += PERTURBATION * shift if at_rest else shift
             if at_rest:
                 for part in set(statics.limited_freedoms(joint)).intersection(VIRTUAL_LINK[3:]):
                     i = mechanism.coordinates.index(Coordinate(name, part))
-                    self.q[i] -= PERTURBATION * self.q[i] if i not in self.given else 0.0
+                    self.q[i] -= PERTURBATION * self.q[i] if i not in self.placed else 0.0
         self.q = loop.assemble(mechanism, self.q, self.led, offsets)
         for name, gear in mechanism.gears.items():
             motor, link = mechanism.motor(name), mechanism.coordinate(name)
@@ -141,18 +139,18 @@ class InitialState:
             turning = joint.arm(mechanism.journal_pose(name).translation) * moved[3:]
             carried = mechanism.motion((WORLD_FRAME, bearing), self.q)[:3] @ self.v
             along = moved[[row for row in range(3) if row not in joint.held()]]
-            pins = (float(np.linalg.norm(one)) for one in (turning, carried, along))
+            pins = (float(np.linalg.norm(velocity)) for velocity in (turning, carried, along))
             fastest = max(fastest, *pins)
             if not any(mechanism.coordinates[i].joint == name for i in self.moving):
                 across = [row for row in joint.held() if row < 3]
                 flying[name] = float(np.linalg.norm(moved[across]))
         for name, speed in flying.items():
             if speed > _NOTICEABLE * fastest:
-                given = {mechanism.coordinates[i].joint for i in self.moving}
+                joints = {mechanism.coordinates[i].joint for i in self.moving}
                 warnings.warn(
                     f"the journal of {name!r} starts at {speed:.3g} m/s in its bearing, while pins "
                     f"move at up to {fastest:.3g} m/s: the speeds given for "
-                    f"{', '.join(sorted(given))} do not fit together, and figures begin with that "
+                    f"{', '.join(sorted(joints))} do not fit together, and figures begin with that "
                     "impact",
                     RuntimeWarning,
                     stacklevel=5,
@@ -174,7 +172,7 @@ class InitialState:
 
 def left_bearing(mechanism: Mechanism, q: np.ndarray) -> str | None:
     """A joint whose journal is outside its open-ended bearing, if there is one."""
-    ends = {n: one.engaged_within for n, one in mechanism.clearance.items()}
+    ends = {n: joint.engaged_within for n, joint in mechanism.clearance.items()}
     ends = {name: end for name, end in ends.items() if math.isfinite(end)}
     if not ends:
         return None
@@ -203,7 +201,7 @@ def initial_state(simulation: Simulation, followed: Sequence[str]) -> InitialSta
     q, v = np.zeros(mechanism.model.nq), np.zeros(mechanism.model.nv)
     held: list[int] = []
     moving: list[int] = []
-    given: list[int] = []
+    placed: list[int] = []
     for name, value in simulation.state.items():
         position, speed = position_and_speed(name, value)
         at = named(mechanism, name)
@@ -215,7 +213,7 @@ def initial_state(simulation: Simulation, followed: Sequence[str]) -> InitialSta
         if position is not None:
             q[at] = position
             held += at
-            given += [i for i in at if mechanism.plays(i) and name not in mechanism.joints]
+            placed += [i for i in at if mechanism.plays(i) and name not in mechanism.joints]
         if speed is not None:
             v[at] = speed
             moving += at
@@ -227,9 +225,9 @@ def initial_state(simulation: Simulation, followed: Sequence[str]) -> InitialSta
             at = named(mechanism, name)
             q[at], v[at] = positions[0, index], velocities[0, index]
             led += at
-    guessed = [i for i in held if i not in given]
+    guessed = [i for i in held if i not in placed]
     q = loop.assemble(mechanism, q, held + led, guessed=guessed)
-    return InitialState(mechanism, v, q, v, given, held, led, moving + led)
+    return InitialState(mechanism, v, q, v, placed, held, led, moving + led)
 
 
 def settled_drives(simulation: Simulation) -> dict[str, Drive]:
@@ -277,30 +275,19 @@ def find_rest(
             if drive.follows:
                 index = simulation.motion.joints.index(name)
                 along[named(mechanism, name)] = acceleration[0, index]
-    given = list(start.given)
+    fixed = list(start.placed)
     gaps = loop.misfit(mechanism, start.q) if mechanism.loops else {}
     if any(np.abs(gap).max() > loop.ASSEMBLY_TOLERANCE_M for gap in gaps.values()):
-        given += start.held  # which have put journals aside: there they shall be
+        fixed += start.held  # which have put journals aside: there they shall be
     balance = statics.StaticEquilibrium(
-        mechanism,
-        bodies,
-        workspace.q,
-        workspace.v,
-        drives,
-        workspace.drives,
-        workspace.servos,
-        workspace.reference[0],
-        run.friction,
-        loads,
-        start.acceleration(along),
-        given,
-    )
+        mechanism, bodies, workspace.q, workspace.v, drives, workspace.drives, workspace.servos,
+        workspace.reference[0], run.friction, loads, start.acceleration(along), fixed,
+    )  # fmt: skip
     return balance.settle(places=places)
 
 
 HELD = 0.05
 """Part of the largest stiffness above which contacts hold a journal in a direction: judged."""
-
 HELD_ASIDE_M = 1e-9
 """How far a journal is moved into contacts that hold it, at most [m]."""
 

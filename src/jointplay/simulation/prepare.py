@@ -28,8 +28,8 @@ from jointplay.model.massless import require_inertia
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics import kernel
 from jointplay.physics.contact import elastic, resultant
-from jointplay.physics.contact.compiled import address, check_parameters
 from jointplay.physics.contact.law import Law
+from jointplay.physics.contact.machine_code import address, check_parameters
 from jointplay.physics.kernel import ahead as kernel_ahead
 from jointplay.physics.kernel import layout
 from jointplay.physics.kernel.constants import DEFAULT, Integrator, integrator
@@ -65,11 +65,11 @@ def check_integration(simulation: Simulation, method: Integrator) -> tuple[float
     The end is the duration, or that of the last step, if it is later.
     """
     step = require_positive("step", simulation.step, "s", ("step",))
-    for option, words, unit in (("macro_step", "macro step", "s"), ("tolerance", "tolerance", "")):
+    for option, noun, unit in (("macro_step", "macro step", "s"), ("tolerance", "tolerance", "")):
         value = getattr(simulation, option)
         if value is None:
             continue
-        require_positive(words, value, unit, (option,))
+        require_positive(noun, value, unit, (option,))
         if method.single_rate:
             raise JointplayError(
                 f"{option} (got {value:g}) belongs to the integrator {DEFAULT!r}; "
@@ -77,13 +77,13 @@ def check_integration(simulation: Simulation, method: Integrator) -> tuple[float
                 (option,),
             )
     if simulation.tolerance is not None and simulation.tolerance > 1.0:
-        said = f"tolerance is relative, at most 1, got {simulation.tolerance:g}"
-        raise JointplayError(said, ("tolerance",))
+        raise JointplayError(
+            f"tolerance is relative, at most 1, got {simulation.tolerance:g}", ("tolerance",)
+        )
     duration, motion = simulation.duration, simulation.motion
     if duration is None:
         if motion is None:
-            said = "a simulation without motion needs a duration [s]"
-            raise JointplayError(said, ("duration",))
+            raise JointplayError("a simulation without motion needs a duration [s]", ("duration",))
         duration = motion.duration
     duration = require_positive("duration", duration, "s", ("duration",))
     require_whole("record_every", simulation.record_every, 1, MOST_STEPS, ("record_every",))
@@ -94,18 +94,19 @@ def check_integration(simulation: Simulation, method: Integrator) -> tuple[float
         raise JointplayError(f"duration {duration:g} s is {steps}", ("duration",))
     count = round(duration / step)
     if count < 1:
-        said = f"duration {duration:g} s is shorter than the step {step:g} s"
-        raise JointplayError(said, ("duration",))
+        raise JointplayError(
+            f"duration {duration:g} s is shorter than the step {step:g} s", ("duration",)
+        )
     end = count * step
     return step, end if end > (1.0 + 1e-9) * duration else duration, count
 
 
 def joint_friction(simulation: Simulation) -> Mapping[str, JointFriction]:
     """Friction by joint: what is given, or the URDF's."""
-    given, joints = simulation.joint_friction, simulation.mechanism.joints
-    for name in given or ():
+    friction, joints = simulation.joint_friction, simulation.mechanism.joints
+    for name in friction or ():
         require_known("moving joint", name, joints)
-    return urdf_friction(simulation.mechanism) if given is None else given
+    return urdf_friction(simulation.mechanism) if friction is None else friction
 
 
 def effort_bounds(simulation: Simulation, followed: Sequence[str]) -> dict[str, float]:
@@ -122,24 +123,24 @@ def effort_bounds(simulation: Simulation, followed: Sequence[str]) -> dict[str, 
     return limits_of_joints.bounds(simulation.mechanism)
 
 
-def check_memory(mechanism: Mechanism, duration: float, steps: int, every: int, nodes: int) -> None:
+def check_memory(mechanism: Mechanism, end: float, steps: int, interval: int, nodes: int) -> None:
     """Refuse a run whose tables (of `nodes`) and records would not fit, before any are made."""
     nv, contacts = mechanism.model.nv, sum(len(j.contacts) for j in mechanism.clearance.values())
     reference = nodes * 9.0 * max(len(mechanism.joints), 1)
     record = 3.0 * nv + 20.0 + 10.0 * len(mechanism.clearance) + 3.0 * contacts
     # Records are there twice when they are made into histories.
-    needed = 8.0 * (reference + 2.0 * record * (steps / every))
+    needed = 8.0 * (reference + 2.0 * record * (steps / interval))
     most = MEMORY_SHARE * memory()
     if needed > most:
         fitting = needed - 8.0 * reference
         ratio = fitting / (most - 8.0 * reference) if most > 8.0 * reference else math.inf
         advice = (
-            f"record_every = {math.ceil(every * ratio):.3g} would fit, or a shorter duration"
-            if math.isfinite(ratio) and every * ratio < steps
+            f"record_every = {math.ceil(interval * ratio):.3g} would fit, or a shorter duration"
+            if math.isfinite(ratio) and interval * ratio < steps
             else "take a shorter duration"
         )
         raise JointplayError(
-            f"duration {duration:g} s with a record every {every} steps needs about "
+            f"duration {end:g} s with a record every {interval} steps needs about "
             f"{needed / 1e9:.3g} GB of memory, of which there are {most / 1e9:.3g}; {advice}",
             where=("duration",),
         )
@@ -153,13 +154,10 @@ MIN_CONTACT_STEPS = 4.0
 At 4 steps the restitution of an impact scatters by 0.03 (0.07 at c_e = 0.5), at 2 an impact can
 gain energy (docs/validation.md).
 """
-
 NO_MASS = 1e-9
 """Part of the mechanism's mass below which what a contact meets counts as no mass."""
-
 FILM_LAG = 0.5
 """Part of the effective mass that a film's lag reckons with: it may fall on the way."""
-
 REST_SPEED = 0.05
 """Part of the speed of an impact that would store what a contact at rest stores, to which its
 damping is referred.
@@ -238,8 +236,8 @@ def _check_step_follows(mechanism: Mechanism, name: str, step: float, q: np.ndar
     joint = mechanism.clearance[name]
     assert joint.resultant is not None
     centred = np.concatenate([np.zeros(3), np.eye(3).ravel()])
-    found = elastic.answers(joint.law, joint.resultant, centred[None])[0]
-    stiffness = found[resultant.TANGENT : resultant.ANSWERS].reshape(6, 6)
+    answer = elastic.answers(joint.law, joint.resultant, centred[None])[0]
+    stiffness = answer[resultant.TANGENT : resultant.ANSWERS].reshape(6, 6)
     jacobian = mechanism.relative_jacobian(name, q)
     squares = np.linalg.eigvals(
         jacobian @ mechanism.inverse_mass_matrix(q) @ jacobian.T @ stiffness
@@ -294,10 +292,8 @@ def _check_step_resolves(step: float, duration: float, impact: str) -> None:
 EXPLICIT_DECAY = 0.2
 """Part of a journal's speed that a drive's damping may take in a step explicitly, if it flies: then
 the step is off by 2 % of that speed, 1 - 0.2 for exp(-0.2)."""
-
 LONG_STEP_S = 1e-4
 """Step for which that is asked where steps go by their error [s]: judged."""
-
 CHUNK = 2000
 """Steps between two looks at the clock and the keyboard, at most: some milliseconds of work."""
 
@@ -334,14 +330,14 @@ def prepare(simulation: Simulation, in_memory: bool, progress: bool, ahead: bool
         progress: show a bar while a long motion is tabulated.
         ahead: begin to compile its kernel if it is not kept.
     """
-    mechanism, every = simulation.mechanism, simulation.record_every
+    mechanism, record_every = simulation.mechanism, simulation.record_every
     method = integrator(simulation.integrator)
     step, duration, total_steps = check_integration(simulation, method)
     acting.check(simulation.loads)
     drives = assign(mechanism, simulation.motion, simulation.drive)
     if in_memory:
         nodes = table_nodes(simulation.motion, drives, duration)
-        check_memory(mechanism, duration, total_steps, every, nodes)
+        check_memory(mechanism, duration, total_steps, record_every, nodes)
     friction = dict(joint_friction(simulation))
     for name, drive in drives.items():
         if isinstance(drive, Servo) and name not in mechanism.gears:
@@ -365,18 +361,11 @@ def prepare(simulation: Simulation, in_memory: bool, progress: bool, ahead: bool
         start.perturb(simulation.seed, at_rest=False, behind=behind_gears(drives))
     loop = time_loop.Adaptive if simulation.tolerance else time_loop.MultiRate
     macro_step = simulation.macro_step or loop.longest_macro_step_s
+    ahead_s = 2.0 * (CHUNK * step + macro_step)
     tables, armature, reference = tabulate(
-        mechanism,
-        simulation.motion,
-        drives,
-        duration,
-        friction,
-        start.q,
-        progress,
-        bounds,
-        ahead=2.0 * (CHUNK * step + macro_step),
-        speed=start.v,
-    )
+        mechanism, simulation.motion, drives, duration, friction, start.q, progress, bounds,
+        ahead_s, start.v,
+    )  # fmt: skip
     start.move()
     with saying_if_long(progress and ahead):
         # What else is compiled, by this process, is so while another one ends the kernel.
@@ -392,8 +381,8 @@ def prepare(simulation: Simulation, in_memory: bool, progress: bool, ahead: bool
         [joint_site(mechanism, name, start.q) for name in mechanism.clearance],
         tables,
         step,
-        every,
-        total_steps // every + 2 if in_memory else 1,
+        record_every,
+        total_steps // record_every + 2 if in_memory else 1,
         own_acceleration=not method.single_rate,
         loads=sites,
     )
@@ -409,42 +398,31 @@ def prepare(simulation: Simulation, in_memory: bool, progress: bool, ahead: bool
     check_step(mechanism, pin.computeTotalMass(model), equal, start.q)
     if equal is not None:
         acting.check_step(simulation.loads, mechanism, equal, start.q)
+    stepper = time_loop.SingleRate if method.single_rate else loop
     return Prepared(
-        method,
-        total_steps,
-        time_loop.SingleRate if method.single_rate else loop,
-        macro_step,
-        drives,
-        friction,
-        start,
-        reference,
-        model,
-        data,
-        sites,
-        workspace,
-        compiles,
-    )
+        method, total_steps, stepper, macro_step, drives, friction, start, reference,
+        model, data, sites, workspace, compiles,
+    )  # fmt: skip
 
 
 _COMPILES_S = 5.0
 """Loading compiled kernels takes less than this; compiling them, at the first start, much more."""
-
-_said = threading.Event()
+_announced = threading.Event()
 """Whether this process has said so: each of several kernels is compiled when it is called for."""
 
 
 @contextmanager
 def saying_if_long(say: bool) -> Iterator[None]:
     """Say on standard error, once in a process, that kernels are compiled, if that takes long."""
-    words = "compiling the kernels, half a minute or two; the next start loads them"
+    message = "compiling the kernels, half a minute or two; the next start loads them"
 
-    def tell() -> None:
-        _said.set()
-        print(words, file=sys.stderr, flush=True)
+    def announce() -> None:
+        _announced.set()
+        print(message, file=sys.stderr, flush=True)
 
-    timer = threading.Timer(_COMPILES_S, tell)
+    timer = threading.Timer(_COMPILES_S, announce)
     timer.daemon = True
-    if say and not _said.is_set():
+    if say and not _announced.is_set():
         timer.start()
     try:
         yield

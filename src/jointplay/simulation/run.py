@@ -25,16 +25,15 @@ from jointplay.base.errors import (
 )
 from jointplay.base.progress import Simulated
 from jointplay.base.tables import counted, few
-from jointplay.model.gear import Gearing
 from jointplay.model.impact import tooth_duration
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import Coordinate
 from jointplay.physics.kernel import Status
-from jointplay.physics.kernel.workspace import Workspace
 from jointplay.simulation import acting, checkpoint, initial, step_check, time_loop
 from jointplay.simulation.acting import Events, LoadSchedule
 from jointplay.simulation.base_chart import BaseChart
 from jointplay.simulation.initial import named
+from jointplay.simulation.judging import Judging
 from jointplay.simulation.loads.drive import assign
 from jointplay.simulation.prepare import CHUNK, Prepared, prepare, saying_if_long
 from jointplay.simulation.result.histories import compile_histories, histories
@@ -106,68 +105,10 @@ class Moment:
         return joints.index(name)
 
 
-# When a start has died away: by the first contacts that a run itself shows.
-
-LOOK_S = 1e-3
-"""Interval at which a run looks for first contacts [s]: what falls faster counts as so long."""
-
-
-class Settling:
-    """Looks at the contacts of a run from its start until they have settled."""
-
-    def __init__(self, mechanism: Mechanism, step: float) -> None:
-        self._mechanism = mechanism
-        self._every = max(round(LOOK_S / step), 1)
-        self.next_step = self._every
-        """At or after which the run shall look."""
-        self._settled: dict[str, float] = {}
-        """By joint that has touched: when its bounces are over [s]."""
-
-    def has_settled(self, workspace: Workspace) -> bool:
-        """Look, at `next_step` or later: whether all that has touched by now lies."""
-        self.next_step = (workspace.steps // self._every + 1) * self._every
-        time, mechanism = workspace.time, self._mechanism
-        onsets = workspace.contact_statistics()["onsets"]
-        for (name, joint), own in zip(mechanism.clearance.items(), onsets, strict=True):
-            if own.any() and joint.has_play and name not in self._settled:
-                nominal = joint.contact_properties(0).restitution
-                delivered = joint.normal.effective_restitution(nominal)
-                restitution = nominal if delivered is None else delivered
-                self._settled[name] = bounced_until(time, restitution)
-        for name, gear in mechanism.gears.items():
-            ends = (workspace.q[mechanism.motor(name)], workspace.q[mechanism.coordinate(name)])
-            touches = abs(gear.twist(*ends)) >= 0.5 * gear.play > 0.0
-            if touches and f"{name}.motor" not in self._settled:
-                self._settled[f"{name}.motor"] = bounced_until(time, _restitution(gear))
-        return bool(self._settled) and time >= max(self._settled.values())
-
-    def memory(self) -> dict[str, Any]:
-        return {"next_step": self.next_step, "settled": self._settled}
-
-    def recall(self, memory: Mapping[str, Any]) -> None:
-        self.next_step = int(memory["next_step"])
-        self._settled = {str(name): float(time) for name, time in memory["settled"].items()}
-
-
-def bounced_until(fallen: float, restitution: float) -> float:
-    """When the bounces after a fall that began at 0 and ended at `fallen` are over [s]."""
-    if restitution >= 1.0:
-        return math.inf
-    return fallen * (1.0 + restitution) / (1.0 - restitution)
-
-
-def _restitution(gear: Gearing) -> float:
-    """Of teeth, with the rotor alone on them: a joint beside it makes it smaller."""
-    ratio = gear.damping / (2.0 * math.sqrt(gear.steepest * max(gear.rotor_inertia, 1e-300)))
-    return math.exp(-math.pi * ratio / math.sqrt(1.0 - ratio**2)) if ratio < 1.0 else 0.0
-
-
 FASTEST_SHOWN = 4
 """Coordinates that the message on a run that diverged has."""
-
 SAME_PLACE = 1e-12
 """A machine without play that would rest so near where it is begins there [rad or m]."""
-
 ENGAGED_S = 1e-3
 """Interval at which is looked whether journals are in their open-ended bearings [s]."""
 
@@ -211,34 +152,29 @@ class Run:
         ahead: bool = False,
     ) -> None:
         require_a("simulation", simulation, "Simulation")
-        made = prepare(simulation, records is None, progress, ahead)
+        prepared = prepare(simulation, records is None, progress, ahead)
         self.simulation, self.mechanism = simulation, simulation.mechanism
         self.label = ""  # what the progress bar calls the run
-        self.method, self.total_steps, self.friction = made.method, made.total_steps, made.friction
-        self.model, self.data, self.workspace = made.model, made.data, made.workspace
-        self._reference, self._compiles = made.reference, made.compiles
+        self.method, self.total_steps = prepared.method, prepared.total_steps
+        self.model, self.data, self.workspace = prepared.model, prepared.data, prepared.workspace
+        self.friction, self._reference = prepared.friction, prepared.reference
+        self._compiles = prepared.compiles
         self._chart = BaseChart(self)
-        self.overflow = None if records is None else self._overflow(records, made)
+        self.overflow = None if records is None else self._overflow(records, prepared)
         """Where records go that memory has no room for."""
-        self._watch = LoadSchedule(self, made.sites)
+        self._watch = LoadSchedule(self, prepared.sites)
         self._events = Events(self)
         self.rest: Rest | None = None
         """Where the search for the place of rest ended; None if journals start centred."""
         if simulation.starts_at_rest:
-            self._place(made, places or {})
-        made.start.check_journals()
+            self._place(prepared, places or {})
+        prepared.start.check_journals()
         self._open_ended = any(
             math.isfinite(joint.engaged_within) for joint in self.mechanism.clearance.values()
         )
-        judged_from = self.simulation.judged_from
-        self.judged_from = judged_from or 0.0
-        """When figures begin to be judged [s]; 0 until contacts have settled, if they say when."""
-        settles = judged_from is None
-        self._settling = Settling(self.mechanism, simulation.step) if settles else None
-        self.unjudged: dict[str, np.ndarray] | None = None
-        """Contact statistics then; None: at the start, or it has not come to that."""
+        self.judging = Judging(self.mechanism, simulation.step, self.simulation.judged_from)
         self._begun = self._finished = False
-        self._whole = True
+        self._complete = True
         """Whether q and v of the workspace are complete: no step since they were made so."""
         self._left: tuple[bytes, bytes] | None = None
         """q and v as the run left them."""
@@ -249,12 +185,12 @@ class Run:
         """Called between stretches; the run stops, to be continued or not, if one says True."""
         correction = time_loop.LOOP_CORRECTION / simulation.step
         constraints = self.mechanism.constraints(self.workspace.q, correction)
-        self._loop: time_loop.TimeLoop = made.loop(self, constraints)
+        self._loop: time_loop.TimeLoop = prepared.loop(self, constraints)
 
-    def _overflow(self, records: Path | Callable[[Records], None], made: Prepared) -> Overflow:
-        step, every = self.simulation.step, self.simulation.record_every
-        stretch = CHUNK + math.ceil(made.longest_macro_step / step) + 2
-        numbers = self.workspace, self.total_steps // every + 2, stretch
+    def _overflow(self, records: Path | Callable[[Records], None], prepared: Prepared) -> Overflow:
+        step, record_every = self.simulation.step, self.simulation.record_every
+        stretch = CHUNK + math.ceil(prepared.longest_macro_step / step) + 2
+        numbers = self.workspace, self.total_steps // record_every + 2, stretch
         keeps = PassedRecords if callable(records) else DiskRecords
         overflow: Overflow = keeps(records, *numbers)  # type: ignore[arg-type]
         overflow.before_writing = self._chart.convert_records
@@ -264,15 +200,15 @@ class Run:
     def on_disk(self) -> DiskRecords | None:
         return self.overflow if isinstance(self.overflow, DiskRecords) else None
 
-    def _place(self, made: Prepared, places: Mapping[str, np.ndarray]) -> None:
+    def _place(self, prepared: Prepared, places: Mapping[str, np.ndarray]) -> None:
         """Let the run begin where the machine rests, if it does.
 
         Without play, too: its drives give way, and its loads bend it.
         """
-        simulation, w, start = self.simulation, self.workspace, made.start
+        simulation, w, start = self.simulation, self.workspace, prepared.start
         self._events.apply_due_events(w)  # what is picked at 0 weighs from the first
-        loads = StaticLoads(simulation.loads, self.mechanism, made.sites)
-        rest = initial.find_rest(self, start, made.drives, loads, places)
+        loads = StaticLoads(simulation.loads, self.mechanism, prepared.sites)
+        rest = initial.find_rest(self, start, prepared.drives, loads, places)
         if not (self.mechanism.clearance or self.mechanism.gears):
             if rest.solved and np.abs(rest.q - w.q).max(initial=0.0) <= SAME_PLACE:
                 return  # it stands where it begins anyway
@@ -281,21 +217,21 @@ class Run:
                 return  # nothing is centred in it: it begins where it was put, and moves
         self.rest = rest
         if not rest.solved and simulation.start == "rest":
-            what = (
+            failure = (
                 f"after {rest.trials} trials {rest.residual:.3g} N of {rest.load:.3g} N are "
                 "not balanced"
                 if rest.inside
                 else "a journal would break out of its bearing"
             )
             raise JointplayError(
-                f"no equilibrium was found: {what}; start 'centred', or give a state in "
+                f"no equilibrium was found: {failure}; start 'centred', or give a state in "
                 "which the drives hold the machine"
             )
         # As the result says: to run it again is to run it like this.
         self.simulation = replace(simulation, start="rest" if rest.solved else "centred")
         start.q = rest.q if rest.solved else start.q
         if simulation.seed is not None:
-            behind = initial.behind_gears(made.drives)
+            behind = initial.behind_gears(prepared.drives)
             start.perturb(simulation.seed, at_rest=rest.solved, behind=behind)
         start.move()
         w.q[:], w.v[:] = start.q, start.v
@@ -304,18 +240,18 @@ class Run:
         """Of what springs, gears and drives can make swing [rad/s], where the run begins."""
         mechanism, w = self.mechanism, self.workspace
         inverse = np.diag(pin.computeMinverse(self.model, self.data, w.q))
-        found = [acting.highest_frequency(self.simulation.loads, mechanism, w.q)[0]]
-        found += [math.pi / tooth_duration(mechanism, name, w.q) for name in mechanism.gears]
+        frequencies = [acting.highest_frequency(self.simulation.loads, mechanism, w.q)[0]]
+        frequencies += [math.pi / tooth_duration(mechanism, name, w.q) for name in mechanism.gears]
         for row in w.servos:
             mobility, stall = inverse[row["coordinate"]], float(row["stall"])
-            found.append(math.sqrt(row["p_gain"] * stall * mobility))
-            found.append(row["d_gain"] * stall * mobility)
+            frequencies.append(math.sqrt(row["p_gain"] * stall * mobility))
+            frequencies.append(row["d_gain"] * stall * mobility)
         for row in w.drives[w.drives["armature"] == 0.0]:
             mobility = inverse[row["coordinate"]]
-            found.append(math.sqrt(max(row["kp"] * mobility, 0.0)))
+            frequencies.append(math.sqrt(max(row["kp"] * mobility, 0.0)))
             if not row["implicit"]:
-                found.append(row["kd"] * mobility)
-        return float(max(found))
+                frequencies.append(row["kd"] * mobility)
+        return float(max(frequencies))
 
     @property
     def phases(self) -> list[Phase]:
@@ -334,10 +270,7 @@ class Run:
             self._loop.shorten_macro_steps(factor)
 
     def finish(
-        self,
-        progress: bool = False,
-        check_step: bool = True,
-        only: Sequence[str] | None = None,
+        self, progress: bool = False, check_step: bool = True, only: Sequence[str] | None = None
     ) -> Result:
         """Simulate to the end, from the start or from where the run stands; once only.
 
@@ -362,18 +295,14 @@ class Run:
         if only is not None and check_step:
             only = [*dict.fromkeys([*only, *step_check.COMPARED])]
         result = self.result(status, only=only)
-        done, origin = status == Status.COMPLETED, self._origin
-        if check_step and done and origin is not None:
+        completed, origin = status == Status.COMPLETED, self._origin
+        if check_step and completed and origin is not None:
             error = step_check.step_error(self, result, origin, progress)
             if error is not None:
                 result.amend(step_error=error[0], relative_step_error=error[1])
         return result
 
-    def result(
-        self,
-        status: Status | None = None,
-        only: Sequence[str] | None = None,
-    ) -> Result:
+    def result(self, status: Status | None = None, only: Sequence[str] | None = None) -> Result:
         """What was recorded so far, as a result.
 
         Args:
@@ -453,19 +382,19 @@ class Run:
             require_positive("every", every, "s")
         self._loop.compile()
         yield self.moment()
-        given = 0 if every is None else math.floor(self.workspace.time / every + 1e-9)
+        reached = 0 if every is None else math.floor(self.workspace.time / every + 1e-9)
         most = 1 if every is None else max(round(every / self.simulation.step), 1)
         for now in self._stretches(most):
-            due = given if every is None else math.floor(now / every + 1e-9)
-            if every is None or due > given:
-                given = due
+            due = reached if every is None else math.floor(now / every + 1e-9)
+            if every is None or due > reached:
+                reached = due
                 yield self.moment()
 
     def moment(self) -> Moment:
         """The present instant, to be read; the run goes on as if nobody had looked."""
         self.begin()
         w = self.workspace
-        kept = [array.copy() for array in w.state()]
+        saved = [array.copy() for array in w.state()]
         self._loop.look()
         touching = w.contacts["touching"] > 0
         if not self.method.single_rate:
@@ -479,7 +408,7 @@ class Run:
             w.joints["wrench"].copy(),
             np.where(touching, w.contacts["normal_now"], 0.0),
         )
-        for array, values in zip(w.state(), kept, strict=True):
+        for array, values in zip(w.state(), saved, strict=True):
             np.copyto(array, values)
         return moment
 
@@ -495,7 +424,7 @@ class Run:
         """
         if self._begun and self._left == self._state():
             return
-        if self._begun and not self._whole:
+        if self._begun and not self._complete:
             raise JointplayError(
                 f"q or v of the workspace were changed at t = {self.workspace.time:g} s while the "
                 "method has parts of the state elsewhere: call synchronize() before you change them"
@@ -510,10 +439,10 @@ class Run:
 
         They are whole before the first step, and after a `synchronize`: nothing is done then.
         """
-        if not self._whole:
+        if not self._complete:
             self.begin()
             self._loop.synchronize()
-            self._begun, self._whole = False, True
+            self._begun, self._complete = False, True
 
     def _state(self) -> tuple[bytes, bytes]:
         return self.workspace.q.tobytes(), self.workspace.v.tobytes()
@@ -537,16 +466,15 @@ class Run:
     def memory(self) -> dict[str, Any]:
         return {
             "begun": self._begun,
-            "whole": self._whole,
+            "whole": self._complete,
             "finished": self._finished,
             "elapsed": self.elapsed,
             "origin": None if self._origin is None else [x.tolist() for x in self._origin],
             "reference": self._reference.memory(),
             "events": self._events.memory(),
             "loop": self._loop.memory(),
-            "judged_from": self.judged_from,
-            "settling": None if self._settling is None else self._settling.memory(),
-            "unjudged": self.unjudged,
+            "judging": self.judging.memory(),
+            "unjudged": self.judging.unjudged,
             "watch": self._watch.memory(),
             "chart": self._chart.memory(),
         }
@@ -554,7 +482,7 @@ class Run:
     def recall(self, memory: Mapping[str, Any]) -> None:
         self._events.recall(memory["events"])
         self._loop.recall(memory["loop"])
-        self._whole, self._left = bool(memory["whole"]), self._state()
+        self._complete, self._left = bool(memory["whole"]), self._state()
         self._begun, self._elapsed = bool(memory["begun"]), float(memory["elapsed"])
         self._finished = bool(memory["finished"])
         if memory["origin"] is not None:
@@ -562,11 +490,7 @@ class Run:
             self._origin = np.array(q, float), np.array(v, float)
         self._reference.recall(memory["reference"])
         self._set_reference_block()
-        self.judged_from, self.unjudged = float(memory["judged_from"]), memory["unjudged"]
-        if memory["settling"] is None:
-            self._settling = None
-        elif self._settling is not None:
-            self._settling.recall(memory["settling"])
+        self.judging.recall(memory["judging"], memory["unjudged"])
         self._watch.recall(memory["watch"])
         self._chart.recall(memory["chart"])
 
@@ -578,11 +502,13 @@ class Run:
         """
         w = self.workspace
         self.begin()
-        self._whole = False
+        self._complete = False
         if w.time >= self._reference.until:
             self._set_reference_block()
         if self.overflow is not None:
             self.overflow.before_stretch()
+        # How far at most, or at least, until something is due: `steps` is met exactly, which may
+        # end a macro step early; `pause` by the end of the macro step that passes it.
         steps = min(most, self.total_steps - w.steps)
         look = max(round(ENGAGED_S / self.simulation.step), 1)
         soon = w.steps + (min(CHUNK, look) if self._open_ended else CHUNK)
@@ -590,19 +516,15 @@ class Run:
         due = self._events.next_step
         if due is not None:
             steps = min(steps, due - w.steps)
-        judged = round(self.judged_from / self.simulation.step)
         for watch in (self._watch, self._chart):
             watched = watch.steps_until_next(w.steps)
             if watched is not None:
                 steps = min(steps, watched)
-        if w.steps < judged:
-            pause = min(pause, judged)
-        if self._settling is not None:
-            pause = min(pause, self._settling.next_step)
+        pause = int(min(pause, self.judging.next_step(w.steps)))
         try:
             good = self._loop.stretch(steps, pause)
             if good:
-                self._do_what_is_due(due, judged)
+                self._do_what_is_due(due)
                 left = initial.left_bearing(self.mechanism, w.q) if self._open_ended else None
                 if left is not None:
                     w.fail(Status.BROKE_OUT, list(self.mechanism.clearance).index(left))
@@ -611,14 +533,9 @@ class Run:
             self._left = self._state()
         return good
 
-    def _do_what_is_due(self, due: int | None, judged: int) -> None:
+    def _do_what_is_due(self, due: int | None) -> None:
         w = self.workspace
-        if self.unjudged is None and w.steps >= judged > 0:
-            self.unjudged = w.contact_statistics()
-        settling = self._settling
-        if settling and w.steps >= settling.next_step and settling.has_settled(w):
-            self.judged_from, self._settling = w.time, None
-            self.unjudged = w.contact_statistics()
+        self.judging.look(w)
         if due is not None and due == w.steps:
             self._loop.synchronize()
             self._events.apply_due_events(w)
@@ -632,9 +549,9 @@ class Run:
         if self._reference.go_to(self.workspace.time):
             self.workspace.set_reference_block(self._reference.table, self._reference.first)
 
-    def share_reference(self, other: Run) -> None:
+    def share_reference(self, run: Run) -> None:
         """Use the reference tables of another run of the same motion: results are bit-identical."""
-        self._reference = other._reference
+        self._reference = run._reference
         self._reference.go_to(self.workspace.time)
         self.workspace.set_reference_block(self._reference.table, self._reference.first)
 
@@ -662,37 +579,39 @@ class Run:
         shown = ", ".join(state[k] for k in fast)
         if len(fast) < len(state):
             shown += f" (the fastest of {len(state)} coordinates)"
-        joint, contact = workspace.bad_contact
+        failure, remedy = self._failure(status)
+        return f"stopped {at}: {failure}; {remedy}. State: {shown}"
+
+    def _failure(self, status: Status) -> tuple[str, str]:
+        """What stopped the run, and what would help."""
+        mechanism, workspace = self.mechanism, self.workspace
+        index, contact = workspace.bad_contact
         if status == Status.BAD_LOAD:
-            load = list(self.simulation.loads)[joint]
-            what, remedy = f"the load {load!r} gave a non-finite value", "correct it"
-        elif status == Status.RUN_AWAY:
-            what = "the state diverged or is not a number"
-            remedy = "reduce the step or the drive's bandwidth"
+            load = list(self.simulation.loads)[index]
+            return f"the load {load!r} gave a non-finite value", "correct it"
+        if status == Status.RUN_AWAY:
             drives = assign(mechanism, self.simulation.motion, self.simulation.drive)
             through = [
                 name for name in mechanism.gears if getattr(drives[name], "encoder", "") == "link"
             ]
+            remedy = "reduce the step or the drive's bandwidth"
             if through:
                 remedy = f"the drive of {few(through)} acts through the teeth of its gear on what "
                 remedy += "its encoder reads: put that on the motor (--encoder motor), or lower "
                 remedy += "--bandwidth"
-        else:
-            name = list(mechanism.clearance)[joint]
-            law = mechanism.clearance[name]
-            place = law.contacts[contact]
-            if status == Status.BROKE_OUT and name == initial.left_bearing(mechanism, workspace.q):
-                what = f"the journal of {name!r} left its bearing, whose ends are open"
+            return "the state diverged or is not a number", remedy
+        name = list(mechanism.clearance)[index]
+        joint = mechanism.clearance[name]
+        journal, place = f"the journal of {name!r}", joint.contacts[contact]
+        if status == Status.BROKE_OUT:
+            if name == initial.left_bearing(mechanism, workspace.q):
                 remedy = "hold it along the axis, or make bearing or journal longer"
-            elif status == Status.BROKE_OUT:
-                what = f"the journal of {name!r} broke out of its bearing ({place})"
-                remedy = "reduce the step or check stiffness and loads"
-            elif status == Status.FILM_BROKE:
-                what = f"the journal of {name!r} touched its bore through the film ({place})"
-                remedy = "let the film be hybrid, or take a more viscous oil"
-            else:
-                laws = [law.normal, law.friction] + ([law.film[0]] if law.film else [])
-                named = " or ".join(repr(one.name) for one in laws)
-                what = f"law {named} of {name!r} returned a non-finite value ({place})"
-                remedy = "correct the law"
-        return f"stopped {at}: {what}; {remedy}. State: {shown}"
+                return f"{journal} left its bearing, whose ends are open", remedy
+            remedy = "reduce the step or check stiffness and loads"
+            return f"{journal} broke out of its bearing ({place})", remedy
+        if status == Status.FILM_BROKE:
+            remedy = "let the film be hybrid, or take a more viscous oil"
+            return f"{journal} touched its bore through the film ({place})", remedy
+        laws = [joint.normal, joint.friction] + ([joint.film[0]] if joint.film else [])
+        named = " or ".join(repr(law.name) for law in laws)
+        return f"law {named} of {name!r} returned a non-finite value ({place})", "correct the law"

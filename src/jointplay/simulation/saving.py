@@ -30,17 +30,17 @@ CHECKPOINT_S = 60.0
 
 def run_to(simulation: Simulation, path: Path, progress: bool, resume: bool) -> Result:
     """Run, with records and checkpoints beside `path`, and save; `resume` continues from them."""
-    records, kept = working_paths(path)
+    records, checkpoint_path = working_paths(path)
     working_files.check_own(path)
-    resume = resume and kept.exists()
+    resume = resume and checkpoint_path.exists()
     if not resume:
         files.check_new(path)
-        files.check_new(kept)
+        files.check_new(checkpoint_path)
     else:
         checkpoint.check_replaceable(path)
     run = Run(simulation, progress, records)
     if resume:
-        checkpoint.continue_run(run, kept)
+        checkpoint.continue_run(run, checkpoint_path)
     with signals.listening():
         run_and_save(run, path, progress, overwrite=resume)
     return Result.open(path)
@@ -63,14 +63,14 @@ def run_and_save(
         KeyboardInterrupt: two requests to stop, or one before anything was computed.
     """
     on_disk = run.on_disk
-    kept = working_paths(path)[1]
+    checkpoint_path = working_paths(path)[1]
     result: Result | None = None
     with signals.keeping(str(path)):
         if signals.stop_requested():  # before it began
             raise KeyboardInterrupt
         run.stop_checks.append(signals.stop_requested)
         if on_disk is not None:
-            run.stop_checks.append(_checkpoints(run, kept))
+            run.stop_checks.append(_checkpoints(run, checkpoint_path))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # the caller says how runs ended
             if on_disk is None or not on_disk.needed:
@@ -80,7 +80,7 @@ def run_and_save(
                 status = run.run_to_end(progress)
         if status == Status.INTERRUPTED and on_disk is not None:
             try:
-                run.checkpoint(kept)
+                run.checkpoint(checkpoint_path)
             except JointplayError as error:
                 signals.say(f"no checkpoint: {error}")
             else:
@@ -120,17 +120,17 @@ def _save_from_disk(
 ) -> None:
     assert run.on_disk is not None
     run.on_disk.write_to_disk()
-    portions, made = run.on_disk.portions(), HistoryBuilder(run)
+    portions, builder = run.on_disk.portions(), HistoryBuilder(run)
     bar = ProgressBar((), "writing the histories", total=run.on_disk.rows, disable=not progress)
     with bar, files.writing(path, overwrite=overwrite) as file:
-        whole, records = made.totals(), next(portions)
-        first = made.portion(records).assign(whole)
+        totals, records = builder.totals(), next(portions)
+        first = builder.portion(records).assign(totals)
         bar.update(records.rows)
         with closing(GrowingDataset(file, first)) as growing:
             for records in portions:
-                growing.append(made.portion(records))
+                growing.append(builder.portion(records))
                 bar.update(records.rows)
-            growing.finish({**made.attributes(status), **(notes or {})}, whole)
+            growing.finish({**builder.attributes(status), **(notes or {})}, totals)
 
 
 def save(result: Result, path: Path, overwrite: bool = False) -> None:
@@ -143,8 +143,8 @@ def save(result: Result, path: Path, overwrite: bool = False) -> None:
         result.save(path, overwrite)
     except JointplayError as error:
         try:
-            other = Path(tempfile.mkdtemp(prefix="jointplay-")) / path.name
-            result.save(other)
+            elsewhere = Path(tempfile.mkdtemp(prefix="jointplay-")) / path.name
+            result.save(elsewhere)
         except (JointplayError, OSError):
             raise JointplayError(f"{error}; it could not be saved elsewhere either") from None
-        raise JointplayError(f"{error}; the result is in {str(other)!r} instead") from None
+        raise JointplayError(f"{error}; the result is in {str(elsewhere)!r} instead") from None

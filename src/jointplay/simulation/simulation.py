@@ -59,8 +59,8 @@ class Simulation(Overview, Inputs):
         kinds = {"load": "Load", "joint friction": "JointFriction", "drive": "Drive"}
         for name, table in tables.items():
             require_a(f"{name}s", table, "Mapping")
-            for one in table.values():
-                require_a(f"a {name}", one, kinds[name])
+            for entry in table.values():
+                require_a(f"a {name}", entry, kinds[name])
 
     def __post_init__(self) -> None:
         require_a("mechanism", self.mechanism, "Mechanism")
@@ -72,22 +72,23 @@ class Simulation(Overview, Inputs):
         filed = self._filed("drives", Drive) if self.drive is FILES_DRIVES else {}
         check_fields(self)
         if self.start == "rest" and self.mechanism.free_base is not None:
-            said = "start 'rest' is for a base that is held: start 'centred', or hold the base"
-            raise JointplayError(said, ("start",))
-        given = require_table("state", self.state, "of positions [rad, m] by joint", ("state",))
-        state = {name: position_and_speed(name, value) for name, value in given.items()}
+            reason = "start 'rest' is for a base that is held: start 'centred', or hold the base"
+            raise JointplayError(reason, ("start",))
+        table = require_table("state", self.state, "of positions [rad, m] by joint", ("state",))
+        state = {name: position_and_speed(name, value) for name, value in table.items()}
         object.__setattr__(self, "state", state)
-        for one in self.payloads:
-            require_a("a payload", one, "Payload")
-        object.__setattr__(self, "payloads", tuple(one for one in self.payloads if one.mass > 0.0))
+        for payload in self.payloads:
+            require_a("a payload", payload, "Payload")
+        carried = tuple(payload for payload in self.payloads if payload.mass > 0.0)
+        object.__setattr__(self, "payloads", carried)
         self._check_tables()
         if self.motion is not None and isinstance(self.drive, Drive) and self.drive.follows:
             moving = {name for name, (_, speed) in state.items() if speed is not None}
-            moving |= {name for name, one in filed.items() if not one.follows}
+            moving |= {name for name, drive in filed.items() if not drive.follows}
             places = {name: at for name, (at, _) in state.items() if at is not None}
-            whole = complete_motion(self.mechanism, self.motion, places, moving)
-            object.__setattr__(self, "motion", whole.motion)
-            left = {name: at for name, at in state.items() if name not in whole.held}
+            complete = complete_motion(self.mechanism, self.motion, places, moving)
+            object.__setattr__(self, "motion", complete.motion)
+            left = {name: at for name, at in state.items() if name not in complete.held}
             object.__setattr__(self, "state", left)
         if self.motion is not None and filed:
             drives = {joint: filed.get(joint, FILES_DRIVES) for joint in self.motion.joints}
@@ -107,14 +108,15 @@ class Simulation(Overview, Inputs):
             motion, joints = self.motion, few(list(self.motion.joints))
             facts["motion"] = f"{joints}: {motion.summary}"
         drives = {"all": self.drive} if isinstance(self.drive, Drive) else self.drive
-        facts["drives"] = "; ".join(f"{name}: {one.kind}" for name, one in drives.items()) or "none"
+        kinds = (f"{name}: {drive.kind}" for name, drive in drives.items())
+        facts["drives"] = "; ".join(kinds) or "none"
         duration = self._simulated_time()
         facts["duration"] = "not given" if math.isnan(duration) else readable(duration, "s")
         facts["integration"] = f"{self.integrator}, steps of {readable(self.step, 's')}"
-        told = {"mechanism", "motion", "drive", "duration", "integrator", "step"}
+        listed = {"mechanism", "motion", "drive", "duration", "integrator", "step"}
         for field in fields(self):
             value = getattr(self, field.name)
-            if field.name not in told and value and value != field.default:
+            if field.name not in listed and value and value != field.default:
                 shown = ", ".join(value) if isinstance(value, Mapping) else value
                 facts[field.name.replace("_", " ")] = str(shown)
         return headline, facts
@@ -143,7 +145,7 @@ class Simulation(Overview, Inputs):
         `judge_from` if given, else when `settle` is over; else, where journals fall into their
         bearings or perturbed teeth through their play at the start, after the first turn of a joint
         of the motion, if another follows; None: when contacts have settled, which a run finds
-        (`run.Settling`). At 0 where nothing falls. Refused if it makes no sense, as turns of what
+        (`judging`). At 0 where nothing falls. Refused if it makes no sense, as turns of what
         does not turn.
         """
         duration = self._simulated_time()
@@ -159,7 +161,8 @@ class Simulation(Overview, Inputs):
         else:
             perturbed, machine = self.seed is not None, self.mechanism
             falls = machine.clearance and (perturbed or not self.starts_at_rest)
-            if not (falls or (perturbed and any(one.play > 0.0 for one in machine.gears.values()))):
+            loose = any(gear.play > 0.0 for gear in machine.gears.values())
+            if not (falls or (perturbed and loose)):
                 return 0.0
             motion, periods = self.motion, list[float]()
             for name in _turning(self):
@@ -198,10 +201,10 @@ class Simulation(Overview, Inputs):
             JointplayError: no such file, damaged, or of another version.
         """
 
-        def made(description: dict[str, Any], records: Path | None) -> Run:
+        def build(description: dict[str, Any], records: Path | None) -> Run:
             return Run(Simulation.from_description(description), records=records)
 
-        return checkpoint.resume(Path(path), made)
+        return checkpoint.resume(Path(path), build)
 
     def run_to(self, path: str | Path, progress: bool = False, resume: bool = False) -> Result:
         """Simulate with the histories on disk: memory does not grow with the length of the run.
@@ -245,13 +248,13 @@ class Simulation(Overview, Inputs):
         if (certify or estimate) and result.status == Status.COMPLETED:
             find_errors = provided("errors_of_run")
             try:
-                found = find_errors(result, certify, simulation=self, progress=progress)
+                certificate = find_errors(result, certify, simulation=self, progress=progress)
             except KeyboardInterrupt:
                 text = "interrupted: the result is complete, but its numerical errors are unknown"
                 warnings.warn(text, RuntimeWarning, stacklevel=2)
             else:
-                if found is not None:
-                    result.certificate = found
+                if certificate is not None:
+                    result.certificate = certificate
         return result
 
 
@@ -339,12 +342,12 @@ def _time_of_turns(motion: Motion, joint: str, turns: float, duration: float) ->
     """When a joint of the motion is so many turns from its start [s]; infinite if it never is."""
     times = np.linspace(0.0, duration, _NODES)
     position = motion(times)[0][:, motion.joints.index(joint)]
-    way = np.abs(position - position[0])
-    there = np.flatnonzero(way >= 2.0 * np.pi * turns * (1.0 - 1e-12))
-    if not len(there):
+    turned = np.abs(position - position[0])
+    reached = np.flatnonzero(turned >= 2.0 * np.pi * turns * (1.0 - 1e-12))
+    if not len(reached):
         return math.inf
-    k = int(there[0])
+    k = int(reached[0])
     if k == 0:
         return 0.0
-    part = (2.0 * np.pi * turns - way[k - 1]) / (way[k] - way[k - 1])
+    part = (2.0 * np.pi * turns - turned[k - 1]) / (turned[k] - turned[k - 1])
     return float(times[k - 1] + part * (times[k] - times[k - 1]))

@@ -26,10 +26,8 @@ from jointplay.simulation.working_files import RECORDS
 
 PORTION_BYTES = 2 << 20
 """Records that are in memory at once when histories are made of them [bytes]."""
-
 MOST_BYTES = 32 << 20
 """Records of a run that take more do not stay in memory, if they may go elsewhere [bytes]."""
-
 RECORD_BYTES = 4 << 20
 """Of such a run so much is in memory [bytes]."""
 
@@ -198,9 +196,9 @@ class PassedRecords(Overflow):
 
     def _pass(self, count: int) -> None:
         if count:
-            given = Records(self._left[:count], self._workspace.fields, self._passed)
+            records = Records(self._left[:count], self._workspace.fields, self._passed)
             self._left, self._passed = self._left[count:], self._passed + count
-            self._taker(given)
+            self._taker(records)
 
     def finish(self) -> None:
         """Pass the rest; what never left memory is one portion."""

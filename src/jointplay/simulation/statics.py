@@ -20,7 +20,7 @@ from jointplay.model.loop import closing_rows, newton_step
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.contact import elastic, resultant
 from jointplay.physics.contact.calls import call_normal
-from jointplay.physics.contact.compiled import MAX_PARAMETERS, address
+from jointplay.physics.contact.machine_code import MAX_PARAMETERS, address
 from jointplay.physics.contact.resultant import DEEPEST, ENERGY
 from jointplay.physics.geometry import touch
 from jointplay.physics.joints import VIRTUAL_LINK, Clearance, Coordinate
@@ -45,22 +45,26 @@ class TrialState:
     bend: np.ndarray
     load: float
 
-    def gain(self, other: TrialState, expected: float) -> float:
+    def gain(self, trial: TrialState, expected: float) -> float:
         """Part of the expected gain that another place brings; where the gain drowns in rounding, 1
         if it is less steep there, else 0.
         """
         if expected < _ROUNDING * max(abs(self.height), expected):
-            return float(np.linalg.norm(other.slope) < np.linalg.norm(self.slope))
-        return (self.height - other.height) / expected
+            return float(np.linalg.norm(trial.slope) < np.linalg.norm(self.slope))
+        return (self.height - trial.height) / expected
 
 
 def minimize_in_ball(slope: np.ndarray, bend: np.ndarray, radius: float) -> np.ndarray:
-    """Where a quadratic is lowest within a ball about the origin."""
+    """Where a quadratic is lowest within a ball about the origin.
+
+    Its curvature is shifted until it is positive and the step no longer than the radius; how far is
+    found by bisection.
+    """
     # Eigen's, for on a busy machine the threads of numpy's wait for each other.
     spectrum = eigenpy.SelfAdjointEigenSolver(0.5 * (bend + bend.T))
     sizes, axes = spectrum.eigenvalues(), spectrum.eigenvectors()
     along = axes.T @ slope
-    least = 1e-13 * max(float(np.abs(sizes).max()), 1e-30)
+    least = 1e-13 * max(float(np.abs(sizes).max()), 1e-30)  # above rounding of the largest
     low = max(0.0, -float(sizes.min())) + least
     if sizes.min() > least and _length(along / sizes) <= radius:
         return -axes @ (along / sizes)
@@ -73,7 +77,7 @@ def minimize_in_ball(slope: np.ndarray, bend: np.ndarray, radius: float) -> np.n
             low = middle
         else:
             high = middle
-        if high < 1.01 * low:
+        if high < 1.01 * low:  # right to 1 %, enough for a trust radius
             break
     return -axes @ (along / (sizes + high))
 
@@ -88,8 +92,8 @@ def _length(vector: np.ndarray) -> float:
 _SHIFT_M = 1e-9
 """Displacement by which wrenches are differentiated [m]: of a force like depth^1.5 central
 differences are then wrong by 1e-6 at 0.2 µm, and less where surfaces are pressed deeper."""
-
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
+"""By which a law's force is integrated over the depth to the energy: 12 of Gauss's points."""
 
 
 @compiled
@@ -99,34 +103,34 @@ def _press(shape, dimensions, count, law, parameters, poses, nodes, weights, out
     `shape` is a `Shape` or the address of a touch, as for `geometry.touch`.
     """
     for i in range(poses.shape[0]):
-        pose, found = poses[i], out[i]
-        found[DEEPEST] = -np.inf
+        pose, answer = poses[i], out[i]
+        answer[DEEPEST] = -np.inf
         for k in range(count):
             gap, rx, ry, rz, nx, ny, nz = touch(
                 shape, dimensions, 0, k, pose[0], pose[1], pose[2], pose, 3
             )
-            found[DEEPEST] = max(found[DEEPEST], -gap)
+            answer[DEEPEST] = max(answer[DEEPEST], -gap)
             if gap >= 0.0:
                 continue
-            own = pointer(parameters[k].ctypes.data)
-            force = max(call_normal(law, (-gap, 0.0, 1.0, own)), 0.0)
+            law_numbers = pointer(parameters[k].ctypes.data)
+            force = max(call_normal(law, (-gap, 0.0, 1.0, law_numbers)), 0.0)
             fx, fy, fz = force * nx, force * ny, force * nz
-            found[0] += fx
-            found[1] += fy
-            found[2] += fz
-            found[3] += ry * fz - rz * fy
-            found[4] += rz * fx - rx * fz
-            found[5] += rx * fy - ry * fx
+            answer[0] += fx
+            answer[1] += fy
+            answer[2] += fz
+            answer[3] += ry * fz - rz * fy
+            answer[4] += rz * fx - rx * fz
+            answer[5] += rx * fy - ry * fx
             for n in range(nodes.size):
                 at = 0.5 * -gap * (1.0 + nodes[n])
-                force = call_normal(law, (at, 0.0, 1.0, own))
-                found[ENERGY] += 0.5 * -gap * weights[n] * force
+                force = call_normal(law, (at, 0.0, 1.0, law_numbers))
+                answer[ENERGY] += 0.5 * -gap * weights[n] * force
 
 
 @lru_cache(maxsize=256)
 def _springs(joint: Clearance, contact: int) -> tuple[np.ndarray, np.ndarray]:
     parameters = joint.normal.parameters(joint.contact_properties(contact))
-    depths = np.geomspace(1e-10, joint.depth_limit, 600)
+    depths = np.geomspace(1e-10, joint.depth_limit, 600)  # from an atom on
     forces = np.gradient(elastic_energy(joint.normal, parameters, depths), depths)
     return np.maximum.accumulate(forces), depths
 
@@ -165,9 +169,9 @@ class ElasticJoint:
         numbers = self._joint.resultant
         if numbers is not None:
             return elastic.answers(self._joint.law, numbers, poses, numbers[resultant.CAGE])
-        found = np.zeros((len(poses), resultant.ANSWERS))
-        _press(*self._of, poses, _NODES, _WEIGHTS, found)
-        return found
+        answers = np.zeros((len(poses), resultant.ANSWERS))
+        _press(*self._of, poses, _NODES, _WEIGHTS, answers)
+        return answers
 
     def _at(self, pose: np.ndarray) -> np.ndarray:
         """Answers at a pose (12,), then at those around it, (13, ...): the last ones are known."""
@@ -202,9 +206,9 @@ class ElasticJoint:
         The sum of all element loads, or springs' moment at hand: the load of a mount that gives way
         in rotations only.
         """
-        found = self._at(pose)[0]
-        moment = float(np.linalg.norm(found[3:6])) / self.reach if self._holds else 0.0
-        return max(float(found[resultant.SUM]), moment)
+        answer = self._at(pose)[0]
+        moment = float(np.linalg.norm(answer[3:6])) / self.reach if self._holds else 0.0
+        return max(float(answer[resultant.SUM]), moment)
 
     def stiffness(self, pose: np.ndarray) -> np.ndarray:
         """Fall of the wrench per displacement [m] and turn [rad] of the journal, (6, 6).
@@ -213,8 +217,7 @@ class ElasticJoint:
         whose load leaves that nearly open.
         """
         ends = self._at(pose)[1:, :6]
-        given: np.ndarray = ((ends[::2] - ends[1::2]) / (2.0 * self._shift[:, None])).T
-        return given
+        return np.asarray(((ends[::2] - ends[1::2]) / (2.0 * self._shift[:, None])).T)
 
 
 # Poses about a pose lie one after the other in one array of 12 x 12 numbers: back and forth along
@@ -233,12 +236,12 @@ _TURNED = _TURNED_ROWS + 12 * np.arange(6, 12)[:, None]
 
 def _around(pose: np.ndarray, size: np.ndarray) -> np.ndarray:
     """A pose (12,) moved back and forth along and about each axis by `size` (6,), (12, 12)."""
-    ways = size.repeat(2) * _BACK_AND_FORTH
-    angles = ways[6:].tolist()
+    shifts = size.repeat(2) * _BACK_AND_FORTH
+    angles = shifts[6:].tolist()
     cosine, sine = (np.array([*map(of, angles)])[:, None] for of in (math.cos, math.sin))
     first, second = pose[_TURNED_ROWS]
     poses = pose[None].repeat(12, axis=0).ravel()
-    poses[_SHIFTED] += ways[:6]
+    poses[_SHIFTED] += shifts[:6]
     poses[_TURNED[0]] = cosine * first - sine * second
     poses[_TURNED[1]] = sine * first + cosine * second
     return poses.reshape(12, 12)
@@ -350,7 +353,7 @@ class _StaticLoad:
     def __init__(self, load: Load, site: LoadSite, nv: int) -> None:
         self.load, self.site = load, site
         self._law = compiled_law(load).ctypes
-        self._every = np.eye(nv)
+        self._identity = np.eye(nv)
 
     def place(self, data: pin.Data, q: np.ndarray) -> np.ndarray:
         if self.site.carriers is None:
@@ -359,19 +362,19 @@ class _StaticLoad:
 
     def jacobian(self, data: pin.Data) -> np.ndarray:
         if self.site.carriers is None:
-            return self._every[list(self.site.inputs)]
+            return self._identity[list(self.site.inputs)]
         assert self.site.signs is not None
         return relative_motion(data, self.site.carriers, self.site.signs)
 
     def force_jacobian(self, data: pin.Data) -> np.ndarray:
         if self.site.carriers is None:
-            return self._every[list(self.site.outputs)]
+            return self._identity[list(self.site.outputs)]
         return self.jacobian(data)
 
     def force(self, x: np.ndarray, rate: np.ndarray) -> np.ndarray:
         out = np.zeros(self.site.size)
-        given = [np.ascontiguousarray(one, float) for one in (x, rate, self.site.numbers)]
-        self._law(0.0, *(one.ctypes.data_as(_NUMBERS) for one in (*given, out)))
+        inputs = [np.ascontiguousarray(values, float) for values in (x, rate, self.site.numbers)]
+        self._law(0.0, *(array.ctypes.data_as(_NUMBERS) for array in (*inputs, out)))
         if self.site.bounds:
             out = np.clip(out, -np.array(self.site.bounds), self.site.bounds)
         return out
@@ -397,31 +400,28 @@ class _StaticLoad:
 
 TOLERANCE = 1e-4
 """Unbalanced force, relative to the largest force of a joint, below which a state is at rest."""
-
 SOLVED = 1e-10
 """The same at which the search ends."""
-
 BALANCED = 1e-7
 """The same at which it is not begun anew: judged, far below `TOLERANCE` and far above rounding."""
-
 MOST_TRIALS = 100
 """States tried of all joints together, before the search goes on joint by joint or is given up:
 judged, as `MOST_LOCAL` and `MOST_ROUNDS` are; the shipped scenarios take 2 to 60 in all, the 3-RRR
 1,100."""
-
 MOST_LOCAL = 150
 """States tried of one joint."""
-
 MOST_ROUNDS = 10
 """How often forces that are no potential are reckoned anew where the machine then rests."""
-
 TOWARDS_MIDDLE = 1e-5
 """Stiffness towards the start in the first search, relative to the weight per clearance: judged; a
 tenth of `TOLERANCE`."""
-
+_LEAST_GAIN, _GOOD_GAIN = 0.1, 0.5
+"""Parts of the gain that the quadratic promises: below the first a step is not taken, above the
+second the next may be longer (judged, as usual in trust regions)."""
+_LEAST_RADIUS = 1e-12
+"""Trust radius in clearances below which the search ends: steps of it are rounding."""
 _ERROR_ROUNDS = 12
 """How often a motor is moved for its gear's kinematic error, whose slope is far below one."""
-
 _ANGLE = 1e-3
 """Displacement by which a joint is asked what its ideal twin would follow [m or rad]."""
 
@@ -470,8 +470,8 @@ def weight_curvature(model: pin.Model, data: pin.Data, q: np.ndarray) -> np.ndar
     Above the diagonal Pinocchio 4.1 gives other numbers than differences of its own gravity
     (`tests/physics/test_rest.py`), so those below are taken for both.
     """
-    given = pin.computeGeneralizedGravityDerivatives(model, data, q).reshape(model.nv, model.nv)
-    return np.where(_below_diagonal(model.nv), given, given.T)
+    slopes = pin.computeGeneralizedGravityDerivatives(model, data, q).reshape(model.nv, model.nv)
+    return np.where(_below_diagonal(model.nv), slopes, slopes.T)
 
 
 @lru_cache(maxsize=16)
@@ -506,17 +506,17 @@ class StaticEquilibrium:
         friction: Mapping[str, JointFriction],
         loads: StaticLoads,
         acceleration: np.ndarray,
-        given: Collection[int] = (),
+        fixed: Collection[int] = (),
     ) -> None:
         self._mechanism, self._model, self._data = mechanism, bodies, bodies.createData()
         self._start, self._speed = q.copy(), v.copy()
         self._acceleration, self._loads = acceleration, loads
         nv = bodies.nv
-        self._elastic = {name: ElasticJoint(one) for name, one in mechanism.clearance.items()}
+        self._elastic = {name: ElasticJoint(joint) for name, joint in mechanism.clearance.items()}
         self._frames = {name: mechanism.frames(name) for name in mechanism.clearance}
         self._signs = {name: mechanism.signs(name) for name in mechanism.clearance}
         self._springs, self._constant = np.zeros(nv), np.zeros(nv)
-        self._rest = self._start.copy()
+        self._unbent = self._start.copy()
         self._gears = [
             (mechanism.motor(name), mechanism.coordinate(name), gear)
             for name, gear in mechanism.gears.items()
@@ -532,11 +532,11 @@ class StaticEquilibrium:
             at = mechanism.coordinate(name)
             self._constant[at] -= float(losses.torque(self._speed[at : at + 1])[0])
         self._ideal = sorted(set(mechanism.loops) - set(mechanism.clearance))
-        self._inertia, self._given = np.zeros(nv), np.zeros(nv)
+        self._inertia, self._load_forces = np.zeros(nv), np.zeros(nv)
         self.refresh(self._start)
-        self.basis = self._find_basis(sprung, drives, set(given))
+        self.basis = self._find_basis(sprung, drives, set(fixed))
         self.scale, self._rooms = self._scales()
-        weightless = np.abs(self._inertia) + np.abs(self._given) + np.abs(self._constant)
+        weightless = np.abs(self._inertia) + np.abs(self._load_forces) + np.abs(self._constant)
         self._least_load = self.weight() or float(weightless.max(initial=0.0))
         """What residual forces are compared with where nothing touches."""
 
@@ -553,7 +553,7 @@ class StaticEquilibrium:
         """
         mechanism, nu = self._mechanism, len(reference) // 3
         sprung: set[int] = set()
-        followed = {mechanism.motor(n): n for n, one in drives.items() if one.follows}
+        followed = {mechanism.motor(n): n for n, drive in drives.items() if drive.follows}
 
         def ahead(row: np.void) -> float:
             return float(reference[nu + int(row["column"])] - self._speed[int(row["encoder"])])
@@ -561,7 +561,7 @@ class StaticEquilibrium:
         def hold(row: np.void, spring: float, torque: float) -> None:
             at, encoder = int(row["coordinate"]), int(row["encoder"])
             self._springs[encoder] += spring
-            self._rest[encoder] = reference[int(row["column"])]
+            self._unbent[encoder] = reference[int(row["column"])]
             self._constant[encoder] += torque
             if encoder != at:  # a motor whose encoder sees the link trails behind the play
                 self._trailing[at], self._through[at] = encoder, (spring, torque, 1.0)
@@ -602,17 +602,17 @@ class StaticEquilibrium:
 
     def _pulls(self, q: np.ndarray) -> np.ndarray:
         """What the springs of drives are bent by (nv,), dead bands and limits counted."""
-        away = self._rest - q
+        away = self._unbent - q
         bent = np.minimum(np.maximum(np.abs(away) - self._bands, 0.0), self._reach)
         return np.asarray(np.copysign(bent, away))
 
     def _find_basis(
-        self, sprung: set[int], drives: Mapping[str, Drive], given: set[int]
+        self, sprung: set[int], drives: Mapping[str, Drive], fixed: set[int]
     ) -> np.ndarray:
         """Directions in which the machine can come to rest, shape (nv, n)."""
         mechanism = self._mechanism
         nv = self._model.nv
-        play, own = set(), set()
+        play, journals = set(), set()
         blocks: dict[str, set[int]] = {}
         for name, joint in mechanism.clearance.items():
             if name in mechanism.loops:
@@ -620,27 +620,27 @@ class StaticEquilibrium:
             members = {
                 part: mechanism.coordinates.index(Coordinate(name, part)) for part in joint.freedoms
             }
-            own |= set(members.values())
+            journals |= set(members.values())
             film = joint.film is not None and not joint.film[0].hybrid
-            if not film and not given & set(members.values()):
+            if not film and not fixed & set(members.values()):
                 blocks[name] = {members[part] for part in limited_freedoms(joint)}
                 play |= blocks[name]
-        own -= {mechanism.coordinate(n) for n in mechanism.joints if n in mechanism.clearance}
-        every = np.eye(nv)
-        columns = [every[:, sorted((play | sprung) - given)]]
+        journals -= {mechanism.coordinate(n) for n in mechanism.joints if n in mechanism.clearance}
+        identity = np.eye(nv)
+        columns = [identity[:, sorted((play | sprung) - fixed)]]
         # What moves one journal only, unless it has to close an ideal loop.
         self._blocks = {} if self._ideal else {n: sorted(at) for n, at in blocks.items() if at}
         # Joints that no drive holds are held where they are, as far as loops leave them free.
-        held = {mechanism.motor(n) for n, one in drives.items() if one.follows}
-        held |= {mechanism.coordinate(n) for n, one in drives.items() if one.follows}
-        held |= own | play | sprung | given | set(map(int, self._trailing))
+        held = {mechanism.motor(n) for n, drive in drives.items() if drive.follows}
+        held |= {mechanism.coordinate(n) for n, drive in drives.items() if drive.follows}
+        held |= journals | play | sprung | fixed | set(map(int, self._trailing))
         held |= {mechanism.motor(n) for n in mechanism.gears}
-        rest = np.array([i for i in range(nv) if i not in held], int)
-        if mechanism.loops and len(rest):
-            rows = closing_rows(mechanism, self._start)[:, rest]
+        undriven = np.array([i for i in range(nv) if i not in held], int)
+        if mechanism.loops and len(undriven):
+            rows = closing_rows(mechanism, self._start)[:, undriven]
             _, sizes, right = np.linalg.svd(rows, full_matrices=False)
-            kept = right[sizes > 1e-9 * max(sizes.max(initial=0.0), 1e-9)]
-            columns.append(every[:, rest] @ kept.T)
+            closed_rows = right[sizes > 1e-9 * max(sizes.max(initial=0.0), 1e-9)]
+            columns.append(identity[:, undriven] @ closed_rows.T)
         basis = np.hstack(columns)
         self._movable = basis
         if self._ideal and basis.shape[1]:
@@ -666,12 +666,12 @@ class StaticEquilibrium:
         }
         for name in joints:
             moves = self._jacobian(name) @ self.basis
-            way = np.linalg.norm(moves[:3], axis=0)
-            way += self._elastic[name].reach * np.linalg.norm(moves[3:], axis=0)
+            motion = np.linalg.norm(moves[:3], axis=0)
+            motion += self._elastic[name].reach * np.linalg.norm(moves[3:], axis=0)
             with np.errstate(divide="ignore"):
-                own = least[name] / way
-            rooms = np.where(own < scale, least[name], rooms)
-            scale = np.minimum(scale, own)
+                crossing = least[name] / motion
+            rooms = np.where(crossing < scale, least[name], rooms)
+            scale = np.minimum(scale, crossing)
         plays = [gear.play / 2.0 for _, _, gear in self._gears]
         room = min(least.values(), default=min(plays, default=1e-4) or 1e-4)
         return np.where(np.isfinite(scale), scale, room), np.where(np.isfinite(rooms), rooms, room)
@@ -690,10 +690,10 @@ class StaticEquilibrium:
                 self._constant[k] += change * torque
                 self._through[m] = spring, torque, now
         if self._speed.any() or self._acceleration.any():
-            whole = pin.rnea(self._model, self._data, q, self._speed, self._acceleration)
+            effort = pin.rnea(self._model, self._data, q, self._speed, self._acceleration)
             weight = pin.computeGeneralizedGravity(self._model, self._data, q)
-            self._inertia = whole - weight
-        self._given = self._loads.nonpotential_forces(self._model, self._data, q, self._speed)
+            self._inertia = effort - weight
+        self._load_forces = self._loads.nonpotential_forces(self._model, self._data, q, self._speed)
 
     def _pose(self, name: str) -> np.ndarray:
         return relative_pose(self._data, self._frames[name])
@@ -703,7 +703,7 @@ class StaticEquilibrium:
 
     def wrenches(self, q: np.ndarray) -> dict[str, np.ndarray]:
         pin.forwardKinematics(self._model, self._data, q)
-        return {name: one.wrench(self._pose(name)) for name, one in self._elastic.items()}
+        return {name: contacts.wrench(self._pose(name)) for name, contacts in self._elastic.items()}
 
     def potential(
         self, q: np.ndarray, names: Collection[str]
@@ -712,21 +712,23 @@ class StaticEquilibrium:
         (nv, nv), and the largest joint force [N]. The energy is infinite where a law fails.
         """
         model, data, away = self._model, self._data, q - self._start
+        # Gravity.
         curvature = weight_curvature(model, data, q)
         gradient = pin.computeGeneralizedGravity(model, data, q).copy()
         pin.computeJointJacobians(model, data, q)
         energy = pin.computePotentialEnergy(model, data)
-        pulls, far = self._pulls(q), np.abs(self._rest - q) - self._bands
+        # Springs of drives with dead band and limit; efforts and inertia forces that are constant.
+        pulls, far = self._pulls(q), np.abs(self._unbent - q) - self._bands
         bends = (self._bands == 0.0) | (pulls != 0.0)
         bent = np.abs(pulls)
         curvature += np.diag(np.where(bends & (bent < self._reach), self._springs, 0.0))
         gradient += self._inertia - self._constant - self._springs * pulls
         energy += float(self._springs @ (bent * (np.maximum(far, 0.0) - 0.5 * bent)))
         energy -= float(self._constant @ away)
-        energy += float((self._inertia - self._given) @ away) + self._loads.energy(data, q)
+        energy += float((self._inertia - self._load_forces) @ away) + self._loads.energy(data, q)
         slope, bend = self._loads.slopes(data, q)
-        gradient, curvature = gradient + (slope - self._given), curvature + bend
-        load = 0.0
+        gradient, curvature = gradient + (slope - self._load_forces), curvature + bend
+        load = 0.0  # contacts
         for name in names:
             contacts, pose, moves = self._elastic[name], self._pose(name), self._jacobian(name)
             wrench = contacts.wrench(pose)
@@ -739,13 +741,13 @@ class StaticEquilibrium:
                 continue
             stored, torque, stiffness = gear.first_load(float(gear.twist(q[m], q[k])))
             _, rise, bend = gear.kinematic_error(float(q[m]))
-            ways = np.zeros(len(q))
-            ways[m], ways[k] = 1.0 + rise, -1.0
+            rates = np.zeros(len(q))
+            rates[m], rates[k] = 1.0 + rise, -1.0
             energy += stored
-            gradient += torque * ways
-            curvature += stiffness * np.outer(ways, ways)
+            gradient += torque * rates
+            curvature += stiffness * np.outer(rates, rates)
             curvature[m, m] += torque * bend
-        if self._pull.any():
+        if self._pull.any():  # the soft spring towards the start (`settle`)
             parts = self.basis / self.scale
             moved = away @ parts
             energy += 0.5 * float(self._pull @ moved**2)
@@ -832,37 +834,51 @@ class StaticEquilibrium:
         names: Collection[str] | None = None,
         at: Collection[int] = (),
     ) -> tuple[np.ndarray, float, float, int]:
+        """Newton's method in a trust region, from q; returns where it ends, the residual and the
+        load there [N], and how many states were tried.
+
+        Steps are of `basis` in units of `scale`: a length of 1 crosses a clearance. One that gains
+        enough of what the quadratic promises is taken; others make the region smaller.
+
+        `most`: states to try; `names`: joints whose contacts count, None all; `at`: coordinates of
+        which one must move with a direction for it to be searched, none: all directions.
+        """
         names = self._elastic if names is None else names
-        ways, rooms = self.basis * self.scale, self._rooms
+        directions, rooms = self.basis * self.scale, self._rooms
         if at:
-            own = np.abs(ways[list(at)]).any(axis=0)
-            ways, rooms = ways[:, own], rooms[own]
+            active = np.abs(directions[list(at)]).any(axis=0)
+            directions, rooms = directions[:, active], rooms[active]
         radius, trials = 1.0, 0
-        here = self._look(q, ways, names)
+        state = self._look(q, directions, names)
         while True:
-            residual = float(np.abs(here.slope / rooms).max(initial=0.0))
-            load = here.load
-            if residual <= SOLVED * (load or self._least_load) or trials >= most or radius < 1e-12:
-                return here.q, residual, load, trials
-            step = minimize_in_ball(here.slope, here.bend, radius)
-            expected = -float(here.slope @ step + 0.5 * step @ here.bend @ step)
+            residual = float(np.abs(state.slope / rooms).max(initial=0.0))
+            load = state.load
+            if (
+                residual <= SOLVED * (load or self._least_load)
+                or trials >= most
+                or radius < _LEAST_RADIUS
+            ):
+                return state.q, residual, load, trials
+            step = minimize_in_ball(state.slope, state.bend, radius)
+            expected = -float(state.slope @ step + 0.5 * step @ state.bend @ step)
             size = float(np.linalg.norm(step))
-            there = self._look(self.close(here.q + ways @ step), ways, names)
+            trial = self._look(self.close(state.q + directions @ step), directions, names)
             trials += 1
-            straight = here.gain(there, expected)
-            if straight <= 0.1 and trials < most:
+            straight = state.gain(trial, expected)
+            if straight <= _LEAST_GAIN and trials < most:
                 # Along curved walls, and where a wall is met: a second step leads back to it.
-                step = minimize_in_ball(there.slope, there.bend, size)
-                there = self._look(self.close(there.q + ways @ step), ways, names)
+                step = minimize_in_ball(trial.slope, trial.bend, size)
+                trial = self._look(self.close(trial.q + directions @ step), directions, names)
                 trials += 1
-            gain = here.gain(there, expected)
-            if not gain > 0.1:
+            gain = state.gain(trial, expected)
+            if not gain > _LEAST_GAIN:
                 radius = 0.25 * size
                 continue
-            if gain > 0.5 or straight <= 0.1:
+            if gain > _GOOD_GAIN or straight <= _LEAST_GAIN:
                 radius = max(radius, 2.0 * size)
-            here = there
+            state = trial
 
-    def _look(self, q: np.ndarray, ways: np.ndarray, names: Collection[str]) -> TrialState:
+    def _look(self, q: np.ndarray, directions: np.ndarray, names: Collection[str]) -> TrialState:
         height, gradient, curvature, load = self.potential(q, names)
-        return TrialState(q, height, ways.T @ gradient, ways.T @ curvature @ ways, load)
+        bend = directions.T @ curvature @ directions
+        return TrialState(q, height, directions.T @ gradient, bend, load)

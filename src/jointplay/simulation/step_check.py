@@ -31,10 +31,8 @@ if TYPE_CHECKING:
 
 _DOUBTED = 0.3 * STEP_WARNING
 """Difference from the run with twice the step above which half the step is tried."""
-
 _LEAST_MOTION = 1e-6
 """A motion of all coordinates by less than this counts as this [rad or m]."""
-
 _MOST_ROWS = 2000
 """Records of the other runs, about: their memory does not count."""
 
@@ -43,7 +41,6 @@ StepError = tuple[float, float]
 """How far a run may be off because of its step: largest error of the tool's position [m]; and of
 the coordinates, relative to how far they move at most, weighted with the masses that they move,
 motors left out."""
-
 COMPARED = ("q", "tool_position")
 """Histories that are compared."""
 
@@ -94,30 +91,30 @@ def _difference(
 ) -> StepError:
     simulation = run.simulation
     macro, tolerance = simulation.macro_step, simulation.tolerance
-    every = simulation.record_every * max(len(result.time) // _MOST_ROWS, 1)
-    every += every % 2 if factor > 1.0 else 0
+    interval = simulation.record_every * max(len(result.time) // _MOST_ROWS, 1)
+    interval += interval % 2 if factor > 1.0 else 0
     try:
         finer = replace(
             simulation,
             step=factor * simulation.step,
-            record_every=round(every / factor),
+            record_every=round(interval / factor),
             macro_step=None if macro is None else factor * macro,
             tolerance=None if tolerance is None else factor**2 * tolerance,
         )
-        other = run.__class__(finer, progress)
+        twin = run.__class__(finer, progress)
     except JointplayError:
         if factor > 1.0:
             return _UNBOUNDED  # half the step decides
         raise
-    other.label = "checking the step "
-    other.stop_checks += run.stop_checks
-    mine, theirs = run.workspace, other.workspace
+    twin.label = "checking the step "
+    twin.stop_checks += run.stop_checks
+    mine, theirs = run.workspace, twin.workspace
     theirs.drives[:] = mine.drives
-    other.share_reference(run)
+    twin.share_reference(run)
     theirs.q[:], theirs.v[:] = start
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
-        comparison = other.finish(progress, check_step=False)
+        comparison = twin.finish(progress, check_step=False)
     if comparison.status == Status.INTERRUPTED:
         raise KeyboardInterrupt
     if comparison.status != Status.COMPLETED:
@@ -125,11 +122,11 @@ def _difference(
     return _largest_distance(run, result, comparison)
 
 
-def _largest_distance(run: Run, result: Result, other: Result) -> StepError:
+def _largest_distance(run: Run, result: Result, twin: Result) -> StepError:
     step = run.simulation.step
-    ours, theirs = (np.round(one.time / step).astype(np.int64) for one in (result, other))
-    _, here, there = np.intersect1d(ours, theirs, return_indices=True)
-    if len(here) < 2:
+    ours, theirs = (np.round(side.time / step).astype(np.int64) for side in (result, twin))
+    _, rows, twin_rows = np.intersect1d(ours, theirs, return_indices=True)
+    if len(rows) < 2:
         return _UNBOUNDED
     mechanism = run.mechanism
     q = result["q"].values
@@ -141,6 +138,6 @@ def _largest_distance(run: Run, result: Result, other: Result) -> StepError:
         return float(np.sqrt(np.einsum("ni,ij,nj->n", steps, mass, steps).max()))
 
     moved = max(size(q - q[0]), _LEAST_MOTION * math.sqrt(float(np.trace(mass))))
-    tool = result["tool_position"].values[here] - other["tool_position"].values[there]
-    apart = size(q[here] - other["q"].values[there])
+    tool = result["tool_position"].values[rows] - twin["tool_position"].values[twin_rows]
+    apart = size(q[rows] - twin["q"].values[twin_rows])
     return float(np.linalg.norm(tool, axis=1).max()), apart / moved

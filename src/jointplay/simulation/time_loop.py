@@ -12,7 +12,7 @@ import pinocchio as pin
 from jointplay.model.frames import Frame
 from jointplay.model.loop import PROXIMAL
 from jointplay.model.tree import Tree
-from jointplay.physics.kernel import REACHED, Command, compiled, entry_of, layout
+from jointplay.physics.kernel import REACHED, Command, caller_of, entry_of, layout
 from jointplay.physics.kernel.adaptive import STABLE_TURN
 from jointplay.physics.kernel.layout import CarriedFrame, JointSite, LoadSite
 
@@ -33,21 +33,21 @@ def moving_bodies(
         body that carries it, and its place in that.
     """
     tree = Tree(model)
-    every = tree.bodies
+    bodies = tree.bodies
     carriers, places = tree.frames(frames)
     needed = {0}
     for body in map(int, carriers):
         while body not in needed:
             needed.add(body)
-            body = int(every.parents[body])
+            body = int(bodies.parents[body])
     numbers = {body: number for number, body in enumerate(sorted(needed))}
     rows = np.zeros(len(numbers), layout.BODY)
     rows["rotation"][0] = np.eye(3).ravel()
     for body, number in numbers.items():
         row = rows[number]
-        row["parent"], row["coordinate"] = numbers[int(every.parents[body])], body - 1
-        row["slides"] = every.slides[body]
-        row["turn"], row["shift"] = every.turns[body], every.shifts[body]
+        row["parent"], row["coordinate"] = numbers[int(bodies.parents[body])], body - 1
+        row["slides"] = bodies.slides[body]
+        row["turn"], row["shift"] = bodies.turns[body], bodies.shifts[body]
     return rows, [(numbers[int(b)], place) for b, place in zip(carriers, places, strict=True)]
 
 
@@ -79,7 +79,7 @@ class TimeLoop(ABC):
 
     def compile(self) -> None:
         for command in self.commands:
-            compiled(command)
+            caller_of(command)
 
     @abstractmethod
     def begin(self) -> None:
@@ -121,32 +121,26 @@ class TimeLoop(ABC):
 
 LONGEST_MACRO_STEP_S = 2e-4
 """Macro steps that an error estimate chooses are no longer than this [s]."""
-
 LONGEST_ADAPTIVE_MACRO_STEP_S = 3e-4
 """The same where micro steps go by their own error [s].
 
 SCARA, 3 s, tolerance 1e-3: the peak is 0.6 % off with 0.5 ms, 0.4 % with 0.3 ms, and 0.1 % with
 0.2 ms, which costs an eighth more than 0.3 ms.
 """
-
 MACRO_TOLERANCE = 1e-3
 """Error of the acceleration drawn along a line through two macro steps, relative: what the third
 says differs from it by no more, or the next macro step is shorter.
 
 The error between the middles is a small part of that. Measured: docs/integrators.md.
 """
-
 LARGEST_DEPARTURE = 3.0
 """Angle by which the state may leave the path that was predicted for a macro step, over the micro
 step [rad/s]: in proportion, so that smaller micro steps bring this error down with their own."""
-
 LOOP_TOLERANCE = 3e-5
 """`MACRO_TOLERANCE` with ideal loops, which drift apart by what the parabola is off."""
-
 USUAL_TOLERANCE = 1e-3
 """Tolerance of micro steps to which the macro steps above belong; with less they have a smaller
 error, too, in proportion, and are no longer than by its fourth root."""
-
 SHORTEST_MICRO_STEP_S = 2e-8
 """Micro steps that go by their error are no shorter than this [s]."""
 
@@ -161,9 +155,9 @@ class MultiRate(TimeLoop):
     advancing = Command.ADVANCE
     longest_macro_step_s = LONGEST_MACRO_STEP_S
 
-    def __init__(self, whole: Run, constraints: list[pin.RigidConstraintModel]) -> None:
-        super().__init__(whole, constraints)
-        w, run, macro_step = self.workspace, self.workspace.run, whole.simulation.macro_step
+    def __init__(self, owner: Run, constraints: list[pin.RigidConstraintModel]) -> None:
+        super().__init__(owner, constraints)
+        w, run, macro_step = self.workspace, self.workspace.run, owner.simulation.macro_step
         self._dt = float(run["dt"][0])
         self._middle = w.middle
         self._zero = np.zeros(self.model.nv)
@@ -201,17 +195,17 @@ class MultiRate(TimeLoop):
         reached = [frame for site in sites for frame in site.carriers or ()]
         held = [
             frame
-            for one in self._models
+            for pair in self._models
             for frame in (
-                (one.joint1_id, one.joint1_placement),
-                (one.joint2_id, one.joint2_placement),
+                (pair.joint1_id, pair.joint1_placement),
+                (pair.joint2_id, pair.joint2_placement),
             )
         ]
         bodies, carried = moving_bodies(self.model, [*reached, *held])
         w.place(bodies, carried[: len(reached)])
         if held:
             pairs = zip(carried[len(reached) :: 2], carried[len(reached) + 1 :: 2], strict=True)
-            points = [(i, j, one[9:], other[9:]) for (i, one), (j, other) in pairs]
+            points = [(i, j, first[9:], second[9:]) for (i, first), (j, second) in pairs]
             w.set_held_pairs(np.array(points, layout.HOLD))
 
     def begin(self) -> None:
@@ -241,11 +235,11 @@ class MultiRate(TimeLoop):
 
     def stretch(self, steps: int, pause: int | None = None) -> bool:
         address, (q, v) = self.workspace.address, self._middle
-        enter, advance = compiled(self.advancing), int(self.advancing)
+        enter, advance = caller_of(self.advancing), int(self.advancing)
         model, data, zero, none = self.model, self.data, self._zero, self._none
         if not self._planned_on:
             self._until[0] = self.workspace.steps + steps
-            compiled()(self.workspace.address, _PLAN)
+            caller_of()(self.workspace.address, _PLAN)
         self._planned_on = False
         state = 0
         while state == 0:
@@ -271,17 +265,17 @@ class Adaptive(MultiRate):
     advancing = Command.ADVANCE_ADAPTIVELY
     longest_macro_step_s = LONGEST_ADAPTIVE_MACRO_STEP_S
 
-    def __init__(self, whole: Run, constraints: list[pin.RigidConstraintModel]) -> None:
-        super().__init__(whole, constraints)
-        run, tolerance = self.workspace.run, whole.simulation.tolerance
+    def __init__(self, owner: Run, constraints: list[pin.RigidConstraintModel]) -> None:
+        super().__init__(owner, constraints)
+        run, tolerance = self.workspace.run, owner.simulation.tolerance
         assert tolerance is not None
         run["micro_tolerance"], run["shortest_micro"] = tolerance, SHORTEST_MICRO_STEP_S
         run["micro_step"] = self._dt
-        if whole.simulation.macro_step is None and tolerance < USUAL_TOLERANCE:
+        if owner.simulation.macro_step is None and tolerance < USUAL_TOLERANCE:
             less = USUAL_TOLERANCE / tolerance
             self.shorten_macro_steps(less**0.25)
             run["tolerance"] /= less**0.5  # in proportion, with what that did
-        highest = whole.highest_frequency()
+        highest = owner.highest_frequency()
         run["longest_micro"] = STABLE_TURN / highest if highest > 0.0 else np.inf
         self.workspace.keep_copies()
 
@@ -323,7 +317,7 @@ class SingleRate(TimeLoop):
     def stretch(self, steps: int, pause: int | None = None) -> bool:
         if pause is not None:
             steps = min(steps, max(pause - self.workspace.steps, 1))
-        enter, address = compiled(self.method.command), self.workspace.address
+        enter, address = caller_of(self.method.command), self.workspace.address
         command, load = int(self.method.command), int(Command.EVALUATE_FORCES)
         dynamics, state = self._call
         jacobians, place = pin.computeJointJacobians, (self.model, self.data, self.workspace.q)

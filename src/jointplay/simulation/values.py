@@ -46,21 +46,21 @@ def values(
     """
     alike: dict[tuple[str, ...], list[str]] = {}
     origins = origins or {}
-    for key, text, default in _said(simulation, origins):
+    for key, text, default in _list(simulation, origins):
         origin, source = _origin(key, origins, default)
         table, name, field = (key[0], "", key[1]) if len(key) == 2 else (*key, "", "")[:3]
-        own = () if merged else (name,)
-        alike.setdefault((table, field, text, origin, source, *own), []).append(name)
-    found = []
+        separate = () if merged else (name,)
+        alike.setdefault((table, field, text, origin, source, *separate), []).append(name)
+    listed = []
     for (table, field, text, origin, source, *_), names in alike.items():
-        whole = ".".join(filter(None, [table, few(names, 2) if any(names) else "", field]))
-        found.append(Value(whole, text, origin, source))
-    return found
+        key_text = ".".join(filter(None, [table, few(names, 2) if any(names) else "", field]))
+        listed.append(Value(key_text, text, origin, source))
+    return listed
 
 
 def assumed_table(simulation: Simulation, origins: Origins) -> Table:
     """What nobody gave, for readers; see `values`."""
-    return value_table([one for one in values(simulation, origins) if one.assumed])
+    return value_table([value for value in values(simulation, origins) if value.assumed])
 
 
 def _origin(key: Key, origins: Origins, default: tuple[str, str]) -> tuple[str, str]:
@@ -72,19 +72,19 @@ def _origin(key: Key, origins: Origins, default: tuple[str, str]) -> tuple[str, 
     for size in range(len(key), 0, -1):
         if key[:size] in origins:
             return origins[key[:size]]
-    within = (one for at, one in origins.items() if at[: len(key)] == key)
+    within = (origin for at, origin in origins.items() if at[: len(key)] == key)
     return next(within, default)
 
 
-def of_joint(joint: Clearance, said: Collection[str]) -> Iterator[tuple[str, str, bool]]:
-    """What decides a joint's numbers: field, text, and whether it is among those `said`.
+def of_joint(joint: Clearance, known_fields: Collection[str]) -> Iterator[tuple[str, str, bool]]:
+    """What decides a joint's numbers: field, text, and whether it is among the `known_fields`.
 
     Of joints that do not slide their summary stands for all.
     """
     if not isinstance(joint, SlidingClearance):
         yield "kind", joint.summary, True
         return
-    known = {*said}
+    known = {*known_fields}
     if joint.fitted is not None:
         yield "fit", f"{joint.fitted}: {joint.fitted.range} radially", True
         if joint.fit_size is not None:
@@ -97,19 +97,19 @@ def of_joint(joint: Clearance, said: Collection[str]) -> Iterator[tuple[str, str
     if joint.normal != LankaraniNikravesh():
         yield "normal", joint.normal.name, True
     contact = joint.contact_properties(0)
-    other = contact._replace(restitution=0.5 * contact.restitution)
-    if joint.normal.parameters(contact) != joint.normal.parameters(other):
+    softer = contact._replace(restitution=0.5 * contact.restitution)
+    if joint.normal.parameters(contact) != joint.normal.parameters(softer):
         yield "restitution", f"{joint.restitution:g}", "restitution" in known
-    yield "friction", _words(joint.friction), "friction" in known
+    yield "friction", _law_text(joint.friction), "friction" in known
 
 
-def _said(simulation: Simulation, origins: Origins) -> Iterator[tuple[Key, str, tuple[str, str]]]:
+def _list(simulation: Simulation, origins: Origins) -> Iterator[tuple[Key, str, tuple[str, str]]]:
     """Each value: its key, as text, and the origin that it has if none is known."""
     mechanism = simulation.mechanism
-    usual, said = (ASSUMED, "nobody said otherwise"), (GIVEN, "in Python")
-    units = {name: one.unit for name, one in mechanism.description.joints.items()}
+    usual, given = (ASSUMED, "nobody said otherwise"), (GIVEN, "in Python")
+    units = {name: entry.unit for name, entry in mechanism.description.joints.items()}
     chosen = mechanism.tool_reason
-    yield ("robot", "tool"), mechanism.tool, (ASSUMED, chosen) if chosen else said
+    yield ("robot", "tool"), mechanism.tool, (ASSUMED, chosen) if chosen else given
     weight = "none"
     if any(mechanism.gravity):
         weight = " ".join(f"{g:g}" for g in mechanism.gravity) + " m/s²"
@@ -117,10 +117,10 @@ def _said(simulation: Simulation, origins: Origins) -> Iterator[tuple[Key, str, 
     hinges = {name for its in mechanism.hinges.values() for name in its}
     for name, joint in mechanism.clearance.items():
         if name not in hinges:
-            own = [at[2] for at in origins if at[:2] == ("joints", name) and len(at) > 2]
-            changed = [one.name for one in fields(joint) if getattr(joint, one.name) != one.default]
-            for field, text, is_said in of_joint(joint, own or changed):
-                yield ("joints", name, field), text, said if is_said else usual
+            known = [at[2] for at in origins if at[:2] == ("joints", name) and len(at) > 2]
+            changed = [f.name for f in fields(joint) if getattr(joint, f.name) != f.default]
+            for field, text, is_given in of_joint(joint, known or changed):
+                yield ("joints", name, field), text, given if is_given else usual
     for name, gear in mechanism.gears.items():
         for field, text, is_default in _fields_of(gear, units.get(name, "rad")):
             rule = mechanism.rules.get((name, field))
@@ -128,11 +128,12 @@ def _said(simulation: Simulation, origins: Origins) -> Iterator[tuple[Key, str, 
             if rule is not None:
                 origin = GUESSED if rule.guess else ASSUMED
                 by_rule = (origin, f"rule {rule.name}: {rule.reason}")
-            of_catalogue = (SEEN, known[field]) if field in (known := gear.origins()) else said
+            sources = gear.origins()
+            of_catalogue = (SEEN, sources[field]) if field in sources else given
             yield ("gears", name, field), text, by_rule or (usual if is_default else of_catalogue)
     motion = simulation.motion
     if motion is not None:
-        yield ("motion",), f"{few(list(motion.joints), 2)}: {motion.summary}", said
+        yield ("motion",), f"{few(list(motion.joints), 2)}: {motion.summary}", given
     if motion is None and isinstance(simulation.drive, Mapping):  # it stands
         drives = settled = dict(simulation.drive)
     else:
@@ -151,7 +152,8 @@ def _said(simulation: Simulation, origins: Origins) -> Iterator[tuple[Key, str, 
             yield ("drives", name, "bandwidth"), bandwidth, (ASSUMED, why)
         for field, text, is_default in _fields_of(drive, units.get(name, "rad")):
             if field != "encoder" or name in mechanism.gears:
-                of_catalogue = (SEEN, known[field]) if field in (known := drive.origins()) else said
+                sources = drive.origins()
+                of_catalogue = (SEEN, sources[field]) if field in sources else given
                 yield ("drives", name, field), text, usual if is_default else of_catalogue
     friction = simulation.joint_friction
     for name in mechanism.joints:
@@ -162,19 +164,19 @@ def _said(simulation: Simulation, origins: Origins) -> Iterator[tuple[Key, str, 
             unit = "N" if units.get(name) == "m" else "N*m"
             yield ("joint_friction", name, "coulomb"), readable(dry, unit), (FILE, "the URDF")
     for number, payload in enumerate(simulation.payloads, 1):
-        yield ("payloads", str(number)), f"{readable(payload.mass, 'kg')} at {payload.frame}", said
+        yield ("payloads", str(number)), f"{readable(payload.mass, 'kg')} at {payload.frame}", given
     start = "at rest" if simulation.starts_at_rest else "centred"
     yield ("integration", "start"), start, usual
 
 
-def _fields_of(one: Any, unit: str) -> Iterator[tuple[str, str, bool]]:
+def _fields_of(described: Any, unit: str) -> Iterator[tuple[str, str, bool]]:
     """Numbers and words of an object: name, text, and whether it is what the field has anyway.
 
     `unit` is that of the joint's position, which chooses between two units of a field.
     """
-    own = fields_of(one.__class__)
-    for field in fields(one):
-        value, about = getattr(one, field.name), own.get(field.name)
+    declared = fields_of(described.__class__)
+    for field in fields(described):
+        value, about = getattr(described, field.name), declared.get(field.name)
         if about is None or value is None:
             continue
         if isinstance(value, bool) or not isinstance(value, float | int | str):
@@ -189,7 +191,7 @@ def _fields_of(one: Any, unit: str) -> Iterator[tuple[str, str, bool]]:
             yield field.name, value, same
 
 
-def _words(law: FrictionLaw) -> str:
+def _law_text(law: FrictionLaw) -> str:
     """Name of a law, and its first number, which is the coefficient."""
     name = next(iter(fields_of(law.__class__)), "")
     first = getattr(law, name, None)

@@ -8,7 +8,6 @@ from jointplay.base import files
 
 CHECKPOINT = b"jointplay checkpoint 4\n"
 """How a checkpoint begins."""
-
 RECORDS = b"jointplay records 1 "
 """How a file of records begins; then the run's own name and a line end."""
 
@@ -22,13 +21,13 @@ def check_own(path: Path) -> None:
     """Refuse files of others where the run whose result goes to `path` would keep what it has: only
     what begins as ours does is ever replaced or deleted.
     """
-    records, kept = working_paths(path)
+    records, checkpoint_path = working_paths(path)
     files.check_own(records, RECORDS, "file of records")
-    files.check_own(kept, CHECKPOINT, "checkpoint")
+    files.check_own(checkpoint_path, CHECKPOINT, "checkpoint")
 
 
 def remove(path: Path) -> None:
     """Delete what the run kept whose result is in `path`; files of others stay."""
-    records, kept = working_paths(path)
+    records, checkpoint_path = working_paths(path)
     files.remove_own(records, RECORDS)
-    files.remove_own(kept, CHECKPOINT)
+    files.remove_own(checkpoint_path, CHECKPOINT)

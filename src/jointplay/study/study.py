@@ -150,7 +150,7 @@ class Study(Generic[Item, Value]):
             return Serial(self.measure, name=self.name)
         from jointplay.physics import kernel
 
-        kernel.compiled()  # once, for all of them
+        kernel.caller_of()  # once, for all of them
         left = self.store.recovery
         return Pool(self.measure, number, early=self._early, recovery=left, name=self.name)
 

@@ -207,7 +207,7 @@ def workers_for(
         from jointplay.study.cluster import ClusterWorkers
 
         return ClusterWorkers(partial(run_case, job(made, send_files=True)), scheduler, _lost)
-    kernel.compiled()  # which they then have
+    kernel.caller_of()  # which they then have
     return Pool(partial(run_case, job(made)), number, lost=_lost, small=True)
 
 

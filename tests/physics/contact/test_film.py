@@ -18,7 +18,7 @@ from jointplay.physics.contact import (
     PinkusSternlicht,
     ShortBearing,
 )
-from jointplay.physics.contact.compiled import compiled_law
+from jointplay.physics.contact.machine_code import compiled_law
 
 OIL = 0.03
 FILM = FilmProperties(clearance=1e-4, radius=10e-3, length=8e-3, contacts=1)

@@ -17,7 +17,7 @@ from jointplay.physics.contact import (
     FrictionLaw,
     NormalForceLaw,
 )
-from jointplay.physics.contact.compiled import compiled_law, parameter_names
+from jointplay.physics.contact.machine_code import compiled_law, parameter_names
 from jointplay.physics.contact.film import FilmProperties
 
 NEEDED = {

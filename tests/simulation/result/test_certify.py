@@ -257,7 +257,7 @@ def test_numbers_have_the_digits_that_their_errors_allow():
     assert plus_minus(3.25e-7, 2.1e-8) == "(3.25 ± 0.21)e-7"
     assert plus_minus(0.0, 0.0) == "0"
     assert plus_minus(12.5, 0.0) == "12.5"
-    assert plus_minus(5.0, 10.0, whole=True) == "at most 15"
+    assert plus_minus(5.0, 10.0, is_count=True) == "at most 15"
     assert plus_minus(0.00012, 0.00021) == "at most 0.00033"
     assert plus_minus(1.0, 0.99) != "at most 2"
     said = {187.94: "188", 2070.1: "2070", 999.7: "1000", 123456.0: "123000", 1.2346e7: "1.23e+07"}

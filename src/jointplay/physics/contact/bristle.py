@@ -18,8 +18,8 @@ from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
 from jointplay.base.schema import quantity
-from jointplay.physics.contact.compiled import MAX_PARAMETERS, compiled_law
 from jointplay.physics.contact.law import BRISTLE_NUMBERS, FrictionLaw
+from jointplay.physics.contact.machine_code import MAX_PARAMETERS, compiled_law
 
 
 class Bristles(NamedTuple):

@@ -1,4 +1,4 @@
-"""Calls by address of compiled laws, for compiled code (`compiled` has the laws).
+"""Calls by address of compiled laws, for compiled code (`machine_code` has the laws).
 
 Each takes the address, and in a tuple what the law does: its state, a pointer to its parameters,
 and where it has several answers a pointer to them.
@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from jointplay.base.compiler import calling
 from jointplay.physics.contact.bristle import BristleLaw
-from jointplay.physics.contact.compiled import law_signature
 from jointplay.physics.contact.film import FilmLaw
 from jointplay.physics.contact.law import FrictionLaw, NormalForceLaw
+from jointplay.physics.contact.machine_code import law_signature
 
 call_normal = calling(law_signature(NormalForceLaw.state, NormalForceLaw.answers))
 call_friction = calling(law_signature(FrictionLaw.state, FrictionLaw.answers))

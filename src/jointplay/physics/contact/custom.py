@@ -21,14 +21,17 @@ from typing import Any
 from jointplay.base.errors import JointplayError
 from jointplay.base.schema import quantity
 from jointplay.physics.contact.bristle import BristleLaw
-from jointplay.physics.contact.compiled import check_parameters, check_signature, parameter_names
 from jointplay.physics.contact.film import FilmLaw
 from jointplay.physics.contact.functions import Absent, FunctionDescription, OfFunction
 from jointplay.physics.contact.law import ContactProperties, FrictionLaw, Law, NormalForceLaw
+from jointplay.physics.contact.machine_code import (
+    check_parameters,
+    check_signature,
+    parameter_names,
+)
 
 Parameters = Sequence[float] | Mapping[str, float]
 """Parameters of a law in the order of its arguments, or by name."""
-
 _DEPTHS, _SPEEDS = (1e-7, 1e-5), (1e-3, 1.0, 3.0)
 """Depths [m] and approach speeds [m/s] at which a law's elastic force is looked at."""
 
@@ -90,8 +93,8 @@ class Custom(OfFunction, Law):
     def __repr__(self) -> str:
         arguments = self._further_arguments()
         more = [f"{name}={value!r}" for name, value in arguments.items() if name != "parameters"]
-        given = ", ".join([self.function.__name__, repr(self.values), *more])
-        return f"{type(self).__name__}({given})"
+        text = ", ".join([self.function.__name__, repr(self.values), *more])
+        return f"{type(self).__name__}({text})"
 
 
 @dataclass(frozen=True, init=False, repr=False)
@@ -120,11 +123,11 @@ class CustomNormalForce(Custom, NormalForceLaw):
     def _check_elastic(self) -> None:
         """Raise if the force at zero rate depends on the approach speed."""
         named = parameter_names(self.function, self.state) is not None
-        own = self.values if named else (self.values,)
+        arguments = self.values if named else (self.values,)
         for depth in _DEPTHS:
             try:
-                first, *others = (self.function(depth, 0.0, speed, *own) for speed in _SPEEDS)
-                same = all(math.isclose(first, other, rel_tol=1e-9) for other in others)
+                first, *others = (self.function(depth, 0.0, speed, *arguments) for speed in _SPEEDS)
+                same = all(math.isclose(first, force, rel_tol=1e-9) for force in others)
                 finite = math.isfinite(first)
             except Exception:  # noqa: BLE001 - it may be one that runs compiled only
                 return
@@ -201,8 +204,8 @@ class CustomFilm(Custom, FilmLaw):
         least_thickness: float = 1e-6,
     ) -> None:
         self._keep(function, parameters, before=4)
-        given = viscosity, bool(hybrid), transition, least_thickness
-        for field, value in zip(fields(FilmLaw), given, strict=True):
+        values = viscosity, bool(hybrid), transition, least_thickness
+        for field, value in zip(fields(FilmLaw), values, strict=True):
             object.__setattr__(self, field.name, value)
         self.__post_init__()
 

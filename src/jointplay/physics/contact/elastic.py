@@ -50,9 +50,17 @@ from jointplay.physics.contact.resultant import (
     TANGENT,
     WAYS,
 )
-from jointplay.physics.contact.rolling import find_element_curvature, find_element_forces
+from jointplay.physics.contact.rolling import (
+    find_element_curvature,
+    find_element_forces,
+    solve_in_place,
+)
 
-_MOST, _ENOUGH, _LEAST_PART = 60, 1e-12, 1e-6
+_MOST_STEPS, _BALANCED, _LEAST_PART = 60, 1e-12, 1e-6
+"""Of the search for the outer ring's place, judged: most steps, force left over by that borne, and
+smallest part of a step."""
+_LEVER = 30.0
+"""Angles count by a lever of a thirtieth of a metre, about a bearing's radius [1/m]."""
 _ALL = 6
 """Directions of a body."""
 
@@ -65,34 +73,34 @@ def _on_curve(d, at, x):
     count = int(d[at])
     size, last, force, energy, slope = abs(x), 0.0, 0.0, 0.0, 0.0
     for k in range(count):
-        here, there = d[at + 1 + k], d[at + 1 + NODES + k]
-        slope = (there - force) / (here - last)
-        if size <= here or k == count - 1:
-            way = size - last
+        node, node_force = d[at + 1 + k], d[at + 1 + NODES + k]
+        slope = (node_force - force) / (node - last)
+        if size <= node or k == count - 1:
+            beyond = size - last
             return (
-                math.copysign(force + slope * way, x),
+                math.copysign(force + slope * beyond, x),
                 slope,
-                energy + way * (force + 0.5 * slope * way),
+                energy + beyond * (force + 0.5 * slope * beyond),
             )
-        energy += 0.5 * (here - last) * (force + there)
-        last, force = here, there
+        energy += 0.5 * (node - last) * (force + node_force)
+        last, force = node, node_force
     return 0.0, 0.0, 0.0
 
 
 @compiled
-def _springs(d, at, ways, xi, push, bend):
-    """Gradient (n) and curvature (n n) of the energy of springs in n `ways`; returns the energy."""
+def _springs(d, at, n, xi, push, bend):
+    """Gradient (n), curvature (n n) of the energy of springs in n directions; returns it."""
     energy = 0.0
-    for i in range(ways):
+    for i in range(n):
         push[i] = 0.0
-        for j in range(ways):
-            bend[ways * i + j] = d[at + ways * i + j]
-            push[i] += d[at + ways * i + j] * xi[j]
+        for j in range(n):
+            bend[n * i + j] = d[at + n * i + j]
+            push[i] += d[at + n * i + j] * xi[j]
         energy += 0.5 * push[i] * xi[i]
-    for i in range(ways):
-        force, slope, stored = _on_curve(d, at + ways * ways + CURVE * i, xi[i])
+    for i in range(n):
+        force, slope, stored = _on_curve(d, at + n * n + CURVE * i, xi[i])
         push[i] += force
-        bend[ways * i + i] += slope
+        bend[n * i + i] += slope
         energy += stored
     return energy
 
@@ -121,8 +129,8 @@ def _answer(push, bend, lengths, rates, out, slopes):
                     mixed += bend[n * i + lengths + k] * rates[k, j]
             for k in range(n - lengths):
                 for m in range(n - lengths):
-                    both = bend[n * (lengths + k) + lengths + m]
-                    turned += rates[k, i] * both * rates[m, j]
+                    stiffness = bend[n * (lengths + k) + lengths + m]
+                    turned += rates[k, i] * stiffness * rates[m, j]
             out[TANGENT + 6 * i + j] = straight
             out[TANGENT + 6 * i + 3 + j] = out[TANGENT + 6 * (3 + j) + i] = mixed
             out[TANGENT + 6 * (3 + i) + 3 + j] = turned
@@ -186,23 +194,6 @@ def find_mount_forces(d, pose, out, mode):
     _spring(d, xi, 3, rates, out, mode)
 
 
-@compiled
-def _solve(matrix, right, columns):
-    """Solve a positive definite system (25) in place for some columns (5, columns)."""
-    for k in range(WAYS):
-        for i in range(k + 1, WAYS):
-            factor = matrix[WAYS * i + k] / matrix[WAYS * k + k]
-            for j in range(k, WAYS):
-                matrix[WAYS * i + j] -= factor * matrix[WAYS * k + j]
-            for c in range(columns):
-                right[columns * i + c] -= factor * right[columns * k + c]
-    for k in range(WAYS - 1, -1, -1):
-        for c in range(columns):
-            for j in range(k + 1, WAYS):
-                right[columns * k + c] -= matrix[WAYS * k + j] * right[columns * j + c]
-            right[columns * k + c] /= matrix[WAYS * k + k]
-
-
 def find_seated_forces(d, pose, out, mode):
     """What a bearing in a seat that gives way does to its inner ring.
 
@@ -213,27 +204,27 @@ def find_seated_forces(d, pose, out, mode):
     seat, soft = np.zeros(WAYS), np.zeros(WAYS * WAYS)
     push, bend = np.zeros(WAYS), np.zeros(WAYS * WAYS)
     step, matrix = np.zeros(WAYS), np.zeros(WAYS * WAYS)
-    u, last, there = np.zeros(WAYS), np.zeros(WAYS), np.zeros(12)
+    u, last, relative = np.zeros(WAYS), np.zeros(WAYS), np.zeros(12)
     for i in range(WAYS):
         u[i] = out[SEAT + i]
     part_taken, lowest = 1.0, np.inf
     energy, error = 0.0, np.inf
-    for _ in range(_MOST):
+    for _ in range(_MOST_STEPS):
         for i in range(12):
-            there[i] = pose[i]
+            relative[i] = pose[i]
         for i in range(3):
-            there[i] -= u[i]
-        there[5] -= u[3]
-        there[8] -= u[4]
-        _elements(d, there, out, FORCES)
-        _curvature(d, there, bend)
+            relative[i] -= u[i]
+        relative[5] -= u[3]
+        relative[8] -= u[4]
+        _elements(d, relative, out, FORCES)
+        _curvature(d, relative, bend)
         stored = _springs(d, at, WAYS, u, seat, soft)
         energy = stored + out[ENERGY]
         push[0], push[1], push[2] = -out[0], -out[1], -out[2]
-        push[3], push[4] = -out[4] / there[11], out[3] / there[11]
+        push[3], push[4] = -out[4] / relative[11], out[3] / relative[11]
         left = size = 0.0
         for i in range(WAYS):
-            unit = 1.0 if i < 3 else 30.0  # angles count by a lever of a thirtieth of a metre
+            unit = 1.0 if i < 3 else _LEVER
             left = max(left, abs(seat[i] - push[i]) * unit)
             size = max(size, abs(seat[i]) * unit, abs(push[i]) * unit)
         if energy > lowest + 1e-13 * abs(lowest) and part_taken > _LEAST_PART and left > error:
@@ -241,7 +232,7 @@ def find_seated_forces(d, pose, out, mode):
             for i in range(WAYS):
                 u[i] = last[i] + part_taken * step[i]
             continue
-        if left <= _ENOUGH * size or (left >= error and left <= 1e-9 * size):
+        if left <= _BALANCED * size or (left >= error and left <= 1e-9 * size):
             break
         lowest, error, part_taken = energy, left, 1.0
         for i in range(WAYS):
@@ -249,7 +240,7 @@ def find_seated_forces(d, pose, out, mode):
             step[i] = push[i] - seat[i]
             for j in range(WAYS):
                 matrix[WAYS * i + j] = soft[WAYS * i + j] + bend[WAYS * i + j]
-        _solve(matrix, step, 1)
+        solve_in_place(matrix, step, 1, -1.0)
         for i in range(WAYS):
             u[i] += step[i]
     for i in range(WAYS):
@@ -265,7 +256,7 @@ def find_seated_forces(d, pose, out, mode):
     for i in range(WAYS * WAYS):
         matrix[i] = soft[i] + bend[i]
         columns[i] = soft[i]
-    _solve(matrix, columns, WAYS)
+    solve_in_place(matrix, columns, WAYS, -1.0)
     for i in range(WAYS):
         for j in range(WAYS):
             series[WAYS * i + j] = soft[WAYS * i + j]
@@ -287,19 +278,19 @@ FUNCTIONS = (
 @compiled
 def forces_at(law, numbers, poses, cage, out):
     """Answers of a law at many poses."""
-    own = numbers.copy()
+    joint = numbers.copy()
     for i in range(poses.shape[0]):
-        own[CAGE] = cage[i]
+        joint[CAGE] = cage[i]
         if law == SPRINGS:
-            _springs_alone(own, poses[i], out[i], EXACT)
+            _springs_alone(joint, poses[i], out[i], EXACT)
         elif law == GUIDE:
-            _guide(own, poses[i], out[i], EXACT)
+            _guide(joint, poses[i], out[i], EXACT)
         elif law == MOUNT:
-            _mount(own, poses[i], out[i], EXACT)
+            _mount(joint, poses[i], out[i], EXACT)
         elif law == SEATED:
-            _seated(own, poses[i], out[i], EXACT)
+            _seated(joint, poses[i], out[i], EXACT)
         else:
-            _elements(own, poses[i], out[i], EXACT)
+            _elements(joint, poses[i], out[i], EXACT)
 
 
 def answers(
@@ -311,15 +302,15 @@ def answers(
     `MOUNT` with the numbers of the joint; `poses` (n, 12) of the journal in its bearing: centre
     [m], orientation row by row; `cage` (n,): azimuth of the first element [rad].
     """
-    found = np.zeros((len(poses), SEAT_ANSWERS))
+    out = np.zeros((len(poses), SEAT_ANSWERS))
     turns = np.broadcast_to(np.asarray(cage, float), len(poses)).copy()
-    forces_at(law, np.array(numbers), np.ascontiguousarray(poses), turns, found)
-    return found
+    forces_at(law, np.array(numbers), np.ascontiguousarray(poses), turns, out)
+    return out
 
 
 @cache
 def address(law: int) -> int:
     """Machine address of a law, for the time loop."""
-    from jointplay.physics.contact.compiled import compiled_function  # the time loop's alone
+    from jointplay.physics.contact.machine_code import compiled_function  # the time loop's alone
 
     return compiled_function(FUNCTIONS[law], "v(p,p,p,i)").address

@@ -164,8 +164,8 @@ class ShortBearing(FilmLaw):
         pulling: float,
     ) -> FilmForce:
         e, c = eccentricity, clearance
-        rest = 1.0 - e * e
-        root = math.sqrt(rest)
+        complement = 1.0 - e * e
+        root = math.sqrt(complement)
         size = viscosity * radius * length * length * length / (2.0 * c * c)
         squeeze = 2.0 * rate
         wedge = spin * e - 2.0 * whirl
@@ -185,9 +185,9 @@ class ShortBearing(FilmLaw):
         sin_sin = half - wave * c2
         sin_cos = wave * s2 + e * first * s1
         cos_cos = half + wave * c2 + 2.0 * e * first * c1 + 2.0 * half * e * e
-        sin_sin /= rest * root
-        sin_cos /= rest * rest
-        cos_cos /= rest * rest * root
+        sin_sin /= complement * root
+        sin_cos /= complement * complement
+        cos_cos /= complement * complement * root
         across = size * (wedge * sin_sin - squeeze * sin_cos)
         along = size * (wedge * sin_cos - squeeze * cos_cos)
         shear = 2.0 * math.pi * viscosity * spin * length * radius * radius * radius / (c * root)
@@ -244,8 +244,8 @@ class PinkusSternlicht(FilmLaw):
         c = clearance
         # The line of centres has no direction at e = 0, where the formulas divide by e.
         e = max(eccentricity, 1e-6)
-        rest = 1.0 - e * e
-        root = math.sqrt(rest)
+        complement = 1.0 - e * e
+        root = math.sqrt(complement)
         size = viscosity * length * radius * radius * radius / (c * c)
         wedge = spin * e - 2.0 * whirl  # (w - 2 dgamma/dt) e
         pressing = abs(rate)
@@ -257,9 +257,11 @@ class PinkusSternlicht(FilmLaw):
             share = k_rate / (k_rate + 1.5 * pressing) if k_rate > 0.0 else 1.0
         wide = 2.0 + e * e
         across = size * 6.0 * math.pi * wedge / (wide * root) * share
-        along = -size * 6.0 / (wide * rest * root) * (4.0 * e * e * k_rate + wide * math.pi * rate)
+        pull = 4.0 * e * e * k_rate + wide * math.pi * rate
+        along = -size * 6.0 / (wide * complement * root) * pull
         along *= share
         shear = 2.0 * math.pi * viscosity * spin * length * radius * radius * radius / (c * root)
         moment = -shear - 0.5 * e * c * across
         steepest = 4.0 * e * root + math.pi * wide if rate > 0.0 else math.pi * wide
-        return FilmForce(along, across, moment, 12.0 * size / (c * wide * rest * root) * steepest)
+        damping = 12.0 * size / (c * wide * complement * root) * steepest
+        return FilmForce(along, across, moment, damping)

@@ -37,8 +37,10 @@ class Ambrosio(FrictionLaw):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.v1 <= self.v0:
-            words = f"v1 must be greater than v0, got v0 = {self.v0:g} and v1 = {self.v1:g} m/s"
-            raise JointplayError(words, where=("v1",))
+            raise JointplayError(
+                f"v1 must be greater than v0, got v0 = {self.v0:g} and v1 = {self.v1:g} m/s",
+                where=("v1",),
+            )
 
     @staticmethod
     def function(speed: float, mu_d: float, v0: float, v1: float) -> float:

@@ -73,12 +73,12 @@ def showing() -> Iterator[None]:
         _showing.reset(token)
 
 
-def function_at(path: str, source: str | None = None, made: str = "") -> Function:
+def function_at(path: str, source: str | None = None, how: str = "") -> Function:
     """The function that ``module:function`` names, if it is known or its module was imported.
 
     Of several known ones of that name the one with the text `source`, else the last that was made a
     law. One that was typed in a script or a notebook may lie in any module that was imported, under
-    its name; `made` is how a law is made of it, for errors.
+    its name; `how` is how a law is made of it, for errors.
 
     Raises:
         JointplayError: it is neither.
@@ -92,14 +92,14 @@ def function_at(path: str, source: str | None = None, made: str = "") -> Functio
     places = imported if module == "__main__" else {module} & imported.keys()
     for place in places:
         if hasattr(imported[place], name):
-            found: Function = getattr(imported[place], name)
-            return found
+            function: Function = getattr(imported[place], name)
+            return function
     if known:
         return list(known.values())[-1]
     if module == "__main__":
         raise JointplayError(
             f"the law {_signature(name, source)!r} was typed in another script or notebook; to run "
-            f"it again, define it here and make {made or 'a law of it'}, or put it into a file, "
+            f"it again, define it here and make {how or 'a law of it'}, or put it into a file, "
             f"such as laws.py, and {how_to_import('laws')}"
         )
     if places:
@@ -181,10 +181,10 @@ class OfFunction(Described):
         arguments = dict(fields)
         path, source = arguments.pop("function"), arguments.pop("source", None)
         numbers = arguments.get("parameters", ())
-        made = f"{cls.__name__}({str(path).rpartition(':')[2]}, {numbers!r})"
+        how = f"{cls.__name__}({str(path).rpartition(':')[2]}, {numbers!r})"
         function: Function | Absent
         try:
-            function = function_at(path, source, made)
+            function = function_at(path, source, how)
         except JointplayError as error:
             if not _showing.get():
                 raise
@@ -202,10 +202,10 @@ class OfFunction(Described):
         """Go to another process by the function's name; refuse what it does not find, a lambda."""
         function = self.function
         if not isinstance(function, Absent):
-            path, there = path_of(function), None
+            path, importable = path_of(function), None
             with suppress(JointplayError):
-                there = named(path)
-            if getattr(there, "py_func", there) is not function:
+                importable = named(path)
+            if getattr(importable, "py_func", importable) is not function:
                 raise JointplayError(
                     f"law {path!r} cannot be sent to another process: define it with def, at "
                     "module level of an importable file"
@@ -214,7 +214,6 @@ class OfFunction(Described):
         return _restored, (type(self), function, self._further_arguments())
 
 
-def _restored(kind: type[Any], function: str | Absent, arguments: dict[str, Any]) -> Any:
+def _restored(kind: type[Any], path: str | Absent, arguments: dict[str, Any]) -> Any:
     """Build a law or load again from the name of its function."""
-    found = function if isinstance(function, Absent) else named(function)
-    return kind(function=found, **arguments)
+    return kind(function=path if isinstance(path, Absent) else named(path), **arguments)

@@ -25,16 +25,13 @@ CONTACT_WIDTH_LIMIT = 0.3
 
 The parabola's height is off by (a/R)^2/4, 2 % here.
 """
-
 POINT_YIELD = 1.60
 """Peak pressure over yield strength at first yield of a point contact (von Mises, nu = 0.3).
 
 K. L. Johnson, Contact Mechanics, Cambridge University Press, 1985, section 6.1.
 """
-
 REFERENCE_PENETRATION_M = 1e-5
 """Depth at which laws with other units of stiffness agree with Hertz's."""
-
 _TINY = 1e-6
 """Below this the equation of the restitution cancels; its first order is exact to its square."""
 
@@ -232,7 +229,7 @@ class HysteresisLaw(PointContactLaw):
 
     family: ClassVar[str] = "F_n = k delta^(3/2) [1 + a ddelta/ddelta0]"
     """In words."""
-    given: ClassVar[str] = "factor"
+    varying: ClassVar[str] = "factor"
     """Name of the function in which laws of the family differ."""
 
     @staticmethod
@@ -260,15 +257,15 @@ def law(
     formula: str,
     reference: str,
     validity: str,
-    words: str = "",
+    note: str = "",
 ) -> type[L]:
     """A law of a family: a class, docstring and all, of what a table says of it.
 
-    `base`, the family: its `given` names the one `function` in which its laws differ. The word that
-    selects the law follows from its `name`; `words` are what else there is to say.
+    `base`, the family: its `varying` names the one `function` in which its laws differ. The word
+    that selects the law follows from its `name`; `note` is what else there is to say.
     """
     family: Any = base
-    says = [f"{family.family}.", words, f"{reference}.", f"Good for {validity}."]
+    says = [f"{family.family}.", note, f"{reference}.", f"Good for {validity}."]
     entries = {
         "__doc__": "\n\n".join(part for part in says if part),
         "__module__": base.__module__,
@@ -276,7 +273,7 @@ def law(
         "formula": formula,
         "reference": reference,
         "validity": validity,
-        family.given: staticmethod(function),
+        family.varying: staticmethod(function),
     }
     return dataclass(frozen=True)(type(name, (base,), entries))
 

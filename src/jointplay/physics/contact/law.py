@@ -12,8 +12,8 @@ A friction law is a function
 
 of the sliding speed |v_t| >= 0 [m/s]. An argument called ``p`` in the place of the parameters has
 all of them: p[0], p[1], ... All laws are compiled to C callbacks and called by address
-(`compiled`), so a user's law (`custom`) costs exactly what a built-in one costs and the time loop
-is compiled once for all.
+(`machine_code`), so a user's law (`custom`) costs exactly what a built-in one costs and the time
+loop is compiled once for all.
 
 The force at ddelta = 0 must not depend on ddelta0: it defines the energy stored.
 
@@ -30,20 +30,16 @@ from typing import Any, ClassVar, NamedTuple, Self
 
 from jointplay.base.errors import JointplayError, require_non_negative
 from jointplay.base.schema import Described, check_fields
-from jointplay.physics.contact.compiled import parameter_names
+from jointplay.physics.contact.machine_code import parameter_names
 
 BRISTLE_NUMBERS = 8
 """What a friction law with bristles tells; see `bristle.Bristles`."""
-
 FILM_NUMBERS = 4
 """What a film law tells; see `film.FilmForce`."""
-
 RESTITUTION_MARGIN = 0.05
 """A run is warned of if an impact delivers a restitution further than this from c_e."""
-
 STATIC_RATIO = 1.5
 """Static over dynamic friction coefficient, where only the dynamic one is given."""
-
 WAVE_FRACTION = 1e-5
 """Fraction of the waves' speed up to which an impact counts as quasi-static.
 

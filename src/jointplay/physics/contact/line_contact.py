@@ -37,7 +37,6 @@ LINE_YIELD = 1.79
 
 K. L. Johnson, Contact Mechanics, Cambridge University Press, 1985, section 6.1.
 """
-
 LARGEST_S = 2.0 * math.exp(-2.0)
 """s at u = 2, beyond which the implicit laws are continued along their tangent."""
 
@@ -70,10 +69,10 @@ class CylindricalLaw(HysteresisLaw):
 
     def parameters(self, contact: ContactProperties) -> tuple[float, ...]:
         """Stiffness, a, and the law's third; Hertz's k where the contact is no line."""
-        stiffness, third = contact.stiffness, self.point
+        stiffness, shape = contact.stiffness, self.point
         if contact.contact_length:
-            stiffness, third = self.line_parameters(contact)
-        return stiffness, self.factor(contact.restitution), third
+            stiffness, shape = self.line_parameters(contact)
+        return stiffness, self.factor(contact.restitution), shape
 
     def _limits(self, contact: ContactProperties, max_depth: float) -> list[str]:
         if not contact.contact_length:
@@ -92,7 +91,7 @@ class LineContactLaw(CylindricalLaw):
 
     point = 0.0
     family = "delta = F/(pi E* l) ln(K/F)"
-    given = "scale"
+    varying = "scale"
 
     @staticmethod
     def scale(contact: ContactProperties) -> float:
@@ -271,11 +270,12 @@ class Pereira(CylindricalLaw):
 
     def line_parameters(self, contact: ContactProperties) -> tuple[float, float]:
         if not NARROWEST_M <= contact.clearance <= WIDEST_M:
-            low, high, given = (
-                readable(one, "m") for one in (NARROWEST_M, WIDEST_M, contact.clearance)
+            low, high, clearance = (
+                readable(size, "m") for size in (NARROWEST_M, WIDEST_M, contact.clearance)
             )
             raise JointplayError(
-                f"law 'pereira' is fitted for radial clearances from {low} to {high}, got {given}"
+                f"law 'pereira' is fitted for radial clearances from {low} to {high}, got "
+                f"{clearance}"
             )
         gap = 1e3 * contact.clearance  # mm
         n = pereira_exponent(gap)

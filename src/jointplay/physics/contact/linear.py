@@ -11,14 +11,14 @@ from jointplay.physics.contact.hertzian import REFERENCE_PENETRATION_M
 from jointplay.physics.contact.law import ContactProperties, NormalForceLaw
 
 
-def linear_stiffness(given: float | None, contact: ContactProperties) -> float:
+def linear_stiffness(stiffness: float | None, contact: ContactProperties) -> float:
     """Linear stiffness [N/m]: the given one, or the Hertz contact's.
 
     Eq. 11 gives N/m^1.5. Derived, k is the spring that stores Hertz's energy at 10 µm:
     k delta^2 / 2 = 2/5 k_Hertz delta^(5/2).
     """
-    if given is not None:
-        return given
+    if stiffness is not None:
+        return stiffness
     return 0.8 * contact.stiffness * math.sqrt(REFERENCE_PENETRATION_M)
 
 

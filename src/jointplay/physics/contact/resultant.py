@@ -8,7 +8,6 @@ compiled when they are first asked.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -39,17 +38,13 @@ TABLE = ROW_PLACES + ROW_NUMBERS * MOST_ROWS
 
 ANSWERS = TANGENT + 36
 """How many numbers that is."""
-
 BOUNDED, EXACT, FORCES = range(3)
 """How `find_element_forces` looks at the elements."""
 
 BALL_EXPONENT, ROLLER_EXPONENT = 1.5, 10.0 / 9.0
 
-_HALF = math.sqrt(0.5)
-
 WAYS = 5
 """Numbers of xi."""
-
 SEAT = ANSWERS
 """Where a bearing in a seat keeps the displacement u of its outer ring."""
 
@@ -57,14 +52,11 @@ SEAT_ANSWERS = ANSWERS + WAYS
 
 NODES = 12
 """Most points of a curve."""
-
 CURVE = 1 + 2 * NODES
 """Numbers of a curve: how many points, their displacements, their forces."""
-
 ELEMENTS, SEATED, SPRINGS, GUIDE, MOUNT = range(5)
 """Laws: of a bearing's elements, of the same in a seat, of springs alone that let a body turn about
 the axis, or slide along it, or hold it in every direction."""
-
 HOLDING = (SPRINGS, GUIDE, MOUNT)
 """Laws without play, in which nothing hits."""
 

@@ -91,8 +91,63 @@ def _gap_at_least(d, radial, axial, lean):
     return d[DISTANCE] - math.sqrt(farthest)
 
 
+@compiled
+def _touch(d, pose, h, start, element, turn_c, turn_s):
+    """How far an element is pressed in [m], and how; see the equations above.
+
+    Args:
+        d, pose: see `find_element_forces`.
+        h: place of its row along the axis [m].
+        start: y_0 + p_z + h (a_z - 1), the same for all elements of a row [m].
+        element: its number in the row, from the cage's azimuth on.
+        turn_c, turn_s: cosine and sine of that azimuth.
+
+    Returns:
+        delta [m]; cosine and sine of its azimuth; the components of its contact's direction across
+        and along the axis; the arm of the former about the ring's centre, and the distance of both
+        centres of curvature [m], which a roller has not.
+    """
+    c0, s0 = d[TABLE + 2 * element], d[TABLE + 2 * element + 1]
+    c, s = c0 * turn_c - s0 * turn_s, s0 * turn_c + c0 * turn_s
+    r, reach = d[RADIUS], d[REACH]
+    lean = c * pose[5] + s * pose[8]
+    radial = pose[0] * c + pose[1] * s
+    if d[ROLLERS] != 0.0:
+        up = _HALF if element % 2 == 0 else -_HALF
+        delta = _HALF * (radial - reach) + up * (start - r * lean)
+        return delta, c, s, _HALF, up, 0.0, 1.0
+    x = reach + radial + (h - 0.5 * r * lean) * lean
+    y = start - r * lean
+    length = math.sqrt(x * x + y * y)
+    return length - d[DISTANCE], c, s, x / length, y / length, h - r * lean, length
+
+
+@compiled
+def _add_outer(sums, rise, a, b, c, d, e, f):
+    """Lower triangle of a symmetric matrix, row by row (21), plus rise s s^T, s = (a, ..., f).
+
+    Sums that the loop over elements keeps in registers: an array would be read and written 21 times
+    for each.
+    """
+    ra, rb, rc, rd, re, rf = rise * a, rise * b, rise * c, rise * d, rise * e, rise * f
+    return (
+        sums[0] + ra * a,
+        sums[1] + rb * a, sums[2] + rb * b,
+        sums[3] + rc * a, sums[4] + rc * b, sums[5] + rc * c,
+        sums[6] + rd * a, sums[7] + rd * b, sums[8] + rd * c, sums[9] + rd * d,
+        sums[10] + re * a, sums[11] + re * b, sums[12] + re * c, sums[13] + re * d,
+        sums[14] + re * e,
+        sums[15] + rf * a, sums[16] + rf * b, sums[17] + rf * c, sums[18] + rf * d,
+        sums[19] + rf * e, sums[20] + rf * f,
+    )  # fmt: skip
+
+
 def find_element_forces(d, pose, out, mode):
     """What all elements do to the inner ring at a pose, into `out`; it is compiled.
+
+    The wrench is the gradient of the energy: each element's load times the slopes of its deflection
+    by the ring's displacement and turn. The stiffness is the sum of rise s s^T, s being these six
+    slopes and `rise` how steeply the load rises.
 
     Args:
         d: numbers of the bearing (`bearing_numbers`).
@@ -108,8 +163,8 @@ def find_element_forces(d, pose, out, mode):
     """
     px, py, pz = pose[0], pose[1], pose[2]
     ax, ay, az = pose[5], pose[8], pose[11]
-    slopes = mode != FORCES
-    for i in range(ANSWERS if slopes else TANGENT):
+    with_stiffness = mode != FORCES
+    for i in range(ANSWERS if with_stiffness else TANGENT):
         out[i] = 0.0
     if mode == BOUNDED:
         room = _gap_at_least(d, math.sqrt(px * px + py * py), abs(pz), math.sqrt(ax * ax + ay * ay))
@@ -117,35 +172,19 @@ def find_element_forces(d, pose, out, mode):
             out[DEEPEST] = -room
             return
     turn_c, turn_s = math.cos(d[CAGE]), math.sin(d[CAGE])
-    rollers, count = d[ROLLERS] != 0.0, int(d[COUNT])
+    rollers, count, k, r = d[ROLLERS] != 0.0, int(d[COUNT]), d[STIFFNESS], d[RADIUS]
     exponent = ROLLER_EXPONENT if rollers else BALL_EXPONENT
-    k, r, reach, distance = d[STIFFNESS], d[RADIUS], d[REACH], d[DISTANCE]
     fx = fy = fz = gx = gy = gz = 0.0
     energy = total = largest = loaded = cage_slope = 0.0
-    deepest, at_c, at_s, at_h, at_across, at_up = -np.inf, 0.0, 0.0, 0.0, 0.0, 0.0
-    t00 = t10 = t11 = t20 = t21 = t22 = t30 = t31 = t32 = t33 = 0.0
-    t40 = t41 = t42 = t43 = t44 = t50 = t51 = t52 = t53 = t54 = t55 = 0.0
+    deepest, lower = -np.inf, (0.0,) * 21
     for row in range(int(d[ROWS])):
         h = d[ROW_PLACES + ROW_NUMBERS * row]
         start = d[ROW_PLACES + ROW_NUMBERS * row + 1] + pz + h * (az - 1.0)
         for element in range(count):
-            c0, s0 = d[TABLE + 2 * element], d[TABLE + 2 * element + 1]
-            c, s = c0 * turn_c - s0 * turn_s, s0 * turn_c + c0 * turn_s
-            lie = c * ax + s * ay
-            radial = px * c + py * s
-            if rollers:
-                across = _HALF
-                up = _HALF if element % 2 == 0 else -_HALF
-                delta = across * (radial - reach) + up * (start - r * lie)
-                arm = 0.0
-            else:
-                x = reach + radial + (h - 0.5 * r * lie) * lie
-                y = start - r * lie
-                length = math.sqrt(x * x + y * y)
-                delta = length - distance
-                across, up, arm = x / length, y / length, h - r * lie
+            delta, c, s, across, up, arm, _ = _touch(d, pose, h, start, element, turn_c, turn_s)
             if delta > deepest:
-                deepest, at_c, at_s, at_h, at_across, at_up = delta, c, s, h, across, up
+                deepest, out[COSINE], out[SINE], out[PLACE] = delta, c, s, h
+                out[ACROSS], out[ALONG] = across, up
             if delta <= 0.0:
                 continue
             rise = k * (_ninth_root(delta) if rollers else math.sqrt(delta))
@@ -165,57 +204,21 @@ def find_element_forces(d, pose, out, mode):
             gy += load * ty
             gz += load * tz
             cage_slope += load * (across * (py * c - px * s) + lever * (ay * c - ax * s))
-            if slopes:
-                rise *= exponent
+            if with_stiffness:
                 mx, my, mz = ay * tz - az * ty, az * tx - ax * tz, ax * ty - ay * tx
-                u = rise * dx
-                t00 += u * dx
-                u = rise * dy
-                t10 += u * dx
-                t11 += u * dy
-                u = rise * up
-                t20 += u * dx
-                t21 += u * dy
-                t22 += u * up
-                u = rise * mx
-                t30 += u * dx
-                t31 += u * dy
-                t32 += u * up
-                t33 += u * mx
-                u = rise * my
-                t40 += u * dx
-                t41 += u * dy
-                t42 += u * up
-                t43 += u * mx
-                t44 += u * my
-                u = rise * mz
-                t50 += u * dx
-                t51 += u * dy
-                t52 += u * up
-                t53 += u * mx
-                t54 += u * my
-                t55 += u * mz
+                lower = _add_outer(lower, rise * exponent, dx, dy, up, mx, my, mz)
     out[0], out[1], out[2] = -fx, -fy, -fz
     back = d[RATIO] * cage_slope  # what the elements take on their way around
     out[3] = -(ay * gz - az * gy) - back * ax
     out[4] = -(az * gx - ax * gz) - back * ay
     out[5] = -(ax * gy - ay * gx) - back * az
     out[ENERGY], out[SUM] = energy / (exponent + 1.0), total
-    out[LARGEST], out[LOADED], out[DEEPEST] = largest, loaded, deepest
-    out[COSINE], out[SINE], out[PLACE] = at_c, at_s, at_h
-    out[ACROSS], out[ALONG], out[CAGE_SLOPE] = at_across, at_up, cage_slope
-    if slopes:
-        lower = (
-            (t00, t10, t20, t30, t40, t50),
-            (t10, t11, t21, t31, t41, t51),
-            (t20, t21, t22, t32, t42, t52),
-            (t30, t31, t32, t33, t43, t53),
-            (t40, t41, t42, t43, t44, t54),
-            (t50, t51, t52, t53, t54, t55),
-        )
+    out[LARGEST], out[LOADED], out[DEEPEST], out[CAGE_SLOPE] = largest, loaded, deepest, cage_slope
+    if with_stiffness:
         for i in range(6):
-            for j in range(6):
-                out[TANGENT + 6 * i + j] = lower[i][j]
+            for j in range(i + 1):
+                entry = lower[i * (i + 1) // 2 + j]
+                out[TANGENT + 6 * i + j] = out[TANGENT + 6 * j + i] = entry
 
 
 def find_element_curvature(d, pose, bend):
@@ -224,34 +227,20 @@ def find_element_curvature(d, pose, bend):
     By xi = (p_x, p_y, p_z, a_x, a_y), the displacement of the ring's centre and the part of its
     axis across the outer ring's.
     """
-    px, py, pz = pose[0], pose[1], pose[2]
     ax, ay, az = pose[5], pose[8], pose[11]
     turn_c, turn_s = math.cos(d[CAGE]), math.sin(d[CAGE])
-    rollers, count = d[ROLLERS] != 0.0, int(d[COUNT])
+    rollers, k, r = d[ROLLERS] != 0.0, d[STIFFNESS], d[RADIUS]
     exponent = ROLLER_EXPONENT if rollers else BALL_EXPONENT
-    k, r, reach, distance = d[STIFFNESS], d[RADIUS], d[REACH], d[DISTANCE]
     by, aside = np.zeros(WAYS), np.zeros(WAYS)
     for i in range(WAYS * WAYS):
         bend[i] = 0.0
     for row in range(int(d[ROWS])):
         h = d[ROW_PLACES + ROW_NUMBERS * row]
-        start = d[ROW_PLACES + ROW_NUMBERS * row + 1] + pz + h * (az - 1.0)
-        for element in range(count):
-            c0, s0 = d[TABLE + 2 * element], d[TABLE + 2 * element + 1]
-            c, s = c0 * turn_c - s0 * turn_s, s0 * turn_c + c0 * turn_s
-            lie = c * ax + s * ay
-            radial = px * c + py * s
-            if rollers:
-                across = _HALF
-                up = _HALF if element % 2 == 0 else -_HALF
-                delta = across * (radial - reach) + up * (start - r * lie)
-                arm, length = 0.0, 1.0
-            else:
-                x = reach + radial + (h - 0.5 * r * lie) * lie
-                y = start - r * lie
-                length = math.sqrt(x * x + y * y)
-                delta = length - distance
-                across, up, arm = x / length, y / length, h - r * lie
+        start = d[ROW_PLACES + ROW_NUMBERS * row + 1] + pose[2] + h * (az - 1.0)
+        for element in range(int(d[COUNT])):
+            delta, c, s, across, up, arm, length = _touch(
+                d, pose, h, start, element, turn_c, turn_s
+            )
             if delta <= 0.0:
                 continue
             load = k * delta**exponent
@@ -283,31 +272,58 @@ def find_element_curvature(d, pose, bend):
             bend[WAYS * j + i] = bend[WAYS * i + j]
 
 
-# Where the inner ring of a loaded rolling bearing comes to rest, by the law of `rolling`.
+# Where the inner ring of a loaded rolling bearing comes to rest: where what the elements answer
+# balances the load, the least of energy less the load's work. Newton's method within a trust
+# radius: curvature that is not positive definite is shifted until it is, and each step is made as
+# long as the slope along it says.
 
-_MOST, _MOST_CUTS, _MOST_SHIFTS = 600, 40, 60
-"""Steps, trials of each, and shifts of curvature."""
+_MOST_STEPS, _MOST_CUTS, _MOST_SHIFTS = 600, 40, 60
+"""Steps, trials of each, and shifts of curvature, at most (judged)."""
 _BALANCED, _ACCEPTED, _ROUNDING = 1e-11, 1e-8, 1e-14
-"""Forces left over, by the load: that are aimed at, and that rounding is allowed to leave; and by
-the sum of the elements' loads."""
+"""Force that may be left over: aimed at, and accepted where rounding leaves no less, by the load;
+and by the sum of the elements' loads, which cancel each other but for rounding."""
 _CAREFUL = 0.9
-"""By how much of the slope that a step goes down the slope at its end may go up."""
+"""A step may end where the slope goes up by no more than this part of how it went down (Wolfe)."""
 _IDLE, _LONGER = 0.9, 4.0
-"""Part of that slope above which a step was too short, and by how much it is made longer: where one
-element bears all, there is no stiffness across it until the next one is touched."""
+"""A step at whose end the slope has kept this part was too short, and is made so much longer: where
+one element bears all, there is no stiffness across it until the next one is touched."""
 _STEEPEST = 0.25
-"""Square of the largest sine of a lean."""
+"""Square of the largest sine of a lean that is tried: 30 degrees, more than any bearing."""
 _SINGULAR = 1e-12
 """Stiffness of a direction that counts as none, by the largest."""
 
 
 _elements, _curvature = compiled(find_element_forces), compiled(find_element_curvature)
 _SQUARE = WAYS * WAYS
-FOUND, PUSH, SOFT = WAYS, WAYS + 1, 2 * WAYS + 1
+STATE, PUSH, SOFT = WAYS, WAYS + 1, 2 * WAYS + 1
 """Places of what `rests` finds behind xi: whether it is a place of rest, the load in terms of xi
 less what the cage takes (5) [N, N m], and how xi changes with force and moment (5, 5)."""
 REST = SOFT + _SQUARE
 """How many numbers it finds."""
+
+
+@compiled
+def solve_in_place(matrix, right, columns, least):
+    """Solve a system of `WAYS` equations by elimination, for some columns of right hand sides.
+
+    Overwrites matrix (25), and right (5, columns) by the solution. Without exchange of rows: for
+    matrices near to positive definite ones. Returns whether all pivots were larger than `least`.
+    """
+    for k in range(WAYS):
+        if abs(matrix[WAYS * k + k]) <= least:
+            return False
+        for i in range(k + 1, WAYS):
+            factor = matrix[WAYS * i + k] / matrix[WAYS * k + k]
+            for j in range(k, WAYS):
+                matrix[WAYS * i + j] -= factor * matrix[WAYS * k + j]
+            for c in range(columns):
+                right[columns * i + c] -= factor * right[columns * k + c]
+    for k in range(WAYS - 1, -1, -1):
+        for c in range(columns):
+            for j in range(k + 1, WAYS):
+                right[columns * k + c] -= matrix[WAYS * k + j] * right[columns * j + c]
+            right[columns * k + c] /= matrix[WAYS * k + k]
+    return True
 
 
 @compiled
@@ -341,23 +357,23 @@ def _factor(bend, shift, lower):
 
 
 @compiled
-def _half_solved(lower, right, found):
+def _half_solved(lower, right, solution):
     """L^-1 times the right hand side."""
     for i in range(WAYS):
-        found[i] = right[i]
+        solution[i] = right[i]
         for k in range(i):
-            found[i] -= lower[WAYS * i + k] * found[k]
-        found[i] /= lower[WAYS * i + i]
+            solution[i] -= lower[WAYS * i + k] * solution[k]
+        solution[i] /= lower[WAYS * i + i]
 
 
 @compiled
-def _solved(lower, right, found):
+def _solved(lower, right, solution):
     """(L L^T)^-1 times the right hand side."""
-    _half_solved(lower, right, found)
+    _half_solved(lower, right, solution)
     for i in range(WAYS - 1, -1, -1):
         for k in range(i + 1, WAYS):
-            found[i] -= lower[WAYS * k + i] * found[k]
-        found[i] /= lower[WAYS * i + i]
+            solution[i] -= lower[WAYS * k + i] * solution[k]
+        solution[i] /= lower[WAYS * i + i]
 
 
 @compiled
@@ -370,7 +386,7 @@ def _length(vector):
 
 
 @compiled
-def _step(bend, left, trust, lower, way, half):
+def _step(bend, left, trust, lower, step, half):
     """Down the energy as far as its curvature says, about `trust` at most; its length."""
     largest = 0.0
     for i in range(WAYS):
@@ -381,11 +397,11 @@ def _step(bend, left, trust, lower, way, half):
         if not _factor(bend, shift, lower):
             shift = max(4.0 * shift, least)
             continue
-        _solved(lower, left, way)
-        size = _length(way)
+        _solved(lower, left, step)
+        size = _length(step)
         if size <= 1.2 * trust:
             return size
-        _half_solved(lower, way, half)
+        _half_solved(lower, step, half)
         bent = _length(half)
         shift += (size / trust - 1.0) * (size / bent) ** 2
     return size
@@ -393,7 +409,7 @@ def _step(bend, left, trust, lower, way, half):
 
 @compiled
 def _soften(d, load, xi, pose, out, bend, unit, soft):
-    """How xi changes with force and moment, from the balance of `_answer`; whether it is told."""
+    """How xi changes with force and moment, from the balance of `_answer`; whether it can."""
     ax, ay, up = pose[5], pose[8], pose[11]
     gradient, turned = np.zeros(WAYS), np.zeros(WAYS)
     back, ratio = d[RATIO] * out[CAGE_SLOPE], d[RATIO]
@@ -425,19 +441,8 @@ def _soften(d, load, xi, pose, out, bend, unit, soft):
         for j in range(WAYS):
             fall[WAYS * i + j] *= unit[i] * unit[j]
         largest = max(largest, abs(fall[WAYS * i + i]))
-    for k in range(WAYS):
-        if abs(fall[WAYS * k + k]) <= _SINGULAR * largest:
-            return False
-        for i in range(k + 1, WAYS):
-            factor = fall[WAYS * i + k] / fall[WAYS * k + k]
-            for j in range(WAYS):
-                fall[WAYS * i + j] -= factor * fall[WAYS * k + j]
-                right[WAYS * i + j] -= factor * right[WAYS * k + j]
-    for k in range(WAYS - 1, -1, -1):
-        for j in range(WAYS):
-            for i in range(k + 1, WAYS):
-                right[WAYS * k + j] -= fall[WAYS * k + i] * right[WAYS * i + j]
-            right[WAYS * k + j] /= fall[WAYS * k + k]
+    if not solve_in_place(fall, right, WAYS, _SINGULAR * largest):
+        return False
     for i in range(WAYS):
         for j in range(WAYS):
             soft[WAYS * i + j] = right[WAYS * i + j] * unit[i]
@@ -464,10 +469,40 @@ def _size(d, force, unit):
 
 
 @compiled
-def _rest(d, load, lean, found):
-    """Where the ring rests under a load, into the numbers `found`; see `rests`."""
-    xi, there, best = np.zeros(WAYS), np.zeros(WAYS), np.zeros(WAYS)
-    left, scaled, way, half = np.zeros(WAYS), np.zeros(WAYS), np.zeros(WAYS), np.zeros(WAYS)
+def _search(d, load, lean, xi, unit, step, long, trust, room):
+    """How far along a step to go, as a multiple of it; the place there is left in `room`.
+
+    `room`: trial place xi, pose, answer of the elements, and what of the load is left there.
+    """
+    trial, pose, out, left = room
+    down, share, longer = 0.0, 1.0, True
+    for i in range(WAYS):
+        down += left[i] * unit[i] * step[i]
+    for _ in range(_MOST_CUTS):
+        for i in range(WAYS):
+            trial[i] = xi[i] + share * unit[i] * step[i]
+        after = -np.inf
+        if (trial[3] + lean[0]) ** 2 + (trial[4] + lean[1]) ** 2 < _STEEPEST:
+            _answer(d, load, lean, trial, pose, out, left)
+            after = 0.0
+            for i in range(WAYS):
+                after += left[i] * unit[i] * step[i]
+        if after >= -_CAREFUL * down:
+            longer &= after > _IDLE * down and _LONGER * share * long <= trust
+            if not longer:
+                break
+            share *= _LONGER
+            continue
+        longer = False
+        share *= max(0.1, min(0.7, down / (down - after)))  # where the slope's line has its root
+    return share
+
+
+@compiled
+def _find_rest(d, load, lean, result):
+    """Where the ring rests under a load, into the numbers `result`; see `rests`."""
+    xi, trial, best = np.zeros(WAYS), np.zeros(WAYS), np.zeros(WAYS)
+    left, scaled, step, half = np.zeros(WAYS), np.zeros(WAYS), np.zeros(WAYS), np.zeros(WAYS)
     bend, lower, unit = np.zeros(_SQUARE), np.zeros(_SQUARE), np.zeros(WAYS)
     pose, out, matrix = np.zeros(12), np.zeros(ANSWERS), np.zeros(_SQUARE)
     lever = d[RADIUS]
@@ -476,8 +511,9 @@ def _rest(d, load, lean, found):
     _size(d, max(size, 1e-3 * out[SUM], 1e-9), unit)
     if out[SUM] == 0.0:
         if size == 0.0:
-            found[FOUND] = 1.0
+            result[STATE] = 1.0
             return
+        # Centred, nothing bears: begin as far off as the load can push.
         long = 0.0
         for i in range(WAYS):
             xi[i] = left[i] * unit[i]
@@ -486,7 +522,7 @@ def _rest(d, load, lean, found):
             xi[i] *= unit[i] / math.sqrt(long)
         _answer(d, load, lean, xi, pose, out, left)
     trust, least = 1.0, np.inf
-    for _ in range(_MOST):
+    for _ in range(_MOST_STEPS):
         error = _norm(left, lever)
         if error < least:
             least = error
@@ -499,44 +535,25 @@ def _rest(d, load, lean, found):
             scaled[i] = left[i] * unit[i]
             for j in range(WAYS):
                 matrix[WAYS * i + j] = bend[WAYS * i + j] * unit[i] * unit[j]
-        long = _step(matrix, scaled, trust, lower, way, half)
-        down, share, longer = 0.0, 1.0, True
-        for i in range(WAYS):
-            down += scaled[i] * way[i]
-        for _ in range(_MOST_CUTS):
-            for i in range(WAYS):
-                there[i] = xi[i] + share * unit[i] * way[i]
-            after = -np.inf
-            if (there[3] + lean[0]) ** 2 + (there[4] + lean[1]) ** 2 < _STEEPEST:
-                _answer(d, load, lean, there, pose, out, left)
-                after = 0.0
-                for i in range(WAYS):
-                    after += left[i] * unit[i] * way[i]
-            if after >= -_CAREFUL * down:
-                longer &= after > _IDLE * down and _LONGER * share * long <= trust
-                if not longer:
-                    break
-                share *= _LONGER
-                continue
-            longer = False
-            share *= max(0.1, min(0.7, down / (down - after)))
+        long = _step(matrix, scaled, trust, lower, step, half)
+        share = _search(d, load, lean, xi, unit, step, long, trust, (trial, pose, out, left))
         if share < 1.0:
             trust = 2.0 * share * long
         elif long > 0.9 * trust:
             trust *= 2.0
         for i in range(WAYS):
-            xi[i] = there[i]
+            xi[i] = trial[i]
     if least > _ACCEPTED * size + _ROUNDING * out[SUM]:
         return
     _answer(d, load, lean, best, pose, out, left)
     _curvature(d, pose, bend)
-    told = _soften(d, load, best, pose, out, bend, unit, found[SOFT:])
-    found[FOUND] = 1.0 if told else -1.0
+    stiff = _soften(d, load, best, pose, out, bend, unit, result[SOFT:])
+    result[STATE] = 1.0 if stiff else -1.0
     for i in range(WAYS):
-        found[i] = best[i]
+        result[i] = best[i]
     for i in range(3):
-        found[PUSH + i] = -out[i]
-    found[PUSH + 3], found[PUSH + 4] = -out[4] / pose[11], out[3] / pose[11]
+        result[PUSH + i] = -out[i]
+    result[PUSH + 3], result[PUSH + 4] = -out[4] / pose[11], out[3] / pose[11]
 
 
 @compiled
@@ -547,11 +564,11 @@ def _norm(load, lever):
 
 
 @compiled
-def _rests(numbers, loads, cage, lean, found):
-    own = numbers.copy()
+def _rests(numbers, loads, cage, lean, results):
+    bearing = numbers.copy()
     for i in range(loads.shape[0]):
-        own[CAGE] = cage[i]
-        _rest(own, loads[i], lean[i], found[i])
+        bearing[CAGE] = cage[i]
+        _find_rest(bearing, loads[i], lean[i], results[i])
 
 
 def rests(
@@ -567,10 +584,10 @@ def rests(
 
     Returns:
         `REST` numbers of each (n, REST): xi, 1 where it is a place of rest, -1 where it is one and
-        something is free to move there, so that what follows is not told, 0 where none was found;
+        something is free to move there, which leaves out what follows, 0 where none was found;
         the load in terms of xi; the compliance.
     """
-    found = np.zeros((len(loads), REST))
+    results = np.zeros((len(loads), REST))
     turns = np.broadcast_to(np.asarray(cage, float), len(loads)).copy()
-    _rests(np.array(numbers), np.ascontiguousarray(loads), turns, lean, found)
-    return found
+    _rests(np.array(numbers), np.ascontiguousarray(loads), turns, lean, results)
+    return results

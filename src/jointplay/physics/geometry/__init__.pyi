@@ -12,7 +12,6 @@ from .contacts import touch_rims as touch_rims
 from .contacts import worn_bore as worn_bore
 from .contacts import worn_gap as worn_gap
 from .shapes import CONTACT_TOLERANCE_M as CONTACT_TOLERANCE_M
-from .shapes import CONTACTS as CONTACTS
 from .shapes import EDGE_ROUNDING_M as EDGE_ROUNDING_M
 from .shapes import Form as Form
 from .shapes import Mode as Mode

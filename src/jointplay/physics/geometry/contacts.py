@@ -50,7 +50,7 @@ __all__ = [
 #
 # Such a function gets the index of the contact, the pose of the journal in the bearing frame (its
 # centre, then its orientation row by row), and the joint's dimensions; it writes what
-# `geometry.touch` returns. `contact.compiled.compiled_touch` makes one.
+# `geometry.touch` returns. `contact.machine_code.compiled_touch` makes one.
 
 
 POSE, ANSWER = 12, 7

@@ -161,9 +161,9 @@ def touch_rims(cx, cy, cz, ax, ay, az, ri, rj, half_li, half_lj):
     tilt = _tilt_of(ax, ay)
     ex, ey, ez = half_lj * ax, half_lj * ay, half_lj * az
     gap, ox, oy, oz, nx, ny = _rim_gap(cx + ex, cy + ey, az, tilt, ri, rj)
-    one = gap, ex + ox, ey + oy, ez + oz, -nx, -ny, 0.0
+    end_a = gap, ex + ox, ey + oy, ez + oz, -nx, -ny, 0.0
     gap, ox, oy, oz, nx, ny = _rim_gap(cx - ex, cy - ey, az, tilt, ri, rj)
-    return one, (gap, ox - ex, oy - ey, oz - ez, -nx, -ny, 0.0)
+    return end_a, (gap, ox - ex, oy - ey, oz - ez, -nx, -ny, 0.0)
 
 
 @compiled
@@ -171,8 +171,8 @@ def touch_faces(cx, cy, cz, ax, ay, az, ri, rj, half_li, half_lj):
     """The same for both end faces (contacts 2 and 3)."""
     height, ox, oy, oz = _face_point(ax, ay, az, rj)
     ex, ey, ez = half_lj * ax, half_lj * ay, half_lj * az
-    one = half_li - (cz + ez) - height, ex - ox, ey - oy, ez - oz, 0.0, 0.0, -1.0
-    return one, (half_li + (cz - ez) - height, ox - ex, oy - ey, oz - ez, 0.0, 0.0, 1.0)
+    end_a = half_li - (cz + ez) - height, ex - ox, ey - oy, ez - oz, 0.0, 0.0, -1.0
+    return end_a, (half_li + (cz - ez) - height, ox - ex, oy - ey, oz - ez, 0.0, 0.0, 1.0)
 
 
 @compiled
@@ -287,27 +287,27 @@ def worn_gap(px, py, ax, ay, d, at, bore_radius, journal_radius):
     """
     n = int(d[at])
     lowest, second = 1e300, 1e300
-    node, other = n - 1, -n  # not literals: numba would compile `_least_near` for each
+    node, second_node = n - 1, -n  # not literals: numba would compile `_least_near` for each
     last = at + 1 + _WORN_NODE * (n - 1)
     lean = ax * d[last + 2] + ay * d[last + 3]
     before = d[last + 1] - px * d[last + 2] - py * d[last + 3] + 0.5 * journal_radius * lean * lean
     lean = ax * d[at + 3] + ay * d[at + 4]
-    here = d[at + 2] - px * d[at + 3] - py * d[at + 4] + 0.5 * journal_radius * lean * lean
+    value = d[at + 2] - px * d[at + 3] - py * d[at + 4] + 0.5 * journal_radius * lean * lean
     for i in range(n):
         place = at + 1 + _WORN_NODE * ((i + 1) % n)
         c, s = d[place + 2], d[place + 3]
         lean = ax * c + ay * s
         after = d[place + 1] - px * c - py * s + 0.5 * journal_radius * lean * lean
-        if here <= before and here < after:
-            if here < lowest:
-                second, other = lowest, node if lowest < 1e300 else -n
-                lowest, node = here, i
-            elif here < second:
-                second, other = here, i
-        before, here = here, after
+        if value <= before and value < after:
+            if value < lowest:
+                second, second_node = lowest, node if lowest < 1e300 else -n
+                lowest, node = value, i
+            elif value < second:
+                second, second_node = value, i
+        before, value = value, after
     g, c, s = _least_near(node, px, py, ax, ay, d, at, journal_radius)
-    if other >= 0:
-        g2, c2, s2 = _least_near(other, px, py, ax, ay, d, at, journal_radius)
+    if second_node >= 0:
+        g2, c2, s2 = _least_near(second_node, px, py, ax, ay, d, at, journal_radius)
         if g2 < g:
             g, c, s = g2, c2, s2
     return bore_radius + g, c, s

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from enum import IntEnum
 
-CONTACTS = ("radial_A", "radial_B", "axial_A", "axial_B")
-
 EDGE_ROUNDING_M = 1e-7
 """Height over which a flat end face passes to edge contact; see `axial_gap`."""
-
 CONTACT_TOLERANCE_M = 1e-7
 """A gap within this of zero counts as continuous contact: the paper's integration tolerance."""
 
@@ -44,7 +41,6 @@ class Shape(IntEnum):
 
 LAST_SHAPE = int(max(Shape))
 """Numbers above are addresses."""
-
 _WORN_NODE = 4
 """Numbers of `worn_bore` for each azimuth."""
 

@@ -60,8 +60,8 @@ register_names(Material, materials.material, lambda: materials.materials(aliases
 
 def class_of(description: Mapping[str, Any]) -> type[Clearance]:
     """Class of the joint that `Clearance.describe` described."""
-    made = JOINT_WORDS[description.get("kind", UNNAMED_KIND.kind)]
-    return made.kind if isinstance(made, Preset) else made
+    kind = JOINT_WORDS[description.get("kind", UNNAMED_KIND.kind)]
+    return kind.kind if isinstance(kind, Preset) else kind
 
 
 def replacing(entry: str) -> list[str]:
@@ -70,33 +70,10 @@ def replacing(entry: str) -> list[str]:
 
 
 __all__ = [
-    "JOINT_KINDS",
-    "JOINT_WORDS",
-    "MOTOR",
-    "RELATIVE",
-    "UNNAMED_KIND",
-    "VIRTUAL_LINK",
-    "BallBearing",
-    "Clearance",
-    "CompliantJoint",
-    "CompliantMount",
-    "CompliantSlider",
-    "Coordinate",
-    "CrossedRollerBearing",
-    "CylindricalClearance",
-    "Elasticity",
-    "Fit",
-    "Material",
-    "Outline",
-    "PrismaticClearance",
-    "RevoluteClearance",
-    "RollingBearing",
-    "RoundClearance",
-    "SeatParts",
-    "SlidingClearance",
-    "SphericalClearance",
-    "class_of",
-    "hinge_of_beam",
-    "parts_of_seat",
+    "JOINT_KINDS", "JOINT_WORDS", "MOTOR", "RELATIVE", "UNNAMED_KIND", "VIRTUAL_LINK",
+    "BallBearing", "Clearance", "CompliantJoint", "CompliantMount", "CompliantSlider", "Coordinate",
+    "CrossedRollerBearing", "CylindricalClearance", "Elasticity", "Fit", "Material", "Outline",
+    "PrismaticClearance", "RevoluteClearance", "RollingBearing", "RoundClearance", "SeatParts",
+    "SlidingClearance", "SphericalClearance", "class_of", "hinge_of_beam", "parts_of_seat",
     "replacing",
-]
+]  # fmt: skip

@@ -36,7 +36,7 @@ from jointplay.physics.contact import (
     NormalForceLaw,
     resultant,
 )
-from jointplay.physics.contact.compiled import compiled_touch, parameter_names
+from jointplay.physics.contact.machine_code import compiled_touch, parameter_names
 from jointplay.physics.geometry import Shape
 from jointplay.physics.joints.elasticity import Elasticity
 from jointplay.physics.joints.fits import Fit
@@ -44,19 +44,14 @@ from jointplay.physics.joints.play import Play, play_within
 
 VIRTUAL_LINK = ("x", "y", "z", "yaw", "pitch", "roll")
 """The six coordinates of a clearance joint, in their order in q."""
-
 RELATIVE = ("x", "y", "z", "roll", "pitch", "yaw")
 """The same in the order of a twist: velocity, then angular velocity."""
-
 MOTOR = "motor"
 """What the coordinate of a geared joint's motor is called."""
-
 SAMPLES = 72
 """Azimuths at which contact directions are sampled."""
-
 _ROUNDING_M = 1e-12
 """By which a clearance may be beyond its limits."""
-
 _ON_A_SPHERE = 200
 """Directions at which those of a ball are sampled."""
 
@@ -573,8 +568,8 @@ class SlidingClearance(Clearance):
             with within("seat"):
                 self.seat.require_free(None)
         if self.seat is None and self.seat_mass is not None:
-            words = f"seat_mass {self.seat_mass:g} kg is of a bush in a seat: give the seat, too"
-            raise JointplayError(words, where=("seat_mass",))
+            bush = f"seat_mass {self.seat_mass:g} kg is of a bush in a seat"
+            raise JointplayError(f"{bush}: give the seat, too", where=("seat_mass",))
         if not 0.0 <= self.restitution <= 1.0:
             raise JointplayError(
                 f"restitution must lie in [0, 1], got {self.restitution:g}", where=("restitution",)
@@ -618,16 +613,17 @@ class SlidingClearance(Clearance):
             assert fit is not None
             fit.require_clearance()
         (name, part), play = self.fit_size, next(iter(self.clearance_fields))
-        size, given, clearance = part * fit.size, getattr(self, name), getattr(self, play)
-        if given not in (type(self).__dataclass_fields__[name].default, size):
-            words = f"{name.replace('_', ' ')} {readable(given, 'm')} contradicts the fit {fit}"
-            raise JointplayError(f"{words}, which has {readable(size, 'm')}", where=(name,))
+        fitted, size, clearance = part * fit.size, getattr(self, name), getattr(self, play)
+        if size not in (type(self).__dataclass_fields__[name].default, fitted):
+            conflict = f"{name.replace('_', ' ')} {readable(size, 'm')} contradicts the fit {fit}"
+            raise JointplayError(f"{conflict}, which has {readable(fitted, 'm')}", where=(name,))
         if clearance is None:
             clearance = fit.middle
         elif not fit.least - _ROUNDING_M <= clearance <= fit.most + _ROUNDING_M:
-            words = f"{play.replace('_', ' ')} {readable(clearance, 'm')} contradicts the fit {fit}"
-            raise JointplayError(f"{words}, which has {fit.range}: give one", where=(play,))
-        for field_name, value in (("fit", str(fit)), (name, size), (play, clearance)):
+            noun = play.replace("_", " ")
+            conflict = f"{noun} {readable(clearance, 'm')} contradicts the fit {fit}"
+            raise JointplayError(f"{conflict}, which has {fit.range}: give one", where=(play,))
+        for field_name, value in (("fit", str(fit)), (name, fitted), (play, clearance)):
             object.__setattr__(self, field_name, value)
 
     @property
@@ -677,7 +673,7 @@ class SlidingClearance(Clearance):
 
 
 def complete(
-    play: float | None, outer: float, inner: float | None, factor: float, words: tuple[str, str]
+    play: float | None, outer: float, inner: float | None, factor: float, names: tuple[str, str]
 ) -> tuple[float, float]:
     """Derive clearance from dimensions or dimensions from clearance: outer - inner = factor play.
 
@@ -686,7 +682,7 @@ def complete(
         outer: dimension of the bearing [m].
         inner: dimension of the journal [m], or None.
         factor: clearances between outer and inner.
-        words: names of the clearance and of the dimension, for errors.
+        names: of the clearance and of the dimension, for errors.
 
     Returns:
         play and inner [m].
@@ -695,7 +691,7 @@ def complete(
         JointplayError: neither given, values that contradict each other, a negative clearance, or
             a dimension that is not positive.
     """
-    clearance, dimension = words
+    clearance, dimension = names
     at_play, at_inner = (f"{clearance}_clearance",), (f"journal_{dimension}",)
     if play is None and inner is None:
         raise JointplayError(f"give the {clearance} clearance or the journal {dimension}")
@@ -749,8 +745,8 @@ class RoundClearance(SlidingClearance):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        given = self.radial_clearance, self.bearing_radius, self.journal_radius
-        play, radius = complete(*given, 1.0, ("radial", "radius"))
+        sizes = self.radial_clearance, self.bearing_radius, self.journal_radius
+        play, radius = complete(*sizes, 1.0, ("radial", "radius"))
         object.__setattr__(self, "radial_clearance", play)
         object.__setattr__(self, "journal_radius", radius)
 

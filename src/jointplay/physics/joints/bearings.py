@@ -38,16 +38,12 @@ from jointplay.physics.joints.play import Play
 
 ARRANGEMENTS = ("single", "DB", "DF", "DT")
 """One row, or a pair: back to back (O), face to face (X), both the same way (tandem)."""
-
 CLASSES = ("C0", "C1", "C2", "C3", "C4", "CN", "CC0")
 """Of internal clearance, of which a bearing has some."""
-
 AS_GIVEN, PRELOADED = "as given", "preloaded"
 """What an angular contact bearing can be instead of a class."""
-
 _SHIELDS = re.compile(r"[- ]?(2?ZZ?|2?RS[HLR12]?|DDU?|LLU)$")
 """What makers append for shields and seals, which change nothing here."""
-
 BALL_SHARE = 0.2945
 """Ball diameter over outside less bore, the mean of seven catalogue bearings (0.291 to 0.298)."""
 FILLING = 0.58
@@ -66,7 +62,6 @@ BALL_FRICTION, ROLLER_FRICTION = 0.0015, 0.003
 """Friction torque over load and half of the bore, from memory of makers' tables."""
 STIFFNESS_DAMPING_S = 1e-5
 """Damping over stiffness of a rolling contact [s], from memory."""
-
 _element_play = lru_cache(maxsize=64)(ElementPlay)
 """Equal bearings share what is found of theirs."""
 
@@ -192,7 +187,7 @@ class BearingRest(NamedTuple):
     the axis. None: with this load something of it is free to move, or next to it."""
 
     @classmethod
-    def of(cls, xi: np.ndarray, compliance: np.ndarray, told: bool) -> Self:
+    def of(cls, xi: np.ndarray, compliance: np.ndarray, stiff: bool) -> Self:
         """From the centre and the axis' part across the outer ring's (5,), and theirs (5, 5)."""
         x, y = lean = xi[3:]
         sine = math.hypot(x, y)
@@ -205,7 +200,7 @@ class BearingRest(NamedTuple):
         soft[:3, :5] = compliance[:3]
         turned = across @ (longer * np.eye(2) + growing * np.outer(lean, lean))
         soft[3:5, :5] = turned @ compliance[3:]
-        return cls(place, soft if told else None)
+        return cls(place, soft if stiff else None)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -292,16 +287,15 @@ class RollingBearing(WholeLawJoint):
                     where=(name,),
                 )
         sizes = self.d_bore, self.d_outside, self.d_pitch, 0.5 * (self.d_outside - self.d_bore)
-        bore, outside, pitch, room = (readable(one, "m") for one in sizes)
+        bore, outside, pitch, room = (readable(size, "m") for size in sizes)
         if self.d_outside <= self.d_bore:
             refuse("outside_diameter", f"outside diameter {outside} must exceed the bore {bore}")
         if not self.d_bore < self.d_pitch < self.d_outside:
-            words = f"between the bore {bore} and the outside diameter {outside}"
-            refuse("pitch_diameter", f"pitch diameter {pitch} must lie {words}")
+            limits = f"between the bore {bore} and the outside diameter {outside}"
+            refuse("pitch_diameter", f"pitch diameter {pitch} must lie {limits}")
         element = f"elements of {readable(self.d_element, 'm')} do not fit"
         if self.d_element >= sizes[3]:
-            words = f"between bore and outside diameter, {room} apart"
-            refuse("element_diameter", f"{element} {words}")
+            refuse("element_diameter", f"{element} between bore and outside diameter, {room} apart")
         if self.count < 3:
             refuse("elements", f"a bearing needs at least 3 elements, got {self.count}")
         if self.count * self.d_element > math.pi * self.d_pitch:
@@ -315,31 +309,31 @@ class RollingBearing(WholeLawJoint):
     _filling: ClassVar[float]
     """Part of the pitch circle that elements fill."""
     _diameter_source: ClassVar[str]
-    """What the diameter of elements is estimated from, in words."""
+    """What the diameter of elements is estimated from, for a line of text."""
 
     @property
     def estimates(self) -> dict[str, str]:
         """What is estimated, by field: value and how."""
-        entry, said = self._entry, {}
+        entry, notes = self._entry, {}
         filled = f"{100 * self._filling:g} % of the pitch circle filled"
         if self.element_diameter is None and "ball_diameter" not in entry:
-            said["element_diameter"] = f"{1e3 * self.d_element:.3g} mm: {self._diameter_source}"
+            notes["element_diameter"] = f"{1e3 * self.d_element:.3g} mm: {self._diameter_source}"
         if self.elements is None and "balls" not in entry:
-            said["elements"] = f"{self.count}: {filled}"
+            notes["elements"] = f"{self.count}: {filled}"
         if self.pitch_diameter is None:
-            said["pitch_diameter"] = f"{1e3 * self.d_pitch:.4g} mm: mean of bore and outside"
+            notes["pitch_diameter"] = f"{1e3 * self.d_pitch:.4g} mm: mean of bore and outside"
         if self._by_class:
             low, high = (2e6 * end for end in self.class_range())
-            said["radial_clearance"] = (
+            notes["radial_clearance"] = (
                 f"{1e6 * self.bought_clearance:.3g} µm: middle of {self.class_name}, "
                 f"{low:g} to {high:g} µm full travel"
             )
         if self.drag_torque is None:
-            said["drag_torque"] = f"{1e3 * self.drag:.3g} N mm: grease, low speed"
+            notes["drag_torque"] = f"{1e3 * self.drag:.3g} N mm: grease, low speed"
         for listed, value in zip(("dynamic", "static"), self.ratings(), strict=True):
             if getattr(self, f"{listed}_rating") is None and listed not in entry:
-                said[f"{listed}_rating"] = f"{1e-3 * value:.3g} kN: from the elements"
-        return said
+                notes[f"{listed}_rating"] = f"{1e-3 * value:.3g} kN: from the elements"
+        return notes
 
     @property
     def _by_class(self) -> bool:
@@ -347,7 +341,7 @@ class RollingBearing(WholeLawJoint):
         return self.radial_clearance is None
 
     @cached_property
-    def _words(self) -> tuple[str, str | None]:
+    def _parts(self) -> tuple[str, str | None]:
         """Designation without its class, and the class."""
         return parted(self.designation or "", self.section)
 
@@ -355,18 +349,18 @@ class RollingBearing(WholeLawJoint):
     def _entry(self) -> Mapping[str, Any]:
         if self.designation is None:
             return {}
-        lines, name = catalogue()[self.section], self._words[0]
+        lines, name = catalogue()[self.section], self._parts[0]
         if name not in lines:
             crossed = self.section == "crossed_roller"
-            sections = [one for one in SECTIONS if (one == "crossed_roller") == crossed]
+            sections = [name for name in SECTIONS if (name == "crossed_roller") == crossed]
             raise JointplayError(_unknown(self.designation, sections), ("designation",))
         entry: Mapping[str, Any] = lines[name]
         return entry
 
     def _dimension(self, name: str) -> float | None:
-        given: float | None = getattr(self, name)
-        if given is not None:
-            return given
+        size: float | None = getattr(self, name)
+        if size is not None:
+            return size
         listed = self._entry.get({"outside_diameter": "outside"}.get(name, name))
         return None if listed is None else 1e-3 * float(listed)
 
@@ -417,7 +411,7 @@ class RollingBearing(WholeLawJoint):
     @cached_property
     def class_name(self) -> str:
         """The class of internal clearance."""
-        return (self.clearance_class or self._words[1] or self._normal_class).upper()
+        return (self.clearance_class or self._parts[1] or self._normal_class).upper()
 
     _normal_class: ClassVar[str]
 
@@ -430,7 +424,7 @@ class RollingBearing(WholeLawJoint):
         """
         size = self._class_size
         rows = catalogue()["clearance"][self.section.replace("angular_contact", "deep_groove")]
-        series = self._words[0][:2].upper() if self._entry else None
+        series = self._parts[0][:2].upper() if self._entry else None
         fitting = [
             row
             for row in rows
@@ -473,18 +467,18 @@ class RollingBearing(WholeLawJoint):
         bore over raceway; one in a thick housing shrinks by raceway over outside (Lame).
         """
         inner, outer = self.d_pitch - self.d_element, self.d_pitch + self.d_element
-        taken = self.shaft_interference * self.d_bore / inner
-        taken += self.housing_interference * outer / self.d_outside
-        taken += EXPANSION * self.temperature_difference * self.d_pitch
-        return self.bought_clearance - 0.5 * taken
+        loss = self.shaft_interference * self.d_bore / inner
+        loss += self.housing_interference * outer / self.d_outside
+        loss += EXPANSION * self.temperature_difference * self.d_pitch
+        return self.bought_clearance - 0.5 * loss
 
     def of_classes(self) -> dict[str, RollingBearing]:
         """The same bearing in each class of clearance that there is of its size, by class."""
-        found: dict[str, RollingBearing] = {}
+        bearings: dict[str, RollingBearing] = {}
         for name in CLASSES:
             with suppress(MissingName):
-                found[name] = replace(self, clearance_class=name, radial_clearance=None)
-        return found
+                bearings[name] = replace(self, clearance_class=name, radial_clearance=None)
+        return bearings
 
     # The law.
 
@@ -513,8 +507,8 @@ class RollingBearing(WholeLawJoint):
     def friction_lever(self) -> float:
         """M_1 over the sum of all element loads [m]."""
         typical = ROLLER_FRICTION if self.roller_elements else BALL_FRICTION
-        own = typical if self.rolling_friction is None else self.rolling_friction
-        return own * 0.5 * self.d_bore
+        coefficient = typical if self.rolling_friction is None else self.rolling_friction
+        return coefficient * 0.5 * self.d_bore
 
     @property
     def reach(self) -> float:
@@ -586,14 +580,14 @@ class RollingBearing(WholeLawJoint):
         Raises:
             JointplayError: a moment about the axis; no equilibrium.
         """
-        given = np.concatenate([np.asarray(force, float), np.asarray(moment, float)])
-        if given.shape != (6,) or not np.isfinite(given).all():
+        load = np.concatenate([np.asarray(force, float), np.asarray(moment, float)])
+        if load.shape != (6,) or not np.isfinite(load).all():
             raise JointplayError("force and moment have three finite components each")
-        if abs(given[5]) > 1e-9 * max(np.abs(given).max(), 1e-300):
+        if abs(load[5]) > 1e-9 * max(np.abs(load).max(), 1e-300):
             raise JointplayError(
-                f"a bearing bears no moment about its axis, got {given[5]:g} N m", where=("moment",)
+                f"a bearing bears no moment about its axis, got {load[5]:g} N m", where=("moment",)
             )
-        (xi,), (soft,), (state,) = self._at_rest(given[None], cage)
+        (xi,), (soft,), (state,) = self._at_rest(load[None], cage)
         return BearingRest.of(xi, soft, state > 0.0)
 
     def rests(
@@ -625,22 +619,22 @@ class RollingBearing(WholeLawJoint):
         turn, seat = self.cage_angle if cage is None else cage, self.seat
         lean = np.zeros((len(loads), 2))
         for _ in range(_MOST_ROUNDS):
-            found = rolling.rests(self.resultant, loads[:, :5], turn, lean)
-            state = found[:, rolling.FOUND]
+            results = rolling.rests(self.resultant, loads[:, :5], turn, lean)
+            state = results[:, rolling.STATE]
             if (state == 0.0).any():
-                given = loads[int(np.argmax(state == 0.0))]
+                load = loads[int(np.argmax(state == 0.0))]
                 raise JointplayError(
-                    f"no place of rest was found under the force {given[:3].tolist()} N and the "
-                    f"moment {given[3:].tolist()} N m"
+                    f"no place of rest was found under the force {load[:3].tolist()} N and the "
+                    f"moment {load[3:].tolist()} N m"
                 )
-            xi, soft = found[:, :5], found[:, rolling.SOFT :].reshape(-1, 5, 5)
+            xi, soft = results[:, :5], results[:, rolling.SOFT :].reshape(-1, 5, 5)
             if seat is None:
                 return xi, soft, state
-            pushes = found[:, rolling.PUSH : rolling.SOFT]
+            pushes = results[:, rolling.PUSH : rolling.SOFT]
             moved = [seat.under(push, ABOUT_AXIS) for push in pushes]
-            shift = np.array([one for one, _ in moved]).reshape(-1, 5)
+            shift = np.array([place for place, _ in moved]).reshape(-1, 5)
             if np.abs(shift[:, 3:] - lean).max(initial=0.0) <= _SAME_LEAN:
-                softer = np.array([one for _, one in moved]).reshape(-1, 5, 5)
+                softer = np.array([compliance for _, compliance in moved]).reshape(-1, 5, 5)
                 return xi + shift, soft + softer @ _BY_LOAD, state
             lean = shift[:, 3:]
         raise JointplayError(f"its seat leans by {np.abs(lean).max():.3g} and more")
@@ -676,10 +670,10 @@ class RollingBearing(WholeLawJoint):
         loads, angles = [], []
         for h, y in self.row_places:
             if self.roller_elements:
-                way = np.where(np.arange(self.count) % 2 == 0, 1.0, -1.0)
-                delta = across - d["reach"] + way * (y + rise - d["radius"] * lie)
+                sides = np.where(np.arange(self.count) % 2 == 0, 1.0, -1.0)
+                delta = across - d["reach"] + sides * (y + rise - d["radius"] * lie)
                 delta, exponent = np.sqrt(0.5) * delta, resultant.ROLLER_EXPONENT
-                angles.append(np.broadcast_to(way * np.pi / 4.0, delta.shape))
+                angles.append(np.broadcast_to(sides * np.pi / 4.0, delta.shape))
             else:
                 x = d["reach"] + across + (h - 0.5 * d["radius"] * lie) * lie
                 up = y + rise + h * steep - d["radius"] * lie
@@ -697,8 +691,8 @@ class RollingBearing(WholeLawJoint):
         poses = np.zeros((*centre.shape[:-1], 12))
         poses[..., :3], poses[..., [5, 8, 11]] = centre, axis
         turns = np.broadcast_to(cage, centre.shape[:-1]).reshape(-1)
-        found = answers(self.law, self.resultant, poses.reshape(-1, 12), turns)
-        return found[:, resultant.SEAT :].reshape(*centre.shape[:-1], resultant.WAYS)
+        out = answers(self.law, self.resultant, poses.reshape(-1, 12), turns)
+        return out[:, resultant.SEAT :].reshape(*centre.shape[:-1], resultant.WAYS)
 
     # Life.
 
@@ -737,12 +731,11 @@ class RollingBearing(WholeLawJoint):
             self.ratings()[0] * share * (1.0 + factor**power) ** (1.0 / life)
             for share, power in zip(shares, (life, -life), strict=True)
         )
-        turning, standing = (np.mean(loads**one, axis=2) ** (1.0 / one) for one in (mean, life))
+        turning, standing = (np.mean(loads**p, axis=2) ** (1.0 / p) for p in (mean, life))
         on_inner, on_outer = (standing, turning) if outer_turns else (turning, standing)
         used = (on_inner / inner) ** life + (on_outer / outer) ** life
         # Rings and rows: a product of probabilities.
-        whole: np.ndarray = 1e-6 * np.sum(used, axis=1) ** (1.0 / slope)
-        return whole
+        return np.asarray(1e-6 * np.sum(used, axis=1) ** (1.0 / slope))
 
     # What the package asks of a joint.
 
@@ -922,9 +915,9 @@ def _rotation(vector: np.ndarray) -> np.ndarray:
     return matrix
 
 
-def refuse(field: str, words: str) -> NoReturn:
+def refuse(field: str, message: str) -> NoReturn:
     """Raise an error at a field."""
-    raise JointplayError(words, where=(field,))
+    raise JointplayError(message, where=(field,))
 
 
 def point_contact_stiffness(
@@ -992,17 +985,17 @@ class BallBearing(RollingBearing):
         for name in ("inner_groove", "outer_groove"):
             value = getattr(self, name)
             if not (isinstance(value, int | float) and 0.5 < value < 1.0):
-                words = f"must lie between 0.5 and 1 ball diameters, got {value!r}"
-                refuse(name, f"{name.replace('_', ' ')} {words}")
+                limits = f"must lie between 0.5 and 1 ball diameters, got {value!r}"
+                refuse(name, f"{name.replace('_', ' ')} {limits}")
         super().__post_init__()
         if self.alpha >= math.pi / 2:
-            words = f"contact angle {self.alpha:g} rad must be below a right angle"
-            refuse("contact_angle", words)
+            angle = f"contact angle {self.alpha:g} rad"
+            refuse("contact_angle", f"{angle} must be below a right angle")
         if self.preload is not None and (self.pairing == "single" or self.alpha == 0.0):
-            words = (
+            remedy = (
                 "give an arrangement (DB, DF) and a contact angle, or a negative radial clearance"
             )
-            refuse("preload", f"a preload is that of a pair of angular contact bearings: {words}")
+            refuse("preload", f"a preload is that of a pair of angular contact bearings: {remedy}")
         if self.preload is not None and self.pairing == "DT":
             refuse("preload", "bearings in tandem do not preload each other; take DB or DF")
 
@@ -1019,8 +1012,8 @@ class BallBearing(RollingBearing):
     @cached_property
     def pairing(self) -> str:
         """One of `ARRANGEMENTS`."""
-        said = [word for word in (self.designation or "").upper().split() if word in ARRANGEMENTS]
-        return self.arrangement or (said[0] if said else "single")
+        named = [word for word in (self.designation or "").upper().split() if word in ARRANGEMENTS]
+        return self.arrangement or (named[0] if named else "single")
 
     @cached_property
     def alpha(self) -> float:  # type: ignore[override]
@@ -1071,11 +1064,11 @@ class BallBearing(RollingBearing):
         """
         if self.alpha == 0.0:
             return super().of_classes()
-        found: dict[str, RollingBearing] = {AS_GIVEN: self}
+        bearings: dict[str, RollingBearing] = {AS_GIVEN: self}
         if self.pairing in ("DB", "DF"):
             force = self.preload or 1e-2 * self.ratings()[1]
-            found[PRELOADED] = replace(self, preload=force, radial_clearance=None)
-        return found
+            bearings[PRELOADED] = replace(self, preload=force, radial_clearance=None)
+        return bearings
 
     def class_range(self) -> tuple[float, float]:
         if self.alpha > 0.0:
@@ -1090,8 +1083,8 @@ class BallBearing(RollingBearing):
     @property
     def loosest(self) -> float:
         room = 0.5 if self.alpha == 0.0 else 1.0 - math.cos(self.alpha)
-        taken = self.bought_clearance - self.cr
-        return max(_ROOM * room * self.distance + taken, self.bought_clearance)
+        loss = self.bought_clearance - self.cr
+        return max(_ROOM * room * self.distance + loss, self.bought_clearance)
 
     @cached_property
     def operating_clearance(self) -> float:
@@ -1109,8 +1102,8 @@ class BallBearing(RollingBearing):
         def surplus(up: float) -> float:
             length = math.hypot(reach, up)
             delta = max(length - a, 0.0)
-            own = self.count * self.stiffness_of_element * delta**1.5 * up / length
-            return float(own - force)
+            push = self.count * self.stiffness_of_element * delta**1.5 * up / length
+            return float(push - force)
 
         start = a * math.sin(self.alpha)
         up = brentq(surplus, start, start + 0.2 * self.d_element, xtol=1e-16, rtol=1e-14)
@@ -1144,14 +1137,14 @@ class BallBearing(RollingBearing):
         else:
             across = a * math.cos(self.alpha) + clearance
             if across >= a:
-                words = f"radial clearance {readable(clearance, 'm')} leaves no contact angle"
-                raise JointplayError(words, where=("radial_clearance",))
+                size = readable(clearance, "m")
+                refuse("radial_clearance", f"radial clearance {size} leaves no contact angle")
             up = math.sqrt(a * a - across * across)
         if self.pairing == "single":
             return ((0.0, up),)
         half = 0.5 * (self.spacing or self.row_width)
-        ways = {"DB": (-1.0, 1.0), "DF": (1.0, -1.0), "DT": (1.0, 1.0)}[self.pairing]
-        return tuple((side * half, way * up) for side, way in zip((1.0, -1.0), ways, strict=True))
+        first, second = {"DB": (-up, up), "DF": (up, -up), "DT": (up, up)}[self.pairing]
+        return (half, first), (-half, second)
 
     @property
     def _numbers(self) -> dict[str, Any]:
@@ -1169,10 +1162,10 @@ class BallBearing(RollingBearing):
         """Hertz stiffness K of the contact with one ring [N/m^1.5], and its ellipse's ratio."""
         gamma, d = self._gamma, self.d_element
         groove = self.inner_groove if inner else self.outer_groove
-        own = gamma / (1.0 - gamma) if inner else -gamma / (1.0 + gamma)
-        total = 2.0 + own - 0.5 / groove
+        curvature = gamma / (1.0 - gamma) if inner else -gamma / (1.0 + gamma)
+        total = 2.0 + curvature - 0.5 / groove
         modulus = self.ring_material.young / (1.0 - self.ring_material.poisson**2)
-        return point_contact_stiffness(2.0 * total / d, (own + 0.5 / groove) / total, modulus)
+        return point_contact_stiffness(2.0 * total / d, (curvature + 0.5 / groove) / total, modulus)
 
     def _hertz(self) -> float:
         soft = sum(self.race_contact(inner)[0] ** (-2.0 / 3.0) for inner in (True, False))
@@ -1229,12 +1222,12 @@ class CrossedRollerBearing(RollingBearing):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.count % 2:
-            words = f"so their number must be even, got {self.count}"
-            refuse("elements", f"crossed rollers alternate, {words}")
+            even = f"so their number must be even, got {self.count}"
+            refuse("elements", f"crossed rollers alternate, {even}")
         if self.length > self.d_element:
-            length, wide = (readable(one, "m") for one in (self.length, self.d_element))
-            words = f"length {length}, diameter {wide}"
-            refuse("roller_length", f"crossed rollers are no longer than wide: {words}")
+            length, wide = (readable(size, "m") for size in (self.length, self.d_element))
+            sizes = f"length {length}, diameter {wide}"
+            refuse("roller_length", f"crossed rollers are no longer than wide: {sizes}")
 
     @cached_property
     def _estimated_diameter(self) -> float:
@@ -1286,8 +1279,8 @@ class CrossedRollerBearing(RollingBearing):
 
     def _hertz(self) -> float:
         """35948 L^(8/9) N/mm^(10/9), of steel (ISO/TS 16281); of other moduli in proportion."""
-        steel, own = material("bearing-steel"), self.ring_material
-        softer = own.young / (1.0 - own.poisson**2) * (1.0 - steel.poisson**2) / steel.young
+        steel, rings = material("bearing-steel"), self.ring_material
+        softer = rings.young / (1.0 - rings.poisson**2) * (1.0 - steel.poisson**2) / steel.young
         return 35948.0 * (1e3 * self.length) ** (8.0 / 9.0) * 1e3 ** (10.0 / 9.0) * softer
 
     def _estimated_ratings(self) -> tuple[float, float]:

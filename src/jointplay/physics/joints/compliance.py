@@ -98,10 +98,10 @@ class _Held(base.WholeLawJoint):
         return NO_PLAY
 
     def directions(self) -> np.ndarray:
-        ways = [base.RELATIVE.index(one) for one in self.freedoms]
-        ways = [row for row in ways if row != self.free]
-        forces = [row for row in ways if row < 3]
-        return np.eye(6)[forces] if forces else self.outline.size[0] * np.eye(6)[ways]
+        rows = [base.RELATIVE.index(part) for part in self.freedoms]
+        rows = [row for row in rows if row != self.free]
+        forces = [row for row in rows if row < 3]
+        return np.eye(6)[forces] if forces else self.outline.size[0] * np.eye(6)[rows]
 
     @property
     def outline(self) -> base.Outline:
@@ -182,21 +182,21 @@ class CompliantMount(_Held):
     def __post_init__(self) -> None:
         super().__post_init__()
         object.__setattr__(self, "locked", tuple(self.locked))
-        for one in self.locked:
-            require_known("direction to lock", one, base.VIRTUAL_LINK, where=("locked",))
+        for part in self.locked:
+            require_known("direction to lock", part, base.VIRTUAL_LINK, where=("locked",))
         if not self.freedoms:
             raise JointplayError("a mount must give way in some direction", where=("locked",))
 
     @property
     def freedoms(self) -> tuple[str, ...]:
-        return tuple(one for one in base.VIRTUAL_LINK if one not in self.locked)
+        return tuple(part for part in base.VIRTUAL_LINK if part not in self.locked)
 
     @property
     def summary(self) -> str:
         if not self.locked:
             return super().summary
         diagonal = np.diag(self.elasticity.stiffness)
-        free = [base.RELATIVE.index(one) for one in self.freedoms]
+        free = [base.RELATIVE.index(part) for part in self.freedoms]
         parts = [
             f"{_WAYS[row]} {diagonal[row]:.3g} {'N/m' if row < 3 else 'N m/rad'}" for row in free
         ]
@@ -227,7 +227,6 @@ def hinge_of_beam(
 
 BUSH_WALL = 0.5
 """Wall of a bush over the half width of its bore, where no mass is given."""
-
 BUSH_DENSITY = 7850.0
 """Steel [kg/m^3], where the bearing's material has none."""
 
@@ -259,8 +258,8 @@ def parts_of_seat(joint: base.Clearance) -> SeatParts | None:
     inner = np.add(outline.size, outline.room)
     wall = BUSH_WALL * float(inner[:2].min())
     outer = inner + wall * np.array([1.0, 1.0, float(outline.form == "ball")])
-    (whole, most), (bore, less) = _solid(outline, outer), _solid(outline, inner)
-    volume, moments = whole - bore, most - less
+    (filled, most), (bore, less) = _solid(outline, outer), _solid(outline, inner)
+    volume, moments = filled - bore, most - less
     density = joint.bearing_material.density or BUSH_DENSITY
     mass = density * volume if joint.seat_mass is None else joint.seat_mass
     x, y, z = map(float, mass / volume * moments)

@@ -41,8 +41,8 @@ def touch(k, pose, bearing_radius, journal_radius, bearing_length):  # type: ign
     """
     ax, ay, az = pose[5], pose[8], pose[11]
     height = 0.5 * bearing_length if k == 0 else -0.5 * bearing_length
-    way = (height - pose[2]) / az
-    ox, oy = pose[0] + way * ax, pose[1] + way * ay
+    distance_along = (height - pose[2]) / az
+    ox, oy = pose[0] + distance_along * ax, pose[1] + distance_along * ay
     sine = math.sqrt(ax * ax + ay * ay)
     tx, ty = (ax / sine, ay / sine) if sine > 1e-15 else (1.0, 0.0)
     along, across = ox * tx + oy * ty, oy * tx - ox * ty
@@ -68,8 +68,8 @@ def touch(k, pose, bearing_radius, journal_radius, bearing_length):  # type: ign
     c = bearing_radius * math.copysign(c, along)
     s = bearing_radius * math.copysign(s, across)
     rx, ry, rz = c * tx - s * ty - pose[0], c * ty + s * tx - pose[1], height - pose[2]
-    there = rx * ax + ry * ay + rz * az
-    fx, fy, fz = there * ax - rx, there * ay - ry, there * az - rz
+    axial = rx * ax + ry * ay + rz * az
+    fx, fy, fz = axial * ax - rx, axial * ay - ry, axial * az - rz
     distance = math.sqrt(fx * fx + fy * fy + fz * fz)
     inverse = 1.0 / distance if distance > 0.0 else 0.0  # an edge on the axis has no direction
     return distance - journal_radius, rx, ry, rz, inverse * fx, inverse * fy, inverse * fz

@@ -14,10 +14,8 @@ from jointplay.physics.contact import resultant
 
 _MOST_BENDS = 60
 """Steps in which displacements on curves are found."""
-
 ABOUT_AXIS, ALONG_AXIS = 5, 2
 """Directions in which joints that turn, and that slide, are free: places in `DIRECTIONS`."""
-
 DIRECTIONS = ("radial", "radial", "axial", "tilt", "tilt", "torsion")
 """Which stiffness holds along x, y, z and about x, y, z."""
 
@@ -74,12 +72,12 @@ class Elasticity(Described):
     def __post_init__(self) -> None:
         check_fields(self)
         names = dict.fromkeys(DIRECTIONS)
-        for name in (f"{one}_curve" for one in names):
+        for name in (f"{direction}_curve" for direction in names):
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, _checked_curve(name, getattr(self, name)))
         if self.matrix is not None:
             object.__setattr__(self, "matrix", _checked_matrix(self.matrix))
-            if any(getattr(self, one) is not None for one in names):
+            if any(getattr(self, direction) is not None for direction in names):
                 raise JointplayError(
                     "give the stiffness matrix or radial, axial, tilt and torsion stiffness, not "
                     "both",
@@ -124,9 +122,9 @@ class Elasticity(Described):
 
         In its axes, at its first stiffness; what acts in the direction that is free has no effect.
         """
-        given, held = np.zeros_like(loads), self.held
-        given[:, held] = np.linalg.solve(self.stiffness[np.ix_(held, held)], loads[:, held].T).T
-        return given
+        displaced, held = np.zeros_like(loads), self.held
+        displaced[:, held] = np.linalg.solve(self.stiffness[np.ix_(held, held)], loads[:, held].T).T
+        return displaced
 
     def sunk(self, loads: np.ndarray, free: int | None) -> np.ndarray:
         """As `displacements`, and with the curves; `free`: see `require_free`."""
@@ -146,15 +144,15 @@ class Elasticity(Described):
         curves = [np.array([(0.0, 0.0), *self._curves[int(k)]]) for k in at]
         x, slopes = np.zeros(len(at)), np.zeros(len(at))
         for _ in range(_MOST_BENDS):
-            given = linear @ x
+            load = linear @ x
             for i, curve in enumerate(curves):
                 if len(curve) > 1:
                     k = min(int(np.searchsorted(curve[:, 0], abs(x[i]), "right")), len(curve) - 1)
-                    (last, force), (here, there) = curve[k - 1], curve[k]
-                    slopes[i] = (there - force) / (here - last)
-                    given[i] += np.copysign(force + slopes[i] * (abs(x[i]) - last), x[i])
+                    (start, force), (end, end_force) = curve[k - 1], curve[k]
+                    slopes[i] = (end_force - force) / (end - start)
+                    load[i] += np.copysign(force + slopes[i] * (abs(x[i]) - start), x[i])
             soft = np.linalg.inv(linear + np.diag(slopes))
-            step = soft @ (push - given)
+            step = soft @ (push - load)
             x = x + step
             if (np.abs(step) <= 1e-14 * np.abs(x)).all():
                 break
@@ -164,19 +162,19 @@ class Elasticity(Described):
     def _curves(self) -> list[list[tuple[float, float]]]:
         """By direction."""
         curves = (getattr(self, f"{name}_curve") for name in DIRECTIONS)
-        return [[(one[0], one[1]) for one in curve or ()] for curve in curves]
+        return [[(point[0], point[1]) for point in curve or ()] for curve in curves]
 
     @cached_property
     def stiffness(self) -> np.ndarray:
         """At small displacements along x, y, z and rotations about them, shape (6, 6)."""
         if self.matrix is not None:
-            whole = np.array(self.matrix)
+            matrix = np.array(self.matrix)
         else:
-            whole = np.diag([getattr(self, name) or 0.0 for name in DIRECTIONS])
+            matrix = np.diag([getattr(self, name) or 0.0 for name in DIRECTIONS])
         for k, curve in enumerate(self._curves):
             if curve:
-                whole[k, k] += curve[0][1] / curve[0][0]
-        return whole
+                matrix[k, k] += curve[0][1] / curve[0][0]
+        return matrix
 
     @property
     def _linear(self) -> np.ndarray:
@@ -205,18 +203,18 @@ class Elasticity(Described):
 
 
 def _checked_matrix(matrix: Sequence[Sequence[float]]) -> tuple[tuple[float, ...], ...]:
-    given, where = require_numbers("the stiffness matrix", matrix), ("matrix",)
-    if given.shape != (6, 6) or not np.isfinite(given).all():
+    stiffness, where = require_numbers("the stiffness matrix", matrix), ("matrix",)
+    if stiffness.shape != (6, 6) or not np.isfinite(stiffness).all():
         raise JointplayError(
-            f"the stiffness matrix must be finite and (6, 6), got {given.shape}", where=where
+            f"the stiffness matrix must be finite and (6, 6), got {stiffness.shape}", where=where
         )
-    if np.abs(given - given.T).max() > 1e-9 * np.abs(given).max():
+    if np.abs(stiffness - stiffness.T).max() > 1e-9 * np.abs(stiffness).max():
         raise JointplayError("the stiffness matrix must be symmetric", where=where)
-    return tuple(map(tuple, given.tolist()))
+    return tuple(map(tuple, stiffness.tolist()))
 
 
-def _checked_curve(name: str, given: Sequence[Sequence[float]]) -> tuple[tuple[float, ...], ...]:
-    rows = require_numbers(f"the {name.replace('_', ' ')}", given)
+def _checked_curve(name: str, points: Sequence[Sequence[float]]) -> tuple[tuple[float, ...], ...]:
+    rows = require_numbers(f"the {name.replace('_', ' ')}", points)
     where = (name,)
     if rows.ndim != 2 or rows.shape[1] != 2 or not 1 <= len(rows) <= resultant.NODES:
         raise JointplayError(

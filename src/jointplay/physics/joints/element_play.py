@@ -19,6 +19,7 @@ import numpy as np
 from jointplay.base.compiler import compiled
 from jointplay.base.errors import JointplayError
 from jointplay.physics.contact.resultant import WAYS
+from jointplay.physics.contact.rolling import solve_in_place
 from jointplay.physics.joints.play import Cone, Cones, Play, Pressed, Support
 
 # Farthest points of what second-order cones or half spaces in five coordinates have in common.
@@ -58,21 +59,6 @@ def _height(walls, centres, rooms, aim, weight, y):
 
 
 @compiled
-def _solve(matrix, right):
-    """Solve a positive definite system in place, by elimination."""
-    for k in range(WAYS):
-        for i in range(k + 1, WAYS):
-            factor = matrix[i, k] / matrix[k, k]
-            for j in range(k, WAYS):
-                matrix[i, j] -= factor * matrix[k, j]
-            right[i] -= factor * right[k]
-    for k in range(WAYS - 1, -1, -1):
-        for j in range(k + 1, WAYS):
-            right[k] -= matrix[k, j] * right[j]
-        right[k] /= matrix[k, k]
-
-
-@compiled
 def farthest(walls, centres, rooms, start, aims, points):
     """Points of the set farthest along some directions.
 
@@ -85,8 +71,8 @@ def farthest(walls, centres, rooms, start, aims, points):
         points: (n, 5), for the points found.
     """
     count = walls.shape[0]
-    slope, bend, trial = np.zeros(WAYS), np.zeros((WAYS, WAYS)), np.zeros(WAYS)
-    own = np.zeros(WAYS)
+    slope, bend, trial = np.zeros(WAYS), np.zeros(WAYS * WAYS), np.zeros(WAYS)
+    direction = np.zeros(WAYS)
     degree = float(count * (1 if walls.shape[1] == 1 else 2))
     for load in range(aims.shape[0]):
         aim = aims[load]
@@ -99,7 +85,7 @@ def farthest(walls, centres, rooms, start, aims, points):
                 for i in range(WAYS):
                     slope[i] = -weight * aim[i]
                     for j in range(WAYS):
-                        bend[i, j] = 0.0
+                        bend[WAYS * i + j] = 0.0
                 for n in range(count):
                     if walls.shape[1] == 1:
                         left = rooms[n]
@@ -107,10 +93,10 @@ def farthest(walls, centres, rooms, start, aims, points):
                             left -= walls[n, 0, i] * y[i]
                         inverse = 1.0 / left
                         for i in range(WAYS):
-                            own[i] = walls[n, 0, i] * inverse
-                            slope[i] += own[i]
+                            direction[i] = walls[n, 0, i] * inverse
+                            slope[i] += direction[i]
                             for j in range(i + 1):
-                                bend[i, j] += own[i] * own[j]
+                                bend[WAYS * i + j] += direction[i] * direction[j]
                         continue
                     u, w = centres[n, 0], centres[n, 1]
                     for i in range(WAYS):
@@ -120,23 +106,24 @@ def farthest(walls, centres, rooms, start, aims, points):
                     inverse = 2.0 / left
                     for i in range(WAYS):
                         a, b = walls[n, 0, i] * inverse, walls[n, 1, i] * inverse
-                        own[i] = u * a + w * b
-                        slope[i] += own[i]
+                        direction[i] = u * a + w * b
+                        slope[i] += direction[i]
                         for j in range(i + 1):
-                            bend[i, j] += a * walls[n, 0, j] + b * walls[n, 1, j] + own[i] * own[j]
+                            twice = a * walls[n, 0, j] + b * walls[n, 1, j]
+                            bend[WAYS * i + j] += twice + direction[i] * direction[j]
                 before = _height(walls, centres, rooms, aim, weight, y)
                 gain = 0.0
                 for i in range(WAYS):
-                    own[i] = slope[i]
+                    direction[i] = slope[i]
                     for j in range(i):
-                        bend[j, i] = bend[i, j]
-                _solve(bend, own)
+                        bend[WAYS * j + i] = bend[WAYS * i + j]
+                solve_in_place(bend, direction, 1, -1.0)
                 for i in range(WAYS):
-                    gain += slope[i] * own[i]
+                    gain += slope[i] * direction[i]
                 part, moved = 1.0, False
                 for _ in range(_SHORTER):
                     for i in range(WAYS):
-                        trial[i] = y[i] - part * own[i]
+                        trial[i] = y[i] - part * direction[i]
                     after = _height(walls, centres, rooms, aim, weight, trial)
                     if after <= before - 0.1 * part * gain + 1e-13 * abs(before):
                         moved = True
@@ -237,8 +224,8 @@ class ElementPlay(Play):
             u = np.column_stack([c, s, zero, h * c, h * s])
             w = np.column_stack([zero, zero, zero + 1.0, -self.radius * c, -self.radius * s])
             if self.rollers:
-                way = np.where(np.arange(self.count) % 2 == 0, 1.0, -1.0)[:, None]
-                rows.append((u + way * w)[:, None])
+                sides = np.where(np.arange(self.count) % 2 == 0, 1.0, -1.0)[:, None]
+                rows.append((u + sides * w)[:, None])
                 centres.append(np.zeros((self.count, 1)))
             else:
                 rows.append(np.stack([u, w], axis=1))
@@ -297,11 +284,11 @@ class ElementPlay(Play):
             aims, room = self._aims(loads), rooms[0]
             size = np.linalg.norm(aims, axis=1, keepdims=True)
             aims = np.divide(aims, size, out=np.zeros_like(aims), where=size > 0.0)
-            found = np.zeros((len(loads), WAYS))
+            points = np.zeros((len(loads), WAYS))
             scaled = np.ascontiguousarray(walls * self._units / room)
             start = self._start / np.where(self._units > 0.0, self._units, 1.0)
-            farthest(scaled, centres / room, rooms / room, start, aims, found)
-            y = found * self._units
+            farthest(scaled, centres / room, rooms / room, start, aims, points)
+            y = points * self._units
             point[:, :3], point[:, 4], point[:, 3] = y[:, :3], y[:, 3], -y[:, 4]
         return Support(np.einsum("ij,ij->i", loads, point), point)
 
@@ -316,8 +303,8 @@ class ElementPlay(Play):
             work = np.linalg.norm(self._aims(loads), axis=1)
             forces = wall_forces(out, rooms, work)
             size = np.linalg.norm(out, axis=2, keepdims=True)
-            way = np.ones_like(out) if self.rollers else out / size
-            push = np.einsum("nka,kai->nki", way, walls)
+            direction = np.ones_like(out) if self.rollers else out / size
+            push = np.einsum("nka,kai->nki", direction, walls)
             normal[:, :, :3] = -push[:, :, :3]
             normal[:, :, 4], normal[:, :, 3] = -push[:, :, 3], push[:, :, 4]
         touching = forces > 1e-4 * forces.max(axis=1, initial=0.0, keepdims=True)

@@ -48,9 +48,9 @@ tables = partial(shipped_table, __file__, "fits")
 @cache
 def letters(hole: bool) -> tuple[str, ...]:
     """Those of holes, which are capital, or of shafts."""
-    own = [*tables()["shafts"]]
-    own[own.index("k") : own.index("k")] = ["js", "j"]
-    return tuple(one.upper() if hole else one for one in own)
+    names = [*tables()["shafts"]]
+    names[names.index("k") : names.index("k")] = ["js", "j"]
+    return tuple(name.upper() if hole else name for name in names)
 
 
 def tolerance(size: float, grade: int) -> float:
@@ -174,10 +174,10 @@ class Fit:
             hole, shaft = (limits(size, letter, grade) for letter, grade in parts)
         except JointplayError as error:
             raise JointplayError(f"fit {self.text!r}: {error}") from None
-        words = [f"{letter}{grade}" for letter, grade in parts]
-        own = {"text": f"{size:g}{words[0]}/{words[1]}", "size": 1e-3 * size}
-        own |= {"hole": hole, "shaft": shaft, "grades": (parts[0][1], parts[1][1])}
-        for name, value in own.items():
+        classes = [f"{letter}{grade}" for letter, grade in parts]
+        values = {"text": f"{size:g}{classes[0]}/{classes[1]}", "size": 1e-3 * size}
+        values |= {"hole": hole, "shaft": shaft, "grades": (parts[0][1], parts[1][1])}
+        for name, value in values.items():
             object.__setattr__(self, name, value)
 
     def __str__(self) -> str:
@@ -236,8 +236,8 @@ class Fit:
         """
         if self.kind == CLEARANCE:
             return
-        loose = [str(one) for one in self.alternatives() if one.grades == self.grades]
-        loose = loose or [str(one) for one in self.alternatives()]
+        loose = [str(fit) for fit in self.alternatives() if fit.grades == self.grades]
+        loose = loose or [str(fit) for fit in self.alternatives()]
         article = "an" if self.kind == INTERFERENCE else "a"
         raise JointplayError(
             f"{self} is {article} {self.kind} fit ({self.range} of clearance on each side), in "
@@ -248,37 +248,37 @@ class Fit:
 
     def alternatives(self) -> tuple[Fit, ...]:
         """This one, if it is a clearance fit, and those preferred of its size."""
-        found = [self] if self.kind == CLEARANCE else []
-        for one in PREFERRED:
+        fits = [self] if self.kind == CLEARANCE else []
+        for classes in PREFERRED:
             with suppress(JointplayError):  # up to 1 mm some are not defined
-                found.append(Fit(f"{1e3 * self.size:g}{one}"))
-        return tuple(dict.fromkeys(found))
+                fits.append(Fit(f"{1e3 * self.size:g}{classes}"))
+        return tuple(dict.fromkeys(fits))
 
 
 def _parted(text: object) -> tuple[Any, ...]:
     """Nominal size [mm], and letter and grade of hole and of shaft."""
-    words = f"a fit reads {_EXAMPLE}: nominal size in mm, hole, a slash, shaft"
-    found = _FORM.fullmatch("".join(text.split())) if isinstance(text, str) else None
-    if found is None:
-        raise JointplayError(f"{text!r:.60} is no fit; {words}")
-    size, *first, slash, letter, grade = found.groups()
+    form = f"a fit reads {_EXAMPLE}: nominal size in mm, hole, a slash, shaft"
+    match = _FORM.fullmatch("".join(text.split())) if isinstance(text, str) else None
+    if match is None:
+        raise JointplayError(f"{text!r:.60} is no fit; {form}")
+    size, *first, slash, letter, grade = match.groups()
     if letter is None:
         missing = "shaft" if first[0][0].isupper() else "hole"
-        raise JointplayError(f"fit {text!r} has no {missing}; {words}")
+        raise JointplayError(f"fit {text!r} has no {missing}; {form}")
     parts = [
         (name.upper() if name[0].isupper() else name, int(number))  # Js is JS
         for name, number in (first, (letter, grade))
     ]
-    one, other = (f"{name}{number}" for name, number in parts)
+    hole, shaft = (f"{name}{number}" for name, number in parts)
     holes = [part[0][0].isupper() for part in parts]
     if holes == [False, True]:
         raise JointplayError(
             f"fit {text!r} has its shaft first; the hole, in capital letters, comes first: "
-            f'"{size}{other}/{one}"'
+            f'"{size}{shaft}/{hole}"'
         )
     if holes[0] == holes[1]:
-        both = "holes, in capital" if holes[0] else "shafts, in small"
-        raise JointplayError(f"fit {text!r} has two {both} letters; {words}")
+        kind = "holes, in capital" if holes[0] else "shafts, in small"
+        raise JointplayError(f"fit {text!r} has two {kind} letters; {form}")
     if not slash:
-        raise JointplayError(f'fit {text!r} has no slash before its shaft: "{size}{one}/{other}"')
+        raise JointplayError(f'fit {text!r} has no slash before its shaft: "{size}{hole}/{shaft}"')
     return float(size.replace(",", ".")), *parts

@@ -17,7 +17,6 @@ from jointplay.physics.joints.base import Material
 
 ZERO_CELSIUS = 273.15
 """0 C in K."""
-
 THINNEST = 2e-6
 """Kinematic viscosity below which ASTM D341 needs further terms [m^2/s]."""
 

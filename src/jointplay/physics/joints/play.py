@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from jointplay.physics.joints.base import Outline
 
 _SEARCHES, _EXACT, _ROUNDING = 60, 1e-8, 1e-12
-"""Most steps of a search; the last one's length, of which the square remains, and how near to its
-end it begins, relative to a bore's radius."""
+"""Most steps of a search; the last one's length, of which the square remains (Newton's method), and
+how near to its end it begins, relative to a bore's radius."""
 _NOTHING = 1e-9
 """Part of a load, or of a clearance, that is rounding."""
 _TOUCHES = 1.0 - 1e-6
@@ -85,15 +85,15 @@ class Pressed(NamedTuple):
 
     def subset(self, rows: np.ndarray) -> Pressed:
         """Some of the n."""
-        force, normal, across, touching, patch = (one[rows] for one in self[1:6])
+        force, normal, across, touching, patch = (array[rows] for array in self[1:6])
         return Pressed(self.contact, force, normal, across, touching, patch, self.borne)
 
     def replaced(self, rows: np.ndarray, by: Pressed) -> Pressed:
         """With others in the place of some of the n."""
-        made = self.subset(np.arange(len(self.force)))
-        for old, new in zip(made[1:6], by[1:6], strict=True):
+        changed = self.subset(np.arange(len(self.force)))
+        for old, new in zip(changed[1:6], by[1:6], strict=True):
             old[rows] = new
-        return made
+        return changed
 
 
 class Play(ABC):
@@ -177,9 +177,9 @@ class JournalPlay(Play):
 
     @property
     def cones(self) -> Cones:
-        way = _FAR * self.across if math.isinf(self.along) else self.along
+        axial = _FAR * self.across if math.isinf(self.along) else self.along
         leans = not math.isinf(self.length)
-        count = (4 if leans else 2) + (way > 0.0)
+        count = (4 if leans else 2) + (axial > 0.0)
         spread, nothing = np.zeros((6, count)), np.zeros(count)
         rims = [np.eye(2, count), np.eye(2, count, 2)] if leans else [np.eye(2, count)]
         for number, rim in enumerate(rims):
@@ -187,10 +187,10 @@ class JournalPlay(Play):
             turn = (1.0, -1.0)[number] * self.across / self.length
             spread[3:5] += turn * rim[::-1] * [[-1.0], [1.0]]
         walls = [Cone(rim, nothing, 1.0) for rim in rims]
-        if way > 0.0:
-            spread[2, -1] = way
+        if axial > 0.0:
+            spread[2, -1] = axial
             holds = leans and self.rim > 0.0
-            part = self.rim * self.across / (self.length * way) if holds else 0.0
+            part = self.rim * self.across / (self.length * axial) if holds else 0.0
             apart = part * (rims[0] - rims[-1])[: 2 if holds else 0]
             walls += [Cone(apart, side * np.eye(count)[-1], 1.0) for side in (1.0, -1.0)]
         return Cones(spread, tuple(walls))
@@ -216,19 +216,19 @@ class JournalPlay(Play):
                     "nothing limits the journal along its axis, and this affects the tool: give "
                     "the joint end walls (an axial clearance), or lock_axial"
                 )
-            axial, way = np.zeros(len(loads)), 0.0
+            axial, axial_room = np.zeros(len(loads)), 0.0
         else:
-            way = self.along
+            axial_room = self.along
         if math.isinf(self.length):
             point[:, :2] = self.across * _unit(push)
-            point[:, 2] = way * np.sign(axial)
+            point[:, 2] = axial_room * np.sign(axial)
             return Support(np.einsum("ij,ij->i", loads, point), point)
         bend = np.column_stack([loads[:, 4], -loads[:, 3]]) / self.length
         near, far = push / 2.0 + bend, push / 2.0 - bend
         p, q = self._rims(near, far, np.abs(axial) * self.rim / self.length)
         lean = (p - q) / self.length
         point[:, :2] = (p + q) / 2.0
-        left = way - self.rim * np.linalg.norm(lean, axis=1)
+        left = axial_room - self.rim * np.linalg.norm(lean, axis=1)
         point[:, 2] = np.maximum(left, 0.0) * np.sign(axial)
         point[:, 3], point[:, 4] = -lean[:, 1], lean[:, 0]
         return Support(np.einsum("ij,ij->i", loads, point), point)
@@ -236,52 +236,56 @@ class JournalPlay(Play):
     def pressed(self, loads: np.ndarray, point: np.ndarray) -> Pressed:
         """Rims A and B on the bore, then the walls at ends A and B; see `Play.pressed`.
 
-        First what each of them bears, then the wrenches of unit forces there: normal to the
-        surface, and along two tangents of it. A journal that cannot lean has one line of contact
-        in the place of two rims.
+        A journal that cannot lean has one line of contact in the place of two rims.
         """
         loads = np.asarray(loads, float).reshape(-1, 6)
-        n, walled = len(loads), 0.0 < self.along < math.inf
-        leans = not math.isinf(self.length)
+        walled, leans = 0.0 < self.along < math.inf, not math.isinf(self.length)
         if leans:
             outward, lean, forces = self._borne_leaning(loads, point, walled)
             heights = [0.5 * self.length, -0.5 * self.length]
         else:
-            outward, lean, heights = [_unit(loads[:, :2])], np.zeros((n, 2)), [0.0]
+            outward, lean, heights = [_unit(loads[:, :2])], np.zeros((len(loads), 2)), [0.0]
             axial = loads[:, 2] * walled
             radial = np.linalg.norm(loads[:, :2], axis=1)
             forces = [radial, np.maximum(axial, 0.0), np.maximum(-axial, 0.0)]
-        rims, e_z = len(outward), np.array([0.0, 0.0, 1.0])
-        normal, across = np.zeros((n, len(forces), 6)), np.zeros((n, len(forces), 2, 6))
-        for k, (way, height) in enumerate(zip(outward, heights, strict=True)):
-            out = np.column_stack([way, np.zeros(n)])
-            around = np.cross(e_z, out)
-            normal[:, k, :3], normal[:, k, 3:] = -out, -height * around
-            across[:, k, 0, :3], across[:, k, 0, 3:] = around, -height * out
-            across[:, k, 1, :3], across[:, k, 1, 3:] = e_z, -self.radius * around
-        # A wall meets the leaning face where its rim stands highest.
+        contacts = [self._on_bore(*rim) for rim in zip(outward, heights, strict=True)]
+        for side in (1.0, -1.0):
+            normal, across, reached, patch = self._on_wall(side, lean, point, heights[0])
+            contacts.append((normal, across, reached & walled, patch * leans))
+        arrays = (np.stack(parts, axis=1) for parts in zip(*contacts, strict=True))
+        normal, across, touching, patch = arrays
+        which, force = tuple(range(len(contacts))), np.column_stack(forces)
+        borne = (0, 1) + (2,) * walled + (3, 4) * leans
+        return Pressed(which, force, normal, across, touching, patch, borne)
+
+    def _on_bore(self, outward: np.ndarray, height: float) -> tuple[np.ndarray, ...]:
+        """Contact of a rim: wrenches of unit forces, normal (n, 6) and along two tangents (n, 2,
+        6); whether it touches (n,); radius of its patch (n,), none.
+
+        Of rims at a height, whose unit directions outward are zero where they do not touch, (n, 2).
+        """
+        n, e_z = len(outward), np.array([0.0, 0.0, 1.0])
+        out = np.column_stack([outward, np.zeros(n)])
+        around = np.cross(e_z, out)
+        along = np.hstack([np.broadcast_to(e_z, (n, 3)), -self.radius * around])
+        tangents = np.stack([np.hstack([around, -height * out]), along], axis=1)
+        touching = np.abs(outward).max(axis=1) > 0.0
+        return np.hstack([-out, -height * around]), tangents, touching, np.zeros(n)
+
+    def _on_wall(
+        self, side: float, lean: np.ndarray, point: np.ndarray, height: float
+    ) -> tuple[np.ndarray, ...]:
+        """The same of a face on the wall at the end on this `side`, which leans so, (n, 2)."""
+        n, e_z = len(lean), np.array([0.0, 0.0, 1.0])
+        # A wall meets the leaning face where its rim stands highest; a straight one lies flat.
         highest = self.rim * np.column_stack([lean, np.zeros(n)])
+        normal = np.hstack([np.broadcast_to([0.0, 0.0, -side], (n, 3)), np.cross(highest, e_z)])
+        across = np.eye(3)[:2]
+        tangents = np.hstack([across, side * height * np.cross(e_z, across)])
         rise = self.rim * np.hypot(point[:, 3], point[:, 4])
-        touching = [np.abs(way).max(axis=1) > 0.0 for way in outward]
-        for k, side in ((rims, 1.0), (rims + 1, -1.0)):
-            normal[:, k, 2] = -side
-            normal[:, k, 3:] = np.cross(highest, e_z)
-            across[:, k, :, :3] = np.eye(3)[:2]
-            across[:, k, :, 3:] = side * heights[0] * np.cross(e_z, np.eye(3)[:2])
-            reached = side * point[:, 2] >= (self.along - rise) - (1.0 - _TOUCHES) * self.along
-            touching.append(reached & walled)
-        patch = np.zeros((n, len(forces)))
-        if leans:  # straight, its face lies flat on a wall
-            patch[:, rims:] = np.where(lean.any(axis=1), 0.0, self.rim)[:, None]
-        return Pressed(
-            tuple(range(len(forces))),
-            np.column_stack(forces),
-            normal,
-            across,
-            np.column_stack(touching),
-            patch,
-            (0, 1) + (2,) * walled + (3, 4) * leans,
-        )
+        reached = side * point[:, 2] >= (self.along - rise) - (1.0 - _TOUCHES) * self.along
+        patch = np.where(lean.any(axis=1), 0.0, self.rim)
+        return normal, np.broadcast_to(tangents, (n, 2, 6)), reached, patch
 
     def _borne_leaning(
         self, loads: np.ndarray, point: np.ndarray, walled: bool
@@ -325,14 +329,14 @@ class JournalPlay(Play):
             right = np.hstack([near[most], far[most]])[..., None]
             share = (np.linalg.pinv(columns, rcond=_NOTHING) @ right)[:, 0, 0]
             hold[most] = np.maximum(share, hold[most])
-            both = hold[most] * self.length / self.rim
-            up[most], down[most] = (0.5 * (both + k * loads[most, 2]) for k in (1.0, -1.0))
+            walls_force = hold[most] * self.length / self.rim
+            up[most], down[most] = (0.5 * (walls_force + k * loads[most, 2]) for k in (1.0, -1.0))
         on_a = np.maximum(((near - hold[:, None] * lean) * u_a).sum(axis=1), 0.0)
         on_b = np.maximum(((far + hold[:, None] * lean) * u_b).sum(axis=1), 0.0)
         # Without lean both rims lie at one azimuth, and bear together what is pressed there.
-        whole = np.maximum(((near + far) * u_a).sum(axis=1), 0.0)
-        on_a = np.where(straight, np.minimum(on_a, whole), on_a)
-        on_b = np.where(straight, np.maximum(whole - on_a, 0.0), on_b)
+        together = np.maximum(((near + far) * u_a).sum(axis=1), 0.0)
+        on_a = np.where(straight, np.minimum(on_a, together), on_a)
+        on_b = np.where(straight, np.maximum(together - on_a, 0.0), on_b)
         return [u_a, u_b], lean, [on_a, on_b, up, down]
 
     def _rims(self, near: np.ndarray, far: np.ndarray, hold: np.ndarray) -> tuple:
@@ -350,22 +354,22 @@ class JournalPlay(Play):
         half = np.where(_distance(-near, far) <= hold, np.where(hold > 0.0, 0.0, half), half)
         (some,) = np.nonzero((hold > 0.0) & (half > 0.0))
         half[some] = _largest(near[some], far[some], hold[some], half[some])
-        both = _unit(_turn(near, side * half) + _turn(far, -side * half))
-        p, q = radius * _turn(both, -side * half), radius * _turn(both, side * half)
+        middle = _unit(_turn(near, side * half) + _turn(far, -side * half))
+        p, q = radius * _turn(middle, -side * half), radius * _turn(middle, side * half)
         best = np.einsum("ij,ij->i", near, p) + np.einsum("ij,ij->i", far, q)
         best -= hold * np.linalg.norm(p - q, axis=1)
         if widest < 2.0 * radius:
             middle = radius * _unit(near + far)
             for first in (True, False):
                 away = middle + widest * _unit(near if first else far)
-                one, other = (away, middle) if first else (middle, away)
-                value = np.einsum("ij,ij->i", near, one) + np.einsum("ij,ij->i", far, other)
-                value -= hold * np.linalg.norm(one - other, axis=1)
+                rim_a, rim_b = (away, middle) if first else (middle, away)
+                value = np.einsum("ij,ij->i", near, rim_a) + np.einsum("ij,ij->i", far, rim_b)
+                value -= hold * np.linalg.norm(rim_a - rim_b, axis=1)
                 fits = np.linalg.norm(away, axis=1) <= radius * (1.0 + 1e-12)
                 better = fits & (value > best)
                 best = np.where(better, value, best)
-                p = np.where(better[:, None], one, p)
-                q = np.where(better[:, None], other, q)
+                p = np.where(better[:, None], rim_a, p)
+                q = np.where(better[:, None], rim_b, q)
         return p, q
 
 
@@ -393,11 +397,11 @@ class BallPlay(Play):
     def pressed(self, loads: np.ndarray, point: np.ndarray) -> Pressed:
         loads = np.asarray(loads, float).reshape(-1, 6)
         out = _unit(loads[:, :3])
-        some = np.eye(3)[np.abs(out).argmin(axis=1)]
-        one = _unit(np.cross(out, some))
+        least = np.eye(3)[np.abs(out).argmin(axis=1)]  # the axis that is most nearly across
+        tangent = _unit(np.cross(out, least))
         normal, across = np.zeros((len(loads), 1, 6)), np.zeros((len(loads), 1, 2, 6))
         normal[:, 0, :3] = -out
-        across[:, 0, 0, :3], across[:, 0, 1, :3] = one, np.cross(out, one)
+        across[:, 0, 0, :3], across[:, 0, 1, :3] = tangent, np.cross(out, tangent)
         force = np.linalg.norm(loads[:, :3], axis=1)[:, None]
         return Pressed((0,), force, normal, across, force > 0.0, np.zeros_like(force), (0, 1, 2))
 
@@ -433,12 +437,12 @@ class BlockPlay(Play):
         share = np.array([weights for _, weights in parts])
         walls = []
         for axis in (0, 1):
-            (own,) = np.nonzero(share[:, axis])
-            for signs in product((1.0, -1.0), repeat=len(own)):
+            (moving,) = np.nonzero(share[:, axis])
+            for signs in product((1.0, -1.0), repeat=len(moving)):
                 along = np.zeros(len(parts))
-                along[own] = np.array(signs) * share[own, axis]
+                along[moving] = np.array(signs) * share[moving, axis]
                 walls.append(Cone(np.zeros((0, len(parts))), along, 1.0))
-        spread = np.column_stack([way for way, _ in parts])
+        spread = np.column_stack([direction for direction, _ in parts])
         return Cones(spread, tuple(wall for wall in walls if wall.along.any()))
 
     @property
@@ -480,11 +484,11 @@ class BlockPlay(Play):
         loads = np.asarray(loads, float).reshape(-1, 6)
         normal, across, rooms = [], [], []
         for axis in (0, 1):
-            for side, end, other in product((1.0, -1.0), repeat=3):
+            for side, end, edge in product((1.0, -1.0), repeat=3):
                 if self.clearances[axis] == 0.0:
                     continue
                 place = np.zeros(3)
-                place[1 - axis], place[2] = other * self.arms[1 - axis], end * self.arms[2]
+                place[1 - axis], place[2] = edge * self.arms[1 - axis], end * self.arms[2]
                 forces = np.eye(3)[[axis, 1 - axis, 2]] * [[-side], [1.0], [1.0]]
                 wrenches = np.hstack([forces, np.cross(place, forces)])
                 normal.append(wrenches[0])
@@ -534,29 +538,29 @@ def _journal_play(outline: Outline, freedoms: Sequence[str], second_order: bool)
     length, rim = 2.0 * half, radius if walls else 0.0
     if not second_order:
         return JournalPlay(across, along, length, rim, radius=radius)
-    wide, way = across, along
+    wide, axial = across, along
     steepest = math.sqrt(2.0 * across / radius)  # docs/theory.md, uniqueness
     for _ in range(40):
-        lean = min(2.0 * wide / length, way / rim if rim else math.inf, steepest, 1.0)
+        lean = min(2.0 * wide / length, axial / rim if rim else math.inf, steepest, 1.0)
         shorter = 1.0 - math.sqrt(1.0 - lean * lean)
         wide = across + radius * shorter
-        way = along + 0.5 * length * shorter + EDGE_ROUNDING_M if walls else along
-    excess = max(wide / across, way / along if walls else 1.0) - 1.0
-    return JournalPlay(wide, way, length, rim, excess, radius)
+        axial = along + 0.5 * length * shorter + EDGE_ROUNDING_M if walls else along
+    excess = max(wide / across, axial / along if walls else 1.0) - 1.0
+    return JournalPlay(wide, axial, length, rim, excess, radius)
 
 
 def _block_play(outline: Outline, freedoms: Sequence[str], second_order: bool) -> BlockPlay:
     """A slider in a guide."""
-    given = outline.room[0], outline.room[1] if outline.walls else 0.0
+    sizes = outline.room[0], outline.room[1] if outline.walls else 0.0
     free = "roll" in freedoms, "pitch" in freedoms, "yaw" in freedoms
-    block = BlockPlay(given, outline.size, free)
+    block = BlockPlay(sizes, outline.size, free)
     if not second_order or not any(free):
         return block
     corner = math.hypot(*outline.size)
     for _ in range(40):
         more = 0.5 * corner * min(block.reach[1], 1.0) ** 2
-        wide = given[0] + more, given[1] + more if given[1] else 0.0
-        excess = max(w / g for w, g in zip(wide, given, strict=True) if g) - 1.0
+        wide = sizes[0] + more, sizes[1] + more if sizes[1] else 0.0
+        excess = max(w / g for w, g in zip(wide, sizes, strict=True) if g) - 1.0
         block = BlockPlay(wide, outline.size, free, excess)
     return block
 
@@ -574,12 +578,13 @@ def _turn(vectors: np.ndarray, angle: np.ndarray) -> np.ndarray:
     return np.column_stack([c * x - s * y, s * x + c * y])
 
 
-def _distance(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+def _distance(start: np.ndarray, end: np.ndarray) -> np.ndarray:
     """Distance of the straight ways between points of the plane, (n, 2) each, from its origin."""
-    way = other - one
-    length = (way**2).sum(axis=1)
-    part = -np.divide((one * way).sum(axis=1), length, out=np.zeros(len(way)), where=length > 0.0)
-    return np.linalg.norm(one + np.clip(part, 0.0, 1.0)[:, None] * way, axis=1)
+    step = end - start
+    length = (step**2).sum(axis=1)
+    product = (start * step).sum(axis=1)
+    part = -np.divide(product, length, out=np.zeros(len(step)), where=length > 0.0)
+    return np.linalg.norm(start + np.clip(part, 0.0, 1.0)[:, None] * step, axis=1)
 
 
 def _largest(near: np.ndarray, far: np.ndarray, hold: np.ndarray, most: np.ndarray) -> np.ndarray:
@@ -609,12 +614,12 @@ def _largest(near: np.ndarray, far: np.ndarray, hold: np.ndarray, most: np.ndarr
         with np.errstate(divide="ignore", invalid="ignore"):
             rise = aside / (cosine * gain)
             fall = (along / gain - 0.25 * apart * rise) / cosine**2 + rise * rise / gain
-            there = apart + (rise - hold) / fall
+            trial = apart + (rise - hold) / fall
         on = rise > hold
         low, high = np.where(on, apart, low), np.where(on, high, apart)
-        there = np.where(there >= low, there, low + 0.5 * _EXACT)  # where it may have to stay
-        there = np.where(there <= high, there, 0.5 * (low + high))
-        moved, apart = np.abs(there - apart).max(initial=0.0), there
+        trial = np.where(trial >= low, trial, low + 0.5 * _EXACT)  # where it may have to stay
+        trial = np.where(trial <= high, trial, 0.5 * (low + high))
+        moved, apart = np.abs(trial - apart).max(initial=0.0), trial
         if moved <= _EXACT:
             break
     return np.arcsin(np.minimum(0.5 * apart, 1.0))

@@ -80,7 +80,7 @@ class PrismaticClearance(SlidingClearance):
                 )
 
     def at_clearance(self, size: float) -> Self:
-        same = [name for name, own in self.clearances.items() if own == self.cx]
+        same = [name for name, play in self.clearances.items() if play == self.cx]
         return self.with_clearances(dict.fromkeys(same, size))
 
     @property
@@ -116,12 +116,12 @@ class PrismaticClearance(SlidingClearance):
                 name = f"{'xy'[wall]}{_MARK[side]}"
                 ends = (0.0,) if self.lock_tilt else _SIGNS
                 sides = (0.0,) if self.lock_tilt or self.planar else _SIGNS
-                for end, other in product(ends, sides):
+                for end, edge in product(ends, sides):
                     point = [0.0, 0.0, end * half[2]]
-                    point[wall], point[across] = side * half[wall], other * half[across]
+                    point[wall], point[across] = side * half[wall], edge * half[across]
                     full = name
                     full += f"_{_ENDS[end]}" if end else ""
-                    full += f"_{'xy'[across]}{_MARK[other]}" if other else ""
+                    full += f"_{'xy'[across]}{_MARK[edge]}" if edge else ""
                     places.append((full, (point[0], point[1], point[2]), wall, side))
         return places
 

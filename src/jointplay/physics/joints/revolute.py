@@ -77,8 +77,8 @@ class RevoluteClearance(base.RoundClearance):
             object.__setattr__(self, "lock_axial", True)
         # Zero is what was derived below when a result's description is read back.
         if self.walls or self.axial_clearance:
-            given = self.axial_clearance, self.bearing_length, self.journal_length
-            lengths = base.complete(*given, 2.0, ("axial", "length"))
+            sizes = self.axial_clearance, self.bearing_length, self.journal_length
+            lengths = base.complete(*sizes, 2.0, ("axial", "length"))
         else:
             length = self.bearing_length if self.journal_length is None else self.journal_length
             require_positive("journal length", length, "m", ("journal_length",))

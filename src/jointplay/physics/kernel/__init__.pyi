@@ -6,6 +6,6 @@ from .constants import WELL_RESOLVED_STEPS as WELL_RESOLVED_STEPS
 from .constants import Command as Command
 from .constants import Status as Status
 from .entry import ahead as ahead
-from .entry import compiled as compiled
+from .entry import caller_of as caller_of
 from .entry import entry_of as entry_of
 from .layout import MIN_APPROACH_SPEED as MIN_APPROACH_SPEED

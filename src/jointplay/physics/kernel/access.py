@@ -40,13 +40,13 @@ def square(array, n):
     return carray(address_of(array), (n, n))
 
 
-_whole = pointer_to(np.int64)
+_integer_pointer = pointer_to(np.int64)
 
 
 @compiled
-def words(at, size):
+def machine_words(address, size):
     """Array of `size` whole numbers, or what else has 8 bytes, at an address."""
-    return carray(_whole(at), (size,))
+    return carray(_integer_pointer(address), (size,))
 
 
 @compiled
@@ -60,9 +60,9 @@ def record_failure(run, status, contact):
 PART = "d(i,i,i,i)"
 """Signature of what is compiled apart and called by address, as most runs do without it: of the
 addresses of run and joint, the joint's number, and what is to be done."""
-
 RUN_PART = "v(i,p,p,p,d,i)"
-"""The same of parts of the whole run: of its address, three vectors, a number, and what to do."""
+"""The same of parts of the whole run: of its address, the vectors q, v and tau, the time, and which
+of its tasks it is to do. A task reads and writes those of them that it needs."""
 
 call_part, _call_run_part = calling(PART), calling(RUN_PART)
 
@@ -82,7 +82,7 @@ def joint_at(address):
 
 
 @compiled
-def carry_out(part, run, one, other, third, number, what):
-    """Have a part of the whole run, by its address, do something with vectors and a number."""
-    vectors = address_of(one), address_of(other), address_of(third)
-    _call_run_part(part, (place_of(run), *vectors, number, what))
+def run_part(part, run, q, v, tau, time, task):
+    """Have a part of the whole run, by its address, do one of its tasks (`RUN_PART`)."""
+    vectors = address_of(q), address_of(v), address_of(tau)
+    _call_run_part(part, (place_of(run), *vectors, time, task))

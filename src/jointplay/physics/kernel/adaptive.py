@@ -29,7 +29,7 @@ import numpy as np
 
 from jointplay.base.compiler import address_of, compiled
 from jointplay.physics.contact.calls import call_normal
-from jointplay.physics.kernel.access import words
+from jointplay.physics.kernel.access import machine_words
 from jointplay.physics.kernel.constants import POWERS
 from jointplay.physics.kernel.contact import contact_gap, is_clear
 from jointplay.physics.kernel.frames import (
@@ -57,54 +57,52 @@ _NP = len(POWERS)
 
 REFUSED = 2.0
 """A micro step whose error is so many times the tolerance is done again."""
-
 GROWTH = 2.5
 """By how much a micro step is longer than the one before at most."""
-
-KEPT = 2.0
+LEAST_GROWTH = 2.0
 """A step is not made longer by less than this: leapfrog steps of equal length keep energy."""
-
 SAFETY = 0.85
 """Part of the length that the last error would allow."""
-
 FIRST_PART = 0.6
 """Length of the first step of an impact, relative to what the tolerance would allow in its midst:
 the force grows there from nothing."""
-
 STABLE_TURN = 1.0
 """Largest phase of the stiffest oscillation in a step [rad]: leapfrog is stable up to 2."""
-
 STIFFNESS_DIFFERENCE = 1e-2
 """Relative difference of the depth by which stiffness is found."""
-
 IMPACT = 2.5
 """An impact is over after so many times its first half, or has become a contact that lasts."""
-
 SMALL_SPEED = 1e-5
 """What moves no faster than this, as the root of twice a kinetic energy, is not resolved further
 [kg^0.5 m/s]."""
-
 SMALL_DEPTH = 1e-9
 """From where the search for an impact's depth begins at least [m]."""
-
 DEPTH_TRIALS = 4
 """Trials of that search, exact after the first for Hertz's force."""
-
 ONSET_TRIALS = 30
 """Trials by which the onset of a contact is located, at most."""
-
 ONSET_DEPTH = 1e-3
 """A contact has begun where its depth is less than this part of the step's way into it."""
+HALF_IMPACT = 1.47
+"""Half of an impact under Hertz's force over its depth over its speed: the integral of
+(1 - x^(5/2))^(-1/2) from 0 to 1 (K. L. Johnson, Contact Mechanics, 1985, section 11.4)."""
+ROUNDING = 1e-6
+"""Part of a step by which a time may lie beside a multiple of the step."""
+
+
+_ARRAY, _COPY = range(2)
+"""Columns of `run.copies`; the third has their size."""
 
 
 @compiled
-def _save(run):
-    """Keep a copy of all that a macro step changes."""
+def _copy(run, source, target):
+    """Copy all that a macro step changes, from one column of `run.copies` to the other."""
     for k in range(run.ncopies):
-        array, copy, size = run.copies[k, 0], run.copies[k, 1], run.copies[k, 2]
-        source, target = words(array, size), words(copy, size)
+        size = run.copies[k, 2]
+        values = machine_words(run.copies[k, source], size)
+        into = machine_words(run.copies[k, target], size)
         for i in range(size):
-            target[i] = source[i]
+            into[i] = values[i]
 
 
 @compiled
@@ -113,34 +111,30 @@ def _restore(run):
     solves, iterations, unsolved = run.solves, run.iterations, run.unsolved
     at, step, length = run.refused_at, run.refused_step, run.refused_length
     retried = run.retried_at
-    for k in range(run.ncopies):
-        array, copy, size = run.copies[k, 0], run.copies[k, 1], run.copies[k, 2]
-        source, target = words(copy, size), words(array, size)
-        for i in range(size):
-            target[i] = source[i]
+    _copy(run, _COPY, _ARRAY)
     run.solves, run.iterations, run.unsolved = solves, iterations, unsolved
     run.refused_at, run.refused_step, run.refused_length = at, step, length
     run.retried_at = retried
 
 
 @compiled
-def _gap_ahead(run, elapsed, every):
+def _gap_ahead(run, elapsed, all_contacts):
     """Least gap of the contacts that do not touch now, `elapsed` after the present state.
 
-    Unless of `every` one, those that are plainly clear are left out.
+    Unless of `all_contacts`, those that are plainly clear are left out.
     """
     nv = run.nv
     q, v, a = run.q, run.v, run.a
-    there = run.trial[SPEED]
+    ahead = run.trial[SPEED]
     for i in range(nv):
-        there[i] = q[i] + elapsed * (v[i] + 0.5 * elapsed * a[i])
-    place_bodies(run, there)
+        ahead[i] = q[i] + elapsed * (v[i] + 0.5 * elapsed * a[i])
+    place_bodies(run, ahead)
     least = np.inf
     for j in range(run.nj):
         joint = run.joints[j]
-        find_pose(run, joint, there)
+        find_pose(run, joint, ahead)
         for k in range(joint.count):
-            if run.contacts[j, k].touching == 0 and (every or not is_clear(joint, k)):
+            if run.contacts[j, k].touching == 0 and (all_contacts or not is_clear(joint, k)):
                 least = min(least, contact_gap(joint, k))
     return least
 
@@ -176,12 +170,12 @@ def _time_to_onset(run, h):
         # Aim just behind the onset, so that it is the end behind it that comes near.
         part = (gap + 0.5 * enough) / (gap + weight)
         middle = low + min(max(part, 1e-3), 0.999) * (high - low)
-        found = _gap_ahead(run, middle, True)
-        if found >= 0.0:
-            low, gap = middle, found
+        gap_there = _gap_ahead(run, middle, True)
+        if gap_there >= 0.0:
+            low, gap = middle, gap_there
             weight *= 0.5
         else:
-            high, depth, weight = middle, -found, -found
+            high, depth, weight = middle, -gap_there, -gap_there
             gap *= 0.5 if part > 0.5 else 1.0
     return high
 
@@ -204,15 +198,15 @@ def _compliance_at(run, joint, contact):
     """Inverse of the mass that a contact meets along its normal [1/kg]."""
     nv = run.nv
     pull = run.scratch
-    kept = (get_vector(joint.wrench, 0), get_vector(joint.wrench, 3))
+    saved = (get_vector(joint.wrench, 0), get_vector(joint.wrench, 3))
     normal = get_vector(contact.direction, 0)
     set_vector(joint.wrench, 0, normal)
     set_vector(joint.wrench, 3, cross(get_vector(contact.arm, 0), normal))
     for i in range(nv):
         pull[i] = 0.0
     project_wrench(joint, pull)
-    set_vector(joint.wrench, 0, kept[0])
-    set_vector(joint.wrench, 3, kept[1])
+    set_vector(joint.wrench, 0, saved[0])
+    set_vector(joint.wrench, 3, saved[1])
     return _quadratic_form(run, pull)
 
 
@@ -220,8 +214,7 @@ def _compliance_at(run, joint, contact):
 def _judge_onset(run, joint, contact):
     """Expect of a contact that has just begun how long it is and how hard it brakes.
 
-    The depth at which it has stored the energy that the approach brings tells both: half of an
-    impact lasts 1.47 times depth over speed, if the force is Hertz's.
+    The depth at which it has stored the energy that the approach brings tells both.
     """
     speed, compliance = max(contact.rate, 0.0), contact.compliance
     contact.braking = 0.0
@@ -234,10 +227,11 @@ def _judge_onset(run, joint, contact):
         stored = STORED * depth * call_normal(joint.normal_law, (depth, 0.0, 1.0, law))
         if not stored > 0.0:
             return
-        depth *= (energy / stored) ** 0.4
-    half = 1.47 * depth / speed
+        depth *= (energy / stored) ** 0.4  # the energy grows as depth^(5/2)
+    half = HALF_IMPACT * depth / speed
     contact.braking = speed / (half * math.sqrt(compliance))
     contact.braking_end = run.time + IMPACT * half
+    # Of e = h^3/24 d2a/dt2 with d2a/dt2 about a/half^2.
     first = FIRST_PART * math.sqrt(24.0 * run.micro_tolerance) * half
     run.micro_step = min(run.micro_step, max(first, run.shortest_micro))
 
@@ -314,15 +308,15 @@ def _step_error(run, h):
     if wrong == 0.0:
         return 0.0
     moved = max(run.moved_by_forces, _size(run, a))
-    whole = max(moved, run.moved, run.braking)
+    scale = max(moved, run.moved, run.braking)
     run.moved = moved
-    return wrong / (run.micro_tolerance * (whole + SMALL_SPEED / h))
+    return wrong / (run.micro_tolerance * (scale + SMALL_SPEED / h))
 
 
 @compiled
 def _first_due(run, time):
     """First step to be recorded at or after a time, as long as it is in this macro step."""
-    step = math.ceil(time / run.dt - 1e-6)
+    step = math.ceil(time / run.dt - ROUNDING)
     last = run.step + run.macro
     while step < last and not is_due(run, step):
         step += 1
@@ -364,7 +358,7 @@ def _write_due_records(run, start, h, due):
     """Write the records from step `due` on in the micro step from `start`; which is due next."""
     end = start + h
     fill_row(run, run.row_after)
-    while due < run.step + run.macro and due * run.dt < end - 1e-6 * run.dt:
+    while due < run.step + run.macro and due * run.dt < end - ROUNDING * run.dt:
         write_interpolated(run, due * run.dt, max(due * run.dt - start, 0.0), h)
         due = _first_due(run, (due + 0.5) * run.dt)
     return due
@@ -381,7 +375,7 @@ def _try_steps(run):
     while run.status == 0:
         if run.time >= run.refused_at:
             run.micro_step, run.refused_at = run.refused_step, np.inf
-            _save(run)
+            _copy(run, _ARRAY, _COPY)
         _judge_contacts(run, begins)
         begins = False
         start = run.time
@@ -390,7 +384,7 @@ def _try_steps(run):
         before = 0.5 * run.dt_before if run.fresh == 0 else 0.0
         add_work(run, before)
         commit_memories(run, before, 0.5 * h)
-        records = due < last and due * run.dt < start + h - 1e-6 * run.dt
+        records = due < last and due * run.dt < start + h - ROUNDING * run.dt
         if records:
             _keep_row(run)
         add_work(run, 0.5 * h)
@@ -417,7 +411,7 @@ def _try_steps(run):
         if error > REFUSED:
             run.unresolved += 1
         factor = min(SAFETY * error ** (-1.0 / 3.0), GROWTH) if error > 0.0 else GROWTH
-        if factor < 1.0 or (factor > KEPT and h >= 0.99 * run.micro_step):
+        if factor < 1.0 or (factor > LEAST_GROWTH and h >= 0.99 * run.micro_step):
             run.micro_step = max(factor * h, run.shortest_micro)
         if records:
             due = _write_due_records(run, start, h, due)
@@ -426,7 +420,7 @@ def _try_steps(run):
         end_macro_step(run)
         if run.departure > run.departure_limit:
             # States between macro steps lie on multiples of `dt`.
-            steps = math.ceil(run.time / run.dt - 1e-6)
+            steps = math.ceil(run.time / run.dt - ROUNDING)
             if steps * run.dt < end - 0.5 * run.dt:
                 last = int(steps)
                 end = last * run.dt
@@ -450,11 +444,11 @@ def advance_adaptively(run):
     first, macro = run.step, run.macro
     run.refused_at = np.inf
     run.retried_at = -1.0
-    _save(run)
+    _copy(run, _ARRAY, _COPY)
     while not _try_steps(run):
         _restore(run)
-    done = run.step - first
-    if run.fixed == 0 and done < macro:
-        run.suggested = min(max(2 * done, 1), run.longest)
+    steps = run.step - first
+    if run.fixed == 0 and steps < macro:
+        run.suggested = min(max(2 * steps, 1), run.longest)
     if run.status == 0 and run.step < run.until:
         plan_macro_step(run)

@@ -54,16 +54,12 @@ POWERS = (
 
 AZIMUTHS = 72
 """Places around the bore at which sliding work is counted, the first on the bearing's x axis."""
-
 JOINT_FRICTION_SPEED = 1e-3
 """Speed over which dry joint friction changes its sign [rad/s or m/s]."""
-
 GEAR_BENDS, GEAR_ORDERS = 3, 4
 """Bends that a gear's elastic curve can have, and orders of its kinematic error."""
-
 WELL_RESOLVED_STEPS = 10
 """A contact of fewer steps than this is not resolved."""
-
 NEVER, ALWAYS, IF_PRESSED = range(3)
 """When a load depends on velocity; IF_PRESSED: where its force at rest is not zero."""
 
@@ -91,10 +87,8 @@ class Integrator:
 
 MULTI_RATE = Integrator("multi-rate", 2, 0, Command.ADVANCE)
 """Leapfrog on an inertia that changes slowly; implicit in velocity: see `kernel.multirate`."""
-
 SEMI_IMPLICIT_EULER = Integrator("semi-implicit-euler", 1, 1, Command.SEMI_IMPLICIT_EULER)
 """Explicit: v += a dt, then q += v dt: one evaluation."""
-
 RUNGE_KUTTA_4 = Integrator("rk4", 4, 4, Command.RUNGE_KUTTA_4)
 """Explicit: classical Runge-Kutta. Hairer, Norsett, Wanner, Solving ODEs I, Table II.1.2."""
 

@@ -42,7 +42,6 @@ _DIFFERENCE = 1e-5
 """Relative difference of a speed by which laws are differentiated."""
 _LEAST_DIFFERENCE = 1e-9
 """The same where nothing moves [m/s]."""
-
 _SLID_BEFORE_S = 1e-2
 """How long contacts that touch at the start have slid before as they do there [s]: bristles that
 began straight at full speed would push by many times the friction until they have bent."""
@@ -56,19 +55,11 @@ def _contact_place(joint, k):
 
 
 @compiled
-def _rims_of_cylinder(joint):
-    """The same of contacts 0 and 1 of a cylinder."""
+def _cylinder(joint):
+    """Centre and axis of a cylinder at the joint's pose, then its dimensions."""
     pose, d = joint.pose, pointer(joint.dimensions)
     axis = pose[5], pose[8], pose[11]
-    return touch_rims(pose[0], pose[1], pose[2], *axis, d[0], d[1], d[2], d[3])
-
-
-@compiled
-def _faces_of_cylinder(joint):
-    """The same of contacts 2 and 3 of a cylinder."""
-    pose, d = joint.pose, pointer(joint.dimensions)
-    axis = pose[5], pose[8], pose[11]
-    return touch_faces(pose[0], pose[1], pose[2], *axis, d[0], d[1], d[2], d[3])
+    return (pose[0], pose[1], pose[2], *axis, d[0], d[1], d[2], d[3])
 
 
 @compiled
@@ -84,9 +75,7 @@ def is_clear(joint, k):
     """Whether contact k cannot touch at the joint's pose, as far as that is plain."""
     if joint.shape != _CYLINDER or joint.resultant != 0:
         return False
-    pose, d = joint.pose, pointer(joint.dimensions)
-    axis = pose[5], pose[8], pose[11]
-    return clear_of_cylinder(k, pose[0], pose[1], pose[2], *axis, d[0], d[1], d[2], d[3])
+    return clear_of_cylinder(k, *_cylinder(joint))
 
 
 @compiled
@@ -125,13 +114,13 @@ def find_gaps(run, j, joint):
         for k in range(joint.count):
             touching |= _take_place(run, j, joint, k, _contact_place(joint, k))
         return touching
-    one, other = _rims_of_cylinder(joint)
-    touching |= _take_place(run, j, joint, 0, one)
-    touching |= _take_place(run, j, joint, 1, other)
+    end_a, end_b = touch_rims(*_cylinder(joint))
+    touching |= _take_place(run, j, joint, 0, end_a)
+    touching |= _take_place(run, j, joint, 1, end_b)
     if joint.count > 2:
-        one, other = _faces_of_cylinder(joint)
-        touching |= _take_place(run, j, joint, 2, one)
-        touching |= _take_place(run, j, joint, 3, other)
+        end_a, end_b = touch_faces(*_cylinder(joint))
+        touching |= _take_place(run, j, joint, 2, end_a)
+        touching |= _take_place(run, j, joint, 3, end_b)
     return touching
 
 
@@ -491,8 +480,8 @@ def _count_sliding(joint, k, direction, work):
     """Add normal force times sliding distance to the two azimuths beside the contact's place."""
     counted = joint.sliding_work
     place = math.atan2(-direction[1], -direction[0]) * (AZIMUTHS / (2.0 * math.pi))
-    whole = math.floor(place)
-    part = place - whole
-    at = int(whole) % AZIMUTHS
+    lower = math.floor(place)
+    part = place - lower
+    at = int(lower) % AZIMUTHS
     counted[k, at] += (1.0 - part) * work
     counted[k, (at + 1) % AZIMUTHS] += part * work

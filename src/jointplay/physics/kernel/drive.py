@@ -9,13 +9,12 @@ from __future__ import annotations
 import math
 
 from jointplay.base.compiler import carray, compiled
-from jointplay.physics.kernel.access import carry_out, run_at
+from jointplay.physics.kernel.access import run_at, run_part
 from jointplay.physics.kernel.constants import JOINT_FRICTION_SPEED
 from jointplay.physics.kernel.layout import DRIVE, JOINT_FRICTION
 
 _DIFFERENCE = 1e-5
 """Relative difference of the speed by which the slope of bristles' friction is found."""
-
 _LEAST_DIFFERENCE = 1e-9
 """At least so much [rad/s or m/s]."""
 
@@ -60,18 +59,18 @@ def apply_drives(run, q, v, time, tau):
     """Write the drives' efforts at state (q, v) into `apply_drives` and add them to tau."""
     before, after, part = reference_rows(run, time)
     effort = run.drive
-    for one in run.drives:
-        i = one.coordinate
-        if one.armature <= 0.0:  # prescribed: `prescribe_motion` has written it
-            position = between_rows(before, after, part, 0, one.column)
-            speed = between_rows(before, after, part, 1, one.column)
-            forward = between_rows(before, after, part, 2, one.column)
-            encoder = one.encoder
-            one.taken_at = v[encoder]
-            effort[i] = forward + one.kp * (position - q[encoder]) + one.kd * (speed - v[encoder])
+    for row in run.drives:
+        i = row.coordinate
+        if row.armature <= 0.0:  # prescribed: `prescribe_motion` has written it
+            position = between_rows(before, after, part, 0, row.column)
+            speed = between_rows(before, after, part, 1, row.column)
+            forward = between_rows(before, after, part, 2, row.column)
+            encoder = row.encoder
+            row.taken_at = v[encoder]
+            effort[i] = forward + row.kp * (position - q[encoder]) + row.kd * (speed - v[encoder])
             # Back-EMF is cut with what its servo pushes.
-            if abs(effort[i]) > one.limit and (one.kp != 0.0 or one.kd == 0.0):
-                effort[i] = math.copysign(one.limit, effort[i])
+            if abs(effort[i]) > row.limit and (row.kp != 0.0 or row.kd == 0.0):
+                effort[i] = math.copysign(row.limit, effort[i])
         tau[i] += effort[i]
 
 
@@ -83,41 +82,41 @@ def apply_drive_damping(run, v, tau):
     damping is stiff: a journal that flies has only its own inertia to oppose.
     """
     effort = run.drive
-    for one in run.drives:
-        if one.implicit != 0 and abs(effort[one.coordinate]) < one.limit:
-            tau[one.coordinate] -= one.kd * (v[one.encoder] - one.taken_at)
+    for row in run.drives:
+        if row.implicit != 0 and abs(effort[row.coordinate]) < row.limit:
+            tau[row.coordinate] -= row.kd * (v[row.encoder] - row.taken_at)
 
 
 @compiled
 def complete_drives(run, v):
     """Move what implicit damping changed into the drives' efforts, the velocity v found."""
     effort, forces = run.drive, run.velocity_forces
-    for one in run.drives:
-        i = one.coordinate
-        if one.implicit != 0 and abs(effort[i]) < one.limit:
-            change = one.kd * (v[one.encoder] - one.taken_at)
+    for row in run.drives:
+        i = row.coordinate
+        if row.implicit != 0 and abs(effort[i]) < row.limit:
+            change = row.kd * (v[row.encoder] - row.taken_at)
             effort[i] -= change
             forces[i] += change
-            one.taken_at = v[one.encoder]
+            row.taken_at = v[row.encoder]
 
 
 @compiled
 def add_drive_power(run, v):
     """Add the power of the drives whose effort is known to the powers."""
     effort = run.drive
-    for one in run.drives:
-        if one.armature <= 0.0:
-            run.power[DRIVE] += effort[one.coordinate] * v[one.coordinate]
+    for row in run.drives:
+        if row.armature <= 0.0:
+            run.power[DRIVE] += effort[row.coordinate] * v[row.coordinate]
 
 
 @compiled
 def add_prescribed_power(run, v, a):
     """Complete the effort of prescribed motion, the acceleration known, and add its power."""
     effort = run.drive
-    for one in run.drives:
-        if one.armature > 0.0:
-            i = one.coordinate
-            effort[i] -= one.armature * a[i]
+    for row in run.drives:
+        if row.armature > 0.0:
+            i = row.coordinate
+            effort[i] -= row.armature * a[i]
             run.power[DRIVE] += effort[i] * v[i]
 
 
@@ -181,9 +180,9 @@ def add_joint_slopes(run, v):
     """Add the derivatives of joint friction and implicit drives by velocity to the slope."""
     slope, place = run.slope, run.place
     effort = run.drive
-    for one in run.drives:
-        if one.implicit != 0 and abs(effort[one.coordinate]) < one.limit:
-            slope[place[one.coordinate], place[one.encoder]] -= one.kd
+    for drive in run.drives:
+        if drive.implicit != 0 and abs(effort[drive.coordinate]) < drive.limit:
+            slope[place[drive.coordinate], place[drive.encoder]] -= drive.kd
     for row in run.frictions:
         i = place[row.coordinate]
         _, rise = _joint_friction(row, v[row.coordinate], max(run.time - run.bent_at, 0.0))
@@ -272,9 +271,9 @@ def _apply_servos(run, q, v, time, tau):
             asked = _voltage(servo, position, speed, q, v, time)
         i = servo.coordinate
         push = servo.stall * asked
-        whole = effort[i] + push
-        if abs(whole) > servo.limit:
-            push = math.copysign(servo.limit, whole) - effort[i]
+        total = effort[i] + push
+        if abs(total) > servo.limit:
+            push = math.copysign(servo.limit, total) - effort[i]
         effort[i] += push
         tau[i] += push
 
@@ -283,26 +282,25 @@ _COMMIT, _APPLY = range(2)
 
 
 @compiled
-def servos(run, one, other, third, number, what):
+def servos(address, q, v, tau, time, task):
     """Do one of the following (`access.RUN_PART`)."""
-    own = run_at(run)
-    nv = own.nv
-    if what == _COMMIT:
-        _commit_servos(own)
+    run = run_at(address)
+    nv = run.nv
+    if task == _COMMIT:
+        _commit_servos(run)
     else:
-        q, v, tau = carray(one, (nv,)), carray(other, (nv,)), carray(third, (nv,))
-        _apply_servos(own, q, v, number, tau)
+        _apply_servos(run, carray(q, (nv,)), carray(v, (nv,)), time, carray(tau, (nv,)))
 
 
 @compiled
 def commit_servos(run):
     """Accept the state of continuous servos as one of the trajectory."""
     if run.ns > 0:
-        carry_out(run.servo_part, run, run.q, run.q, run.q, 0.0, _COMMIT)
+        run_part(run.servo_part, run, run.q, run.q, run.q, 0.0, _COMMIT)
 
 
 @compiled
 def apply_servos(run, q, v, time, tau):
     """Add what the voltages push to the drives' efforts and to tau; after `apply_drives`."""
     if run.ns > 0:
-        carry_out(run.servo_part, run, q, v, tau, time, _APPLY)
+        run_part(run.servo_part, run, q, v, tau, time, _APPLY)

@@ -92,7 +92,7 @@ def entry_of(command: Command) -> Any:
     return enter_single if command in _SINGLE else enter
 
 
-def compiled(command: Command = Command.ADVANCE) -> Callable[[int, int], int]:
+def caller_of(command: Command = Command.ADVANCE) -> Callable[[int, int], int]:
     """Compile the entry for a command or load it, and return what calls it fastest.
 
     That takes the address of the run's record, and a command.

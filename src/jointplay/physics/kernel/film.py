@@ -17,6 +17,8 @@ from jointplay.physics.kernel.layout import FILM
 _BAD_FORCE = int(Status.BAD_FORCE)
 _DIFFERENCE = 1e-4
 """Relative difference of a section's speed by which the film is differentiated."""
+_LEAST_DIFFERENCE = 1e-9
+"""The same where nothing moves [m/s]."""
 
 
 @compiled
@@ -84,7 +86,7 @@ def _add_slope(run, joint, place, velocity, arm, force):
     """Add the slope of a section's force with its velocity to the joint's."""
     e, part, direction = place
     size = math.sqrt(velocity[0] * velocity[0] + velocity[1] * velocity[1])
-    more = _DIFFERENCE * size + 1e-9
+    more = _DIFFERENCE * size + _LEAST_DIFFERENCE
     wrench_slope = joint.wrench_slope
     for c in range(2):
         ux = velocity[0] + (more if c == 0 else 0.0)
@@ -168,25 +170,25 @@ _FORCES, _LAGGED, _SLOPE, _LOSSES, _COMMIT = range(5)
 
 
 @compiled
-def film(run, joint, j, what):
+def film(run_address, joint_address, j, task):
     """Do one of the following for a joint with a film (`access.PART`)."""
-    own, its = run_at(run), joint_at(joint)
-    if what == _SLOPE:
-        _add_film_slope(own, its)
-    elif what == _LOSSES:
-        _add_losses(own, j, its)
-    elif what == _COMMIT:
-        _commit(own, its)
+    run, joint = run_at(run_address), joint_at(joint_address)
+    if task == _SLOPE:
+        _add_film_slope(run, joint)
+    elif task == _LOSSES:
+        _add_losses(run, j, joint)
+    elif task == _COMMIT:
+        _commit(run, joint)
     else:
-        _add_forces(own, its, what == _LAGGED)
+        _add_forces(run, joint, task == _LAGGED)
     return 0.0
 
 
 @compiled
 def add_film_forces(run, j, joint, lag):
     """Add the film's forces at the joint's twist to its wrench, of an explicit step with `lag`."""
-    what = _LAGGED if lag else _FORCES
-    call_part(joint.film_part, (place_of(run), place_of(joint), j, what))
+    task = _LAGGED if lag else _FORCES
+    call_part(joint.film_part, (place_of(run), place_of(joint), j, task))
 
 
 @compiled

@@ -193,10 +193,10 @@ def project_wrench(joint, tau):
 
 
 @compiled
-def project_frame_slope(one, place, slope):
+def project_frame_slope(carried, place, slope):
     """Project the slope of a wrench between frames on the coordinates: slope += J^T K J."""
-    n, wrench_slope = one.nsupport, one.wrench_slope
-    jacobian, support = one.jacobian, one.support
+    n, wrench_slope = carried.nsupport, carried.wrench_slope
+    jacobian, support = carried.jacobian, carried.support
     for k in range(n):
         for r in range(6):
             total = 0.0
@@ -247,10 +247,10 @@ def place_bodies(run, q):
 
     A column has the velocity of the point of the body at the world's origin, and the angular one.
     """
-    columns, every = run.world_jacobian, run.bodies
+    columns, bodies = run.world_jacobian, run.bodies
     for b in range(1, run.nb):
-        body = every[b]
-        parent, turn, i = every[body.parent], body.turn, body.coordinate
+        body = bodies[b]
+        parent, turn, i = bodies[body.parent], body.turn, body.coordinate
         origin = add(
             get_vector(parent.origin, 0),
             matrix_times_vector(parent.rotation, body.shift[0], body.shift[1], body.shift[2]),
@@ -283,10 +283,10 @@ def point_acceleration(body, arm):
 @compiled
 def find_body_rates(run, v):
     """Angular velocities of the bodies just placed, and accelerations at constant speeds v."""
-    every = run.bodies
+    bodies = run.bodies
     for b in range(1, run.nb):
-        body = every[b]
-        parent, rate = every[body.parent], v[body.coordinate]
+        body = bodies[b]
+        parent, rate = bodies[body.parent], v[body.coordinate]
         axis, omega = get_vector(body.rotation, 6), get_vector(parent.omega, 0)
         lift = point_acceleration(
             parent, add_scaled(get_vector(body.origin, 0), -1.0, get_vector(parent.origin, 0))

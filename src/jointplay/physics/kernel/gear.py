@@ -22,13 +22,12 @@ from __future__ import annotations
 import math
 
 from jointplay.base.compiler import carray, compiled, pointer_to
-from jointplay.physics.kernel.access import carry_out, run_at
+from jointplay.physics.kernel.access import run_at, run_part
 from jointplay.physics.kernel.constants import GEAR_BENDS, JOINT_FRICTION_SPEED
 from jointplay.physics.kernel.layout import GEAR, GEAR_ROW, GEAR_TORQUE
 
 LEAST_TURN = 1e-12
 """First twist that is tried beyond the last one in a search for a torque [rad]."""
-
 HALVINGS = 64
 """By which the interval of that search becomes no more than rounding."""
 
@@ -179,56 +178,55 @@ _PLACE, _COMMIT, _APPLY, _SLOPES, _LOSSES = range(5)
 
 
 @compiled
-def gears(run, one, other, _third, _number, what):
+def gears(address, q, v, tau, _time, task):
     """Do one of the following (`access.RUN_PART`)."""
-    own = run_at(run)
-    nv = own.nv
-    first = carray(one, (nv,))
-    if what == _PLACE:
-        _place_gears(own, first)
-    elif what == _COMMIT:
-        _commit_gears(own)
-    elif what == _APPLY:
-        _apply_gears(own, first, carray(other, (nv,)))
-    elif what == _SLOPES:
-        _add_gear_slopes(own, first)
+    run = run_at(address)
+    nv = run.nv
+    if task == _PLACE:
+        _place_gears(run, carray(q, (nv,)))
+    elif task == _COMMIT:
+        _commit_gears(run)
+    elif task == _APPLY:
+        _apply_gears(run, carray(v, (nv,)), carray(tau, (nv,)))
+    elif task == _SLOPES:
+        _add_gear_slopes(run, carray(v, (nv,)))
     else:
-        _add_gear_losses(own, first)
+        _add_gear_losses(run, carray(v, (nv,)))
 
 
 @compiled
 def place_gears(run, q):
     """Find all that depends on the coordinates alone."""
     if run.ng > 0:
-        carry_out(run.gear_part, run, q, q, q, 0.0, _PLACE)
+        run_part(run.gear_part, run, q, q, q, 0.0, _PLACE)
 
 
 @compiled
 def commit_gears(run):
     """Accept the state of the gears as one of the trajectory."""
     if run.ng > 0:
-        carry_out(run.gear_part, run, run.q, run.q, run.q, 0.0, _COMMIT)
+        run_part(run.gear_part, run, run.q, run.q, run.q, 0.0, _COMMIT)
 
 
 @compiled
 def apply_gears(run, v, tau):
     """Add the torques at the velocities v, after `place_gears`."""
     if run.ng > 0:
-        carry_out(run.gear_part, run, v, tau, tau, 0.0, _APPLY)
+        run_part(run.gear_part, run, v, v, tau, 0.0, _APPLY)
 
 
 @compiled
 def add_gear_slopes(run, v):
     """Add the derivatives of the torques by velocity to the slope."""
     if run.ng > 0:
-        carry_out(run.gear_part, run, v, v, v, 0.0, _SLOPES)
+        run_part(run.gear_part, run, v, v, v, 0.0, _SLOPES)
 
 
 @compiled
 def add_gear_losses(run, v):
     """Add the power dissipated at the velocities v."""
     if run.ng > 0:
-        carry_out(run.gear_part, run, v, v, v, 0.0, _LOSSES)
+        run_part(run.gear_part, run, v, v, v, 0.0, _LOSSES)
 
 
 _gear = pointer_to(GEAR_ROW)
@@ -251,20 +249,20 @@ def turn_slowly(address, torques, twists):
         _take_twist(gear, begin)
         missing = torques[i] - _held_torque(gear)
         if missing != 0.0:
-            way = math.copysign(1.0, missing)
+            sign = math.copysign(1.0, missing)
             low, high = 0.0, LEAST_TURN
             while True:
-                _take_twist(gear, begin + way * high)
-                if not way * (_held_torque(gear) - torques[i]) < 0.0:
+                _take_twist(gear, begin + sign * high)
+                if not sign * (_held_torque(gear) - torques[i]) < 0.0:
                     break
                 low, high = high, 2.0 * high
             for _ in range(HALVINGS):
                 middle = 0.5 * (low + high)
-                _take_twist(gear, begin + way * middle)
-                if way * (_held_torque(gear) - torques[i]) < 0.0:
+                _take_twist(gear, begin + sign * middle)
+                if sign * (_held_torque(gear) - torques[i]) < 0.0:
                     low = middle
                 else:
                     high = middle
-            _take_twist(gear, begin + way * high)
+            _take_twist(gear, begin + sign * high)
         _commit_gear(gear)
         twists[i] = gear.twist

@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from jointplay.physics.contact.compiled import MAX_PARAMETERS
 from jointplay.physics.contact.law import BRISTLE_NUMBERS, FILM_NUMBERS
+from jointplay.physics.contact.machine_code import MAX_PARAMETERS
 from jointplay.physics.kernel.constants import AZIMUTHS, GEAR_BENDS, GEAR_ORDERS, NEVER, POWERS
 
 DRIVE, NORMAL, FRICTION, JOINT_FRICTION, GEAR, FILM = range(len(POWERS))
@@ -35,16 +35,12 @@ in its middle, `half` at its start, and the mean acceleration of the last macro 
 
 MIN_APPROACH_SPEED = 1e-9
 """Keeps ddelta/ddelta0 defined where a contact begins with no depth and no speed [m/s]."""
-
 STORED = 0.4
 """Energy stored in a contact over its elastic force times its depth: Hertz's, 1/(1 + 3/2)."""
-
 SPEED_LIMIT = 1e4
 """Generalised speed at which a run has run away [m/s or rad/s]."""
-
 NO_VIRTUAL_LINK = -1
 """`first` of a joint whose bearing and journal are reached through their frames."""
-
 POSE = 12
 """Numbers of a pose: the journal's centre and its orientation row by row, in the bearing frame."""
 
@@ -69,10 +65,8 @@ class Array:
 
 ARRAYS: dict[np.dtype, dict[str, Array]] = {}
 """Arrays that records point to, by their fields."""
-
 ADDRESSES: dict[np.dtype, frozenset[str]] = {}
 """All fields of records that are addresses: of these arrays, of laws and of their numbers."""
-
 _ADDRESS = object()
 """Kind of a field that is an address of something else than a declared array."""
 
@@ -120,6 +114,20 @@ def extents(shape: Sequence[Size], record: np.ndarray) -> tuple[int, ...]:
     return tuple(factor if name is None else factor * int(record[name]) for factor, name in terms)
 
 
+_BETWEEN_FRAMES = {
+    "nsupport": _INT,
+    "support": _integers("nsupport"),  # coordinates that move the two against each other
+    "signs": _integers("nsupport"),  # +1 for those that move the journal, -1 for the bearing
+    "jacobian": _floats(6, "nsupport"),  # motion of the journal per velocity of these coordinates
+    "bearing_rotation": _floats(9),  # of the bodies, column by column
+    "bearing_translation": _floats(3),
+    "journal_rotation": _floats(9),
+    "journal_translation": _floats(3),
+    "bearing_placement": (_FLOAT, (12,)),  # in the bodies: rotation row by row, translation
+    "journal_placement": (_FLOAT, (12,)),
+}
+"""Of what acts between two frames, a joint's or a load's: bearing (the first) and journal."""
+
 JOINT = _record(
     # Addresses of laws and their numbers.
     normal_law=_ADDRESS,
@@ -132,13 +140,7 @@ JOINT = _record(
     film_part=_ADDRESS,
     element_part=_ADDRESS,
     # Arrays.
-    support=_integers("nsupport"),  # coordinates that move journal and bearing against each other
-    signs=_integers("nsupport"),  # +1 for those that move the journal, -1 for the bearing
-    jacobian=_floats(6, "nsupport"),  # motion of the journal per velocity of these coordinates
-    bearing_rotation=_floats(9),  # of the bodies, column by column
-    bearing_translation=_floats(3),
-    journal_rotation=_floats(9),
-    journal_translation=_floats(3),
+    **_BETWEEN_FRAMES,
     sliding_work=_floats("wearing", AZIMUTHS),
     # What it is.
     resultant=_INT,  # whether a law answers for all of it (`rolling`)
@@ -146,15 +148,12 @@ JOINT = _record(
     shape=_INT,
     count=_INT,
     first=_INT,
-    nsupport=_INT,
     must_not_touch=_INT,
     wearing=_INT,  # contacts whose sliding work is counted
     sections=_INT,  # of the film; 0 for none
     limit=_FLOAT,  # gap at which the journal has broken out [m]
     rest_mass=_FLOAT,  # whose impacts damping at rest is referred to [kg]
     friction_parameters=(_FLOAT, (MAX_PARAMETERS,)),
-    bearing_placement=(_FLOAT, (12,)),  # rotation row by row, translation
-    journal_placement=(_FLOAT, (12,)),
     # Film.
     section=_FLOAT,  # distance of the sections from the journal's centre [m]
     clearance=_FLOAT,
@@ -330,7 +329,7 @@ BODY = _record(
 )
 """One body that a coordinate moves."""
 
-HOLD = _record(one=_INT, other=_INT, place=(_FLOAT, (3,)), other_place=(_FLOAT, (3,)))
+HOLD = _record(body=_INT, partner=_INT, place=(_FLOAT, (3,)), partner_place=(_FLOAT, (3,)))
 """Two points of two bodies that a loop without clearance holds together."""
 
 LOAD = _record(
@@ -343,16 +342,9 @@ LOAD = _record(
     inputs=_integers("ninputs"),  # coordinates
     outputs=_integers("noutputs"),
     bounds=_floats("nbounds"),  # largest efforts on these, if they are limited
-    support=_integers("nsupport"),  # of frames, as in `JOINT`, with all that follows
-    signs=_integers("nsupport"),
-    jacobian=_floats(6, "nsupport"),
-    bearing_rotation=_floats(9),
-    bearing_translation=_floats(3),
-    journal_rotation=_floats(9),
-    journal_translation=_floats(3),
+    **_BETWEEN_FRAMES,  # of its first and its second frame
     # What it is.
     frames=_INT,  # whether it acts between two frames; else on coordinates
-    nsupport=_INT,
     ninputs=_INT,
     noutputs=_INT,
     nrates=_INT,
@@ -360,8 +352,6 @@ LOAD = _record(
     nbounds=_INT,
     stores=_INT,  # whether its answer at rest is the slope of an energy
     implicit=_INT,  # whether the rest of it depends on velocity: NEVER, ALWAYS, IF_PRESSED
-    bearing_placement=(_FLOAT, (12,)),
-    journal_placement=(_FLOAT, (12,)),
     # Now.
     active=_INT,  # whether it takes part in the velocity solve
     pose=(_FLOAT, (POSE,)),
@@ -504,7 +494,7 @@ RUN = _record(
     nwindows=_INT,
     ncopies=_INT,
     # How to go on.
-    every=_INT,
+    record_every=_INT,  # steps
     until=_INT,  # step that no macro step goes beyond
     suggested=_INT,  # length that the next macro step should have, in steps
     longest=_INT,
@@ -623,7 +613,7 @@ class LoadSite:
     stores: bool = False
     """Whether its answer at rest is the slope of an energy."""
     implicit: int = NEVER
-    """When the rest of it depends on velocity: `words.NEVER`, `ALWAYS` or `IF_PRESSED`."""
+    """When the rest of it depends on velocity: `constants.NEVER`, `ALWAYS` or `IF_PRESSED`."""
     inputs: tuple[int, ...] = ()
     """Coordinates that the law reads."""
     outputs: tuple[int, ...] = ()
@@ -689,22 +679,22 @@ def drive_row(
     return np.array([values], DRIVE_ROW)
 
 
-def friction_row(coordinate: int, **given: float) -> np.ndarray:
+def friction_row(coordinate: int, **fields: float) -> np.ndarray:
     """Record of a joint's friction, shape (1,): fields of `FRICTION_ROW`; see
     `drive.JointFriction`.
     """
     row = np.zeros(1, FRICTION_ROW)
     row["coordinate"], row["stribeck"] = coordinate, 1.0
-    for name, value in given.items():
+    for name, value in fields.items():
         row[name] = value
     return row
 
 
-def gear_row(**given: Any) -> np.ndarray:
+def gear_row(**fields: Any) -> np.ndarray:
     """Record of a gear, shape (1,): fields of `GEAR_ROW`, lists shorter."""
     row = np.zeros(1, GEAR_ROW)
     row["bend_twists"], row["presliding"], row["lever"] = np.inf, 1.0, 1.0
-    for name, value in given.items():
+    for name, value in fields.items():
         if np.ndim(value):
             row[name][0, : len(value)] = value
         else:

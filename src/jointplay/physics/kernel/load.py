@@ -22,7 +22,7 @@ from __future__ import annotations
 import math
 
 from jointplay.base.compiler import address_of, calling, carray, compiled, pointer
-from jointplay.physics.kernel.access import carry_out, record_failure, run_at
+from jointplay.physics.kernel.access import record_failure, run_at, run_part
 from jointplay.physics.kernel.constants import ALWAYS, IF_PRESSED, Status
 from jointplay.physics.kernel.frames import frame_twist, pose_of_frames, project_frame_slope
 from jointplay.physics.kernel.layout import LOAD_FORCE, LOAD_WORK
@@ -31,7 +31,6 @@ _BAD_LOAD = int(Status.BAD_LOAD)
 
 LOAD_LAW = "v(d,p,p,p,p)"
 """Signature of a load's law, see `compiler.Compiled.native`."""
-
 _DIFFERENCE = 1e-6
 """Difference of velocities by which laws are differentiated, relative; and at rest [m/s]."""
 
@@ -162,9 +161,9 @@ def _add_load_slopes(run):
     for load in run.loads:
         if load.active == 0:
             continue
-        frames, rate, out, kept = load.frames != 0, load.rate, load.out, load.elastic[1]
+        frames, rate, out, forces = load.frames != 0, load.rate, load.out, load.elastic[1]
         for i in range(out.size):
-            kept[i] = out[i]
+            forces[i] = out[i]
         for c in range(rate.size):
             now = rate[c]
             more = _DIFFERENCE * (abs(now) + 1.0)
@@ -172,14 +171,14 @@ def _add_load_slopes(run):
             _evaluate_law(load, run.time)
             rate[c] = now
             for r in range(out.size):
-                rise = (out[r] - kept[r]) / more
+                rise = (out[r] - forces[r]) / more
                 if frames:
                     load.wrench_slope[r, c] = rise
                 elif rise != 0.0:
                     i, k = load.outputs[r], load.inputs[c]
                     slope[place[i], place[k]] += rise
         for i in range(out.size):
-            out[i] = kept[i]
+            out[i] = forces[i]
         if frames:
             project_frame_slope(load, place, slope)
 
@@ -263,21 +262,21 @@ _EVALUATE, _APPLY, _SLOPES, _POWERS, _CURRENT = range(5)
 
 
 @compiled
-def loads(run, one, other, third, number, what):
+def loads(address, q_at, v_at, tau_at, time, task):
     """Do one of the following (`access.RUN_PART`)."""
-    own = run_at(run)
-    nv = own.nv
-    first, second, last = carray(one, (nv,)), carray(other, (nv,)), carray(third, (nv,))
-    if what == _EVALUATE:
-        _evaluate_loads(own, first, second, last)
-    elif what == _APPLY:
-        _apply_velocity_loads(own, first, last)
-    elif what == _SLOPES:
-        _add_load_slopes(own)
-    elif what == _POWERS:
-        _find_load_powers(own, first)
+    run = run_at(address)
+    nv = run.nv
+    q, v, tau = carray(q_at, (nv,)), carray(v_at, (nv,)), carray(tau_at, (nv,))
+    if task == _EVALUATE:
+        _evaluate_loads(run, q, v, tau)  # whose place the marks have
+    elif task == _APPLY:
+        _apply_velocity_loads(run, v, tau)
+    elif task == _SLOPES:
+        _add_load_slopes(run)
+    elif task == _POWERS:
+        _find_load_powers(run, v)
     else:
-        _apply_current_loads(own, first, second, number, last)
+        _apply_current_loads(run, q, v, time, tau)
 
 
 @compiled
@@ -287,32 +286,32 @@ def evaluate_loads(run, q, v, marks):
     Coordinates on which the rest acts are marked. v are the extrapolated velocities.
     """
     if run.nl > 0:
-        carry_out(run.load_part, run, q, v, marks, 0.0, _EVALUATE)
+        run_part(run.load_part, run, q, v, marks, 0.0, _EVALUATE)
 
 
 @compiled
 def apply_velocity_loads(run, v, tau):
     """Add the velocity-dependent part of the loads to tau."""
     if run.nl > 0:
-        carry_out(run.load_part, run, v, v, tau, 0.0, _APPLY)
+        run_part(run.load_part, run, v, v, tau, 0.0, _APPLY)
 
 
 @compiled
 def add_load_slopes(run):
     """Add the loads' derivative by velocity to the slope, after `apply_velocity_loads`."""
     if run.nl > 0:
-        carry_out(run.load_part, run, run.q, run.q, run.q, 0.0, _SLOPES)
+        run_part(run.load_part, run, run.q, run.q, run.q, 0.0, _SLOPES)
 
 
 @compiled
 def find_load_powers(run, v):
     """Powers of the loads at velocities v; stops the run where a law has failed."""
     if run.nl > 0:
-        carry_out(run.load_part, run, v, v, v, 0.0, _POWERS)
+        run_part(run.load_part, run, v, v, v, 0.0, _POWERS)
 
 
 @compiled
 def apply_current_loads(run, q, v, time, tau):
     """Add the forces of all loads at state (q, v) to tau, and find their powers."""
     if run.nl > 0:
-        carry_out(run.load_part, run, q, v, tau, time, _CURRENT)
+        run_part(run.load_part, run, q, v, tau, time, _CURRENT)

@@ -14,7 +14,7 @@ Compiled apart as `loops`, for runs that have some; what others call calls it.
 from __future__ import annotations
 
 from jointplay.base.compiler import carray, compiled
-from jointplay.physics.kernel.access import carry_out, flat, run_at
+from jointplay.physics.kernel.access import flat, run_at, run_part
 from jointplay.physics.kernel.frames import (
     add,
     cross,
@@ -33,19 +33,19 @@ REDUNDANT = 1e-10
 def _add_point_rows(run, k, sign, at, place, residual, moving):
     """Add one point of held pair k to its rows, and its position or acceleration to `residual`."""
     rows = run.loop_rows
-    columns, every = run.world_jacobian, run.bodies
-    arm = matrix_times_vector(every[at].rotation, place[0], place[1], place[2])
-    point = add(get_vector(every[at].origin, 0), arm)
-    value = point_acceleration(every[at], arm) if moving else point
+    columns, bodies = run.world_jacobian, run.bodies
+    arm = matrix_times_vector(bodies[at].rotation, place[0], place[1], place[2])
+    point = add(get_vector(bodies[at].origin, 0), arm)
+    value = point_acceleration(bodies[at], arm) if moving else point
     for r in range(3):
         residual[3 * k + r] += sign * value[r]
     b = at
     while b > 0:
-        i = every[b].coordinate
+        i = bodies[b].coordinate
         column = add(get_vector(columns[i], 0), cross(get_vector(columns[i], 3), point))
         for r in range(3):
             rows[3 * k + r, i] += sign * column[r]
-        b = every[b].parent
+        b = bodies[b].parent
 
 
 @compiled
@@ -58,8 +58,8 @@ def _find_rows(run, residual, moving):
         residual[i] = 0.0
     for k in range(run.nh):
         hold = run.holds[k]
-        _add_point_rows(run, k, 1.0, hold.one, hold.place, residual, moving)
-        _add_point_rows(run, k, -1.0, hold.other, hold.other_place, residual, moving)
+        _add_point_rows(run, k, 1.0, hold.body, hold.place, residual, moving)
+        _add_point_rows(run, k, -1.0, hold.partner, hold.partner_place, residual, moving)
 
 
 @compiled
@@ -94,12 +94,12 @@ def _constrain(run, minv, residual, x):
             u[i] = 0.0
             for k in range(nv):
                 u[i] += minv[i, k] * rows[best, k]
-        for one in range(2):
-            open_by = residual[one, best]
+        for column in range(2):
+            open_by = residual[column, best]
             for i in range(nv):
-                open_by += rows[best, i] * x[one, i]
+                open_by += rows[best, i] * x[column, i]
             for i in range(nv):
-                x[one, i] -= u[i] * (open_by / most)
+                x[column, i] -= u[i] * (open_by / most)
         for i in range(nv):
             for k in range(nv):
                 minv[i, k] -= u[i] * u[k] / most
@@ -109,7 +109,7 @@ def _constrain(run, minv, residual, x):
 def _project_dynamics(run, q, v):
     """See `project_dynamics`."""
     nv = run.nv
-    given, free = run.open_minv, run.open_free
+    open_minv, free = run.open_minv, run.open_free
     minv, acceleration = run.found_minv, run.found_free
     x, residual = run.loop_correction, run.loop_residual
     place_bodies(run, q)
@@ -118,7 +118,7 @@ def _project_dynamics(run, q, v):
     for i in range(nv):
         x[0, i], x[1, i] = free[i], 0.0
         for k in range(nv):
-            minv[i, k] = given[i, k] if i <= k else given[k, i]
+            minv[i, k] = open_minv[i, k] if i <= k else open_minv[k, i]
     _constrain(run, minv, residual, x)
     for i in range(nv):
         acceleration[i] = x[0, i]
@@ -129,7 +129,7 @@ def _correct_drift(run):
     """See `correct_drift`."""
     nv = run.nv
     q, half, a = run.q, run.half, run.a
-    given, minv = run.open_minv, run.loop_minv
+    open_minv, minv = run.open_minv, run.loop_minv
     x, residual = run.loop_correction, run.loop_residual
     place_bodies(run, q)
     _find_rows(run, residual[0], False)
@@ -138,7 +138,7 @@ def _correct_drift(run):
     for i in range(nv):
         x[0, i], x[1, i] = 0.0, half[i] + 0.5 * run.dt_before * a[i]
         for k in range(nv):
-            minv[i, k] = given[i, k] if i <= k else given[k, i]
+            minv[i, k] = open_minv[i, k] if i <= k else open_minv[k, i]
     _constrain(run, minv, residual, x)
     for i in range(nv):
         q[i] += x[0, i]
@@ -149,23 +149,23 @@ _PROJECT, _CORRECT = range(2)
 
 
 @compiled
-def loops(run, q, v, _third, _number, what):
+def loops(address, q, v, _tau, _time, task):
     """Do one of the following (`access.RUN_PART`)."""
-    own = run_at(run)
-    if what == _PROJECT:
-        nv = own.nv
-        _project_dynamics(own, carray(q, (nv,)), carray(v, (nv,)))
+    run = run_at(address)
+    if task == _PROJECT:
+        nv = run.nv
+        _project_dynamics(run, carray(q, (nv,)), carray(v, (nv,)))
     else:
-        _correct_drift(own)
+        _correct_drift(run)
 
 
 @compiled
 def project_dynamics(run, q, v):
     """Find the closed mechanism's `found_minv` and `found_free` at the state (q, v)."""
-    carry_out(run.loop_part, run, q, v, v, 0.0, _PROJECT)
+    run_part(run.loop_part, run, q, v, v, 0.0, _PROJECT)
 
 
 @compiled
 def correct_drift(run):
     """Correct the drift of the loops since the last macro step, in positions and velocities."""
-    carry_out(run.loop_part, run, run.q, run.q, run.q, 0.0, _CORRECT)
+    run_part(run.loop_part, run, run.q, run.q, run.q, 0.0, _CORRECT)

@@ -71,29 +71,21 @@ from jointplay.physics.kernel.solve import (
 
 LARGEST_TURN = 0.02
 """Angle by which no joint turns further in a macro step that an error estimate chooses [rad]."""
-
 FEWEST_STEPS = 6
 """Steps that a macro step has although joints turn further: coarse steps of fast machines."""
-
 REFUSED = 4.0
 """A macro step whose middle is so many times the tolerance off is planned anew."""
-
 LEAST_STEPS = 8
 """Macro steps are planned no shorter than this many steps where one has been ended early."""
-
 GROWTH = 1.5
 """By how much a macro step is longer than the one before at most."""
-
 LEAST_APART = 0.3
 """Middles nearer to each other than this, relative to the macro step, do not make a line."""
-
 CHORD_STEPS = 4
 """Micro steps over which a chord stands for the parabola of the inverse mass matrix: the parabola
 itself is more memory than the nearest cache has beside what the velocity solve needs there."""
-
 LEAST_COMPLIANCE = 1e-14
 """Inverse inertia of a coordinate that is held, relative to the largest: it must not be zero."""
-
 CHORD_PART = 0.25
 """Longest chord, relative to the macro step."""
 
@@ -104,20 +96,20 @@ def _predict(run):
     nv = run.nv
     path = run.path
     q, half, a = run.q, run.half, run.a
-    done = run.time - run.path_start
-    if done > 0.0:  # else planned anew
-        apart = run.path_start + 0.5 * done - run.mean_time
+    elapsed = run.time - run.path_start
+    if elapsed > 0.0:  # else planned anew
+        apart = run.path_start + 0.5 * elapsed - run.mean_time
         smooth = run.touching == 0 and run.events == 0 and run.known_free > 1
         for i in range(nv):
             # The acceleration of a contact that lasts swings; its mean is what moves the arm.
-            mean = (half[i] - path[HALF, i]) / done
+            mean = (half[i] - path[HALF, i]) / elapsed
             jerk = 0.0
             if smooth:
                 jerk = (mean - path[MEAN, i]) / apart
-            path[ACCELERATION, i] = mean + 0.5 * done * jerk if run.touching > 0 else a[i]
+            path[ACCELERATION, i] = mean + 0.5 * elapsed * jerk if run.touching > 0 else a[i]
             path[JERK, i] = jerk
             path[MEAN, i] = mean
-        run.mean_time = run.path_start + 0.5 * done
+        run.mean_time = run.path_start + 0.5 * elapsed
     span = run.macro * run.dt
     s = 0.5 * span
     for i in range(nv):
@@ -150,12 +142,12 @@ def plan_macro_step(run):
 
 
 @compiled
-def _take_found(run):
+def _take_minv(run):
     """Put Pinocchio's inverse mass matrix, both its triangles, where the last chord was."""
-    found, whole = run.found_minv, run.minv_rate
+    answer, minv = run.found_minv, run.minv_rate
     for i in range(run.nv):
         for k in range(i, run.nv):
-            whole[i, k] = whole[k, i] = found[i, k]
+            minv[i, k] = minv[k, i] = answer[i, k]
 
 
 @compiled
@@ -168,7 +160,7 @@ def _find_path_error(run):
     nv = run.nv
     apart = run.path_start + 0.5 * run.path_span - run.middle_time
     square = apart * (apart + run.middles_apart)
-    found, found_free = run.minv_rate, run.found_free
+    minv, free = run.minv_rate, run.found_free
     middle, slope = run.minv_middle, run.minv_slope
     curve, free_curve = run.minv_curve, run.free_curve
     free_middle, free_slope = run.free_middle, run.free_slope
@@ -179,24 +171,24 @@ def _find_path_error(run):
         return
     miss, acceleration, inertia = run.trial[ERROR], run.trial[SPEED], run.inertia
     for i in range(nv):
-        miss[i] = found_free[i] - free_middle[i] - apart * free_slope[i] - square * free_curve[i]
-        acceleration[i] = found_free[i]
+        miss[i] = free[i] - free_middle[i] - apart * free_slope[i] - square * free_curve[i]
+        acceleration[i] = free[i]
     for k in range(nv):  # the matrices are symmetric
         force = forces[k] + effort[k] + loaded[k]
         for i in range(nv):
             change = apart * slope[k, i] + square * curve[k, i]
-            miss[i] += (found[k, i] - middle[k, i] - change) * force
-            acceleration[i] += found[k, i] * force
-    wrong = whole = 0.0
+            miss[i] += (minv[k, i] - middle[k, i] - change) * force
+            acceleration[i] += minv[k, i] * force
+    wrong = total = 0.0
     for i in range(nv):
         wrong += weights[i] * miss[i] * miss[i] * inertia[i]
-        whole += weights[i] * acceleration[i] * acceleration[i] * inertia[i]
-    if whole > 0.0:
-        run.path_error = math.sqrt(wrong / whole)
+        total += weights[i] * acceleration[i] * acceleration[i] * inertia[i]
+    if total > 0.0:
+        run.path_error = math.sqrt(wrong / total)
 
 
 @compiled
-def _fit_parabola(found, middle, slope, curve, value, known, lengths):
+def _fit_parabola(values, middle, slope, curve, value, known, lengths):
     """Draw the parabola through a new middle and the last two `known`; begin at the step's start.
 
     If none is known, it is a line with the slope of the last one.
@@ -204,15 +196,15 @@ def _fit_parabola(found, middle, slope, curve, value, known, lengths):
     `lengths`: half of the macro step, and how far apart the last two middles and those before are.
     """
     s, apart, before = -lengths[0], lengths[1], lengths[2]
-    part, whole = 1.0 / apart, 1.0 / (apart + before)  # a division takes as long as all the rest
-    for i in range(found.size):
+    part, per_span = 1.0 / apart, 1.0 / (apart + before)  # a division takes as long as all the rest
+    for i in range(values.size):
         bend = 0.0
         if known > 0:
-            rise = (found[i] - middle[i]) * part
-            bend = (rise - slope[i]) * whole if known > 1 else 0.0
+            rise = (values[i] - middle[i]) * part
+            bend = (rise - slope[i]) * per_span if known > 1 else 0.0
             slope[i] = rise
-        curve[i], middle[i] = bend, found[i]
-        value[i] = found[i] + s * (slope[i] + bend * (s + apart))
+        curve[i], middle[i] = bend, values[i]
+        value[i] = values[i] + s * (slope[i] + bend * (s + apart))
 
 
 @compiled
@@ -262,7 +254,7 @@ def check_prediction(run):
     if run.nh > 0:
         path = run.path
         project_dynamics(run, path[MIDDLE], path[MIDDLE_SPEED])
-    _take_found(run)
+    _take_minv(run)
     _find_path_error(run)
     error, macro, unit = run.path_error, run.macro, run.unit
     run.refused = 0
@@ -290,13 +282,13 @@ def end_macro_step(run):
     """Measure at the end of a macro step how fast angles change and how far it left its path."""
     nv = run.nv
     path, half, angular = run.path, run.half, run.angular
-    done = run.time - run.path_start
+    elapsed = run.time - run.path_start
     run.fastest = run.departure = 0.0
     for i in range(nv):
-        at = done - 0.5 * run.dt_before
+        at = elapsed - 0.5 * run.dt_before
         expected = path[START_SPEED, i] + at * (path[ACCELERATION, i] + 0.5 * at * path[JERK, i])
         run.fastest = max(run.fastest, angular[i] * abs(half[i]))
-        run.departure = max(run.departure, angular[i] * abs(half[i] - expected) * done)
+        run.departure = max(run.departure, angular[i] * abs(half[i] - expected) * elapsed)
 
 
 @compiled
@@ -307,12 +299,12 @@ def begin(run):
     for i in range(nv):
         path[HALF, i], path[JERK, i] = half[i], 0.0
         path[ACCELERATION, i] = path[MEAN, i] = a[i]
-    found, middle = run.found_minv, run.minv_middle
+    minv, middle = run.found_minv, run.minv_middle
     free, free_middle = run.found_free, run.free_middle
     for i in range(nv):
         free_middle[i] = free[i]
         for k in range(nv):
-            middle[i, k] = found[i, k] if i <= k else found[k, i]
+            middle[i, k] = minv[i, k] if i <= k else minv[k, i]
     _find_inertia(run)
     run.middle_time, run.departure = run.time, 0.0
     run.known_middles = run.known_free = 1
@@ -336,26 +328,26 @@ def _base_velocity(run, q, half, v, base, h):
         v[i] = half[i] + h * a[i]
         tau[i] = 0.0
     if run.prescribed != 0:
-        for one in run.drives:
-            if one.armature > 0.0:
-                half[one.coordinate] -= q[one.coordinate] / run.dt_before
+        for drive in run.drives:
+            if drive.armature > 0.0:
+                half[drive.coordinate] -= q[drive.coordinate] / run.dt_before
         prescribe_motion(run, q, v, run.time)
-        for one in run.drives:
-            if one.armature > 0.0:
-                half[one.coordinate] += q[one.coordinate] / run.dt_before
+        for drive in run.drives:
+            if drive.armature > 0.0:
+                half[drive.coordinate] += q[drive.coordinate] / run.dt_before
     apply_drives(run, q, v, run.time, tau)
     apply_servos(run, q, v, run.time, tau)
     for i in range(nv):
         base[i] = half[i] + h * free[i]
-    for one in run.drives:
-        k = one.coordinate
+    for drive in run.drives:
+        k = drive.coordinate
         row, moved = minv[k], h * tau[k]
         for i in range(nv):
             base[i] += moved * row[i]
     if run.prescribed != 0:
-        for one in run.drives:
-            if one.armature > 0.0:
-                base[one.coordinate] = v[one.coordinate]
+        for drive in run.drives:
+            if drive.armature > 0.0:
+                base[drive.coordinate] = v[drive.coordinate]
 
 
 @reordered
@@ -416,13 +408,13 @@ def _powers(run, q, v):
         return
     effort, minv = run.drive, run.minv
     free, tau, forces = run.free, run.tau, run.velocity_forces
-    for one in run.drives:
-        if one.armature > 0.0:
-            i = one.coordinate
+    for row in run.drives:
+        if row.armature > 0.0:
+            i = row.coordinate
             acceleration = free[i]
             for k in range(nv):
                 acceleration += minv[i, k] * (tau[k] + forces[k])
-            effort[i] -= one.armature * acceleration
+            effort[i] -= row.armature * acceleration
             run.power[DRIVE] += effort[i] * v[i]
 
 
@@ -436,12 +428,12 @@ def _choose_guess(run, h):
     dt, span, pushed = run.dt_before, run.dt_before + run.pushed_dt, run.pushed
     now, slope, before, curve = pushed[0], pushed[1], pushed[2], pushed[3]
     off, further = run.trial[ERROR], run.trial[STEP]
-    part, whole = 1.0 / dt, 1.0 / span
+    part, per_span = 1.0 / dt, 1.0 / span
     for i in range(run.nv):
         rise = (now[i] - before[i]) * part
         off[i] = rise - slope[i]
         further[i] = off[i] - span * curve[i]
-        curve[i], slope[i] = off[i] * whole, rise
+        curve[i], slope[i] = off[i] * per_span, rise
     straight = weighted_square(off, run.inertia, run.nv)
     bent = weighted_square(further, run.inertia, run.nv)
     least = run.active * (TOLERANCE / (h * dt)) ** 2
@@ -669,8 +661,8 @@ def advance(run):
         return
     first, macro = run.step, run.macro
     macro_step(run)
-    done = run.step - first
-    if run.fixed == 0 and done < macro:
-        run.suggested = min(max(2 * done, LEAST_STEPS), run.longest)
+    steps = run.step - first
+    if run.fixed == 0 and steps < macro:
+        run.suggested = min(max(2 * steps, LEAST_STEPS), run.longest)
     if run.status == 0 and run.step < run.until:
         plan_macro_step(run)

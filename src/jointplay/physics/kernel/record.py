@@ -34,7 +34,7 @@ _NP = len(POWERS)
 @compiled
 def is_due(run, step):
     """Whether a step is to be recorded."""
-    if step % run.every == 0:
+    if step % run.record_every == 0:
         return True
     windows = run.windows
     for w in range(run.nwindows):  # noqa: SIM110 - compiled
@@ -151,22 +151,22 @@ def write_interpolated(run, time, elapsed, h):
     if run.row >= run.rows:
         return
     part, at = elapsed / h, run.columns
-    one, other, row = run.row_before, run.row_after, run.record[run.row]
+    earlier, later, row = run.row_before, run.row_after, run.record[run.row]
     a0, a1 = run.earlier_a[0], run.a
     for c in range(row.size):
-        row[c] = one[c] + part * (other[c] - one[c])
+        row[c] = earlier[c] + part * (later[c] - earlier[c])
     row[at[TIME]] = time
     for i in range(run.nv):
         q, v = at[Q] + i, at[V] + i
-        row[q] = _cubic(one[q], other[q], one[v], other[v], part, h)
-        row[v] = _cubic(one[v], other[v], a0[i], a1[i], part, h)
+        row[q] = _cubic(earlier[q], later[q], earlier[v], later[v], part, h)
+        row[v] = _cubic(earlier[v], later[v], a0[i], a1[i], part, h)
     for i in range(_NP):
         rise, c = run.power[i] - run.before[i], at[WORK] + i
-        row[c] = one[c] + elapsed * (run.before[i] + 0.5 * part * rise)
+        row[c] = earlier[c] + elapsed * (run.before[i] + 0.5 * part * rise)
     for index in range(run.nl):
         load, c = run.loads[index], at[LOAD_WORK] + index
         rise = load.power - load.before
-        row[c] = one[c] + elapsed * (load.before + 0.5 * part * rise)
+        row[c] = earlier[c] + elapsed * (load.before + 0.5 * part * rise)
     _end_peaks(run, row)
     run.row += 1
 

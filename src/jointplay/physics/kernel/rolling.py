@@ -188,23 +188,23 @@ _GAP, _FIND, _ADD_FORCES, _ADD_SLOPE, _ADD_LOSSES, _FREQUENCY = range(6)
 
 
 @compiled
-def elements(run, joint, j, what):
+def elements(run_address, joint_address, j, task):
     """Do one of the following for a joint with elements (`access.PART`)."""
-    its = joint_at(joint)
-    if what == _GAP:
-        return _gap(its)
-    if what == _ADD_SLOPE:
-        _add_slope(its)
+    joint = joint_at(joint_address)
+    if task == _GAP:
+        return _gap(joint)
+    if task == _ADD_SLOPE:
+        _add_slope(joint)
         return 0.0
-    own = run_at(run)
-    if what == _FREQUENCY:
-        return _frequency(own, its)
-    if what == _FIND:
-        return 1.0 if _find(own, j, its) else 0.0
-    if what == _ADD_FORCES:
-        _add_forces(own, j, its)
+    run = run_at(run_address)
+    if task == _FREQUENCY:
+        return _frequency(run, joint)
+    if task == _FIND:
+        return 1.0 if _find(run, j, joint) else 0.0
+    if task == _ADD_FORCES:
+        _add_forces(run, j, joint)
     else:
-        _add_losses(own, its)
+        _add_losses(run, joint)
     return 0.0
 
 

@@ -182,8 +182,8 @@ def runge_kutta_4(run):
         write_record(run)
     weight = dt / 6.0 if stage == 0 or stage == 3 else dt / 3.0
     for i in range(_NP):
-        done = 0.0 if stage == 0 else run.stage_work[i]
-        run.stage_work[i] = done + weight * run.power[i]
+        before = 0.0 if stage == 0 else run.stage_work[i]
+        run.stage_work[i] = before + weight * run.power[i]
     add_stage_work(run, stage, weight)
     for j in range(run.nj):
         average_stage_forces(run.joints[j], run.contacts[j], stage, weight / dt)

@@ -48,25 +48,18 @@ from jointplay.physics.kernel.load import add_load_slopes, apply_velocity_loads,
 TOLERANCE = 1e-9
 """Error of the velocity solve in each coordinate, their root mean square, as the root of twice its
 kinetic energy [kg^0.5 m/s]."""
-
 RELATIVE_TOLERANCE = 1e-11
 """The same relative to the state's own."""
-
 MOST_LISTED = 0.75
 """Where more than this part of all coordinates take part, all do: their rows lie there already."""
-
 SINGLE = 6
 """Coordinates of one joint with clearance: loops of this length are compiled on their own."""
-
 CONTRACTION = 0.1
 """A matrix that brings the error down by less than this is reckoned anew."""
-
 REFINED = 0.05
 """Below this part of the tolerance an error does not spoil the guesses extrapolated from it."""
-
 MOST_TRIALS = 40
 """Velocities tried before the best of them is taken."""
-
 LEAST_PART = 1.0 / 64.0
 """Smallest part of a Newton step that is tried."""
 
@@ -108,9 +101,9 @@ def find_velocity_forces(run, q, half):
             marks[support[k]] = 1.0
     for row in run.frictions:
         marks[row.coordinate] = 1.0
-    for one in run.drives:
-        if one.implicit != 0:
-            marks[one.coordinate] = marks[one.encoder] = 1.0
+    for drive in run.drives:
+        if drive.implicit != 0:
+            marks[drive.coordinate] = marks[drive.encoder] = 1.0
     if run.nl + run.ng > 0:
         place_gears(run, q)
         mark_gears(run, marks)
@@ -264,20 +257,20 @@ def _factor(run, h):
         exchanged[k] = best
         row = inverse[k]
         if best != k:
-            other = inverse[best]
+            exchanged_row = inverse[best]
             for b in range(n):
-                row[b], other[b] = other[b], row[b]
+                row[b], exchanged_row[b] = exchanged_row[b], row[b]
         pivot = 1.0 / row[k]
         row[k] = 1.0
         for b in range(n):
             row[b] *= pivot
         for a in range(n):
-            other = inverse[a]
-            factor = other[k]
+            exchanged_row = inverse[a]
+            factor = exchanged_row[k]
             if a != k and factor != 0.0:
-                other[k] = 0.0
+                exchanged_row[k] = 0.0
                 for b in range(n):
-                    other[b] -= factor * row[b]
+                    exchanged_row[b] -= factor * row[b]
     for k in range(n - 1, -1, -1):
         best = exchanged[k]
         if best != k:

@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from jointplay.base.errors import JointplayError
 from jointplay.physics.contact.resultant import SEAT_ANSWERS
-from jointplay.physics.kernel import Command, Status, compiled, layout
+from jointplay.physics.kernel import Command, Status, caller_of, layout
 from jointplay.physics.kernel.constants import AZIMUTHS
 from jointplay.physics.kernel.entry import apart
 from jointplay.physics.kernel.layout import (
@@ -31,7 +31,6 @@ FIXED = (
 
 CACHE_LINE = 8
 """Numbers in a cache line: vectors of numbers that cross two take twice as long to read."""
-
 LEFT_OUT = "reference"
 """Array that a simulation makes again and no copy needs."""
 
@@ -56,7 +55,7 @@ class Workspace:
         sites: one for each joint with clearance.
         tables: drives, friction, gears and reference.
         dt: time step [s].
-        every: steps between records.
+        record_every: steps between records.
         rows: room for records.
         loads: what else acts.
         own_acceleration: the kernels reckon the acceleration; else it is Pinocchio's.
@@ -79,14 +78,14 @@ class Workspace:
         sites: Sequence[JointSite],
         tables: CoordinateTables,
         dt: float,
-        every: int,
+        record_every: int,
         rows: int,
         own_acceleration: bool,
         loads: Sequence[LoadSite] = (),
     ) -> None:
         self.run = np.zeros(1, layout.RUN)
         self.address = self.run.ctypes.data
-        self._kept: list[np.ndarray] = []  # what records point to must live as long
+        self._pointed_to: list[np.ndarray] = []  # what records point to must live as long
         self._arrays: dict[str, np.ndarray] = {}  # the same by name, but for Pinocchio's frames
         self._own_acceleration = own_acceleration
         self.sites, self.load_sites = tuple(sites), tuple(loads)
@@ -109,7 +108,7 @@ class Workspace:
             nref=tables.nodes,
             cages=len(sites) if rolling else 0,
             load_columns=sum(load.size for load in loads),
-            every=every,
+            record_every=record_every,
             dt=dt,
             dt_before=dt,
             reference_interval=tables.interval,
@@ -123,7 +122,11 @@ class Workspace:
         )
         path = self._arrays["path"]
         self.middle = (path[layout.MIDDLE], path[layout.MIDDLE_SPEED])
-        self._link_pinocchio(data)
+        # What Pinocchio finds, the kernels read in place.
+        self.inverse_mass = self._point("found_minv", data.Minv)
+        self._point("found_free", data.ddq)
+        self._point("world_jacobian", data.J)
+        self.acceleration = self._allocate("a") if own_acceleration else self._point("a", data.ddq)
         self._take_tables(tables)
         self.joints, self.contacts = self._allocate("joints"), self._allocate("contacts")
         for name in ("shortest", "gap", "gap_min", "deepest"):
@@ -165,7 +168,7 @@ class Workspace:
         """Let the record's field `name` point to an array."""
         _check(layout.RUN, self.run[0], name, array)
         self.run[name] = array.ctypes.data
-        self._kept.append(array)
+        self._pointed_to.append(array)
         self._arrays[name] = array
         return array
 
@@ -184,16 +187,16 @@ class Workspace:
         for name, array in arrays.items():
             _check(row.dtype, row, name, array)
             row[name] = array.ctypes.data
-            self._kept.append(array)
+            self._pointed_to.append(array)
             self._arrays[called.format(name)] = array
 
     def _owned_arrays(self) -> dict[str, np.ndarray]:
-        own = {name: array for name, array in self._arrays.items() if name != LEFT_OUT}
-        return own | {"run": self.run}
+        arrays = {name: array for name, array in self._arrays.items() if name != LEFT_OUT}
+        return arrays | {"run": self.run}
 
     def _write_back(
         self,
-        kept: Mapping[str, np.ndarray],
+        copies: Mapping[str, np.ndarray],
         state: Mapping[str, Mapping[str, float]],
         fixed: Collection[str],
     ) -> None:
@@ -203,7 +206,7 @@ class Workspace:
         code goes by them wherever they lead.
 
         Args:
-            kept: copies by name.
+            copies: by name.
             state: whole numbers that steps change, each with its largest value: by name of the
                 array, its fields by name; an array that has none, as "". No other whole number is
                 written.
@@ -213,18 +216,18 @@ class Workspace:
             JointplayError: it is that of another simulation, or no step leads to it; nothing is
                 written then.
         """
-        own = self._owned_arrays()
-        for name, array in own.items():
-            given = kept.get(name)
-            if given is None or given.shape != array.shape or given.dtype != array.dtype:
+        arrays = self._owned_arrays()
+        for name, array in arrays.items():
+            copy = copies.get(name)
+            if copy is None or copy.shape != array.shape or copy.dtype != array.dtype:
                 raise JointplayError(f"the state of {name!r} is not that of this simulation")
         writes = []
-        for name, array in own.items():
+        for name, array in arrays.items():
             addresses = layout.ADDRESSES.get(array.dtype, ())
             for field in array.dtype.names or ("",):
                 if field in addresses or (field or name.split(".")[0]) in fixed:
                     continue
-                source, target = kept[name], array
+                source, target = copies[name], array
                 if field:
                     source, target = source[field], target[field]
                 if target.dtype.kind == "i":
@@ -236,14 +239,6 @@ class Workspace:
                 writes.append((target, source))
         for target, source in writes:
             np.copyto(target, source)
-
-    def _link_pinocchio(self, data: pin.Data) -> None:
-        """Let the kernels read what Pinocchio finds."""
-        self.inverse_mass = self._point("found_minv", data.Minv)
-        self._point("found_free", data.ddq)
-        self._point("world_jacobian", data.J)
-        own = self._own_acceleration
-        self.acceleration = self._allocate("a") if own else self._point("a", data.ddq)
 
     def _take_tables(self, tables: CoordinateTables) -> None:
         """Let the kernels read what acts on single coordinates."""
@@ -299,7 +294,7 @@ class Workspace:
             for name in ("rotation", "translation"):
                 view = getattr(frame, name)
                 row[f"{part}_{name}"] = view.ctypes.data
-                self._kept.append(view)
+                self._pointed_to.append(view)
             row[f"{part}_placement"] = [*placement.rotation.ravel(), *placement.translation]
         support = np.flatnonzero(signs)
         return support, signs[support].astype(np.int64)
@@ -329,9 +324,9 @@ class Workspace:
             load["frames"], load["nsupport"] = 1, n
             places = layout.LOAD.fields
             assert places is not None
-            here = self.loads.ctypes.data + index * layout.LOAD.itemsize
+            address = self.loads.ctypes.data + index * layout.LOAD.itemsize
             for name, field in (("place", "pose"), ("rate", "twist"), ("out", "wrench")):
-                load[name] = here + places[field][1]
+                load[name] = address + places[field][1]
         self._point_row(load, arrays, "load.{}." + str(index))
 
     def place(self, bodies: np.ndarray, carried: Sequence[CarriedFrame]) -> None:
@@ -397,18 +392,18 @@ class Workspace:
         copies["kept_elsewhere"] = np.array(self.kept_elsewhere)
         return copies
 
-    def restore(self, kept: Mapping[str, np.ndarray]) -> None:
+    def restore(self, copies: Mapping[str, np.ndarray]) -> None:
         """Come back to what `snapshot` found in a workspace of the same simulation.
 
         Raises:
             JointplayError: the snapshot is that of another simulation.
         """
-        written = kept["written"]
+        written = copies["written"]
         if written.ndim != 2 or written.shape[1] != self.record.shape[1]:
             raise JointplayError("the records are not those of this simulation")
         if len(written) > len(self.record):
             raise JointplayError("there are more records than this simulation makes")
-        elsewhere, now = int(kept["kept_elsewhere"]), kept["run"][0]
+        elsewhere, now = int(copies["kept_elsewhere"]), copies["run"][0]
         if elsewhere < 0 or int(now["row"]) != elsewhere + len(written):
             raise JointplayError("its records are not as many as it says")
         dt, longest = float(self.run["dt"][0]), int(self.run["longest"][0])
@@ -418,7 +413,7 @@ class Workspace:
         for name, about in near.items():
             if not abs(float(now[name]) - about) <= (longest + 1) * dt:
                 raise JointplayError(f"{name!r} is not that of its step")
-        self._write_back(kept, self._state_numbers(), FIXED)
+        self._write_back(copies, self._state_numbers(), FIXED)
         self.kept_elsewhere = elsewhere
         self._set(nwindows=len(self.windows), nref=self._nodes)
         self._place_records()
@@ -459,10 +454,10 @@ class Workspace:
 
     def release_records(self) -> np.ndarray:
         """The records in memory (n, columns), valid until the next is written in their place."""
-        given = self.record[: self.rows - self.kept_elsewhere]
+        records = self.record[: self.rows - self.kept_elsewhere]
         self.kept_elsewhere = self.rows
         self._place_records()
-        return given
+        return records
 
     def _place_records(self) -> None:
         """Tell the kernels where records go: as if those that are elsewhere lay before them."""
@@ -483,7 +478,7 @@ class Workspace:
 
     def execute(self, command: Command) -> Status:
         """Execute a command in the kernels; returns the run's status."""
-        return Status(compiled(command)(self.address, int(command)))
+        return Status(caller_of(command)(self.address, int(command)))
 
     @property
     def needs_jacobians(self) -> bool:

@@ -64,8 +64,8 @@ def contacts(result: Result, start: float | None = None) -> list[Contacts]:
             force = result["normal_force_peak"].sel(at).values
             edges = np.diff(np.concatenate([[False], force > 0.0, [False]]).astype(int))
             first, last = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
-            kept = time[first] >= start
-            first, last = first[kept], last[kept]
+            begun = time[first] >= start
+            first, last = first[begun], last[begun]
             top = [f + int(force[f : t + 1].argmax()) for f, t in zip(first, last, strict=True)]
             spacing = later[first]
             normal = result["normal_force"].sel(at).values[judged]
@@ -111,8 +111,8 @@ def rolling_bearings(result: Result) -> dict[str, RollingBearing]:
     """Rolling bearings of a result by joint; refused if its mechanism cannot be built again."""
     if not any(rolls(result, joint) for joint in result.joints):
         return {}
-    every = result.simulation.mechanism.clearance
-    return {name: joint for name, joint in every.items() if isinstance(joint, RollingBearing)}
+    joints = result.simulation.mechanism.clearance
+    return {name: joint for name, joint in joints.items() if isinstance(joint, RollingBearing)}
 
 
 def bearing_of(result: Result, joint: str) -> RollingBearing:
@@ -229,13 +229,13 @@ def bearing_life(
     loads = element_loads(result, joint).values[judged]
     # The cage goes around by a fixed part of the ring's turn, also where a loop has no coordinate.
     turn = np.diff(result["cage_angle"].sel(joint=joint).values[judged]) / bearing.cage_ratio
-    way, between = np.abs(turn), np.diff(time)
-    each = bearing.damage_of_turn(loads, outer_turns)
-    damage = float(np.sum(way * 0.5 * (each[1:] + each[:-1])) / (2.0 * np.pi))
-    turned, duration = float(way.sum()) / (2.0 * np.pi), float(time[-1] - time[0])
+    path, between = np.abs(turn), np.diff(time)
+    damages = bearing.damage_of_turn(loads, outer_turns)
+    damage = float(np.sum(path * 0.5 * (damages[1:] + damages[:-1])) / (2.0 * np.pi))
+    turned, duration = float(path.sum()) / (2.0 * np.pi), float(time[-1] - time[0])
     torque = bearing.drag + bearing.friction_lever * loads.sum(axis=1)
-    slow = np.tanh(way / np.maximum(between, 1e-300) / JOINT_FRICTION_SPEED)
-    work = float(np.sum(0.5 * (torque[1:] + torque[:-1]) * slow * way))
+    slow = np.tanh(path / np.maximum(between, 1e-300) / JOINT_FRICTION_SPEED)
+    work = float(np.sum(0.5 * (torque[1:] + torque[:-1]) * slow * path))
     peak = result["normal_force_peak"].sel(joint=joint, contact=bearing.contacts[0])
     angle = np.concatenate([[0.0], np.cumsum(turn)])
     return BearingLife(
@@ -250,7 +250,7 @@ def bearing_life(
         rated_load=bearing.rated_load,
         most_loaded=int(np.count_nonzero(loads > 0.0, axis=1).max()),
         elements=loads.shape[1],
-        mean_torque=work / float(way.sum()) if turned > 0.0 else 0.0,
+        mean_torque=work / float(path.sum()) if turned > 0.0 else 0.0,
         friction_work=work,
         friction_power=work / duration,
     )

@@ -19,12 +19,10 @@ from jointplay.simulation.result.result import AXES, Result
 
 CONFIDENCE = 0.95
 """A difference counts if its confidence interval (Welch) excludes zero."""
-
 PEAK_LEVEL = 0.2
 """A force peak reaches this fraction of the run's largest force."""
 ISOLATED = 0.05
 """Peaks are isolated in time if they fill less than this fraction of it."""
-
 APART_M = 1e-9
 """Points of a path that are nearer to each other count as one [m]: a search among the thousands
 that a tool at rest leaves takes four times as long."""
@@ -34,9 +32,8 @@ Measures = dict[str, float]
 
 def _path(points: np.ndarray) -> np.ndarray:
     """Points (n, 2) along a path [m] without those where it stood still."""
-    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    kept: np.ndarray = points[np.unique(np.floor(way / APART_M), return_index=True)[1]]
-    return kept
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    return np.asarray(points[np.unique(np.floor(length / APART_M), return_index=True)[1]])
 
 
 def can_be_measured(result: Result, ideal: Result | None) -> bool:
@@ -180,9 +177,9 @@ def _modes(small: Ensemble, large: Ensemble) -> tuple[str, str]:
 def _peaks(small: Ensemble, large: Ensemble) -> tuple[str, str]:
     parts = [_greater(small, large, f"f{axis}", "N", f"max |F{axis}|") for axis in AXES]
     busy = [_values(ensemble, "busy").mean() for ensemble in (small, large)]
-    words = f"above {100 * PEAK_LEVEL:.0f} % of the peak for "
-    words += f"{100 * busy[0]:.3g} → {100 * busy[1]:.3g} % of the time"
-    return _all([*parts, ("yes" if max(busy) < ISOLATED else "no", words)])
+    text = f"above {100 * PEAK_LEVEL:.0f} % of the peak for "
+    text += f"{100 * busy[0]:.3g} → {100 * busy[1]:.3g} % of the time"
+    return _all([*parts, ("yes" if max(busy) < ISOLATED else "no", text)])
 
 
 def _frequency(small: Ensemble, large: Ensemble) -> tuple[str, str]:

@@ -38,10 +38,10 @@ class Pair:
     @property
     def beyond_errors(self) -> bool | None:
         """Whether they differ by more than their numerical errors together; None: not known."""
-        both = self.first.error + self.second.error
-        if not math.isfinite(both):
+        errors = self.first.error + self.second.error
+        if not math.isfinite(errors):
             return None
-        return abs(self.second.value - self.first.value) > both
+        return abs(self.second.value - self.first.value) > errors
 
 
 @dataclass(frozen=True)
@@ -58,14 +58,14 @@ class Comparison:
     @property
     def table(self) -> Table:
         first, second = self.labels
-        words = {True: "yes", False: "no", None: "not known"}
+        answers = {True: "yes", False: "no", None: "not known"}
         return Table(
             (
-                Column("figure", [one.name for one in self.pairs]),
-                Column(first, [_shown(one.first) for one in self.pairs]),
-                Column(second, [_shown(one.second) for one in self.pairs]),
-                Column("ratio", [one.ratio for one in self.pairs], digits=3),
-                Column("beyond the errors", [words[one.beyond_errors] for one in self.pairs]),
+                Column("figure", [pair.name for pair in self.pairs]),
+                Column(first, [_shown(pair.first) for pair in self.pairs]),
+                Column(second, [_shown(pair.second) for pair in self.pairs]),
+                Column("ratio", [pair.ratio for pair in self.pairs], digits=3),
+                Column("beyond the errors", [answers[pair.beyond_errors] for pair in self.pairs]),
             )
         )
 
@@ -84,20 +84,20 @@ class Comparison:
     @property
     def answer(self) -> str:
         first, second = self.labels
-        wanted = [one for one in self.pairs if one.name == "peak tool error"] or [
-            one for one in self.pairs if one.name.startswith("peak joint force")
-        ]
+        pairs = {pair.name: pair for pair in self.pairs}
+        forces = (name for name in pairs if name.startswith("peak joint force"))
+        main = "peak tool error" if "peak tool error" in pairs else next(forces, None)
         answers = []
-        if wanted:
-            (one, *_) = wanted
-            words = f"{one.name} {_shown(one.second)} in {second}, {_shown(one.first)} in {first}"
-            if math.isfinite(one.ratio):
-                words += f": {one.ratio:.3g} times as much"
-            if one.beyond_errors is False:
-                words += ", no more than the numerical errors"
-            answers.append(words)
+        if main is not None:
+            pair = pairs[main]
+            sentence = f"{main} {_shown(pair.second)} in {second}, {_shown(pair.first)} in {first}"
+            if math.isfinite(pair.ratio):
+                sentence += f": {pair.ratio:.3g} times as much"
+            if pair.beyond_errors is False:
+                sentence += ", no more than the numerical errors"
+            answers.append(sentence)
         if self.apart is not None:
-            peak, rms = (told(one, "m") for one in self.apart)
+            peak, rms = (told(distance, "m") for distance in self.apart)
             answers.append(f"the two tools are up to {peak} apart, RMS {rms}")
         return "; ".join(answers) or "no figure and no tool that both have"
 
@@ -126,12 +126,12 @@ def compare(results: Mapping[str, Result], progress: bool = False) -> Comparison
         if len(result.time) < 2:
             raise JointplayError(f"{label} has {len(result.time)} record; nothing can be compared")
     (first, a), (second, b) = results.items()
-    found = [
-        _figures(one, other if is_twin(one, other) else reference(one, progress))
-        for one, other in ((a, b), (b, a))
+    tables = [
+        _figures(run, partner if is_twin(run, partner) else reference(run, progress))
+        for run, partner in ((a, b), (b, a))
     ]
     pairs = tuple(
-        Pair(name, found[0][name], found[1][name]) for name in found[0] if name in found[1]
+        Pair(name, tables[0][name], tables[1][name]) for name in tables[0] if name in tables[1]
     )
     apart = None
     if a.simulation.mechanism.tool == b.simulation.mechanism.tool:
@@ -143,9 +143,9 @@ def compare(results: Mapping[str, Result], progress: bool = False) -> Comparison
 def _figures(result: Result, ideal: Result | None) -> dict[str, CertifiedFigure]:
     """Headline figures by name, then those of rattle, whose errors nobody knows."""
     if result.certificate is not None:
-        found = {one.name: one for one in result.certificate.headline}
+        certified = {figure.name: figure for figure in result.certificate.headline}
     else:
-        found = {
+        certified = {
             name: CertifiedFigure(name, value, math.inf, unit)
             for name, (value, unit) in figures(result, ideal).items()
             if name.startswith(HEADLINE)
@@ -155,8 +155,8 @@ def _figures(result: Result, ideal: Result | None) -> dict[str, CertifiedFigure]
         more = {
             "impacts a second": (noise.rate, "1/s"),
             "power lost in impacts": (noise.power, "W"),
-            **{f"RMS acceleration, {one.range}": (one.rms, "m/s^2") for one in noise.bands},
+            **{f"RMS acceleration, {band.range}": (band.rms, "m/s^2") for band in noise.bands},
         }
         for name, (value, unit) in more.items():
-            found[name] = CertifiedFigure(name, value, math.inf, unit)
-    return found
+            certified[name] = CertifiedFigure(name, value, math.inf, unit)
+    return certified

@@ -56,10 +56,8 @@ STRETCHES = 8
 Two runs of a chaotic motion can have the same largest force, or the same loss, by chance; not in
 all stretches.
 """
-
 SUBSETS = 4
 """Subsets of the records, each of every fourth, whose root mean squares are compared."""
-
 AT_ONCE = 16 * netcdf.CHUNK
 """Records of a long run that are in memory at once."""
 
@@ -94,8 +92,8 @@ class Measured:
 
 def figures(result: Result, ideal: Result | None) -> dict[str, tuple[float, str]]:
     """Value and unit of headline figures from `Result.judge_from` on, and of what claims use."""
-    found = headline_of(result, ideal, claims=True)
-    return {name: (one.value, one.unit) for name, one in found.items()}
+    measured = headline_of(result, ideal, claims=True)
+    return {name: (figure.value, figure.unit) for name, figure in measured.items()}
 
 
 def fits(result: Result) -> bool:
@@ -112,17 +110,18 @@ def headline_of(result: Result, ideal: Result | None, claims: bool) -> dict[str,
         rows = AT_ONCE
     for first in range(0, len(result.time), rows):
         figures.add(dataset.isel(time=slice(first, first + rows)).load())
-    found = figures.measured(result.audit.judged_impacts)
-    return found | (claims_of(result, ideal) if claims and fits(result) else {})
+    measured = figures.measured(result.audit.judged_impacts)
+    return measured | (claims_of(result, ideal) if claims and fits(result) else {})
 
 
 def claims_of(result: Result, ideal: Result | None) -> dict[str, Measured]:
     """What the claims use, of a long run with one joint with clearance."""
     if ideal is None or not can_be_measured(result, ideal):
         return {}
-    found = measure(result, ideal)
+    measures = measure(result, ideal)
     return {
-        name: Measured(float(found[name]), unit, np.empty(0)) for name, unit in CLAIM_UNITS.items()
+        name: Measured(float(measures[name]), unit, np.empty(0))
+        for name, unit in CLAIM_UNITS.items()
     }
 
 
@@ -146,11 +145,11 @@ class Headline:
         self._judge_from, self._soft = judge_from, soft
         self._ideal = None if ideal is None else Reference(ideal)
         judged = time[time >= judge_from]
-        told = judged[:0] if self._ideal is None else judged[judged <= self._ideal.until]
-        self._count, self._weights, self._told = (
+        compared = judged[:0] if self._ideal is None else judged[judged <= self._ideal.until]
+        self._count, self._weights, self._compared_weights = (
             len(judged),
             time_weights(judged),
-            time_weights(told),
+            time_weights(compared),
         )
         self._ends = np.linspace(0, max(self._count - 1, 0), STRETCHES + 1).astype(int)
         self._histories: dict[str, _History] = {}
@@ -171,7 +170,7 @@ class Headline:
 
     def add(self, part: xr.Dataset) -> None:
         judged = part["time"].values >= self._judge_from
-        here = slice(self._seen, self._seen + int(np.count_nonzero(judged)))
+        rows = slice(self._seen, self._seen + int(np.count_nonzero(judged)))
         self._play = "joint" in part.dims
         if self._play:
             forces = {"peak": part["joint_force_peak"], "RMS": part["joint_force"]}
@@ -185,17 +184,18 @@ class Headline:
                 if name not in self._soft:
                     at = "" if len(names) - len(self._soft) == 1 else f", {name}"
                     history = self._of(f"{how} joint force{at}", how, "N", self._count)
-                    history.add(sizes[judged, k], self._weights[here])
+                    history.add(sizes[judged, k], self._weights[rows])
         if self._ideal is not None:
-            for what, of in (("error", "tool_position"), ("turn", "tool_orientation")):
+            for quantity, of in (("error", "tool_position"), ("turn", "tool_orientation")):
                 error = self._ideal.difference(part, of)
                 error = error.sel(time=error["time"].values >= self._judge_from)
                 sizes = np.linalg.norm(error.values, axis=1)
                 moves = error["time"].values, growth(error.values, error["rate"].values)
                 for how in ("peak", "RMS"):
                     unit = error.attrs["units"]
-                    history = self._of(f"{how} tool {what}", how, unit, len(self._told))
-                    history.add(sizes, self._told[here], moves)
+                    weights = self._compared_weights
+                    history = self._of(f"{how} tool {quantity}", how, unit, len(weights))
+                    history.add(sizes, weights[rows], moves)
         self._add_losses(part, judged)
 
     def _of(self, name: str, how: str, unit: str, count: int) -> _History:
@@ -203,29 +203,29 @@ class Headline:
 
     def _add_losses(self, part: xr.Dataset, judged: np.ndarray) -> None:
         """Keep what was lost at the ends of the stretches."""
-        here = self._ends - self._seen
-        here = here[(here >= 0) & (here < np.count_nonzero(judged))]
-        lost = np.zeros(len(here))
+        ends = self._ends - self._seen
+        ends = ends[(ends >= 0) & (ends < np.count_nonzero(judged))]
+        lost = np.zeros(len(ends))
         for name in LOSSES:
             if name in part:
-                lost = lost + part[name].values[judged][here]
+                lost = lost + part[name].values[judged][ends]
         self._lost.append(lost)
         if "load_work" in part:
-            self._work.append(part["load_work"].values[judged][here])
+            self._work.append(part["load_work"].values[judged][ends])
         self._seen += int(np.count_nonzero(judged))
 
     def measured(self, impacts: int | None) -> dict[str, Measured]:
-        found = {name: history.measured() for name, history in self._histories.items()}
+        figures = {name: history.measured() for name, history in self._histories.items()}
         if self._play:
-            found["impacts"] = Measured(float(impacts or 0), "", np.empty(0))
+            figures["impacts"] = Measured(float(impacts or 0), "", np.empty(0))
         lost = np.concatenate(self._lost)
         if self._work:
             work = np.concatenate(self._work)
             # What a load has taken in all; none where it has given.
-            taken = work[0] - work
-            lost = lost + taken[:, taken[-1] > 0.0].sum(axis=1)
-        found["dissipated energy"] = Measured(float(lost[-1] - lost[0]), "J", np.diff(lost))
-        return found
+            absorbed = work[0] - work
+            lost = lost + absorbed[:, absorbed[-1] > 0.0].sum(axis=1)
+        figures["dissipated energy"] = Measured(float(lost[-1] - lost[0]), "J", np.diff(lost))
+        return figures
 
 
 class _History:
@@ -233,8 +233,8 @@ class _History:
 
     def __init__(self, how: str, unit: str, count: int) -> None:
         self._how, self._unit = how, unit
-        each, more = divmod(count, STRETCHES)
-        self._ends = np.cumsum([each + (k < more) for k in range(STRETCHES)])
+        size, more = divmod(count, STRETCHES)
+        self._ends = np.cumsum([size + (k < more) for k in range(STRETCHES)])
         self._largest, self._squares = np.zeros(STRETCHES), np.zeros(STRETCHES)
         self._most, self._last = 0.0, np.empty((3, 0))
         self._subsets, self._left = np.zeros(SUBSETS), np.empty(0)
@@ -340,12 +340,12 @@ def headline(result: Result, ideal: Result | None, detail: bool = False) -> list
         hinged = twins.hinges(result)  # they hold bodies by more than the force of their springs
         if bearings := [joint for joint in result.joints if joint not in hinged]:
             fall = result.audit.start == "centred" and not start
-            words = ", judged from the start, with the fall of the journals" if fall else ""
-            lines.append(_forces(result, bearings, since, detail) + words)
+            note = ", judged from the start, with the fall of the journals" if fall else ""
+            lines.append(_forces(result, bearings, since, detail) + note)
         lines += _bearings(result, since)
         with suppress(JointplayError):  # too few records
-            found = rattle(result, ideal)
-            lines.append(f"{found if detail else found.impacts_words}{since}")
+            noise = rattle(result, ideal)
+            lines.append(f"{noise if detail else noise.impacts_words}{since}")
     simulated = float(result.time[-1]) if len(result.time) else 0.0
     wall = float(result.dataset.attrs.get("wall_time_s", 0.0))
     if detail and wall > 0.0:
@@ -355,18 +355,18 @@ def headline(result: Result, ideal: Result | None, detail: bool = False) -> list
 
 def headline_texts(result: Result, ideal: Result | None) -> dict[str, str]:
     """The figures of `headline` by name, as a table of several runs shows them."""
-    found: dict[str, str] = {}
+    texts: dict[str, str] = {}
     if ideal is not None and twins.has_play(result) and result.status != Status.RUN_AWAY:
         with suppress(JointplayError):  # no records
-            found = ToolError(result, ideal).columns()
+            texts = ToolError(result, ideal).columns()
     if loose := [joint for joint in result.joints if joint not in twins.hinges(result)]:
         forces = result.forces.sel(joint=loose)
         sizes = forces.sel(time=forces["time"] >= result.judge_from).max("time").values
         worst = int(sizes.argmax())
-        found["peak force"] = peak_force(result, loose[worst], float(sizes[worst]))
+        texts["peak force"] = peak_force(result, loose[worst], float(sizes[worst]))
         with suppress(JointplayError):
-            found["impacts a second"] = alone(rattle(result, ideal).rate)
-    return found
+            texts["impacts a second"] = alone(rattle(result, ideal).rate)
+    return texts
 
 
 def tool_error(result: Result) -> ToolError:
@@ -412,24 +412,24 @@ def _tool(result: Result, ideal: Result, detail: bool) -> list[str]:
             f"seen from the free base {base!r}, whose own motion differs as well: up to "
             f"{_mm(seen.peak[-1])} off{since_words(result)}, RMS {_mm(seen.rms[-1])}"
         )
-    return [*lines, *_at_stops(result, error.told)]
+    return [*lines, *_at_stops(result, error.reported)]
 
 
 def _at_stops(result: Result, error: xr.DataArray) -> list[str]:
     motion = result.simulation.motion
     if motion is None or motion.interpolation in GOES_ON:
         return []
-    every = stops(motion, float(error["time"][-1]))
+    reached = stops(motion, float(error["time"][-1]))
     times = [
         stop.end
-        for stop in every
+        for stop in reached
         if stop.at_rest and stop.end >= result.judge_from and stop.end > 0.0
     ]
     sizes = [float(error_at(error, time)[-1]) for time in times]
     if not any(sizes):
         return []
     known = result.certificate.headline if result.certificate else ()
-    of_tool = [one.error for one in known if one.name in ("peak tool error", "RMS tool error")]
+    of_tool = [fig.error for fig in known if fig.name in ("peak tool error", "RMS tool error")]
     off = max(of_tool, default=0.0)
     if len(times) > MOST_STOPS:
         worst = int(np.argmax(sizes))
@@ -437,20 +437,20 @@ def _at_stops(result: Result, error: xr.DataArray) -> list[str]:
             f"at its {counted(len(times), 'stop')}: worst {_mm(sizes[worst], off)} at "
             f"t = {times[worst]:.4g} s, mean {_mm(float(np.mean(sizes)), off)}"
         ]
-    each = ", ".join(f"{_mm(s, off)} (t = {t:.4g} s)" for t, s in zip(times, sizes, strict=True))
-    return [f"at its stops: {each}"]
+    listed = ", ".join(f"{_mm(s, off)} (t = {t:.4g} s)" for t, s in zip(times, sizes, strict=True))
+    return [f"at its stops: {listed}"]
 
 
 def _forces(result: Result, joints: list[str], since: str, detail: bool) -> str:
     forces = result.forces
     forces = forces.sel(time=forces["time"] >= result.judge_from)
-    words: list[str] = []
+    parts: list[str] = []
     for joint in joints:
         sizes = forces.sel(joint=joint).values
         at = float(forces["time"][int(sizes.argmax())])
-        told = peak_force(result, joint, float(sizes.max()), detail)
-        words.append(f"in {joint}{'' if words else since} {told} at t = {at:.4g} s")
-    return f"peak force {few(words)}"
+        peak = peak_force(result, joint, float(sizes.max()), detail)
+        parts.append(f"in {joint}{'' if parts else since} {peak} at t = {at:.4g} s")
+    return f"peak force {few(parts)}"
 
 
 def peak_force(result: Result, joint: str, largest: float, detail: bool = False) -> str:

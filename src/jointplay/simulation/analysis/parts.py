@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 COUNTS = 0.01
 """Part of the whole error from which on that of the drives is told; rigid ones leave a millionth.
 """
-
 STANDS_M = 1e-9
 """A point that moves by less stands: that much is rounding."""
 
@@ -110,7 +109,7 @@ class ToolError:
     def numerical_errors(self) -> dict[str, float]:
         """Of ``peak`` and ``rms`` [m], ``peak_turn`` and ``rms_turn`` [rad], as far as known."""
         certificate = self._result.certificate
-        known = {one.name: one.error for one in (certificate.headline if certificate else ())}
+        known = {fig.name: fig.error for fig in (certificate.headline if certificate else ())}
         return {name: known[of] for name, of in _FIGURES.items() if of in known}
 
     @cached_property
@@ -127,23 +126,24 @@ class ToolError:
             return {"left": self.vector}
         mechanism = self._result.simulation.mechanism
         plays = mechanism.without("play") is not mechanism
-        found = {"play" if plays else "elasticity": self.vector}
+        by_cause = {"play" if plays else "elasticity": self.vector}
         if has_both(mechanism):
             try:
                 twin = twins.without(self._result, "play")
                 assert twin is not None
                 play = difference(self._result, twin)
-                found = {"elasticity": self.vector - play, "play": play}
+                by_cause = {"elasticity": self.vector - play, "play": play}
             except JointplayError as error:
                 text = f"play and elasticity are not told apart: {error}"
                 warnings.warn(text, RuntimeWarning, stacklevel=2)
-                found = {"play and elasticity": self.vector}
+                by_cause = {"play and elasticity": self.vector}
         sent = twins.without(self._result, "drive")
         if sent is not None:
-            found = {"drive": difference(self._result, sent) - self.vector} | found
-        return {name: one.assign_attrs(self.vector.attrs) for name, one in found.items()}
+            by_cause = {"drive": difference(self._result, sent) - self.vector} | by_cause
+        attrs = self.vector.attrs
+        return {name: vectors.assign_attrs(attrs) for name, vectors in by_cause.items()}
 
-    # What is told of it.
+    # What is said of it.
 
     @cached_property
     def _causes(self) -> dict[str, xr.DataArray]:
@@ -151,105 +151,105 @@ class ToolError:
         drive = self.parts.get("drive")
         if drive is not None and _peak(drive) > COUNTS * _peak(drive + self.vector):
             return self.parts
-        return {name: one for name, one in self.parts.items() if name != "drive"}
+        return {name: vectors for name, vectors in self.parts.items() if name != "drive"}
 
     @cached_property
     def _guessed(self) -> str:
         """How a rule has the stiffness of gears: ``usual`` or ``unknown``; else empty."""
         if "elasticity" not in self.parts:
             return ""
-        stiffness = [one for one in _of(self._result, "gears", "stiffness") if one.assumed]
-        unknown = any(one.origin == GUESSED for one in stiffness)
+        stiffness = [value for value in _of(self._result, "gears", "stiffness") if value.assumed]
+        unknown = any(value.origin == GUESSED for value in stiffness)
         return "unknown" if unknown else "usual" if stiffness else ""
 
     @property
     def _known(self) -> dict[str, xr.DataArray]:
-        """Parts of which `told` is the sum."""
+        """Parts of which `reported` is the sum."""
         left = "elasticity" if self._guessed else ""
-        return {name: one for name, one in self._causes.items() if name != left}
+        return {name: vectors for name, vectors in self._causes.items() if name != left}
 
     @cached_property
-    def told(self) -> xr.DataArray:
+    def reported(self) -> xr.DataArray:
         """What the sentence begins with (time, axis) [m].
 
         From where the tool was sent, if the drives leave it noticeably, else `vector`; what
         elasticity does left out, where a rule gave the stiffness of gears.
         """
-        told = self.vector
+        error = self.vector
         if "drive" in self._causes:
-            told = told + self.parts["drive"]
+            error = error + self.parts["drive"]
         if self._guessed:
-            told = told - self.parts["elasticity"]
-        return told if told is self.vector else told.assign_attrs(self.vector.attrs)
+            error = error - self.parts["elasticity"]
+        return error if error is self.vector else error.assign_attrs(self.vector.attrs)
 
     @property
     def _is_exact(self) -> bool:
         """Whether all was given that decides its size."""
-        return sizes_are_given(self._result) and self.told is self.vector
+        return sizes_are_given(self._result) and self.reported is self.vector
 
     def texts(self, exact: bool) -> dict[str, str]:
         """Its figures by what certificates call them, with their numerical errors if `exact`."""
-        found = {}
+        by_figure = {}
         for (name, of), unit in zip(_FIGURES.items(), ("m", "m", "rad", "rad"), strict=True):
             certificate = self._result.certificate if exact else None
-            found[of] = shown(certificate, of, getattr(self, name), unit)
-        if self.told is not self.vector:
-            found |= {"peak tool error": _mm(_peak(self.told))}
-            found |= {"RMS tool error": _mm(_rms(self.told))}
-        return found
+            by_figure[of] = shown(certificate, of, getattr(self, name), unit)
+        if self.reported is not self.vector:
+            by_figure |= {"peak tool error": _mm(_peak(self.reported))}
+            by_figure |= {"RMS tool error": _mm(_rms(self.reported))}
+        return by_figure
 
     def columns(self) -> dict[str, str]:
         """Its figures for a table of several runs."""
-        found = self.texts(self._is_exact)
-        del found["RMS tool turn"]
+        by_column = self.texts(self._is_exact)
+        del by_column["RMS tool turn"]
         if self._guessed:
-            del found["peak tool turn"]
+            del by_column["peak tool turn"]
         if len(known := self._known) > 1:
-            found |= {f"by {name}": _mm(_peak(one)) for name, one in known.items()}
-        return found
+            by_column |= {f"by {name}": _mm(_peak(vectors)) for name, vectors in known.items()}
+        return by_column
 
     def sentence(self, detail: bool = False) -> str:
         """How far the tool is off, by cause; with `detail` with numerical errors that are known."""
         result, causes = self._result, self._causes
         tool = result.simulation.mechanism.tool
-        exact = self._is_exact or (detail and self.told is self.vector)
+        exact = self._is_exact or (detail and self.reported is self.vector)
         peak, rms, peak_turn, rms_turn = self.texts(exact).values()
         since = since_words(result)
         turned = f"by up to {peak_turn}, RMS {rms_turn}"
-        when = f"{since} (at t = {_time_of_peak(self.told):.4g} s), RMS {rms}"
+        when = f"{since} (at t = {_time_of_peak(self.reported):.4g} s), RMS {rms}"
         if self._stands:
-            words = f"{cause(result)} turns {tool!r} {turned}{since}; its origin cannot move: "
-            words += "--tool FRAME selects a point that does"
+            line = f"{cause(result)} turns {tool!r} {turned}{since}; its origin cannot move: "
+            line += "--tool FRAME selects a point that does"
         elif "left" in causes:
-            words = f"The tool {tool!r} is up to {peak} from where the ideal mechanism's is on the "
-            words += f"motion as it was meant{when}, and turned {turned}"
+            line = f"The tool {tool!r} is up to {peak} from where the ideal mechanism's is on the "
+            line += f"motion as it was meant{when}, and turned {turned}"
         elif len(causes) == 1 and not self._guessed:
-            both = ", with elasticity," if "play and elasticity" in causes else ""
-            words = f"{cause(result)}{both} puts the tool {tool!r} up to {peak} off{when}"
-            words += f", and turns it {turned}" if self.peak_turn > 0.0 else ""
+            also = ", with elasticity," if "play and elasticity" in causes else ""
+            line = f"{cause(result)}{also} puts the tool {tool!r} up to {peak} off{when}"
+            line += f", and turns it {turned}" if self.peak_turn > 0.0 else ""
         elif self._guessed and "drive" not in causes:
-            words = "No play"
+            line = "No play"
             if "play" in causes:
-                words = f"{cause(result)} puts the tool {tool!r} up to {peak} off{when}"
-            words += f"; {self._elasticity()}"
+                line = f"{cause(result)} puts the tool {tool!r} up to {peak} off{when}"
+            line += f"; {self._elasticity()}"
         else:
             where = "from where it was sent" if "drive" in causes else "off"
             where += ", elasticity aside" if self._guessed else ""
-            each = list(map(self._part, causes))
-            each = each if "drive" in causes else each[::-1]
-            words = f"The tool {tool!r} is up to {peak} {where}{when}: {', '.join(each)}"
-        return f"{words}{_assumptions(result)}{ended_words(result, self.vector)}"
+            parts = list(map(self._part, causes))
+            parts = parts if "drive" in causes else parts[::-1]
+            line = f"The tool {tool!r} is up to {peak} {where}{when}: {', '.join(parts)}"
+        return f"{line}{_assumptions(result)}{ended_words(result, self.vector)}"
 
     def _part(self, name: str) -> str:
         """A cause with its largest value and its RMS."""
-        one, result = self.parts[name], self._result
+        vectors, result = self.parts[name], self._result
         if name == "elasticity" and self._guessed:
             return self._elasticity()
-        peak, rms = (_in_mm(figure(one)) for figure in (_peak, _rms))
+        peak, rms = (_in_mm(figure(vectors)) for figure in (_peak, _rms))
         if name == "play":
             return f"play {peak} (RMS {rms}), of {_sizes(result)}"
         stiffness = "; stiffness estimated" if name == "elasticity" and any(
-            one.origin == "estimated" for one in _of(result, "gears", "stiffness")
+            value.origin == "estimated" for value in _of(result, "gears", "stiffness")
         ) else ""  # fmt: skip
         return f"{_label(result, name)} {peak} (RMS {rms}{stiffness})"
 
@@ -259,23 +259,24 @@ class ToolError:
             return "elasticity unknown without the gears' stiffness (--gear-stiffness)"
         about = 1e3 * _peak(self.parts["elasticity"])
         least, most = (f"{about * factor:.2g}" for factor in (1.0 / SPREAD, SPREAD))
-        words = f"if the gears are as stiff as usual (assumed; {least} to {most})"
-        return f"elasticity about {about:.2g} mm {words}"
+        condition = f"if the gears are as stiff as usual (assumed; {least} to {most})"
+        return f"elasticity about {about:.2g} mm {condition}"
 
     def further(self) -> list[str]:
         """What the sentence leaves out: the parts at the peak, which add up, and the turn."""
-        causes, told = self._causes, self.told
-        if self._stands or len(causes) == 1 or _peak(told) == 0.0:
+        causes, error = self._causes, self.reported
+        if self._stands or len(causes) == 1 or _peak(error) == 0.0:
             return []
         lines = []
         if len(known := self._known) > 1:
-            at = _time_of_peak(told)
-            way = told.sel(time=at).values / _peak(told)
-            each = ", ".join(
-                f"{_label(self._result, name)} {_in_mm(float(one.sel(time=at).values @ way))}"
-                for name, one in known.items()
+            at = _time_of_peak(error)
+            direction = error.sel(time=at).values / _peak(error)
+            along = {name: part.sel(time=at).values @ direction for name, part in known.items()}
+            listed = ", ".join(
+                f"{_label(self._result, name)} {_in_mm(float(size))}"
+                for name, size in along.items()
             )
-            lines.append(f"of the {_mm(_peak(told))}, along the error at its peak: {each}")
+            lines.append(f"of the {_mm(_peak(error))}, along the error at its peak: {listed}")
         if not self._guessed and self.peak_turn > 0.0:
             *_, peak, rms = self.texts(self._is_exact).values()
             others = " and ".join(name for name in causes if name != "drive")
@@ -285,8 +286,8 @@ class ToolError:
     @property
     def _stands(self) -> bool:
         """Whether the tool turns about its origin, which cannot move."""
-        way = np.ptp(self.ideal["tool_position"].values, axis=0).max()
-        return bool(max(_peak(self.vector), way) < STANDS_M < self.peak_turn)
+        path = np.ptp(self.ideal["tool_position"].values, axis=0).max()
+        return bool(max(_peak(self.vector), path) < STANDS_M < self.peak_turn)
 
     def __str__(self) -> str:
         return self.sentence()
@@ -296,7 +297,7 @@ class ToolError:
 
 def sizes_are_given(result: Result) -> bool:
     """Whether no size was assumed that decides figures: then their numerical errors say more."""
-    return not any(one.assumed for name in DECISIVE for one in _of(result, "", name))
+    return not any(value.assumed for name in DECISIVE for value in _of(result, "", name))
 
 
 def has_both(mechanism: Mechanism) -> bool:
@@ -330,9 +331,9 @@ def _sizes(result: Result) -> str:
     for size, names in geared.items():
         loose.setdefault(size, []).extend(_geared(names))
     unsure = any(
-        one.assumed
+        value.assumed
         for name in ("radial_clearance", "clearance")
-        for one in _of(result, "joints", name)
+        for value in _of(result, "joints", name)
     )
     mark = " (assumed)" if unsure else ""
     return " and of ".join(f"{size}{mark} in {few(names)}" for size, names in loose.items())
@@ -344,37 +345,37 @@ def _geared(names: list[str]) -> list[str]:
 
 def _assumptions(result: Result) -> str:
     """What decides the error, and nobody said: sizes of bearings, and where encoders sit."""
-    mechanism, words = result.simulation.mechanism, []
-    for what, names in _BODIES.items():
-        if any(one.assumed for name in names for one in _of(result, "joints", name)):
+    mechanism, notes = result.simulation.mechanism, []
+    for body, names in _BODIES.items():
+        if any(value.assumed for name in names for value in _of(result, "joints", name)):
             sizes: dict[str, None] = {}
             for joint in mechanism.clearance.values():
                 if all(hasattr(joint, name) for name in names):
                     # Of a bore the diameter.
-                    each = [
+                    extents = [
                         (1 + (name == "bearing_radius")) * getattr(joint, name) for name in names
                     ]
-                    sizes[" x ".join(f"{1e3 * size:.3g}" for size in each)] = None
-            words.append(f"in {what} of {few(list(sizes))} mm, assumed")
-    sides = {one.value for one in _of(result, "drives", "encoder") if one.assumed}
+                    sizes[" x ".join(f"{1e3 * size:.3g}" for size in extents)] = None
+            notes.append(f"in {body} of {few(list(sizes))} mm, assumed")
+    sides = {value.value for value in _of(result, "drives", "encoder") if value.assumed}
     if sides and any(gear.play for gear in mechanism.gears.values()):
-        words.append(f"encoder on the {' or '.join(sorted(sides))}, assumed")
+        notes.append(f"encoder on the {' or '.join(sorted(sides))}, assumed")
     lowered = [
-        one.value
-        for one in _of(result, "drives", "bandwidth")
-        if one.assumed and one.source.startswith("rule")
+        value.value
+        for value in _of(result, "drives", "bandwidth")
+        if value.assumed and value.source.startswith("rule")
     ]
     if lowered:
-        words.append(f"drives of {few(lowered, 2)} by what their teeth allow, assumed")
-    return "".join(f"; {one}" for one in words)
+        notes.append(f"drives of {few(lowered, 2)} by what their teeth allow, assumed")
+    return "".join(f"; {note}" for note in notes)
 
 
 def _of(result: Result, table: str, field: str) -> list[Value]:
     """Values that a result hangs on: of a field, in a table if one is named."""
     return [
-        one
-        for one in result.values
-        if one.key.startswith(table) and one.key.rpartition(".")[2] == field
+        value
+        for value in result.values
+        if value.key.startswith(table) and value.key.rpartition(".")[2] == field
     ]
 
 
@@ -399,7 +400,7 @@ def _label(result: Result, name: str) -> str:
         return name
     simulation = result.simulation
     drives = assign(simulation.mechanism, simulation.motion, simulation.drive).values()
-    return "servos" if any(isinstance(one, Servo) for one in drives) else "drives"
+    return "servos" if any(isinstance(drive, Servo) for drive in drives) else "drives"
 
 
 def since_words(result: Result) -> str:
@@ -414,12 +415,8 @@ def ended_words(result: Result, error: xr.DataArray) -> str:
     return f", against the ideal mechanism, whose run ends at {last:.4g} s" if short else ""
 
 
-def _judged(vectors: xr.DataArray) -> xr.DataArray:
-    return vectors.sel(time=vectors["time"] >= vectors.attrs["judge_from"])
-
-
 def _time_of_peak(vectors: xr.DataArray) -> float:
-    judged = _judged(vectors)
+    judged = vectors.sel(time=vectors["time"] >= vectors.attrs["judge_from"])
     return float(judged["time"][int(np.linalg.norm(judged.values, axis=1).argmax())])
 
 

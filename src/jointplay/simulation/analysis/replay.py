@@ -91,8 +91,8 @@ def replay(result: Result, windows: Sequence[tuple[float, float]]) -> Replay:
     step = simulation.step
     if len(result.time) < 2:
         raise JointplayError(f"a run with {len(result.time)} records cannot be repeated")
-    kept = np.rint(result.time / step).astype(int)
-    steps = int(kept[-1])
+    recorded = np.rint(result.time / step).astype(int)
+    steps = int(recorded[-1])
     spans = [(max(0, round(a / step)), min(steps, round(b / step))) for a, b in windows]
     run = Run(simulation)
     workspace = run.workspace
@@ -103,7 +103,7 @@ def replay(result: Result, windows: Sequence[tuple[float, float]]) -> Replay:
             break
     again = histories(run, workspace.status, phases=_phases(run, simulation)).dataset
     indices = np.rint(again["time"].values / step).astype(int)
-    same = again["q"].values[np.isin(indices, kept)]
+    same = again["q"].values[np.isin(indices, recorded)]
     return Replay(
         tuple(again.isel(time=(indices >= a) & (indices <= b)) for a, b in spans),
         _statistics(run) if result.joints else xr.Dataset(),
@@ -115,9 +115,9 @@ def _phases(run: Run, simulation: Simulation) -> list[Phase]:
     """The run's phases by rows of the records that were made, more than the regular ones."""
     moments = (t for load in simulation.payloads for t in (load.pick, load.release))
     at = sorted(round(t / simulation.step) for t in moments if t is not None)
-    taken = np.rint(run.workspace.recorded("time") / simulation.step).astype(int)
+    recorded = np.rint(run.workspace.recorded("time") / simulation.step).astype(int)
     first, *others = run.phases
-    rows = np.searchsorted(taken, at[: len(others)])
+    rows = np.searchsorted(recorded, at[: len(others)])
     return [
         first,
         *(

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
 RATES = {"tool_position": "tool_velocity", "tool_orientation": "tool_angular_velocity"}
 """Which history says how fast another changes."""
-
 COMPONENTS = (*AXES, "total")
 """Columns of accuracies and spectra: x, y, z, and all three together."""
 
@@ -79,30 +78,30 @@ def seen_from(result: Result, body: str) -> Result:
     """The same run with the tool's motion seen from a body (link or frame), in its axes."""
     mechanism = result.simulation.mechanism
     model = mechanism.model
-    own, tool = (
+    base, tool = (
         mechanism.tree.motion(result.q, result.v, carried(model, index))
         for index in (frame_index(model, body, "body"), mechanism.tool_frame)
     )
     if not len(result.time):
         return result
-    turn = rotations(own.orientation).inv()
-    arm = tool.tool[:, :3] - own.tool[:, :3]
-    speed = tool.tool[:, 3:] - own.tool[:, 3:] - np.cross(own.spin, arm)
+    turn = rotations(base.orientation).inv()
+    arm = tool.tool[:, :3] - base.tool[:, :3]
+    speed = tool.tool[:, 3:] - base.tool[:, 3:] - np.cross(base.spin, arm)
     orientation = (turn * rotations(tool.orientation)).as_quat(scalar_first=True)
-    values = (turn.apply(arm), turn.apply(speed), orientation, turn.apply(tool.spin - own.spin))
+    values = (turn.apply(arm), turn.apply(speed), orientation, turn.apply(tool.spin - base.spin))
     dataset = result.dataset
-    for name, found in zip(TOOL_MOTIONS, values, strict=True):
+    for name, history in zip(TOOL_MOTIONS, values, strict=True):
         if name in dataset:
-            dataset = dataset.assign({name: dataset[name].copy(data=found)})
+            dataset = dataset.assign({name: dataset[name].copy(data=history)})
     return Result(dataset)
 
 
 def difference(result: Result, ideal: Result, of: str = "tool_position") -> xr.DataArray:
     """The same between any two runs; see `deviation`."""
     require_known("tool motion", of, TOOL_MOTIONS)
-    found = Reference(ideal).difference(result.dataset, of)
-    found.attrs["judge_from"] = result.judge_from
-    return found
+    error = Reference(ideal).difference(result.dataset, of)
+    error.attrs["judge_from"] = result.judge_from
+    return error
 
 
 class Reference:
@@ -136,25 +135,25 @@ class Reference:
             if of not in self._between:
                 self._between[of] = _between(run, of)
             reference = self._between[of](time)
-        found: xr.DataArray
+        error: xr.DataArray
         if of == "tool_orientation":
             turns = _turns(ours.values, reference)
             along = {"time": time, "axis": dataset["axis"].values}
-            found = xr.DataArray(turns, along, ("time", "axis"), of)
+            error = xr.DataArray(turns, along, ("time", "axis"), of)
         else:
-            found = ours - reference
+            error = ours - reference
         pace = RATES.get(of)
         if pace is not None and pace in dataset and pace in run.dataset:
             rate = self.difference(dataset, pace).values
             if of == "tool_orientation":  # of a rotation vector, to first order in it
-                both = 2.0 * dataset[pace].values[: len(time)] - rate
-                rate = rate - 0.5 * np.cross(found.values, both)
-            found = found.assign_coords(rate=(("time", "axis"), rate))
-        found.attrs = {
+                twice = 2.0 * dataset[pace].values[: len(time)] - rate
+                rate = rate - 0.5 * np.cross(error.values, twice)
+            error = error.assign_coords(rate=(("time", "axis"), rate))
+        error.attrs = {
             "units": "rad" if of == "tool_orientation" else ours.attrs["units"],
             "long_name": f"{of.replace('_', ' ')} - reference, world axes",
         }
-        return found
+        return error
 
 
 def rotations(quaternions: np.ndarray) -> Rotation:
@@ -264,17 +263,17 @@ def error_statistics(error: xr.DataArray, start: float | None = None) -> ErrorSt
     """
     begin = error.attrs.get("judge_from", 0.0) if start is None else start
     start = require_finite("start", begin, "s")
-    kept = error.sel(time=error["time"] >= start)
-    if not len(kept):
+    judged = error.sel(time=error["time"] >= start)
+    if not len(judged):
         raise JointplayError(
             f"no records from {start:g} s on; the run ends at {float(error['time'][-1]):g} s"
         )
-    time, values = kept["time"].values, _with_total(kept.values)
+    time, values = judged["time"].values, _with_total(judged.values)
     sizes = np.abs(values)
-    if "rate" in kept.coords:
-        rate = kept["rate"].values
-        rates = np.column_stack([np.sign(kept.values) * rate, growth(kept.values, rate)])
-        largest = [tops(time, *one)[0].max() for one in zip(sizes.T, rates.T, strict=True)]
+    if "rate" in judged.coords:
+        rate = judged["rate"].values
+        rates = np.column_stack([np.sign(judged.values) * rate, growth(judged.values, rate)])
+        largest = [tops(time, *column)[0].max() for column in zip(sizes.T, rates.T, strict=True)]
     else:
         largest = list(sizes.max(axis=0))
     return ErrorStatistics(
@@ -327,17 +326,17 @@ def stops(motion: Motion, end: float) -> list[Stop]:
     # Of the waypoints as given: the curve's own values differ by rounding.
     same = (np.abs(np.diff(positions, axis=0)) <= 1e-12).all(axis=1)
     still = same & (fastest <= np.maximum(limit, around))
-    rest = speed <= np.maximum(limit, beside)
+    resting = speed <= np.maximum(limit, beside)
     if motion.interpolation == "spline" and motion.given is None:
         # Where samples turn round, they do not rest.
         pull = np.abs(motion(times)[2]).max(axis=1)
-        rest &= pull <= _RESTS * pull.max()
+        resting &= pull <= _RESTS * pull.max()
     waypoints: list[Stop] = []
     for index, time in enumerate(times):
         if waypoints and still[index - 1]:
             waypoints[-1] = Stop(waypoints[-1].start, float(time), True)
         else:
-            waypoints.append(Stop(float(time), float(time), bool(rest[index])))
+            waypoints.append(Stop(float(time), float(time), bool(resting[index])))
     if end > times[-1]:
         waypoints[-1] = Stop(waypoints[-1].start, end, True)
     tolerance = 1e-9 * max(end, 1.0)

@@ -36,10 +36,8 @@ if TYPE_CHECKING:
 
 TOOL_MOTIONS = ("tool_position", "tool_velocity", "tool_orientation", "tool_angular_velocity")
 """Histories of the tool that are measured against those of the ideal mechanism."""
-
 SLIDING_KINDS = {name for name, kind in JOINT_KINDS.items() if issubclass(kind, SlidingClearance)}
 """Kinds of joint whose surfaces slide on each other."""
-
 ROLLING_KINDS = {name for name, kind in JOINT_KINDS.items() if issubclass(kind, RollingBearing)}
 """Kinds of joint with rolling elements."""
 
@@ -58,8 +56,8 @@ def inputs(result: Result) -> dict[str, Any]:
 
 def clearance_inputs(result: Result) -> dict[str, dict[str, Any]]:
     """The stored inputs of the joints that have clearance, by name."""
-    given = inputs(result)["mechanism"]["clearance"]
-    return {name: given[name] for name in result.joints if name in given}
+    joints = inputs(result)["mechanism"]["clearance"]
+    return {name: joints[name] for name in result.joints if name in joints}
 
 
 def hinges(result: Result) -> set[str]:
@@ -89,17 +87,17 @@ def clearance_outline(result: Result, joint: str) -> np.ndarray | None:
     The clearance circle, that of a rolling bearing in operation, or for a slider the rectangle of
     its clearances; None if the inputs tell neither, or without play.
     """
-    given = clearance_inputs(result).get(joint, {})
+    joint_inputs = clearance_inputs(result).get(joint, {})
     angle = np.linspace(0.0, 2.0 * np.pi, 361)
     circle = np.array([np.cos(angle), np.sin(angle)])
     if rolls(result, joint):
         room = result.simulation.mechanism.clearance[joint].radial_travel
         return room * circle if room > 0.0 else None
-    if given.get("radial_clearance") is not None:
-        return float(given["radial_clearance"]) * circle
-    if given.get("clearance") is not None:
-        x = float(given["clearance"])
-        y = 0.0 if given.get("planar") else float(given.get("clearance_y") or x)
+    if joint_inputs.get("radial_clearance") is not None:
+        return float(joint_inputs["radial_clearance"]) * circle
+    if joint_inputs.get("clearance") is not None:
+        x = float(joint_inputs["clearance"])
+        y = 0.0 if joint_inputs.get("planar") else float(joint_inputs.get("clearance_y") or x)
         return np.array([[x, x, -x, -x, x], [y, -y, -y, y, y]])
     return None
 
@@ -146,13 +144,13 @@ def task(result: Result) -> dict[str, Any]:
     How it did start, that is. None: without play nothing gives way at the start, and it is the same
     at rest and centred.
     """
-    given = inputs(result)
+    description = inputs(result)
     if result.beside is not None:
-        given["motion"] = result.beside
-    given["state"] = _state(given)
-    if given["start"] is None and has_play(result):
-        given["start"] = "centred"  # nothing was to be found
-    mechanism = given["mechanism"]
+        description["motion"] = result.beside
+    description["state"] = _state(description)
+    if description["start"] is None and has_play(result):
+        description["start"] = "centred"  # nothing was to be found
+    mechanism = description["mechanism"]
     robot = {
         key: value
         for key, value in mechanism.items()
@@ -162,11 +160,11 @@ def task(result: Result) -> dict[str, Any]:
     robot["text"], rotors = _without_armature(mechanism["urdf_text"])
     gears = mechanism.get("gears") or {}
     if gears and (drives := _through_teeth(result.simulation)):
-        given["drive"] = {name: drive.describe() for name, drive in drives.items()}
+        description["drive"] = {name: drive.describe() for name, drive in drives.items()}
     robot["armature"] = dict(
-        sorted((rotors | {name: one["rotor_inertia"] for name, one in gears.items()}).items())
+        sorted((rotors | {name: gear["rotor_inertia"] for name, gear in gears.items()}).items())
     )
-    return {key: value for key, value in given.items() if key not in _MAY_DIFFER} | {
+    return {key: value for key, value in description.items() if key not in _MAY_DIFFER} | {
         "mechanism": robot
     }
 
@@ -176,8 +174,8 @@ def _through_teeth(simulation: Simulation) -> dict[str, Drive]:
     from jointplay.simulation.initial import settled_drives  # takes long to import
 
     settled = settled_drives(simulation)
-    given = assign(simulation.mechanism, simulation.motion, simulation.drive)
-    return settled if settled != given else {}
+    assigned = assign(simulation.mechanism, simulation.motion, simulation.drive)
+    return settled if settled != assigned else {}
 
 
 @lru_cache(maxsize=8)
@@ -185,29 +183,29 @@ def _without_armature(text: str) -> tuple[str, dict[str, float]]:
     """A robot's text in which no armature stands, in one form, and that armature."""
     root = ElementTree.fromstring(text)
     armature: dict[str, float] = {}
-    if (said := root.find(BEYOND)) is not None:
-        beyond = json.loads(said.text or "{}")
+    if (element := root.find(BEYOND)) is not None:
+        beyond = json.loads(element.text or "{}")
         armature = beyond.pop("armature", {})
-        said.text = json.dumps(beyond)
+        element.text = json.dumps(beyond)
         if not beyond:
-            root.remove(said)
+            root.remove(element)
     left = ElementTree.tostring(root, encoding="unicode")
     left = ElementTree.canonicalize(left, strip_text=True)
     return " ".join(left.split()), armature  # files have several blanks between numbers
 
 
-def _state(given: dict[str, Any]) -> dict[str, list[float | None]]:
+def _state(description: dict[str, Any]) -> dict[str, list[float | None]]:
     """What is given of the state at the start, as the ideal mechanism has it.
 
     What only play has is left out: journals aside of their bearings, carriages, and motors turned
     against their joints. The coordinate that a joint has without clearance too is the joint's.
     """
-    mechanism = given["mechanism"]
+    mechanism = description["mechanism"]
     known = stored_coordinates(mechanism)
     state: dict[str, list[float | None]] = {}
-    for name, at in given["state"].items():
+    for name, at in description["state"].items():
         coordinate = known.get(name)
-        free_base = given["mechanism"].get("base") == FREE
+        free_base = description["mechanism"].get("base") == FREE
         if coordinate is not None and not (free_base and coordinate.joint == BASE):
             joint, part = coordinate.joint, coordinate.part
             kind = class_of(mechanism["clearance"][joint]) if part in VIRTUAL_LINK else None
@@ -242,10 +240,10 @@ def twin(result: Result, progress: bool = False) -> Result:
     return simulation.run(progress, check_step=check_step, estimate=False)
 
 
-_KEPT, _LARGE = 6, 1e7
+_MOST_RECENT, _LARGE_BYTES = 6, 1e7
 _recent: OrderedDict[str, Result] = OrderedDict()
 """The last twins' motions, by what was run: whoever judges a run asks for the same ones. Those of
-more bytes than `_LARGE` are run again, lest memory grow with the length of runs."""
+more bytes than `_LARGE_BYTES` are run again, lest memory grow with the length of runs."""
 
 
 def tool_motion(
@@ -270,12 +268,12 @@ def tool_motion(
         status = run.run_to_end(progress)
         # Seen from a free base it needs all velocities.
         more = ("q", "v") if simulation.mechanism.free_base is not None else ()
-        made = run.result(status, only=(*TOOL_MOTIONS, *also, *more))
-        if status != Status.COMPLETED or made.dataset.nbytes > _LARGE:
-            return made
-        _recent[key] = made
+        motion = run.result(status, only=(*TOOL_MOTIONS, *also, *more))
+        if status != Status.COMPLETED or motion.dataset.nbytes > _LARGE_BYTES:
+            return motion
+        _recent[key] = motion
     _recent.move_to_end(key)
-    while len(_recent) > _KEPT:
+    while len(_recent) > _MOST_RECENT:
         _recent.popitem(last=False)
     return _recent[key]
 
@@ -308,7 +306,7 @@ def without(result: Result, cause: str, progress: bool = False) -> Result | None
     drives = assign(mechanism, motion, simulation.drive)
     driven = [name for name, drive in drives.items() if drive.follows]
     # Loops are closed at nodes, between which other drives are nearer than a spline.
-    nearer = mechanism.loops and not any(isinstance(one, Servo) for one in drives.values())
+    nearer = mechanism.loops and not any(isinstance(acting, Servo) for acting in drives.values())
     if nearer or (len(driven) < len(drives) and not mechanism.loops):
         return None
     start = initial_state(simulation, driven).q
@@ -317,11 +315,11 @@ def without(result: Result, cause: str, progress: bool = False) -> Result | None
     except JointplayError:  # loops leave joints free
         return None
     frame = carried(mechanism.model, mechanism.tool_frame)
-    found = mechanism.tree.motion(*ideal.states(result.time), tool=frame)
-    places = (found.tool[:, :3], found.tool[:, 3:], found.orientation, found.spin)
-    kept = result.dataset[list(TOOL_MOTIONS)]
+    bodies = mechanism.tree.motion(*ideal.states(result.time), tool=frame)
+    places = (bodies.tool[:, :3], bodies.tool[:, 3:], bodies.orientation, bodies.spin)
+    histories = result.dataset[list(TOOL_MOTIONS)]
     pairs = zip(TOOL_MOTIONS, places, strict=True)
-    sent = kept.assign({name: kept[name].copy(data=values) for name, values in pairs})
+    sent = histories.assign({name: histories[name].copy(data=values) for name, values in pairs})
     return Result(sent.assign_attrs(simulation=json.dumps(simulation.describe())))
 
 

@@ -74,10 +74,10 @@ class Until:
         return self.estimate(values).relative <= self.precision
 
 
-def read_until(given: Any) -> Until:
+def read_until(table: Any) -> Until:
     """Read the table `until` of a sweep."""
     try:
-        until: Until = read(Until, given)
+        until: Until = read(Until, table)
     except JointplayError as error:
         raise JointplayError(": ".join([*map(str, error.where), str(error)])) from None
     return until
@@ -153,11 +153,11 @@ def convergence(
 def enough(history: list[IntervalEstimate], precision: float) -> int | None:
     """Runs after which the relative precision was reached and kept; None if it was not."""
     runs = None
-    for one in history:
-        if one.relative > precision:
+    for estimate in history:
+        if estimate.relative > precision:
             runs = None
         elif runs is None:
-            runs = one.runs
+            runs = estimate.runs
     return runs
 
 

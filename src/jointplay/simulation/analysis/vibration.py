@@ -9,12 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.lib.stride_tricks import sliding_window_view
 
-from jointplay.base.errors import (
-    JointplayError,
-    require_finite,
-    require_known,
-    require_whole,
-)
+from jointplay.base.errors import JointplayError, require_finite, require_known, require_whole
 from jointplay.base.tables import counted
 from jointplay.base.units import readable, typeset
 from jointplay.simulation.analysis.tool_error import COMPONENTS, deviation
@@ -163,20 +158,20 @@ class Rattle:
     @property
     def impacts_words(self) -> str:
         """How often and how hard contacts begin, without the tool's vibration."""
-        words = f"rattle: {counted(_three(self.rate), 'impact')} a second"
+        text = f"rattle: {counted(_three(self.rate), 'impact')} a second"
         if self.impacts:
-            words += f" of {_three(self.energy, 'J')} each, {_three(self.power, 'W')}"
-        return words
+            text += f" of {_three(self.energy, 'J')} each, {_three(self.power, 'W')}"
+        return text
 
     def __str__(self) -> str:
-        words = self.impacts_words
+        text = self.impacts_words
         if self.bands:
-            parts = (f"{one.range} {_three(one.rms)}" for one in self.bands)
-            what = (
+            parts = (f"{band.range} {_three(band.rms)}" for band in self.bands)
+            quantity = (
                 "RMS acceleration against the ideal" if self.against_ideal else "RMS acceleration"
             )
-            words += f"; the tool's {what} [{typeset('m/s^2')}]: {', '.join(parts)}"
-        return words
+            text += f"; the tool's {quantity} [{typeset('m/s^2')}]: {', '.join(parts)}"
+        return text
 
 
 def rattle(result: Result, ideal: Result | None = None) -> Rattle:

@@ -24,8 +24,8 @@ import numpy as np
 from jointplay.base.compiler import Native
 from jointplay.base.errors import JointplayError
 from jointplay.base.schema import Described, check_fields, quantity
-from jointplay.physics.contact.compiled import compiled_function
 from jointplay.physics.contact.functions import Absent
+from jointplay.physics.contact.machine_code import compiled_function
 from jointplay.physics.kernel.constants import NEVER
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ class Load(Described, ABC):
         """Numbers p of the law."""
 
     def implicit(self) -> int:
-        """When its answer depends on velocity: `words.NEVER`, `ALWAYS` or `IF_PRESSED`.
+        """When its answer depends on velocity: `constants.NEVER`, `ALWAYS` or `IF_PRESSED`.
 
         Of loads whose answer at rest is the slope of an energy; others are extrapolated.
         """

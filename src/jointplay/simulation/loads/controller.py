@@ -105,12 +105,12 @@ class Controller(OfFunction, Load):
     @property
     def names(self) -> tuple[str, ...]:
         """Of the parameters: as a class calls its own, else ``p0``, ``p1``, ..."""
-        told: list[str] = []
+        labels: list[str] = []
         if inspect.isclass(self.function):
             known = inspect.signature(self.function).parameters.values()
-            told = [one.name for one in known if one.kind is one.POSITIONAL_OR_KEYWORD]
-        told += [f"p{k}" for k in range(len(told), len(self.parameters))]
-        return tuple(told[: len(self.parameters)])
+            labels = [part.name for part in known if part.kind is part.POSITIONAL_OR_KEYWORD]
+        labels += [f"p{k}" for k in range(len(labels), len(self.parameters))]
+        return tuple(labels[: len(self.parameters)])
 
     def _check_arguments(self, function: Callable[..., Any]) -> None:
         if self.period is None:
@@ -148,14 +148,13 @@ class Controller(OfFunction, Load):
             raise JointplayError(self.function.reason)
         if inspect.isclass(self.function):
             try:
-                made: Any = self.function(*self.parameters)
+                sample: Any = self.function(*self.parameters)
             except Exception as error:
                 raise JointplayError(
                     f"the controller {path_of(self.function)!r} cannot be made of the parameters "
                     f"{self.parameters}: {error}"
                 ) from error
-            sample: Sample = made
-            return sample
+            return sample  # type: ignore[no-any-return]
         function, parameters = self.function, self.parameters
         return lambda time, q, v: function(time, q, v, parameters)
 
@@ -168,7 +167,7 @@ class Controller(OfFunction, Load):
         if not inspect.isclass(self.function):
             return None
         name = path_of(self.function)
-        if not all(callable(getattr(sample, way, None)) for way in ("memory", "recall")):
+        if not all(callable(getattr(sample, method, None)) for method in ("memory", "recall")):
             raise JointplayError(
                 f"the controller {name!r} is an object whose state cannot be saved in a "
                 "checkpoint; give it memory(), which returns plain data, and recall(memory)"
@@ -185,17 +184,17 @@ class Controller(OfFunction, Load):
         """Torques at a time, checked, shape (joints,) [N m or N]."""
         name = path_of(self.function)
         try:
-            given = np.asarray(sample(time, q, v), float)
+            sampled = np.asarray(sample(time, q, v), float)
         except Exception as error:
             raise JointplayError(
                 f"the controller {name!r} failed at t = {time:g} s: {error!r}"
             ) from error
-        if given.shape != (len(self.joints),) or not np.isfinite(given).all():
+        if sampled.shape != (len(self.joints),) or not np.isfinite(sampled).all():
             raise JointplayError(
-                f"the controller {name!r} gave {given.tolist()!r} at t = {time:g} s; it must give "
-                f"{len(self.joints)} finite torques ({', '.join(self.joints)})"
+                f"the controller {name!r} gave {sampled.tolist()!r} at t = {time:g} s; it must "
+                f"give {len(self.joints)} finite torques ({', '.join(self.joints)})"
             )
-        return given
+        return sampled
 
 
 def hold(numbers: np.ndarray, time: float, torques: np.ndarray, jumps: bool) -> None:

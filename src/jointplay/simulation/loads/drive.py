@@ -34,22 +34,17 @@ if TYPE_CHECKING:
 
 FASTEST = 1e9
 """Largest bandwidth of a drive [rad/s]: no step follows it."""
-
 MOST_DAMPED = 1e9
 """Largest damping ratio: beyond it a joint creeps, and far beyond it numbers end."""
-
 BANDWIDTH = 100.0
 """Bandwidth of computed torque that nobody gave [rad/s]: judged; what play does to the tool of
 SO-101, AR4, UR5 and Panda changes by less than 4 % between 30 and 300."""
-
 MARGIN = 0.5
 """Part of the bandwidth up to which a drive is stable that it has through teeth: the gain margin of
 6 dB that is usual; of five arms one swung up at 0.8, none at this."""
-
 PRESCRIBED_ARMATURE = 1e9
 """Armature of a joint with prescribed motion, relative to the inertia that it carries: the joint
 departs from the reference by its inverse."""
-
 ENCODERS = ("motor", "link")
 """Where an encoder can sit: before the play of its joint's gear, as in nearly all arms and servos,
 and so where nothing else is said; or behind it, on the joint."""
@@ -93,8 +88,8 @@ class JointFriction(Described):
     def __post_init__(self) -> None:
         check_fields(self)
         if self.static is not None and self.static < self.coulomb:
-            both = f"{self.static:g} N m is below the dry friction {self.coulomb:g} N m"
-            raise JointplayError(f"static joint friction {both}", ("static",))
+            conflict = f"{self.static:g} N m is below the dry friction {self.coulomb:g} N m"
+            raise JointplayError(f"static joint friction {conflict}", ("static",))
 
     @property
     def excess(self) -> float:
@@ -157,8 +152,8 @@ class ComputedTorque(Drive):
         check_fields(self)
         for name, most in (("bandwidth", FASTEST), ("damping_ratio", MOST_DAMPED)):
             if (value := getattr(self, name)) is not None and value > most:
-                words = name.replace("_", " ")
-                raise JointplayError(f"{words} must be at most {most:g}, got {value:g}", (name,))
+                noun = name.replace("_", " ")
+                raise JointplayError(f"{noun} must be at most {most:g}, got {value:g}", (name,))
 
     def through_teeth(self, inertia: float, gear: Gearing | None) -> ComputedTorque:
         """With the bandwidth that the teeth of a gear allow, if nobody gave it; else as it is.
@@ -292,8 +287,8 @@ class Servo(Drive):
     """Sampling period, between whose ends the voltage is held [s]; continuous if not given."""
 
     def __post_init__(self) -> None:
-        given = {} if self.catalogue is None else _servo(self.catalogue)
-        for name, item in given.items():
+        catalogued = {} if self.catalogue is None else _servo(self.catalogue)
+        for name, item in catalogued.items():
             if name not in _BESIDE and getattr(self, name) is None:
                 object.__setattr__(self, name, item["value"])
         missing = [n for n in ("torque_constant", "resistance") if getattr(self, n) is None]
@@ -326,10 +321,10 @@ class Servo(Drive):
         return float(_servo(name)["armature"]["value"])
 
     def origins(self) -> dict[str, str]:
-        given = {} if self.catalogue is None else _servo(self.catalogue)
+        catalogued = {} if self.catalogue is None else _servo(self.catalogue)
         return {
             name: str(item["source"])
-            for name, item in given.items()
+            for name, item in catalogued.items()
             if name not in _BESIDE and getattr(self, name) == item["value"]
         }
 
@@ -347,7 +342,7 @@ class Servo(Drive):
         Raises:
             JointplayError: no such servo or register, or a value that it cannot hold.
         """
-        units, gains, told = _servo(name).get("registers", {}), dict[str, float](), list[str]()
+        units, gains, notes = _servo(name).get("registers", {}), dict[str, float](), list[str]()
         for letter, value in registers.items():
             if letter not in REGISTERS:
                 raise JointplayError(one_of("register", letter, REGISTERS))
@@ -360,16 +355,16 @@ class Servo(Drive):
             gain, known = REGISTERS[letter], units.get(letter)
             if known is not None:
                 gains[gain] = value * known["value"] * voltage
-                told.append(
+                notes.append(
                     f"{name} {letter}={value:g} is {gain} {gains[gain]:.4g} V/rad: "
                     f"{known['origin']}; {known['source']}"
                 )
             elif value:
                 why = units.get("unknown", "its unit was not found")
-                told.append(f"note: {name} {letter}={value:g} left out, {gain} as it was: {why}")
+                notes.append(f"note: {name} {letter}={value:g} left out, {gain} as it was: {why}")
             else:
                 gains[gain] = 0.0
-        return gains, told
+        return gains, notes
 
     @property
     def register(self) -> tuple[float, int] | None:
@@ -409,7 +404,6 @@ class Servo(Drive):
 
 _BESIDE = ("armature", "registers")
 """Of the catalogue, what is no field of a servo: the gear's `rotor_inertia`, units of registers."""
-
 REGISTERS = {"P": "p_gain", "I": "i_gain", "D": "d_gain"}
 """Gains by the registers of servos that set them."""
 
@@ -462,20 +456,22 @@ def assign(
         drives = {name: drive if name in names else Free() for name in joints}
     if unknown:
         raise MissingName("moving joint", unknown[0], joints)
-    for name, one in drives.items():
-        if not isinstance(one, Drive):
-            raise JointplayError(f"joint {name!r} needs a drive, got {one!r}")
+    for name, chosen in drives.items():
+        if not isinstance(chosen, Drive):
+            raise JointplayError(f"joint {name!r} needs a drive, got {chosen!r}")
         entry = mechanism.description.joints.get(name)
-        if isinstance(one, Servo) and one.catalogue and entry is not None and entry.slides:
+        if isinstance(chosen, Servo) and chosen.catalogue and entry is not None and entry.slides:
             raise JointplayError(
-                f"joint {name!r} slides, and {one.catalogue} of the catalogue turns its own: give "
-                "torque_constant [N/A] and resistance instead"
+                f"joint {name!r} slides, and {chosen.catalogue} of the catalogue turns chosen own: "
+                "give torque_constant [N/A] and resistance instead"
             )
-        if one.follows and name not in in_motion:
-            raise JointplayError(f"joint {name!r} has a {one.kind} drive but no reference motion")
-        if name in in_motion and not one.follows:
+        if chosen.follows and name not in in_motion:
             raise JointplayError(
-                f"joint {name!r} has a reference motion, but its drive is {one.kind}; "
+                f"joint {name!r} has a {chosen.kind} drive but no reference motion"
+            )
+        if name in in_motion and not chosen.follows:
+            raise JointplayError(
+                f"joint {name!r} has a reference motion, but chosen drive is {chosen.kind}; "
                 f"drives that follow: {', '.join(d.kind for d in DRIVES.values() if d.follows)}"
             )
     return drives

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ from jointplay.simulation.loads.drive import (
     PRESCRIBED_ARMATURE,
     ComputedTorque,
     Drive,
+    Free,
     JointFriction,
     Prescribed,
     Servo,
@@ -29,9 +31,9 @@ BLOCK_NODES = 25_000
 """Nodes that are tabulated at once, if there are more than twice as many."""
 
 
-_KEPT = 2
+_MOST_RECENT = 2
 _recent: dict[tuple[object, ...], tuple[pin.Model, np.ndarray]] = {}
-"""Tables along the last motions of trees, with the model that was moved."""
+"""Tables along the last motions of trees, so many at most, with the model that was moved."""
 
 
 class Reference:
@@ -147,6 +149,67 @@ class Column(NamedTuple):
     """To which a servo cuts its reference [rad or m]."""
 
 
+class DriveRows(NamedTuple):
+    """What one drive brings into the tables."""
+
+    columns: list[Column]
+    drive: np.ndarray
+    servo: np.ndarray | None = None
+    friction: np.ndarray | None = None
+    armature: float = 0.0
+    """That the model needs at the drive's coordinate [kg m^2 or kg]."""
+
+
+def _rows_of(
+    mechanism: Mechanism,
+    name: str,
+    drive: Drive,
+    column: int,
+    follows: int | None,
+    ideal: IdealMotion | None,
+    losses: JointFriction,
+    limit: float,
+    carried: np.ndarray,
+) -> DriveRows:
+    """Rows of a drive whose columns begin with `column`, by its kind.
+
+    A reference, with the effort that is known beforehand, or an effort alone. A servo has two
+    columns, for the back-EMF of its motor is a damping against a speed of zero. What is prescribed
+    moves with an armature beside which all else weighs nothing.
+
+    `follows`: which of the joints that follow the motion it drives; `carried`: inertia at each
+    coordinate, (nv,) [kg m^2 or kg]; `limit` cuts its effort, `losses` are its joint's friction.
+    """
+    at, gear = mechanism.motor(name), mechanism.gears.get(name)
+    behind = isinstance(drive, ComputedTorque | Servo) and drive.encoder == "link"
+    measured = mechanism.coordinate(name) if behind else at
+    if isinstance(drive, Torque):
+        effort = Column(None, drive.times, drive.values)
+        return DriveRows([effort], drive_row(column, at, limit=limit))
+    if isinstance(drive, Prescribed):
+        armature = PRESCRIBED_ARMATURE * carried[at]
+        row = drive_row(column, at, armature=armature)
+        return DriveRows([Column(follows)], row, armature=armature)
+    if isinstance(drive, ComputedTorque):
+        assert ideal is not None
+        assert follows is not None
+        rotor = gear.rotor_inertia if gear else 0.0
+        inertia = ideal.inertia[follows] + rotor
+        bandwidth = drive.through_teeth(ideal.inertia[follows], gear).bandwidth or BANDWIDTH
+        kd = 2.0 * drive.damping_ratio * bandwidth * inertia
+        row = drive_row(column, at, measured, bandwidth**2 * inertia, kd, limit=limit)
+        return DriveRows([Column(follows, rotor=rotor, losses=losses)], row)
+    assert isinstance(drive, Servo)
+    limit = min(limit, math.inf if drive.effort is None else drive.effort)
+    rubs = gear is not None and (drive.friction or drive.viscous)
+    return DriveRows(
+        [Column(follows, goals=drive.goals), Column()],
+        drive_row(column + 1, at, kd=drive.braking, limit=limit),
+        _servo_row(drive, column, at, measured, limit),
+        _friction_row(at, drive.with_friction(JointFriction())) if rubs else None,
+    )
+
+
 def tabulate(
     mechanism: Mechanism,
     motion: Motion | None,
@@ -160,10 +223,6 @@ def tabulate(
     speed: np.ndarray | None = None,
 ) -> tuple[CoordinateTables, dict[int, float], Reference]:
     """Tabulate all drives: the gains that each acts by, and over time what it follows.
-
-    A drive has a column: a reference, with the effort that it knows beforehand, or an effort alone.
-    A servo has two, for the back-EMF of its motor is a damping against a speed of zero. What is
-    prescribed moves with an armature beside which all else weighs nothing.
 
     Args:
         mechanism, motion, drives, friction: what is driven, and how.
@@ -188,70 +247,31 @@ def tabulate(
         ideal = IdealMotion(mechanism, motion, follows, end, start, speed)
     model = mechanism.model
     carried = pin.crba(model, mechanism.data, start).reshape(model.nv, model.nv).diagonal().copy()
-    armature: dict[int, float] = {}
-    columns, rows, servos = list[Column](), [], []
+    columns, parts = list[Column](), list[DriveRows]()
+    for name, drive in drives.items():
+        if isinstance(drive, Free):
+            continue
+        k = follows.index(name) if drive.follows else None
+        losses, limit = friction.get(name, JointFriction()), (bounds or {}).get(name, np.inf)
+        row = _rows_of(mechanism, name, drive, len(columns), k, ideal, losses, limit, carried)
+        columns += row.columns
+        parts.append(row)
     rubs = [
         _friction_row(mechanism.coordinate(name), losses)
         for name, losses in friction.items()
         if losses.coulomb or losses.excess or losses.viscous
     ]
-    for name, drive in drives.items():
-        at, gear, u = mechanism.motor(name), mechanism.gears.get(name), len(columns)
-        limit = (bounds or {}).get(name, np.inf)
-        k = follows.index(name) if drive.follows else None
-        behind = isinstance(drive, ComputedTorque | Servo) and drive.encoder == "link"
-        measured = mechanism.coordinate(name) if behind else at
-        if isinstance(drive, Torque):
-            columns.append(Column(None, drive.times, drive.values))
-            rows.append(drive_row(u, at, limit=limit))
-        elif isinstance(drive, Prescribed):
-            armature[at] = PRESCRIBED_ARMATURE * carried[at]
-            columns.append(Column(k))
-            rows.append(drive_row(u, at, armature=armature[at]))
-        elif isinstance(drive, ComputedTorque):
-            assert ideal is not None
-            assert k is not None
-            rotor = gear.rotor_inertia if gear else 0.0
-            inertia = ideal.inertia[k] + rotor
-            bandwidth = drive.through_teeth(ideal.inertia[k], gear).bandwidth or BANDWIDTH
-            kd = 2.0 * drive.damping_ratio * bandwidth * inertia
-            columns.append(Column(k, rotor=rotor, losses=friction.get(name, JointFriction())))
-            rows.append(drive_row(u, at, measured, bandwidth**2 * inertia, kd, limit=limit))
-        elif isinstance(drive, Servo):
-            limit = min(limit, math.inf if drive.effort is None else drive.effort)
-            servos.append(_servo_row(drive, u, at, measured, limit))
-            columns += [Column(k, goals=drive.goals), Column()]
-            rows.append(drive_row(u + 1, at, kd=drive.braking, limit=limit))
-            if gear and (drive.friction or drive.viscous):
-                rubs.append(_friction_row(at, drive.with_friction(JointFriction())))
-
-    def table_at(times: np.ndarray, bar: bool) -> np.ndarray:
-        # A run, its ideal twin, those that state its errors, and the same machine with other
-        # clearances all ask for the same.
-        alike = None if ideal is None else ideal.alike()
-        if alike is None or motion is None or any(one.follows is None for one in columns):
-            return _table(columns, times, motion, follows, ideal, bar)
-        known, model = alike
-        key = (
-            *(motion.joints, motion.times.tobytes(), motion.positions.tobytes()),
-            *(motion.interpolation, times[0], times[-1], len(times), known),
-            *(tuple(columns), tuple(follows)),
-        )
-        if key not in _recent or _recent[key][0] != model:
-            table = _table(columns, times, motion, follows, ideal, bar)
-            while len(_recent) >= _KEPT:
-                _recent.pop(next(iter(_recent)), None)
-            _recent[key] = model, table
-        return _recent[key][1].copy()
-
+    rubs += [part.friction for part in parts if part.friction is not None]
+    servos = [part.servo for part in parts if part.servo is not None]
     gears = [
         gear.row(mechanism.motor(name), mechanism.coordinate(name))
         for name, gear in mechanism.gears.items()
     ]
+    rows = partial(_recent_table, columns, motion, follows, ideal)
     nodes_ahead = math.ceil(ahead / REFERENCE_NODE_S) + 4
-    reference = Reference(table_at, nodes, ideal, nodes_ahead, progress)
+    reference = Reference(rows, nodes, ideal, nodes_ahead, progress)
     tables = CoordinateTables(
-        stacked(rows, layout.DRIVE_ROW),
+        stacked([part.drive for part in parts], layout.DRIVE_ROW),
         stacked(servos, layout.SERVO),
         stacked(rubs, layout.FRICTION_ROW),
         stacked(gears, layout.GEAR_ROW),
@@ -259,6 +279,8 @@ def tabulate(
         REFERENCE_NODE_S,
         nodes,
     )
+    moved = zip((int(part.drive["coordinate"][0]) for part in parts), parts, strict=True)
+    armature = {at: part.armature for at, part in moved if part.armature}
     return tables, armature, reference
 
 
@@ -275,12 +297,42 @@ def _servo_row(
     return row
 
 
-def _table(
+def _recent_table(
     columns: Sequence[Column],
-    times: np.ndarray,
     motion: Motion | None,
     follows: Sequence[str],
     ideal: IdealMotion | None,
+    times: np.ndarray,
+    progress: bool,
+) -> np.ndarray:
+    """What `_table` gives, kept for whoever asks next.
+
+    A run, its ideal twin, those that state its errors, and the same machine with other clearances
+    all ask for the same.
+    """
+    alike = None if ideal is None else ideal.alike()
+    if alike is None or motion is None or any(column.follows is None for column in columns):
+        return _table(columns, motion, follows, ideal, times, progress)
+    state, model = alike
+    key = (
+        *(motion.joints, motion.times.tobytes(), motion.positions.tobytes()),
+        *(motion.interpolation, times[0], times[-1], len(times), state),
+        *(tuple(columns), tuple(follows)),
+    )
+    if key not in _recent or _recent[key][0] != model:
+        table = _table(columns, motion, follows, ideal, times, progress)
+        while len(_recent) >= _MOST_RECENT:
+            _recent.pop(next(iter(_recent)), None)
+        _recent[key] = model, table
+    return _recent[key][1].copy()
+
+
+def _table(
+    columns: Sequence[Column],
+    motion: Motion | None,
+    follows: Sequence[str],
+    ideal: IdealMotion | None,
+    times: np.ndarray,
     progress: bool,
 ) -> np.ndarray:
     """Positions, velocities and efforts of all columns at some times, (n, 3 columns)."""

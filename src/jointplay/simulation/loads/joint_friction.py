@@ -11,7 +11,7 @@ import numpy as np
 
 from jointplay.base.errors import JointplayError
 from jointplay.base.schema import quantity
-from jointplay.physics.kernel.constants import ALWAYS
+from jointplay.physics.kernel.constants import ALWAYS, JOINT_FRICTION_SPEED
 from jointplay.simulation.loads.base import OnJoint, Site
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ def _rubbed(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
     """p: a time, friction then, and how fast it grows. It is neither negative nor ever doubled."""
     level = p[1] + p[2] * (time - p[0])
     level = min(max(level, 0.0), 2.0 * p[1])
-    out[0] = -level * math.tanh(dx[0] / 1e-3)
+    out[0] = -level * math.tanh(dx[0] / JOINT_FRICTION_SPEED)
 
 
 @dataclass(frozen=True)

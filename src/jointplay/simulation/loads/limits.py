@@ -20,13 +20,10 @@ if TYPE_CHECKING:
 
 LIMITS = ("report", "cut", "ignore")
 """What becomes of them: ``cut`` also cuts efforts to them, ``ignore`` checks nothing."""
-
 INTERVAL_S = 1e-3
 """Interval at which a reference is held against them."""
-
 MARGIN = 1e-6
 """What passes for rounding [rad or m; of speeds and efforts relative]."""
-
 _SIZES = {"speed": ("a speed", ("rad/s", "m/s")), "effort": ("an effort", ("N m", "N"))}
 """Words and units, of revolute and of prismatic joints."""
 
@@ -73,8 +70,8 @@ def beyond(
     for name, entry, position, sizes in _histories(mechanism, q, v, effort):
         place = _position_beyond(entry, times, position) if len(times) else None
         lines += [f"joint {name!r} was at {place}"] if place else []
-        for what, values in sizes.items():
-            text = _size_beyond(entry, what, times, values) if len(times) else None
+        for quantity, values in sizes.items():
+            text = _size_beyond(entry, quantity, times, values) if len(times) else None
             lines += [f"joint {name!r} had {text}"] if text else []
     return tuple(lines)
 
@@ -84,8 +81,8 @@ def worst(mechanism: Mechanism, q: np.ndarray, v: np.ndarray, effort: np.ndarray
     rows = {0}
     for _, entry, position, sizes in _histories(mechanism, q, v, effort):
         rows |= {int(np.argmax(position)), int(np.argmin(position))}
-        for what, values in sizes.items():
-            limit = getattr(entry, what)
+        for quantity, values in sizes.items():
+            limit = getattr(entry, quantity)
             if limit is not None:
                 size = np.abs(values)
                 over = size > limit * (1.0 + MARGIN)
@@ -119,9 +116,9 @@ def _position_beyond(entry: JointEntry, times: np.ndarray, values: np.ndarray) -
     )
 
 
-def _size_beyond(entry: JointEntry, what: str, times: np.ndarray, values: np.ndarray) -> str | None:
+def _size_beyond(entry: JointEntry, kind: str, times: np.ndarray, values: np.ndarray) -> str | None:
     """The largest value and when, if it is beyond its limit, and when that began."""
-    limit = getattr(entry, what)
+    limit = getattr(entry, kind)
     if limit is None:
         return None
     sizes = np.abs(values)
@@ -129,9 +126,9 @@ def _size_beyond(entry: JointEntry, what: str, times: np.ndarray, values: np.nda
     if not sizes[at] > limit * (1.0 + MARGIN):
         return None
     first = times[int(np.argmax(sizes > limit * (1.0 + MARGIN)))]
-    words, units = _SIZES[what]
+    noun, units = _SIZES[kind]
     unit = units[entry.slides]
     return (
-        f"{words} of {values[at]:.4g} {unit} at t = {times[at]:.4g} s, beyond its limit of "
+        f"{noun} of {values[at]:.4g} {unit} at t = {times[at]:.4g} s, beyond its limit of "
         f"{limit:g} {unit} (first at {first:.4g} s)"
     )

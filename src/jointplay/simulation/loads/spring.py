@@ -30,7 +30,7 @@ def _linear(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
     length = math.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
     for k in range(6):
         out[k] = 0.0
-    if length > 1e-12:
+    if length > _POINT_M:
         rate = (x[0] * dx[0] + x[1] * dx[1] + x[2] * dx[2]) / length
         pull = p[0] * (length - p[2]) + p[1] * rate
         for k in range(3):
@@ -42,7 +42,7 @@ def _curve(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
     length = math.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
     for k in range(6):
         out[k] = 0.0
-    if length > 1e-12:
+    if length > _POINT_M:
         n = int(p[0])
         low, high = 0, n - 1
         while high - low > 1:

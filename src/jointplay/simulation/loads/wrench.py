@@ -50,7 +50,7 @@ _COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 _UNITS = ("N",) * 3 + ("N m",) * 3
 
 
-def _given(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
+def _wrench_law(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
     """p: number of times, whether in the frame's axes, times, wrenches (6 each).
 
     Linear between the times, constant before and after.
@@ -93,14 +93,14 @@ class _Pushing(OnFrame):
 
 @dataclass(frozen=True)
 class _InAxes(_Pushing):
-    """A wrench given in the axes of the world or of its frame, by the law `_given`."""
+    """A wrench given in the axes of the world or of its frame, by the law `_wrench_law`."""
 
     _: KW_ONLY
     axes: str = choice("axes for a wrench", AXES, default=AXES[0])
     """Axes of force and moment: ``world``, or ``frame``: they turn with it."""
 
     def law(self) -> Callable[..., None]:
-        return _given
+        return _wrench_law
 
 
 @dataclass(frozen=True)

@@ -38,51 +38,36 @@ from jointplay.simulation.motion.reference import Motion, check_waypoints
 
 ANGLE_ARM_M = 0.1
 """What turns an angle of the tool into a length [m]: 1 rad counts as 0.1 m."""
-
 REACHED_M = 1e-11
 """Error within which a waypoint counts as reached [m]."""
-
 NEARLY_M = 1e-6
 """Error to which a search that ends in a singular configuration may have come [m]."""
-
 SINGULAR_M = 1e-4
 """Singular values of the tool's Jacobian below this have lost their direction [m per rad or m]."""
-
 _DAMPING = (1e-7, 1e-2, 1e3)
 """Smallest, first and largest damping of the search [m]."""
-
 _ITERATIONS = 300
 """Steps of a search, at most: judged; `_STALLED` ends most that come to nothing."""
-
 _FAR = 2.0
 """Beyond so many times its reach (`Arm.reach`) nothing is searched; nearer, a search says how near
 the tool comes."""
-
 _STALLED, _STALLED_FALL = 20, 0.99
 """Steps of a search (damping takes 17 of them from its smallest to its largest) in which the error
 must fall below this part of itself: where it does not, there is no solution to come to."""
-
 _LOST = 1e-8
 """Singular values of the loops' Jacobian below this part of the largest are none."""
-
 SINGULAR = 1e-3
 """Least motion of the driven joints in a motion of all joints of size 1, see `Arm.authority`."""
-
 _SAMPLES = 5
 """Closed configurations in which freedoms are counted, beside the first."""
-
 _SAME = 1e-6
 """Within which two configurations are the same [rad or m]."""
-
 _NEAR = 30
 """Steps of a search for what is near."""
-
 _LEAST_SHARE = 1.0 / 256.0
 """Of the way to a target, the least step in which it is approached."""
-
 _BOND_WEIGHT = 1e3
 """Of what the joints must keep to, beside the tool that cannot be led where it shall be."""
-
 HALF_RANGE = math.pi
 """Range of restarts about zero, for joints without limits [rad or m]."""
 
@@ -109,15 +94,15 @@ class Target(NamedTuple):
         """After a part of the way to another."""
         if part == 1.0:
             return end
-        way, axis = self.way_to(end)
+        shift, axis = self.way_to(end)
         turn = None
         if self.turn is not None and end.turn is not None:
             turn = self.turn @ pin.exp3(part * axis)
-        return Target(self.position + part * way, turn)
+        return Target(self.position + part * shift, turn)
 
 
 @dataclass(frozen=True)
-class Found:
+class SearchEnd:
     """Where a search ended."""
 
     q: np.ndarray
@@ -172,8 +157,8 @@ class Arm:
         self._within = REACHED_M
         self.seed = self._seed(start)
         if not ideal.loops and driven is not None:
-            said = "driven joints are chosen in closed loops only: here all its joints are driven"
-            raise JointplayError(said, ("driven",))
+            reason = "driven joints are chosen in closed loops only: here all its joints are driven"
+            raise JointplayError(reason, ("driven",))
         self.mimics = closed_loops.followed_mimics(ideal, self.seed, () if ideal.loops else start)
         if ideal.loops or self.mimics:
             self.seed = self.search(self.seed, None).q
@@ -224,7 +209,7 @@ class Arm:
         random = np.random.default_rng(0)
         return [self.seed, *(self.anywhere(random, 0.3) for _ in range(_SAMPLES))]
 
-    def _driven(self, given: Sequence[str] | None) -> tuple[str, ...]:
+    def _driven(self, driven: Sequence[str] | None) -> tuple[str, ...]:
         """The joints that the motion names, checked; None: the nearest to the base that suffice."""
         ideal = self.ideal
         bases = [self.freedoms(q) for q in self._samples()]
@@ -233,35 +218,35 @@ class Arm:
             at = [ideal.coordinate(name) for name in names]
             return max(int(np.linalg.matrix_rank(base[at], _LOST)) for base in bases)
 
-        if given is None:
+        if driven is None:
             chosen: list[str] = []
             for name in closed_loops.from_the_base(ideal):
                 if name not in self.mimics and rank([*chosen, name]) > len(chosen):
                     chosen.append(name)
         else:
-            chosen = list(dict.fromkeys(given))
+            chosen = list(dict.fromkeys(driven))
             for name in chosen:
                 if name not in ideal.joints or name not in ideal.coordinates:
-                    single = [one for one in ideal.joints if one in ideal.coordinates]
+                    single = [joint for joint in ideal.joints if joint in ideal.coordinates]
                     raise MissingName("joint to drive", name, single, where=("driven",))
-        found = rank(chosen)
-        if found < len(chosen):
+        held = rank(chosen)
+        if held < len(chosen):
             raise JointplayError(
                 f"the driven joints {', '.join(chosen)} do not move independently: the loops (and "
-                f"joints that mimic others) leave them {found} of {len(chosen)} freedoms; name "
+                f"joints that mimic others) leave them {held} of {len(chosen)} freedoms; name "
                 f"{self.mobility}, such as {', '.join(self._driven(None))}",
                 where=("driven",),
             )
-        if found < self.mobility:
+        if held < self.mobility:
             base, at = bases[0], [ideal.coordinate(name) for name in chosen]
-            _, values, ways = np.linalg.svd(base[at])
-            left = np.abs(base @ ways[int((values > _LOST).sum()) :].T).max(axis=1)
+            _, values, motions = np.linalg.svd(base[at])
+            left = np.abs(base @ motions[int((values > _LOST).sum()) :].T).max(axis=1)
             loose = dict.fromkeys(
                 repr(name.joint) for name, size in zip(self.names, left, strict=True) if size > 1e-6
             )
             raise JointplayError(
                 f"nothing determines {', '.join(loose)}: of the mechanism's {self.mobility} "
-                f"freedoms the driven joints ({', '.join(chosen) or 'none'}) hold {found}; drive "
+                f"freedoms the driven joints ({', '.join(chosen) or 'none'}) hold {held}; drive "
                 "more joints, or replace a ball joint that only lets a rod spin by two hinges",
                 where=("driven",),
             )
@@ -272,7 +257,7 @@ class Arm:
         return pin.updateFramePlacement(self.model, self.data, self.frame)
 
     def error(self, q: np.ndarray, target: Target | None) -> np.ndarray:
-        """As in `Found`; of the bonds only, without a target."""
+        """As in `SearchEnd`; of the bonds only, without a target."""
         parts = [self._open(q)]
         if target is not None:
             pose = self.pose(q)
@@ -296,8 +281,8 @@ class Arm:
         if self.ideal.loops:
             rows.append(closing_rows(self.ideal, q))
         rows += [
-            ANGLE_ARM_M * closed_loops.mimic_row(self.ideal, *one)[None]
-            for one in self.mimics.items()
+            ANGLE_ARM_M * closed_loops.mimic_row(self.ideal, *mimic)[None]
+            for mimic in self.mimics.items()
         ]
         return self._weight * np.concatenate(rows)
 
@@ -348,9 +333,9 @@ class Arm:
         if not (self.ideal.loops or self.mimics):
             return random.uniform(low, high)
         for _ in range(_RESTARTS):
-            found = self.search(random.uniform(low, high), None)
-            if found.reached:
-                return found.q
+            end = self.search(random.uniform(low, high), None)
+            if end.reached:
+                return end.q
         return self.seed
 
     def manoeuvrability(self, q: np.ndarray, turning: bool) -> float:
@@ -372,30 +357,30 @@ class Arm:
     def attainable(self, turning: bool) -> str:
         """In words, which components of the frame's pose the mechanism can lead."""
         moves = [self.led(q, True) for q in self._samples()]
-        largest = np.max([np.abs(one).max(axis=1) for one in moves], axis=0)
+        largest = np.max([np.abs(motion).max(axis=1) for motion in moves], axis=0)
         able = [axis for axis, size in zip("xyz", largest[:3], strict=True) if size > SINGULAR_M]
         turns = [axis for axis, size in zip("xyz", largest[3:], strict=True) if size > SINGULAR_M]
         ranks = [
-            max(int(np.linalg.matrix_rank(one[:rows], SINGULAR_M)) for one in moves)
+            max(int(np.linalg.matrix_rank(motion[:rows], SINGULAR_M)) for motion in moves)
             for rows in (3, 6)
         ]
         place = self.pose(self.seed)
-        words = [f"the tool can be led along {', '.join(able) or 'no axis'}"]
-        words += [
+        notes = [f"the tool can be led along {', '.join(able) or 'no axis'}"]
+        notes += [
             f"its {axis} stays {round(value, 9) + 0.0:.6g} m"
             for axis, value in zip("xyz", place.translation, strict=True)
             if axis not in able
         ]
         if turning and not turns:
             roll, pitch, yaw = np.round(pin.rpy.matrixToRpy(place.rotation), 6) + 0.0
-            words.append(f"it does not turn (rpy stays {roll:.4g}, {pitch:.4g}, {yaw:.4g} rad)")
+            notes.append(f"it does not turn (rpy stays {roll:.4g}, {pitch:.4g}, {yaw:.4g} rad)")
         elif turning and ranks[1] == ranks[0]:
-            words.append("its orientation follows from its position: leave the orientation out")
+            notes.append("its orientation follows from its position: leave the orientation out")
         elif turning:
-            words.append(f"it can be turned about {', '.join(turns)}")
+            notes.append(f"it can be turned about {', '.join(turns)}")
         if ranks[turning] < len(able) + (len(turns) if turning else 0):
-            words.append(f"{ranks[turning]} of these components are independent")
-        return "; ".join(words)
+            notes.append(f"{ranks[turning]} of these components are independent")
+        return "; ".join(notes)
 
     def search(
         self,
@@ -403,7 +388,7 @@ class Arm:
         target: Target | None,
         bounds: tuple[np.ndarray, np.ndarray] | None = None,
         iterations: int = _ITERATIONS,
-    ) -> Found:
+    ) -> SearchEnd:
         """Levenberg-Marquardt from `seed`; joints that come to their limits stay there.
 
         Steps are of least norm, so that joints which need not move do not. Without a target only
@@ -441,10 +426,10 @@ class Arm:
                 damping *= 4.0
             else:
                 break
-        return self._found(q, error)
+        return self._end(q, error)
 
-    def _found(self, q: np.ndarray, error: np.ndarray) -> Found:
-        return Found(q, error, float(np.linalg.norm(error)) < self._within)
+    def _end(self, q: np.ndarray, error: np.ndarray) -> SearchEnd:
+        return SearchEnd(q, error, float(np.linalg.norm(error)) < self._within)
 
     def _all_rows(self, q: np.ndarray, target: Target | None) -> np.ndarray:
         """Jacobian of `error` without its sign."""
@@ -453,7 +438,7 @@ class Arm:
             return bonds
         return np.concatenate([self.jacobian(q, target.turn is not None), bonds])
 
-    def approach(self, q: np.ndarray, target: Target) -> Found:
+    def approach(self, q: np.ndarray, target: Target) -> SearchEnd:
         """The configuration that leads to `target` from q, where the loops are closed.
 
         In loops the tool goes there in a straight line, in steps from which the next one is found
@@ -464,25 +449,25 @@ class Arm:
             return self.search(q, target)
         pose = self.pose(q)
         begin = Target(pose.translation.copy(), pose.rotation.copy())
-        part, share, found = 0.0, 1.0, self._found(q, self.error(q, target))
+        part, share, end = 0.0, 1.0, self._end(q, self.error(q, target))
         while part < 1.0 and share > _LEAST_SHARE:
             ahead = min(part + share, 1.0)
-            trial = self.search(found.q, begin.towards(target, ahead), iterations=_NEAR)
-            if trial.reached and np.abs(trial.q - found.q).max() < JUMP:
-                found, part, share = trial, ahead, 2.0 * share
+            trial = self.search(end.q, begin.towards(target, ahead), iterations=_NEAR)
+            if trial.reached and np.abs(trial.q - end.q).max() < JUMP:
+                end, part, share = trial, ahead, 2.0 * share
             else:
                 share *= 0.5
-        return self._found(found.q, self.error(found.q, target))
+        return self._end(end.q, self.error(end.q, target))
 
-    def short(self, found: Found, target: Target) -> Found:
+    def short(self, end: SearchEnd, target: Target) -> SearchEnd:
         """From where a search ended short of `target`, with the loops practically closed."""
         self._weight = _BOND_WEIGHT
         try:
-            return self.search(found.q, target)
+            return self.search(end.q, target)
         finally:
             self._weight = 1.0
 
-    def nearest(self, solution: Found, seed: np.ndarray, target: Target) -> Found:
+    def nearest(self, solution: SearchEnd, seed: np.ndarray, target: Target) -> SearchEnd:
         """The solution nearest to `seed` that can be reached from `solution` without losing it."""
         share, held = 1.0, len(self.names) - self.mobility + self.rank
         for _ in range(_ITERATIONS):
@@ -511,16 +496,12 @@ PATHS = ("joint", "line")
 
 SAMPLE_S = 5e-3
 """Longest time between two inverse solutions on a line [s]."""
-
 SAMPLE_M = 2e-3
 """Longest way of the tool between them [m]; an angle counts on an arm of `ANGLE_ARM_M`."""
-
 JUMP = 0.1
 """A joint that moves farther than this while the tool moves by `SAMPLE_M` jumps [rad or m]."""
-
 _PATIENCE_S = 2.0
 """What takes longer has a bar [s]."""
-
 _RESTARTS = 40
 """Searches from anywhere before a waypoint is out of reach: judged; an arm of six
 axes has up to 16 branches."""
@@ -631,8 +612,8 @@ def cartesian_path(
     interpolation = "spline" if path == "line" else "rest-to-rest"
     nodes, configurations = zip(*solved, strict=True)
     table = np.array(configurations)[:, arm.at]
-    given = moments if path == "line" else None
-    motion = Motion(arm.joints, np.array(nodes), table, interpolation, given)
+    waypoints = moments if path == "line" else None
+    motion = Motion(arm.joints, np.array(nodes), table, interpolation, waypoints)
     return CartesianPath(motion, _followers_at(arm, solved[0][1]))
 
 
@@ -666,11 +647,11 @@ def reachable(
         away = np.linalg.norm(np.array(places) - target.position, axis=1)
         with suppress(JointplayError):
             _require_near(arm, target, "")
-            found = arm.approach(seeds[int(away.argmin())], target)
-            if found.reached:
-                _require_regular(arm, found.q, target, "")
+            end = arm.approach(seeds[int(away.argmin())], target)
+            if end.reached:
+                _require_regular(arm, end.q, target, "")
                 able[i] = True
-                seeds.append(found.q)
+                seeds.append(end.q)
                 places.append(target.position)
     return able
 
@@ -699,10 +680,10 @@ def _check_way(arm: Arm, q: np.ndarray, ahead: np.ndarray, target: Target, numbe
     trial = q.copy()
     trial[stand] = ahead[stand]
     standing = [arm.names[i] for i in stand]
-    (there,), (good,) = closed_loops.ClosedLoops(arm.ideal, q, standing).close_all(
+    (closed,), (good,) = closed_loops.ClosedLoops(arm.ideal, q, standing).close_all(
         trial[None], begin=q
     )
-    if not good or np.abs(there - ahead).max() > _SAME:
+    if not good or np.abs(closed - ahead).max() > _SAME:
         raise JointplayError(
             f"on the way to waypoint {number} at {target} the driven joints "
             f"({', '.join(arm.joints)}), moved in step, pass a singular configuration (type 2) or "
@@ -715,10 +696,10 @@ def _waypoints(
     positions: Sequence[Sequence[float]] | np.ndarray,
     orientations: Sequence[Sequence[float]] | np.ndarray | None,
 ) -> tuple[np.ndarray, list[Target]]:
-    given = {"times": times, "positions": positions}
+    numbers = {"times": times, "positions": positions}
     if orientations is not None:
-        given["orientations"] = orientations
-    checked = {name: require_numbers(name, values) for name, values in given.items()}
+        numbers["orientations"] = orientations
+    checked = {name: require_numbers(name, values) for name, values in numbers.items()}
     moments = checked["times"]
     if moments.ndim != 1 or len(moments) < 2:
         raise JointplayError(
@@ -737,61 +718,61 @@ def _waypoints(
     return moments, [Target(*pair) for pair in zip(checked["positions"], turns, strict=True)]
 
 
-def _require_near(arm: Arm, target: Target, what: str) -> None:
+def _require_near(arm: Arm, target: Target, label: str) -> None:
     """Refuse what is far beyond all lengths of the mechanism, before anything is searched."""
     away = float(np.linalg.norm(target.position - arm.origin))
     if away > _FAR * arm.reach + NEARLY_M:
         raise JointplayError(
-            f"{what} at {target} is out of reach: the tool comes no nearer to it than "
+            f"{label} at {target} is out of reach: the tool comes no nearer to it than "
             f"{away - arm.reach:.4g} m, for it is {away:.4g} m from the first joint and the "
             f"lengths from joint to joint make {arm.reach:.4g} m; positions are in m"
         )
 
 
 def _solve(
-    arm: Arm, seed: np.ndarray, target: Target, what: str, first: bool = False
+    arm: Arm, seed: np.ndarray, target: Target, label: str, first: bool = False
 ) -> np.ndarray:
-    """Configuration near `seed` in which the frame is where it shall be; `what` names it."""
+    """Configuration near `seed` in which the frame is where it shall be; `label` names it."""
     solution = arm.approach(seed, target)
     if not solution.reached and arm.ideal.loops:
         solution = arm.search(seed, target)
     if not solution.reached:
-        solution = _otherwise(arm, solution, seed, target, what, first)
+        solution = _otherwise(arm, solution, seed, target, label, first)
     if arm.mobility > arm.rank:
         solution = arm.nearest(solution, seed, target)
-    _require_regular(arm, solution.q, target, what)
+    _require_regular(arm, solution.q, target, label)
     return solution.q
 
 
-def _require_regular(arm: Arm, q: np.ndarray, target: Target, what: str) -> None:
+def _require_regular(arm: Arm, q: np.ndarray, target: Target, label: str) -> None:
     smallest = arm.manoeuvrability(q, target.turn is not None)
     if smallest < SINGULAR_M:
-        raise JointplayError(_singular(arm, what, target, smallest))
+        raise JointplayError(_singular(arm, label, target, smallest))
     if not arm.ideal.loops:
         return
     authority = arm.authority(q)
     if authority < SINGULAR:
         raise JointplayError(
-            f"{what} at {target} is singular (type 2): the mechanism can move there although the "
+            f"{label} at {target} is singular (type 2): the mechanism can move there although the "
             f"driven joints ({', '.join(arm.joints)}) stand; they move {authority:.2g} in a motion "
             f"of all joints of size 1, at least {SINGULAR:g} is needed"
         )
 
 
 def _otherwise(
-    arm: Arm, attempt: Found, seed: np.ndarray, target: Target, what: str, first: bool
-) -> Found:
-    doing = f"looking for {what}"
+    arm: Arm, attempt: SearchEnd, seed: np.ndarray, target: Target, label: str, first: bool
+) -> SearchEnd:
+    doing = f"looking for {label}"
     restarts = ProgressBar(range(_RESTARTS), doing, unit="try", delay=_PATIENCE_S, leave=False)
     tries = [arm.search(arm.anywhere(arm.random), target) for _ in restarts]
-    others = [one for one in tries if one.reached]
-    other = min(others, key=lambda one: float(np.linalg.norm(one.q - seed)), default=None)
+    branches = [end for end in tries if end.reached]
+    branch = min(branches, key=lambda end: float(np.linalg.norm(end.q - seed)), default=None)
     remedy = ""
-    if other is not None:
+    if branch is not None:
         if first:
-            return other
+            return branch
         values = ", ".join(
-            f"{name} = {other.q[arm.names.index(name)]:.4g}"
+            f"{name} = {branch.q[arm.names.index(name)]:.4g}"
             for name in arm.ideal.joints
             if name in arm.names
         )
@@ -801,31 +782,31 @@ def _otherwise(
     if beyond.reached:
         i = int(np.argmax(np.maximum(arm.low - beyond.q, beyond.q - arm.high)))
         raise JointplayError(
-            f"{what} at {target} violates the limits of joint {arm.names[i]!r}: it would have to "
+            f"{label} at {target} violates the limits of joint {arm.names[i]!r}: it would have to "
             f"be at {beyond.q[i]:.4g}, allowed is {arm.low[i]:g} to {arm.high[i]:g}{remedy}"
         )
     if remedy:
         raise JointplayError(
-            f"{what} at {target} cannot be reached from the waypoint before{remedy}"
+            f"{label} at {target} cannot be reached from the waypoint before{remedy}"
         )
-    best = min([attempt, *tries], key=lambda one: float(np.linalg.norm(one.error)))
+    best = min([attempt, *tries], key=lambda end: float(np.linalg.norm(end.error)))
     smallest = arm.manoeuvrability(best.q, target.turn is not None)
     if np.linalg.norm(best.error) < NEARLY_M and smallest < SINGULAR_M:
-        raise JointplayError(_singular(arm, what, target, smallest))
+        raise JointplayError(_singular(arm, label, target, smallest))
     turning = target.turn is not None
     best = arm.short(best, target)
     distance = np.linalg.norm(best.error[:3])
     angle = np.linalg.norm(best.error[3:6]) / ANGLE_ARM_M if turning else 0.0
     able = f": {arm.attainable(turning)}" if arm.rank < (6 if turning else 3) else ""
     raise JointplayError(
-        f"{what} at {target} is out of reach: {distance:.4g} m and {angle:.4g} rad remain; "
+        f"{label} at {target} is out of reach: {distance:.4g} m and {angle:.4g} rad remain; "
         f"{'move it closer' if distance > NEARLY_M else 'turn it less'}{able}"
     )
 
 
 def _samples(first: tuple[float, Target], last: tuple[float, Target]) -> int:
-    way, axis = first[1].way_to(last[1])
-    size = float(np.linalg.norm([*way, *(ANGLE_ARM_M * axis)]))
+    shift, axis = first[1].way_to(last[1])
+    size = float(np.linalg.norm([*shift, *(ANGLE_ARM_M * axis)]))
     # The quintic's largest speed is 15/8 of the mean; a spline needs a few points.
     most = max((last[0] - first[0]) / SAMPLE_S, 15.0 / 8.0 * size / SAMPLE_M)
     return max(math.ceil(most), 10)
@@ -837,13 +818,13 @@ def _line(
     base = arm.freedoms(q)
     span = float(times[1] - times[0])
     for k in range(1, count + 1):
-        part, what = k / count, f"the line to waypoint {number}"
+        part, label = k / count, f"the line to waypoint {number}"
         law = part**3 * (10.0 - 15.0 * part + 6.0 * part**2)
         time, target = times[0] + part * span, targets[0].towards(targets[1], law)
         if k == count:
-            time, what = times[1], f"waypoint {number}"
+            time, label = times[1], f"waypoint {number}"
         try:
-            ahead = _solve(arm, q, target, what)
+            ahead = _solve(arm, q, target, label)
         except JointplayError:
             _solve(arm, q, targets[1], f"waypoint {number}", first=True)
             raise
@@ -868,9 +849,9 @@ def _line(
         yield float(time), q
 
 
-def _singular(arm: Arm, what: str, target: Target, smallest: float) -> str:
+def _singular(arm: Arm, label: str, target: Target, smallest: float) -> str:
     kind = " (type 1)" if arm.ideal.loops else ""
     return (
-        f"{what} at {target} is singular{kind}: the tool cannot be led in every direction there "
+        f"{label} at {target} is singular{kind}: the tool cannot be led in every direction there "
         f"(smallest singular value {smallest:.2g} m, at least {SINGULAR_M:g} m is needed)"
     )

@@ -40,16 +40,16 @@ class CompleteMotion:
             places: dict[float, list[str]] = {}
             for name, position in self.held.items():
                 places.setdefault(position, []).append(name)
-            words = [f"{', '.join(names)} at {at:g}" for at, names in places.items()]
+            parts = [f"{', '.join(names)} at {at:g}" for at, names in places.items()]
             lines.append(
-                f"held because the motion does not name them: {'; '.join(words)} [rad or m]; set "
+                f"held because the motion does not name them: {'; '.join(parts)} [rad or m]; set "
                 'their position in [start], or release one with [drives] NAME = "free"'
             )
         if self.following:
-            words = [f"{name} = {mimic.formula()}" for name, mimic in self.following.items()]
+            parts = [f"{name} = {mimic.formula()}" for name, mimic in self.following.items()]
             lines.append(
                 "joints that mimic others follow their references, by drives of their own: "
-                + ", ".join(words)
+                + ", ".join(parts)
             )
         return lines
 
@@ -105,10 +105,10 @@ def _beside_loops(
     if not any(ideal.description.joints[name].mimic for name in missing):
         return CompleteMotion(motion, {}, {})
     q = np.zeros(ideal.model.nq)
-    given = dict(zip(motion.joints, motion(np.zeros(1))[0][0], strict=True))
-    held = [name for name in {**start, **given} if name in ideal.coordinates]
+    begins = dict(zip(motion.joints, motion(np.zeros(1))[0][0], strict=True))
+    held = [name for name in {**start, **begins} if name in ideal.coordinates]
     at = [ideal.coordinates.index(name) for name in held]
-    q[at] = [{**start, **given}[name] for name in held]
+    q[at] = [{**start, **begins}[name] for name in held]
     alone = [*start, *motion.joints, *(name for name in ideal.joints if name not in missing)]
     try:
         mimics = followed_mimics(ideal, assemble(ideal, q, at), alone)
@@ -121,8 +121,8 @@ def _beside_loops(
         following |= _follow(ideal, mimics, columns, len(motion.times))
     names = [*motion.joints, *following]
     table = np.array([columns[name] for name in names]).T
-    whole = Motion(names, motion.times, table, motion.interpolation, motion.given)
-    return CompleteMotion(whole, {}, following)
+    complete = Motion(names, motion.times, table, motion.interpolation, motion.given)
+    return CompleteMotion(complete, {}, following)
 
 
 def _with_leaders(
@@ -133,27 +133,27 @@ def _with_leaders(
     It ends with the motion, also where that would go on. `columns`: positions of the joints of the
     motion, and of what follows them, at its times; q: where the others are searched for.
     """
-    whole = Motion(
+    known = Motion(
         list(columns), motion.times, np.array([*columns.values()]).T, motion.interpolation
     )
     count = max(math.ceil((motion.times[-1] - motion.times[0]) / SAMPLE_S), 10) + 1
     times = np.linspace(motion.times[0], motion.times[-1], count)
-    places = whole(times)[0]
-    at = [ideal.coordinate(name) for name in whole.joints]
+    places = known(times)[0]
+    at = [ideal.coordinate(name) for name in known.joints]
     begin = q.copy()
     begin[at] = places[0]
     begin = assemble(ideal, begin, at)
     rows = np.tile(begin, (count, 1))
     rows[:, at] = places
-    closed = ClosedLoops(ideal, begin, whole.joints).closed(rows, begin)
-    leaders = {one.mimic.leader for one in ideal.description.joints.values() if one.mimic}
-    found = {
+    closed = ClosedLoops(ideal, begin, known.joints).closed(rows, begin)
+    leaders = {entry.mimic.leader for entry in ideal.description.joints.values() if entry.mimic}
+    positions = {
         name: closed[:, ideal.coordinates.index(name)]
         for name in ideal.joints
         if name in columns or (name in leaders and name in ideal.coordinates)
     }
     waypoints = motion.waypoints[0]
-    return Motion(motion.joints, times, motion(times)[0], "spline", waypoints), found
+    return Motion(motion.joints, times, motion(times)[0], "spline", waypoints), positions
 
 
 def _follow(

@@ -18,19 +18,14 @@ from jointplay.simulation.motion.reference import REFERENCE_NODE_S, Motion
 
 LOOP_NODE_S = 1e-3
 """Interval at which loops are closed along the motion; between, a quintic spline [s]."""
-
 _SPLINE_MARGIN = 60
 """Nodes beyond the times that are asked for: a spline forgets its end by 0.43 a node or faster."""
-
 _BLOCKS_BEHIND = 3
 """Ends of calls of `efforts` whose closed loops are remembered."""
-
 _PORTION = 20_000
 """Times at which a tree's motion is held in memory at once."""
-
 _BASE = slice(0, 6)
 """The coordinates of a free base."""
-
 _PATIENCE_S = 1.0
 """What takes longer has a bar [s]."""
 
@@ -229,10 +224,10 @@ class IdealMotion:
         high = min(math.ceil(times[-1] / interval) + _SPLINE_MARGIN, self._nodes - 1)
         further = math.floor(times[-1] / interval) - _SPLINE_MARGIN
         begin = max(node for node in self._closed if node <= low)
-        way = np.arange(begin, high + 1) * interval
+        node_times = np.arange(begin, high + 1) * interval
         if high == self._nodes - 1:
-            way[-1] = self._end
-        nodes, places = way[low - begin :], motion(way)[0][:, self._order]
+            node_times[-1] = self._end
+        nodes, places = node_times[low - begin :], motion(node_times)[0][:, self._order]
         q = np.empty((len(nodes), ideal.model.nq))
         maps = np.empty((len(nodes), ideal.model.nv, len(at)))
         guess = self._closed[begin]
@@ -268,17 +263,17 @@ class IdealMotion:
         return efforts
 
 
-def _shown(things: Sequence[int], progress: bool) -> Iterable[int]:
-    words = "tabulating the motion"
-    return ProgressBar(things, words, disable=not progress, delay=_PATIENCE_S, leave=False)
+def _shown(nodes: Sequence[int], progress: bool) -> Iterable[int]:
+    label = "tabulating the motion"
+    return ProgressBar(nodes, label, disable=not progress, delay=_PATIENCE_S, leave=False)
 
 
 def _ideal_configuration(mechanism: Mechanism, ideal: Mechanism, q: np.ndarray) -> np.ndarray:
     """Configuration of the ideal mechanism whose joints stand as those of `mechanism` do."""
     names = mechanism.coordinates
     places = [
-        names.index(one) if one in names else mechanism.coordinate(one.joint)
-        for one in ideal.coordinates
+        names.index(coordinate) if coordinate in names else mechanism.coordinate(coordinate.joint)
+        for coordinate in ideal.coordinates
     ]
     return q[np.array(places, int)]
 
@@ -291,18 +286,18 @@ def driven_map(mechanism: Mechanism, q: np.ndarray, at: Sequence[int]) -> np.nda
             configuration, or too few drives).
     """
     rows = closing_rows(mechanism, q)
-    rest = np.setdiff1d(np.arange(mechanism.model.nv), at)
-    block = rows[:, rest]
-    _, values, ways = np.linalg.svd(block)
+    led = np.setdiff1d(np.arange(mechanism.model.nv), at)
+    block = rows[:, led]
+    _, values, motions = np.linalg.svd(block)
     held = int(np.count_nonzero(values >= 1e-8 * values.max(initial=0.0)))
-    if held < len(rest):
-        sizes = np.abs(ways[held:]).max(axis=0)
+    if held < len(led):
+        sizes = np.abs(motions[held:]).max(axis=0)
         names, driven = (
             ", ".join(dict.fromkeys(repr(mechanism.coordinates[i].joint) for i in some))
-            for some in (rest[sizes > 1e-6], at)
+            for some in (led[sizes > 1e-6], at)
         )
         outside = dict.fromkeys(
-            repr(mechanism.coordinates[i].joint) for i in rest if np.abs(rows[:, i]).max() < 1e-9
+            repr(mechanism.coordinates[i].joint) for i in led if np.abs(rows[:, i]).max() < 1e-9
         )
         if outside:
             raise JointplayError(
@@ -315,6 +310,6 @@ def driven_map(mechanism: Mechanism, q: np.ndarray, at: Sequence[int]) -> np.nda
         )
     ratios = np.zeros((mechanism.model.nv, len(at)))
     ratios[at, np.arange(len(at))] = 1.0
-    if len(rest):  # none: a door on two hinges
-        ratios[rest] = -np.linalg.lstsq(block, rows[:, at], rcond=None)[0]
+    if len(led):  # none: a door on two hinges
+        ratios[led] = -np.linalg.lstsq(block, rows[:, at], rcond=None)[0]
     return ratios

@@ -35,7 +35,6 @@ INTERPOLATIONS = ("rest-to-rest", "spline", "constant-speed", "speed-ramps")
 
 GOES_ON = INTERPOLATIONS[2:]
 """Those that do not stand still after the last waypoint."""
-
 ENOUGH_SAMPLES = 12
 """So many points that follow each other closely by chance are rare: of waypoints drawn anywhere one
 joint does so in 0.1 %, of waypoints each drawn about the last one in 8 % of all cases. Of fewer
@@ -45,7 +44,6 @@ SAMPLED_S = 0.025
 RESTS = 0.01
 """At an end where a joint moves at less than this part of its largest speed it is at rest (judged:
 what noise and the spline's own error come to). Noise that changes speeds by less is none."""
-
 NOISY = 0.25
 """From this part on that noise has in the squares of accelerations it is said: half the root mean
 square (judged). It is told by differences of fourth order, which of white noise have 70 / 6 times
@@ -67,10 +65,10 @@ def are_samples(times: np.ndarray, positions: np.ndarray) -> bool:
         return False
     spans = np.diff(times)
     limit = min(len(times) / ENOUGH_SAMPLES, 1.0)
-    ways = np.diff(positions, axis=0)
+    steps = np.diff(positions, axis=0)
     smooth = any(
         (np.diff(speeds, axis=0) ** 2).sum() < limit * (speeds**2).sum()
-        for speeds in (ways / spans[:, None], ways)
+        for speeds in (steps / spans[:, None], steps)
     )
     return bool(np.median(spans) < SAMPLED_S or smooth)
 
@@ -95,7 +93,7 @@ def motion_csv(
 ) -> str:
     """A file that `Motion.from_csv` reads as it was: a comment says how it is interpolated."""
     columns = zip(joints, positions.T, strict=True)
-    table = Table([Column("time", times, "s"), *(Column(n, own, key=n) for n, own in columns)])
+    table = Table([Column("time", times, "s"), *(Column(n, q, key=n) for n, q in columns)])
     return f"# interpolation: {interpolation}\n{table.csv(None)}"
 
 
@@ -179,7 +177,7 @@ class Motion(Described):
             curve = self._fit()
             curves = (curve, curve.derivative(1), curve.derivative(2))
         object.__setattr__(self, "_curves", curves)
-        if not all(np.isfinite(one.c).all() for one in curves):
+        if not all(np.isfinite(polynomial.c).all() for polynomial in curves):
             raise JointplayError(
                 "the motion's accelerations overflow: its waypoints are too far apart"
             )
@@ -239,8 +237,8 @@ class Motion(Described):
     def summary(self) -> str:
         number = len(self.waypoints[0])
         through = f" through {len(self.times)} points" if number < len(self.times) else ""
-        what = "sample" if self.samples else "waypoint"
-        return f"{counted(number, what)}, {self.interpolation}{through}"
+        noun = "sample" if self.samples else "waypoint"
+        return f"{counted(number, noun)}, {self.interpolation}{through}"
 
     @property
     def samples(self) -> bool:
@@ -269,7 +267,8 @@ class Motion(Described):
         speeds = np.diff(self.positions, axis=0) / np.diff(self.times)[:, None]
         turns = np.diff(speeds, axis=0)
         rough, turned, moved = (
-            (one**2).sum(axis=0) for one in (np.diff(turns, 2, axis=0), turns, speeds)
+            (differences**2).sum(axis=0)
+            for differences in (np.diff(turns, 2, axis=0), turns, speeds)
         )
         noisy = (rough * 6.0 / 70.0 > NOISY * turned) & (turned > RESTS**2 * moved)
         most = np.abs(self(self.times)[2]).max(axis=0)
@@ -346,8 +345,8 @@ class Motion(Described):
         table = np.array(values)
         if interpolation is None:
             above = files.read_text(path, "motion").splitlines()[: rows[0][0] - 1]
-            said = [found[1] for line in above if (found := _SAYS.fullmatch(line.strip()))]
-            interpolation = said[0] if said else None
+            named = [match[1] for line in above if (match := _SAYS.fullmatch(line.strip()))]
+            interpolation = named[0] if named else None
         return cls(header[1:], table[:, 0], table[:, 1:], interpolation)
 
     def csv(self) -> str:

@@ -74,15 +74,15 @@ def definition(kind: str) -> str:
 
 def _blocks(text: str) -> dict[str, list[str]]:
     """Fields of a message and of its parts, by name, comments and spacing gone."""
-    name, found = "", {"": []}  # type: tuple[str, dict[str, list[str]]]
+    name, blocks = "", {"": []}  # type: tuple[str, dict[str, list[str]]]
     for line in text.splitlines():
-        words = " ".join(line.partition("#")[0].split())
-        if words.startswith("MSG:"):
-            name = words[4:].strip().replace("/msg/", "/")
-            found[name] = []
-        elif words and set(words) != {"="}:
-            found[name].append(words.replace("/msg/", "/"))
-    return found
+        field = " ".join(line.partition("#")[0].split())
+        if field.startswith("MSG:"):
+            name = field[4:].strip().replace("/msg/", "/")
+            blocks[name] = []
+        elif field and set(field) != {"="}:
+            blocks[name].append(field.replace("/msg/", "/"))
+    return blocks
 
 
 def read(path: str | Path, topic: str | None = None) -> tuple[list[str], np.ndarray, np.ndarray]:
@@ -99,7 +99,7 @@ def read(path: str | Path, topic: str | None = None) -> tuple[list[str], np.ndar
     path = Path(path)
     with opened(path) as bag:
         kind, chosen = _choose(bag.topics, path, topic)
-        messages = [one[3] for one in bag.decoded([chosen])]
+        messages = [message[3] for message in bag.decoded([chosen])]
         where = f"{path}, topic {chosen}"
         if not messages:
             raise JointplayError(f"{where}: there is no message")
@@ -122,11 +122,11 @@ class Bag:
         Raises:
             JointplayError: they are not as many as the bag says.
         """
-        found = dict.fromkeys(topics, 0)
-        for one in self.reader.iter_decoded_messages(topics):
-            found[one[1].topic] += 1
-            yield one
-        for topic, number in found.items():
+        counts = dict.fromkeys(topics, 0)
+        for message in self.reader.iter_decoded_messages(topics):
+            counts[message[1].topic] += 1
+            yield message
+        for topic, number in counts.items():
             if topic in self.messages and number != self.messages[topic]:
                 raise JointplayError(
                     f"the bag is damaged: of topic {topic} there are {number} messages, and "
@@ -176,7 +176,6 @@ def opened(path: Path) -> Iterator[Bag]:
 
 _FOOTER = 8 + 8 + 4
 """Bytes of what an MCAP file's last record holds: where summary and its index begin, checksum."""
-
 _ENDING = _FOOTER + 8
 """The same with the mark that ends the file."""
 
@@ -190,12 +189,12 @@ def _is_sealed(file: BinaryIO) -> bool:
     """
     end = file.seek(-_ENDING, io.SEEK_END)
     footer = file.read(_FOOTER)
-    given = int.from_bytes(footer[16:], "little")
+    checksum = int.from_bytes(footer[16:], "little")
     begin = int.from_bytes(footer[:8], "little")
-    if not given or not begin:
+    if not checksum or not begin:
         return False
     file.seek(begin)
-    if zlib.crc32(file.read(end + 16 - begin)) != given:
+    if zlib.crc32(file.read(end + 16 - begin)) != checksum:
         raise JointplayError("the bag is damaged: its summary does not match its checksum")
     return True
 
@@ -218,7 +217,7 @@ def _choose(topics: Mapping[str, str], path: Path, topic: str | None) -> tuple[s
         require_known("topic of joint positions", topic, fit)
         return fit[topic], topic
     for kind in (_TRAJECTORY, STATE):
-        named = [name for name, one in fit.items() if one == kind]
+        named = [name for name, its_kind in fit.items() if its_kind == kind]
         if len(named) > 1:
             raise JointplayError(f"{path}: name one of the topics {', '.join(named)}")
         if named:
@@ -229,16 +228,16 @@ def _choose(topics: Mapping[str, str], path: Path, topic: str | None) -> tuple[s
 
 def _points(message: Any, where: str) -> tuple[list[str], np.ndarray, np.ndarray]:
     """Of a JointTrajectory: joints; times (n,) [s] from its start; positions (n, joints)."""
-    joints, given = list(message.joint_names), message.points
-    for number, point in enumerate(given, 1):
+    joints, points = list(message.joint_names), message.points
+    for number, point in enumerate(points, 1):
         if len(point.positions) != len(joints):
             raise JointplayError(
                 f"{where}: point {number} has {len(point.positions)} positions for "
                 f"{len(joints)} joints"
             )
-    times = np.array([_seconds(point.time_from_start) for point in given])
-    positions = np.array([list(point.positions) for point in given], float)
-    return joints, times, positions.reshape(len(given), len(joints))
+    times = np.array([_seconds(point.time_from_start) for point in points])
+    positions = np.array([list(point.positions) for point in points], float)
+    return joints, times, positions.reshape(len(points), len(joints))
 
 
 def _states(messages: Iterable[Any], where: str) -> tuple[list[str], np.ndarray, np.ndarray]:

@@ -28,30 +28,24 @@ if TYPE_CHECKING:
 
 DRIFT_WARNING_M = 1e-6
 """Gap of an ideal loop above which a run warns."""
-
 NOTHING_EXCHANGED = 1e-6
 """Part of the kinetic and elastic energy below which variations count as none."""
-
 SPEED_NOISE = 1e-9
 """Speed that the velocity solve does not tell from rest, of a kilogram (`solve.TOLERANCE`) [m/s].
 """
-
 ENERGY_WARNING = 0.01
 """Relative energy residual above which a run warns."""
-
 UNDER_RESOLVED_WARNING = 1e-3
 """Share of the normal impulse in contacts of too few steps above which a run warns."""
-
 STEP_WARNING = 0.01
 """Error by the step, relative to the motion, above which a run warns."""
-
+DEEP_WARNING = 0.5
+"""Penetration over clearance above which a run warns: judged, far beyond what contact laws mean."""
 FEW_UNSOLVED = 10
 """So many steps whose velocities are known to less than the solve's tolerance are not worth a word:
 a first step from rest, or a corner of a friction law hit exactly."""
-
 IMPULSE_WARNING = 0.01
 """Part of a joint's impulse that its recorded forces may miss before a run warns."""
-
 FED_WARNING = 0.01
 """What friction may give back, relative to the energy exchanged, before a run warns."""
 
@@ -160,7 +154,7 @@ class Audit(Described):
                 f"{WELL_RESOLVED_STEPS} steps (shortest {self.shortest_contact_steps}; "
                 f"{100 * self.under_resolved_impulse:.2g} % of the impulse): reduce the step"
             )
-        if self.penetration_over_clearance > 0.5:
+        if self.penetration_over_clearance > DEEP_WARNING:
             worries.append(
                 f"the journal sank in by {self.largest_penetration:.3g} m, "
                 f"{100 * self.penetration_over_clearance:.0f} % of its clearance: the contact is "
@@ -225,10 +219,10 @@ class Audit(Described):
         known = certificate.headline if certificate else ()
         # Of a flexible link's hinges no figure is certified.
         same = (
-            one.name
-            for one in known
-            if one.name.startswith("peak joint force")
-            and math.isclose(one.value, self.peak_force, rel_tol=1e-6)
+            figure.name
+            for figure in known
+            if figure.name.startswith("peak joint force")
+            and math.isclose(figure.value, self.peak_force, rel_tol=1e-6)
         )
         peak = shown(certificate, next(same, ""), self.peak_force, "N")
         if not self.judged_from:
@@ -257,16 +251,16 @@ class Audit(Described):
     def text(self, certificate: Certificate | None = None) -> str:
         percent = 100 * self.relative_energy_residual
         lines = [
-            f"  energy residual: {_told(self.energy_residual, 'J')}, "
-            f"{percent:.2g} % of {_told(self.energy_exchanged, 'J')} exchanged"
+            f"  energy residual: {_readable(self.energy_residual, 'J')}, "
+            f"{percent:.2g} % of {_readable(self.energy_exchanged, 'J')} exchanged"
         ]
         if self.impacts:
             steps = self.shortest_contact_steps
             shortest = f"shortest {steps} steps" if steps else "none ended"
-            deepest = f"  largest penetration: {_told(self.largest_penetration, 'm')}, "
+            deepest = f"  largest penetration: {_readable(self.largest_penetration, 'm')}, "
             deepest += f"{100 * self.penetration_over_clearance:.2g} % of the clearance"
             if not self.penetration_over_clearance:  # of rolling elements alone, which have none
-                depth = _told(self.largest_penetration, "m")
+                depth = _readable(self.largest_penetration, "m")
                 deepest = f"  largest deflection of an element: {depth}"
             lines += [
                 f"  contacts: {self.impacts}, {shortest}, "
@@ -281,11 +275,11 @@ class Audit(Described):
                 f"{100 * self.relative_step_error:.2g} % of the motion"
             )
         if self.loop_drift:
-            lines.append(f"  drift of ideal loops: {_told(self.loop_drift, 'm')}")
+            lines.append(f"  drift of ideal loops: {_readable(self.loop_drift, 'm')}")
         return "\n".join(lines + [f"  warning: {text}" for text in self.warnings])
 
 
-def _told(value: float, unit: str) -> str:
+def _readable(value: float, unit: str) -> str:
     """A figure of which no error is known."""
     return readable(value, unit, UNKNOWN_DIGITS)
 
@@ -333,7 +327,6 @@ MISSED = 5.0
 Between two records a force is unknown by no more than it is seen to vary there, its peak included;
 over many intervals these errors add up as independent ones do, unless records and force keep step.
 """
-
 MOST_WORST = 64
 """Portions whose worst records are kept apart."""
 
@@ -389,10 +382,10 @@ class Auditor:
         if not 0 < records.rows <= PORTION:
             for begin in range(0, records.rows, PORTION):
                 at = slice(begin, begin + PORTION)
-                given = (values[at] for values in (work, residual, drift, effort, elastic))
+                arrays = (values[at] for values in (work, residual, drift, effort, elastic))
                 part = records.part(begin, begin + PORTION)
                 motion, energy = ([values[at] for values in two] for two in (state, energies))
-                self.add_records(part, motion, energy, *given)
+                self.add_records(part, motion, energy, *arrays)
             return
         q, v = state
         if self._start is None:
@@ -443,19 +436,16 @@ class Auditor:
             force = np.concatenate([self._before[1], force])
             peaks = np.concatenate([peaks[:1], peaks])
         self._before = time[-1:].copy(), force[-1:].copy()
-        interval, one, other, peak = np.diff(time)[:, None], force[:-1], force[1:], peaks[1:]
-        self._sampled += 0.5 * (interval[..., None] * (one + other)).sum(axis=0)
+        interval, begin, end, peak = np.diff(time)[:, None], force[:-1], force[1:], peaks[1:]
+        self._sampled += 0.5 * (interval[..., None] * (begin + end)).sum(axis=0)
         sizes = lengths(force)
         self._pressed += 0.5 * (interval * (sizes[:-1] + sizes[1:])).sum(axis=0)
-        widest = np.maximum(lengths(one - other), lengths(one - peak))
-        widest = np.maximum(widest, lengths(other - peak))
+        widest = np.maximum(lengths(begin - end), lengths(begin - peak))
+        widest = np.maximum(widest, lengths(end - peak))
         self._unknown += ((interval * widest) ** 2).sum(axis=0)
 
     def audit(
-        self,
-        workspace: Workspace,
-        rest: Rest | None,
-        unjudged: Mapping[str, np.ndarray] | None,
+        self, workspace: Workspace, rest: Rest | None, unjudged: Mapping[str, np.ndarray] | None
     ) -> Audit:
         """The figures of a run at its end.
 
@@ -522,8 +512,8 @@ class Auditor:
             return 0.0
         impulse = workspace.joints["impulse"]
         missed = np.linalg.norm(self._sampled - impulse, axis=1) - MISSED * np.sqrt(self._unknown)
-        whole = np.maximum(self._pressed, np.linalg.norm(impulse, axis=1))
-        return float(np.max(missed[whole > 0.0] / whole[whole > 0.0], initial=0.0))
+        total = np.maximum(self._pressed, np.linalg.norm(impulse, axis=1))
+        return float(np.max(missed[total > 0.0] / total[total > 0.0], initial=0.0))
 
     def _friction_step_limit(self) -> float:
         explicit = integrator(self._simulation["integrator"]).single_rate
@@ -548,8 +538,8 @@ class Auditor:
 def lengths(vectors: np.ndarray) -> np.ndarray:
     """Of vectors (..., 3): those of `numpy.linalg.norm`, which takes three times as long."""
     x, y, z = np.moveaxis(vectors, -1, 0)
-    found: np.ndarray = np.sqrt(x * x + y * y + z * z)
-    return found
+    sizes: np.ndarray = np.sqrt(x * x + y * y + z * z)
+    return sizes
 
 
 def _larger(before: float, values: np.ndarray) -> float:

@@ -69,12 +69,12 @@ class CertifiedFigure(Described):
         return f"{self.number} {displayed(self.unit)[1]}".rstrip()
 
 
-def plus_minus(value: float, error: float, whole: bool = False) -> str:
+def plus_minus(value: float, error: float, is_count: bool = False) -> str:
     """``677.1 ± 0.3``: the error with one digit (two if it begins with 1), the value as many.
 
     The value has three to six digits; a smaller error is rounded up to the last of them. An error
     that is as large as the value leaves only what the size is at most. A value without error stands
-    alone. `whole`: they are counts.
+    alone. `is_count`: both are whole numbers.
     """
     if not math.isfinite(error):
         return f"{value:.4g} ± unknown"
@@ -82,11 +82,11 @@ def plus_minus(value: float, error: float, whole: bool = False) -> str:
         return f"{value:.6g}"
     if error >= abs(value):
         bound = abs(value) + error
-        if whole:
+        if is_count:
             return f"at most {math.ceil(bound - 1e-9)}"
         step = 10.0 ** (math.floor(math.log10(bound)) - 1)
         return f"at most {_with_digits(math.ceil(bound / step - 1e-9) * step, 2)}"
-    if whole:
+    if is_count:
         return f"{value:.0f} ± {error:.0f}"
     size = math.floor(math.log10(error))
     digits = 1 - size if error < 2.0 * 10.0**size else -size

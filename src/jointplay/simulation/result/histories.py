@@ -56,7 +56,7 @@ class HistoryBuilder:
         self._mechanism = mechanism = run.mechanism
         self._simulation = run.simulation.describe()
         self._acting = variables.BoundLoads(mechanism, run.simulation.loads)
-        self._auditor = Auditor(mechanism, self._simulation, run.judged_from)
+        self._auditor = Auditor(mechanism, self._simulation, run.judging.start)
         self._energy: np.ndarray | None = None
         self._orientation: np.ndarray | None = None
         self._held: dict[int, list[pin.RigidConstraintModel]] = {}
@@ -94,58 +94,60 @@ class HistoryBuilder:
             "potential_energy": body["potential"],
             **{term.variable: work[:, index] for index, term in enumerate(variables.TERMS)},
         }
-        found = variables.declared(values, tool=mechanism.tool)
+        histories = variables.declared(values, tool=mechanism.tool)
         elastic = np.zeros(n)
         if mechanism.clearance:
             wanted = variables.HISTORIES if self._only is None else self._only
             contact, elastic = variables.contact_variables(mechanism, records, body, wanted)
-            found |= contact
+            histories |= contact
         elif self._only is None or "reaction_force" in self._only:
             held = [self._constraints(phase, q[first]) for first, _, phase in stretches]
             pushed, bodies, wrenches = acting.pushes(body, records)
             effort = variables.applied_effort(mechanism, q, v, records, self._run.friction, pushed)
             forces = variables.reactions(mechanism, q, v, effort, stretches, held, bodies, wrenches)
-            found |= variables.declared({"reaction_force": forces})
+            histories |= variables.declared({"reaction_force": forces})
         drift = np.zeros(0)
         if self._strict:
             drifts = (variables.loop_drift(mechanism, n, body["poses"][n]) for n in self._strict)
             drift = np.stack([*drifts], axis=1)
-            found |= variables.declared({"loop_drift": drift})
-        found |= variables.declared({"contact_elastic_energy": elastic})
+            histories |= variables.declared({"loop_drift": drift})
+        histories |= variables.declared({"contact_elastic_energy": elastic})
         coordinates: dict[str, Any] = {}
         if mechanism.gears:
             geared, coordinates, stored = variables.gear_variables(mechanism, records, q)
-            found |= geared
+            histories |= geared
             elastic = elastic + stored
         if acting.loads:
             loads, of_loads = acting.histories(q, body, records)
-            found |= loads
+            histories |= loads
             coordinates |= of_loads
             elastic = elastic + loads["load_energy"][1].sum(axis=1)
             work = np.hstack([work, -loads["load_work"][1]])
         if len(phases) > 1:
-            brought = np.concatenate([np.full(hi - lo, one.energy) for lo, hi, one in stretches])
-            found |= variables.declared({"payload_energy": brought})
+            brought = np.concatenate([np.full(end - at, p.energy) for at, end, p in stretches])
+            histories |= variables.declared({"payload_energy": brought})
             work = work.copy()
             work[:, 0] += brought
         residual = self._residual(body, elastic, work)
-        found |= variables.declared({"energy_residual": residual})
+        histories |= variables.declared({"energy_residual": residual})
         energies = (body["kinetic"], body["potential"])
         effort = records.recorded("drive") + acting.driven(records)
         self._auditor.add_records(records, (q, v), energies, work, residual, drift, effort, elastic)
         coordinates |= self._coordinates(records)
-        return (found, coordinates) if self._only is None else self._chosen(found, coordinates)
+        if self._only is None:
+            return histories, coordinates
+        return self._chosen(histories, coordinates)
 
     def _chosen(
-        self, found: variables.Variables, coordinates: Mapping[str, Any]
+        self, histories: variables.Variables, coordinates: Mapping[str, Any]
     ) -> tuple[variables.Variables, dict[str, Any]]:
         """The histories that are wanted, and the coordinates that they have."""
-        kept = {name: found[name] for name in self._only or () if name in found}
-        used = {"time"}.union(*(dims for dims, *_ in kept.values()))
-        return kept, {
-            name: one
-            for name, one in coordinates.items()
-            if (one[0] if isinstance(one, tuple) else name) in used
+        chosen = {name: histories[name] for name in self._only or () if name in histories}
+        used = {"time"}.union(*(dims for dims, *_ in chosen.values()))
+        return chosen, {
+            name: coordinate
+            for name, coordinate in coordinates.items()
+            if (coordinate[0] if isinstance(coordinate, tuple) else name) in used
         }
 
     def _continue_orientation(self, orientation: np.ndarray) -> None:
@@ -213,7 +215,7 @@ class HistoryBuilder:
         return {"sliding_work": xr.DataArray(work, {"azimuth": about}, dims, attrs=attributes)}
 
     def audit(self) -> Audit:
-        return self._auditor.audit(self._run.workspace, self._run.rest, self._run.unjudged)
+        return self._auditor.audit(self._run.workspace, self._run.rest, self._run.judging.unjudged)
 
     def attributes(self, status: Status) -> dict[str, Any]:
         """What a result says of the run, all its portions made."""
@@ -242,19 +244,19 @@ def histories(
             portion at a time.
         status: how it ended.
     """
-    made, records = HistoryBuilder(run, only), records_of(run.workspace)
+    builder, records = HistoryBuilder(run, only), records_of(run.workspace)
     if only is None:
-        dataset = made.portion(records, phases)
+        dataset = builder.portion(records, phases)
     else:
         parts, coordinates = zip(
-            *(made.contents(part, phases) for part in records.parts(AT_ONCE)), strict=True
+            *(builder.contents(part, phases) for part in records.parts(AT_ONCE)), strict=True
         )
         times = "time", records.recorded("time"), {"units": "s"}
         dataset = _dataset(_joined(parts), coordinates[-1] | {"time": times})
-    whole = made.totals()
-    if whole:  # to assign nothing takes milliseconds
-        dataset = dataset.assign(whole)
-    dataset.attrs = made.attributes(status)
+    totals = builder.totals()
+    if totals:  # to assign nothing takes milliseconds
+        dataset = dataset.assign(totals)
+    dataset.attrs = builder.attributes(status)
     return Result(dataset)
 
 
@@ -282,24 +284,24 @@ def records_of(workspace: Workspace) -> variables.Records:
     return variables.Records(workspace.record[:count], workspace.fields, workspace.kept_elsewhere)
 
 
-def _dataset(found: variables.Variables, coordinates: Mapping[str, Any]) -> xr.Dataset:
+def _dataset(histories: variables.Variables, coordinates: Mapping[str, Any]) -> xr.Dataset:
     import xarray as xr  # takes long to import
 
     dataset = xr.Dataset(
         {
             name: (dims, values, {"units": unit, "long_name": text})
-            for name, (dims, values, unit, text) in found.items()
+            for name, (dims, values, unit, text) in histories.items()
         },
         coordinates,
     )
-    kept = dataset.variables
-    if "tool_orientation" in kept:
-        kept["tool_orientation"].attrs["comment"] = CONVENTION
+    named = dataset.variables
+    if "tool_orientation" in named:
+        named["tool_orientation"].attrs["comment"] = CONVENTION
     for name, kind in (("mode", Mode), ("form", Form)):
-        if name in kept:
+        if name in named:
             members = [member.name.lower() for member in kind]  # type: ignore[var-annotated]
-            kept[name].attrs["flag_meanings"] = " ".join(members)
-            kept[name].attrs["flag_values"] = np.arange(len(members), dtype=np.int8)
-    if "form" in kept:
-        kept["form"].attrs["comment"] = "-1 for joints that Figure 2 does not show"
+            named[name].attrs["flag_meanings"] = " ".join(members)
+            named[name].attrs["flag_values"] = np.arange(len(members), dtype=np.int8)
+    if "form" in named:
+        named["form"].attrs["comment"] = "-1 for joints that Figure 2 does not show"
     return dataset

@@ -32,10 +32,8 @@ if TYPE_CHECKING:
 
 SEAL = b"\njointplay sha256 "
 """What stands between a file's content and its checksum, which ends the file with a newline."""
-
 CHUNK = 4096
 """Records that are compressed together."""
-
 INDEX_BYTES = 1 << 18
 """Memory for the index of the chunks, however many there are [bytes]."""
 
@@ -224,11 +222,11 @@ class GrowingDataset:
         self._rows = end
         self._disk.check()
 
-    def finish(self, attributes: Mapping[str, Any], whole: Mapping[str, xr.DataArray]) -> None:
-        """Write the dataset's attributes, the values of the `whole` at the end, and the seal."""
+    def finish(self, attributes: Mapping[str, Any], totals: Mapping[str, xr.DataArray]) -> None:
+        """Write the dataset's attributes, the values of the `totals` at the end, and the seal."""
         import h5netcdf
 
-        for name, variable in whole.items():
+        for name, variable in totals.items():
             self._h5[name][...] = variable.values
         with h5netcdf.File(self._h5, "r+") as dataset:
             dataset.attrs.update(attributes)
@@ -250,11 +248,11 @@ def add_attributes(path: Path, attributes: Mapping[str, Any]) -> None:
     import h5py
 
     with files.writing(path, overwrite=True) as file:
-        with _verified(path) as (whole, size):
-            for piece in _pieces(whole, size):
+        with _verified(path) as (sealed_file, size):
+            for piece in _pieces(sealed_file, size):
                 file.write(piece)
             file.seek(0)
-            if whole.read() != SEAL + digest(file) + b"\n":  # no damage gets a seal of its own
+            if sealed_file.read() != SEAL + digest(file) + b"\n":  # no damage gets its own seal
                 raise damaged(path, "result", _CHANGED)
         file.flush()
         disk = _CheckedFile(file)
@@ -295,8 +293,8 @@ class _CheckedFile(io.RawIOBase):
             return None
 
     def readinto(self, buffer: Any) -> int:
-        got = self._try(self._inner.readinto, buffer)  # type: ignore[attr-defined]
-        return len(buffer) if got is None else int(got)
+        count = self._try(self._inner.readinto, buffer)  # type: ignore[attr-defined]
+        return len(buffer) if count is None else int(count)
 
     def write(self, content: Any) -> int:
         self._try(self._inner.write, content)

@@ -129,7 +129,7 @@ class Result:
     @property
     def assumed(self) -> Table:
         """What nobody gave: value, by which rule, and what another would change."""
-        return value_table([one for one in self.values if one.assumed])
+        return value_table([value for value in self.values if value.assumed])
 
     @property
     def beside(self) -> dict[str, Any] | None:
@@ -267,11 +267,11 @@ class Result:
         with cls.read(path, partial(netcdf.open_lazily, indexed=False)).dataset as dataset:
             if most is not None:
                 every = max(-(-dataset.sizes["time"] // most), 1)
-            made = thin(dataset, every, only)
-        simulation = json.loads(made.attrs["simulation"])
+            thinned = thin(dataset, every, only)
+        simulation = json.loads(thinned.attrs["simulation"])
         simulation["record_every"] *= every
-        made.attrs["simulation"] = json.dumps(simulation)
-        return cls(made)
+        thinned.attrs["simulation"] = json.dumps(simulation)
+        return cls(thinned)
 
     def thinned(self, every: int) -> Result:
         """Each n-th record and the last one, what lay between covered as by `thinning.thin`."""
@@ -302,14 +302,14 @@ class Result:
         path = Path(path)
         files.require_file(path, "result file")
         dataset = reader(path)
-        found = dataset.attrs.get("jointplay_format")
-        if found is None:
+        version = dataset.attrs.get("jointplay_format")
+        if version is None:
             raise JointplayError(f"{str(path)!r} is not a jointplay result")
-        if not isinstance(found, int | np.integer):
+        if not isinstance(version, int | np.integer):
             raise JointplayError(f"{str(path)!r} is damaged: its format is not a whole number")
-        if found != FORMAT:
+        if version != FORMAT:
             raise JointplayError(
-                f"{str(path)!r} is a result of format {found}; this version reads only "
+                f"{str(path)!r} is a result of format {version}; this version reads only "
                 f"format {FORMAT}: run it again"
             )
         check(dataset, path)

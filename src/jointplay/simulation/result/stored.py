@@ -42,7 +42,7 @@ def stored_coordinates(mechanism: Mapping[str, Any]) -> dict[str, Coordinate]:
     links = [(joint, part) for joint in loose for part in VIRTUAL_LINK]
     motors = [(joint, MOTOR) for joint in mechanism.get("gears") or {}]
     named = [Coordinate(joint, part) for joint, part in (*links, *motors)]
-    return {str(one): one for one in named}
+    return {str(coordinate): coordinate for coordinate in named}
 
 
 def check(dataset: xr.Dataset, path: Path) -> None:
@@ -50,15 +50,15 @@ def check(dataset: xr.Dataset, path: Path) -> None:
     try:
         _check_attributes(dataset)
         step = _described(dataset, "audit", Audit)["step"]
-        given = _described(dataset, "simulation", Inputs)
-        _require_all("simulation: mechanism", Mechanism, given["mechanism"])
-        if step != given["step"]:
+        description = _described(dataset, "simulation", Inputs)
+        _require_all("simulation: mechanism", Mechanism, description["mechanism"])
+        if step != description["step"]:
             raise JointplayError(
-                f"its step is {given['step']!r} s in one place and {step!r} in another"
+                f"its step is {description['step']!r} s in one place and {step!r} in another"
             )
         if "certificate" in dataset.attrs:
             _check_certificate(dataset)
-        _check_histories(dataset, given)
+        _check_histories(dataset, description)
     except JointplayError as error:
         raise damaged(path, "result", error) from None
 
@@ -72,7 +72,7 @@ def _check_attributes(dataset: xr.Dataset) -> None:
             raise JointplayError(f"its attribute {name!r} is not text")
     status = dataset.attrs["status"]
     if status.upper() not in Status.__members__:
-        known = ", ".join(one.name.lower() for one in Status)
+        known = ", ".join(member.name.lower() for member in Status)
         raise JointplayError(f"it has the status {status!r:.60}; known are {known}")
     versions = dataset.attrs.get("versions", "{}")
     if not isinstance(_json("versions", versions), dict):
@@ -90,9 +90,9 @@ def _check_attributes(dataset: xr.Dataset) -> None:
 
 
 def _check_certificate(dataset: xr.Dataset) -> None:
-    given = _described(dataset, "certificate", Certificate)
+    description = _described(dataset, "certificate", Certificate)
     try:
-        for figure in Certificate.from_description(given).figures:
+        for figure in Certificate.from_description(description).figures:
             str(figure)
     except (ArithmeticError, ValueError) as error:
         raise JointplayError(f"certificate: a figure is invalid: {error}") from None
@@ -100,37 +100,37 @@ def _check_certificate(dataset: xr.Dataset) -> None:
 
 def _json(name: str, text: Any) -> Any:
     try:
-        given = json.loads(text)
-        json.dumps(given, ensure_ascii=False).encode()  # half characters cannot be shown
-        return given
+        data = json.loads(text)
+        json.dumps(data, ensure_ascii=False).encode()  # half characters cannot be shown
+        return data
     except (TypeError, ValueError, RecursionError) as error:
         raise JointplayError(f"its attribute {name!r} is not valid JSON: {error}") from None
 
 
 def _described(dataset: xr.Dataset, name: str, kind: type) -> Any:
     """An attribute as plain data, which describe a `kind`; nothing is made of them here."""
-    given = _json(name, dataset.attrs[name])
+    data = _json(name, dataset.attrs[name])
     try:
-        schema.check(kind, given)
+        schema.check(kind, data)
     except (JointplayError, RecursionError, OverflowError) as error:
         where = ".".join(map(str, getattr(error, "where", ())))
         place = f"{where}: " if where else ""
         raise JointplayError(f"{name}: {place}{error}") from None
-    _require_all(name, kind, given)
-    return given
+    _require_all(name, kind, data)
+    return data
 
 
-def _require_all(name: str, kind: type, given: Mapping[str, Any]) -> None:
+def _require_all(name: str, kind: type, table: Mapping[str, Any]) -> None:
     """Refuse a table that lacks a key: runs write all, what is usual too."""
     for key in schema.fields_of(kind):
-        if key not in given:
+        if key not in table:
             raise JointplayError(f"{name}: the key {key} is missing")
 
 
-def _check_histories(dataset: xr.Dataset, given: Any) -> None:
+def _check_histories(dataset: xr.Dataset, inputs: Any) -> None:
     loose = "joint" in dataset.dims
     if loose:
-        names = given["mechanism"]["clearance"]
+        names = inputs["mechanism"]["clearance"]
         for joint in _names(dataset, "joint"):
             if joint not in names:
                 raise JointplayError(f"it has histories of the joint {joint!r:.60}, not its inputs")
@@ -141,8 +141,8 @@ def _check_histories(dataset: xr.Dataset, given: Any) -> None:
                 raise JointplayError(f"it has no variable {name!r}")
             continue
         if dataset[name].dims != (dims := ("time", *history.dims)):
-            own = ", ".join(map(str, dataset[name].dims))
-            raise JointplayError(f"{name} has the dimensions ({own}), not ({', '.join(dims)})")
+            shape = ", ".join(map(str, dataset[name].dims))
+            raise JointplayError(f"{name} has the dimensions ({shape}), not ({', '.join(dims)})")
         if not isinstance(dataset[name].attrs.get("units"), str):
             raise JointplayError(f"{name} has no units")
     for variable, values in dataset.data_vars.items():
@@ -151,10 +151,10 @@ def _check_histories(dataset: xr.Dataset, given: Any) -> None:
     _check_times(dataset)
     _names(dataset, "coordinate")
     _names(dataset, "coordinate_unit", "coordinate")
-    for name, what, components in (("axis", "axes", "xyz"), ("quaternion", "quaternions", "wxyz")):
-        found = _names(dataset, name)
-        if found != [*components]:
-            raise JointplayError(f"its {what} are {found!r:.60}, not {', '.join(components)}")
+    for name, parts in (("axis", "xyz"), ("quaternion", "wxyz")):
+        listed = _names(dataset, name)
+        if listed != [*parts]:
+            raise JointplayError(f"along {name!r} it has {listed!r:.60}, not {', '.join(parts)}")
     if "moving_joint" in dataset.dims:
         _names(dataset, "moving_joint")
 

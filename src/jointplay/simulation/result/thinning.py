@@ -9,13 +9,10 @@ import xarray as xr
 
 _LARGEST, _SMALLEST, _STRONGEST = "normal_force_peak", "gap_min", "joint_force_peak"
 """Variables that cover the time since the last record, by how two of them make one."""
-
 _AT_ONCE = 1 << 15
 """Records of a variable that are read at once, about."""
-
 LARGE_FILE = 10_000_000
 """Files that are smaller are read whole [bytes]."""
-
 SUMMARY_RECORDS = 50_000
 """Records of a long run that are read for its summary and figures, about."""
 
@@ -27,15 +24,15 @@ def thin(dataset: xr.Dataset, every: int, only: Collection[str] | None = None) -
     one kept. `only`: histories that are wanted; None: all. What does not depend on time always is.
     """
     count = dataset.sizes["time"]
-    kept = np.unique(np.append(np.arange(0, count, every), max(count - 1, 0)))[:count]
-    begin = np.append(0, kept[:-1] + 1)[:count]
+    rows = np.unique(np.append(np.arange(0, count, every), max(count - 1, 0)))[:count]
+    begin = np.append(0, rows[:-1] + 1)[:count]
     wanted = [
         name
         for name, history in dataset.data_vars.items()
         if only is None or name in only or "time" not in history.dims
     ]
     read = {
-        name: _read(str(name), dataset.variables[name], kept, begin, int(every))
+        name: _read(str(name), dataset.variables[name], rows, begin, int(every))
         for name in (*wanted, *dataset.coords)
     }
     return xr.Dataset(
@@ -46,32 +43,32 @@ def thin(dataset: xr.Dataset, every: int, only: Collection[str] | None = None) -
 
 
 def _read(
-    name: str, variable: xr.Variable, kept: np.ndarray, begin: np.ndarray, every: int
+    name: str, variable: xr.Variable, rows: np.ndarray, begin: np.ndarray, every: int
 ) -> xr.Variable:
-    """The records `kept` of a variable, each with what happened from the one at `begin` on."""
+    """The records `rows` of a variable, each with what happened from the one at `begin` on."""
     if "time" not in variable.dims:
         return variable.copy(data=variable.values)
-    shape = [len(kept) if dim == "time" else size for dim, size in variable.sizes.items()]
+    shape = [len(rows) if dim == "time" else size for dim, size in variable.sizes.items()]
     values = np.empty(shape, variable.dtype)
     along = variable.get_axis_num("time")
     at_once = max(_AT_ONCE // every, 1)
-    for first in range(0, len(kept), at_once):
-        here = slice(first, first + at_once)
-        start, end = int(begin[here][0]), int(kept[here][-1]) + 1
+    for first in range(0, len(rows), at_once):
+        batch = slice(first, first + at_once)
+        start, end = int(begin[batch][0]), int(rows[batch][-1]) + 1
         block = np.moveaxis(variable.isel(time=slice(start, end)).values, along, 0)
-        part = _reduced(name, block, kept[here] - start, begin[here] - start)
-        np.moveaxis(values, along, 0)[here] = part
+        part = _reduced(name, block, rows[batch] - start, begin[batch] - start)
+        np.moveaxis(values, along, 0)[batch] = part
     return xr.Variable(variable.dims, values, variable.attrs)
 
 
-def _reduced(name: str, block: np.ndarray, kept: np.ndarray, begin: np.ndarray) -> np.ndarray:
-    """Of a piece of a variable the records `kept`, or what covers the time from `begin` on."""
+def _reduced(name: str, block: np.ndarray, rows: np.ndarray, begin: np.ndarray) -> np.ndarray:
+    """Of a piece of a variable the records `rows`, or what covers the time from `begin` on."""
     if name == _LARGEST:
         return np.asarray(np.fmax.reduceat(block, begin, axis=0))
     if name == _SMALLEST:
         return np.asarray(np.fmin.reduceat(block, begin, axis=0))
     if name != _STRONGEST:
-        return block[kept]
+        return block[rows]
     size = np.linalg.norm(block, axis=2)  # of vectors (n, joints, 3)
     longest = np.empty((len(begin), *block.shape[1:]))
     for i, (first, end) in enumerate(zip(begin, [*begin[1:], len(block)], strict=True)):

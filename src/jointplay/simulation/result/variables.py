@@ -209,11 +209,11 @@ class BoundLoads:
                 values.append(series.values)
                 units.append(series.unit)
         work = records.recorded("load_work").copy()
-        each, part = ("time", "load"), ("time", "load_part")
+        by_load, part = ("time", "load"), ("time", "load_part")
         text = "work added by the load since t = 0, beyond its stored energy"
         variables: Variables = {
-            "load_energy": (each, energy, "J", "energy stored in the load"),
-            "load_work": (each, work, "J", text),
+            "load_energy": (by_load, energy, "J", "energy stored in the load"),
+            "load_work": (by_load, work, "J", text),
             "load_record": (part, np.stack(values, axis=1), "", "quantities that loads record"),
         }
         units_of_parts = ("load_part", units)
@@ -246,11 +246,11 @@ class BoundLoads:
             force = np.einsum("nik,nk->ni", turn, answers[:, :3])
             moment = np.einsum("nik,nk->ni", turn, answers[:, 3:])
             moment = moment + np.cross(body["poses"]["world", name][:, :3], force)
-            whole = np.hstack([force, moment])
+            wrench = np.hstack([force, moment])
             bodies += [site.frames[0][0], site.frames[1][0]]
-            wrenches += [-whole, whole]
-        given = np.stack(wrenches, axis=1) if wrenches else np.zeros((n, 0, 6))
-        return efforts, bodies, given
+            wrenches += [-wrench, wrench]
+        stacked = np.stack(wrenches, axis=1) if wrenches else np.zeros((n, 0, 6))
+        return efforts, bodies, stacked
 
 
 @dataclass(frozen=True)
@@ -264,12 +264,12 @@ class Phase:
     """What payloads have brought in since the start, when they were picked and released [J]."""
 
 
-def declared(values: Mapping[str, np.ndarray], **words: str) -> Variables:
+def declared(values: Mapping[str, np.ndarray], **insertions: str) -> Variables:
     """Histories as their declaration says; `words` are put into the texts."""
     return {
-        name: (("time", *one.dims), found, one.unit, one.text.format(**words))
-        for name, found in values.items()
-        for one in (HISTORIES[name],)
+        name: (("time", *history.dims), array, history.unit, history.text.format(**insertions))
+        for name, array in values.items()
+        for history in (HISTORIES[name],)
     }
 
 
@@ -391,15 +391,15 @@ def contact_variables(
             )
         else:
             cage[:, j] = records.recorded("cage")[:, j]
-            found = elastic.answers(joint.law, joint.resultant, poses, cage[:, j])
+            answers = elastic.answers(joint.law, joint.resultant, poses, cage[:, j])
             gap[:, j, at[0]], loaded[:, j] = (
-                -found[:, resultant.DEEPEST],
-                found[:, resultant.LOADED],
+                -answers[:, resultant.DEEPEST],
+                answers[:, resultant.LOADED],
             )
             mode[:, j] = np.where(loaded[:, j] > 0.0, Mode.PSEUDO_PENETRATION, Mode.FREE_FLIGHT)
             form[:, j] = -1
-            moment[:, j] = np.einsum("nik,nk->ni", body["bearings"][name], found[:, 3:6])
-            stored += found[:, resultant.ENERGY]
+            moment[:, j] = np.einsum("nik,nk->ni", body["bearings"][name], answers[:, 3:6])
+            stored += answers[:, resultant.ENERGY]
         groups: dict[Any, list[int]] = {}
         for k in range(count if joint.resultant is None else 0):
             groups.setdefault(joint.contact_properties(k), []).append(at[k])
@@ -407,12 +407,13 @@ def contact_variables(
             parameters = joint.normal.parameters(contact)
             stored += elastic_energy(joint.normal, parameters, -gap[:, j, members]).sum(axis=1)
 
-    made = {"gap": gap, "mode": mode, "form": form}
+    histories = {"gap": gap, "mode": mode, "form": form}
     if rolls:
-        made |= {"joint_moment": moment, "loaded_elements": loaded, "cage_angle": cage}
-    made |= _journals(mechanism, body, only) | _recorded_contacts(mechanism, records, body, only)
+        histories |= {"joint_moment": moment, "loaded_elements": loaded, "cage_angle": cage}
+    histories |= _journals(mechanism, body, only)
+    histories |= _recorded_contacts(mechanism, records, body, only)
     return declared(
-        {name: made[name] for name in HISTORIES if name in made and name in only}
+        {name: histories[name] for name in HISTORIES if name in histories and name in only}
     ), stored
 
 
@@ -421,13 +422,13 @@ def _journals(
 ) -> dict[str, np.ndarray]:
     """Where the journals are, and how far they tilt."""
     poses = [body["poses"][name] for name in mechanism.clearance]
-    made = {}
+    histories = {}
     if "journal_centre" in only:
-        made["journal_centre"] = np.stack([one[:, :3] for one in poses], axis=1)
+        histories["journal_centre"] = np.stack([pose[:, :3] for pose in poses], axis=1)
     if "tilt" in only:
-        tilts = (np.arctan2(np.hypot(one[:, 5], one[:, 8]), one[:, 11]) for one in poses)
-        made["tilt"] = np.stack([*tilts], axis=1)
-    return made
+        tilts = (np.arctan2(np.hypot(pose[:, 5], pose[:, 8]), pose[:, 11]) for pose in poses)
+        histories["tilt"] = np.stack([*tilts], axis=1)
+    return histories
 
 
 _BY_CONTACT = {
@@ -447,10 +448,10 @@ def _recorded_contacts(
 ) -> dict[str, np.ndarray]:
     """What the kernel has recorded of the contacts, in the shape of results."""
     names, joints = contact_names(mechanism), mechanism.clearance
-    made = {}
+    histories = {}
     for name in _BY_CONTACT.keys() & set(only):
         recorded = records.recorded(_BY_CONTACT[name])
-        made[name] = values = np.full((records.rows, len(joints), len(names)), np.nan)
+        histories[name] = values = np.full((records.rows, len(joints), len(names)), np.nan)
         for j, joint in enumerate(joints.values()):
             at = [names.index(contact) for contact in joint.contacts]
             values[:, j, at] = recorded[:, j, : len(at)]
@@ -459,10 +460,10 @@ def _recorded_contacts(
         turned -= {"film_force"}
     for name in turned:
         recorded = records.recorded(_TURNED[name])
-        made[name] = values = np.empty_like(recorded)
+        histories[name] = values = np.empty_like(recorded)
         for j, joint in enumerate(joints):
             values[:, j] = np.einsum("nik,nk->ni", body["bearings"][joint], recorded[:, j])
-    return made
+    return histories
 
 
 def applied_effort(

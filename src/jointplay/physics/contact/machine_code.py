@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
 MAX_PARAMETERS = 8
 """Numbers a law can take: the room that the time loop keeps for each contact."""
-
 ARRAY = "p"
 """Argument that takes all parameters at once, as an array."""
 
@@ -47,15 +46,15 @@ def check_signature(function: Callable[..., Any], state: tuple[str, ...], writes
         names = tuple(inspect.signature(function).parameters)
     except (TypeError, ValueError):
         names = ()
-    whole = (*state, ARRAY, *(("out",) if writes else ()))
-    own = names[len(state) :]
-    takes_array = len(names) == len(whole) and own[:1] == (ARRAY,)
-    takes_names = names[: len(state)] == state and ARRAY not in own
+    expected = (*state, ARRAY, *(("out",) if writes else ()))
+    parameters = names[len(state) :]
+    takes_array = len(names) == len(expected) and parameters[:1] == (ARRAY,)
+    takes_names = names[: len(state)] == state and ARRAY not in parameters
     if not (takes_array or takes_names):
         raise JointplayError(
             f"law {getattr(function, '__name__', function)!r} takes ({', '.join(names)}); "
-            f"it must take ({', '.join(whole)}), or ({', '.join(state)}) and then its parameters "
-            "by name"
+            f"it must take ({', '.join(expected)}), or ({', '.join(state)}) and then its "
+            "parameters by name"
         )
 
 
@@ -159,8 +158,8 @@ def _packed(function: Callable[..., Any], state: tuple[str, ...], answers: int) 
     names = parameter_names(function, state)
     if names is None:
         return function
-    own = [f"{ARRAY}[{i}]" for i in range(len(names))]
-    call = f"law({', '.join([*state, *own])})"
+    values = [f"{ARRAY}[{i}]" for i in range(len(names))]
+    call = f"law({', '.join([*state, *values])})"
     lines = [f"    return {call}"]
     if answers:
         lines = [f"    answer = {call}", *(f"    out[{i}] = answer[{i}]" for i in range(answers))]
