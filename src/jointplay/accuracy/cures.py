@@ -99,8 +99,8 @@ def _at_rest(found: PlayBudget, at: int) -> Iterator[Cure]:
         words += f", with --approach {readable(sided, 'm', 3)}, without"
     yield Cure(words, largest, left, "at rest")
     place = rest.at(at)
-    size, sag = float(np.linalg.norm(place.whole[:3])), place.sag[:3]
+    size, sag = float(np.linalg.norm(place.error[:3])), place.sag[:3]
     if any(isinstance(one, Servo) for one in rest.drives.values()) and sag.any():
-        half = float(np.linalg.norm(place.whole[:3] - 0.5 * sag))
+        half = float(np.linalg.norm(place.error[:3] - 0.5 * sag))
         words = "twice the P gain, if it is calm (jointplay study hunting tells)"
         yield Cure(words, size, half, "at rest")

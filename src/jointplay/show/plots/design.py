@@ -136,8 +136,8 @@ def reachable(budget: PlayBudget, pose: int | None = None) -> Figure:
     at = budget.worst_pose if pose is None else pose
     angle = np.linspace(0.0, 2.0 * np.pi, 241)
     place, sag = budget.rest_positions.at(at), np.nan_to_num(budget.rest_positions.at(at).sag[:3])
-    rest, ends = place.whole[:3] - sag, budget.rest_positions.interval(at)[:3] - sag[:, None]
-    held = f"{budget.rest_positions.words} may hold it"
+    rest, ends = place.error[:3] - sag, budget.rest_positions.interval(at)[:3] - sag[:, None]
+    held = f"{budget.rest_positions.friction_text} may hold it"
     if budget.rest_positions.unsearched:
         held = "entire play: friction not searched"
     panels = []
