@@ -412,7 +412,9 @@ def test_the_whole_budget_with_what_remains_is_the_target(arm, statistical, part
     assert largest(again, statistical) <= target * (1.0 + 1e-7)
     assert found.column("after").sum() == pytest.approx(target, rel=1e-6)
     assert found.column("before").sum() == pytest.approx(largest(first, statistical), rel=1e-9)
-    assert max(found.column("order")) == sum(how in ("target", "limit") for how in found.column("held"))
+    assert max(found.column("order")) == sum(
+        how in ("target", "limit") for how in found.column("held")
+    )
 
 
 def test_the_target_is_kept_by_the_sizes_themselves(scara):

@@ -735,8 +735,8 @@ class _Search:
         beside = [k for k, c in enumerate(model.contributions) if c.cause != "play"]
         others = model.subset(beside).farthest().size if beside else np.zeros(len(self.q))
         left = np.zeros((len(offers), len(self.q)))
-        poses, bar = range(len(self.q)), {"disable": not progress, "delay": PATIENCE_S}
-        for k in ProgressBar(poses, "places of rest", leave=False, **bar):
+        poses, quiet = range(len(self.q)), not progress
+        for k in ProgressBar(poses, "places of rest", disable=quiet, delay=PATIENCE_S, leave=False):
             rest = play.rest_positions.at(k)
             place = float(np.linalg.norm((rest.error - rest.sag)[:3]))
             for offer, row in zip(offers, left, strict=True):

@@ -429,13 +429,13 @@ def _sags(
             at = mechanism.motor(name)
             if getattr(drives[name], "encoder", "") == "link":
                 at = mechanism.coordinate(name)
-            effort = float(loads[name][i, mechanism.description.joints[name].way])
+            effort = float(loads[name][i, mechanism.description.joints[name].component])
             sags[name][i], bands[name] = balance.gives_way(at, effort)
     for name, sag in sags.items():
         if not np.isfinite(sag).all():
             several = f" at {np.sum(~np.isfinite(sag))} of {len(q)} poses" if len(q) > 1 else ""
             unit = "N" if mechanism.description.joints[name].slides else "N m"
-            most = np.abs(loads[name][:, mechanism.description.joints[name].way]).max()
+            most = np.abs(loads[name][:, mechanism.description.joints[name].component]).max()
             raise JointplayError(
                 f"the servo of joint {name!r} cannot hold what it bears{several}, {most:.3g} {unit}"
             )

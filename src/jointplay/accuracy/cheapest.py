@@ -41,15 +41,15 @@ SAMPLES = 4000
 FITS = 1e-8
 """Part of the target by which an error may miss it."""
 _QUANTILE_POSES, _QUANTILE_ROUNDS = 12, 8
-"""Poses with the largest errors, at which states are drawn, for `SAMPLES` at all would take long; and
-rounds, each of which halves what is left on the way to the cheapest sizes (judged)."""
+"""Poses with the largest errors, at which states are drawn, for at all it would take long; rounds,
+each of which halves what is left on the way to the cheapest sizes (judged)."""
 _DIRECTIONS_TIED = 60
 """Over half a sphere, where plays hold each other: each is a search, in every round anew."""
 _NEAR = 0.98
 """Part of the largest error from which on poses are looked at closely: the sphere's directions are
 about 7 degrees apart, which hides 0.7 %."""
 _ROUNDS, _CUTS = 100, 12
-"""Most rounds of cutting planes, after which an allocation is refused; worst poses added in each."""
+"""Most rounds of cutting planes, after which a target is refused; worst poses added in each."""
 _TANGENTS = 16
 """To begin with, of each price."""
 _TIE = 1e-6

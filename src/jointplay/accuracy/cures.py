@@ -73,7 +73,7 @@ def _sprung(found: PlayBudget, at: int) -> Iterator[Cure]:
     for k, one in enumerate(found.model.contributions):
         if not one.gear or one.joint in rest.regulated:
             continue
-        torque = found.model.load[k, :, entries[one.joint].way]
+        torque = found.model.load[k, :, entries[one.joint].component]
         ends = float(max(torque.max(), 0.0)), float(max(-torque.min(), 0.0))
         if not min(ends) > 0.0:
             continue

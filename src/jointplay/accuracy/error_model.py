@@ -586,6 +586,9 @@ def play_of_joint(mechanism: Mechanism, name: str, second_order: bool = True) ->
 
 def play_of_gear(mechanism: Mechanism, name: str) -> Contribution:
     """The backlash and hysteresis of a gear: the joint moves by its axis, the motor stands."""
-    half, axis = mechanism.gears[name].unloaded_range / 2.0, mechanism.description.joints[name].way
+    half, axis = (
+        mechanism.gears[name].unloaded_range / 2.0,
+        mechanism.description.joints[name].component,
+    )
     backlash = Line(tuple(half if k == axis else 0.0 for k in range(6)))
     return Contribution(name, "play", backlash, origin=f"its{jacobians.GEAR}", part=jacobians.GEAR)

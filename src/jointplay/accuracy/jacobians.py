@@ -245,7 +245,7 @@ def _follow(
     for index, push in pushes:
         twist = pin.getJointJacobian(model, data, index, pin.ReferenceFrame.WORLD)
         weight += twist.reshape(6, model.nv).T @ push
-    ties = np.zeros((len(joints), len(closing_up.rest), 6))
+    ties = np.zeros((len(joints), len(closing_up.ties), 6))
     for j, name in enumerate(joints):
         if name in mechanism.loops:
             opened = own_opening(mechanism, name)
@@ -259,7 +259,7 @@ def _follow(
         followed = -closing_up.follow @ opened
         moves[j, pose] += tool[:, passive] @ followed
         loads[j, pose] += followed.T @ weight[passive]
-        ties[j] = closing_up.rest @ opened
+        ties[j] = closing_up.ties @ opened
     return ties
 
 
@@ -448,7 +448,7 @@ def displaced_configuration(
     for name, xi in aside.items():
         if name in gears:
             joint = gears[name]
-            moved[mechanism.coordinate(joint)] += xi[mechanism.description.joints[joint].way]
+            moved[mechanism.coordinate(joint)] += xi[mechanism.description.joints[joint].component]
         else:
             _push(mechanism, q, moved, name, xi)
     return moved

@@ -209,7 +209,7 @@ class RestPositions:
         seen = self.driven, self.relative_to
         move = jacobians(mechanism, q[None], list(bent), {}, *seen).tool
         for columns, (name, deflection) in zip(move[:, 0], bent.items(), strict=True):
-            sag += columns[:, mechanism.description.joints[name].way] * deflection
+            sag += columns[:, mechanism.description.joints[name].component] * deflection
         return sag
 
     def _encoder(self, name: str) -> int | None:
@@ -276,7 +276,7 @@ class RestPositions:
 
     def _component(self, gear: str) -> int:
         """Component in which a gear's joint moves."""
-        return self.mechanism.description.joints[gear.removesuffix(GEAR)].way
+        return self.mechanism.description.joints[gear.removesuffix(GEAR)].component
 
     def _displacement(self, name: str, pose: int, q_rest: np.ndarray) -> np.ndarray:
         """Displacement of a source of play, as its set has it, from a pose to `there` (nq,)."""

@@ -204,7 +204,7 @@ def before_and_after(judgement: Judgement) -> Figure:
         ]
         time = Axis("time", "s", low=0.0, high=float(one.before.times[-1]))
         sizes = " to ".join(f"{1e3 * x.rms:.3g}" for x in (one.before, one.after))
-        title = f"{one.words}: RMS {sizes} mm"
+        title = f"{one.label}: RMS {sizes} mm"
         panels.append(Panel(time, Axis(f"error of {tool!r}", "m", low=0.0), marks, title))
     return _row(panels, (4.8 * len(panels), 3.6), key=2)
 
