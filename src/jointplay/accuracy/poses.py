@@ -84,7 +84,7 @@ class Poses:
 
 def poses_of(
     machine: Mechanism | Simulation,
-    positions_by_name: Mapping[str, Mapping[str, float]] | None = None,
+    named: Mapping[str, Mapping[str, float]] | None = None,
     workspace: int | None = None,
     motion: Motion | None = None,
 ) -> Poses:
@@ -93,7 +93,7 @@ def poses_of(
     Args:
         machine: its motion and drive are those of a simulation, and its loops are closed where that
             begins.
-        given: joint positions by the name of the pose [rad or m]; others are as in `middle`.
+        named: joint positions by the name of the pose [rad or m]; others are as in `middle`.
         workspace: number of poses spread over the limits of all joints.
         motion: along which they are; None: that of the simulation.
 
@@ -114,11 +114,11 @@ def poses_of(
         if out := workspace - len(q):
             label += f" ({out} others were left out because the loops do not close there)"
         return Poses(machine, q, "workspace", label, driven=driven)
-    if positions_by_name is None and motion is not None:
+    if named is None and motion is not None:
         q, times = along_motion(mechanism, motion, near=near), times_along(motion)
         label = f"{counted(len(q), 'pose')} along the motion"
         return Poses(machine, q, "motion", label, (), times, driven)
-    asked, rows = positions_by_name or {"": {}}, []
+    asked, rows = named or {"": {}}, []
     for name, positions in asked.items():
         with _of_pose(name):
             rows.append(at_pose(mechanism, positions, driven, near))
@@ -128,7 +128,7 @@ def poses_of(
         return Poses(machine, q, "pose", label, tuple(asked), None, driven)
     at, shown = {**middle(mechanism), **next(iter(asked.values()))}, driven or mechanism.movers()
     label = "pose " + ", ".join(f"{name} {x:.4g}" for name, x in at.items() if name in shown)
-    if not positions_by_name:
+    if not named:
         label += " (chosen: zero, or the middle of the limits; see --pose, --motion)"
     return Poses(machine, q, "pose", label, driven=driven)
 
@@ -298,7 +298,7 @@ def _closed(
 ) -> np.ndarray:
     """The configurations (n, nq) with their loops closed, within the limits.
 
-    From `begin` (nq,) on, closed itself, unless passive joints among those `given` say where.
+    From `begin` (nq,) on, closed itself, unless passive joints among those `named` say where.
     """
     if not mechanism.loops:
         return q

@@ -279,7 +279,7 @@ class RestPositions:
         return self.mechanism.description.joints[gear.removesuffix(GEAR)].component
 
     def _displacement(self, name: str, pose: int, q_rest: np.ndarray) -> np.ndarray:
-        """Displacement of a source of play, as its set has it, from a pose to `there` (nq,)."""
+        """Displacement of a source of play, as its set has it, from a pose to `q_rest` (nq,)."""
         mechanism, q = self.mechanism, self.q[pose]
         xi = np.zeros(6)
         if name in self._gears:

@@ -240,7 +240,7 @@ def newton(
     weight: np.ndarray | float = 1.0,
     aside: Mapping[str, pin.SE3] | None = None,
 ) -> np.ndarray | None:
-    """q (nq,) moved along `ways` (nv, k) until the loops are as closed as can be, or None.
+    """q (nq,) moved along `directions` (nv, k) until the loops are as closed as can be, or None.
 
     `weight`: of each row of `openings`, where not all of them can be zero; `aside`: see there.
     """
@@ -264,7 +264,7 @@ def newton_step(
     aside: Mapping[str, pin.SE3] | None = None,
     loops: Collection[str] | None = None,
 ) -> np.ndarray:
-    """How far to go along `ways` (nv, k) from q (nq,) to close `loops`, (k,); see `newton`."""
+    """How far to go along `directions` (nv, k) from q (nq,) to close `loops`, (k,); see `newton`."""
     left = weight * openings(mechanism, q, aside, loops)
     rows = (np.reshape(weight, (-1, 1)) * closing_rows(mechanism, q, loops)) @ directions
     change: np.ndarray = np.linalg.lstsq(rows, -left, rcond=SINGULAR)[0]

@@ -259,7 +259,7 @@ class Mechanism(Overview, Described, Design):
         """The same machine without one cause of its error, always the same one; maybe itself.
 
         Args:
-            what: ``"play"``: gears without play, and ideal joints but for those that springs or
+            cause: ``"play"``: gears without play, and ideal joints but for those that springs or
                 preload hold. How a bearing with play gives way goes with its play.
                 ``"elasticity"``: without play and rigid. The rotors of its gears are the armature
                 of their joints; the friction of its gears is left out.

@@ -413,7 +413,7 @@ def react(
 ):
     """Fill `forces` and `holds`; see `Tree.reactions`.
 
-    `wanted` and `acted`: bodies whose joints' forces are wanted, and on which `given` acts.
+    `wanted` and `acted`: bodies whose joints' forces are wanted, and on which `wrenches` acts.
     """
     parents = bodies.parents
     count, held = parents.size, 3 * (carriers.size // 2)

@@ -676,7 +676,7 @@ def read_again(
     """The URDF with changed elements.
 
     Raises:
-        JointplayError: one of `names`, which are those of new links and joints, is taken; `what`
+        JointplayError: one of `names`, which are those of new links and joints, is taken; `noun`
             needs it.
     """
     for name in names:

@@ -203,7 +203,7 @@ def visualizer(mechanism: Mechanism, folders: Sequence[str | Path], open_browser
 
 
 def mesh_folders(mechanism: Mechanism, further: Sequence[str | Path] = ()) -> list[Path]:
-    """Where meshes are looked for: `given`, the robot's own folders and packages, others' data.
+    """Where meshes are looked for: `further`, the robot's own folders and packages, others' data.
 
     A mechanism from a result has no folders of its own: what others wrote into a file must not
     choose among the files here.

@@ -193,7 +193,7 @@ def numbers(
     Of a mass that Python reads and other programs do not, such as ``4_35``, Pinocchio makes 0
     without a word. In the element the numbers are then separated by single spaces: of a mass with a
     space behind it it makes 0, too, and it does not read vectors with tabs or line ends in them.
-    `what` they are called in messages; whether they may be `infinite`.
+    `label` they are called in messages; whether they may be `infinite`.
 
     Raises:
         JointplayError: they are not so many finite numbers.

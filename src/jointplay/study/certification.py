@@ -332,7 +332,7 @@ def _ideal(simulation: Simulation, result: Result, progress: bool) -> tuple[Resu
 def errors_if_possible(result: Result, strict: bool, **options: Any) -> Certificate | None:
     """What `certify` says of a finished run; None, with a warning, if it cannot be.
 
-    Whatever goes wrong here, the run has been made, and is kept. `told`: see `certify`.
+    Whatever goes wrong here, the run has been made, and is kept. `options`: see `certify`.
 
     Raises:
         KeyboardInterrupt: Ctrl-C.

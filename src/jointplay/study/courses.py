@@ -99,7 +99,7 @@ def traces(
         keep: folder in whose file `RUNS` each run is kept as soon as it is done; runs that are
             there already are not done again, if all their inputs and the version are the same.
         progress: show a bar on standard error.
-        what: name of the runs at the bar.
+        label: name of the runs at the bar.
 
     Raises:
         JointplayError: a run that did not complete; no process; `keep` cannot be written to.

@@ -125,7 +125,7 @@ class Rows:
     Args:
         path: the file, which is there; `make` makes it.
         write: whether it is written to, by this process alone.
-        what: it is, for messages.
+        noun: what it is, for messages.
 
     Attributes:
         about: what it is of, plain data.
@@ -149,7 +149,7 @@ class Rows:
         content = _content({**about, "store": secrets.token_hex(16)}, columns)
         with closing(_fresh(content, columns)) as fresh:
             files.write(path, fresh.serialize(), overwrite=True, announced=False)
-        return cls(path, write=True, what=noun)
+        return cls(path, write=True, noun=noun)
 
     def _open(self) -> None:
         self._check_files()
@@ -244,7 +244,7 @@ class Rows:
 
         Raises:
             JointplayError: a row is damaged. If the file is written to such rows are left out, and
-                `whole` says so.
+                `intact` says so.
         """
         seen: set[str] = set()
         for rows in self._read(most):
