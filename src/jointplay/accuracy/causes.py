@@ -103,7 +103,7 @@ class JointAt:
     def size(self, key: str, origins: dict[str, str], form: str, times: float = 1.0) -> float:
         """A number of `JointErrors` or `RobotErrors`.
 
-        What `form` makes of it, so many times as large, is put into `origins` with where it is from.
+        What `form` makes of it, so many times as large, is put into `origins`, with its origin.
 
         Raises:
             JointplayError: nobody gave it, and no class is named.

@@ -353,7 +353,7 @@ def _serve(
     modules: Sequence[str],
     connection: Any,
 ) -> None:
-    """What a process does: the work for each item that comes; its progress is sent if it `reports`."""
+    """What a process does: the work for each item that comes; it may `report` progress."""
     ends = (EOFError, BrokenPipeError, ConnectionResetError, KeyboardInterrupt)
     with suppress(*ends):  # a request to stop may come anywhere, as soon as signals may
         begin()

@@ -617,7 +617,7 @@ def _virtual_link(
     freedoms: tuple[str, ...],
     names: Collection[str],
 ) -> int:
-    """Append the joints of a virtual link; the last has the plain `name`, others none of `names`."""
+    """Append the joints of a virtual link; the last has the `name`, others none of `names`."""
     parts: list[Any] = []
     for group, complete in (
         (VIRTUAL_LINK[:3], pin.JointModelTranslation),

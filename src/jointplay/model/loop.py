@@ -264,7 +264,7 @@ def newton_step(
     aside: Mapping[str, pin.SE3] | None = None,
     loops: Collection[str] | None = None,
 ) -> np.ndarray:
-    """How far to go along `directions` (nv, k) from q (nq,) to close `loops`, (k,); see `newton`."""
+    """How far along `directions` (nv, k) from q (nq,) to close `loops`, (k,); see `newton`."""
     left = weight * openings(mechanism, q, aside, loops)
     rows = (np.reshape(weight, (-1, 1)) * closing_rows(mechanism, q, loops)) @ directions
     change: np.ndarray = np.linalg.lstsq(rows, -left, rcond=SINGULAR)[0]
