@@ -167,7 +167,7 @@ def main() -> int:
         rows.append([
             name, *(f"{1e3 * x:.3g}" for x in told), f"{downs[-1]:.3g}",
             f"{ratio[:, 0].min():.3g}", f"{np.median(ratio[:, 1]):.3g}", f"{worsts[-1]:.3g}",
-            worst.words,
+            worst.label,
         ])  # fmt: skip
     head = [
         *("machine", "RMS before [mm]", "after [mm]", "firmware's rule [mm]", "down, median"),

@@ -64,7 +64,7 @@ def test_the_optimum_is_the_known_one_for_weights(three):
     found = allocate(robot(three), {}, 4e-5, weights={"a": 4.0}, least=1e-6)
     assert found.clearance == pytest.approx([2e-5, 1e-5, 1e-5], rel=1e-2)
     # Each micrometre saves the same cost by error, where the target decides.
-    saved = 1e6 * found.each("saved") / found.each("gain")
+    saved = 1e6 * found.column("saved") / found.column("gain")
     assert saved == pytest.approx([found.relief] * 3, rel=2e-2)
 
 
@@ -137,7 +137,7 @@ def test_gears_are_allocated_and_no_journal_is_added(three):
     gears = {"a": Gear(1e-3, 0.1, 1e4), "b": Gear(1e-3, 0.1, 1e4)}
     found = allocate(Mechanism(three, gears=gears), {}, 1e-4)
     assert found.joints == ("a (gear)", "b (gear)")
-    plays = found.each("play")
+    plays = found.column("play")
     levers = budget(Mechanism(three, gears=gears), {}).alone[0] / 5e-4
     assert (plays * levers / 2.0).sum() == pytest.approx(1e-4, rel=1e-5)
     assert plays[0] / plays[1] == pytest.approx(np.sqrt(levers[1] / levers[0]), rel=1e-3)
@@ -290,7 +290,7 @@ def test_no_cheaper_choice_of_classes_keeps_the_target(rolling, target):
     assert found.total == pytest.approx(best)
     assert found.error <= target
     assert budget(found.mechanism, poses).worst.max() == pytest.approx(found.error, rel=1e-3)
-    assert found.each("after").sum() == pytest.approx(found.error, rel=1e-9)
+    assert found.column("after").sum() == pytest.approx(found.error, rel=1e-9)
 
 
 @pytest.mark.thorough
@@ -320,7 +320,7 @@ def test_sizes_and_classes_are_chosen_together_and_no_other_choice_is_cheaper(ro
             continue
         best = min(best, fixed.total + sum(one.price for one in choice))
     assert found.total == pytest.approx(best, rel=1e-5)
-    assert set(found.each("held")) > {"class"}
+    assert set(found.column("held")) > {"class"}
     assert {"class", "clearance", "price"} <= {one.head for one in found.table().columns}
 
 
@@ -410,9 +410,11 @@ def test_the_whole_budget_with_what_remains_is_the_target(arm, statistical, part
     again = budget(arm, POSE, force=PULL, remaining=found.parts, **WHOLE)
     assert largest(again, statistical) == pytest.approx(target, rel=1e-6)
     assert largest(again, statistical) <= target * (1.0 + 1e-7)
-    assert found.each("after").sum() == pytest.approx(target, rel=1e-6)
-    assert found.each("before").sum() == pytest.approx(largest(first, statistical), rel=1e-9)
-    assert max(found.each("order")) == sum(how in ("target", "limit") for how in found.each("held"))
+    assert found.column("after").sum() == pytest.approx(target, rel=1e-6)
+    assert found.column("before").sum() == pytest.approx(largest(first, statistical), rel=1e-9)
+    assert max(found.column("order")) == sum(
+        how in ("target", "limit") for how in found.column("held")
+    )
 
 
 def test_the_target_is_kept_by_the_sizes_themselves(scara):
@@ -506,7 +508,7 @@ def test_a_target_that_is_met_already_costs_nothing(arm):
     found = allocate(arm, POSE, 1.0, **WHOLE)
     assert found.total == 0.0
     assert found.parts == {}
-    assert set(found.each("held")) <= {"as is", "kept"}
+    assert set(found.column("held")) <= {"as is", "kept"}
     assert "within the target already, nothing is spent" in str(found)
 
 
@@ -535,7 +537,7 @@ def test_the_figure_shows_all_parts_and_prices(arm):
         sum(bar.get_width() for bars in panel.containers for bar in bars) for panel in figure.axes
     )
     assert parts == pytest.approx(
-        1e3 * (found.each("before").sum() + found.each("after").sum()), rel=1e-9
+        1e3 * (found.column("before").sum() + found.column("after").sum()), rel=1e-9
     )
     assert prices == pytest.approx(found.total, rel=1e-9)
 

@@ -97,7 +97,7 @@ def test_cures_of_play_are_told_beside_each_other(urdf, axis, axial, left):
     path = urdf(weight, joint("j", "base", "arm", axis=axis), tip("arm"))
     own = bearing(friction=Coulomb(0.0), axial_clearance=axial)
     found = budget(Mechanism(path, {"j": own}), {})
-    rest = np.linalg.norm(found.rest_positions.at(0).whole[:3])
+    rest = np.linalg.norm(found.rest_positions.at(0).error[:3])
     assert found.compensated(0, 0.3) == pytest.approx((left + 0.3) * rest, abs=0.08 * rest)
     tighter = next(one for one in found.cures if one.words.startswith("half the play of j "))
     assert tighter.after == pytest.approx(found.worst[0] / 2.0, rel=1e-3)
@@ -540,7 +540,7 @@ def test_a_file_of_poses_that_cannot_be_is_refused(two, tmp_path, capsys, text, 
 def test_a_joint_that_gives_way_beyond_its_play_is_named_in_the_answer():
     """The elastic tilt of a single ball bearing is a third of what its play lets it tilt."""
     found = budget(Mechanism("ur5", {"elbow_joint": BallBearing(designation="6204")}), {})
-    turned = np.linalg.norm(found.rest_positions.at(0).whole[3:])
+    turned = np.linalg.norm(found.rest_positions.at(0).error[3:])
     assert turned > 1.2 * found.worst_turn[0]
     assert "contacts and gears giving way 0.238" in found.sentence
 

@@ -294,7 +294,7 @@ def test_the_engine_finds_the_tool_nearer_by_the_corrected_motion(level, kind):
     assert judged.nominal.before.rms > 10.0 * judged.nominal.after.rms
     assert judged.left_out == ("friction",)
     assert len(judged.corners) == 5
-    assert judged.most_left.words == "play +30 %, stiffness -30 %"
+    assert judged.most_left.label == "play +30 %, stiffness -30 %"
     assert not judged.worse
     # Level, the teeth never cross: the sign of the speed moves them for nothing.
     assert judged.firmware.rms > judged.nominal.after.rms
@@ -312,8 +312,8 @@ def test_least_gain_and_largest_rest_are_named_of_all_corners(level):
     for one, (was, left) in zip(judged.corners[1:], off.values(), strict=True):
         assert one.before.rms == pytest.approx(was * REACH, rel=0.02)
         assert one.after.rms == pytest.approx(left * REACH, rel=0.02)
-    assert judged.least_gain.words == "play -30 %, stiffness +20 %"
-    assert judged.most_left.words == "play +30 %, stiffness -20 %"
+    assert judged.least_gain.label == "play -30 %, stiffness +20 %"
+    assert judged.most_left.label == "play +30 %, stiffness -20 %"
     said = judged.sentence
     assert "gains least (play -30 %, stiffness +20 %)" in said
     assert "most is left (play +30 %, stiffness -20 %)" in said
@@ -592,10 +592,10 @@ def test_corners_are_the_ends_of_a_presets_intervals(level, tmp_path):
     own = simulated(machine(level), to=1e-6)
     judged = judge(compensate(own), trust, jobs=1)
     ends = [f"play at its {one} ends, stiffness at its" for one in ("lower", "upper")]
-    assert [one.words for one in judged.corners[1:]] == [
+    assert [one.label for one in judged.corners[1:]] == [
         f"{play} {one} ends" for play in ends for one in ("lower", "upper")
     ]
-    assert judged.least_gain.words == "play at its lower ends, stiffness at its upper ends"
+    assert judged.least_gain.label == "play at its lower ends, stiffness at its upper ends"
     # Half of what the play is smaller by, and less wind-up.
     off = 0.5 * (PLAY - 3e-3) + WEIGHT / STIFFNESS - WEIGHT / 900.0
     assert judged.least_gain.after.rms == pytest.approx(off * REACH, rel=0.02)

@@ -102,7 +102,7 @@ def test_a_terminal_has_a_bar(monkeypatch):
 def test_runs_within_a_whole_add_to_its_one_bar(monkeypatch):
     file = Terminal()
     monkeypatch.setattr("sys.stderr", file)
-    with progress.whole(3.0, True):
+    with progress.overall(3.0, True):
         for label in ("first ", "second "):
             bar = progress.Simulated(1.0, True, label)
             bar.reach(0.25)
@@ -119,7 +119,7 @@ def test_runs_within_a_whole_add_to_its_one_bar(monkeypatch):
 def test_the_bar_of_the_whole_is_there_again_below_what_was_printed_last(monkeypatch):
     file = Terminal()
     monkeypatch.setattr("sys.stderr", file)
-    with progress.whole(1.0, True):
+    with progress.overall(1.0, True):
         bar = progress.Simulated(1.0, True, "only")
         bar.reach(0.1)
         bar.reach(1.0)  # too soon after the first to be drawn
@@ -134,7 +134,7 @@ def test_the_bar_of_the_whole_is_there_again_below_what_was_printed_last(monkeyp
 def test_nothing_is_shown_unless_asked_for(monkeypatch):
     file = Terminal()
     monkeypatch.setattr("sys.stderr", file)
-    with progress.whole(1.0, False), progress.printing():
+    with progress.overall(1.0, False), progress.printing():
         bar = progress.Simulated(1.0, False)
         bar.reach(1.0)
         bar.close()

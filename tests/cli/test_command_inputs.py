@@ -212,11 +212,11 @@ def test_a_payload_weighs_at_rest_as_a_force_does_and_drives_do_not_know_it(caps
 
     held = at_rest("--payload", "5 kg", "--set", "drive.kind=prescribed")
     pushed = at_rest("--set", "drive.kind=prescribed")
-    assert held.whole == pytest.approx(pushed.whole, rel=1e-3, abs=1e-6)
+    assert held.error == pytest.approx(pushed.error, rel=1e-3, abs=1e-6)
     assert not held.sag.any()
     sagged = at_rest("--payload", "5 kg")
     assert 1e3 * np.linalg.norm(sagged.sag[:3]) == pytest.approx(1.75, rel=0.01)
-    assert sagged.whole[:3] - sagged.sag[:3] == pytest.approx(held.whole[:3], abs=2e-5)
+    assert sagged.error[:3] - sagged.sag[:3] == pytest.approx(held.error[:3], abs=2e-5)
 
 
 def test_what_others_call_play_is_asked_for_by_its_key(capsys):

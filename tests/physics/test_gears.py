@@ -282,7 +282,7 @@ def test_a_budget_counts_play_and_hysteresis(pendulum):
         found = jp.budget(pendulum(gear), {"a": 0.3})
         arm = np.linalg.norm(found.positions[0]) or 1.0
         assert found.worst_turn[0] == pytest.approx(gear.unloaded_range / 2.0, rel=1e-6)
-        rest, interval = found.rest_positions.at(0).whole, found.rest_positions.interval(0)
+        rest, interval = found.rest_positions.at(0).error, found.rest_positions.interval(0)
         assert (interval[:3, 0] <= rest[:3] + 1e-12 * arm).all()
         assert (rest[:3] <= interval[:3, 1] + 1e-12 * arm).all()
 

@@ -237,11 +237,11 @@ def under_servos(own, kp, ki, kd):
         voltage=1e6, p_gain=kp, i_gain=ki, d_gain=kd, torque_constant=1e-6, resistance=1e-6,
         encoder="link", period=1e-3,
     )  # fmt: skip
-    joints = own.whole.mechanism.joints
+    joints = own.base.mechanism.joints
     place = [POSE.get(name, 0.0) for name in joints]
     drives = {name: servo if name in ARM else jp.loads.Prescribed() for name in joints}
     motion = jp.Motion(joints, [0.0, 1e-2], [place, place])
-    return replace(own, whole=replace(own.whole, loads={}, drive=drives, motion=motion, state={}))
+    return replace(own, base=replace(own.base, loads={}, drive=drives, motion=motion, state={}))
 
 
 @pytest.mark.thorough
@@ -292,7 +292,7 @@ def test_what_diverges_with_and_without_play_is_said_to_be_by_gains():
 def test_joints_that_no_controller_sets_are_held_where_they_are_asked_to_be():
     (own,) = hunting.released(arm(100.0), pose=POSE | {"joint_c": 0.02})
     result = own.simulation(0.05).run(estimate=False)
-    q, robot = result["q"].values, own.whole.mechanism
+    q, robot = result["q"].values, own.base.mechanism
     assert q[:, robot.coordinate("joint_c")] == pytest.approx(0.02, abs=1e-9)
     assert [q[0, robot.coordinate(name)] for name in ARM] == pytest.approx([0.3, 0.7])
 
@@ -319,7 +319,7 @@ def test_gains_of_several_controllers_have_the_names_of_their_loads():
     two = jp.loads.Controller(ARM[1:], Sampled, (5.0, 0.0, 1.0, 0.7), period=1e-3)
     (own,) = hunting.released(replace(simulation, loads={"one": one, "two": two}))
     assert list(own.gains) == ["one.p0", "one.p1", "two.kp", "two.ki", "two.kd", "two.p3"]
-    other = own.with_gains(**{"two.kp": 9.0}).whole.loads
+    other = own.with_gains(**{"two.kp": 9.0}).base.loads
     assert other["one"].parameters == one.parameters
     assert other["two"].parameters == (9.0, 0.0, 1.0, 0.7)
     bare = replace(simulation, loads={"own": jp.loads.Controller(ARM[:1], still)})

@@ -287,10 +287,10 @@ def test_a_page_that_sqlite_cannot_read_costs_its_rows_alone(where, tmp_path):
     rows = Rows(path, write=True)
     found = {place: values["x3"][k] for places, values in rows.blocks(200)
              for k, place in enumerate(places)}  # fmt: skip
-    assert not rows.whole
+    assert not rows.intact
     assert 170 < len(found) < 200 if where == "rows" else not found
     rows.rebuild({}, rows.columns, ((place, {"x3": x}) for place, x in found.items()))
-    assert rows.whole
+    assert rows.intact
     rows.add("more", {})
     rows.close()
     ((places, values),) = Rows(path).blocks(200)

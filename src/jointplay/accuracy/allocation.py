@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import partial
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,9 +19,9 @@ from jointplay.accuracy.causes import (
     CAUSES,
     Cause,
     cause_model,
+    given_and_assumed,
     is_proportional,
     named,
-    told_apart,
 )
 from jointplay.accuracy.cheapest import COSTS, Error, Key, Problem, Sizes
 from jointplay.accuracy.cures import KNOWN
@@ -71,12 +70,16 @@ COMPENSATION = "compensation"
 _MM = 1e3
 """Costs are of clearances in millimetres."""
 _RENEWALS = 12
+"""Most rounds in which plays are found anew at the last sizes; what has not settled then is refused
+(judged)."""
 _USED, _USED_ROUGH = 1e-6, 5e-4
-"""Part of the target that may be left, and where the error is not convex."""
+"""Part of the target that may be left: below what a size is made to, and where the error is not
+convex what its cuts resolve (judged)."""
 _SETTLED = 1e-3
-"""Relative change of sizes below which plays, of the second order, are as they were."""
+"""Relative change of sizes below which plays are as they were: their second order then differs by
+a thousandth of itself (judged)."""
 _LISTED = 2e-3
-"""Part of the error below which a cause has no line of its own."""
+"""Part of the error below which a cause has no line of its own: less than a rounded percent."""
 
 
 @dataclass(frozen=True)
@@ -89,11 +92,11 @@ class Offer:
     instead: str = ""
     """The fit that the joint had; empty for bearings."""
 
-    def free(self, way: str) -> float:
+    def free(self, axis: str) -> float:
         """How far it is free along x or z, with the loosest parts of a fit [m]."""
         fit = self.joint.fitted
         joint = self.joint if fit is None else self.joint.at_clearance(fit.most)
-        return joint.travel[way]
+        return joint.travel[axis]
 
 
 @dataclass(frozen=True)
@@ -123,7 +126,7 @@ class Corrected:
     """The worst case as it was [m]."""
 
     @property
-    def words(self) -> str:
+    def text(self) -> str:
         known = [f"play known to {100 * self.offer.play:g} %"]
         if self.offer.friction:
             known.append(f"friction to {100 * self.offer.friction:g} %")
@@ -156,17 +159,18 @@ def offers_of(
         known[name] = require_non_negative(f"price of {name!r}", price, "")
     if isinstance(joint, RollingBearing):
         classes = joint.of_classes().items()
-        return tuple(Offer(name, one, known.get(name, 1.0)) for name, one in classes)
+        return tuple(Offer(name, bearing, known.get(name, 1.0)) for name, bearing in classes)
     if fit is None:
         raise JointplayError(f"a {joint.kind} joint has neither a rolling bearing nor a fit")
     tightest = {fit.grades: fit}  # of each pair of grades, which cost the same
-    for one in sorted(fit.alternatives(), key=lambda one: one.most):
-        if one.least >= least:
-            tightest.setdefault(one.grades, one)
-    return tuple(
-        Offer(str(one), joint.with_fit(one), sum(known[f"IT{g}"] for g in one.grades) / 2, str(fit))
-        for one in tightest.values()
-    )
+    for alternative in sorted(fit.alternatives(), key=lambda alternative: alternative.most):
+        if alternative.least >= least:
+            tightest.setdefault(alternative.grades, alternative)
+    offers = []
+    for other in tightest.values():
+        price = sum(known[f"IT{grade}"] for grade in other.grades) / 2
+        offers.append(Offer(str(other), joint.with_fit(other), price, str(fit)))
+    return tuple(offers)
 
 
 def is_bought(joint: Clearance) -> bool:
@@ -238,22 +242,22 @@ class Allocation:
     corrections: tuple[Corrected, ...] = ()
     """What corrected motions, which were offered, would leave instead."""
 
-    def each(self, what: str) -> np.ndarray:
+    def column(self, name: str) -> np.ndarray:
         """One of the fields of `Choice`, of all choices."""
-        return np.array([getattr(one, what) for one in self.choices])
+        return np.array([getattr(choice, name) for choice in self.choices])
 
     @property
     def joints(self) -> tuple[str, ...]:
-        return tuple(one.joint for one in self.choices)
+        return tuple(choice.joint for choice in self.choices)
 
     @property
     def clearance(self) -> np.ndarray:
         """Radial clearances, NaN of what is none [m]."""
-        return self.each("clearance")
+        return self.column("clearance")
 
     @property
     def total(self) -> float:
-        return float(self.each("price").sum())
+        return float(self.column("price").sum())
 
     @property
     def parts(self) -> dict[Key, float]:
@@ -262,90 +266,86 @@ class Allocation:
 
     def table(self) -> Table:
         """A row for each; of causes those that matter, first those that were bought first."""
-        small = [abs(o.before) <= _LISTED * self.was and not o.order for o in self.choices]
-        kept = [one for one, left in zip(self.choices, small, strict=True) if not left]
+        small = [abs(c.before) <= _LISTED * self.was and not c.order for c in self.choices]
+        listed = [choice for choice, left in zip(self.choices, small, strict=True) if not left]
         if not np.isnan(self.was):
-            kept.sort(key=lambda one: (one.order == 0, -one.before))
-        shown, more = self._rows(kept), []
+            listed.sort(key=lambda choice: (choice.order == 0, -choice.before))
+        table, more = self._rows(listed), []
         if any(small):
-            sums = {head: self.each(what)[small].sum() for head, what in _SUMMED.items()}
-            heads = [one.head for one in shown.columns if one.only != "data"]
+            sums = {head: self.column(name)[small].sum() for head, name in _SUMMED.items()}
+            heads = [column.head for column in table.columns if column.only != "data"]
             more = [(f"{sum(small)} more", *(sums.get(head) for head in heads[1:]))]
-        return replace(shown, totals=more, notes=[self._headline(), *self._cures, *self.notes])
+        return replace(table, totals=more, notes=[self._headline(), *self._cures, *self.notes])
 
     @property
     def _cures(self) -> list[str]:
         if not self.corrections:
             return []
         tighter = f"allocated {readable(self.error, 'm', 3)} (price {self.total:.5g})"
-        return [f"{', '.join(one.words for one in self.corrections)}; {tighter}"]
+        return [f"{', '.join(correction.text for correction in self.corrections)}; {tighter}"]
 
     def data(self) -> Table:
         """A row for each choice."""
         return self._rows(self.choices)
 
-    def _rows(self, kept: Sequence[Choice]) -> Table:
+    def _rows(self, choices: Sequence[Choice]) -> Table:
         """All that is known of any choice."""
 
-        def of(head: str, what: str, unit: str = "", **more: Any) -> Column:
-            return Column(head, [getattr(one, what) for one in kept], unit, **more)
+        def of(head: str, name: str, unit: str = "", **more: Any) -> Column:
+            return Column(head, [getattr(choice, name) for choice in choices], unit, **more)
 
-        total, offers = self.total or 1.0, [one.offer for one in kept]
-        alone = len({one.cause for one in self.choices}) == 1
-        improved = not np.isnan(self.was)
-        lengths = [(one, np.isnan(one.play)) for one in kept]
+        def where(turns: bool, name: str, factor: float = 1.0) -> list[float | None]:
+            """A field of choices of plays that turn a joint, or of all others."""
+            fits = [np.isnan(choice.play) != turns for choice in choices]
+            values = [getattr(choice, name) for choice in choices]
+            return [factor * x if fit else None for x, fit in zip(values, fits, strict=True)]
+
+        total, offers = self.total or 1.0, [choice.offer for choice in choices]
+        alone = len({choice.cause for choice in self.choices}) == 1
         columns = [
             of("joint", "joint"),
             of("cause", "cause", only="data" if alone else ""),
             of("clearance", "clearance", "m", fine=True),
             of("play", "play", "rad", only="data"),
-            Column("play [arcmin]", [one.play / _ARCMIN for one in kept], only="text"),
-            Column("class", [None if one is None else one.name for one in offers]),
+            Column("play [arcmin]", [choice.play / _ARCMIN for choice in choices], only="text"),
+            Column("class", [offer and offer.name for offer in offers]),
         ]
-        for way, axis in (("across", "x"), ("along", "z")):
-            far = [np.nan if one is None else one.free(axis) for one in offers]
-            columns.append(Column(f"free {way}", far, "m", fine=True, digits=3))
+        for direction, axis in (("across", "x"), ("along", "z")):
+            far = [np.nan if offer is None else offer.free(axis) for offer in offers]
+            columns.append(Column(f"free {direction}", far, "m", fine=True, digits=3))
+        per_arcmin = where(True, "gain", _MM * _ARCMIN)
         columns += [
-            Column("error per clearance", [one.gain if own else None for one, own in lengths]),
-            Column(
-                f"m{self.unit} per arcmin",
-                [None if own else _MM * _ARCMIN * one.gain for one, own in lengths],
-                only="text",
-            ),
-            Column(
-                "error per play", [None if own else one.gain for one, own in lengths], only="data"
-            ),
+            Column("error per clearance", where(False, "gain")),
+            Column(f"m{self.unit} per arcmin", per_arcmin, only="text"),
+            Column("error per play", where(True, "gain"), only="data"),
             of("added", "before", self.unit),
             of("adds", "after", self.unit),
-            *([of("remains", "remaining", key="remaining")] if improved else []),
+            *([] if np.isnan(self.was) else [of("remains", "remaining", key="remaining")]),
             of("price", "price", digits=4),
-            Column("of all", [o.price / total for o in kept], "1", only="text", digits=4),
-            Column("bought", [one.order or None for one in kept]),
-            Column(
-                "a µm more saves",
-                [one.saved if own else None for one, own in lengths],
-                key="saved_by_a_micrometre",
-            ),
-            Column(
-                "an arcmin more saves",
-                [None if own else one.saved for one, own in lengths],
-                key="saved_by_an_arcmin",
-            ),
+            Column("of all", [c.price / total for c in choices], "1", only="text", digits=4),
+            Column("bought", [choice.order or None for choice in choices]),
+            Column("a µm more saves", where(False, "saved"), key="saved_by_a_micrometre"),
+            Column("an arcmin more saves", where(True, "saved"), key="saved_by_an_arcmin"),
             of("held by", "held"),
         ]
-        return Table([one for one in columns if not all(map(_is_none, one.values))])
+        return Table([column for column in columns if not all(map(_is_none, column.values))])
 
     @property
     def sentence(self) -> str:
         """The answer in plain words."""
-        whole, offers = not np.isnan(self.was), [one.offer for one in self.choices if one.offer]
-        bearings = "bearings" if whole else "classes of bearings"
-        kinds = dict.fromkeys("fits" if one.instead else bearings for one in offers)
-        first, gears = ["improvements"] if whole else [], self._gears
-        if not whole:
-            first += ["clearances"] * any(not one.gear and not one.offer for one in self.choices)
-            first += ["plays of gears"] * any(one.gear for one in self.choices)
-        sizes = f": {few(gears, 7)}" if gears and not whole else ""
+        improved, offers = (
+            not np.isnan(self.was),
+            [choice.offer for choice in self.choices if choice.offer],
+        )
+        bearings = "bearings" if improved else "classes of bearings"
+        kinds = dict.fromkeys("fits" if offer.instead else bearings for offer in offers)
+        first, gears = ["improvements"] if improved else [], self._gears
+        if not improved:
+            first += ["clearances"] * any(
+                not choice.gear and not choice.offer for choice in self.choices
+            )
+            first += ["plays of gears"] * any(choice.gear for choice in self.choices)
+        sizes = f": {few(gears, 7)}" if gears and not improved else ""
         return (
             f"These are the cheapest {' and '.join([*first, *kinds])} that keep the tool "
             f"{self.mechanism.tool!r} within {readable(self.target, self.unit, 3)}{sizes}"
@@ -355,20 +355,21 @@ class Allocation:
     @property
     def _gears(self) -> list[str]:
         """Plays of gears in words, of those that count."""
-        return [
-            f"{one.clearance * _MM:.3g} mm in {one.joint.removesuffix(GEAR)}"
-            if np.isnan(one.play)
-            else f"{float(f'{one.play / _ARCMIN:.2g}'):g} arcmin in {one.joint.removesuffix(GEAR)}"
-            for one in self.choices
-            if one.gear and one.held != "most"
-        ]
+        texts = []
+        for choice in self.choices:
+            if choice.gear and choice.held != "most":
+                size = f"{float(f'{choice.play / _ARCMIN:.2g}'):g} arcmin"
+                if np.isnan(choice.play):
+                    size = f"{choice.clearance * _MM:.3g} mm"
+                texts.append(f"{size} in {choice.joint.removesuffix(GEAR)}")
+        return texts
 
     @property
     def _corrected(self) -> str:
         """Whether a corrected motion keeps the target, too, to add to a sentence."""
         if not self.corrections:
             return ""
-        least = min(one.error for one in self.corrections)
+        least = min(correction.error for correction in self.corrections)
         keeps = "keep it, too, at rest" if least <= self.target else "do not"
         return f"; sizes as given, compensated, {keeps}: {readable(least, 'm', 3)}"
 
@@ -376,16 +377,16 @@ class Allocation:
     def _exchanged(self) -> str:
         """Which fits become which others, to add to a sentence."""
         changed = dict[str, list[str]]()
-        for one in self.choices:
-            if one.offer and one.offer.instead not in ("", one.offer.name):
-                words = f"{one.offer.instead} becomes {one.offer.name}"
-                changed.setdefault(words, []).append(one.joint)
-        parts = [f"{words} in {few(joints, 2)}" for words, joints in changed.items()]
+        for choice in self.choices:
+            if choice.offer and choice.offer.instead not in ("", choice.offer.name):
+                text = f"{choice.offer.instead} becomes {choice.offer.name}"
+                changed.setdefault(text, []).append(choice.joint)
+        parts = [f"{text} in {few(joints, 2)}" for text, joints in changed.items()]
         return f": {'; '.join(parts)}" if parts else ""
 
     def _headline(self) -> str:
         sizes = self.error, *self.spread, self.target, self.was
-        error, low, high, target, was = (f"{1e3 * one:#.5g}" for one in sizes)
+        error, low, high, target, was = (f"{1e3 * size:#.5g}" for size in sizes)
         interval = f" (95 %: {low} to {high})" if low != high else ""
         unit = f"m{self.unit}"
         line = f"{self.kind}: {error} {unit}{interval} of {target} {unit}"
@@ -480,57 +481,147 @@ def allocate(
     require_a("mechanism", mechanism, "Mechanism")
     target = require_positive("target", target, "rad" if turn else "m")
     seed = require_whole("seed", seed)
-    whole = causes is not None
-    prices, weights, limits = dict(prices or {}), dict(weights or {}), dict(limits or {})
-    own = named(causes or ())
-    _check(mechanism, own if whole else None, keep, prices, weights, limits)
-    bought: dict[str, Any] = dict(offers or {})
-    corrections: Sequence[Correction] = bought.pop(COMPENSATION, ())
     if quantile is not None:
         require_share("the quantile", quantile)
-    given = RobotErrors() if errors is None else errors
-    classes = {name: price for name, price in prices.items() if name not in own}
-    make: Any = cheapest.RootMeanSquare if statistical else cheapest.WorstCase
-    if quantile is not None:
-        make = partial(cheapest.Quantile, quantile=quantile, seed=seed)
-    holding = {
-        "driven": driven, "drive": drive, "joint_friction": joint_friction, "payloads": payloads,
-        "loads": loads,
-    }  # fmt: skip
+    goods: dict[str, Any] = dict(offers or {})
+    corrections: Sequence[Correction] = goods.pop(COMPENSATION, ())
+    market = _Market(goods, prices or {}, weights or {}, limits or {}, cost, least, most)
+    holding = _Holding(driven, drive, joint_friction, payloads, loads)
     search = _Search(
-        mechanism, configurations(mechanism, poses, driven), holding, own if whole else None,
-        force, given, kind, turn,
-        _offers(mechanism, bought, classes, keep, whole, LEAST_M if least is None else least),
-        keep, make,
+        mechanism, configurations(mechanism, poses, driven), holding,
+        None if causes is None else named(causes), force,
+        RobotErrors() if errors is None else errors, kind, turn, statistical, quantile, seed, keep,
+        market,
     )  # fmt: skip
-    keys = search.keys
-    if not whole and search.first.farthest().size.max() <= NOWHERE * MOST_RAD:
-        raise JointplayError(
-            f"nothing that has play moves the tool {mechanism.tool!r} at these poses: name another "
-            "frame as the tool (--tool), or give an angle as the target"
-        )
-    if whole:
-        weight = [prices.get(cause, 1.0) * weights.get(joint, 1.0) for joint, cause in keys]
-        low, ones = [limits.get(cause, LIMIT) for _, cause in keys], np.ones(len(keys))
-        search.sizes = Sizes(keys, np.array(weight), np.array(low), ones, ones, COSTS[0])
-    else:
-        search.sizes = _clearances(mechanism, keys, cost, weights, least, most, quantile)
-    if not keys and not search.offers:
-        _refuse_nothing(mechanism, whole)
-    if quantile is not None and (search.offers or whole):
-        raise JointplayError(
-            "a quantile is for clearances that can be any, not for classes nor other causes"
-        )
+    search.require_choice()
     bar = ProgressBar(
         desc="allocating", unit="round", disable=not progress, delay=PATIENCE_S, leave=False
     )
     with bar:
         try:
-            found = search.allocated(target, bar, search.notes(prices, limits))
+            allocation = search.allocated(target, bar)
         except cheapest.Unreachable as unreachable:
-            left = [one.words for one in search.corrected(corrections, progress)]
+            left = [correction.text for correction in search.corrected(corrections, progress)]
             raise JointplayError("; ".join([str(search.refusal(unreachable)), *left])) from None
-    return replace(found, corrections=search.corrected(corrections, progress))
+    return replace(allocation, corrections=search.corrected(corrections, progress))
+
+
+class _Holding(NamedTuple):
+    """What holds the machine and what it carries, as `budget` takes that."""
+
+    driven: Sequence[str] | None
+    drive: Drive | Mapping[str, Drive] | None
+    joint_friction: Mapping[str, JointFriction] | None
+    payloads: Sequence[Payload]
+    loads: Mapping[str, Load] | None
+
+
+@dataclass(frozen=True)
+class _Market:
+    """What can be bought, and at which price; fields as of `allocate`."""
+
+    offers: Mapping[str, Sequence[Offer]]
+    prices: Mapping[str, float]
+    weights: Mapping[str, float]
+    limits: Mapping[str, float]
+    cost: str
+    least: float | None
+    most: float | None
+
+    def check(
+        self, mechanism: Mechanism, causes: Mapping[str, Cause] | None, keep: Collection[str]
+    ) -> None:
+        """Refuse names that nothing has, and values that cannot be."""
+        joints = [*mechanism.joints, *mechanism.mounts, *mechanism.loops]
+        known = [*CAUSES, *(causes or {})]
+        if causes is None and self.limits:
+            raise JointplayError(
+                "limits are of causes: give these, too, or least and most clearances"
+            )
+        for name in keep:
+            if name not in (*known, *joints):
+                raise MissingName("cause of errors", name, known, " (nor is it a joint)")
+        for name, value in self.limits.items():
+            require_known("cause of errors", name, known)
+            if require_positive(f"limit of {name!r}", value, "") > 1.0:
+                raise JointplayError(
+                    f"limit of {name!r}: a part of at most 1 remains, got {value:g}"
+                )
+        for name, value in self.prices.items():
+            if name in known:
+                require_positive(f"price of {name!r}", value, "")
+            elif causes is not None and name not in PRICES:
+                raise MissingName("cause of errors", name, known)
+        for name, value in self.weights.items():
+            require_known("joint with clearance", name, joints)
+            require_positive(f"weight of {name!r}", value, "")
+
+    def offers_for(
+        self, mechanism: Mechanism, causes: Mapping[str, Cause] | None, keep: Collection[str]
+    ) -> dict[str, tuple[Offer, ...]]:
+        """By joint: bearings and fits, of play alone for all joints that have such."""
+        joints = {name: joint for name, joint in mechanism.clearance.items() if is_bought(joint)}
+        for name in self.offers:
+            require_known("joint with a rolling bearing or a fit", name, joints)
+        names = [
+            name for name in joints if name not in keep and (causes is None or name in self.offers)
+        ]
+        prices = {name: price for name, price in self.prices.items() if name not in (causes or ())}
+        if prices and not names and causes is None:
+            raise JointplayError(
+                f"prices of {', '.join(prices)} are for classes of rolling bearings and fits, and "
+                "no joint has one; clearances have a cost and weights"
+            )
+        least = LEAST_M if self.least is None else self.least
+        return {
+            name: tuple(self.offers.get(name, ())) or offers_of(joints[name], prices, least)
+            for name in names
+        }
+
+    def parts(self, keys: tuple[Key, ...]) -> Sizes:
+        """Parts of causes that remain, each at a joint."""
+        weight = [self.prices.get(n, 1.0) * self.weights.get(joint, 1.0) for joint, n in keys]
+        low, ones = [self.limits.get(cause, LIMIT) for _, cause in keys], np.ones(len(keys))
+        return Sizes(keys, np.array(weight), np.array(low), ones, ones, COSTS[0])
+
+    def clearances(
+        self, mechanism: Mechanism, keys: tuple[Key, ...], quantile: float | None
+    ) -> Sizes:
+        """Clearances of joints, and plays of gears."""
+        require_known("cost", self.cost, COSTS)
+        if quantile is not None and self.cost == "linear":
+            raise JointplayError(
+                "the cost 'linear' is possible for the worst case only, because a quantile is not "
+                "convex; use " + " or ".join(COSTS[:2])
+            )
+        joints = [name.removesuffix(GEAR) for name, _ in keys]
+        for name in self.weights:
+            require_known("joint with clearance", name, joints)
+        geared = [name.endswith(GEAR) for name, _ in keys]
+        entries = mechanism.description.joints
+        turns = np.array([
+            gear and not entries[name].slides for name, gear in zip(joints, geared, strict=True)
+        ])  # fmt: skip
+        if turns.all() and len(keys) and not (self.least is None and self.most is None):
+            raise JointplayError(
+                "least and most are of clearances, and there are plays of gears only"
+            )
+        most, low = MOST_M if self.most is None else self.most, self.least
+        most = require_positive("the most clearance", most, "m")
+        low = require_positive("least clearance", LEAST_M if low is None else low, "m")
+        if low >= most:
+            raise JointplayError(
+                f"the least clearance {readable(low, 'm')} must be below the most, "
+                f"{readable(most, 'm')}"
+            )
+        size = np.array([
+            mechanism.gears[name].play if gear else mechanism.clearance[name].radial_travel
+            for name, gear in zip(joints, geared, strict=True)
+        ])  # fmt: skip
+        weight = np.array([self.weights.get(name, 1.0) for name in joints])
+        ends = np.where(turns, LEAST_RAD, low) / size, np.where(turns, MOST_RAD, most) / size
+        unit = np.where(turns, _ARCMIN, 1.0 / _MM)
+        return Sizes(keys, weight, *ends, size / unit, self.cost)
 
 
 @dataclass
@@ -539,55 +630,79 @@ class _Search:
 
     mechanism: Mechanism
     q: np.ndarray
-    holding: Mapping[str, Any]
-    """What holds it, and what it carries, as `budget` takes that."""
+    holding: _Holding
     causes: Mapping[str, Cause] | None
     force: Sequence[float]
     errors: RobotErrors
     kind: str | None
     turn: bool
-    offers: Mapping[str, Sequence[Offer]]
+    statistical: bool
+    quantile: float | None
+    seed: int
     keep: Collection[str]
-    make: Any
-    """The `Error` of a model, its choices and their sizes."""
-    sizes: Sizes = field(init=False)
+    market: _Market
 
     def __post_init__(self) -> None:
-        self.first = self.made({}, {})[1]
-        self.keys = tuple(
-            dict.fromkeys(
-                self.key(one)
-                for one in self.first.contributions
-                if self._sizable(one) and not {one.joint, one.cause} & {*self.keep}
+        self.market.check(self.mechanism, self.causes, self.keep)
+        self.offers = self.market.offers_for(self.mechanism, self.causes, self.keep)
+        self.first = self.build({}, {})[1]
+        sizable = filter(self._sizable, self.first.contributions)
+        sought = [c for c in sizable if not {c.joint, c.cause} & {*self.keep}]
+        self.keys = tuple(dict.fromkeys(map(self.key, sought)))
+        if self.causes is None:
+            self.sizes = self.market.clearances(self.mechanism, self.keys, self.quantile)
+        else:
+            self.sizes = self.market.parts(self.keys)
+
+    def require_choice(self) -> None:
+        """Refuse what leaves nothing to choose, or nothing that a choice would change."""
+        if self.causes is None and self.first.farthest().size.max() <= NOWHERE * MOST_RAD:
+            raise JointplayError(
+                f"nothing that has play moves the tool {self.mechanism.tool!r} at these poses: "
+                "name another frame as the tool (--tool), or give an angle as the target"
             )
-        )
+        if not self.keys and not self.offers:
+            if self.causes is not None:
+                raise JointplayError("no cause is left that may be improved: keep fewer")
+            for name, joint in self.mechanism.clearance.items():
+                if not joint.clearances:
+                    raise JointplayError(
+                        f"joint {name!r} is {joint.kind}: it has no clearance to allocate"
+                    )
+            raise JointplayError("no joint or gear has play to allocate")
+        if self.quantile is not None and (self.offers or self.causes is not None):
+            raise JointplayError(
+                "a quantile is for clearances that can be any, not for classes nor other causes"
+            )
 
-    def key(self, one: Contribution) -> Key:
+    def key(self, contribution: Contribution) -> Key:
         """What is chosen of a contribution: of play alone that of a gear by itself."""
-        return (one.name if self.causes is None else one.joint), one.cause
+        name = contribution.name if self.causes is None else contribution.joint
+        return name, contribution.cause
 
-    def _sizable(self, one: Contribution) -> bool:
-        if one.gear and self.causes is None:
-            gear = self.mechanism.gears[one.joint]
+    def _sizable(self, contribution: Contribution) -> bool:
+        if contribution.gear and self.causes is None:
+            gear = self.mechanism.gears[contribution.joint]
             return 0.0 < gear.unloaded_range == gear.play
-        return one.proportional and not self._offered(one)
+        return contribution.proportional and not self._offered(contribution)
 
-    def _offered(self, one: Contribution) -> bool:
-        return one.joint in self.offers and one.cause in ("play", "elasticity") and not one.gear
+    def _offered(self, contribution: Contribution) -> bool:
+        goes_along = contribution.cause in ("play", "elasticity") and not contribution.gear
+        return goes_along and contribution.joint in self.offers
 
-    def made(
+    def build(
         self, remaining: Mapping[Key, float], chosen: Mapping[str, Offer]
     ) -> tuple[Mechanism, ErrorModel]:
-        joints = {**self.mechanism.clearance, **{name: one.joint for name, one in chosen.items()}}
+        joints = self.mechanism.clearance | {name: o.joint for name, o in chosen.items()}
         if self.causes is not None:
-            other = self.mechanism.with_clearance(joints) if chosen else self.mechanism
-            driven, payloads = self.holding["driven"], self.holding["payloads"]
-            drives = holding_drives(other, self.holding["drive"])
-            other, model = cause_model(
-                other, self.q, with_force(other, self.force, self.holding["loads"]), self.causes,
+            machine = self.mechanism.with_clearance(joints) if chosen else self.mechanism
+            driven, payloads = self.holding.driven, self.holding.payloads
+            drives = holding_drives(machine, self.holding.drive)
+            machine, model = cause_model(
+                machine, self.q, with_force(machine, self.force, self.holding.loads), self.causes,
                 self.errors, self.kind, remaining, driven, None, drives, payloads,
             )  # fmt: skip
-            return other, model.turning if self.turn else model
+            return machine, model.turning if self.turn else model
         gears: dict[str, Any] = dict(self.mechanism.gears)
         for (name, _), x in remaining.items():
             if name in joints:
@@ -595,9 +710,9 @@ class _Search:
             else:
                 gear = gears[name.removesuffix(GEAR)]
                 gears[name.removesuffix(GEAR)] = replace(gear, play=x * gear.play)
-        other = self.mechanism.with_clearance(joints, gears)
-        model = play_model(other, self.q, driven=self.holding["driven"], loops=True)
-        return other, model.turning if self.turn else model
+        machine = self.mechanism.with_clearance(joints, gears)
+        model = play_model(machine, self.q, driven=self.holding.driven, loops=True)
+        return machine, model.turning if self.turn else model
 
     def corrected(self, offers: Sequence[Correction], progress: bool) -> tuple[Corrected, ...]:
         """What is left of the error at rest by corrected motions, and of causes that are no play.
@@ -616,55 +731,55 @@ class _Search:
         if self.mechanism.loops:
             raise JointplayError("motions of closed loops are not compensated: leave it out")
         model = self.first
-        play = budget(self.mechanism, self.q, force=self.force, **self.holding)
-        beside = [k for k, one in enumerate(model.contributions) if one.cause != "play"]
+        play = budget(self.mechanism, self.q, force=self.force, **self.holding._asdict())
+        beside = [k for k, c in enumerate(model.contributions) if c.cause != "play"]
         others = model.subset(beside).farthest().size if beside else np.zeros(len(self.q))
         left = np.zeros((len(offers), len(self.q)))
-        poses = ProgressBar(
-            range(len(self.q)),
-            "places of rest",
-            disable=not progress,
-            delay=PATIENCE_S,
-            leave=False,
-        )
-        for k in poses:
+        poses, quiet = range(len(self.q)), not progress
+        for k in ProgressBar(poses, "places of rest", disable=quiet, delay=PATIENCE_S, leave=False):
             rest = play.rest_positions.at(k)
-            place = float(np.linalg.norm((rest.whole - rest.sag)[:3]))
-            for one, own in zip(offers, left, strict=True):
-                unknown = one.play * min(place, play.worst[k])  # what gives way stays
-                own[k] = others[k] + play.compensated(k, 0.0, one.friction) + unknown
+            place = float(np.linalg.norm((rest.error - rest.sag)[:3]))
+            for offer, row in zip(offers, left, strict=True):
+                unknown = offer.play * min(place, play.worst[k])  # what gives way stays
+                row[k] = others[k] + play.compensated(k, 0.0, offer.friction) + unknown
         if np.isnan(left).any():
             raise JointplayError(
                 "no place of rest was found: what compensation leaves is not known"
             )
-        before = float(model.farthest().size.max())
-        return tuple(
-            Corrected(one, float(own.max()), before) for one, own in zip(offers, left, strict=True)
-        )
+        before, after = float(model.farthest().size.max()), left.max(axis=1).tolist()
+        return tuple(Corrected(*pair, before) for pair in zip(offers, after, strict=True))
 
-    def error(self, model: ErrorModel, x: np.ndarray) -> Error:
-        return self.make(model, self.choice(model), x)  # type: ignore[no-any-return]
+    def error(self, model: ErrorModel, x: np.ndarray, choice: Sequence[int] | None = None) -> Error:
+        """The error by sizes x; `choice` says which of them each contribution is."""
+        choice = self.choice(model) if choice is None else choice
+        if self.quantile is not None:
+            return cheapest.Quantile(model, choice, x, self.quantile, self.seed)
+        if self.statistical:
+            return cheapest.RootMeanSquare(model, choice, x)
+        return cheapest.WorstCase(model, choice, x)
 
     def remaining(self, x: np.ndarray) -> dict[Key, float]:
         return {key: float(part) for key, part in zip(self.keys, x, strict=True) if part != 1.0}
 
     def with_offers(self, remaining: Mapping[Key, float]) -> tuple[ErrorModel, list[int]]:
         """The error with all bearings that are offered, and which choice each contribution is."""
-        counts = [len(own) for own in self.offers.values()]
+        counts = [len(options) for options in self.offers.values()]
         first = dict(zip(self.offers, len(self.keys) + np.cumsum([0, *counts]), strict=False))
         models, of = [], []
         for k in range(max(counts, default=1)):
-            chosen = {name: own[min(k, len(own) - 1)] for name, own in self.offers.items()}
-            _, model = self.made(remaining, chosen)
-            kept = []
-            for i, (one, size) in enumerate(
+            chosen = {
+                name: options[min(k, len(options) - 1)] for name, options in self.offers.items()
+            }
+            _, model = self.build(remaining, chosen)
+            indices = []
+            for i, (contribution, size) in enumerate(
                 zip(model.contributions, self.choice(model), strict=True)
             ):
-                offered = self._offered(one)
-                if k < len(self.offers[one.joint]) if offered else k == 0:
-                    kept.append(i)
-                    of.append(int(first[one.joint]) + k if offered else size)
-            models.append(model.subset(kept))
+                offered = self._offered(contribution)
+                if k < len(self.offers[contribution.joint]) if offered else k == 0:
+                    indices.append(i)
+                    of.append(int(first[contribution.joint]) + k if offered else size)
+            models.append(model.subset(indices))
         if len(models) > 1 and models[0].tied:
             raise JointplayError(
                 "plays that constrain each other in a closed loop are no sum over joints: choose "
@@ -673,19 +788,17 @@ class _Search:
         return ErrorModel.join(models), of
 
     def _by_key(self, model: ErrorModel, parts: np.ndarray) -> dict[Key, float]:
-        found = dict[Key, float]()
-        for one, part in zip(model.contributions, parts, strict=True):
-            found[self.key(one)] = found.get(self.key(one), 0.0) + float(part)
-        return found
+        sums = dict[Key, float]()
+        for contribution, part in zip(model.contributions, parts, strict=True):
+            sums[self.key(contribution)] = sums.get(self.key(contribution), 0.0) + float(part)
+        return sums
 
     def choice(self, model: ErrorModel) -> list[int]:
         """Which of the sizes each contribution is, -1 for none."""
         place = {key: i for i, key in enumerate(self.keys)}
-        return [
-            place.get(self.key(one), -1) if one.proportional else -1 for one in model.contributions
-        ]
+        return [place.get(self.key(c), -1) if c.proportional else -1 for c in model.contributions]
 
-    def allocated(self, target: float, bar: Any, notes: Sequence[str]) -> Allocation:
+    def allocated(self, target: float, bar: Any) -> Allocation:
         """Allocate, again with the play as it is at each solution until both agree."""
         keys, sizes, count = self.keys, self.sizes, len(self.keys)
         x, aim = np.ones(count), target * (1.0 - cheapest.FITS)
@@ -696,9 +809,10 @@ class _Search:
             before, error = x, last
             if offers:
                 now = np.append(x, np.ones(sum(map(len, offers))))
-                error = self.make(*self.with_offers(self.remaining(x)), now)
-            own = [np.array([one.price for one in some]) for some in offers]
-            problem = Problem(error, sizes, own, aim, bar)
+                model, choice = self.with_offers(self.remaining(x))
+                error = self.error(model, now, choice)
+            prices_of_offers = [np.array([offer.price for offer in options]) for options in offers]
+            problem = Problem(error, sizes, prices_of_offers, aim, bar)
             try:
                 z = problem.solve()
             except cheapest.Unreachable as refused:
@@ -706,12 +820,12 @@ class _Search:
                 if not curved or np.allclose(x, least, rtol=_SETTLED):
                     raise
                 x = least  # where plays may be smaller than in proportion
-                last = self.error(self.made(self.remaining(x), {})[1], x)
+                last = self.error(self.build(self.remaining(x), {})[1], x)
                 continue
             x = z[:count]
             picked = zip(self.offers.items(), problem.chosen(z), strict=True)
-            taken = {name: some[k] for (name, some), k in picked}
-            mechanism, model = self.made(self.remaining(x), taken)
+            bought = {name: options[k] for (name, options), k in picked}
+            mechanism, model = self.build(self.remaining(x), bought)
             if isinstance(error, cheapest.Quantile):  # its states stay, in the first order
                 reached, ends = cheapest.spread(model, error.quantile, error.seed)
             else:
@@ -731,35 +845,40 @@ class _Search:
                 f"the allocation did not settle within {100 * abs(reached / target - 1.0):.2g} % "
                 "of the target; keep play, or allocate clearances first"
             )
-        whole = self.causes is not None
-        free = problem.price(problem.free()) - (sizes.prices(sizes.most).sum() if whole else 0.0)
-        choices = tuple(self._choices(problem, z, taken, start, last))
-        was = start.at(np.ones(count)) if whole else np.nan
+        by_cause = self.causes is not None
+        free = problem.price(problem.free()) - (sizes.prices(sizes.most).sum() if by_cause else 0.0)
+        choices = tuple(self._choices(problem, z, bought, start, last))
+        was = start.at(np.ones(count)) if by_cause else np.nan
         return Allocation(
-            target, "rad" if self.turn else "m", self._words(last), choices, was, reached, ends,
-            float(free), problem.relief, mechanism, tuple(notes),
+            target, "rad" if self.turn else "m", self._error_kind(last), choices, was, reached,
+            ends, float(free), problem.relief, mechanism, tuple(self.notes()),
         )  # fmt: skip
 
     def _choices(
-        self, problem: Problem, z: np.ndarray, taken: Mapping[str, Offer], start: Error, last: Error
+        self,
+        problem: Problem,
+        z: np.ndarray,
+        offers: Mapping[str, Offer],
+        start: Error,
+        last: Error,
     ) -> Iterator[Choice]:
         """By joint and cause; `start` and `last` are the error as it was and is."""
-        sizes, whole, count = self.sizes, self.causes is not None, len(self.keys)
+        sizes, by_cause, count = self.sizes, self.causes is not None, len(self.keys)
         x, ones = z[:count], np.ones(count)
-        before = self._by_key(start.model, start.parts(ones)) if whole else {}
+        before = self._by_key(start.model, start.parts(ones)) if by_cause else {}
         after = self._by_key(last.model, last.parts(x))
         held, slopes, gains = sizes.held(x), sizes.slopes(x), problem.gains(z)
-        paid = sizes.prices(x) - (sizes.prices(sizes.most) if whole else 0.0)
+        paid = sizes.prices(x) - (sizes.prices(sizes.most) if by_cause else 0.0)
         worth = start.slopes(ones) / sizes.weight
         bought = [int(k) for k in np.argsort(-worth) if held[k] != "most"]
         place = {key: k for k, key in enumerate(self.keys)}
         of_joints = dict.fromkeys((name, "play") for name in self.mechanism.clearance)
-        rows = [*before, *(key for key in of_joints if key[0] in taken and key not in before)]
-        if not whole:
+        rows = [*before, *(key for key in of_joints if key[0] in offers and key not in before)]
+        if not by_cause:
             of_joints |= dict.fromkeys((name + GEAR, "play") for name in self.mechanism.gears)
-            rows = [key for key in of_joints if key in place or key[0] in taken]
+            rows = [key for key in of_joints if key in place or key[0] in offers]
         for key in rows:
-            k, offer = place.get(key), taken.get(key[0]) if key[1] == "play" else None
+            k, offer = place.get(key), offers.get(key[0]) if key[1] == "play" else None
             adds, cost = after.get(key, 0.0), 0.0 if offer is None else offer.price
             part, size, play, gain, saved, order = 1.0, np.nan, np.nan, np.nan, np.nan, 0
             how = "kept" if offer is None else "fit" if offer.instead else "class"
@@ -768,9 +887,9 @@ class _Search:
                 gear = self.mechanism.gears.get(key[0].removesuffix(GEAR))
                 if key[1] == "play" and is_proportional(self.mechanism, key[0]):
                     size = self.mechanism.clearance[key[0]].radial_travel * x[k]
-                elif not whole and gear is not None:
+                elif not by_cause and gear is not None:
                     size = gear.play * x[k]
-                if whole:
+                if by_cause:
                     how, part = {"least": "limit", "most": "as is"}.get(how, how), float(x[k])
                     order = bought.index(k) + 1 if k in bought else 0
                 else:
@@ -779,43 +898,43 @@ class _Search:
                     adds = gain * size
                     if key[0].endswith(GEAR) and self._turns(key[0]):
                         play, size, saved = size, np.nan, saved * 1e6 * _ARCMIN
-            had = before.get(key, 0.0) if whole else np.nan
+            had = before.get(key, 0.0) if by_cause else np.nan
             yield Choice(*key, part, size, play, offer, had, adds, gain, cost, saved, how, order)
 
     def _turns(self, gear: str) -> bool:
         return not self.mechanism.description.joints[gear.removesuffix(GEAR)].slides
 
     @staticmethod
-    def _words(error: Error) -> str:
+    def _error_kind(error: Error) -> str:
         if isinstance(error, cheapest.Quantile):
             return f"static {100 * error.quantile:g} % quantile, of {cheapest.SAMPLES} states"
         if isinstance(error, cheapest.RootMeanSquare):
             return "RMS"
         return "static worst case"
 
-    def notes(self, prices: Collection[str], limits: Collection[str]) -> list[str]:
+    def notes(self) -> list[str]:
         """What was given and assumed of causes, prices and limits, and which plays stay."""
         if self.causes is None:
             arcmin = any(name.endswith(GEAR) and self._turns(name) for name, _ in self.keys)
             units = " and plays in arcmin" if arcmin else ""
             return [f"price of clearances in mm{units}: {self.sizes.cost}"] if self.keys else []
-        given, assumed = told_apart(self.first)
-        notes = [*(f"given: {one}" for one in given), *(f"assumed: {one}" for one in assumed)]
+        given, assumed = given_and_assumed(self.first)
+        notes = [*(f"given: {line}" for line in given), *(f"assumed: {line}" for line in assumed)]
         causes = list(dict.fromkeys(cause for _, cause in self.keys))
-        if unpriced := [cause for cause in causes if cause not in prices]:
+        if unpriced := [cause for cause in causes if cause not in self.market.prices]:
             notes.append(
                 f"assumed: prices: halving costs 1 at each joint, of {', '.join(unpriced)} "
                 "(--price CAUSE=X, --weight JOINT=X)"
             )
-        if unlimited := [cause for cause in causes if cause not in limits]:
+        if unlimited := [cause for cause in causes if cause not in self.market.limits]:
             notes.append(
                 f"assumed: limits: at least {LIMIT:g} remains, of {', '.join(unlimited)} "
                 "(--limit CAUSE=X)"
             )
-        every = self.first.contributions
-        kept = [one for one in every if not one.proportional and one.joint not in self.offers]
+        counted = self.first.contributions
+        unchanged = [c for c in counted if not c.proportional and c.joint not in self.offers]
         for noun, fitted in (("bearings", False), ("fits", True)):
-            if names := [one.joint for one in kept if (one.fit is not None) == fitted]:
+            if names := [c.joint for c in unchanged if (c.fit is not None) == fitted]:
                 notes.append(
                     f"kept: the play of the {noun} of {', '.join(names)}, which is not "
                     "proportional to their clearance: allocate by class (--by-class) chooses theirs"
@@ -838,127 +957,23 @@ class _Search:
                 for turns in [name.endswith(GEAR) and self._turns(name)]
             }
             means = list(least)
-            bought = [one for some in self.offers.values() for one in some]
-            kinds = dict.fromkeys("fits" if one.instead else "bearings" for one in bought)
+            bought = [offer for options in self.offers.values() for offer in options]
+            kinds = dict.fromkeys("fits" if offer.instead else "bearings" for offer in bought)
             means += [f"the tightest {' and '.join(kinds)} offered"] if kinds else []
             return JointplayError(f"{text}: with {' and '.join(means)} {error}")
         x = unreachable.z[:count]
-        _, model = self.made(self.remaining(x), {})
+        _, model = self.build(self.remaining(x), {})
         parts = self._by_key(model, self.error(model, x).parts(x))
         sums = dict[str, float]()
         for (_, cause), part in parts.items():
             sums[cause] = sums.get(cause, 0.0) + part
-        kept = {cause for joint, cause in parts if (joint, cause) not in self.keys}
-        kept |= {one.cause for one in model.contributions if not one.proportional}
+        fixed = {cause for joint, cause in parts if (joint, cause) not in self.keys}
+        fixed |= {c.cause for c in model.contributions if not c.proportional}
         limit = {cause: low for (_, cause), low in zip(self.keys, sizes.least, strict=True)}
-        words = []
-        for cause, part in sorted(sums.items(), key=lambda one: -one[1])[:3]:
+        reasons = []
+        for cause, part in sorted(sums.items(), key=lambda item: -item[1])[:3]:
             why = [f"at least {limit[cause]:g} of it remains"] if cause in limit else []
-            why += ["kept"] if cause in kept else []
-            words.append(f"{cause} {readable(part, unit, 4)} ({' and '.join(why)})")
-        error += f", most of it by {'; then '.join(words)}"
+            why += ["kept"] if cause in fixed else []
+            reasons.append(f"{cause} {readable(part, unit, 4)} ({' and '.join(why)})")
+        error += f", most of it by {'; then '.join(reasons)}"
         return JointplayError(f"{text}: with all causes at their limits {error}")
-
-
-# What is refused.
-
-
-def _offers(
-    mechanism: Mechanism,
-    given: Mapping[str, Sequence[Offer]] | None,
-    prices: Mapping[str, float],
-    keep: Collection[str],
-    whole: bool,
-    least: float,
-) -> dict[str, tuple[Offer, ...]]:
-    own = {name: one for name, one in mechanism.clearance.items() if is_bought(one)}
-    for name in given or {}:
-        require_known("joint with a rolling bearing or a fit", name, own)
-    names = [name for name in own if name not in keep and (not whole or name in (given or {}))]
-    if prices and not names and not whole:
-        raise JointplayError(
-            f"prices of {', '.join(prices)} are for classes of rolling bearings and fits, and no "
-            "joint has one; clearances have a cost and weights"
-        )
-    return {n: tuple((given or {}).get(n, ())) or offers_of(own[n], prices, least) for n in names}
-
-
-def _clearances(
-    mechanism: Mechanism,
-    keys: tuple[Key, ...],
-    cost: str,
-    weights: Mapping[str, float],
-    least: float | None,
-    most: float | None,
-    quantile: float | None,
-) -> Sizes:
-    require_known("cost", cost, COSTS)
-    if quantile is not None and cost == "linear":
-        raise JointplayError(
-            "the cost 'linear' is possible for the worst case only, because a quantile is not "
-            "convex; use " + " or ".join(COSTS[:2])
-        )
-    names = [name for name, _ in keys]
-    joints = [name.removesuffix(GEAR) for name in names]
-    for name in weights:
-        require_known("joint with clearance", name, joints)
-    geared = [name.endswith(GEAR) for name in names]
-    entries = mechanism.description.joints
-    turns = np.array([own and not entries[n].slides for n, own in zip(joints, geared, strict=True)])
-    if turns.all() and len(keys) and not (least is None and most is None):
-        raise JointplayError("least and most are of clearances, and there are plays of gears only")
-    most = require_positive("the most clearance", MOST_M if most is None else most, "m")
-    low = require_positive("least clearance", LEAST_M if least is None else least, "m")
-    if low >= most:
-        raise JointplayError(
-            f"the least clearance {readable(low, 'm')} must be below the most, "
-            f"{readable(most, 'm')}"
-        )
-    own = np.array([
-        mechanism.gears[name].play if gear else mechanism.clearance[name].radial_travel
-        for name, gear in zip(joints, geared, strict=True)
-    ])  # fmt: skip
-    weight = np.array([weights.get(name, 1.0) for name in joints])
-    ends = np.where(turns, LEAST_RAD, low) / own, np.where(turns, MOST_RAD, most) / own
-    return Sizes(keys, weight, *ends, own / np.where(turns, _ARCMIN, 1.0 / _MM), cost)
-
-
-def _check(
-    mechanism: Mechanism,
-    causes: Mapping[str, Cause] | None,
-    keep: Collection[str],
-    prices: Mapping[str, float],
-    weights: Mapping[str, float],
-    limits: Mapping[str, float],
-) -> None:
-    joints = [*mechanism.joints, *mechanism.mounts, *mechanism.loops]
-    known = [*CAUSES, *(causes or {})]
-    if causes is None and limits:
-        raise JointplayError("limits are of causes: give these, too, or least and most clearances")
-    for name in keep:
-        if name not in (*known, *joints):
-            raise MissingName("cause of errors", name, known, " (nor is it a joint)")
-    own_prices = prices if causes is not None else {n: x for n, x in prices.items() if n in known}
-    for noun, kind, own, names in (
-        ("limit", "cause of errors", limits, known),
-        ("price", "cause of errors", own_prices, [*known, *PRICES]),
-        ("weight", "joint with clearance", weights, joints),
-    ):
-        for name, value in own.items():
-            if name not in names:
-                raise MissingName(kind, name, known if noun == "price" else names)
-            if noun != "price" or name in known:
-                require_positive(f"{noun} of {name!r}", value, "")
-            if noun == "limit" and value > 1.0:
-                raise JointplayError(
-                    f"limit of {name!r}: a part of at most 1 remains, got {value:g}"
-                )
-
-
-def _refuse_nothing(mechanism: Mechanism, whole: bool) -> None:
-    if whole:
-        raise JointplayError("no cause is left that may be improved: keep fewer")
-    for name, joint in mechanism.clearance.items():
-        if not joint.clearances:
-            raise JointplayError(f"joint {name!r} is {joint.kind}: it has no clearance to allocate")
-    raise JointplayError("no joint or gear has play to allocate")

@@ -66,7 +66,7 @@ class JointAt:
     """What it bears at rest, about its centre, its axes, (n, 6) [N, N m]."""
     stands: bool
     """Whether a drive and an encoder hold it; joints of closed loops may follow others instead."""
-    given: RobotErrors
+    errors: RobotErrors
     kind: str | None
     """Class of robots from which all else is taken, of `ERROR_CLASSES`."""
     stiffness: Rule | None = None
@@ -100,18 +100,18 @@ class JointAt:
     def driven(self, size: float) -> tuple[float, ...]:
         return tuple(size if k == self.about else 0.0 for k in range(6))
 
-    def size(self, key: str, told: dict[str, str], form: str, times: float = 1.0) -> float:
+    def size(self, key: str, origins: dict[str, str], form: str, times: float = 1.0) -> float:
         """A number of `JointErrors` or `RobotErrors`.
 
-        What `form` makes of it, so many times as large, is put into `told` with where it is from.
+        What `form` makes of it, so many times as large, is put into `origins`, with its origin.
 
         Raises:
             JointplayError: nobody gave it, and no class is named.
         """
-        value = getattr(self.given.joints.get(self.name), key, None)
+        value = getattr(self.errors.joints.get(self.name), key, None)
         turns = self.slides and key in _TURNING
         if value is None and not turns:
-            value = getattr(self.given, key)
+            value = getattr(self.errors, key)
         origin = GIVEN
         if value is None:
             if self.kind is None:
@@ -122,7 +122,7 @@ class JointAt:
                 )
             origin = f"class {self.kind!r}"
             value = getattr(ERROR_CLASSES[self.kind], key) * (_PINION if turns else 1.0)
-        told[form.format(times * value)] = origin
+        origins[form.format(times * value)] = origin
         return float(value)
 
 
@@ -159,69 +159,73 @@ class Compliance(Cause):
 
     def at(self, joint: JointAt) -> Iterator[Contribution]:
         bearing, along = joint.mechanism.clearance.get(joint.name), joint.about
-        carried, told = joint.load.copy(), dict[str, str]()
+        carried, origins = joint.load.copy(), dict[str, str]()
         if not joint.mount:
             carried[:, along] = 0.0
-        shift, words = self._of_bearing(bearing, carried)
-        own = joint.given.joints.get(joint.name, JointErrors())
-        if own.elasticity is not None:
-            shift += own.elasticity.displacements(carried)
-            told[own.elasticity.summary] = GIVEN
+        shift, sources = self._of_bearing(bearing, carried)
+        joint_errors = joint.errors.joints.get(joint.name, JointErrors())
+        if joint_errors.elasticity is not None:
+            shift += joint_errors.elasticity.displacements(carried)
+            origins[joint_errors.elasticity.summary] = GIVEN
         elif bearing is None:
-            stiffness = joint.size("tilt_stiffness", told, "{:g} N m/rad in tilt")
+            stiffness = joint.size("tilt_stiffness", origins, "{:g} N m/rad in tilt")
             shift[:, 3:5] += carried[:, 3:5] / stiffness
-        yield self._shifted(joint, shift, told, words)
+        yield self._shifted(joint, shift, origins, sources)
         if joint.stands and not joint.regulated:
             yield self._of_gear(joint)
 
     def _of_gear(self, joint: JointAt) -> Contribution:
         """What turns or moves a joint about its own axis: gear and shaft."""
-        along, told, load = joint.about, dict[str, str](), joint.load[:, joint.about]
+        along, origins, load = joint.about, dict[str, str](), joint.load[:, joint.about]
         shift, gear = np.zeros_like(joint.load), joint.mechanism.gears.get(joint.name)
         unit = "N/m along the axis" if joint.slides else "N m/rad in torsion"
-        own = joint.given.joints.get(joint.name)
-        given = own and own.torsional_stiffness
-        if given is None and gear is None and not joint.slides:
-            given = joint.given.torsional_stiffness
-        if given is not None:
-            shift[:, along] = load / given
-            told[f"{given:g} {unit}"] = GIVEN
-            return self._shifted(joint, shift, told)
+        joint_errors = joint.errors.joints.get(joint.name)
+        stated = joint_errors and joint_errors.torsional_stiffness
+        if stated is None and gear is None and not joint.slides:
+            stated = joint.errors.torsional_stiffness
+        if stated is not None:
+            shift[:, along] = load / stated
+            origins[f"{stated:g} {unit}"] = GIVEN
+            return self._shifted(joint, shift, origins)
         rule = joint.stiffness
         if gear is not None:
             shift[:, along] = np.sign(load) * gear.curve().depth(np.abs(load))
         elif rule is not None:
             shift[:, along] = load / rule.value
         if rule is None:
-            return self._shifted(joint, shift, told, ["its gear"])
-        told[f"{rule.value:.3g} {unit}"] = f"by rule, {rule.reason}, to a factor of {SPREAD:g}"
-        numbers = tuple(told.items())
+            return self._shifted(joint, shift, origins, ["its gear"])
+        origins[f"{rule.value:.3g} {unit}"] = f"by rule, {rule.reason}, to a factor of {SPREAD:g}"
+        numbers = tuple(origins.items())
         return Contribution(joint.name, self.name, None, shift, SPREAD - 1.0, numbers=numbers)
 
     def _shifted(
-        self, joint: JointAt, shift: np.ndarray, told: dict[str, str], words: Sequence[str] = ()
+        self,
+        joint: JointAt,
+        shift: np.ndarray,
+        origins: dict[str, str],
+        of: Sequence[str] = (),
     ) -> Contribution:
         spread = 0.0
         if shift.any():
-            spread = joint.size("stiffness_spread", told, "either way {:g} %", 100.0)
-        numbers, origin = tuple(told.items()), ", ".join(words)
+            spread = joint.size("stiffness_spread", origins, "either way {:g} %", 100.0)
+        numbers, origin = tuple(origins.items()), ", ".join(of)
         return Contribution(joint.name, self.name, None, shift, spread, origin, numbers)
 
     def _of_bearing(
-        self, own: Clearance | None, carried: np.ndarray
+        self, bearing: Clearance | None, carried: np.ndarray
     ) -> tuple[np.ndarray, list[str]]:
         """Its deflection beyond its play under loads (n, 6), and of what, in words."""
-        if own is None:
+        if bearing is None:
             return np.zeros_like(carried), []
-        if own.springs is not None:
-            return own.springs.displacements(carried), ["its springs"]
-        play = own.play(second_order=False)
+        if bearing.springs is not None:
+            return bearing.springs.displacements(carried), ["its springs"]
+        play = bearing.play(second_order=False)
         point = play.support(carried).point
         pressed = play.pressed(carried, point)
         if pressed is None:
             return np.zeros_like(carried), []
-        what = "its bearing" if isinstance(own, RollingBearing) else "its contacts"
-        return deflected(own, carried, point, pressed) - point, [what]
+        source = "its bearing" if isinstance(bearing, RollingBearing) else "its contacts"
+        return deflected(bearing, carried, point, pressed) - point, [source]
 
 
 class Sag(Cause):
@@ -248,10 +252,10 @@ class Encoder(Cause):
         if not joint.stands:
             return
         for key, (part, word) in parts.items():
-            told = dict[str, str]()
-            size = joint.size(key, told, f"{word} {{:.4g}} {joint.unit}")
+            origins = dict[str, str]()
+            size = joint.size(key, origins, f"{word} {{:.4g}} {joint.unit}")
             box = Box(joint.driven(part * size))
-            yield Contribution(joint.name, self.name, box, numbers=tuple(told.items()))
+            yield Contribution(joint.name, self.name, box, numbers=tuple(origins.items()))
 
 
 class GearError(Cause):
@@ -260,17 +264,19 @@ class GearError(Cause):
     name = "gear error"
 
     def at(self, joint: JointAt) -> Iterator[Contribution]:
-        told = dict[str, str]()
+        origins = dict[str, str]()
         if joint.regulated or not joint.stands:
             return
-        gear, own = joint.mechanism.gears.get(joint.name), joint.given.joints.get(joint.name)
-        if gear is not None and gear.error_terms and (own is None or own.gear_error is None):
-            size, words = sum(abs(amplitude) for _, amplitude, _ in gear.error_terms), "its gear"
+        gear = joint.mechanism.gears.get(joint.name)
+        stated = getattr(joint.errors.joints.get(joint.name), "gear_error", None)
+        if gear is not None and gear.error_terms and stated is None:
+            size, source = sum(abs(amplitude) for _, amplitude, _ in gear.error_terms), "its gear"
         else:
-            size = joint.size("gear_error", told, f"amplitude {{:.4g}} {joint.unit}")
-            words = ""
+            size = joint.size("gear_error", origins, f"amplitude {{:.4g}} {joint.unit}")
+            source = ""
         wave = Line(joint.driven(size), wave=True)
-        yield Contribution(joint.name, self.name, wave, origin=words, numbers=tuple(told.items()))
+        numbers = tuple(origins.items())
+        yield Contribution(joint.name, self.name, wave, origin=source, numbers=numbers)
 
 
 class Geometry(Cause):
@@ -279,11 +285,11 @@ class Geometry(Cause):
     name = "geometry"
 
     def at(self, joint: JointAt) -> Iterator[Contribution]:
-        told = dict[str, str]()
-        offset = joint.size("axis_offset", told, "offset {:.4g} m")
-        tilt = joint.size("axis_tilt", told, "tilt {:.4g} rad")
+        origins = dict[str, str]()
+        offset = joint.size("axis_offset", origins, "offset {:.4g} m")
+        tilt = joint.size("axis_tilt", origins, "tilt {:.4g} rad")
         box = Box((offset, offset, offset, tilt, tilt, 0.0))
-        yield Contribution(joint.name, self.name, box, numbers=tuple(told.items()))
+        yield Contribution(joint.name, self.name, box, numbers=tuple(origins.items()))
 
 
 class Heat(Cause):
@@ -292,19 +298,19 @@ class Heat(Cause):
     name = "heat"
 
     def at(self, joint: JointAt) -> Iterator[Contribution]:
-        told = dict[str, str]()
-        heating = joint.size("heating", told, "up to {:g} K")
-        expansion = joint.size("expansion", told, "{:.3g} µm/(m K)", 1e6)
+        origins = dict[str, str]()
+        heating = joint.size("heating", origins, "up to {:g} K")
+        expansion = joint.size("expansion", origins, "{:.3g} µm/(m K)", 1e6)
         if joint.name not in joint.mechanism.loops:
             shift = np.zeros_like(joint.load)
             shift[:, 0] = 0.5 * heating * expansion
-            numbers = tuple(told.items())
+            numbers = tuple(origins.items())
             yield Contribution(joint.name, self.name, None, shift, 1.0, numbers=numbers, part=LINK)
 
 
 ALL: dict[str, Cause] = {
-    one.name: one
-    for one in (
+    cause.name: cause
+    for cause in (
         *(ClearanceAndBacklash(), Compliance(), Sag(), Encoder()),
         *(GearError(), Geometry(), Heat()),
     )
@@ -314,11 +320,11 @@ CAUSES = tuple(ALL)
 
 def named(causes: Collection[str | Cause]) -> dict[str, Cause]:
     """Causes by name, the known ones first and in their order, then one's own."""
-    own = {one.name: one for one in causes if isinstance(one, Cause)}
-    for one in causes:
-        if isinstance(one, str) and one not in ALL:
-            raise MissingName("cause of errors", one, [*CAUSES, *own])
-    return {**{name: cause for name, cause in ALL.items() if name in causes}, **own}
+    custom = {cause.name: cause for cause in causes if isinstance(cause, Cause)}
+    for cause in causes:
+        if isinstance(cause, str) and cause not in ALL:
+            raise MissingName("cause of errors", cause, [*CAUSES, *custom])
+    return {**{name: cause for name, cause in ALL.items() if name in causes}, **custom}
 
 
 def cause_model(
@@ -352,49 +358,50 @@ def cause_model(
         mechanism = mechanism.with_clearance({**mechanism.clearance, **smaller})
     names = [*mechanism.joints, *mechanism.mounts, *mechanism.loops]
     laden = carrying(mechanism, payloads)
-    found = jacobians(laden, q, names, loads, driven, relative_to)
+    effects = jacobians(laden, q, names, loads, driven, relative_to)
     follows = set[str]()
     if mechanism.loops:
         passive = ClosedLoops(mechanism, q[0], driven).passive
         follows = {mechanism.coordinates[i].joint for i in passive} | {*mechanism.loops}
     sags = {}
     if Sag.name in causes:
-        borne = dict(zip(names, found.load, strict=True))
+        borne = dict(zip(names, effects.load, strict=True))
         sags = _sags(laden, q, drives, driven, borne, bool(payloads or loads))
     stiffness = _stiffnesses(mechanism) if Compliance.name in causes else {}
     contributions: list[Contribution] = []
     for k, name in enumerate(names):
-        if found.tool[k].any() or found.tie[k].any():
+        if effects.tool[k].any() or effects.tie[k].any():
             sag, dead_band = sags.get(name, (None, 0.0))
             at = JointAt(
-                mechanism, name, found.load[k], name not in follows, errors, kind,
+                mechanism, name, effects.load[k], name not in follows, errors, kind,
                 stiffness.get(name), sag, dead_band,
                 getattr(drives.get(name), "encoder", "") == "link",
             )  # fmt: skip
             for cause in causes.values():
                 if cause.of_mounts or not at.mount:
                     contributions += cause.at(at)
-    kept = [one for one in contributions if _counts(one)]
-    if not kept:
+    counted = [c for c in contributions if _counts(c)]
+    if not counted:
         raise JointplayError("nothing moves the tool, or no cause is counted")
     # A clearance has been made smaller already.
     scale = [
-        1.0 if one.cause == "play" and not one.gear else parts.get((one.joint, one.cause), 1.0)
-        for one in kept
+        1.0 if c.cause == "play" and not c.gear else parts.get((c.joint, c.cause), 1.0)
+        for c in counted
     ]
-    return mechanism, ErrorModel.of(kept, names, found, scale)
+    return mechanism, ErrorModel.of(counted, names, effects, scale)
 
 
 def _stiffnesses(mechanism: Mechanism) -> dict[str, Rule]:
     """Stiffnesses of gears that nobody gave, by the rules for these."""
     without = [n for n in mechanism.joints if n not in mechanism.gears]
     entries = mechanism.description.joints
-    own = {name: rule for (name, what), rule in mechanism.rules.items() if what == "stiffness"}
+    rules = mechanism.rules.items()
+    ruled = {name: rule for (name, quantity), rule in rules if quantity == "stiffness"}
     needed = [name for name in without if name in entries]
     if not needed:
-        return own
+        return ruled
     efforts = rated_efforts(mechanism.description, parse(mechanism.description), mechanism.tool)
-    return own | {name: stiffness_rule(name, entries[name], efforts) for name in needed}
+    return ruled | {name: stiffness_rule(name, entries[name], efforts) for name in needed}
 
 
 def _sags(
@@ -413,33 +420,34 @@ def _sags(
     names = standing_joints(mechanism, q[0], driven)
     if not carries:  # computed torque gives what holds the machine as it knows it
         names = [name for name in names if isinstance(drives[name], Servo)]
-    found = {name: np.zeros(len(q)) for name in names}
+    sags = {name: np.zeros(len(q)) for name in names}
     bands = dict.fromkeys(names, 0.0)
     for i, row in enumerate(q if names else ()):
-        own = {n: drives[n] for n in standing_joints(mechanism, q[0], driven)}
-        balance = held(mechanism, row, own, {})
+        holding = {n: drives[n] for n in standing_joints(mechanism, q[0], driven)}
+        balance = held(mechanism, row, holding, {})
         for name in names:
             at = mechanism.motor(name)
             if getattr(drives[name], "encoder", "") == "link":
                 at = mechanism.coordinate(name)
-            effort = float(loads[name][i, mechanism.description.joints[name].way])
-            found[name][i], bands[name] = balance.gives_way(at, effort)
-    for name, sag in found.items():
+            effort = float(loads[name][i, mechanism.description.joints[name].component])
+            sags[name][i], bands[name] = balance.gives_way(at, effort)
+    for name, sag in sags.items():
         if not np.isfinite(sag).all():
             several = f" at {np.sum(~np.isfinite(sag))} of {len(q)} poses" if len(q) > 1 else ""
             unit = "N" if mechanism.description.joints[name].slides else "N m"
-            most = np.abs(loads[name][:, mechanism.description.joints[name].way]).max()
+            most = np.abs(loads[name][:, mechanism.description.joints[name].component]).max()
             raise JointplayError(
                 f"the servo of joint {name!r} cannot hold what it bears{several}, {most:.3g} {unit}"
             )
-    return {name: (found[name], bands[name]) for name in names}
+    return {name: (sags[name], bands[name]) for name in names}
 
 
-def _counts(one: Contribution) -> bool:
+def _counts(contribution: Contribution) -> bool:
     """Whether it can do anything; what is given as zero counts, too, play aside."""
-    if one.cause == "play":
-        return one.set is not None and max(one.set.reach) > 0.0
-    return one.set is not None or (one.shift is not None and bool(one.shift.any()))
+    region, shift = contribution.set, contribution.shift
+    if contribution.cause == "play":
+        return region is not None and max(region.reach) > 0.0
+    return region is not None or (shift is not None and bool(shift.any()))
 
 
 def is_proportional(mechanism: Mechanism, joint: str) -> bool:
@@ -460,22 +468,22 @@ def _checked(
         require_known("cause of errors", cause, [*CAUSES, *causes])
         parts[name, cause] = require_positive(f"part of {cause} of {name!r} that remains", part, "")
         if cause == "play" and not is_proportional(mechanism, name):
-            own = mechanism.clearance.get(name)
-            if own is not None and max(own.play().reach) > 0.0 and name not in mechanism.gears:
+            joint = mechanism.clearance.get(name)
+            if joint is not None and max(joint.play().reach) > 0.0 and name not in mechanism.gears:
                 raise JointplayError(
-                    f"the play of joint {name!r} ({own.kind}) is not proportional to its "
+                    f"the play of joint {name!r} ({joint.kind}) is not proportional to its "
                     "clearance; give the joint another class of bearing, or another fit"
                 )
     return parts
 
 
-def told_apart(model: ErrorModel) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def given_and_assumed(model: ErrorModel) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """What was given and what was assumed of a robot, lines of text."""
     lines: dict[tuple[str, str, str], list[str]] = {}
-    for one in model.contributions:
-        for origin, texts in one.by_origin.items():
-            lines.setdefault((origin, one.cause, texts), []).append(one.joint)
-    moved = len({one.joint for one in model.contributions})
+    for contribution in model.contributions:
+        for origin, texts in contribution.by_origin.items():
+            lines.setdefault((origin, contribution.cause, texts), []).append(contribution.joint)
+    moved = len({c.joint for c in model.contributions})
     given, assumed = [], []
     for (origin, cause, texts), names in lines.items():
         whose = "all joints" if len({*names}) == moved else ", ".join(dict.fromkeys(names))

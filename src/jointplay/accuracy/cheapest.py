@@ -41,12 +41,15 @@ SAMPLES = 4000
 FITS = 1e-8
 """Part of the target by which an error may miss it."""
 _QUANTILE_POSES, _QUANTILE_ROUNDS = 12, 8
+"""Poses with the largest errors, at which states are drawn, for at all it would take long; rounds,
+each of which halves what is left on the way to the cheapest sizes (judged)."""
 _DIRECTIONS_TIED = 60
 """Over half a sphere, where plays hold each other: each is a search, in every round anew."""
 _NEAR = 0.98
 """Part of the largest error from which on poses are looked at closely: the sphere's directions are
 about 7 degrees apart, which hides 0.7 %."""
 _ROUNDS, _CUTS = 100, 12
+"""Most rounds of cutting planes, after which a target is refused; worst poses added in each."""
 _TANGENTS = 16
 """To begin with, of each price."""
 _TIE = 1e-6
@@ -93,10 +96,10 @@ class Error(ABC):
         """What contributions as they are must be multiplied by, (k,)."""
         return np.asarray(np.append(z, 1.0)[self.of] * self._unit)
 
-    def _by_choice(self, each: np.ndarray, count: int) -> np.ndarray:
+    def _by_choice(self, values: np.ndarray, count: int) -> np.ndarray:
         """Sums over contributions (k, ...) of each choice and of what stays, (v + 1, ...)."""
-        sums = np.zeros((count, *each.shape[1:]))
-        weighted = each * self._unit.reshape(-1, *[1] * (each.ndim - 1))
+        sums = np.zeros((count, *values.shape[1:]))
+        weighted = values * self._unit.reshape(-1, *[1] * (values.ndim - 1))
         np.add.at(sums, self.of % count, weighted)
         return sums
 
@@ -121,23 +124,23 @@ class WorstCase(Error):
         start = self._sphere[total[near].argmax(axis=1)]
         d = scaled.subset(counting, near).climb(start)[:, None]
         if self.convex:
-            each = self.model.subset(poses=near).along(d).value[..., 0]
+            parts = self.model.subset(poses=near).along(d).value[..., 0]
         else:
-            each = scaled.subset(poses=near).along(d).value[..., 0] / ratio[:, None]
-        rows = self._by_choice(each, self._count).T
-        self._worst = each[:, int((rows @ np.append(z, 1.0)).argmax())]
+            parts = scaled.subset(poses=near).along(d).value[..., 0] / ratio[:, None]
+        rows = self._by_choice(parts, self._count).T
+        self._worst = parts[:, int((rows @ np.append(z, 1.0)).argmax())]
         return rows[:, :-1], rows[:, -1]
 
     def _around(self, z: np.ndarray) -> np.ndarray:
         """The error at all poses along all directions, (n, m): sums of what each choice does."""
         total = np.zeros((self.model.poses, len(self._sphere)))
         for k, part in enumerate(np.append(z, 1.0)):
-            (own,) = np.nonzero(self.of % self._count == k)
-            if part == 0.0 or not len(own):
+            (members,) = np.nonzero(self.of % self._count == k)
+            if part == 0.0 or not len(members):
                 continue
             if k not in self._grids:
-                each = self.model.subset(own).values(self._sphere)
-                self._grids[k] = np.tensordot(self._unit[own], each, 1)
+                each = self.model.subset(members).values(self._sphere)
+                self._grids[k] = np.tensordot(self._unit[members], each, 1)
             total += part * self._grids[k]
         return total
 
@@ -163,10 +166,10 @@ class RootMeanSquare(Error):
 
     def planes(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """By the derivative of the root of a quadratic form."""
-        whole = np.append(z, 1.0)
-        mean = np.einsum("kni,k->ni", self._means, whole)
-        square = (mean**2).sum(axis=1) + whole**2 @ self._variances
-        rows = np.einsum("kni,ni->nk", self._means, mean) + self._variances.T * whole
+        factors = np.append(z, 1.0)
+        mean = np.einsum("kni,k->ni", self._means, factors)
+        square = (mean**2).sum(axis=1) + factors**2 @ self._variances
+        rows = np.einsum("kni,ni->nk", self._means, mean) + self._variances.T * factors
         rows /= np.sqrt(np.maximum(square, 1e-300))[:, None]
         return rows[:, :-1], rows[:, -1]
 
@@ -204,14 +207,14 @@ class Quantile(Error):
 
     def planes(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The mean over states about the quantile of what each adds along the error."""
-        rows = self._by_choice(self._each(z), self._count).T
+        rows = self._by_choice(self._additions(z), self._count).T
         return rows[:, :-1], rows[:, -1]
 
     def parts(self, z: np.ndarray) -> np.ndarray:
-        each = self._each(z) * self._ratio(z)[:, None]
-        return np.asarray(each[:, each.sum(axis=0).argmax()])
+        additions = self._additions(z) * self._ratio(z)[:, None]
+        return np.asarray(additions[:, additions.sum(axis=0).argmax()])
 
-    def _each(self, z: np.ndarray) -> np.ndarray:
+    def _additions(self, z: np.ndarray) -> np.ndarray:
         """What each contribution as it is adds at each pose, (k, n)."""
         scale = self._ratio(z)
         total = np.einsum("j,jnsk->nsk", scale, self._states)
@@ -234,8 +237,8 @@ def drawn(model: ErrorModel, seed: int, count: int = SAMPLES) -> np.ndarray:
     for k in range(len(model.contributions)):
         d = random.normal(size=(1, count, 3))
         d /= np.linalg.norm(d, axis=2, keepdims=True)
-        found = model.subset([k]).along(np.broadcast_to(d, (model.poses, count, 3)))
-        states.append(found.error[0, ..., :3])
+        farthest = model.subset([k]).along(np.broadcast_to(d, (model.poses, count, 3)))
+        states.append(farthest.error[0, ..., :3])
     return np.stack(states)
 
 
@@ -301,7 +304,7 @@ class Problem:
         """Error by sizes, then offers; prices of each joint's offers; target [m]."""
         self.error, self.sizes, self.offers, self.target = error, sizes, offers, target
         self._bar, self._count = bar, len(sizes.keys)
-        self._ends = self._count + np.cumsum([0, *(len(one) for one in offers)])
+        self._ends = self._count + np.cumsum([0, *(len(prices) for prices in offers)])
         self._rows = np.zeros((0, self._ends[-1]))
         self._offsets, self._multipliers = np.zeros(0), np.zeros(0)
         self._tangents = np.geomspace(sizes.least, sizes.most, _TANGENTS)
@@ -364,14 +367,14 @@ class Problem:
 
     def _least(self) -> tuple[np.ndarray, float]:
         """The choice with the least error by what is known, and this error [m]."""
-        one = np.ones((len(self._rows), 1))
-        found = self._integers(
+        column = np.ones((len(self._rows), 1))
+        solution = self._integers(
             np.append(np.zeros(self._ends[-1]), 1.0),
-            np.hstack([self._rows / self.target, -one]),
+            np.hstack([self._rows / self.target, -column]),
             -self._offsets / self.target,
         )
-        assert found is not None
-        return found[:-1], float(found[-1]) * self.target
+        assert solution is not None
+        return solution[:-1], float(solution[-1]) * self.target
 
     def _integers(
         self, price: np.ndarray, rows: np.ndarray, slack: np.ndarray
@@ -383,42 +386,42 @@ class Problem:
         high = np.concatenate([self.sizes.most, ones, np.full(more, np.inf)])
         limits = [LinearConstraint(rows, -np.inf, slack)]
         for first, end in zip(self._ends, self._ends[1:], strict=False):
-            one = np.zeros((1, len(price)))
-            one[0, first:end] = 1.0
-            limits.append(LinearConstraint(one, 1.0, 1.0))
-        whole = np.concatenate([np.zeros(self._count), ones, np.zeros(more)])
-        found = milp(
-            price, constraints=limits, integrality=whole, bounds=Bounds(low, high),
+            row = np.zeros((1, len(price)))
+            row[0, first:end] = 1.0
+            limits.append(LinearConstraint(row, 1.0, 1.0))
+        discrete = np.concatenate([np.zeros(self._count), ones, np.zeros(more)])
+        result = milp(
+            price, constraints=limits, integrality=discrete, bounds=Bounds(low, high),
             options={"presolve": False},  # which prints where it had been wrong
         )  # fmt: skip
-        return None if found.x is None else np.clip(found.x, low, high)
+        return None if result.x is None else np.clip(result.x, low, high)
 
     def _cheapest(self) -> np.ndarray:
         if not self.offers:
             return self._sized(np.zeros(0))
         tried: dict[tuple[int, ...], tuple[float, np.ndarray]] = {}
         while True:
-            taken = self._taken()
-            key = tuple(self.chosen(taken))
+            picked = self._chosen_offers()
+            key = tuple(self.chosen(picked))
             if key in tried:
-                return min(tried.values(), key=lambda one: one[0])[1]
-            z = self._sized(taken[self._count :].round())
+                return min(tried.values(), key=lambda entry: entry[0])[1]
+            z = self._sized(picked[self._count :].round())
             tried[key] = self.price(z), z
             if not self._count:
                 return z
             self._tangents = np.vstack([self._tangents, z[: self._count]])
 
     def price(self, z: np.ndarray) -> float:
-        own = np.concatenate([np.zeros(0), *self.offers])
-        return float(self.sizes.prices(z[: self._count]).sum() + own @ z[self._count :])
+        x, picked = z[: self._count], z[self._count :]
+        return float(self.sizes.prices(x).sum() + np.concatenate([[], *self.offers]) @ picked)
 
-    def _taken(self) -> np.ndarray:
-        own, row = np.concatenate(self.offers), self._rows[-1, self._count :]
-        own = own + _TIE * own.max() * row / max(row.max(), 1e-300)
+    def _chosen_offers(self) -> np.ndarray:
+        prices, row = np.concatenate(self.offers), self._rows[-1, self._count :]
+        prices = prices + _TIE * prices.max() * row / max(row.max(), 1e-300)
         rows, slack = self._rows / self.target, 1.0 - self._offsets / self.target
         k = self._count
         if self.sizes.linear or not k:
-            found = self._integers(np.append(-self.sizes.scaled, own), rows, slack)
+            solution = self._integers(np.append(-self.sizes.scaled, prices), rows, slack)
         else:  # one more number for each size: its price, above all tangents
             slopes = np.array([self.sizes.slopes(x) for x in self._tangents])
             at = np.array([self.sizes.prices(x) for x in self._tangents])
@@ -427,52 +430,52 @@ class Problem:
             cuts[:, np.arange(k), np.arange(k)] = slopes / at
             cuts[:, np.arange(k), self._ends[-1] + np.arange(k)] = -1.0 / at
             left = slopes * self._tangents / at - 1.0
-            found = self._integers(
-                np.concatenate([np.zeros(k), own, np.ones(k)]),
+            solution = self._integers(
+                np.concatenate([np.zeros(k), prices, np.ones(k)]),
                 np.vstack([np.hstack([rows, np.zeros((len(rows), k))]), cuts.reshape(-1, total)]),
                 np.append(slack, left.ravel()),
             )
-        assert found is not None
-        return found[: self._ends[-1]]
+        assert solution is not None
+        return solution[: self._ends[-1]]
 
-    def _sized(self, taken: np.ndarray) -> np.ndarray:
+    def _sized(self, picked: np.ndarray) -> np.ndarray:
         """The cheapest sizes with these offers (0 or 1), and the offers."""
         k, sizes = self._count, self.sizes
         rows = self._rows[:, :k] / self.target
-        slack = 1.0 - (self._offsets + self._rows[:, k:] @ taken) / self.target
+        slack = 1.0 - (self._offsets + self._rows[:, k:] @ picked) / self.target
         if not k:
-            return taken
+            return picked
         solve = self._linear if sizes.linear else self._dual
         x, multipliers = solve(rows, slack)
         self._multipliers = multipliers / self.target
-        return np.append(x, taken)
+        return np.append(x, picked)
 
     def _linear(self, rows: np.ndarray, slack: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         sizes = self.sizes
         # The solver's tolerances are absolute: in parts of what each could have alone.
         alone = (slack[:, None] / np.maximum(rows, 1e-12)).min(axis=0)
         unit = np.clip(alone, sizes.least, sizes.most)
-        whole = float((sizes.scaled * unit).max())
-        found = linprog(
-            -sizes.scaled * unit / whole,
+        largest = float((sizes.scaled * unit).max())
+        result = linprog(
+            -sizes.scaled * unit / largest,
             A_ub=rows * unit,
             b_ub=slack,
             bounds=np.column_stack([sizes.least / unit, sizes.most / unit]),
             method="highs",
             options={"primal_feasibility_tolerance": 1e-10},
         )
-        if not found.success:
-            raise JointplayError(f"no clearances meet the target: {found.message}")
-        x = np.clip(found.x * unit, sizes.least, sizes.most)
-        return x, -found.ineqlin.marginals * whole
+        if not result.success:
+            raise JointplayError(f"no clearances meet the target: {result.message}")
+        x = np.clip(result.x * unit, sizes.least, sizes.most)
+        return x, -result.ineqlin.marginals * largest
 
     def _dual(self, rows: np.ndarray, slack: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """By the dual, which has bounds only: with multipliers y of the rows R, each size is
         (p w / (R' y))^(1 / (p + 1)) within its limits.
         """
         sizes, power = self.sizes, self.sizes.power
-        whole = sizes.scaled.sum()
-        unit = sizes.scaled / whole
+        total = sizes.scaled.sum()
+        unit = sizes.scaled / total
 
         def best(multiplier: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             slope = multiplier @ rows
@@ -485,14 +488,14 @@ class Problem:
             return -value, slack - rows @ x
 
         start = np.zeros(len(rows))
-        known = self._multipliers * self.target / whole
+        known = self._multipliers * self.target / total
         start[: len(known)] = known
-        found = minimize(
+        result = minimize(
             dual, start, jac=True, method="L-BFGS-B", bounds=[(0.0, None)] * len(rows),
             options={"maxiter": 5000, "maxfun": 20000, "ftol": 1e-16, "gtol": 1e-10, "maxcor": 30},
         )  # fmt: skip
-        x = best(found.x)[0]
-        return np.where(x > sizes.most * (1.0 - 1e-9), sizes.most, x), found.x * whole
+        x = best(result.x)[0]
+        return np.where(x > sizes.most * (1.0 - 1e-9), sizes.most, x), result.x * total
 
     def _solve_quantile(self, z: np.ndarray) -> np.ndarray:
         """A quantile is not convex: what holds near the last sizes is solved."""

@@ -116,27 +116,27 @@ class Compensation:
     @property
     def undecided_stops(self) -> list[tuple[float, tuple[str, ...]]]:
         """Stops that leave a side open, not approached: from when on [s], and of which gears."""
-        found: dict[float, list[str]] = {}
+        by_time: dict[float, list[str]] = {}
         for time, name in _open_stops(self.simulation, self.times, self.gears, self.undecided):
             if (time, name) not in self.approached:
-                found.setdefault(time, []).append(name)
-        return [(time, tuple(names)) for time, names in found.items()]
+                by_time.setdefault(time, []).append(name)
+        return [(time, tuple(names)) for time, names in by_time.items()]
 
     @property
     def notes(self) -> list[str]:
         lines = []
         if self.gears:
             parts = 100.0 * self.undecided.mean(axis=0)
-            words = [f"{g} {p:.0f} %" for g, p in zip(self.gears, parts, strict=True) if p >= 0.5]
+            shares = [f"{g} {p:.0f} %" for g, p in zip(self.gears, parts, strict=True) if p >= 0.5]
             lines.append(
                 "time in which friction leaves open on which side teeth lie, the last one is kept: "
-                + (", ".join(words) or "none")
+                + (", ".join(shares) or "none")
             )
         if open_ := self.undecided_stops:
-            lines.append(f"note: stops with an undecided side: {_told(open_)}")
+            lines.append(f"note: stops with an undecided side: {_stops_text(open_)}")
         if self.approached:
-            ways = [(time, (name,)) for time, name in self.approached]
-            lines.append(f"stops approached from one side: {_told(ways)}")
+            approached_stops = [(time, (name,)) for time, name in self.approached]
+            lines.append(f"stops approached from one side: {_stops_text(approached_stops)}")
         if self.smoothed:
             times = counted(self.smoothed, "time")
             lines.append(f"note: smoothed {times} to stay within limits of speed and effort")
@@ -168,17 +168,17 @@ class Compensation:
         """A row for each node: shift of each joint; torque and side of each gear."""
         assert self.simulation.motion is not None
         columns = [Column("time", self.times, "s")]
-        each = zip(self.simulation.motion.joints, self.shift.T, strict=True)
-        columns += [Column(f"shift {name}", values) for name, values in each]
+        shifts = zip(self.simulation.motion.joints, self.shift.T, strict=True)
+        columns += [Column(f"shift {name}", values) for name, values in shifts]
         for k, name in enumerate(self.gears):
             columns += [Column(f"torque {name}", self.torque[:, k])]
             columns += [Column(f"side {name}", np.where(self.undecided, 0, self.side)[:, k])]
         return Table(columns)
 
 
-def _told(found: Sequence[tuple[float, tuple[str, ...]]]) -> str:
-    told = [f"{time:.4g} s ({few(list(names))})" for time, names in found[:8]]
-    return ", ".join(told) + (f" and {len(found) - 8} more" if len(found) > 8 else "")
+def _stops_text(open_stops: Sequence[tuple[float, tuple[str, ...]]]) -> str:
+    parts = [f"{time:.4g} s ({few(list(names))})" for time, names in open_stops[:8]]
+    return ", ".join(parts) + (f" and {len(open_stops) - 8} more" if len(open_stops) > 8 else "")
 
 
 def compensate(
@@ -214,9 +214,9 @@ def compensate(
     gears = tuple(n for n in mechanism.gears if n in motion.joints and _is_behind(simulation, n))
     displacement, rubbing = np.zeros((count, 6)), dict[str, np.ndarray]()
     if mechanism.clearance:
-        found, some = _journals(simulation, times[::2], progress)
-        displacement = _smooth(times[::2], found, times)
-        rubbing = {name: _smooth(times[::2], one.T, times).T for name, one in some.items()}
+        moved, rubs = _journals(simulation, times[::2], progress)
+        displacement = _smooth(times[::2], moved, times)
+        rubbing = {name: _smooth(times[::2], rub.T, times).T for name, rub in rubs.items()}
     lag = _lag(simulation, times, rubbing)
     torque, held, inertia = _torques(simulation, times, gears, rubbing)
     play = np.array([max(mechanism.gears[name].play, 1e-12) for name in gears])
@@ -243,14 +243,14 @@ def compensate(
     approaches = []
     if approach:
         approaches = _approaches(simulation, times, gears, undecided, torque, inertia)
-    for one in {(each.k, each.arrival): each for each in approaches}.values():
-        one.apply(simulation, times, shift, side, undecided)
+    for final in {(a.k, a.arrival): a for a in approaches}.values():
+        final.apply(simulation, times, shift, side, undecided)
     if mechanism.clearance:
         shift -= through_jacobian(simulation, times, displacement, size)
     shift, smoothed, clipped = _within_limits(simulation, times, shift)
     return Compensation(
         simulation, times, shift, gears, torque, side, undecided, displacement, smoothed, clipped,
-        tuple((one.stop, one.gear) for one in approaches), size=size,
+        tuple((a.stop, a.gear) for a in approaches), size=size,
     )  # fmt: skip
 
 
@@ -262,8 +262,8 @@ def corrected_motion(
     assert motion is not None
     count = max(round(motion.duration / SAMPLE_S), 12) + 1
     dense = np.linspace(0.0, motion.duration, count)
-    own = motion(dense)[0]
-    moved = own + _smooth(times, shift, _eased(dense))
+    reference = motion(dense)[0]
+    moved = reference + _smooth(times, shift, _eased(dense))
     clipped = []
     entries = simulation.mechanism.description.joints
     for k, name in enumerate(motion.joints):
@@ -295,11 +295,11 @@ def through_jacobian(
     """Displacements of the joints of the motion, (n, j), that move the ideal tool so (n, 6)."""
     ideal, motion = simulation.mechanism.ideal(), simulation.motion
     assert motion is not None
-    found = np.zeros((len(times), len(motion.joints)))
+    shifts = np.zeros((len(times), len(motion.joints)))
     for k, position in enumerate(motion(times)[0]):
         at = dict(zip(motion.joints, position.tolist(), strict=True))
-        found[k], _ = taken_up(ideal, at, displacement[k], size)
-    return found
+        shifts[k], _ = taken_up(ideal, at, displacement[k], size)
+    return shifts
 
 
 def firmware_rule(simulation: Simulation, times: np.ndarray) -> np.ndarray:
@@ -310,8 +310,8 @@ def firmware_rule(simulation: Simulation, times: np.ndarray) -> np.ndarray:
     speed = motion(times)[1]
     for k, name in enumerate(motion.joints):
         if name in mechanism.gears and _is_behind(simulation, name):
-            way = np.where(np.abs(speed[:, k]) < STILL, 0.0, np.sign(speed[:, k]))
-            shift[:, k] = 0.5 * mechanism.gears[name].play * _kept(way)
+            direction = np.where(np.abs(speed[:, k]) < STILL, 0.0, np.sign(speed[:, k]))
+            shift[:, k] = 0.5 * mechanism.gears[name].play * _last_nonzero(direction)
     return shift
 
 
@@ -320,11 +320,11 @@ def _checked(simulation: Simulation) -> tuple[Mechanism, Motion]:
     if motion is None:
         raise JointplayError("a motion is needed to be compensated: give one", ("motion",))
     if motion.interpolation in GOES_ON:
-        words = f"a motion that goes on after its end ({motion.interpolation}) is not compensated"
-        raise JointplayError(words, ("motion", "interpolation"))
+        text = f"a motion that goes on after its end ({motion.interpolation}) is not compensated"
+        raise JointplayError(text, ("motion", "interpolation"))
     if mechanism.loops or mechanism.free_base is not None:
-        what = "closed loops" if mechanism.loops else "a free base"
-        raise JointplayError(f"only robots without loops on a base that is held, not with {what}")
+        text = "closed loops" if mechanism.loops else "a free base"
+        raise JointplayError(f"only robots without loops on a base that is held, not with {text}")
     if simulation.limits != "ignore":
         limits.check_motion(mechanism, motion, motion.joints)
     return mechanism, motion
@@ -361,10 +361,10 @@ def _lag(
             stiffness = bandwidth**2 * (inertia[0, k] + rotor)
             lag[:, k] = (efforts[:, k] + journal - known[:, k]) / stiffness
         elif isinstance(drive, Servo):
-            way = _kept(np.where(np.abs(speed) < STILL, 0.0, np.sign(speed)))
+            direction = _last_nonzero(np.where(np.abs(speed) < STILL, 0.0, np.sign(speed)))
             losses = drive.with_friction(friction.get(name, JointFriction()))
             effort = efforts[:, k] + journal + rotor * accelerations[:, k]
-            effort += losses.coulomb * way + losses.viscous * speed
+            effort += losses.coulomb * direction + losses.viscous * speed
             volts = effort / drive.stall + drive.torque_constant * speed
             error = volts / drive.p_gain
             fades = np.exp(-drive.i_gain / drive.p_gain * times[1])
@@ -414,9 +414,9 @@ def _torques(
     """
     motion = simulation.motion
     assert motion is not None
-    own = [motion.joints.index(name) for name in gears]
-    tau, inertia = (one[:, own] for one in _efforts(simulation, motion, times))
-    speeds, held = motion(times)[1][:, own], np.zeros_like(tau)
+    columns = [motion.joints.index(name) for name in gears]
+    tau, inertia = (values[:, columns] for values in _efforts(simulation, motion, times))
+    speeds, held = motion(times)[1][:, columns], np.zeros_like(tau)
     friction = joint_friction(simulation)
     for k, name in enumerate(gears):
         losses, speed = friction.get(name, JointFriction()), speeds[:, k]
@@ -442,13 +442,13 @@ def _sides(
     for k, column in enumerate(sides.T):
         edges = np.flatnonzero(np.diff(column, prepend=np.nan, append=np.nan))
         for begin, end in pairwise(edges):
-            way = np.cumsum(fall[begin:end, k]).sum()
+            travel = np.cumsum(fall[begin:end, k]).sum()
             if begin == 0 or end == len(column):
-                way += 0.5 * stands**2 * fall[begin if begin == 0 else end - 1, k]
-            if way < NEAR:
+                travel += 0.5 * stands**2 * fall[begin if begin == 0 else end - 1, k]
+            if travel < NEAR:
                 undecided[begin:end, k], column[begin:end] = True, 0.0
-    kept = np.array([_kept(column) for column in sides.T]).T.reshape(sides.shape)
-    return kept, undecided
+    last = np.array([_last_nonzero(column) for column in sides.T]).T.reshape(sides.shape)
+    return last, undecided
 
 
 def _crossing(side: np.ndarray, fall: np.ndarray) -> np.ndarray:
@@ -460,9 +460,9 @@ def _crossing(side: np.ndarray, fall: np.ndarray) -> np.ndarray:
     """
     free, last = np.zeros(len(side), bool), len(side) - 1
     for k in np.flatnonzero(side[1:] * side[:-1] < 0):
-        for way, node in ((-1, k), (1, k + 1)):
+        for step, node in ((-1, k), (1, k + 1)):
             speed = left = 0.0
-            for at in range(node, node + way * CROSSING, way):
+            for at in range(node, node + step * CROSSING, step):
                 speed += fall[at] if 0 < at < last else np.inf
                 left += speed
                 if left > NEAR or side[at] != side[node]:
@@ -477,12 +477,12 @@ def _open_stops(
     """Stops at whose end a side is not decided: from when on [s], and of which gear."""
     motion = simulation.motion
     assert motion is not None
-    found = []
+    open_stops = []
     for stop in stops(motion, motion.duration):
         if stop.at_rest:
             row = undecided[_node(times, stop.end)]
-            found += [(stop.start, name) for name, open_ in zip(gears, row, strict=True) if open_]
-    return found
+            open_stops += [(stop.start, n) for n, free in zip(gears, row, strict=True) if free]
+    return open_stops
 
 
 @dataclass(frozen=True)
@@ -511,15 +511,16 @@ class _Approach:
         """Change shifts (n, j) and sides (n, g) from the way to the stop on."""
         gear, motion = simulation.mechanism.gears[self.gear], simulation.motion
         assert motion is not None
-        way = np.copysign(OVERSHOOT * gear.play, self.torque)
-        own = shift[:, motion.joints.index(self.gear)]
-        there = np.searchsorted(times, self.arrival)
-        until = next((k for k in range(there, len(times)) if not undecided[k, self.k]), len(times))
-        own -= way * _step((times - self.arrival) / self.window + 1.0) * (times < self.arrival)
-        creeps = _step((times[there:until] - self.arrival) / self.window)
-        begin = own[there] - way
-        own[there:until] = begin + creeps * (gear.wound_up(self.torque) - begin)
-        side[there:until, self.k] = np.sign(self.torque)
+        aside = np.copysign(OVERSHOOT * gear.play, self.torque)
+        command = shift[:, motion.joints.index(self.gear)]
+        first = np.searchsorted(times, self.arrival)
+        until = next((k for k in range(first, len(times)) if not undecided[k, self.k]), len(times))
+        leaves = _step((times - self.arrival) / self.window + 1.0) * (times < self.arrival)
+        command -= aside * leaves
+        creeps = _step((times[first:until] - self.arrival) / self.window)
+        begin = command[first] - aside
+        command[first:until] = begin + creeps * (gear.wound_up(self.torque) - begin)
+        side[first:until, self.k] = np.sign(self.torque)
 
 
 def _step(part: np.ndarray) -> np.ndarray:
@@ -544,13 +545,13 @@ def _approaches(
     motion, friction = simulation.motion, joint_friction(simulation)
     assert motion is not None
     still = np.abs(motion(times)[1]) < STILL
-    ends = {one.start: one.end for one in stops(motion, motion.duration)}
+    ends = {stop.start: stop.end for stop in stops(motion, motion.duration)}
     open_stops = _open_stops(simulation, times, gears, undecided)
-    found = []
+    approaches = []
     for k, name in enumerate(gears):
         at = {time: _node(times, ends[time]) for time, gear in open_stops if gear == name}
         dry = friction.get(name, JointFriction()).coulomb
-        way = np.sign(sum(torque[node, k] for node in at.values())) or 1.0
+        direction = np.sign(sum(torque[node, k] for node in at.values())) or 1.0
         for time, node in at.items():
             moving = np.flatnonzero(~still[:node, motion.joints.index(name)])
             brakes = _BRAKES * OVERSHOOT * simulation.mechanism.gears[name].play * inertia[node, k]
@@ -558,9 +559,9 @@ def _approaches(
             arrival = max(times[moving[-1] + 1] if len(moving) else 0.0, window)
             before = max((end for end in ends.values() if end < arrival), default=0.0)
             if before <= arrival - window and arrival + window <= ends[time]:
-                pressed = way * dry + torque[node, k]
-                found.append(_Approach(name, k, time, arrival, window, pressed))
-    return sorted(found, key=lambda one: one.stop)
+                pressed = direction * dry + torque[node, k]
+                approaches.append(_Approach(name, k, time, arrival, window, pressed))
+    return sorted(approaches, key=lambda approach: approach.stop)
 
 
 def _node(times: np.ndarray, time: float) -> int:
@@ -568,7 +569,7 @@ def _node(times: np.ndarray, time: float) -> int:
     return int(np.searchsorted(times, time, side="right")) - 1
 
 
-def _kept(values: np.ndarray) -> np.ndarray:
+def _last_nonzero(values: np.ndarray) -> np.ndarray:
     """Values with zeros replaced by the last that is none; at the start by the first."""
     return _carried(values, values == 0.0)
 
@@ -609,14 +610,14 @@ def _journals(
     states[:, :, at] = motion(times)
     drives = assign(mechanism, motion, Prescribed())
     mu = {
-        name: _friction_of(one, states[1, :, mechanism.coordinate(name)])
-        for name, one in mechanism.clearance.items()
-        if one.hinge is not None
+        name: _friction_of(joint, states[1, :, mechanism.coordinate(name)])
+        for name, joint in mechanism.clearance.items()
+        if joint.hinge is not None
     }
     torque = {name: np.zeros((2, len(times))) for name in mu}
     pushing = static_loads(mechanism, with_force(mechanism, (0.0, 0.0, 0.0), simulation.loads))
     friction = joint_friction(simulation)
-    found, aside = np.zeros((len(times), 6)), np.zeros(mechanism.model.nv)
+    displacements, aside = np.zeros((len(times), 6)), np.zeros(mechanism.model.nv)
     steps = ProgressBar(
         range(len(times)), "places of rest", disable=not progress, delay=2.0, leave=False
     )
@@ -637,15 +638,15 @@ def _journals(
         aside = rest.q - q
         for name, wrench in balance.wrenches(rest.q).items():
             if name in mu:
-                own, largest = mu[name]
+                signed, largest = mu[name]
                 pressing = _pressing(mechanism.clearance[name], wrench)
-                torque[name][:, k] = own[k] * pressing, largest * pressing
-        angles = {name: -float(np.arctan(own[k])) for name, (own, _) in mu.items()}
+                torque[name][:, k] = signed[k] * pressing, largest * pressing
+        angles = {name: -float(np.arctan(signed[k])) for name, (signed, _) in mu.items()}
         climbed = _climbed(mechanism, rest.q, angles)
-        ideal, there = tool_place(mechanism, q), tool_place(mechanism, climbed)
-        turn = ideal.rotation @ pin.log3(ideal.rotation.T @ there.rotation)
-        found[k] = np.concatenate([there.translation - ideal.translation, turn])
-    return found, torque
+        ideal, moved = tool_place(mechanism, q), tool_place(mechanism, climbed)
+        turn = ideal.rotation @ pin.log3(ideal.rotation.T @ moved.rotation)
+        displacements[k] = np.concatenate([moved.translation - ideal.translation, turn])
+    return displacements, torque
 
 
 def _climbed(mechanism: Mechanism, q: np.ndarray, angles: Mapping[str, float]) -> np.ndarray:
@@ -670,10 +671,10 @@ def _friction_of(joint: Clearance, speed: np.ndarray) -> tuple[np.ndarray, float
     law, radius = joint.friction, joint.hinge.radius
     largest = max(law.coefficients.values(), default=0.0)
     if law.state == ("speed",):
-        found = [law.function(abs(x) * radius, *law.parameters()) for x in speed.tolist()]
-        return np.sign(speed) * found, largest
-    way = _kept(np.where(np.abs(speed) < STILL, 0.0, np.sign(speed)))
-    return way * law.coefficients.get("mu_d", 0.0), largest
+        mu = [law.function(abs(x) * radius, *law.parameters()) for x in speed.tolist()]
+        return np.sign(speed) * mu, largest
+    direction = _last_nonzero(np.where(np.abs(speed) < STILL, 0.0, np.sign(speed)))
+    return direction * law.coefficients.get("mu_d", 0.0), largest
 
 
 def _pressing(joint: Clearance, wrench: np.ndarray) -> float:
@@ -706,7 +707,7 @@ def _within_limits(
         shift = np.concatenate([
             shift[:1], 0.25 * shift[:-2] + 0.5 * shift[1:-1] + 0.25 * shift[2:], shift[-1:]
         ])  # fmt: skip
-    new = next(words for key, words in beyond.items() if key not in before)
+    new = next(text for key, text in beyond.items() if key not in before)
     raise JointplayError(f"corrected, {new}, even smoothed; slow the motion down")
 
 
@@ -717,16 +718,17 @@ def _beyond(simulation: Simulation, motion: Motion) -> dict[tuple[str, str], str
     _, speed, acceleration = motion(times)
     bounded = bool(limits.bounds(mechanism))
     efforts = _efforts(simulation, motion, times)[0] if bounded else np.zeros_like(speed)
-    found: dict[tuple[str, str], str] = {}
+    exceeded: dict[tuple[str, str], str] = {}
     for k, name in enumerate(motion.joints):
         gear, entry = mechanism.gears.get(name), mechanism.description.joints[name]
-        own = efforts[:, k] + friction.get(name, JointFriction()).torque(speed[:, k])
-        own += 0.0 if gear is None else gear.rotor_inertia * acceleration[:, k]
-        for what, values in (("speed", speed[:, k]), ("effort", own)):
-            most, limit = np.abs(values).max(), getattr(entry, what)
+        effort = efforts[:, k] + friction.get(name, JointFriction()).torque(speed[:, k])
+        effort += 0.0 if gear is None else gear.rotor_inertia * acceleration[:, k]
+        for quantity, values in (("speed", speed[:, k]), ("effort", effort)):
+            most, limit = np.abs(values).max(), getattr(entry, quantity)
             if limit is not None and most > limit * (1.0 + limits.MARGIN):
-                found[name, what] = f"the {what} of joint {name!r} is {most:.4g}, above {limit:g}"
-    return found
+                text = f"the {quantity} of joint {name!r} is {most:.4g}, above {limit:g}"
+                exceeded[name, quantity] = text
+    return exceeded
 
 
 def table_for_controllers(compensation: Compensation, parts: int = 9) -> Table:
@@ -742,7 +744,8 @@ def table_for_controllers(compensation: Compensation, parts: int = 9) -> Table:
                 shift = float(mechanism.gears[name].wound_up(torque))
                 rows.append((name, direction, load, shift))
     names = ("joint", "direction", "load", "shift")
-    return Table([Column(n, own) for n, own in zip(names, zip(*rows, strict=True), strict=True)])
+    columns = zip(names, zip(*rows, strict=True), strict=True)
+    return Table([Column(name, values) for name, values in columns])
 
 
 def with_shift(compensation: Compensation, more: np.ndarray) -> Compensation:

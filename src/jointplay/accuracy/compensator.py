@@ -49,10 +49,10 @@ class Compensator:
         friction: Mapping[str, JointFriction],
     ) -> Compensator:
         """That of joints in this order, those without a gear unchanged."""
-        own = [gears.get(name) for name in joints]
+        geared = [gears.get(name) for name in joints]
         return cls(
-            [0.0 if one is None else one.play for one in own],
-            [np.inf if one is None else float(one.curve().slopes[0]) for one in own],
+            [0.0 if gear is None else gear.play for gear in geared],
+            [np.inf if gear is None else float(gear.curve().slopes[0]) for gear in geared],
             [friction[name].coulomb if name in friction else 0.0 for name in joints],
         )
 

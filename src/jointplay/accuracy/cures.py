@@ -73,7 +73,7 @@ def _sprung(found: PlayBudget, at: int) -> Iterator[Cure]:
     for k, one in enumerate(found.model.contributions):
         if not one.gear or one.joint in rest.regulated:
             continue
-        torque = found.model.load[k, :, entries[one.joint].way]
+        torque = found.model.load[k, :, entries[one.joint].component]
         ends = float(max(torque.max(), 0.0)), float(max(-torque.min(), 0.0))
         if not min(ends) > 0.0:
             continue
@@ -99,8 +99,8 @@ def _at_rest(found: PlayBudget, at: int) -> Iterator[Cure]:
         words += f", with --approach {readable(sided, 'm', 3)}, without"
     yield Cure(words, largest, left, "at rest")
     place = rest.at(at)
-    size, sag = float(np.linalg.norm(place.whole[:3])), place.sag[:3]
+    size, sag = float(np.linalg.norm(place.error[:3])), place.sag[:3]
     if any(isinstance(one, Servo) for one in rest.drives.values()) and sag.any():
-        half = float(np.linalg.norm(place.whole[:3] - 0.5 * sag))
+        half = float(np.linalg.norm(place.error[:3] - 0.5 * sag))
         words = "twice the P gain, if it is calm (jointplay study hunting tells)"
         yield Cure(words, size, half, "at rest")

@@ -38,9 +38,9 @@ def ellipsoids(plays: ErrorModel) -> Ellipsoids:
     """
     n, sphere = plays.poses, half_sphere(_DIRECTIONS)
     evenly = np.broadcast_to(sphere, (n, *sphere.shape))
-    found = plays.along(evenly)
-    total = found.error.sum(axis=0)[..., :3]
-    worst = found.value.sum(axis=0).max(axis=1)
+    states = plays.along(evenly)
+    total = states.error.sum(axis=0)[..., :3]
+    worst = states.value.sum(axis=0).max(axis=1)
     square = np.einsum("n,ij->nij", np.maximum(worst, _SMALLEST) ** 2, np.eye(3))
     for _ in range(_ROUNDS):
         root = _root(square)
@@ -62,8 +62,8 @@ def _fitted(d: np.ndarray, support: np.ndarray) -> np.ndarray:
     for column, (i, k) in enumerate(pairs):
         square[:, i, k] = square[:, k, i] = numbers[:, column]
     square = _floored(square)
-    own = np.einsum("mi,nij,mj->nm", d, square, d)
-    return square * (support**2 / own).max(axis=1)[:, None, None]
+    fitted = np.einsum("mi,nij,mj->nm", d, square, d)
+    return square * (support**2 / fitted).max(axis=1)[:, None, None]
 
 
 def _floored(square: np.ndarray) -> np.ndarray:

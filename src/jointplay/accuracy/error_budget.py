@@ -14,7 +14,7 @@ from typing import overload
 
 import numpy as np
 
-from jointplay.accuracy.causes import GIVEN, RULED, Cause, cause_model, named, told_apart
+from jointplay.accuracy.causes import GIVEN, RULED, Cause, cause_model, given_and_assumed, named
 from jointplay.accuracy.cures import Cure, cures
 from jointplay.accuracy.error_model import ErrorModel, Farthest, covering, half_sphere, play_model
 from jointplay.accuracy.jacobians import (
@@ -127,8 +127,8 @@ class Budget(ABC):
     @cached_property
     def axis_worst(self) -> np.ndarray:
         """Largest error along and about each world axis, by contribution, shape (n, k, 6)."""
-        both = [self.model.values(np.eye(3), turn) for turn in (False, True)]
-        return np.concatenate(both, axis=2).transpose(1, 0, 2)
+        ways_and_turns = [self.model.values(np.eye(3), turn) for turn in (False, True)]
+        return np.concatenate(ways_and_turns, axis=2).transpose(1, 0, 2)
 
     @property
     def worst_pose(self) -> int:
@@ -194,7 +194,7 @@ class PlayBudget(Budget):
             return f"No play moves the tool {self.tool!r}; {resting}"
         if self.worst[at] <= NOWHERE * self.worst_turn.max():
             rest = self.rest_positions.at(at)
-            turned, sag = (float(np.linalg.norm(one[3:])) for one in (rest.whole, rest.sag))
+            turned, sag = np.linalg.norm([rest.error[3:], rest.sag[3:]], axis=1).tolist()
             part = f" ({self._whose_sag} {readable(sag, 'rad', 3)})" if sag else ""
             return (
                 f"Play turns the tool {self.tool!r} by up to {turn}{where}; at rest it is turned "
@@ -217,32 +217,32 @@ class PlayBudget(Budget):
     def _resting(self, at: int) -> str:
         """How far off the tool is at rest, and by what."""
         rest, ends = self.rest_positions.at(at), self.rest_positions.interval(at)[3]
-        words = " to ".join(dict.fromkeys(f"{1e3 * one:.3g}" for one in ends))
-        whole = rest.whole[:3]
-        if np.isnan(whole).any():
-            return f"{words} mm off"
+        limits = " to ".join(dict.fromkeys(f"{1e3 * end:.3g}" for end in ends))
+        error = rest.error[:3]
+        if np.isnan(error).any():
+            return f"{limits} mm off"
         play = self._free(at)
-        if not (size := float(np.linalg.norm(whole))):
-            return f"{words} mm off"
+        if not (size := float(np.linalg.norm(error))):
+            return f"{limits} mm off"
         along = {
-            "play": float(play @ whole) / size,
-            self._whose_sag: float(rest.sag[:3] @ whole) / size,
+            "play": float(play @ error) / size,
+            self._whose_sag: float(rest.sag[:3] @ error) / size,
         }
         beyond = size - sum(along.values())
         if beyond > 0.0:
             along["contacts and gears giving way"] = beyond
         else:  # on arcs the play lets the tool less far than along straight lines
             along["play"] += beyond
-        told = [
+        parts = [
             f"{name} {1e3 * part:.3g}"
-            for name, part in sorted(along.items(), key=lambda one: -abs(one[1]))
+            for name, part in sorted(along.items(), key=lambda item: -abs(item[1]))
             if abs(part) > _MENTIONED * size
         ]
-        return f"{words} mm off{': ' * bool(told)}{', '.join(told)}"
+        return f"{limits} mm off{': ' * bool(parts)}{', '.join(parts)}"
 
     @property
     def _whose_sag(self) -> str:
-        servos = any(isinstance(one, Servo) for one in self.rest_positions.drives.values())
+        servos = any(isinstance(drive, Servo) for drive in self.rest_positions.drives.values())
         return "servos' sag" if servos else "drives' sag"
 
     def _free(self, pose: int) -> np.ndarray:
@@ -266,7 +266,7 @@ class PlayBudget(Budget):
     @property
     def _of_fits(self) -> str:
         """With which parts, where fits leave that open, to add to a sentence."""
-        if all(one.fit is None for one in self.model.contributions):
+        if all(c.fit is None for c in self.model.contributions):
             return ""
         return (
             "; the limits are of the loosest parts that fits allow, the RMS of any, the place of "
@@ -291,13 +291,13 @@ class PlayBudget(Budget):
         if self.mechanism.loops:
             return float("nan")
         rest = self.rest_positions.at(pose)
-        place, ends = rest.whole[:3], self.rest_positions.interval(pose)
+        place, ends = rest.error[:3], self.rest_positions.interval(pose)
         by_friction = np.abs(ends[:3] - place[:, None]).max(axis=1)
         shift = (1.0 + friction) * np.linalg.norm(by_friction)
-        own = [not one.gear for one in self.rest_positions.model.contributions]
+        journals = [not c.gear for c in self.rest_positions.model.contributions]
         q, robot = self.rest_positions.q[pose], self.mechanism
         at = {name: float(q[robot.coordinate(name)]) for name in robot.joints}
-        _, left = taken_up(self._ideal, at, rest.parts[own].sum(axis=0))
+        _, left = taken_up(self._ideal, at, rest.parts[journals].sum(axis=0))
         unknown = trust * np.linalg.norm(self._free(pose))
         return float(shift + unknown + np.linalg.norm(left[:3]))
 
@@ -314,18 +314,20 @@ class PlayBudget(Budget):
     def ranking(self) -> str:
         shares = 100.0 * self._shares
         mean, low, high = shares.mean(axis=0), shares.min(axis=0), shares.max(axis=0)
-        words = []
+        texts = []
         for i in np.argsort(-mean, kind="stable"):
             spread = f" ({low[i]:.0f} to {high[i]:.0f})" if len(shares) > 1 else ""
-            words.append(f"{self.joints[i]} {mean[i]:.0f} %{spread}")
-        return f"shares of the worst case: {', '.join(words)}"
+            texts.append(f"{self.joints[i]} {mean[i]:.0f} %{spread}")
+        return f"shares of the worst case: {', '.join(texts)}"
 
     def by_pose(self, names: Sequence[str]) -> Table:
         """A row for each pose, of these names: its worst case, and each joint's share in it."""
         columns = [Column("pose", names), Column("worst case", self.worst, "m")]
         columns.append(Column("rms", self.rms, "m"))
-        each = zip(self.joints, self._shares.T, strict=True)
-        return Table([*columns, *(Column(name, share, "1", digits=3) for name, share in each)])
+        columns_by_joint = zip(self.joints, self._shares.T, strict=True)
+        return Table(
+            [*columns, *(Column(name, share, "1", digits=3) for name, share in columns_by_joint)]
+        )
 
     @property
     def rest(self) -> np.ndarray:
@@ -339,7 +341,7 @@ class PlayBudget(Budget):
     @property
     def rest_tool(self) -> np.ndarray:
         """Error of the tool there, of all joints, exactly, shape (n, 6) [m, rad]."""
-        return np.array([self.rest_positions.at(i).whole for i in range(len(self.worst))])
+        return np.array([self.rest_positions.at(i).error for i in range(len(self.worst))])
 
     @property
     def rest_error(self) -> np.ndarray:
@@ -358,9 +360,9 @@ class PlayBudget(Budget):
 
     def table(self, pose: int | None = None) -> Table:
         at = self.worst_pose if pose is None else pose
-        rests, whole, *_ = self.rest_positions.at(at)
+        rests, error, *_ = self.rest_positions.at(at)
         worst = float(self.worst[at])
-        sums = (worst, worst, 1.0 if worst > 0.0 else None, np.linalg.norm(whole[:3]))
+        sums = (worst, worst, 1.0 if worst > 0.0 else None, np.linalg.norm(error[:3]))
         return Table(
             (
                 Column("joint", self.joints),
@@ -376,7 +378,7 @@ class PlayBudget(Budget):
         )
 
     def _notes(self, at: int) -> list[str]:
-        _, whole, loads, _ = self.rest_positions.at(at)
+        _, error, loads, _ = self.rest_positions.at(at)
         axes = [f"{1e3 * value:.4f}" for value in self.axis_worst[at].sum(axis=0)]
         lines = [
             "alone: with play in this joint only; part: along the worst direction of all; at rest: "
@@ -385,24 +387,24 @@ class PlayBudget(Budget):
             f"worst case along x, y, z: {', '.join(axes[:3])} mm; "
             f"about x, y, z: {', '.join(axes[3:])} mrad",
         ]
-        if np.isnan(whole).any():
+        if np.isnan(error).any():
             lines.append("at rest without friction: no equilibrium was found")
         else:
-            place = ", ".join(f"{1e3 * value:.4f}" for value in whole[:3])
+            place = ", ".join(f"{1e3 * value:.4f}" for value in error[:3])
             begins = " (the start of a run with start=rest)"
             begins = "" if self.rest_positions.force.any() else begins
             lines.append(f"at rest without friction, along x, y, z: {place} mm{begins}")
         if not np.isnan(loads).any():
-            words = []
-            for one, load in zip(self.model.contributions, loads, strict=True):
-                turns = one.gear and not self.mechanism.description.joints[one.joint].slides
+            forces, entries = [], self.mechanism.description.joints
+            for contribution, load in zip(self.model.contributions, loads, strict=True):
+                turns = contribution.gear and not entries[contribution.joint].slides
                 size = float(np.linalg.norm(load[3:] if turns else load[:3]))
-                words.append(f"{one.name} {size:.4g} {'N m' if turns else 'N'}")
-            lines.append(f"the joints bear there: {', '.join(words)}")
+                forces.append(f"{contribution.name} {size:.4g} {'N m' if turns else 'N'}")
+            lines.append(f"the joints bear there: {', '.join(forces)}")
         return [*lines, *self._held(at)]
 
     def _held(self, at: int) -> list[str]:
-        place, ends = self.rest_positions.at(at).whole[:3], self.rest_positions.interval(at)
+        place, ends = self.rest_positions.at(at).error[:3], self.rest_positions.interval(at)
         box = [
             f"{axis} {1e3 * low:.4f} to {1e3 * high:.4f}"
             for axis, (low, high) in zip("xyz", ends[:3], strict=True)
@@ -414,24 +416,25 @@ class PlayBudget(Budget):
         if free:
             names = "any joint" if len(free) == len(self.joints) else ", ".join(free)
             lines.append(f"no force acts on {names}: the journals may rest anywhere in their play")
-        if whole := self.rest_positions.unsearched:
-            all_joints = len(whole) == len(self.rest_positions.coefficients)
+        if unknown := self.rest_positions.unsearched:
+            complete = len(unknown) == len(self.rest_positions.coefficients)
+            names = "all joints" if complete else ", ".join(unknown)
             lines.append(
-                f"how far friction can hold {'all joints' if all_joints else ', '.join(whole)} is "
-                "not known (closed loops, or a kind without contacts): their entire play is assumed"
+                f"how far friction can hold {names} is not known (closed loops, or a kind without "
+                "contacts): their entire play is assumed"
             )
         lines.append(
-            f"with {self.rest_positions.words} the tool may rest anywhere within "
+            f"with {self.rest_positions.friction_text} the tool may rest anywhere within "
             f"{', '.join(box)} mm; {least:.4f} to {largest:.4f} mm from the ideal one"
         )
         away = 1e3 * float(np.linalg.norm(np.abs(ends[:3] - place[:, None]).max(axis=1)))
-        own = 1e3 * float(np.linalg.norm(place))
-        if len(free) < len(self.joints) and not whole and np.isfinite(away):
-            part = f", {100 * away / own:.0f} % of the error there" if own > 0.0 else ""
-            words = f"shifts the place of rest by up to {away:.4f} mm"
-            if away > _DECIDES * own:
-                words = f"determines where it rests: up to {away:.4f} mm from the place without"
-            lines.append(f"friction {words}{part}")
+        distance = 1e3 * float(np.linalg.norm(place))
+        if len(free) < len(self.joints) and not unknown and np.isfinite(away):
+            part = f", {100 * away / distance:.0f} % of the error there" if distance > 0.0 else ""
+            effect = f"shifts the place of rest by up to {away:.4f} mm"
+            if away > _DECIDES * distance:
+                effect = f"determines where it rests: up to {away:.4f} mm from the place without"
+            lines.append(f"friction {effect}{part}")
         return lines
 
     @property
@@ -466,21 +469,21 @@ class PlayBudget(Budget):
             Column("rms", self.rms, "m"),
             Column("second order", self.second_order, "m"),
         ]
-        whole = self.axis_worst.sum(axis=1)
+        by_axis = self.axis_worst.sum(axis=1)
         for k, axis in enumerate(AXES):
-            columns.append(Column(f"worst {axis}", whole[:, k], "m" if k < 3 else "rad"))
-        for what, values in (("worst part", self.worst_parts), ("worst alone", self.alone)):
+            columns.append(Column(f"worst {axis}", by_axis[:, k], "m" if k < 3 else "rad"))
+        for label, values in (("worst part", self.worst_parts), ("worst alone", self.alone)):
             for k, name in enumerate(self.joints):
-                key = f"{what.replace(' ', '_')}_{name}_m"
-                columns.append(Column(f"{what} {name}", values[:, k], "m", key))
+                key = f"{label.replace(' ', '_')}_{name}_m"
+                columns.append(Column(f"{label} {name}", values[:, k], "m", key))
         rests: list[Sequence[float | None]] = [[None] * 12] * len(self.worst)
         for i in range(len(rests)):
             if self.rest_positions.is_known(i):
-                at, ends = self.rest_positions.at(i).whole[:3], self.rest_positions.interval(i)
+                at, ends = self.rest_positions.at(i).error[:3], self.rest_positions.interval(i)
                 rests[i] = [*at, float(np.linalg.norm(at)), *ends.ravel()]
-        ways = ("x", "y", "z", "distance")
-        heads = [f"rest {way} {end}" for way in ways for end in ("least", "largest")]
-        for k, head in enumerate([*(f"rest {way}" for way in ways), *heads]):
+        heads = [f"rest {component}" for component in ("x", "y", "z", "distance")]
+        heads += [f"{head} {end}" for head in heads for end in ("least", "largest")]
+        for k, head in enumerate(heads):
             columns.append(Column(head, [row[k] for row in rests], "m"))
         return Table(columns)
 
@@ -515,32 +518,33 @@ class ErrorBudget(Budget):
         """By how much `worst` and `rms` fall at the worst pose by half of contributions [m]."""
         at, scale = self.worst_pose, self.model.scale.copy()
         scale[list(indices)] *= 0.5
-        other = self._at_worst.scaled(scale)
-        left = other.farthest(start=self.direction[at : at + 1]).size[0]
-        return float(self.worst[at] - left), float(self.rms[at] - other.rms[0])
+        reduced = self._at_worst.scaled(scale)
+        left = reduced.farthest(start=self.direction[at : at + 1]).size[0]
+        return float(self.worst[at] - left), float(self.rms[at] - reduced.rms[0])
 
     def data(self) -> Table:
-        every, one = self.model.contributions, self._at_worst
+        rows, at_worst = self.model.contributions, self._at_worst
         return Table(
             (
-                Column("joint", [own.joint for own in every]),
-                Column("cause", [own.cause for own in every]),
+                Column("joint", [row.joint for row in rows]),
+                Column("cause", [row.cause for row in rows]),
                 Column("worst", self.worst_parts[self.worst_pose], "m"),
-                Column("rms", [one.subset([k]).rms[0] for k in range(len(every))], "m"),
-                *(Column(f"mean {x}", one.means[:, 0, k], "m") for k, x in enumerate("xyz")),
-                Column("origin", [own.source for own in every]),
+                Column("rms", [at_worst.subset([k]).rms[0] for k in range(len(rows))], "m"),
+                *(Column(f"mean {x}", at_worst.means[:, 0, k], "m") for k, x in enumerate("xyz")),
+                Column("origin", [row.source for row in rows]),
             )
         )
 
-    def by(self, what: str) -> dict[str, tuple[float, float]]:
+    def by(self, key: str) -> dict[str, tuple[float, float]]:
         """Parts of worst case and variance at the worst pose by ``"joint"`` or ``"cause"``."""
-        found = dict[str, tuple[float, float]]()
+        sums = dict[str, tuple[float, float]]()
         parts, variances = self.worst_parts[self.worst_pose], self.variances
-        whole = float(variances.sum()) or 1.0
-        for own, part, variance in zip(self.model.contributions, parts, variances, strict=True):
-            worst, share = found.get(getattr(own, what), (0.0, 0.0))
-            found[getattr(own, what)] = worst + float(part), share + float(variance) / whole
-        return found
+        total = float(variances.sum()) or 1.0
+        names = [getattr(contribution, key) for contribution in self.model.contributions]
+        for name, part, variance in zip(names, parts, variances, strict=True):
+            worst, share = sums.get(name, (0.0, 0.0))
+            sums[name] = worst + float(part), share + float(variance) / total
+        return sums
 
     @property
     def variances(self) -> np.ndarray:
@@ -563,14 +567,14 @@ class ErrorBudget(Budget):
         mechanism, q = self.mechanism, self.q[self.worst_pose]
         closing = ClosedLoops(mechanism, self.q[0], self.driven) if mechanism.loops else None
         seen = self.relative_to
-        there = displaced(mechanism, q, self.model.names, points, closing, seen)
-        return there - self.positions[self.worst_pose]
+        places = displaced(mechanism, q, self.model.names, points, closing, seen)
+        return places - self.positions[self.worst_pose]
 
     def table(self) -> Table:
         at, worst = self.worst_pose, self.worst[self.worst_pose]
         same: dict[tuple[str, str], list[int]] = {}
-        for i, own in enumerate(self.model.contributions):
-            same.setdefault((own.joint, own.cause), []).append(i)
+        for i, contribution in enumerate(self.model.contributions):
+            same.setdefault((contribution.joint, contribution.cause), []).append(i)
         parts = {key: float(self.worst_parts[at, indices].sum()) for key, indices in same.items()}
         small = [part for part in parts.values() if part <= _LISTED * worst]
         rows: list[tuple] = []
@@ -590,7 +594,7 @@ class ErrorBudget(Budget):
     def sentence(self) -> str:
         at = self.worst_pose
         where = f" at the worst of {len(self.worst)} poses" if len(self.worst) > 1 else ""
-        causes = sorted(self.by("cause").items(), key=lambda one: -one[1][0])
+        causes = sorted(self.by("cause").items(), key=lambda item: -item[1][0])
         parts = [
             f"{cause} {100 * worst / self.worst[at]:.0f} %"
             for cause, (worst, _) in causes
@@ -604,10 +608,10 @@ class ErrorBudget(Budget):
     @property
     def _assumptions(self) -> str:
         """What kinds of numbers nobody gave, to add to a sentence."""
-        every = (origin for one in self.model.contributions for _, origin in one.numbers)
+        origins = (origin for c in self.model.contributions for _, origin in c.numbers)
         kinds = dict.fromkeys(
             RULED if origin.startswith("by rule") else f"what {origin} has"
-            for origin in every
+            for origin in origins
             if origin != GIVEN
         )
         return f"; assumed: {', '.join(kinds)}" if kinds else ""
@@ -748,8 +752,9 @@ def budget(
         )  # fmt: skip
         seen = *about, _positions(mechanism, q, relative_to)
         return ErrorBudget(
-            mechanism, q, model, np.array(force, float), *seen, model.farthest(), *told_apart(model)
-        )
+            mechanism, q, model, np.array(force, float), *seen, model.farthest(),
+            *given_and_assumed(model),
+        )  # fmt: skip
     if friction is not None and require_finite("friction coefficient", friction, "") < 0.0:
         raise JointplayError(f"the friction coefficient must be >= 0, got {friction:g}")
     if any(gear.error_terms for gear in mechanism.gears.values()):  # which is no play
@@ -763,10 +768,10 @@ def budget(
     )  # fmt: skip
     half = half_sphere()
     states = model.along(np.broadcast_to(half, (len(q), *half.shape)))
-    found = model.farthest(start=half[states.value.sum(axis=0).argmax(axis=1)])
+    worst = model.farthest(start=half[states.value.sum(axis=0).argmax(axis=1)])
     # The states that a load of random direction brings about are those just found, and in the
     # middle of what fits allow; parts at random add their variance, which is of the first order.
-    middle, varies = model.middle, np.array([one.looseness for one in model.contributions])
+    middle, varies = model.middle, np.array([c.looseness for c in model.contributions])
     typical = middle.along(np.broadcast_to(half, (len(q), *half.shape))) if varies.any() else states
     errors_of = typical.error[..., :3]
     total = errors_of.sum(axis=0)
@@ -776,7 +781,7 @@ def budget(
     rms = np.sqrt(share.sum(axis=1))
     rms_parts = np.divide(share, rms[:, None], out=np.zeros_like(share), where=rms[:, None] > 0.0)
     if mechanism.loops:
-        more = _second_order_of_loops(mechanism, q, model, found.direction, driven)
+        more = _second_order_of_loops(mechanism, q, model, worst.direction, driven)
     else:
         outwards = relative_to is None or _carries(mechanism, relative_to)
         more = _second_order(model, outwards)
@@ -787,7 +792,7 @@ def budget(
     if rest.regulated and not mechanism.loops:  # their links are held still
         rest = replace(rest, second_order=_second_order(rest.unregulated(model), outwards))
     seen = driven, relative_to, _positions(mechanism, q, relative_to)
-    return PlayBudget(mechanism, q, model, push, *seen, found, rest, more, rms, rms_parts)
+    return PlayBudget(mechanism, q, model, push, *seen, worst, rest, more, rms, rms_parts)
 
 
 def holding_drives(
@@ -801,14 +806,14 @@ def holding_drives(
     """
     common = drive if isinstance(drive, Drive) else ComputedTorque()
     drives = dict.fromkeys(mechanism.joints, common)
-    for name, one in drive.items() if isinstance(drive, Mapping) else ():
+    for name, joint_drive in drive.items() if isinstance(drive, Mapping) else ():
         require_known("moving joint", name, drives)
-        drives[name] = one
-    for one in drives.values():
-        if not one.follows:
+        drives[name] = joint_drive
+    for joint_drive in drives.values():
+        if not joint_drive.follows:
             raise JointplayError(
-                f"a {one.kind} drive holds no position: the budget's drives must follow a motion, "
-                "such as ComputedTorque() or Prescribed()"
+                f"a {joint_drive.kind} drive holds no position: the budget's drives must follow a "
+                "motion, such as ComputedTorque() or Prescribed()"
             )
     return drives
 
@@ -831,7 +836,7 @@ def _second_order(model: ErrorModel, outwards: bool) -> np.ndarray:
     nearer to the base turns what the others have displaced. Unless the sources come from the base
     `outwards`, any may turn what any other has displaced.
     """
-    whole = 0.0 if outwards else sum(play.reach[1] for play in model.plays)
+    turn = 0.0 if outwards else sum(play.reach[1] for play in model.plays)
     total = np.zeros(model.poses)
     turned = np.zeros_like(total)
     for play, move in zip(model.plays, model.jacobian, strict=True):
@@ -842,7 +847,7 @@ def _second_order(model: ErrorModel, outwards: bool) -> np.ndarray:
         felt = np.abs(move).max(axis=(1, 2)) > 0.0
         moved = np.where(felt, aside + angle * arms, 0.0)
         total += np.where(felt, 0.5 * angle**2 * arms, 0.0)
-        total += turned * moved if outwards else (whole - angle) * moved
+        total += turned * moved if outwards else (turn - angle) * moved
         turned += np.where(felt, angle, 0.0)
     return total
 
@@ -861,15 +866,15 @@ def _second_order_of_loops(
     away = np.zeros(len(q))
     for i, row in enumerate(q):
         linear = states.error[:, i, 0, :3].sum(axis=0)
-        here = tool_place(mechanism, row).translation
+        ideal = tool_place(mechanism, row).translation
         (exact,) = displaced(mechanism, row, model.names, states.point[None, :, i, 0], closing)
-        away[i] = float(np.linalg.norm(exact - here - linear))
+        away[i] = float(np.linalg.norm(exact - ideal - linear))
         if not away[i] <= _TRUE * max(float(np.linalg.norm(linear)), largest):
-            what = f"they put the tool {1e3 * away[i]:.4g} mm from where the first order does"
+            reason = f"they put the tool {1e3 * away[i]:.4g} mm from where the first order does"
             if np.isnan(away[i]):
-                what = "the loops cannot be closed with the journals aside"
+                reason = "the loops cannot be closed with the journals aside"
             raise JointplayError(
                 f"near a singular position at {closing.stands(row, i, len(q))}: "
-                f"{what}; leave this pose out, or simulate (jointplay run)"
+                f"{reason}; leave this pose out, or simulate (jointplay run)"
             )
     return away

@@ -92,9 +92,9 @@ class Box(Play):
 
     @property
     def cones(self) -> Cones:
-        ways = np.diag(self.half)[:, np.array(self.half) > 0.0]
-        rows = np.eye(ways.shape[1])
-        return Cones(ways, tuple(Cone(row[None], np.zeros(len(rows)), 1.0) for row in rows))
+        axes = np.diag(self.half)[:, np.array(self.half) > 0.0]
+        rows = np.eye(axes.shape[1])
+        return Cones(axes, tuple(Cone(row[None], np.zeros(len(rows)), 1.0) for row in rows))
 
     def support(self, loads: np.ndarray) -> Support:
         loads = np.asarray(loads, float).reshape(-1, 6)
@@ -161,10 +161,10 @@ class Contribution:
     @property
     def by_origin(self) -> dict[str, str]:
         """What of `numbers` is of each origin."""
-        found: dict[str, list[str]] = {}
+        grouped: dict[str, list[str]] = {}
         for text, origin in self.numbers:
-            found.setdefault(origin, []).append(text)
-        return {origin: ", ".join(texts) for origin, texts in found.items()}
+            grouped.setdefault(origin, []).append(text)
+        return {origin: ", ".join(texts) for origin, texts in grouped.items()}
 
     @property
     def source(self) -> str:
@@ -245,42 +245,42 @@ class ErrorModel:
         cls,
         contributions: Sequence[Contribution],
         joints: Sequence[str],
-        found: jacobians.Jacobians,
+        effects: jacobians.Jacobians,
         scale: Sequence[float] | None = None,
     ) -> ErrorModel:
-        at = [list(joints).index(one.joint) for one in contributions]
-        move, tie = found.tool[at], found.tie[at]
-        for i, (k, one) in enumerate(zip(at, contributions, strict=True)):
-            if one.part == jacobians.LINK:
+        at = [list(joints).index(c.joint) for c in contributions]
+        move, tie = effects.tool[at], effects.tie[at]
+        for i, (k, contribution) in enumerate(zip(at, contributions, strict=True)):
+            if contribution.part == jacobians.LINK:
                 move[i], tie[i] = 0.0, 0.0
-                move[i, :, :, 0], tie[i, :, :, 0] = found.growth[k], found.growth_tie[k]
-        for own, one in zip(tie, contributions, strict=True):
-            if (
-                one.shift is not None
-                and _opened(own, one.shift) > jacobians.FELT * np.abs(one.shift).max()
-            ):
+                move[i, :, :, 0], tie[i, :, :, 0] = effects.growth[k], effects.growth_tie[k]
+        for rows, c in zip(tie, contributions, strict=True):
+            if c.shift is None:
+                continue
+            opened = np.abs(np.einsum("nri,ni->nr", rows, c.shift)).max(initial=0.0)
+            if opened > jacobians.FELT * np.abs(c.shift).max():
                 raise JointplayError(
-                    f"{one.cause} of {one.joint!r} is statically indeterminate: joints of closed "
-                    "loops hold each other against it; leave this cause out, or give the loops "
-                    "joints that do not (kind 'planar', balls)"
+                    f"{c.cause} of {c.joint!r} is statically indeterminate: joints of closed loops "
+                    "hold each other against it; leave this cause out, or give the loops joints "
+                    "that do not (kind 'planar', balls)"
                 )
         holds = any(
-            np.abs(own @ one.set.cones.spread).max(initial=0.0)
-            > jacobians.FELT * max(one.set.reach)
-            for own, one in zip(tie, contributions, strict=True)
-            if tie.shape[2] and one.set is not None
+            np.abs(rows @ c.set.cones.spread).max(initial=0.0) > jacobians.FELT * max(c.set.reach)
+            for rows, c in zip(tie, contributions, strict=True)
+            if tie.shape[2] and c.set is not None
         )
         factor = np.ones(len(at)) if scale is None else np.array(scale, float)
         tie = tie if holds else tie[:, :, :0]
-        return cls(tuple(contributions), move, found.load[at], tie, factor)
+        return cls(tuple(contributions), move, effects.load[at], tie, factor)
 
     @classmethod
     def join(cls, models: Sequence[ErrorModel]) -> ErrorModel:
         if len(models) == 1:
             return models[0]
-        every = tuple(one for model in models for one in model.contributions)
+        contributions = tuple(c for model in models for c in model.contributions)
         names = ("jacobian", "load", "tie", "scale")
-        return cls(every, *(np.concatenate([getattr(m, name) for m in models]) for name in names))
+        arrays = (np.concatenate([getattr(m, name) for m in models]) for name in names)
+        return cls(contributions, *arrays)
 
     @property
     def poses(self) -> int:
@@ -288,11 +288,11 @@ class ErrorModel:
 
     @property
     def names(self) -> tuple[str, ...]:
-        return tuple(one.name for one in self.contributions)
+        return tuple(c.name for c in self.contributions)
 
     @property
     def plays(self) -> tuple[Play, ...]:
-        return tuple(one.set for one in self.contributions if one.set is not None)
+        return tuple(c.set for c in self.contributions if c.set is not None)
 
     @property
     def tied(self) -> bool:
@@ -302,17 +302,14 @@ class ErrorModel:
     @property
     def middle(self) -> ErrorModel:
         """With fits in the middle of their tolerances."""
-        every = (
-            one if one.middle is None else replace(one, set=one.middle)
-            for one in self.contributions
-        )
-        return replace(self, contributions=tuple(every))
+        centred = (c if c.middle is None else replace(c, set=c.middle) for c in self.contributions)
+        return replace(self, contributions=tuple(centred))
 
     @property
     def turning(self) -> ErrorModel:
         """With the tool's rotation for its displacement, and the other way round."""
-        both = self.jacobian[:, :, 3:], self.jacobian[:, :, :3]
-        return replace(self, jacobian=np.concatenate(both, axis=2))
+        swapped = self.jacobian[:, :, 3:], self.jacobian[:, :, :3]
+        return replace(self, jacobian=np.concatenate(swapped, axis=2))
 
     def scaled(self, scale: np.ndarray) -> ErrorModel:
         """With contributions so many times as large, (k,)."""
@@ -321,10 +318,12 @@ class ErrorModel:
     def subset(self, contributions: Any = slice(None), poses: Any = slice(None)) -> ErrorModel:
         at = np.arange(len(self.contributions))[contributions]
         some = tuple(
-            one if one.shift is None else replace(one, shift=one.shift[poses])
-            for one in (self.contributions[i] for i in at)
+            c if c.shift is None else replace(c, shift=c.shift[poses])
+            for c in (self.contributions[i] for i in at)
         )
-        jacobian, load, tie = (one[at][:, poses] for one in (self.jacobian, self.load, self.tie))
+        jacobian, load, tie = (
+            array[at][:, poses] for array in (self.jacobian, self.load, self.tie)
+        )
         return ErrorModel(some, jacobian, load, tie, self.scale[at])
 
     # Sets: worst cases.
@@ -345,19 +344,19 @@ class ErrorModel:
     @cached_property
     def sphere(self) -> np.ndarray:
         """Directions among which the worst one is sought, (m, 3)."""
-        if all(one.shift is None for one in self.contributions):
+        if all(c.shift is None for c in self.contributions):
             return half_sphere()  # the other half has the same
         half = half_sphere(_DIRECTIONS_SHIFTED)
         return np.vstack([half, -half])
 
     def values(self, directions: np.ndarray, turn: bool = False) -> np.ndarray:
         """How far each goes along directions (m, 3) at all poses, (k, n, m) [m or rad]."""
-        each = max(_AT_ONCE // (len(self.contributions) * len(directions)), 1)
+        batch = max(_AT_ONCE // (len(self.contributions) * len(directions)), 1)
         parts = [np.zeros((len(self.contributions), 0, len(directions)))]
-        for first in range(0, self.poses, each):
-            some = self.subset(poses=slice(first, first + each))
-            every = np.broadcast_to(directions, (some.poses, *directions.shape))
-            parts.append(some._reached(some._pulls(every, turn))[0])
+        for first in range(0, self.poses, batch):
+            some = self.subset(poses=slice(first, first + batch))
+            everywhere = np.broadcast_to(directions, (some.poses, *directions.shape))
+            parts.append(some._reached(some._pulls(everywhere, turn))[0])
         return np.concatenate(parts, axis=1)
 
     def farthest(self, turn: bool = False, start: np.ndarray | None = None) -> Farthest:
@@ -384,8 +383,8 @@ class ErrorModel:
     @cached_property
     def alone(self) -> np.ndarray:
         """Largest distance of the tool by each contribution alone, shape (k, n) [m]."""
-        each = [self.subset([k]).farthest().size for k in range(len(self.contributions))]
-        return np.array(each)
+        sizes = [self.subset([k]).farthest().size for k in range(len(self.contributions))]
+        return np.array(sizes)
 
     def _states(self, loads: np.ndarray) -> States:
         """States farthest along loads (k, n, m, 6) of any unit."""
@@ -400,22 +399,22 @@ class ErrorModel:
         k, n, m, _ = loads.shape
         flat = loads.reshape(k, n * m, 6)
         value, point = np.zeros(flat.shape[:2]), np.zeros(flat.shape)
-        sets = [one.set for one in self.contributions]
+        sets = [c.set for c in self.contributions]
         if self.tied:
-            sets = [None if one is None else loop_play.ended(one) for one in sets]
-        for one in dict.fromkeys(sets):  # alike ones together: many at once cost little more
-            if one is None:
+            sets = [None if play is None else loop_play.ended(play) for play in sets]
+        for play in dict.fromkeys(sets):  # alike ones together: many at once cost little more
+            if play is None:
                 continue
-            alike = [number for number, other in enumerate(sets) if other == one]
-            found = one.support(flat[alike].reshape(-1, 6))
-            value[alike] = found.value.reshape(len(alike), -1)
-            point[alike] = found.point.reshape(len(alike), -1, 6)
-        for number, own in enumerate(self.contributions):
-            if own.shift is not None:
-                shift = np.repeat(own.shift, m, axis=0)
+            alike = [number for number, item in enumerate(sets) if item == play]
+            reached = play.support(flat[alike].reshape(-1, 6))
+            value[alike] = reached.value.reshape(len(alike), -1)
+            point[alike] = reached.point.reshape(len(alike), -1, 6)
+        for number, contribution in enumerate(self.contributions):
+            if contribution.shift is not None:
+                shift = np.repeat(contribution.shift, m, axis=0)
                 along = (flat[number] * shift).sum(axis=1)
-                value[number] += along + own.spread * np.abs(along)
-                point[number] += shift * (1.0 + own.spread * np.sign(along))[:, None]
+                value[number] += along + contribution.spread * np.abs(along)
+                point[number] += shift * (1.0 + contribution.spread * np.sign(along))[:, None]
         factor = self.scale[:, None]
         value, point = factor * value, factor[:, :, None] * point
         if self.tied:
@@ -424,9 +423,9 @@ class ErrorModel:
 
     def _tie(self, flat: np.ndarray, value: np.ndarray, point: np.ndarray, m: int) -> None:
         """Put right, in place, what loops forbid of values (k, n m) and points along loads."""
-        every = [loop_play.ended(one.set) if one.set else None for one in self.contributions]
-        sets = [k for k, one in enumerate(every) if one is not None and max(one.reach) > 0.0]
-        plays = [one for one in every if one is not None and max(one.reach) > 0.0]
+        all_plays = [loop_play.ended(c.set) if c.set else None for c in self.contributions]
+        sets = [k for k, play in enumerate(all_plays) if play is not None and max(play.reach) > 0.0]
+        plays = [play for play in all_plays if play is not None and max(play.reach) > 0.0]
         factor = self.scale[sets, None, None]
         ties = np.repeat(factor[..., None] * self.tie[sets], m, axis=1)
         opened = np.abs(np.einsum("jnri,jni->nr", ties, point[sets] / factor)).max(axis=1)
@@ -439,15 +438,15 @@ class ErrorModel:
 
     def _check_ends(self, point: np.ndarray, error: np.ndarray) -> None:
         """Refuse a journal without end walls at an end that it has not, if the tool feels it."""
-        for one, at, errors in zip(self.contributions, point, error, strict=True):
-            play = one.set
+        for contribution, at, errors in zip(self.contributions, point, error, strict=True):
+            play = contribution.set
             if not isinstance(play, JournalPlay) or not math.isinf(play.along):
                 continue
             far = np.abs(at[..., 2]) > 0.5 * loop_play.FAR * play.across
             if (far & (np.abs(errors[..., :3]).max(axis=-1) > play.across)).any():
                 raise JointplayError(
-                    f"nothing limits the journal of {one.name!r} along its axis, and the tool "
-                    "feels it: give the joint end walls (an axial clearance), or lock_axial"
+                    f"nothing limits the journal of {contribution.name!r} along its axis, and the "
+                    "tool feels it: give the joint end walls (an axial clearance), or lock_axial"
                 )
 
     # Means and variances.
@@ -455,17 +454,18 @@ class ErrorModel:
     @cached_property
     def means(self) -> np.ndarray:
         """The tool's displacement by each contribution in any case, (k, n, 3) [m]."""
-        found = np.zeros((len(self.contributions), self.poses, 3))
-        for k, one in enumerate(self.contributions):
-            if one.shift is not None:
-                found[k] = np.einsum("nik,nk->ni", self.jacobian[k, :, :3], one.shift)
-        return self.scale[:, None, None] * found
+        displacement = np.zeros((len(self.contributions), self.poses, 3))
+        for k, contribution in enumerate(self.contributions):
+            if contribution.shift is not None:
+                rows = self.jacobian[k, :, :3]
+                displacement[k] = np.einsum("nik,nk->ni", rows, contribution.shift)
+        return self.scale[:, None, None] * displacement
 
     @cached_property
     def _own_covariances(self) -> np.ndarray:
         """Of the joints' displacements in their sets, (k, 6, 6)."""
-        own = np.array([one.covariance for one in self.contributions])
-        return self.scale[:, None, None] ** 2 * own
+        covariances_ = np.array([c.covariance for c in self.contributions])
+        return self.scale[:, None, None] ** 2 * covariances_
 
     @cached_property
     def _yielding(self) -> np.ndarray:
@@ -474,9 +474,9 @@ class ErrorModel:
         As the variances allow: so each joint's has the variance that it has, given that loops are
         closed.
         """
-        way = self._own_covariances[:, None] @ self.tie.transpose(0, 1, 3, 2)
-        opened = np.linalg.pinv((self.tie @ way).sum(axis=0), rcond=_ROUNDING, hermitian=True)
-        return np.asarray(way @ opened)
+        crossed = self._own_covariances[:, None] @ self.tie.transpose(0, 1, 3, 2)
+        opened = np.linalg.pinv((self.tie @ crossed).sum(axis=0), rcond=_ROUNDING, hermitian=True)
+        return np.asarray(crossed @ opened)
 
     @cached_property
     def covariances(self) -> np.ndarray:
@@ -485,15 +485,15 @@ class ErrorModel:
         Of those that hold each other, of each and all together, which makes a sum, too.
         """
         rows = self.jacobian[:, :, :3]
-        own = self._own_covariances
-        found = np.einsum("jnik,jkl,jnml->jnim", rows, own, rows)
+        joint = self._own_covariances
+        covariance = np.einsum("jnik,jkl,jnml->jnim", rows, joint, rows)
         if self.tied:
-            opened = (self.tie @ own[:, None] @ rows.transpose(0, 1, 3, 2)).sum(axis=0)
+            opened = (self.tie @ joint[:, None] @ rows.transpose(0, 1, 3, 2)).sum(axis=0)
             less = rows @ self._yielding @ opened
-            found = found - 0.5 * (less + less.transpose(0, 1, 3, 2))
-        spread = np.array([one.spread for one in self.contributions]) / np.sqrt(3.0)
+            covariance = covariance - 0.5 * (less + less.transpose(0, 1, 3, 2))
+        spread = np.array([c.spread for c in self.contributions]) / np.sqrt(3.0)
         shift = spread[:, None, None] * self.means
-        return np.asarray(found + shift[..., :, None] * shift[..., None, :])
+        return np.asarray(covariance + shift[..., :, None] * shift[..., None, :])
 
     @property
     def rms(self) -> np.ndarray:
@@ -506,20 +506,15 @@ class ErrorModel:
         """Displacements at random at the first pose, as the variances suppose, (count, k, 6)."""
         sets = np.zeros((count, len(self.contributions), 6))
         shifts = np.zeros_like(sets)
-        for k, one in enumerate(self.contributions):
-            if one.shift is not None:
-                part = 1.0 + one.spread * random.uniform(-1.0, 1.0, count)
-                shifts[:, k] = self.scale[k] * part[:, None] * one.shift[0]
-            sets[:, k] = self.scale[k] * one.draw(random, count)
+        for k, contribution in enumerate(self.contributions):
+            if contribution.shift is not None:
+                part = 1.0 + contribution.spread * random.uniform(-1.0, 1.0, count)
+                shifts[:, k] = self.scale[k] * part[:, None] * contribution.shift[0]
+            sets[:, k] = self.scale[k] * contribution.draw(random, count)
         if self.tied:
             opened = np.einsum("kri,mki->mr", self.tie[:, 0], sets)
             sets -= np.einsum("kir,mr->mki", self._yielding[:, 0], opened)
         return sets + shifts
-
-
-def _opened(tie: np.ndarray, shift: np.ndarray) -> float:
-    """How far displacements (n, 6) open loops by ties (n, r, 6), at most."""
-    return float(np.abs(np.einsum("nri,ni->nr", tie, shift)).max(initial=0.0))
 
 
 def toward(points: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
@@ -528,11 +523,11 @@ def toward(points: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
     return np.where(size > 0.0, points / np.where(size > 0.0, size, 1.0), otherwise)
 
 
-def half_sphere(count: int = DIRECTIONS, whole: bool = False) -> np.ndarray:
+def half_sphere(count: int = DIRECTIONS, full: bool = False) -> np.ndarray:
     """Directions evenly over half a sphere or the whole one (Fibonacci lattice), (count, 3)."""
     i = np.arange(require_whole("count", count, 1))
-    z = 1.0 - (1 + whole) * (i + 0.5) / count
-    r, phi = np.sqrt(1.0 - z * z), (i + 0.5 * whole) * np.pi * (3.0 - np.sqrt(5.0))
+    z = 1.0 - (1 + full) * (i + 0.5) / count
+    r, phi = np.sqrt(1.0 - z * z), (i + 0.5 * full) * np.pi * (3.0 - np.sqrt(5.0))
     return np.column_stack([r * np.cos(phi), r * np.sin(phi), z])
 
 
@@ -571,26 +566,29 @@ def play_model(
     contributions = [play_of_joint(mechanism, name, second_order) for name in mechanism.clearance]
     contributions += [play_of_gear(mechanism, name) for name in mechanism.gears]
     joints = list(dict.fromkeys([*mechanism.clearance, *mechanism.gears]))
-    found = jacobians.jacobians(mechanism, q, joints, loads or {}, driven, relative_to)
-    return ErrorModel.of(contributions, joints, found)
+    effects = jacobians.jacobians(mechanism, q, joints, loads or {}, driven, relative_to)
+    return ErrorModel.of(contributions, joints, effects)
 
 
 def play_of_joint(mechanism: Mechanism, name: str, second_order: bool = True) -> Contribution:
     """What the clearance of a joint lets it do."""
     joint = mechanism.clearance[name]
-    own, origin, fit = joint.play(second_order), "the joint's clearance", joint.fitted
+    middle_, origin, fit = joint.play(second_order), "the joint's clearance", joint.fitted
     if fit is not None:
         loose = joint.at_clearance(fit.most).play(second_order)
         origin = f"its fit {fit}, {fit.range}"
         return Contribution(
-            name, "play", loose, origin=origin, proportional=False, middle=own, fit=fit
+            name, "play", loose, origin=origin, proportional=False, middle=middle_, fit=fit
         )
     proportional = bool(joint.clearances) and joint.resultant is None
-    return Contribution(name, "play", own, origin=origin, proportional=proportional)
+    return Contribution(name, "play", middle_, origin=origin, proportional=proportional)
 
 
 def play_of_gear(mechanism: Mechanism, name: str) -> Contribution:
     """The backlash and hysteresis of a gear: the joint moves by its axis, the motor stands."""
-    half, way = mechanism.gears[name].unloaded_range / 2.0, mechanism.description.joints[name].way
-    backlash = Line(tuple(half if k == way else 0.0 for k in range(6)))
+    half, axis = (
+        mechanism.gears[name].unloaded_range / 2.0,
+        mechanism.description.joints[name].component,
+    )
+    backlash = Line(tuple(half if k == axis else 0.0 for k in range(6)))
     return Contribution(name, "play", backlash, origin=f"its{jacobians.GEAR}", part=jacobians.GEAR)

@@ -92,10 +92,10 @@ def jacobians(
             growth[joints.index(name), i] += moves[joints.index(end), i] @ xi if end else xi
             if end and closing is not None:
                 growth_ties[-1][joints.index(name)] += ties[-1][joints.index(end)] @ xi
-    most = max((one.shape[1] for one in ties), default=0)
+    most = max((rows.shape[1] for rows in ties), default=0)
     tie, growth_tie = np.zeros((len(joints), len(q), most, 6)), np.zeros((*growth.shape[:2], most))
-    for i, (one, grown) in enumerate(zip(ties, growth_ties, strict=True)):
-        tie[:, i, : one.shape[1]], growth_tie[:, i, : one.shape[1]] = one, grown
+    for i, (rows, grown) in enumerate(zip(ties, growth_ties, strict=True)):
+        tie[:, i, : rows.shape[1]], growth_tie[:, i, : rows.shape[1]] = rows, grown
     return Jacobians(moves, borne, tie, growth, growth_tie)
 
 
@@ -139,17 +139,18 @@ def with_force(
 
     Controllers are left out: drives hold the machine in their stead.
     """
-    push = [require_finite("force on the tool", one, "N") for one in force]
+    push = [require_finite("force on the tool", component, "N") for component in force]
     if len(push) != 3:
         raise JointplayError(f"the force on the tool must have three components, got {force!r}")
-    known = {name: one for name, one in (loads or {}).items() if not one.driven()}
+    known = {name: load for name, load in (loads or {}).items() if not load.driven()}
     x, y, z = push
     return known | ({"force on the tool": Wrench(mechanism.tool, (x, y, z))} if any(push) else {})
 
 
 def static_loads(mechanism: Mechanism, loads: Mapping[str, Load]) -> StaticLoads:
     """Loads of a mechanism, as statics ask for them."""
-    return StaticLoads(loads, mechanism, [load_site(one, mechanism, {}) for one in loads.values()])
+    sites = [load_site(load, mechanism, {}) for load in loads.values()]
+    return StaticLoads(loads, mechanism, sites)
 
 
 def check_body(mechanism: Mechanism, body: str) -> None:
@@ -173,7 +174,7 @@ def carrying(mechanism: Mechanism, payloads: Sequence[Payload]) -> Mechanism:
     if not payloads:
         return mechanism
     held = copy.copy(mechanism)
-    always = [replace(one, pick=0.0, release=None) for one in payloads]
+    always = [replace(payload, pick=0.0, release=None) for payload in payloads]
     held.model = loaded(mechanism.model, always, 0.0)
     held.data = held.model.createData()
     vars(held)["_ideal"] = mechanism.ideal()  # of which drives know
@@ -244,7 +245,7 @@ def _follow(
     for index, push in pushes:
         twist = pin.getJointJacobian(model, data, index, pin.ReferenceFrame.WORLD)
         weight += twist.reshape(6, model.nv).T @ push
-    ties = np.zeros((len(joints), len(closing_up.rest), 6))
+    ties = np.zeros((len(joints), len(closing_up.ties), 6))
     for j, name in enumerate(joints):
         if name in mechanism.loops:
             opened = own_opening(mechanism, name)
@@ -258,7 +259,7 @@ def _follow(
         followed = -closing_up.follow @ opened
         moves[j, pose] += tool[:, passive] @ followed
         loads[j, pose] += followed.T @ weight[passive]
-        ties[j] = closing_up.rest @ opened
+        ties[j] = closing_up.ties @ opened
     return ties
 
 
@@ -302,13 +303,13 @@ def taken_up(
     ).reshape(6, -1)[:, [ideal.coordinate(name) for name in at]]
     if size is not None:
         weight = np.repeat([1.0, size], 3)
-        ways = _least_squares(weight[:, None] * moves, weight * displacement)
-        return ways, displacement - moves @ ways
-    ways = _least_squares(moves[:3], displacement[:3])
+        shifts = _least_squares(weight[:, None] * moves, weight * displacement)
+        return shifts, displacement - moves @ shifts
+    shifts = _least_squares(moves[:3], displacement[:3])
     _, values, right = np.linalg.svd(moves[:3])
     free = right[int(np.sum(values > _LOST * values.max(initial=0.0))) :].T
-    ways += free @ _least_squares(moves[3:] @ free, displacement[3:] - moves[3:] @ ways)
-    return ways, displacement - moves @ ways
+    shifts += free @ _least_squares(moves[3:] @ free, displacement[3:] - moves[3:] @ shifts)
+    return shifts, displacement - moves @ shifts
 
 
 def _least_squares(moves: np.ndarray, wanted: np.ndarray) -> np.ndarray:
@@ -396,32 +397,32 @@ def displaced(
     model, data = mechanism.model, mechanism.data
     pin.computeJointJacobians(model, data, q)
     pin.updateFramePlacements(model, data)
-    every = [*mechanism.joints, *mechanism.mounts, *mechanism.loops]
-    own = [name.removesuffix(GEAR) for name in names]
+    known = [*mechanism.joints, *mechanism.mounts, *mechanism.loops]
+    bases = [name.removesuffix(GEAR) for name in names]
     ends: dict[str, list[tuple[str, np.ndarray]]] = {}
     if any(name.endswith(LINK) for name in names):
-        for name, end, way in link_ends(mechanism, every, relative_to):
-            ends.setdefault(name + LINK, []).append((end, way))
+        for name, end, displacement in link_ends(mechanism, known, relative_to):
+            ends.setdefault(name + LINK, []).append((end, displacement))
     seats = dict[str, tuple[int, pin.SE3]]()
-    for name in {*own, *(end for some in ends.values() for end, _ in some)} & {*every}:
+    for name in {*bases, *(end for some in ends.values() for end, _ in some)} & {*known}:
         if name not in mechanism.loops:
             index, axes = place(mechanism, name)
             seats[name] = index, data.oMi[model.parents[index]].actInv(axes)
     were = {index: model.jointPlacements[index].copy() for index, _ in seats.values()}
     tools = np.full((len(points), 3), np.nan)
     for tool, point in zip(tools, points, strict=True):
-        whole, shift, looped = dict[str, np.ndarray](), np.zeros(3), dict[str, pin.SE3]()
-        for name, xi in zip(own, point, strict=True):
+        total, shift, looped = dict[str, np.ndarray](), np.zeros(3), dict[str, pin.SE3]()
+        for name, xi in zip(bases, point, strict=True):
             for end, part in (
-                [(end, xi[0] * way) for end, way in ends.get(name, ())]
+                [(end, xi[0] * displacement) for end, displacement in ends.get(name, ())]
                 if name.endswith(LINK)
                 else [(name, xi)]
             ):
                 if end:
-                    whole[end] = whole.get(end, 0.0) + part
+                    total[end] = total.get(end, 0.0) + part
                 else:
                     shift += part[:3]
-        for name, xi in whole.items():
+        for name, xi in total.items():
             move = pin.SE3(pin.exp3(xi[3:]), xi[:3])
             if name in mechanism.loops:
                 looped[name] = move
@@ -433,8 +434,8 @@ def displaced(
             if closed is not None:
                 tool[:] = tool_place(mechanism, closed, relative_to).translation + shift
         finally:  # however it ends, the mechanism is as it was
-            for index, one in were.items():
-                model.jointPlacements[index] = one
+            for index, placement in were.items():
+                model.jointPlacements[index] = placement
     return tools
 
 
@@ -447,7 +448,7 @@ def displaced_configuration(
     for name, xi in aside.items():
         if name in gears:
             joint = gears[name]
-            moved[mechanism.coordinate(joint)] += xi[mechanism.description.joints[joint].way]
+            moved[mechanism.coordinate(joint)] += xi[mechanism.description.joints[joint].component]
         else:
             _push(mechanism, q, moved, name, xi)
     return moved

@@ -57,8 +57,8 @@ def farthest(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Values (j, n) and points (j, n, 6) of problems with loads (j, n, 6) and ties (j, n, r, 6)."""
     sets = [play.cones for play in plays]
-    aims = [loads[i] @ one.spread for i, one in enumerate(sets)]
-    rows = [ties[i] @ one.spread for i, one in enumerate(sets)]
+    aims = [loads[i] @ cone.spread for i, cone in enumerate(sets)]
+    rows = [ties[i] @ cone.spread for i, cone in enumerate(sets)]
     alone = np.stack([play.support(loads[i]).value for i, play in enumerate(plays)])
     size = np.maximum(alone.sum(axis=0), 1e-300)
     wide = np.maximum(np.max([np.abs(row).max(axis=(1, 2)) for row in rows], axis=0), 1e-300)
@@ -74,7 +74,7 @@ def farthest(
         ]
     )
     value = np.where(value.sum(axis=0) < alone.sum(axis=0), value, alone)
-    point = [at @ one.spread.T for at, one in zip(places, sets, strict=True)]
+    point = [at @ cone.spread.T for at, cone in zip(places, sets, strict=True)]
     return value, np.stack(point)
 
 
@@ -85,7 +85,7 @@ class _Path:
         self, sets: Sequence[Cones], aims: Sequence[np.ndarray], rows: Sequence[np.ndarray]
     ) -> None:
         self._sets, self._aims, self._rows = sets, aims, rows
-        self._count = 2 * sum(len(one.walls) for one in sets)
+        self._count = 2 * sum(len(cone.walls) for cone in sets)
 
     def follow(self) -> tuple[list[np.ndarray], np.ndarray]:
         """Coordinates of each set, (n, m), and the price of each tie, (n, r)."""
@@ -112,21 +112,21 @@ class _Path:
         slopes, solved = [], []
         ties = self._rows[0].shape[1]
         inner, outer = np.zeros((len(some), ties, ties)), np.zeros((len(some), ties))
-        for point, one, aims, rows in zip(y, self._sets, self._aims, self._rows, strict=True):
-            slope, curvature = _barrier(one, point[some])
+        for point, cone, aims, rows in zip(y, self._sets, self._aims, self._rows, strict=True):
+            slope, curvature = _barrier(cone, point[some])
             slope = slope - weight * aims[some]
             row = rows[some]
             right = np.concatenate([slope[..., None], row.transpose(0, 2, 1)], axis=2)
-            both = np.linalg.solve(curvature, right)
-            inner += row @ both[..., 1:]
-            outer += np.einsum("nri,ni->nr", row, both[..., 0])
+            solution = np.linalg.solve(curvature, right)
+            inner += row @ solution[..., 1:]
+            outer += np.einsum("nri,ni->nr", row, solution[..., 0])
             slopes.append(slope)
-            solved.append(both)
+            solved.append(solution)
         inverse = np.linalg.pinv(inner, rcond=_ROUNDING, hermitian=True)
         price = -np.einsum("nrs,ns->nr", inverse, outer)
-        step = [-both[..., 0] - np.einsum("nir,nr->ni", both[..., 1:], price) for both in solved]
+        step = [-x[..., 0] - np.einsum("nir,nr->ni", x[..., 1:], price) for x in solved]
         pairs = zip(slopes, step, strict=True)
-        gain = -sum(np.einsum("ni,ni->n", slope, way) for slope, way in pairs)
+        gain = -sum(np.einsum("ni,ni->n", slope, direction) for slope, direction in pairs)
         return step, price, np.asarray(gain)
 
     def _move(
@@ -142,8 +142,8 @@ class _Path:
         part, left = 1.0, np.arange(len(some))
         for _ in range(_SHORTER):
             at = some[left]
-            trial = [place[at] + part * way[left] for place, way in zip(y, step, strict=True)]
-            after = self._height(trial, weight, at, taken=True)
+            trial = [point[at] + part * move[left] for point, move in zip(y, step, strict=True)]
+            after = self._height(trial, weight, at, selected=True)
             good = after <= before[left] - 0.1 * part * gain[left] + 1e-9
             for point, moved in zip(y, trial, strict=True):
                 point[at[good]] = moved[good]
@@ -152,14 +152,14 @@ class _Path:
                 return
 
     def _height(
-        self, y: list[np.ndarray], weight: float, some: np.ndarray, taken: bool = False
+        self, y: list[np.ndarray], weight: float, some: np.ndarray, selected: bool = False
     ) -> np.ndarray:
         """Barrier less the weighted aim, infinite outside, of some problems, shape (some,)."""
         total = np.zeros(len(some))
-        for places, one, aim in zip(y, self._sets, self._aims, strict=True):
-            place = places if taken else places[some]
+        for places, cone, aim in zip(y, self._sets, self._aims, strict=True):
+            place = places if selected else places[some]
             total -= weight * np.einsum("ni,ni->n", aim[some], place)
-            for wall in one.walls:
+            for wall in cone.walls:
                 left = wall.room - place @ wall.along
                 inside = left**2 - ((place @ wall.across.T + wall.centre) ** 2).sum(axis=1)
                 good = (left > 0.0) & (inside > 0.0)
@@ -174,8 +174,8 @@ def _barrier(cones: Cones, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         aside = y @ wall.across.T + wall.centre
         left = wall.room - y @ wall.along
         inside = left**2 - (aside**2).sum(axis=1)
-        own = 2.0 * (left[:, None] * wall.along + aside @ wall.across) / inside[:, None]
+        term = 2.0 * (left[:, None] * wall.along + aside @ wall.across) / inside[:, None]
         curve = 2.0 * (wall.across.T @ wall.across - np.outer(wall.along, wall.along))
-        slope += own
-        curvature += curve / inside[:, None, None] + own[:, :, None] * own[:, None, :]
+        slope += term
+        curvature += curve / inside[:, None, None] + term[:, :, None] * term[:, None, :]
     return slope, curvature

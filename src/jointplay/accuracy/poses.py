@@ -40,7 +40,7 @@ class Poses:
     """Configurations, (n, nq)."""
     kind: str
     """``pose``, ``motion`` or ``workspace``."""
-    words: str
+    label: str
     """Which they are."""
     names: tuple[str, ...] = ()
     """Of several that were given one by one."""
@@ -57,10 +57,10 @@ class Poses:
     def holding(self) -> dict[str, Any]:
         """What `budget` takes of the machine that stands; drives that hold nothing left out."""
         drive, known = self.machine.drive, self.machine
-        every = dict.fromkeys(self.mechanism.joints, drive) if isinstance(drive, Drive) else drive
+        drives = dict.fromkeys(self.mechanism.joints, drive) if isinstance(drive, Drive) else drive
         return {
             "driven": self.driven,
-            "drive": {name: one for name, one in every.items() if one.follows},
+            "drive": {name: held for name, held in drives.items() if held.follows},
             "joint_friction": known.joint_friction,
             "payloads": known.payloads,
             "loads": known.loads,
@@ -84,7 +84,7 @@ class Poses:
 
 def poses_of(
     machine: Mechanism | Simulation,
-    given: Mapping[str, Mapping[str, float]] | None = None,
+    named: Mapping[str, Mapping[str, float]] | None = None,
     workspace: int | None = None,
     motion: Motion | None = None,
 ) -> Poses:
@@ -93,7 +93,7 @@ def poses_of(
     Args:
         machine: its motion and drive are those of a simulation, and its loops are closed where that
             begins.
-        given: joint positions by the name of the pose [rad or m]; others are as in `middle`.
+        named: joint positions by the name of the pose [rad or m]; others are as in `middle`.
         workspace: number of poses spread over the limits of all joints.
         motion: along which they are; None: that of the simulation.
 
@@ -110,27 +110,27 @@ def poses_of(
         driven = standing(mechanism, motion, near)
     if workspace is not None:
         q = over_workspace(mechanism, workspace, driven=driven, near=near)
-        words = f"{counted(len(q), 'pose')} over the workspace"
+        label = f"{counted(len(q), 'pose')} over the workspace"
         if out := workspace - len(q):
-            words += f" ({out} others were left out because the loops do not close there)"
-        return Poses(machine, q, "workspace", words, driven=driven)
-    if given is None and motion is not None:
+            label += f" ({out} others were left out because the loops do not close there)"
+        return Poses(machine, q, "workspace", label, driven=driven)
+    if named is None and motion is not None:
         q, times = along_motion(mechanism, motion, near=near), times_along(motion)
-        words = f"{counted(len(q), 'pose')} along the motion"
-        return Poses(machine, q, "motion", words, (), times, driven)
-    asked, rows = given or {"": {}}, []
+        label = f"{counted(len(q), 'pose')} along the motion"
+        return Poses(machine, q, "motion", label, (), times, driven)
+    asked, rows = named or {"": {}}, []
     for name, positions in asked.items():
         with _of_pose(name):
             rows.append(at_pose(mechanism, positions, driven, near))
     q = np.concatenate(rows)
     if len(asked) > 1:
-        words = counted(len(asked), "pose")
-        return Poses(machine, q, "pose", words, tuple(asked), None, driven)
+        label = counted(len(asked), "pose")
+        return Poses(machine, q, "pose", label, tuple(asked), None, driven)
     at, shown = {**middle(mechanism), **next(iter(asked.values()))}, driven or mechanism.movers()
-    words = "pose " + ", ".join(f"{name} {x:.4g}" for name, x in at.items() if name in shown)
-    if not given:
-        words += " (chosen: zero, or the middle of the limits; see --pose, --motion)"
-    return Poses(machine, q, "pose", words, driven=driven)
+    label = "pose " + ", ".join(f"{name} {x:.4g}" for name, x in at.items() if name in shown)
+    if not named:
+        label += " (chosen: zero, or the middle of the limits; see --pose, --motion)"
+    return Poses(machine, q, "pose", label, driven=driven)
 
 
 @contextmanager
@@ -163,8 +163,8 @@ def at_pose(
         require_known("moving joint", name, names)
         require_finite(f"position of joint {name!r}", value, "rad or m")
     begin = _begin(mechanism, near)
-    given = {**begin, **positions}
-    q = _fill(mechanism, np.array([[at[name] for name in names] for at in (given, begin)]))
+    wanted = {**begin, **positions}
+    q = _fill(mechanism, np.array([[at[name] for name in names] for at in (wanted, begin)]))
     _check(mechanism, q[:1])
     return _closed(mechanism, q[:1], driven, q[1], positions)
 
@@ -243,16 +243,16 @@ def over_workspace(
     first = _fill(mechanism, np.array([[begin[name] for name in names]]))
     first = _closed(mechanism, first, driven, first[0])
     loops = ClosedLoops(mechanism, first[0], driven)
-    own = [i for i, name in enumerate(names) if mechanism.coordinate(name) in loops.passive]
-    values[:, own] = first[0, [mechanism.coordinate(names[i]) for i in own]]
+    following = [i for i, name in enumerate(names) if mechanism.coordinate(name) in loops.passive]
+    values[:, following] = first[0, [mechanism.coordinate(names[i]) for i in following]]
     q = np.concatenate([first, _fill(mechanism, values)])
     closed, good = loops.close_all(q, apart=True)
-    found = closed[1:][good[1:] & ~_outside(mechanism, closed[1:]).any(axis=1)]
-    if not len(found):
+    reachable = closed[1:][good[1:] & ~_outside(mechanism, closed[1:]).any(axis=1)]
+    if not len(reachable):
         raise JointplayError(
             f"the loops {', '.join(mechanism.loops)} cannot be closed at any of {count} poses"
         )
-    return found
+    return reachable
 
 
 def middle(mechanism: Mechanism) -> dict[str, float]:
@@ -294,16 +294,16 @@ def _closed(
     q: np.ndarray,
     driven: Sequence[str] | None,
     begin: np.ndarray,
-    given: Collection[str] = (),
+    named: Collection[str] = (),
 ) -> np.ndarray:
     """The configurations (n, nq) with their loops closed, within the limits.
 
-    From `begin` (nq,) on, closed itself, unless passive joints among those `given` say where.
+    From `begin` (nq,) on, closed itself, unless passive joints among those `named` say where.
     """
     if not mechanism.loops:
         return q
     loops = ClosedLoops(mechanism, q[0], driven)
-    chosen = any(mechanism.coordinate(name) in loops.passive for name in given)
+    chosen = any(mechanism.coordinate(name) in loops.passive for name in named)
     closed = loops.closed(q, None if chosen else begin)
     _check(mechanism, closed)
     return closed

@@ -51,27 +51,33 @@ STATES = 1296
 """Friction states of each joint that are tried, half of them at random."""
 _INSTANT_S = 1e-3
 """How long the motion lasts that does not move, of which drives know gains and torques [s]."""
-_TAKEN_BACK = 1e3
-"""By how much stiffer a servo is in the end that has an I term: without end, in truth."""
+_STIFFER_BY_I_TERM = 1e3
+"""By how much stiffer a servo is in the end that has an I term: without end, in truth; so its sag
+is a thousandth of what it was, less than gears and contacts give way (judged)."""
 _ANGLES = np.arange(12) * np.pi / 6.0
 _CORNERS = np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES)]) / np.cos(np.pi / 12.0)
 """Of the polygon around a round cone of friction, at most 3.5 % wider; with 16 corners so many
 states miss some ends."""
-_BALANCED, _EXACT = 0.01, 1e-5
+_UNBALANCED, _UNBALANCED_DRY = 0.01, 1e-5
 """Part of a load that may be left in a state of rest, for states are not found exactly: per
-coefficient of friction, and without any."""
+coefficient of friction, and without any. The first widens the cones by a percent, less than their
+polygons do (judged)."""
 _ROUNDS, _DAMPED = 10, 5
-"""How often friction is found from normal forces and these from friction; from when on halved."""
+"""How often friction is found from normal forces and these from friction, each time off by the
+coefficient of friction; from when on halved, lest loads swing between two ends (judged)."""
 _SETTLED = 1e-7
-"""Change of a load, relative to it, that moves nothing."""
-_NOTHING = 1e-9
-"""Load of a joint relative to the machine's weight and the tool's load that presses nothing."""
-_OPEN = 1e-6
-"""Part of a load that is added at random, so that all ends of what it leaves open are found."""
-_DIRECTIONS = half_sphere(180, whole=True)
+"""Change of a load, relative to it, that moves nothing: below `_LOAD_NOISE`."""
+_UNPRESSED = 1e-9
+"""Load of a joint relative to the machine's weight and the tool's load that is rounding: of sums of
+many forces, each to 1e-16 of the largest."""
+_LOAD_NOISE = 1e-6
+"""Part of a load that is added at random, so that all ends of what it leaves open are found: far
+above rounding, far below what moves a journal that the load holds (judged)."""
+_DIRECTIONS = half_sphere(180, full=True)
 """In which the farthest tool is sought, (180, 3)."""
-_SMALL = 1e-6
-"""Displacement by which coordinates are found [m or rad]."""
+_STEP = 1e-6
+"""Displacement of difference quotients [m or rad]: the second order of a place, 1e-12, and its
+rounding, 1e-16, both are small beside it."""
 
 
 class RestPlace(NamedTuple):
@@ -80,14 +86,14 @@ class RestPlace(NamedTuple):
     parts: np.ndarray
     """The tool's error by source of play, shape (j, 6) [m, rad]; NaN where plays hold each other,
     for none moves the tool alone."""
-    whole: np.ndarray
+    error: np.ndarray
     """The tool's error of all, exactly, shape (6,) [m, rad]."""
     loads: np.ndarray
     """What each source of play bears: force and moment of the contacts on the journal about its
     centre, bearing axes; torque of a gear's teeth about its axis, or force along it, shape (j, 6)
     [N, N m]."""
     sag: np.ndarray
-    """The tool's error by drives that give way, which is in `whole`, shape (6,) [m, rad]."""
+    """The tool's error by drives that give way, which is in `error`, shape (6,) [m, rad]."""
 
 
 @dataclass(frozen=True)
@@ -122,8 +128,8 @@ class RestPositions:
     def coefficients(self) -> dict[str, float]:
         if self.friction is not None:
             return dict.fromkeys(self.mechanism.clearance, self.friction)
-        every = self.mechanism.clearance.items()
-        return {n: max(one.friction.coefficients.values(), default=0.0) for n, one in every}
+        joints = self.mechanism.clearance.items()
+        return {n: max(joint.friction.coefficients.values(), default=0.0) for n, joint in joints}
 
     @property
     def unsearched(self) -> tuple[str, ...]:
@@ -141,12 +147,12 @@ class RestPositions:
         return pose in self._rests and pose in self._intervals
 
     @property
-    def words(self) -> str:
+    def friction_text(self) -> str:
         values = self.coefficients
         if self.friction is not None or len(set(values.values())) == 1:
             return f"friction {next(iter(values.values()), 0.0):g}"
-        each = ", ".join(f"{name} {value:g}" for name, value in values.items())
-        return f"friction ({each or 'none'})"
+        text = ", ".join(f"{name} {value:g}" for name, value in values.items())
+        return f"friction ({text or 'none'})"
 
     def unpressed(self, pose: int) -> np.ndarray:
         """Which sources of play bear no load at a pose, and rest anywhere, shape (j,).
@@ -158,8 +164,8 @@ class RestPositions:
         loads = self.at(pose).loads
         arms = np.array([_arm(play) for play in self.model.plays])
         sizes = np.linalg.norm(loads[:, :3], axis=1) + np.linalg.norm(loads[:, 3:], axis=1) / arms
-        whole = mass * np.linalg.norm(self.mechanism.gravity) + sizes.max(initial=0.0)
-        return np.asarray(sizes <= _NOTHING * whole)
+        scale = mass * np.linalg.norm(self.mechanism.gravity) + sizes.max(initial=0.0)
+        return np.asarray(sizes <= _UNPRESSED * scale)
 
     def at(self, pose: int) -> RestPlace:
         """Where the machine rests without friction at a pose, as a run with start="rest" begins.
@@ -167,42 +173,43 @@ class RestPositions:
         Contacts, teeth and drives deflect by their laws.
         """
         if pose not in self._rests:
-            self._rests[pose] = self._rest(pose)
+            self._rests[pose] = self._find_rest(pose)
         return self._rests[pose]
 
-    def _rest(self, pose: int) -> RestPlace:
+    def _find_rest(self, pose: int) -> RestPlace:
         mechanism, q = self.mechanism, self.q[pose]
         names = standing_joints(mechanism, q, self.driven)
         balance = held(mechanism, q, {name: self.drives[name] for name in names}, self.loads)
-        found = balance.settle(None if mechanism.loops else self._near(pose))
-        if not found.solved:
-            found = balance.settle()
-        if not found.solved:
-            each = np.full((len(self.model.names), 6), np.nan)
-            return RestPlace(each, np.full(6, np.nan), each, np.full(6, np.nan))
-        ideal, there = (tool_place(mechanism, one, self.relative_to) for one in (q, found.q))
-        turn = ideal.rotation @ pin.log3(ideal.rotation.T @ there.rotation)
-        whole = np.concatenate([there.translation - ideal.translation, turn])
-        points = np.array([self._displacement(name, pose, found.q) for name in self.model.names])
+        equilibrium = balance.settle(None if mechanism.loops else self._near(pose))
+        if not equilibrium.solved:
+            equilibrium = balance.settle()
+        if not equilibrium.solved:
+            unknown = np.full((len(self.model.names), 6), np.nan)
+            return RestPlace(unknown, np.full(6, np.nan), unknown, np.full(6, np.nan))
+        ideal, actual = (tool_place(mechanism, row, self.relative_to) for row in (q, equilibrium.q))
+        turn = ideal.rotation @ pin.log3(ideal.rotation.T @ actual.rotation)
+        error = np.concatenate([actual.translation - ideal.translation, turn])
+        q_rest, sources = equilibrium.q, self.model.names
+        points = np.array([self._displacement(name, pose, q_rest) for name in sources])
         parts = np.einsum("jik,jk->ji", self.model.jacobian[:, pose], points)
         if self.model.tied:
             parts = np.full_like(parts, np.nan)
-        borne = balance.wrenches(found.q)
+        borne = balance.wrenches(equilibrium.q)
         own_loads = zip(self.model.names, self.model.load[:, pose], strict=True)
         bearing = [
-            np.eye(6)[self._way(name)] * own if name in self._gears else borne[name]
-            for name, own in own_loads
+            np.eye(6)[self._component(name)] * wrench if name in self._gears else borne[name]
+            for name, wrench in own_loads
         ]
-        return RestPlace(parts, whole, np.array(bearing), self._sag(pose, names, found.q))
+        return RestPlace(parts, error, np.array(bearing), self._sag(pose, names, equilibrium.q))
 
-    def _sag(self, pose: int, names: Sequence[str], there: np.ndarray) -> np.ndarray:
+    def _sag(self, pose: int, names: Sequence[str], q_rest: np.ndarray) -> np.ndarray:
         """The tool's error by what drives hold being elsewhere than commanded, (6,) [m, rad]."""
         mechanism, q, sag = self.mechanism, self.q[pose], np.zeros(6)
-        bent = {name: there[i] - q[i] for name in names if (i := self._encoder(name)) is not None}
+        bent = {name: q_rest[i] - q[i] for name in names if (i := self._encoder(name)) is not None}
         seen = self.driven, self.relative_to
         move = jacobians(mechanism, q[None], list(bent), {}, *seen).tool
-        for own, (name, way) in zip(move[:, 0], bent.items(), strict=True):
-            sag += own[:, mechanism.description.joints[name].way] * way
+        for columns, (name, deflection) in zip(move[:, 0], bent.items(), strict=True):
+            sag += columns[:, mechanism.description.joints[name].component] * deflection
         return sag
 
     def _encoder(self, name: str) -> int | None:
@@ -221,8 +228,8 @@ class RestPositions:
 
     def unregulated(self, model: ErrorModel) -> ErrorModel:
         """A model without the gears whose links drives hold where they are."""
-        own = model.contributions
-        return model.subset([not one.gear or one.joint not in self.regulated for one in own])
+        parts = model.contributions
+        return model.subset([not c.gear or c.joint not in self.regulated for c in parts])
 
     def interval(self, pose: int) -> np.ndarray:
         """Between which errors friction can hold the tool at a pose, to about 3 % of the width.
@@ -250,43 +257,43 @@ class RestPositions:
         away = min(away, np.linalg.norm(sag) + far.max() / np.cos(widest))
         nearest, farthest = max(near.max() - more, 0.0), away + more
         ends = np.array([np.append(least, nearest), np.append(most, farthest)]).T
-        place = rest.whole[:3]  # no friction is a friction within the cone
-        own = np.append(place, np.linalg.norm(place))
-        ends[:, 0] = np.fmin(ends[:, 0], own)
-        ends[:, 1] = np.fmax(ends[:, 1], own)
+        place = rest.error[:3]  # no friction is a friction within the cone
+        frictionless = np.append(place, np.linalg.norm(place))
+        ends[:, 0] = np.fmin(ends[:, 0], frictionless)
+        ends[:, 1] = np.fmax(ends[:, 1], frictionless)
         return ends
 
     def _near(self, pose: int) -> np.ndarray:
         """The configuration at rest by the first order, from where the search begins."""
         points = self.model.subset(poses=[pose]).at_rest().point[:, 0, 0]
         aside = dict(zip(self.model.names, points, strict=True))
-        own = {name: xi for name, xi in aside.items() if name not in self._gears}
-        return displaced_configuration(self.mechanism, self.q[pose], own)
+        displacements = {name: xi for name, xi in aside.items() if name not in self._gears}
+        return displaced_configuration(self.mechanism, self.q[pose], displacements)
 
     @property
     def _gears(self) -> set[str]:
         return {name + GEAR for name in self.mechanism.gears}
 
-    def _way(self, gear: str) -> int:
+    def _component(self, gear: str) -> int:
         """Component in which a gear's joint moves."""
-        return self.mechanism.description.joints[gear.removesuffix(GEAR)].way
+        return self.mechanism.description.joints[gear.removesuffix(GEAR)].component
 
-    def _displacement(self, name: str, pose: int, there: np.ndarray) -> np.ndarray:
-        """Displacement of a source of play, as its set has it, from a pose to `there` (nq,)."""
+    def _displacement(self, name: str, pose: int, q_rest: np.ndarray) -> np.ndarray:
+        """Displacement of a source of play, as its set has it, from a pose to `q_rest` (nq,)."""
         mechanism, q = self.mechanism, self.q[pose]
         xi = np.zeros(6)
         if name in self._gears:
-            own = name.removesuffix(GEAR)
-            if own in self.regulated:  # the motor moves within the play, not the link
+            geared = name.removesuffix(GEAR)
+            if geared in self.regulated:  # the motor moves within the play, not the link
                 return xi
-            motor, link = there[mechanism.motor(own)], there[mechanism.coordinate(own)]
-            xi[self._way(name)] = -mechanism.gears[own].twist(motor, link)
+            motor, link = q_rest[mechanism.motor(geared)], q_rest[mechanism.coordinate(geared)]
+            xi[self._component(name)] = -mechanism.gears[geared].twist(motor, link)
             return xi
         if name not in mechanism.loops:
             columns = _coordinates(mechanism, q, name)
-            found: np.ndarray = np.linalg.lstsq(columns, there - q, rcond=1e-9)[0]
-            return found
-        pin.forwardKinematics(mechanism.model, mechanism.data, there)
+            solution: np.ndarray = np.linalg.lstsq(columns, q_rest - q, rcond=1e-9)[0]
+            return solution
+        pin.forwardKinematics(mechanism.model, mechanism.data, q_rest)
         moved = mechanism.journal_pose(name)
         xi = np.concatenate([moved.translation, pin.log3(moved.rotation)])
         joint = mechanism.clearance[name]
@@ -302,11 +309,11 @@ class RestPositions:
             unpressed = dict(zip(plays.names, self.unpressed(pose), strict=True))
             names = [name for name in plays.names if name not in self._gears]
             friction = [self.coefficients[name] for name in names]
-            found: list[np.ndarray] = []
+            points: list[np.ndarray] = []
             pressed: list[Pressed | None] = []
             loads: list[np.ndarray] = []
             if names:
-                found, pressed, loads = _held_states(
+                points, pressed, loads = _held_states(
                     plays.subset(slice(len(names))), friction, self._curvature(pose, names)
                 )
             for j, name in enumerate(names):
@@ -320,20 +327,20 @@ class RestPositions:
                 grip[name] = friction[j] * arm * force
                 if unpressed[name]:
                     continue
-                if len(found[j]):
-                    errors[name] = deflected(joint, loads[j], found[j], contacts) @ move[j].T
+                if len(points[j]):
+                    errors[name] = deflected(joint, loads[j], points[j], contacts) @ move[j].T
                 else:  # no friction, and one place of rest only
-                    own = self.at(pose).parts[j : j + 1, :3]
-                    if not np.isnan(own).any():
-                        errors[name] = own
+                    place = self.at(pose).parts[j : j + 1, :3]
+                    if not np.isnan(place).any():
+                        errors[name] = place
         for j, name in enumerate(plays.names):
             if name in self._gears:
                 joint_name = name.removesuffix(GEAR)
                 if joint_name in self.regulated:
                     errors[name] = np.zeros((1, 3))
                     continue
-                way = self._way(name)
-                half, load = max(plays.plays[j].reach), plays.load[j, 0, way]
+                component = self._component(name)
+                half, load = max(plays.plays[j].reach), plays.load[j, 0, component]
                 losses = self.joint_friction.get(joint_name, JointFriction())
                 resists = grip.get(joint_name, 0.0) + losses.coulomb + losses.excess
                 ends = np.array([load - resists, load + resists])
@@ -342,7 +349,7 @@ class RestPositions:
                 angle = gear.wound_up(ends + held)
                 if ends[0] <= 0.0 <= ends[1]:
                     angle = np.array([-half, half])
-                errors[name] = np.outer(angle, move[j][:, way])
+                errors[name] = np.outer(angle, move[j][:, component])
         if len(errors) < len(plays.names):  # loops, an own kind, no load: anywhere within the play
             directions = np.vstack([np.eye(3), -np.eye(3), _DIRECTIONS])
             anywhere = plays.along(directions[None]).error[:, 0, :, :3]
@@ -355,7 +362,7 @@ class RestPositions:
         if mechanism.loops:
             return np.zeros((6 * len(names), 6 * len(names)))
         model, data = mechanism.model, mechanism.data
-        whole = weight_curvature(model, data, q)
+        curvature = weight_curvature(model, data, q)
         if self.force.any():
             # A force is the weight of a point mass at the tool in a field of its own.
             tool = model.frames[mechanism.tool_frame]
@@ -366,12 +373,12 @@ class RestPositions:
             weight.inertias[tool.parentJoint] = pin.Inertia(1.0, centre, np.zeros((3, 3)))
             weight.gravity.linear = self.force
             weight.gravity.angular = np.zeros(3)
-            whole = whole + weight_curvature(weight, weight.createData(), q)
+            curvature = curvature + weight_curvature(weight, weight.createData(), q)
         if self.loads:
             pin.computeJointJacobians(model, data, q)
-            whole = whole + static_loads(mechanism, self.loads).slopes(data, q)[1]
+            curvature = curvature + static_loads(mechanism, self.loads).slopes(data, q)[1]
         columns = np.hstack([_coordinates(mechanism, q, name) for name in names])
-        return np.asarray(columns.T @ whole @ columns)
+        return np.asarray(columns.T @ curvature @ columns)
 
 
 def standing_joints(mechanism: Mechanism, q: np.ndarray, driven: Sequence[str] | None) -> list[str]:
@@ -393,10 +400,11 @@ def held(
     at, nothing = [mechanism.coordinate(name) for name in drives], np.zeros(mechanism.model.nv)
     names = list(drives)
     motion = Motion(names, [0.0, _INSTANT_S], np.array([q[at], q[at]])) if names else None
-    own = assign(mechanism, motion, {name: _in_the_end(one) for name, one in drives.items()})
-    tables, _, reference = tabulate(mechanism, motion, own, _INSTANT_S, {}, q)
+    final = {name: _in_the_end(drive) for name, drive in drives.items()}
+    holding = assign(mechanism, motion, final)
+    tables, _, reference = tabulate(mechanism, motion, holding, _INSTANT_S, {}, q)
     return StaticEquilibrium(
-        mechanism, mechanism.model, q, nothing, own, tables.drives, tables.servos,
+        mechanism, mechanism.model, q, nothing, holding, tables.drives, tables.servos,
         reference.table[0], {}, static_loads(mechanism, loads), nothing.copy(),
     )  # fmt: skip
 
@@ -405,14 +413,14 @@ def _in_the_end(drive: Drive) -> Drive:
     """A servo whose I term has taken back all beyond the dead band."""
     if not (isinstance(drive, Servo) and drive.i_gain):
         return drive
-    return replace(drive, p_gain=_TAKEN_BACK * drive.p_gain, i_gain=0.0)
+    return replace(drive, p_gain=_STIFFER_BY_I_TERM * drive.p_gain, i_gain=0.0)
 
 
 def _coordinates(mechanism: Mechanism, q: np.ndarray, name: str) -> np.ndarray:
     """What the displacement of a journal of the tree adds to q, shape (nq, 6)."""
-    moved = [displaced_configuration(mechanism, q, {name: _SMALL * xi}) - q for xi in np.eye(6)]
-    columns = np.array(moved).T / _SMALL
-    columns[np.abs(columns) < 10.0 * _SMALL] = 0.0
+    moved = [displaced_configuration(mechanism, q, {name: _STEP * xi}) - q for xi in np.eye(6)]
+    columns = np.array(moved).T / _STEP
+    columns[np.abs(columns) < 10.0 * _STEP] = 0.0
     joint = mechanism.clearance[name]
     for k, part in enumerate(RELATIVE):
         if part in joint.ideal_freedoms or part not in joint.freedoms:
@@ -431,19 +439,19 @@ def _held_states(
     """
     random = np.random.default_rng(0)
     sets = [loop_play.ended(play) for play in plays.plays]
-    own = plays.load[:, 0]
-    given, points, contacts, rubs = [], [], [], []
-    for play, alone, coefficient in zip(sets, own, friction, strict=True):
+    bare = plays.load[:, 0]
+    disturbed, points, contacts, rubs = [], [], [], []
+    for play, alone, coefficient in zip(sets, bare, friction, strict=True):
         arm = _arm(play)
         size = np.linalg.norm(alone[:3]) + np.linalg.norm(alone[3:5]) / arm
         noise = random.normal(size=(STATES, 6)) * np.array([1.0] * 3 + [arm] * 3)
-        load = alone + _OPEN * size * noise
-        given.append(load)
+        load = alone + _LOAD_NOISE * size * noise
+        disturbed.append(load)
         points.append(play.support(noise).point)
         contacts.append(play.pressed(load, play.support(load).point))
         k = 0 if contacts[-1] is None else len(contacts[-1].contact)
         rubs.append(coefficient * _directions(k, random))
-    loads = [load.copy() for load in given]
+    loads = [load.copy() for load in disturbed]
     # Half of them follow the load as it turns with the tilt, which does not find the states that
     # this leads away from; the others, of loads as they are anywhere, are sorted out below.
     follows = np.arange(STATES) % 2 == 0
@@ -456,7 +464,7 @@ def _held_states(
             now = contacts[j]
             if now is None:
                 continue
-            load = given[j] - falls[:, 6 * j : 6 * j + 6] + _rubbing(now, rubs[j])
+            load = disturbed[j] - falls[:, 6 * j : 6 * j + 6] + _rubbing(now, rubs[j])
             load = load if turn < _DAMPED else 0.5 * (loads[j] + load)
             scale = np.array([1.0] * 3 + [1.0 / _arm(play)] * 3)
             away = np.linalg.norm((load - loads[j]) * scale, axis=1)
@@ -469,19 +477,19 @@ def _held_states(
             if moved := play.pressed(load[moves], points[j][moves]):
                 contacts[j] = now.replaced(moves, moved)
     falls = np.concatenate(points, axis=1) @ curvature
-    found: list[Pressed | None] = []
+    results: list[Pressed | None] = []
     for j, play in enumerate(sets):
         now = contacts[j]
         if now is not None:
-            load = own[j] - falls[:, 6 * j : 6 * j + 6]
-            kept = _balanced(load, now, rubs[j], friction[j], _arm(play))
+            load = bare[j] - falls[:, 6 * j : 6 * j + 6]
+            balanced = _balanced(load, now, rubs[j], friction[j], _arm(play))
             # None is left if a tilt swings between two ends of what is nearly open.
-            if not kept.any() and friction[j] > 0.0:
-                kept[follows] = True
-            points[j], loads[j] = points[j][kept], loads[j][kept]
-            now = now.subset(kept)
-        found.append(now)
-    return points, found, loads
+            if not balanced.any() and friction[j] > 0.0:
+                balanced[follows] = True
+            points[j], loads[j] = points[j][balanced], loads[j][balanced]
+            now = now.subset(balanced)
+        results.append(now)
+    return points, results, loads
 
 
 def _rubbing(contacts: Pressed, rubs: np.ndarray) -> np.ndarray:
@@ -501,15 +509,16 @@ def _balanced(
     rows = list(contacts.borne)
     weight = np.array([1.0] * 3 + [1.0 / arm] * 3)[rows]
     right = loads[:, rows] * weight
-    most = (_BALANCED * friction + _EXACT) * np.maximum(np.linalg.norm(right, axis=1), 1e-300)
-    own = (contacts.force[:, None] @ contacts.normal)[:, 0] + _rubbing(contacts, rubs)
-    near = np.linalg.norm(right + own[:, rows] * weight, axis=1) <= most
-    other = np.flatnonzero(~near)
-    if len(other) and len(contacts.contact):
-        edges = -_cone_edges(contacts.subset(other), friction)[:, :, rows] * weight
+    size = np.maximum(np.linalg.norm(right, axis=1), 1e-300)
+    most = (_UNBALANCED * friction + _UNBALANCED_DRY) * size
+    exerted = (contacts.force[:, None] @ contacts.normal)[:, 0] + _rubbing(contacts, rubs)
+    near = np.linalg.norm(right + exerted[:, rows] * weight, axis=1) <= most
+    unsure = np.flatnonzero(~near)
+    if len(unsure) and len(contacts.contact):
+        edges = -_cone_edges(contacts.subset(unsure), friction)[:, :, rows] * weight
         from scipy.optimize import nnls  # takes long to import
 
-        for i, spanned in zip(other, edges, strict=True):  # how far it is from the cones
+        for i, spanned in zip(unsure, edges, strict=True):  # how far it is from the cones
             near[i] = nnls(spanned.T, right[i])[1] <= most[i]
     return np.asarray(near & contacts.touching.any(axis=1))
 
@@ -579,5 +588,5 @@ def _compliance_shift(joint: Clearance, contacts: Pressed) -> np.ndarray:
     reach = joint.half_width
     weight = np.array([1.0] * 3 + [1.0 / reach] * 3)
     inverse = np.linalg.pinv(rows * weight, rcond=1e-6)
-    given: np.ndarray = (inverse @ deep[..., None])[..., 0] * weight
-    return given
+    shifts: np.ndarray = (inverse @ deep[..., None])[..., 0] * weight
+    return shifts

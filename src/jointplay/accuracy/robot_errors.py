@@ -107,9 +107,9 @@ ERROR_CLASSES: Mapping[str, RobotErrors] = {
 
 def refuse_misfit(errors: RobotErrors, mechanism: Mechanism) -> None:
     """Refuse errors of joints that there are not, and springs of another kind of joint."""
-    for name, own in errors.joints.items():
+    for name, joint_errors in errors.joints.items():
         require_known("joint", name, mechanism.joints, where=("joints", name))
         slides = mechanism.description.joints[name].slides
-        if own.elasticity is not None:
+        if joint_errors.elasticity is not None:
             with within("joints", name, "elasticity"):
-                own.elasticity.require_free(ALONG_AXIS if slides else ABOUT_AXIS)
+                joint_errors.elasticity.require_free(ALONG_AXIS if slides else ABOUT_AXIS)

@@ -64,8 +64,8 @@ def _held(function: Compiled) -> bool:
     """Whether the lock is held for this process, which need not wait to compile `function`."""
     if _beside is None:
         return False
-    parent, process, other = _beside
-    return other is not function and parent == os.getpid() and process.is_alive()
+    parent, process, waiting = _beside
+    return waiting is not function and parent == os.getpid() and process.is_alive()
 
 
 class Compiled:
@@ -112,7 +112,7 @@ class Compiled:
 
     def __call__(self, *arguments: Any) -> Any:
         values: list[Any] = []
-        signature = f"({','.join([_take(one, values) for one in arguments])})"
+        signature = f"({','.join([_take(argument, values) for argument in arguments])})"
         call = self._calls.get(signature)
         if call is None:
             call = self._calls[signature] = self._callable(signature, len(values))
@@ -123,17 +123,17 @@ class Compiled:
         if function(ctypes.addressof(room), *values):
             raise MemoryError(self.__name__)
         if "i" in returns:
-            whole = (ctypes.c_int64 * len(returns)).from_buffer(room)
-            found = tuple(whole[k] if kind == "i" else room[k] for k, kind in enumerate(returns))
+            integers = (ctypes.c_int64 * len(returns)).from_buffer(room)
+            results = tuple((integers if x == "i" else room)[k] for k, x in enumerate(returns))
         else:
-            found = tuple(room)
-        return found if len(returns) > 1 else found[0] if found else None
+            results = tuple(room)
+        return results if len(returns) > 1 else results[0] if results else None
 
     def _callable(self, signature: str, count: int) -> tuple[Any, str]:
-        made = self._object(signature)
-        if made is None:
+        built = self._object(signature)
+        if built is None:
             return None, ""
-        address, returns = made
+        address, returns = built
         kinds = objects.flat(signature)
         assert len(kinds) == count
         types = [ctypes.c_double if kind == "d" else ctypes.c_int64 for kind in kinds]
@@ -148,22 +148,22 @@ class Compiled:
         with _turn:
             if signature not in self._natives:
                 try:
-                    made = self._object(signature)
+                    built = self._object(signature)
                 except objects.Unresolved:
-                    made = None
-                if made is None:
+                    built = None
+                if built is None:
                     import numba
 
                     from jointplay.base.intrinsics import numba_signature
 
                     plain = numba.cfunc(numba_signature(signature), error_model="numpy")
-                    own = plain(self.py_func)
-                    self._natives[signature] = Native(own.address, own.ctypes)
-                    self._kept = own
+                    wrapper = plain(self.py_func)
+                    self._natives[signature] = Native(wrapper.address, wrapper.ctypes)
+                    self._wrapper = wrapper
                 else:
                     kinds: list[Any] = [_TYPES[kind] for kind in objects.flat(signature)]
-                    call = ctypes.PYFUNCTYPE(_TYPES[signature[0]], *kinds)(made[0])
-                    self._natives[signature] = Native(made[0], call)
+                    call = ctypes.PYFUNCTYPE(_TYPES[signature[0]], *kinds)(built[0])
+                    self._natives[signature] = Native(built[0], call)
             return self._natives[signature]
 
     def caller(self, signature: str) -> Callable[..., Any]:
@@ -173,7 +173,7 @@ class Compiled:
         return self.native(signature).ctypes  # type: ignore[no-any-return]
 
     @property
-    def made(self) -> bool:
+    def ready(self) -> bool:
         """Whether it has been compiled or loaded in this process."""
         return bool(self._calls or self._natives)
 
@@ -190,14 +190,14 @@ class Compiled:
             return any(objects.find(*about))
 
         with _turn:
-            if self.made or targets or not about[-1] or _on("BOUNDSCHECK") or needless():
+            if self.ready or targets or not about[-1] or _on("BOUNDSCHECK") or needless():
                 return False
             with progress.aside(), objects.alone():
                 if needless():
                     return False
                 from jointplay.base import processes
 
-                end = self._begun(signature, objects.here())
+                end = self._begun(signature, objects.host())
                 process = processes.beside(end)  # it holds the lock, too, by its descriptor
                 if process is None:
                     end()
@@ -210,13 +210,13 @@ class Compiled:
         if _on("BOUNDSCHECK"):
             return None
         with _turn:
-            if found := self._loaded(signature):
-                return found
+            if loaded := self._loaded(signature):
+                return loaded
             with progress.aside(), nullcontext() if _held(self) else objects.alone():
-                if found := self._loaded(signature):
-                    return found
-                made = [self._begun(signature, one)() for one in targets or [objects.here()]]
-            head, code = made[0]
+                if loaded := self._loaded(signature):
+                    return loaded
+                built = [self._begun(signature, target)() for target in targets or [objects.host()]]
+            head, code = built[0]
             return objects.load(code, head.symbol), head.returns
 
     def _loaded(self, signature: str) -> tuple[int, str] | None:
@@ -244,19 +244,19 @@ class Compiled:
         import marshal
 
         code = self.py_func.__code__
-        own = Path(code.co_filename)
-        if not own.is_file():
+        file = Path(code.co_filename)
+        if not file.is_file():
             return ""
         digest = hashlib.sha256(sources().encode())
-        if own.parent not in _parts():
-            digest.update(own.read_bytes())
+        if file.parent not in _parts():
+            digest.update(file.read_bytes())
         if not self.__module__.startswith("jointplay."):
             digest.update(marshal.dumps(code))
             for cell in self.py_func.__closure__ or ():
-                kept = cell.cell_contents
-                if not isinstance(kept, int | float | str | tuple):
+                content = cell.cell_contents
+                if not isinstance(content, int | float | str | tuple):
                     return ""
-                digest.update(repr(kept).encode())
+                digest.update(repr(content).encode())
         return digest.hexdigest()
 
 
@@ -273,9 +273,9 @@ def sources() -> str:
     what it made stays right, and a wheel's objects serve with every numba.
     """
     digest = hashlib.sha256()
-    here = Path(__file__)
-    own = [here, here.with_name("linking.py"), here.with_name("intrinsics.py")]
-    for path in (*own, *(path for part in _parts() for path in sorted(part.glob("*.py")))):
+    file = Path(__file__)
+    files = [file, file.with_name("linking.py"), file.with_name("intrinsics.py")]
+    for path in (*files, *(path for part in _parts() for path in sorted(part.glob("*.py")))):
         digest.update(path.read_bytes())
     return digest.hexdigest()
 
@@ -293,7 +293,7 @@ def _take(value: Any, values: list[Any]) -> str:
         return "d"
     if isinstance(value, tuple):
         kind = type(value)
-        kinds = ",".join([_take(one, values) for one in value])
+        kinds = ",".join([_take(item, values) for item in value])
         return f"{kind.__module__}:{kind.__qualname__}({kinds})"
     values.append(int(value))
     return "i"
@@ -305,9 +305,9 @@ def compiled(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     Options are numba's.
     """
     if _on("DISABLE_JIT"):
-        return function if function is not None else lambda own: own
+        return function if function is not None else lambda decorated: decorated
     if function is None:
-        return lambda own: Compiled(own, **options)
+        return lambda decorated: Compiled(decorated, **options)
     return Compiled(function, **options)
 
 
@@ -326,20 +326,20 @@ class Lazy:
         _lazy.append(self)
 
     @cached_property
-    def made(self) -> Any:
+    def function(self) -> Any:
         from jointplay.base import intrinsics
 
         return getattr(intrinsics, self._name)(*self._arguments)
 
     def __call__(self, *arguments: Any) -> Any:
         """Call it, which compiled code alone can do."""
-        return self.made(*arguments)
+        return self.function(*arguments)
 
     @property
     def _numba_type_(self) -> Any:
         from numba.core.registry import cpu_target
 
-        return cpu_target.typing_context.resolve_value_type(self.made)
+        return cpu_target.typing_context.resolve_value_type(self.function)
 
 
 _lazy: list[Lazy] = []
@@ -348,7 +348,7 @@ _lazy: list[Lazy] = []
 def make_lazy() -> None:
     """Make what compiled code takes from numba: before a function is typed that uses it."""
     while _lazy:
-        _ = _lazy.pop().made
+        _ = _lazy.pop().function
 
 
 # Addresses: compiled code only can do what follows.
@@ -393,10 +393,10 @@ def calling(signature: str) -> Lazy:
     return Lazy("calling", signature)
 
 
-def calling_with_arrays(given: int, answers: int) -> Lazy:
+def calling_with_arrays(arguments: int, answers: int) -> Lazy:
     """Function `call(at, k, numbers, d, first)`, which calls what is compiled at an address.
 
     That gets k, the numbers of a tuple as an array, the array or pointer d from index `first` on,
     and an array for what it answers, which is returned as a tuple.
     """
-    return Lazy("calling_with_arrays", given, answers)
+    return Lazy("calling_with_arrays", arguments, answers)

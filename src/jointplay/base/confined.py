@@ -52,7 +52,7 @@ def process(
     root = str(Path(__file__).parents[2])
     limits = [str(math.ceil(time_s)), str(room)]
     try:
-        made = subprocess.Popen(
+        child = subprocess.Popen(
             [sys.executable, "-P", "-c", _BEGIN, root, module, str(path.absolute()), *limits],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -64,21 +64,21 @@ def process(
             f"{str(path)!r} is not read, because the process that would check it cannot be "
             f"started: {reason}"
         ) from None
-    clock = threading.Timer(WAITS * time_s, made.kill)
+    clock = threading.Timer(WAITS * time_s, child.kill)
     clock.daemon = True
     clock.start()
     try:
-        yield made
+        yield child
     finally:
         clock.cancel()
-        made.kill()
+        child.kill()
         with suppress(BrokenPipeError):  # what it was not told
-            made.communicate()
+            child.communicate()
 
 
-def ended(made: subprocess.Popen[bytes], time_s: float) -> str:
+def ended(child: subprocess.Popen[bytes], time_s: float) -> str:
     """Why a process that has ended, or is about to, did not do its work."""
-    status = made.wait()
+    status = child.wait()
     if status == -getattr(signal, "SIGXCPU", 0):
         return f"did not end within {time_s:.0f} s of processor time"
     if status in (-signal.SIGKILL, -getattr(signal, "SIGALRM", 0)):

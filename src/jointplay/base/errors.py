@@ -43,8 +43,8 @@ def one_line(text: object) -> str:
     line = _shortened(" ".join(str(text).split()), 4 * _LONGEST)
     if not line.isprintable():
         line = "".join(c if c.isprintable() else repr(c)[1:-1] for c in line)
-    line = _NUMBERS.sub(lambda found: _shortened(found[0], _LONGEST_LIST), line)
-    line = _WORD.sub(lambda found: _shortened(found[0], _LONGEST_WORD), line)
+    line = _NUMBERS.sub(lambda match: _shortened(match[0], _LONGEST_LIST), line)
+    line = _WORD.sub(lambda match: _shortened(match[0], _LONGEST_WORD), line)
     return _shortened(line, _LONGEST)
 
 
@@ -77,8 +77,8 @@ def closest(word: Any, choices: Iterable[str], likeness: float = 0.6) -> str:
     import difflib  # seldom needed
 
     plain_words = {choice.lower().replace("-", "_"): choice for choice in choices}
-    given = str(word).lower().replace("-", "_")
-    near = difflib.get_close_matches(given, plain_words, 1, likeness)
+    wanted = str(word).lower().replace("-", "_")
+    near = difflib.get_close_matches(wanted, plain_words, 1, likeness)
     return f'did you mean "{plain_words[near[0]]}"? ' if near else ""
 
 
@@ -199,8 +199,8 @@ def require_whole(
     name: str, value: object, least: int = 0, most: int | None = None, where: Where = ()
 ) -> int:
     """Return `value` as int if it is a whole number in a range, else raise naming it."""
-    whole = isinstance(value, Integral) and not isinstance(value, bool)
-    number = int(value) if whole else least - 1  # type: ignore[call-overload]
+    integral = isinstance(value, Integral) and not isinstance(value, bool)
+    number = int(value) if integral else least - 1  # type: ignore[call-overload]
     if number < least or (most is not None and number > most):
         room = f">= {least}" if most is None else f"from {least} to {_short(most)}"
         message = f"{name} must be a whole number {room}, got {value!r:.60}"
@@ -229,12 +229,12 @@ def require_numbers(name: str, values: Any, where: Where = ()) -> np.ndarray:
     import numpy as np  # takes long to import
 
     try:
-        given = values if isinstance(values, np.ndarray) else np.asarray(values, object)
-        if given.dtype.kind not in "fiu":
-            for one in given.ravel():
-                kind = getattr(getattr(one, "dtype", None), "kind", "f")
-                if isinstance(one, bool | str | bytes) or kind not in "fiu":
-                    raise JointplayError(f"{name} must be numbers, got {one!r:.60}", where)
+        stated = values if isinstance(values, np.ndarray) else np.asarray(values, object)
+        if stated.dtype.kind not in "fiu":
+            for item in stated.ravel():
+                kind = getattr(getattr(item, "dtype", None), "kind", "f")
+                if isinstance(item, bool | str | bytes) or kind not in "fiu":
+                    raise JointplayError(f"{name} must be numbers, got {item!r:.60}", where)
         return np.array(values, float)
     except (TypeError, ValueError, OverflowError) as error:
         if isinstance(error, JointplayError):
@@ -245,10 +245,10 @@ def require_numbers(name: str, values: Any, where: Where = ()) -> np.ndarray:
 def require_names(name: str, values: object, noun: str, where: Where = ()) -> tuple[str, ...]:
     """Return names as a tuple, else raise; a single text, whose letters would be names, is none."""
     text = isinstance(values, str | bytes)
-    given = () if text or not isinstance(values, Iterable) else tuple(values)
-    if text or not isinstance(values, Iterable) or not all(isinstance(one, str) for one in given):
+    names = () if text or not isinstance(values, Iterable) else tuple(values)
+    if text or not isinstance(values, Iterable) or not all(isinstance(n, str) for n in names):
         raise JointplayError(f"{name} must be a list of {noun}, got {values!r:.60}", where)
-    return tuple(map(str, given))
+    return tuple(map(str, names))
 
 
 def require_table(name: str, values: Any, form: str, where: Where = ()) -> dict[Any, Any]:
@@ -262,8 +262,8 @@ def require_increasing(name: str, values: Sequence[float], unit: str, where: Whe
     """Raise if numbers do not increase, naming the first that does not with its `unit`."""
     for i, (before, after) in enumerate(pairwise(values), 1):
         if not after > before:
-            words = f"{before:g} {unit} is followed by {after:g} {unit} (number {i + 1})"
-            raise JointplayError(f"{name} must increase: {words}", (*where, i))
+            text = f"{before:g} {unit} is followed by {after:g} {unit} (number {i + 1})"
+            raise JointplayError(f"{name} must increase: {text}", (*where, i))
 
 
 def require_vector(
@@ -280,7 +280,7 @@ def require_vector(
 
 def damaged(path: object, kind: str, reason: object) -> JointplayError:
     """What to say of a file that cannot be of the kind that it should be: a result, a sweep."""
-    words = getattr(reason, "strerror", None) or " ".join(str(reason).split())
+    text = getattr(reason, "strerror", None) or " ".join(str(reason).split())
     return JointplayError(
-        f"{str(path)!r} is damaged or not a {kind}: {words or type(reason).__name__}"
+        f"{str(path)!r} is damaged or not a {kind}: {text or type(reason).__name__}"
     )

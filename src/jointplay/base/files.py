@@ -33,7 +33,7 @@ written: list[Path] = []
 _claimed: dict[Path, int] = {}
 """Folders that this process writes to, each with the descriptor that holds its lock."""
 
-_made: list[Path] = []
+_new_folders: list[Path] = []
 """Folders that this process has made to write into, in order."""
 
 _NO_LINKS = {errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK}
@@ -146,7 +146,7 @@ def begins(path: Path, mark: bytes) -> bool:
         return file.read(len(mark)) == mark
 
 
-def check_own(path: Path, mark: bytes, what: str) -> None:
+def check_own(path: Path, mark: bytes, noun: str) -> None:
     """Refuse a working file in whose place another file is, before any work is done.
 
     Raises:
@@ -155,8 +155,8 @@ def check_own(path: Path, mark: bytes, what: str) -> None:
     with system_errors(f"cannot write {str(path)!r}"):
         if not os.path.lexists(path) or begins(path, mark):
             return
-    other = "one would be written there; move it, or choose another place for the results"
-    raise JointplayError(f"{str(path)!r} is not a {what} of jointplay, and {other}")
+    refusal = "one would be written there; move it, or choose another place for the results"
+    raise JointplayError(f"{str(path)!r} is not a {noun} of jointplay, and {refusal}")
 
 
 def remove_own(path: Path, mark: bytes) -> None:
@@ -232,8 +232,8 @@ def cannot_write(path: Path, error: Exception) -> JointplayError:
     return JointplayError(f"cannot write {str(path)!r}: {getattr(error, 'strerror', '') or error}")
 
 
-def temporary(what: str = "files") -> tempfile.TemporaryDirectory[str]:
-    """A folder, named after `what`, that goes with the block or with this process.
+def temporary(noun: str = "files") -> tempfile.TemporaryDirectory[str]:
+    """A folder, named after `noun`, that goes with the block or with this process.
 
     Those of processes that were killed, marked as ours and older than a day, are deleted first.
     """
@@ -243,18 +243,18 @@ def temporary(what: str = "files") -> tempfile.TemporaryDirectory[str]:
         _sweep(Path(place))
     import socket  # takes long to import
 
-    made = tempfile.TemporaryDirectory(
-        prefix=f"jointplay-{what}-{os.getpid()}-", ignore_cleanup_errors=True
+    folder = tempfile.TemporaryDirectory(
+        prefix=f"jointplay-{noun}-{os.getpid()}-", ignore_cleanup_errors=True
     )
-    mark = Path(made.name) / MARK
+    mark = Path(folder.name) / MARK
     mark.write_text(socket.gethostname(), encoding="utf-8")
     owner = os.open(mark, os.O_RDONLY)
-    weakref.finalize(made, os.close, owner)
+    weakref.finalize(folder, os.close, owner)
     try:
         locks.lock(owner)
     except OSError:  # a file system without locks: nothing there would say that this one lives
         mark.unlink()
-    return made
+    return folder
 
 
 def _sweep(place: Path) -> None:
@@ -285,7 +285,7 @@ def is_folder(path: Path) -> bool:
     return os.path.isdir(path)
 
 
-def require_file(path: Path, what: str) -> None:
+def require_file(path: Path, noun: str) -> None:
     """Refuse what is no file to be read: there is nothing, or another kind of thing."""
     if is_file(path):
         return
@@ -294,7 +294,7 @@ def require_file(path: Path, what: str) -> None:
     kind = None
     with suppress(OSError, ValueError):
         kind = kinds.get(stat.S_IFMT(path.stat().st_mode))
-    raise JointplayError(f"no {what} {str(path)!r}" + (f": it is a {kind}" if kind else ""))
+    raise JointplayError(f"no {noun} {str(path)!r}" + (f": it is a {kind}" if kind else ""))
 
 
 def arrays(path: Path | BinaryIO) -> dict[str, np.ndarray]:
@@ -306,8 +306,8 @@ def arrays(path: Path | BinaryIO) -> dict[str, np.ndarray]:
     import numpy as np
 
     try:
-        with np.load(path, allow_pickle=False) as kept:
-            return {name: kept[name] for name in kept.files}
+        with np.load(path, allow_pickle=False) as archive:
+            return {name: archive[name] for name in archive.files}
     except OSError:
         raise
     except Exception as error:  # noqa: BLE001
@@ -321,11 +321,12 @@ def check_plain(path: Path, most: int) -> None:
     Raises:
         OSError, ValueError: it cannot be looked at; it is of another kind, or larger.
     """
-    found = path.stat()
-    if not stat.S_ISREG(found.st_mode):
+    status = path.stat()
+    if not stat.S_ISREG(status.st_mode):
         raise ValueError("it is not a regular file")
-    if found.st_size > most:
-        raise ValueError(f"it has {found.st_size / 1e6:.4g} MB; at most {most / 1e6:g} MB are read")
+    if status.st_size > most:
+        size = f"{status.st_size / 1e6:.4g} MB"
+        raise ValueError(f"it has {size}; at most {most / 1e6:g} MB are read")
 
 
 def read_plain(path: Path, most: int) -> bytes:
@@ -338,20 +339,20 @@ def read_plain(path: Path, most: int) -> bytes:
     return data
 
 
-def read_text(path: Path, what: str, most: int = MOST_TEXT) -> str:
-    """The UTF-8 text of a plain file of at most `most` bytes; `what` it is, for messages.
+def read_text(path: Path, noun: str, most: int = MOST_TEXT) -> str:
+    """The UTF-8 text of a plain file of at most `most` bytes; `noun` it is, for messages.
 
     Raises:
         JointplayError: it cannot be read, is another kind of thing, larger, or other text.
     """
-    with system_errors(f"cannot read the {what} {str(path)!r}"):
+    with system_errors(f"cannot read the {noun} {str(path)!r}"):
         content = read_plain(path, most)
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         kinds = (kind for start, kind in _BEGINNINGS.items() if content.startswith(start))
         kind = next((f": it is {kind}" for kind in kinds), f" (UTF-8): {error}")
-        raise JointplayError(f"cannot read the {what} {str(path)!r}: it is no text{kind}") from None
+        raise JointplayError(f"cannot read the {noun} {str(path)!r}: it is no text{kind}") from None
 
 
 _BEGINNINGS = {
@@ -367,16 +368,16 @@ _BEGINNINGS = {
 """What files are that are no text, by their first bytes."""
 
 
-def csv_rows(path: Path, what: str) -> list[tuple[int, list[str]]]:
+def csv_rows(path: Path, noun: str) -> list[tuple[int, list[str]]]:
     """Rows of a CSV file, each with the number of its line; lines beginning with # are comments.
 
-    A row is a line, the first the header; `what` the file is, for messages.
+    A row is a line, the first the header; `noun` the file is, for messages.
 
     Raises:
         JointplayError: it cannot be read, is empty, a quote is not closed, or a row has not as many
             cells as the header.
     """
-    text = read_text(path, what)
+    text = read_text(path, noun)
     rows: list[tuple[int, list[str]]] = []
     for number, line in enumerate(text.splitlines(), 1):
         if not line.strip() or line.lstrip().startswith("#"):
@@ -386,11 +387,11 @@ def csv_rows(path: Path, what: str) -> list[tuple[int, list[str]]]:
         except csv.Error as error:
             raise JointplayError(f"{path}, line {number}: {error}") from None
         if rows and len(cells) != len(rows[0][1]):
-            words = f"{len(rows[0][1])} cells expected, got {len(cells)}"
-            raise JointplayError(f"{path}, line {number}: {words}")
+            fault = f"{len(rows[0][1])} cells expected, got {len(cells)}"
+            raise JointplayError(f"{path}, line {number}: {fault}")
         rows.append((number, cells))
     if not rows:
-        raise JointplayError(f"the {what} {str(path)!r} is empty")
+        raise JointplayError(f"the {noun} {str(path)!r} is empty")
     return rows
 
 
@@ -413,7 +414,7 @@ def names_for(labels: Iterable[str], ending: str) -> list[str]:
         stem = re.sub(r"[^\w.+-]+", "_", label).strip("._") or "unnamed"
         stem = stem.encode()[:_LONGEST_NAME].decode(errors="ignore")
         name, number = f"{stem}{ending}", 2
-        while name.lower() in (other.lower() for other in names):
+        while name.lower() in (earlier.lower() for earlier in names):
             name, number = f"{stem}_{number}{ending}", number + 1
         names.append(name)
     return names
@@ -455,10 +456,10 @@ def claim(folder: str | Path, names: Iterable[str]) -> Path:
     """
     folder = Path(folder)
     with system_errors(f"cannot write to {str(folder)!r}"):
-        for one in [p for p in (*reversed(folder.parents), folder) if not p.exists()]:
+        for level in [p for p in (*reversed(folder.parents), folder) if not p.exists()]:
             with suppress(FileExistsError):
-                one.mkdir()
-                _made.append(one)
+                level.mkdir()
+                _new_folders.append(level)
         if not folder.is_dir():
             raise JointplayError(f"{str(folder)!r} is a file; name a folder for the results")
         _lock(folder)
@@ -483,8 +484,8 @@ def _lock(folder: Path) -> None:
                 break
             except BlockingIOError:
                 if time.monotonic() > until:
-                    other = f"another process is writing to {str(folder)!r}; choose another folder"
-                    raise JointplayError(other) from None
+                    text = f"another process is writing to {str(folder)!r}; choose another folder"
+                    raise JointplayError(text) from None
                 time.sleep(0.02)
             except OSError:  # a file system that locks no folders
                 return
@@ -494,9 +495,9 @@ def _lock(folder: Path) -> None:
 
 def remove_made_folders() -> None:
     """Remove the folders that `claim` has made, as far as nothing is in them."""
-    while _made:
+    while _new_folders:
         with suppress(OSError):
-            _made.pop().rmdir()
+            _new_folders.pop().rmdir()
 
 
 def empty(folder: Path) -> None:
@@ -505,11 +506,11 @@ def empty(folder: Path) -> None:
     Raises:
         OSError: something cannot be deleted.
     """
-    for one in folder.iterdir():
-        if one.is_dir() and not one.is_symlink():
-            shutil.rmtree(one)
+    for entry in folder.iterdir():
+        if entry.is_dir() and not entry.is_symlink():
+            shutil.rmtree(entry)
         else:
-            one.unlink()
+            entry.unlink()
 
 
 def release(folder: str | Path) -> None:
@@ -524,16 +525,16 @@ def _present(folder: Path, name: str) -> str:
     from jointplay.base import hdf5
 
     path = folder / name
-    what = "empty" if is_file(path) and path.stat().st_size == 0 else ""
+    state = "empty" if is_file(path) and path.stat().st_size == 0 else ""
     if begins(path, _HDF5):
         try:
             with hdf5.examined(path):
                 pass
         except JointplayError:
-            what = "broken"
-    if not what:
+            state = "broken"
+    if not state:
         return f"{str(folder)!r} already holds results ({name}); choose another folder"
     return (
-        f"{str(path)!r} is {what}, left by a run that was killed or damaged since; delete it, or "
+        f"{str(path)!r} is {state}, left by a run that was killed or damaged since; delete it, or "
         "choose another folder"
     )

@@ -85,8 +85,8 @@ def _check(h5py: Any, file: Any) -> None:
     for name in file:
         link = type(file.get(name, getlink=True)).__name__
         if link != "HardLink":
-            words = {"SoftLink": "a soft link", "ExternalLink": "an external link"}
-            raise _Refused(f"{name!r} is {words.get(link, 'a link of an unknown kind')}")
+            kinds = {"SoftLink": "a soft link", "ExternalLink": "an external link"}
+            raise _Refused(f"{name!r} is {kinds.get(link, 'a link of an unknown kind')}")
         dataset = file[name]
         if not isinstance(dataset, h5py.Dataset):
             raise _Refused(f"{name!r} is not a dataset")
@@ -94,8 +94,8 @@ def _check(h5py: Any, file: Any) -> None:
             raise _Refused(f"{name!r} is stored in another file (external storage)")
         if dataset.is_virtual:
             raise _Refused(f"{name!r} is a virtual dataset, of other files")
-        made = dataset.id.get_create_plist()
-        for code in (made.get_filter(number)[0] for number in range(made.get_nfilters())):
+        filters = dataset.id.get_create_plist()
+        for code in (filters.get_filter(number)[0] for number in range(filters.get_nfilters())):
             if code not in _FILTERS:
                 known = ", ".join(_FILTERS.values())
                 raise _Refused(f"{name!r} has the filter {code}; known are {known}")
@@ -107,14 +107,14 @@ def _check(h5py: Any, file: Any) -> None:
         _check_attributes(h5py, dataset)
 
 
-def _check_attributes(h5py: Any, one: Any) -> None:
+def _check_attributes(h5py: Any, owner: Any) -> None:
     pairs = {"DIMENSION_LIST", "REFERENCE_LIST"}  # these join datasets to their dimensions
-    for label in one.attrs:
-        kind = one.attrs.get_id(label).dtype
+    for label in owner.attrs:
+        kind = owner.attrs.get_id(label).dtype
         inner = [h5py.check_vlen_dtype(kind) or kind] if not kind.names else [kind[0], kind[1]]
         refers = label in pairs and h5py.check_ref_dtype(inner[0]) is h5py.Reference
         if not (_plain(h5py, kind) or (refers and all(_plain(h5py, n) for n in inner[1:]))):
-            name = one.name.lstrip("/") or "/"
+            name = owner.name.lstrip("/") or "/"
             raise _Refused(f"the attribute {label!r} of {name!r} holds neither numbers nor text")
 
 

@@ -107,18 +107,20 @@ def _opening(
 ) -> Callable[..., Any]:
     """What numba calls to make code that opens an array."""
 
-    def whole(builder: Any, value: Any, field: str) -> Any:
+    def integer(builder: Any, value: Any, field: str) -> Any:
         kind = ir.IntType(64)
-        there = builder.bitcast(value, ir.IntType(8).as_pointer())
-        there = builder.gep(there, [ir.Constant(kind, record.offset(field))])
-        return builder.load(builder.bitcast(there, kind.as_pointer()))
+        address = builder.bitcast(value, ir.IntType(8).as_pointer())
+        address = builder.gep(address, [ir.Constant(kind, record.offset(field))])
+        return builder.load(builder.bitcast(address, kind.as_pointer()))
 
     def lowered(context: Any, builder: Any, kind: Any, value: Any) -> Any:
         word = context.get_value_type(types.intp)
         sizes = []
         for factor, field in shape:
             size = ir.Constant(word, factor)
-            sizes.append(size if field is None else builder.mul(size, whole(builder, value, field)))
+            if field is not None:
+                size = builder.mul(size, integer(builder, value, field))
+            sizes.append(size)
         item = stride = ir.Constant(
             word, context.get_abi_sizeof(context.get_data_type(array.dtype))
         )
@@ -136,15 +138,15 @@ def _opening(
             "parent": context.get_constant_null(types.pyobject),
             "nitems": count,
             "itemsize": item,
-            "data": builder.inttoptr(whole(builder, value, name), pointer),
+            "data": builder.inttoptr(integer(builder, value, name), pointer),
             "shape": context.make_tuple(builder, tuples, sizes),
             "strides": context.make_tuple(builder, tuples, strides),
         }
         model = context.data_model_manager[array]
-        made = ir.Constant(model.get_value_type(), ir.Undefined)
-        for part, own in parts.items():
-            made = builder.insert_value(made, own, model.get_field_position(part))
-        return made
+        opened = ir.Constant(model.get_value_type(), ir.Undefined)
+        for part, content in parts.items():
+            opened = builder.insert_value(opened, content, model.get_field_position(part))
+        return opened
 
     return lowered
 
@@ -158,42 +160,42 @@ def calling(letters: str) -> Any:
         def codegen(context: Any, builder: Any, _: Any, args: Any) -> Any:
             nothing = signature.return_type == types.void
             answer = ir.VoidType() if nothing else context.get_value_type(signature.return_type)
-            kind = ir.FunctionType(answer, [context.get_value_type(one) for one in signature.args])
+            kind = ir.FunctionType(answer, [context.get_value_type(k) for k in signature.args])
             values = [builder.extract_value(args[1], i) for i in range(len(signature.args))]
-            made = builder.call(builder.inttoptr(args[0], kind.as_pointer()), values)
-            return context.get_dummy_value() if nothing else made
+            result = builder.call(builder.inttoptr(args[0], kind.as_pointer()), values)
+            return context.get_dummy_value() if nothing else result
 
         return signature.return_type(types.int64, types.Tuple(signature.args)), codegen
 
     return call
 
 
-def calling_with_arrays(given: int, answers: int) -> Any:
+def calling_with_arrays(count: int, answers: int) -> Any:
     """See `compiler.calling_with_arrays`."""
 
     @intrinsic
     def call(typingctx: Any, at: Any, k: Any, numbers: Any, d: Any, first: Any) -> Any:
         def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-            double, whole = ir.DoubleType(), ir.IntType(64)
+            double, integer = ir.DoubleType(), ir.IntType(64)
             array = double.as_pointer()
             with builder.goto_entry_block():
-                there, out = (builder.alloca(double, whole(size)) for size in (given, answers))
+                inputs, out = (builder.alloca(double, integer(size)) for size in (count, answers))
             beyond = args[3]
             if isinstance(signature.args[3], types.Array):
                 beyond = context.make_array(signature.args[3])(context, builder, beyond).data
             beyond = builder.gep(builder.bitcast(beyond, array), [args[4]])
-            for i in range(given):
+            for i in range(count):
                 number = builder.extract_value(args[2], i)
-                builder.store(number, builder.gep(there, [whole(i)], inbounds=True))
-            kind = ir.FunctionType(ir.VoidType(), [whole, array, array, array])
+                builder.store(number, builder.gep(inputs, [integer(i)], inbounds=True))
+            kind = ir.FunctionType(ir.VoidType(), [integer, array, array, array])
             function = builder.inttoptr(args[0], kind.as_pointer())
-            builder.call(function, [args[1], there, beyond, out])
-            found = [
-                builder.load(builder.gep(out, [whole(i)], inbounds=True)) for i in range(answers)
+            builder.call(function, [args[1], inputs, beyond, out])
+            results = [
+                builder.load(builder.gep(out, [integer(i)], inbounds=True)) for i in range(answers)
             ]
-            return context.make_tuple(builder, signature.return_type, found)
+            return context.make_tuple(builder, signature.return_type, results)
 
-        answer, numbers = (types.UniTuple(types.float64, size) for size in (answers, given))
+        answer, numbers = (types.UniTuple(types.float64, size) for size in (answers, count))
         return answer(types.int64, types.int64, numbers, d, types.int64), codegen
 
     return call

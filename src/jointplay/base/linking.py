@@ -52,8 +52,8 @@ class Part:
         plain = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "no_rewrites": True}
         self._dispatcher = njit(**options, **plain)(function.py_func)
 
-        def typer(*given: Any) -> Any:
-            return self.lowered(given).signature.return_type
+        def typer(*kinds: Any) -> Any:
+            return self.lowered(kinds).signature.return_type
 
         typer.__signature__ = inspect.signature(function.py_func)  # type: ignore[attr-defined]
         members = {"key": function, "generic": lambda template: typer}
@@ -114,7 +114,7 @@ def _linked(module: Any) -> Any:
 
 
 def _declared(module: Any) -> list[str]:
-    return [one.name for one in module.functions if one.is_declaration and one.name in _parts]
+    return [f.name for f in module.functions if f.is_declaration and f.name in _parts]
 
 
 @cache
@@ -146,15 +146,15 @@ def build(part: Part, signature: str, target: Target) -> tuple[Callable[[], byte
     """
     with global_compiler_lock:
         kinds = tuple(_types(signature))
-        made = part.lowered(kinds)
+        code = part.lowered(kinds)
         context = cpu_target.target_context
         module = ir.Module(_ENTRY)
-        returns = _enter(context, module, made, kinds, signature[0])
-        whole = _linked(binding.parse_assembly(cgutils.normalize_ir_text(str(module))))
-        _add_runtime(whole)
+        returns = _enter(context, module, code, kinds, signature[0])
+        linked = _linked(binding.parse_assembly(cgutils.normalize_ir_text(str(module))))
+        _add_runtime(linked)
     machine = _machine(target)
-    whole.triple, whole.data_layout = target.triple, str(machine.target_data)
-    for k, value in enumerate((*whole.functions, *whole.global_variables)):
+    linked.triple, linked.data_layout = target.triple, str(machine.target_data)
+    for k, value in enumerate((*linked.functions, *linked.global_variables)):
         if not value.is_declaration and value.name != _ENTRY:
             # numba's names count what it has compiled before: the same code is the same object.
             value.linkage, value.name = "internal", f"part_{k}"
@@ -163,9 +163,9 @@ def build(part: Part, signature: str, target: Target) -> tuple[Callable[[], byte
         tuning = binding.create_pipeline_tuning_options(speed_level=3)
         tuning.loop_vectorization, tuning.slp_vectorization = True, False  # as numba has them
         passes = binding.create_pass_builder(machine, tuning)
-        passes.getModulePassManager().run(whole, passes)
-        _check(whole)
-        return machine.emit_object(whole)  # type: ignore[no-any-return]
+        passes.getModulePassManager().run(linked, passes)
+        _check(linked)
+        return machine.emit_object(linked)  # type: ignore[no-any-return]
 
     return translate, returns
 
@@ -175,17 +175,17 @@ _BEFORE, _DATA = 64, 24
 """Bytes of a block before its numbers, and where among them lies the address of the numbers."""
 
 
-def _add_runtime(whole: Any) -> None:
+def _add_runtime(linked: Any) -> None:
     """Add what counts references to arrays and frees them: numba's own needs numba.
 
     Where nothing is allocated there is nothing to count.
     """
     byte, word, size = ir.IntType(8).as_pointer(), ir.IntType(64), ir.IntType(32)
     module = ir.Module("runtime")
-    used = [one.name for one in whole.functions if one.name in _ALLOCATE]
+    used = [f.name for f in linked.functions if f.name in _ALLOCATE]
 
-    def define(name: str, answer: Any, *given: Any) -> tuple[Any, Any]:
-        function = ir.Function(module, ir.FunctionType(answer, given), name)
+    def define(name: str, answer: Any, *arguments: Any) -> tuple[Any, Any]:
+        function = ir.Function(module, ir.FunctionType(answer, arguments), name)
         return ir.IRBuilder(function.append_basic_block("entry")), function
 
     counting = [define(name, ir.VoidType(), byte) for name in ("NRT_incref", "NRT_decref")]
@@ -219,7 +219,7 @@ def _add_runtime(whole: Any) -> None:
         builder.ret(builder.load(builder.bitcast(place, byte.as_pointer())))
     for builder, _ in counting:
         builder.ret_void()
-    whole.link_in(binding.parse_assembly(str(module)))
+    linked.link_in(binding.parse_assembly(str(module)))
 
 
 def _machine(target: Target) -> Any:
@@ -249,34 +249,35 @@ def _check(module: Any) -> None:
 def _types(signature: str) -> list[Any]:
     """numba's types of the arguments of a signature."""
     text = signature[signature.index("(") + 1 : -1]
-    found, rest = _several(text)
-    assert not rest, signature
-    return found
+    kinds, remainder = _several(text)
+    assert not remainder, signature
+    return kinds
 
 
 def _several(text: str) -> tuple[list[Any], str]:
     """Types until a closing bracket, and what comes after them."""
-    found: list[Any] = []
+    kinds: list[Any] = []
     while text and not text.startswith(")"):
         kind, text = re.match(r"([^,()]*)(.*)", text).groups()  # type: ignore[union-attr]
         if text.startswith("("):
             inner, text = _several(text[1:])
             module, _, name = kind.partition(":")
-            made: Any = importlib.import_module(module)
+            constructor: Any = importlib.import_module(module)
             for part_of_name in name.split("."):
-                made = getattr(made, part_of_name)
-            found.append(types.BaseTuple.from_types(inner, made if made is not tuple else None))
+                constructor = getattr(constructor, part_of_name)
+            named = None if constructor is tuple else constructor
+            kinds.append(types.BaseTuple.from_types(inner, named))
             text = text[1:]
         elif "." in kind:
             dtype, _, shape = kind.partition(".")
-            found.append(types.Array(from_dtype(np.dtype(dtype)), int(shape[:-1]), shape[-1]))
+            kinds.append(types.Array(from_dtype(np.dtype(dtype)), int(shape[:-1]), shape[-1]))
         else:
-            found.append(numba_type(kind))
+            kinds.append(numba_type(kind))
         text = text.removeprefix(",")
-    return found, text
+    return kinds, text
 
 
-def _enter(context: Any, module: Any, made: Any, kinds: tuple[Any, ...], answer: str) -> str:
+def _enter(context: Any, module: Any, lowered: Any, kinds: tuple[Any, ...], answer: str) -> str:
     """Write the function that enters the code: it makes arrays of what the machine gives.
 
     It returns what the function does, or where `answer` is no letter, numba's status: what the
@@ -284,41 +285,41 @@ def _enter(context: Any, module: Any, made: Any, kinds: tuple[Any, ...], answer:
     """
     word, double = ir.IntType(64), ir.DoubleType()
     letters = {types.float64: (double, "d"), types.none: (ir.VoidType(), "v")}
-    given: list[Any] = []
+    parameters: list[Any] = []
 
     def take(kind: Any) -> None:
         if isinstance(kind, types.Array):
-            given.extend([word] * (1 + 2 * kind.ndim))
+            parameters.extend([word] * (1 + 2 * kind.ndim))
         elif isinstance(kind, types.BaseTuple):
-            for one in kind.types:
-                take(one)
+            for inner in kind.types:
+                take(inner)
         else:
-            given.append(context.get_value_type(kind))
+            parameters.append(context.get_value_type(kind))
 
     for kind in kinds:
         take(kind)
-    returned = made.signature.return_type
+    returned = lowered.signature.return_type
     several = returned.types if isinstance(returned, types.BaseTuple) else (returned,)
-    returns = "".join("d" if one == types.float64 else "i" for one in several)
+    returns = "".join("d" if number == types.float64 else "i" for number in several)
     if returned == types.none:
         returns = ""
     if answer == "(":
-        kind = ir.FunctionType(ir.IntType(32), [word, *given])
+        kind = ir.FunctionType(ir.IntType(32), [word, *parameters])
     else:
         native = letters.get(returned, (word, "i"))[0] if answer != "v" else ir.VoidType()
-        kind = ir.FunctionType(native, given)
+        kind = ir.FunctionType(native, parameters)
     function = ir.Function(module, kind, _ENTRY)
     builder = ir.IRBuilder(function.append_basic_block("entry"))
-    rest = list(function.args)
-    room = rest.pop(0) if answer == "(" else None
+    remaining = list(function.args)
+    room = remaining.pop(0) if answer == "(" else None
 
     def value(kind: Any) -> Any:
         if isinstance(kind, types.Array):
             array = context.make_array(kind)(context, builder)
             pointer = context.get_value_type(types.CPointer(kind.dtype))
-            data = builder.inttoptr(rest.pop(0), pointer)
-            shape = [rest.pop(0) for _ in range(kind.ndim)]
-            strides = [rest.pop(0) for _ in range(kind.ndim)]
+            data = builder.inttoptr(remaining.pop(0), pointer)
+            shape = [remaining.pop(0) for _ in range(kind.ndim)]
+            strides = [remaining.pop(0) for _ in range(kind.ndim)]
             count = word(1)
             for size in shape:
                 count = builder.mul(count, size)
@@ -331,13 +332,13 @@ def _enter(context: Any, module: Any, made: Any, kinds: tuple[Any, ...], answer:
             array.parent = context.get_constant_null(types.pyobject)
             return array._getvalue()
         if isinstance(kind, types.BaseTuple):
-            return context.make_tuple(builder, kind, [value(one) for one in kind.types])
-        return rest.pop(0)
+            return context.make_tuple(builder, kind, [value(inner) for inner in kind.types])
+        return remaining.pop(0)
 
     values = [value(kind) for kind in kinds]
-    called = context.declare_function(module, made.fndesc)
+    called = context.declare_function(module, lowered.fndesc)
     status, result = context.call_conv.call_function(
-        builder, called, returned, made.signature.args, values
+        builder, called, returned, lowered.signature.args, values
     )
     if answer == "v":
         builder.ret_void()
@@ -349,11 +350,11 @@ def _enter(context: Any, module: Any, made: Any, kinds: tuple[Any, ...], answer:
         builder.ret(builder.select(status.is_ok, result, ir.Constant(native, 0)))
         return returns
     with builder.if_then(status.is_ok):
-        for index, one in enumerate(several if returns else ()):
-            own = builder.extract_value(result, index) if len(several) > 1 else result
-            wanted = types.float64 if one == types.float64 else types.int64
-            own = context.cast(builder, own, one, wanted)
+        for index, number in enumerate(several if returns else ()):
+            component = builder.extract_value(result, index) if len(several) > 1 else result
+            wanted = types.float64 if number == types.float64 else types.int64
+            component = context.cast(builder, component, number, wanted)
             place = builder.add(room, word(8 * index))
-            builder.store(own, builder.inttoptr(place, own.type.as_pointer()))
+            builder.store(component, builder.inttoptr(place, component.type.as_pointer()))
     builder.ret(builder.zext(status.is_error, ir.IntType(32)))
     return returns

@@ -37,24 +37,22 @@ def import_module(module: str | Path) -> ModuleType:
     file = Path(module).resolve() if str(module).endswith(".py") else None
     name, folder = (str(module), Path.cwd()) if file is None else (file.stem, file.parent)
     if file is not None:
-        for one in _came_with.pop(name, ()):
-            sys.modules.pop(one, None)
+        for stale in _came_with.pop(name, ()):
+            sys.modules.pop(stale, None)
     before = set(sys.modules)
     try:
-        made = _from(folder, name)
+        loaded = _from(folder, name)
     except Exception as error:
-        words = " ".join(str(error).split()) or type(error).__name__
-        raise JointplayError(f"module {str(module)!r} cannot be imported: {words}") from error
-    if file is not None and file_of(made) != file:
-        raise JointplayError(f"another module is called {name!r}: {made}; rename {str(file)!r}")
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise JointplayError(f"module {str(module)!r} cannot be imported: {reason}") from error
+    if file is not None and file_of(loaded) != file:
+        raise JointplayError(f"another module is called {name!r}: {loaded}; rename {str(file)!r}")
     if file is not None:
-        there = {
-            one: Path(getattr(sys.modules[one], "__file__", None) or "/") for one in sys.modules
-        }
-        new = {one: path for one, path in there.items() if one not in before}
-        _came_with[name] = {one: at for one, at in new.items() if at.is_relative_to(folder)}
-    imported[name] = made
-    return made
+        paths = {n: Path(getattr(sys.modules[n], "__file__", None) or "/") for n in sys.modules}
+        new = {n: path for n, path in paths.items() if n not in before}
+        _came_with[name] = {n: at for n, at in new.items() if at.is_relative_to(folder)}
+    imported[name] = loaded
+    return loaded
 
 
 def _from(folder: Path, name: str) -> ModuleType:
@@ -62,12 +60,12 @@ def _from(folder: Path, name: str) -> ModuleType:
     importlib.invalidate_caches()
     sys.path.append(str(folder))
     # Bytecode counts for a file of the same size and second: one written anew may have both.
-    kept, sys.dont_write_bytecode = sys.dont_write_bytecode, True
+    before, sys.dont_write_bytecode = sys.dont_write_bytecode, True
     try:
         return importlib.import_module(name)
     finally:
         sys.path.remove(str(folder))
-        sys.dont_write_bytecode = kept
+        sys.dont_write_bytecode = before
 
 
 def file_of(module: ModuleType | None) -> Path | None:
@@ -78,13 +76,13 @@ def file_of(module: ModuleType | None) -> Path | None:
 
 def files_with(name: str) -> list[Path]:
     """The file of a module, and those of what it took from its folder if it was imported by it."""
-    own = file_of(sys.modules.get(name))
-    return sorted(_came_with.get(name, {"": own} if own else {}).values())
+    file = file_of(sys.modules.get(name))
+    return sorted(_came_with.get(name, {"": file} if file else {}).values())
 
 
 def imported_modules() -> tuple[str, ...]:
     """What `import_module` takes in another process to have the same."""
-    return tuple(str(file_of(one) or name) for name, one in imported.items())
+    return tuple(str(file_of(module) or name) for name, module in imported.items())
 
 
 def how_to_import(module: str) -> str:
@@ -100,9 +98,9 @@ def named(name: str) -> Callable[..., Any]:
     """
     module, _, function = name.partition(":")
     try:
-        found: Callable[..., Any] = getattr(
+        law: Callable[..., Any] = getattr(
             imported.get(module) or _from(Path.cwd(), module), function
         )
     except (ImportError, AttributeError, ValueError, SyntaxError) as error:
         raise JointplayError(f"the law {name!r} cannot be imported here: {error}") from error
-    return found
+    return law

@@ -101,13 +101,14 @@ RELEASED = (
 
 
 @cache
-def here() -> Target:
+def host() -> Target:
     """This process and its processor."""
     from llvmlite import binding
 
     try:
-        found = binding.get_host_cpu_features()
-        features, flags = tuple(sorted(name for name, has in found.items() if has)), found.flatten()
+        supported = binding.get_host_cpu_features()
+        features = tuple(sorted(name for name, has in supported.items() if has))
+        flags = supported.flatten()
     except RuntimeError:  # llvmlite does not know, on some systems
         features, flags = (), ""
     system, cpu = f"{platform.machine()}-{sys.platform}", binding.get_host_cpu_name()
@@ -119,36 +120,36 @@ def here() -> Target:
 def folder() -> Path:
     """Where objects are kept that are made here; where nothing can be, for this process alone."""
     # Not one folder for several installations: each would throw away what the others made.
-    own = hashlib.sha256(str(_PACKAGE).encode()).hexdigest()[:12]
+    label = hashlib.sha256(str(_PACKAGE).encode()).hexdigest()[:12]
     named, home = os.environ.get("NUMBA_CACHE_DIR"), os.environ.get("XDG_CACHE_HOME")
     with suppress(RuntimeError):  # no home
         home = home or str(
             Path.home() / ("Library/Caches" if sys.platform == "darwin" else ".cache")
         )
-    places = [Path(named) / f"jointplay_{own}"] if named else [_PACKAGE / FOLDER]
+    places = [Path(named) / f"jointplay_{label}"] if named else [_PACKAGE / FOLDER]
     if home and not named:
-        places.append(Path(home) / "jointplay" / own)
+        places.append(Path(home) / "jointplay" / label)
     for place in places:
         with suppress(OSError):
             place.mkdir(mode=0o700, parents=True, exist_ok=True)
             if os.access(place, os.W_OK) and _ours(place.stat()):
                 return place
     warnings.warn(NO_PLACE, RuntimeWarning, stacklevel=2)
-    made = temporary("objects")
-    atexit.register(made.cleanup)
-    return Path(made.name)
+    scratch = temporary("objects")
+    atexit.register(scratch.cleanup)
+    return Path(scratch.name)
 
 
-def _ours(found: os.stat_result) -> bool:
+def _ours(status: os.stat_result) -> bool:
     """Whether nobody but this user, the system and the package's owner can have written it."""
     if not hasattr(os, "geteuid"):  # Windows, where a user's folders are his own
         return True
     user = os.geteuid()
     others = stat.S_IWOTH
-    if found.st_gid != user:  # else the group that many systems make for each user
+    if status.st_gid != user:  # else the group that many systems make for each user
         others |= stat.S_IWGRP
     owners = {user, 0, Path(__file__).stat().st_uid}
-    return found.st_uid in owners and not found.st_mode & others
+    return status.st_uid in owners and not status.st_mode & others
 
 
 def _stem(function: str, kinds: str) -> str:
@@ -160,15 +161,15 @@ def find(function: str, kinds: str, fingerprint: str) -> Iterator[tuple[Head, by
     """Objects of a function for these types that are whole and run here, the best first."""
     stem = _stem(function, kinds)
     places = dict.fromkeys((folder(), _PACKAGE / FOLDER))
-    labels = [here().label, *(target.label for target in RELEASED)]
+    labels = [host().label, *(target.label for target in RELEASED)]
     for place, label in product(filter(_safe, places), labels):
-        found = _read(place / f"{stem}.{label}.o")
-        if found is not None:
-            head = found[0]
+        stored = _read(place / f"{stem}.{label}.o")
+        if stored is not None:
+            head = stored[0]
             if (head.function, head.kinds, head.fingerprint) != (function, kinds, fingerprint):
                 continue
-            if head.system == here().system and {*here().features}.issuperset(head.features):
-                yield found
+            if head.system == host().system and {*host().features}.issuperset(head.features):
+                yield stored
 
 
 def loaded(function: str, kinds: str, fingerprint: str) -> tuple[int, str] | None:
@@ -222,14 +223,14 @@ def keep(head: Head, code: bytes, label: str) -> Path:
 
 def flat(signature: str) -> list[str]:
     """Letters of the numbers that the machine gets, in order."""
-    found: list[str] = []
+    letters: list[str] = []
     for kind in signature[signature.index("(") + 1 : -1].replace(")", "").split(","):
         kind = kind.rpartition("(")[2]
         if "." in kind:
-            found += "i" * (1 + 2 * int(kind.partition(".")[2][:-1]))
+            letters += "i" * (1 + 2 * int(kind.partition(".")[2][:-1]))
         elif kind:
-            found.append(kind)
-    return found
+            letters.append(kind)
+    return letters
 
 
 @contextmanager
@@ -243,17 +244,17 @@ def alone() -> Iterator[None]:
     except OSError:
         yield
         return
-    began, told = time.monotonic(), False
+    began, reported = time.monotonic(), False
     try:
         while (waited := time.monotonic() - began) < _MOST_WAIT_S:
             try:
                 locks.lock(descriptor)
             except BlockingIOError:
-                if waited > _TELLS_S and not told:
+                if waited > _TELLS_S and not reported:
                     signals.say(
                         f"waiting for another process, which compiles for {str(folder())!r}"
                     )
-                    told = True
+                    reported = True
                 time.sleep(_LOOK_S)
                 continue
             except OSError:  # a file system without locks
@@ -285,6 +286,6 @@ def load(code: bytes, symbol: str) -> int:
     from llvmlite import binding
 
     library = binding.JITLibraryBuilder().add_object_img(code).add_current_process()
-    found = library.export_symbol(symbol).link(_linker(), f"jointplay_{len(_loaded)}")
-    _loaded.append(found)
-    return int(found[symbol])
+    address = library.export_symbol(symbol).link(_linker(), f"jointplay_{len(_loaded)}")
+    _loaded.append(address)
+    return int(address[symbol])

@@ -83,18 +83,18 @@ class Value(NamedTuple):
 
 def from_text(text: str) -> list[Value]:
     """The values that `to_text` wrote."""
-    return [Value(*map(str, one)) for one in json.loads(text)]
+    return [Value(*map(str, fields)) for fields in json.loads(text)]
 
 
-def to_text(found: list[Value]) -> str:
+def to_text(values: list[Value]) -> str:
     """Values as result files have them."""
-    return json.dumps(found, ensure_ascii=False)
+    return json.dumps(values, ensure_ascii=False)
 
 
-def value_table(found: list[Value]) -> Table:
+def value_table(values: list[Value]) -> Table:
     """Values for readers, those that were assumed first."""
     rows = [("value", "is", "by", "another would change")]
-    for one in sorted(found, key=lambda one: not one.assumed):
-        by = one.source if one.assumed else f"{one.origin}: {one.source}"
-        rows.append((one.key, shorten(one.value, _WIDTH), shorten(by, _WIDTH), one.effect))
+    for v in sorted(values, key=lambda v: not v.assumed):
+        by = v.source if v.assumed else f"{v.origin}: {v.source}"
+        rows.append((v.key, shorten(v.value, _WIDTH), shorten(by, _WIDTH), v.effect))
     return Table.of_texts(rows)

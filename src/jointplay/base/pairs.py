@@ -18,8 +18,8 @@ def divided(text: str) -> tuple[str, str | None]:
 
     The value is None if there is no sign.
     """
-    found = _KEY.match(text)
-    end = 0 if found is None else found.end()
+    opening = _KEY.match(text)
+    end = 0 if opening is None else opening.end()
     if text[end : end + 1] != "=":  # a quote that is not closed
         end = text.find("=")
     return (text[:end], text[end + 1 :]) if end >= 0 else (text, None)
@@ -39,22 +39,22 @@ def name_and_number(
         with suppress(ValueError):
             return str(json.loads(quoted[1])), quoted[2]
     name, equals, value = text.rpartition("=")
-    given = re.match(r"\s*[+-]?\.?\d", value) or (is_number is not None and is_number(value))
-    return (name, value) if equals and (name in names or given) else (text, None)
+    numeric = re.match(r"\s*[+-]?\.?\d", value) or (is_number is not None and is_number(value))
+    return (name, value) if equals and (name in names or numeric) else (text, None)
 
 
-def pair(text: str, words: str) -> tuple[str, str]:
+def pair(text: str, usage: str) -> tuple[str, str]:
     """Both sides of ``NAME=VALUE``, neither empty: of the first sign that is not in quotes.
 
-    `words` are the option and how it must read, for the error.
+    `usage` are the option and how it must read, for the error.
     """
     name, value = divided(text)
     if not name.strip() or not (value or "").strip():
-        raise misread(text, words)
+        raise misread(text, usage)
     return name.strip(), str(value).strip()
 
 
-def misread(text: str, words: str) -> JointplayError:
+def misread(text: str, usage: str) -> JointplayError:
     """The error of an option's text that does not read as it must."""
-    option, _, form = words.partition(" ")
+    option, _, form = usage.partition(" ")
     return JointplayError(f"{option} must read {form}, got {text!r}")

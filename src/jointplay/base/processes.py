@@ -48,8 +48,8 @@ Value = TypeVar("Value")
 
 def cores() -> int:
     """Processors that this process may use, by its affinity and the limits of its container."""
-    there = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    return max(math.ceil(min(there or 1, _quota())), 1)
+    available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    return max(math.ceil(min(available or 1, _quota())), 1)
 
 
 def _quota() -> float:
@@ -183,15 +183,15 @@ class Pool(Generic[Item, Value]):
     ) -> None:
         self._recovery, self._name, self._early = recovery, name, early
         setup = partial(begin, True) if early else begin
-        told = progress.current() is not None
-        self._target = partial(_serve, work, setup, told, () if _FORKS else imported_modules())
+        reports = progress.current() is not None
+        self._target = partial(_serve, work, setup, reports, () if _FORKS else imported_modules())
         self._number, self._lost, self._small = number, lost, small
         self.processes: dict[Connection, BaseProcess] = {}  # by their connections
         self._queues: dict[Connection, deque[tuple[Any, Item]]] = {}
         self._items: Iterator[tuple[Any, Item]] = iter(())
         self._again: deque[tuple[Any, Item]] = deque()
         self._deaths: Counter[Any] = Counter()
-        self._done = 0
+        self._finished = 0
         self._closed = False
         for _ in range(number):
             self._start()
@@ -230,7 +230,7 @@ class Pool(Generic[Item, Value]):
 
     def outcomes(self, timeout: float | None = None) -> Iterator[tuple[Any, Value]]:
         """What comes next, as in `run`; nothing if nothing does within the time [s]."""
-        for ready in wait([one for one, queue in self._queues.items() if queue], timeout):
+        for ready in wait([c for c, queue in self._queues.items() if queue], timeout):
             connection = cast(Connection, ready)
             try:
                 answer = connection.recv()
@@ -244,7 +244,7 @@ class Pool(Generic[Item, Value]):
                 continue
             error, value = answer
             key, _ = self._queues[connection].popleft()
-            self._done += 1
+            self._finished += 1
             if error is not None:
                 raise with_item(error, self._name, key)
             yield key, value  # before anything else can fail
@@ -277,16 +277,16 @@ class Pool(Generic[Item, Value]):
         if self._lost is None:
             text = f"a process was ended from outside (too little memory?); {self._recovery}"
             raise with_item(JointplayError(text), self._name, key)
-        if self._done == 0 and len(self._deaths) > 2 * self._number:
+        if self._finished == 0 and len(self._deaths) > 2 * self._number:
             raise JointplayError("the worker processes end before they have done any work")
         if self._deaths[key] >= MOST_DEATHS:
             yield key, self._lost(item)
         else:
             self._again.append((key, item))
         self._start()
-        for other, waiting in self._queues.items():
+        for idle, waiting in self._queues.items():
             if not waiting:
-                self._feed(other)
+                self._feed(idle)
 
     def close(self) -> None:
         """End all processes. What they were doing is given up, or with `early` ended and saved.
@@ -349,11 +349,11 @@ def with_item(error: BaseException, name: str, key: Any) -> BaseException:
 def _serve(
     work: Callable[[Any], Any],
     begin: Callable[[], None],
-    told: bool,
+    reports: bool,
     modules: Sequence[str],
     connection: Any,
 ) -> None:
-    """What a process does: the work for each item that comes; its progress is `told`."""
+    """What a process does: the work for each item that comes; it may `report` progress."""
     ends = (EOFError, BrokenPipeError, ConnectionResetError, KeyboardInterrupt)
     with suppress(*ends):  # a request to stop may come anywhere, as soon as signals may
         begin()
@@ -361,7 +361,7 @@ def _serve(
             import_module(module)
         if hasattr(signal, "pthread_sigmask"):
             signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
-        bar = progress.tell_elsewhere(connection.send if told else None)
+        bar = progress.tell_elsewhere(connection.send if reports else None)
         with one_thread():
             while not signals.stop_requested():
                 content = connection.recv_bytes()

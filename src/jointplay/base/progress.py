@@ -46,16 +46,16 @@ class _Output:
     """Standard error as bars need it: whole lines for a file, and nothing said if it fails."""
 
     def __init__(self, file: Any) -> None:
-        self._file, self._said, self.terminal = file, "", False
+        self._file, self._last, self.terminal = file, "", False
         with suppress(AttributeError, ValueError):  # none at all, or closed
             self.terminal = bool(file.isatty())
 
     def write(self, text: str) -> None:
         if not self.terminal:
             text = text.strip()
-            if text in ("", self._said):
+            if text in ("", self._last):
                 return
-            self._said, text = text, f"{text}\n"
+            self._last, text = text, f"{text}\n"
         with suppress(OSError, ValueError, AttributeError):  # closed, full, or none
             self._file.write(text)
             self._file.flush()
@@ -99,18 +99,18 @@ class ProgressBar:
         self.items, self.n = items, shown.get("initial", 0.0)
         self.total = total or (len(items) if isinstance(items, Sized) else 0)
         self._aside, self._moved, self._bar = _aside_s, False, None
-        if disable or isinstance(_whole, Elsewhere):
+        if disable or isinstance(_overall, Elsewhere):
             return
-        output, every = _Output(sys.stderr), _DRAWN_EVERY_S
+        output, interval = _Output(sys.stderr), _DRAWN_EVERY_S
         layout = layout if self.total else _COUNT
         if not output.terminal:
-            layout, every = layout.replace("%|{bar}|", "%,"), LINE_EVERY_S
+            layout, interval = layout.replace("%|{bar}|", "%,"), LINE_EVERY_S
             with suppress(KeyError, ValueError):
-                every = float(os.environ["JOINTPLAY_PROGRESS_S"])
-            delay = max(delay, every, sys.float_info.min)  # 0: a line at the start
+                interval = float(os.environ["JOINTPLAY_PROGRESS_S"])
+            delay = max(delay, interval, sys.float_info.min)  # 0: a line at the start
         self._bar = _tqdm()(
             desc=f"{desc.strip()} ".lstrip(), total=self.total or None, delay=delay, file=output,
-            mininterval=every, miniters=0, smoothing=0, bar_format=layout, dynamic_ncols=True,
+            mininterval=interval, miniters=0, smoothing=0, bar_format=layout, dynamic_ncols=True,
             ascii=" #", position=0, **shown,
         )  # fmt: skip
 
@@ -122,8 +122,8 @@ class ProgressBar:
 
     def __iter__(self) -> Iterator[Any]:
         with self:
-            for one in self.items:
-                yield one
+            for item in self.items:
+                yield item
                 self.update()
 
     def update(self, more: float = 1) -> None:
@@ -154,19 +154,19 @@ class ProgressBar:
 class Simulated(ProgressBar):
     """Progress by simulated time [s]: its speed relative to real time, and the time left.
 
-    Within `whole`, one bar is for all runs, and those that begin there add to it.
+    Within `overall`, one bar is for all runs, and those that begin there add to it.
     """
 
     def __init__(
         self, total: float, show: bool = True, desc: str = "", begin: float = 0.0,
         layout: str = _SIMULATED,
     ) -> None:  # fmt: skip
-        self._whole = _whole if show else None
-        shown = show and self._whole is None
+        self._overall = _overall if show else None
+        shown = show and self._overall is None
         super().__init__(desc=desc, total=total, initial=begin, disable=not shown, layout=layout)
-        self._words, self._reached = "", begin
-        if self._whole is not None:
-            self._whole.say(desc.strip())
+        self._text, self._reached = "", begin
+        if self._overall is not None:
+            self._overall.say(desc.strip())
 
     def reach(self, now: float) -> None:
         """The run has got to the time `now` [s]."""
@@ -176,8 +176,8 @@ class Simulated(ProgressBar):
 
     def update(self, more: float = 0.0) -> None:
         """So much more has been simulated [s]."""
-        if self._whole is not None:
-            self._whole.update(more)
+        if self._overall is not None:
+            self._overall.update(more)
             return
         more = max(more, 0.0)
         self.total = max(self.total, self.n + more)
@@ -185,83 +185,83 @@ class Simulated(ProgressBar):
         if self._bar is not None and self._moved:
             gone = self._bar.format_dict["elapsed"] - (_aside_s - self._aside)
             speed = f"{(self.n + more - self._bar.initial) / max(gone, 1e-9):.2f} x real time"
-        self.postfix = ", ".join(filter(None, (self._words, speed)))
+        self.postfix = ", ".join(filter(None, (self._text, speed)))
         super().update(more)
 
-    def say(self, words: str) -> None:
-        self._words = words
+    def say(self, text: str) -> None:
+        self._text = text
 
 
 class Moved(NamedTuple):
     """What moves the bar of the whole in another process."""
 
     more: float
-    words: str
+    text: str
 
     def show(self) -> None:
-        if _whole is not None:
-            _whole.say(self.words)
-            _whole.update(self.more)
+        if _overall is not None:
+            _overall.say(self.text)
+            _overall.update(self.more)
 
 
 class Elsewhere:
     """The bar of the whole, which another process has: it is told at times how far runs are."""
 
     def __init__(self, tell: Callable[[Moved], None] | None) -> None:
-        self._tell, self._more, self._words, self._told = tell, 0.0, "", 0.0
+        self._tell, self._more, self._text, self._sent_at = tell, 0.0, "", 0.0
 
-    def say(self, words: str) -> None:
-        self._words = words
+    def say(self, text: str) -> None:
+        self._text = text
 
     def update(self, more: float = 0.0) -> None:
         self._more += more
-        if time.monotonic() - self._told > _DRAWN_EVERY_S:
+        if time.monotonic() - self._sent_at > _DRAWN_EVERY_S:
             self.tell()
 
     def tell(self) -> None:
-        if self._tell is not None and (self._more or self._words):
+        if self._tell is not None and (self._more or self._text):
             with suppress(OSError):  # the other process has ended
-                self._tell(Moved(self._more, self._words))
-        self._more, self._told = 0.0, time.monotonic()
+                self._tell(Moved(self._more, self._text))
+        self._more, self._sent_at = 0.0, time.monotonic()
 
     def clear(self) -> None:
         pass
 
 
-_whole: Simulated | Elsewhere | None = None
+_overall: Simulated | Elsewhere | None = None
 
 
 def current() -> Simulated | Elsewhere | None:
-    """The bar of the whole, within `whole`."""
-    return _whole
+    """The bar of the whole, within `overall`."""
+    return _overall
 
 
 def tell_elsewhere(tell: Callable[[Moved], None] | None) -> Elsewhere:
     """From now on the bar of the whole is that of another process, which is told of it."""
-    global _whole
-    _whole = Elsewhere(tell)
-    return _whole
+    global _overall
+    _overall = Elsewhere(tell)
+    return _overall
 
 
 @contextmanager
-def whole(total: float, show: bool) -> Iterator[None]:
+def overall(total: float, show: bool) -> Iterator[None]:
     """Within the block one bar is for all runs; `total` is what they simulate together [s]."""
-    global _whole
-    if not show or _whole is not None:
+    global _overall
+    if not show or _overall is not None:
         yield
         return
-    _whole = Simulated(total, layout=_IN_ALL)
+    _overall = Simulated(total, layout=_IN_ALL)
     try:
         yield
     finally:
-        bar, _whole = _whole, None
+        bar, _overall = _overall, None
         bar.close()
 
 
 @contextmanager
 def printing() -> Iterator[None]:
     """Within the block text can be printed while bars are shown."""
-    if _whole is not None:
-        _whole.clear()
+    if _overall is not None:
+        _overall.clear()
     yield
     sys.stdout.flush()

@@ -113,52 +113,52 @@ def check_fields(value: Any) -> None:
     """
     kind: type = type(value)
     fields = fields_of(kind)
-    for name in (one.name for one in dataclasses.fields(value) if one.name in fields):
-        field, given = fields[name], getattr(value, name)
-        if _as_in_files(field.hint, given):
+    for name in (f.name for f in dataclasses.fields(value) if f.name in fields):
+        field, stated = fields[name], getattr(value, name)
+        if _as_in_files(field.hint, stated):
             try:
                 with within(name):
-                    given = make(_field(field, given))
+                    stated = make(_field(field, stated))
             except JointplayError as error:
                 place = ".".join(map(str, error.where))
                 raise JointplayError(f"{place}: {error}", error.where) from None
-            object.__setattr__(value, name, given)
-        if given is None and field.default is None and not field.required:
+            object.__setattr__(value, name, stated)
+        if stated is None and field.default is None and not field.required:
             continue
-        if field.choices and is_word(field.hint) and given not in list(field.choices[1]):
-            raise MissingName(field.choices[0], str(given), field.choices[1], where=(name,))
+        if field.choices and is_word(field.hint) and stated not in list(field.choices[1]):
+            raise MissingName(field.choices[0], str(stated), field.choices[1], where=(name,))
         if field.check is not None:
-            object.__setattr__(value, name, _checked_numbers(field, given))
+            object.__setattr__(value, name, _checked_numbers(field, stated))
 
 
-def _checked_numbers(field: Field, given: Any) -> Any:
+def _checked_numbers(field: Field, value: Any) -> Any:
     """A number in its range, or several in a tuple or vectors; anything else as it is."""
     hint, label, where = field.hint, field.label, (field.name,)
     unit = field.units[0].replace("*", " ")
     if hint in (float, float | None) and field.check is not None:
-        return field.check(label, given, unit, where)
+        return field.check(label, value, unit, where)
     if hint == _VECTOR:
-        return require_vector(label, given, unit, where)
+        return require_vector(label, value, unit, where)
     if hint == tuple[_VECTOR, ...]:
-        return tuple(require_vector(label, one, unit, (*where, i)) for i, one in enumerate(given))
+        return tuple(require_vector(label, x, unit, (*where, i)) for i, x in enumerate(value))
     if hint == tuple[float, ...]:
-        return tuple(require_finite(label, one, unit, (*where, i)) for i, one in enumerate(given))
-    return given
+        return tuple(require_finite(label, x, unit, (*where, i)) for i, x in enumerate(value))
+    return value
 
 
-def _as_in_files(hint: Any, given: Any) -> bool:
+def _as_in_files(hint: Any, value: Any) -> bool:
     """Whether a value is written as in a file, and is not yet what the field's type says."""
     kinds = get_args(hint) or (hint,)
     of_family = any(map(family_of, kinds))
-    if isinstance(given, str):
+    if isinstance(value, str):
         return not is_word(hint)
-    if isinstance(given, Mapping | list | tuple):
-        several = given.values() if isinstance(given, Mapping) else given
+    if isinstance(value, Mapping | list | tuple):
+        several = value.values() if isinstance(value, Mapping) else value
         described = of_family or any(map(dataclasses.is_dataclass, kinds))
-        return (described and isinstance(given, Mapping)) or any(
-            isinstance(one, str | Mapping) for one in several
+        return (described and isinstance(value, Mapping)) or any(
+            isinstance(item, str | Mapping) for item in several
         )
-    return of_family and isinstance(given, int | float) and not isinstance(given, bool)
+    return of_family and isinstance(value, int | float) and not isinstance(value, bool)
 
 
 @dataclass(frozen=True)
@@ -189,54 +189,54 @@ def fields_of(kind: type) -> dict[str, Field]:
     """
     written = getattr(kind, "written", None) or kind
     hints = get_type_hints(written)
-    fields, own = {}, {}
+    fields, checked = {}, {}
     if dataclasses.is_dataclass(kind):  # it may check more closely than what files say of it
-        own = {one.name: one.metadata for one in dataclasses.fields(kind)}
+        checked = {f.name: f.metadata for f in dataclasses.fields(kind)}
     missing = dataclasses.MISSING
-    for one in dataclasses.fields(written):
-        hint, said = hints[one.name], own.get(one.name) or one.metadata
-        if not said and _measures(hint):
+    for entry in dataclasses.fields(written):
+        hint, about = hints[entry.name], checked.get(entry.name) or entry.metadata
+        if not about and _measures(hint):
             raise TypeError(
-                f"{kind.__name__}.{one.name} is a number without a unit; see `quantity`"
+                f"{kind.__name__}.{entry.name} is a number without a unit; see `quantity`"
             )
-        fields[one.name] = Field(
-            one.name,
+        fields[entry.name] = Field(
+            entry.name,
             hint,
-            said.get("units", ("",)),
-            required=one.default is missing and one.default_factory is missing,
-            choices=said.get("choices"),
-            finite=said.get("finite", True),
-            default=None if one.default is missing else one.default,
-            check=said.get("check"),
-            label=said.get("label") or one.name,
+            about.get("units", ("",)),
+            required=entry.default is missing and entry.default_factory is missing,
+            choices=about.get("choices"),
+            finite=about.get("finite", True),
+            default=None if entry.default is missing else entry.default,
+            check=about.get("check"),
+            label=about.get("label") or entry.name,
         )
     return fields
 
 
-def fields_at(kind: Any, path: Sequence[str], every: bool = True) -> Iterator[tuple[Field, str]]:
+def fields_at(kind: Any, path: Sequence[str], deep: bool = True) -> Iterator[tuple[Field, str]]:
     """Fields at `path` within a class, with what is said of them; there may be none.
 
     Names of entries of a table by name may be any. Of a family all members count, the default one
-    first; without `every` only that.
+    first; without `deep` only that.
     """
     origin, family = get_origin(kind), family_of(kind)
     if origin in (Union, types.UnionType):
         for part in get_args(kind):
-            yield from fields_at(part, path, every)
+            yield from fields_at(part, path, deep)
     elif origin is not None:
-        yield from fields_at(get_args(kind)[-1], path[1:], every)
+        yield from fields_at(get_args(kind)[-1], path[1:], deep)
     elif family is not None and list(path) == [family.key]:
-        words = (family.noun, family.members)
-        yield Field(family.key, str, ("",), False, words, default=family.default), ""
+        choices = (family.noun, family.members)
+        yield Field(family.key, str, ("",), False, choices, default=family.default), ""
     elif family is not None:
         first = family.default or next(iter(family.members))
-        members = [first, *(family.members if every else ())]
-        for one in dict.fromkeys(family.member(word).kind for word in members):
-            yield from fields_at(one, path, every)
+        members = [first, *(family.members if deep else ())]
+        for choice in dict.fromkeys(family.member(word).kind for word in members):
+            yield from fields_at(choice, path, deep)
     elif dataclasses.is_dataclass(kind) and path and path[0] in (fields := fields_of(kind)):  # type: ignore[arg-type]
         field = fields[path[0]]
         if len(path) > 1:
-            yield from fields_at(field.hint, path[1:], every)
+            yield from fields_at(field.hint, path[1:], deep)
         else:
             yield field, explanations(kind).get(field.name, "")  # type: ignore[arg-type]
 
@@ -248,7 +248,7 @@ def ask_scales(kind: type, data: Mapping[str, Any]) -> None:
         JointplayError: it asks; `where` has the place.
     """
     for path, value in _bare(data):
-        names = [one for one in path if isinstance(one, str)]
+        names = [part for part in path if isinstance(part, str)]
         units = {field.units for field, _ in fields_at(kind, names)} or {("",)}
         if len(units) == 1 and len(unit := units.pop()) == 1:
             try:
@@ -261,8 +261,8 @@ def _bare(value: Any, path: Where = ()) -> Iterator[tuple[Where, float]]:
     """Numbers in tables and lists that have no unit, with their places."""
     if isinstance(value, Mapping | list):
         inside = value.items() if isinstance(value, Mapping) else enumerate(value)
-        for key, one in inside:
-            yield from _bare(one, (*path, key))
+        for key, item in inside:
+            yield from _bare(item, (*path, key))
     elif isinstance(value, int | float) and not isinstance(value, bool):
         yield path, value
 
@@ -289,8 +289,8 @@ def explanations(kind: type) -> dict[str, str]:
         assert isinstance(body, ast.ClassDef)
         for field, text in pairwise(body.body):
             match field, text:
-                case ast.AnnAssign(target=ast.Name(name)), ast.Expr(ast.Constant(str(said))):
-                    texts[name] = said
+                case ast.AnnAssign(target=ast.Name(name)), ast.Expr(ast.Constant(str(meaning))):
+                    texts[name] = meaning
     return {name: " ".join(text.split()) for name, text in texts.items()}
 
 
@@ -401,8 +401,8 @@ class Described:
             JointplayError: an unknown or missing key, or a value that cannot be; `where` has its
                 place.
         """
-        made: Self = read(cls, description)
-        return made
+        described: Self = read(cls, description)
+        return described
 
     @classmethod
     def from_fields(cls, fields: dict[str, Any]) -> Self:
@@ -417,11 +417,11 @@ def plain(value: Any) -> Any:
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return _fields(value)
     if isinstance(value, Mapping):
-        return {key: plain(one) for key, one in value.items()}
+        return {key: plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     if isinstance(value, list | tuple):
-        return [plain(one) for one in value]
+        return [plain(item) for item in value]
     return value
 
 
@@ -436,9 +436,9 @@ def shortest(kind: type[Any], value: Any) -> dict[str, Any]:
         kind: as for `read`.
         value: to describe, a `Described`.
     """
-    table = {key: one for key, one in plain(value).items() if one is not None}
+    table = {key: item for key, item in plain(value).items() if item is not None}
     for key in reversed(list(table)):
-        fewer = {name: one for name, one in table.items() if name != key}
+        fewer = {name: item for name, item in table.items() if name != key}
         try:
             if plain(read(kind, fewer)) == plain(value):
                 table = fewer
@@ -462,10 +462,10 @@ class Draft:
         Raises:
             JointplayError: fields that do not go together; `where` has the place.
         """
-        given = make(dict(self.fields), objects)
+        parts = make(dict(self.fields), objects)
         if issubclass(self.kind, Described):
-            return self.kind.from_fields(given)
-        return self.kind(**given)
+            return self.kind.from_fields(parts)
+        return self.kind(**parts)
 
 
 def make(checked: Any, objects: bool = True) -> Any:
@@ -475,11 +475,11 @@ def make(checked: Any, objects: bool = True) -> Any:
         return checked if left else checked.make(objects)
     if not isinstance(checked, dict | list | tuple):
         return checked
-    made = {}
-    for key, one in checked.items() if isinstance(checked, dict) else enumerate(checked):
+    parts = {}
+    for key, item in checked.items() if isinstance(checked, dict) else enumerate(checked):
         with within(key):
-            made[key] = make(one, objects)
-    return made if isinstance(checked, dict) else type(checked)(made.values())
+            parts[key] = make(item, objects)
+    return parts if isinstance(checked, dict) else type(checked)(parts.values())
 
 
 def read(kind: type[T] | Any, data: Any) -> Any:
@@ -529,8 +529,8 @@ def _chosen(family: Family, data: Any) -> Draft:
         word, parameter = family.number
         data = {key: word, parameter: data}
     if not isinstance(data, Mapping):
-        words = f"a {noun} is a table with the key {key}"
-        raise JointplayError(f"{toml_text(data)} is not a table; {words}")
+        text = f"a {noun} is a table with the key {key}"
+        raise JointplayError(f"{toml_text(data)} is not a table; {text}")
     word = data.get(key, family.default)
     if word is None:
         raise JointplayError(f"the key {key} is missing; available: {', '.join(members)}")
@@ -541,13 +541,13 @@ def _chosen(family: Family, data: Any) -> Draft:
 
 
 def _table(kind: type, data: Any, word: tuple[str, str] | None, preset: Mapping[str, Any]) -> Draft:
-    fields = {name: one for name, one in fields_of(kind).items() if name not in preset}
+    fields = {name: field for name, field in fields_of(kind).items() if name not in preset}
     selector = getattr(kind, "selector", None)
     if word is None and selector is not None and isinstance(data, Mapping) and selector[0] in data:
         word = (selector[0], getattr(kind, selector[1]))
         if data[word[0]] != word[1]:
-            words = f"{toml_text(data[word[0]])} is not {toml_text(word[1])}"
-            raise JointplayError(words, (word[0],))
+            text = f"{toml_text(data[word[0]])} is not {toml_text(word[1])}"
+            raise JointplayError(text, (word[0],))
     form = getattr(kind, "written", None) or kind
     keys = [*([word[0]] if word else []), *fields, *getattr(form, "further_keys", ())]
     if not isinstance(data, Mapping):
@@ -561,7 +561,7 @@ def _table(kind: type, data: Any, word: tuple[str, str] | None, preset: Mapping[
         if name in fields:
             with within(name):
                 values[name] = _field(fields[name], data[name])
-    missing = [name for name, one in fields.items() if one.required and name not in data]
+    missing = [name for name, field in fields.items() if field.required and name not in data]
     if missing:
         several = len(missing) > 1
         raise MissingKey(
@@ -577,12 +577,12 @@ def _field(field: Field, data: Any) -> Any:
         return data
     if field.choices is None or data is None:
         return check(field.hint, data, field.units)
-    noun, words = field.choices
+    noun, allowed = field.choices
     word = isinstance(data, str)
-    if (word or is_word(field.hint)) and not (word and data in words):
-        raise JointplayError(one_of(noun, data, words))
-    if word and isinstance(words, Mapping) and not is_word(field.hint):
-        return words[data]
+    if (word or is_word(field.hint)) and not (word and data in allowed):
+        raise JointplayError(one_of(noun, data, allowed))
+    if word and isinstance(allowed, Mapping) and not is_word(field.hint):
+        return allowed[data]
     return check(field.hint, data, field.units)
 
 
@@ -611,9 +611,9 @@ def _collection(origin: Any, parts: Sequence[Any], data: Any, units: tuple[str, 
         if not isinstance(data, Mapping):
             raise JointplayError(f"expected a table, got {toml_text(data)}")
         table = {}
-        for key, one in data.items():
+        for key, item in data.items():
             with within(key):
-                table[key] = check(parts[1], one, units)
+                table[key] = check(parts[1], item, units)
         return table
     fixed = origin is tuple and parts[-1] is not Ellipsis
     if not isinstance(data, list | tuple) or (fixed and len(data) != len(parts)):
@@ -622,9 +622,9 @@ def _collection(origin: Any, parts: Sequence[Any], data: Any, units: tuple[str, 
             raise JointplayError(f"{toml_text(data)} are not three components; {form}")
         raise JointplayError(f"expected a list in brackets, got {toml_text(data)}")
     several = []
-    for index, one in enumerate(data):
+    for index, item in enumerate(data):
         with within(*(() if fixed else (index,))):
-            several.append(check(parts[index] if fixed else parts[0], one, units))
+            several.append(check(parts[index] if fixed else parts[0], item, units))
     return tuple(several) if origin is tuple else several
 
 
@@ -694,8 +694,8 @@ def differences(was: Any, now: Any, place: str = "") -> Iterator[tuple[str, Any,
             inside = f"{place}.{key}" if place else key
             yield from differences(was.get(key), now.get(key), inside)
     elif isinstance(was, list) and isinstance(now, list) and len(was) == len(now):
-        for k, (one, other) in enumerate(zip(was, now, strict=True)):
-            yield from differences(one, other, f"{place}[{k}]")
+        for k, (old, new) in enumerate(zip(was, now, strict=True)):
+            yield from differences(old, new, f"{place}[{k}]")
     elif was != now:
         yield place, was, now
 

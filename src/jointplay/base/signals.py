@@ -99,8 +99,8 @@ def say(text: str) -> None:
 
 
 @contextmanager
-def keeping(what: str) -> Iterator[None]:
-    """Compute and save `what` in the block: a single request to stop does not lose it.
+def keeping(label: str) -> Iterator[None]:
+    """Compute and save `label` in the block: a single request to stop does not lose it.
 
     Ask `stop_requested` afterwards.
 
@@ -108,7 +108,7 @@ def keeping(what: str) -> Iterator[None]:
         GivenUp: two requests to stop, or one before there was anything to save.
     """
     outer = _state.keeping
-    _state.keeping = what
+    _state.keeping = label
     try:
         yield
     except GivenUp:
@@ -116,7 +116,7 @@ def keeping(what: str) -> Iterator[None]:
     except KeyboardInterrupt:
         early = _state.requests == 1
         raise GivenUp(
-            f"nothing of {what} was computed yet" if early else f"gave up {what}"
+            f"nothing of {label} was computed yet" if early else f"gave up {label}"
         ) from None
     finally:
         _state.keeping = outer

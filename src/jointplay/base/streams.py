@@ -124,19 +124,19 @@ def caught_stderr(lines: list[str]) -> Iterator[None]:
     with suppress(OSError, ValueError, AttributeError):
         sys.stderr.flush()
     try:
-        kept = os.dup(2)
+        saved = os.dup(2)
     except OSError:  # there is none
         yield
         return
-    with tempfile.TemporaryFile() as said:
-        os.dup2(said.fileno(), 2)
+    with tempfile.TemporaryFile() as output:
+        os.dup2(output.fileno(), 2)
         try:
             yield
         finally:
-            os.dup2(kept, 2)
-            os.close(kept)
-            said.seek(0)
-            lines += said.read(_MOST_NOISE).decode("utf-8", "replace").splitlines()
+            os.dup2(saved, 2)
+            os.close(saved)
+            output.seek(0)
+            lines += output.read(_MOST_NOISE).decode("utf-8", "replace").splitlines()
 
 
 def _open() -> None:

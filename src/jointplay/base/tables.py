@@ -113,12 +113,12 @@ class Column:
         """How its values are shown, and those of further rows."""
         values = [*self.values, *further]
         factor, _ = self.shown
-        sizes = [abs(factor * one) for one in values if _is_number(one) and one]
-        whole = all(isinstance(one, Integral) for one in values if _is_number(one))
+        sizes = [abs(factor * value) for value in values if _is_number(value) and value]
+        integral = all(isinstance(value, Integral) for value in values if _is_number(value))
         top = math.floor(math.log10(max(sizes))) if sizes else 0
         places = self.digits - 1 - top
         form = f".{max(places, 0)}f" if -_ZEROS <= places <= _PLACES else f".{self.digits}g"
-        if whole and factor == 1.0:
+        if integral and factor == 1.0:
             form = "d"
         elif not sizes:
             form = ".0f"
@@ -126,15 +126,15 @@ class Column:
         least = 0.5 * 10.0**-places
         noise = _NOISE * max(sizes, default=0.0)
 
-        def text(one: Any) -> str:
-            if one is None:
+        def text(value: Any) -> str:
+            if value is None:
                 return ""
-            if not _is_number(one):
-                return "-" if isinstance(one, float) else str(one)
-            number = one if form == "d" else factor * one
+            if not _is_number(value):
+                return "-" if isinstance(value, float) else str(value)
+            number = value if form == "d" else factor * value
             return f"{number:.1g}" if noise < abs(number) < least else format(number, form)
 
-        shown = [text(one) for one in values]
+        shown = [text(value) for value in values]
         for k, error in enumerate(self.errors):
             if _is_number(error):
                 shown[k] += f" +- {text(error)}"
@@ -174,18 +174,18 @@ class Table:
     def of(cls, heads: Sequence[Head], rows: Sequence[Sequence[Any]]) -> Self:
         """The table of rows whose columns have these names and units, and are fine or not."""
         values = list(zip(*rows, strict=True)) or [() for _ in heads]
-        names = zip(heads, values, strict=True)
-        return cls([Column(head, own, unit, fine=any(fine)) for (head, unit, *fine), own in names])
+        pairs = zip(heads, values, strict=True)
+        return cls([Column(head, x, unit, fine=any(fine)) for (head, unit, *fine), x in pairs])
 
     @classmethod
     def of_texts(cls, rows: Sequence[Sequence[str]]) -> Self:
         head, *others = rows
-        return cls.of([(one, "") for one in head], others)
+        return cls.of([(text, "") for text in head], others)
 
     def _shown(self) -> tuple[list[str], list[list[str]]]:
-        shown = [one for one in self.columns if one.only != "data"]
-        columns = [one.texts([row[k] for row in self.totals]) for k, one in enumerate(shown)]
-        return [one.title for one in shown], [list(row) for row in zip(*columns, strict=True)]
+        shown = [column for column in self.columns if column.only != "data"]
+        columns = [column.texts([row[k] for row in self.totals]) for k, column in enumerate(shown)]
+        return [column.title for column in shown], [list(row) for row in zip(*columns, strict=True)]
 
     def __str__(self) -> str:
         head, rows = self._shown()
@@ -210,13 +210,13 @@ class Table:
 
     def _data(self) -> dict[str, Sequence[Any] | np.ndarray]:
         """Values by the columns' names in data, with their errors behind them."""
-        kept = [one for one in self.columns if one.only != "text"]
-        found: dict[str, Sequence[Any] | np.ndarray] = {}
-        for one in kept:
-            found[one.name] = one.values
-            if len(one.errors):
-                found[f"{one.name}_error"] = one.errors
-        return found
+        shown = [column for column in self.columns if column.only != "text"]
+        data: dict[str, Sequence[Any] | np.ndarray] = {}
+        for column in shown:
+            data[column.name] = column.values
+            if len(column.errors):
+                data[f"{column.name}_error"] = column.errors
+        return data
 
     def records(self) -> list[dict[str, Any]]:
         """A dictionary for each row, by the columns' names in data, SI."""

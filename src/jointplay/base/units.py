@@ -183,13 +183,13 @@ def ask_unit(value: float, unit: str) -> None:
     Raises:
         ValueError: it asks.
     """
-    whole = float(value).is_integer()
-    if unit == "rad/s" and whole and abs(value) >= _RPM:
+    integral = float(value).is_integer()
+    if unit == "rad/s" and integral and abs(value) >= _RPM:
         raise ValueError(
             f"{value:g} without a unit would be rad/s, {value * 30.0 / math.pi:.3g} rpm: "
             f'rpm? write "{value:g} rpm", or "{value:g} rad/s" if that is meant'
         )
-    if unit == "rad" and whole and _DEGREES[0] <= abs(value) <= _DEGREES[1]:
+    if unit == "rad" and integral and _DEGREES[0] <= abs(value) <= _DEGREES[1]:
         raise ValueError(
             f"{value:g} without a unit would be radians, {abs(value) / math.tau:.3g} turns: "
             f'degrees? write "{value:g} deg", or "{value:g} rad" if that is meant'
@@ -230,7 +230,7 @@ def toml_text(value: Any) -> str:
     if isinstance(value, dict):
         return "a table"
     if isinstance(value, list | tuple):
-        most = [toml_text(one) for one in value[:_MOST_SHOWN]]
+        most = [toml_text(item) for item in value[:_MOST_SHOWN]]
         return f"[{', '.join([*most, '...'] if len(value) > _MOST_SHOWN else most)}]"
     if isinstance(value, int) and abs(value) > _LARGEST:
         return "a whole number of very many digits"
@@ -243,8 +243,8 @@ def _with_article(word: str) -> str:
 
 def named(*units: str) -> str:
     """What `units` measure: ``a length``, ``an angle or a length``."""
-    words = [WORDS.get(unit, (f"quantity in {unit}",))[0] for unit in units]
-    return " or ".join(map(_with_article, words))
+    nouns = [WORDS.get(unit, (f"quantity in {unit}",))[0] for unit in units]
+    return " or ".join(map(_with_article, nouns))
 
 
 class _Unit:

@@ -94,11 +94,11 @@ def check(path: str | Path, to: str | None = None, overwrite: bool = False) -> s
     return to
 
 
-def in_blocks(number: int, size: int, what: str, progress: bool) -> Iterator[slice]:
+def in_blocks(number: int, size: int, label: str, progress: bool) -> Iterator[slice]:
     """Blocks of so many records, with a bar."""
     from jointplay.base.progress import ProgressBar
 
-    with ProgressBar(desc=what, total=number, disable=not progress, unit="record") as bar:
+    with ProgressBar(desc=label, total=number, disable=not progress, unit="record") as bar:
         for first in range(0, max(number, 1), size):
             yield slice(first, first + size)
             bar.update(min(size, number - first))

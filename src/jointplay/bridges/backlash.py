@@ -100,8 +100,8 @@ def corrected(compensation: Compensation) -> Reversals:
         k = motion.joints.index(name)
         q, v, shift = position[:, k], speed[:, k], compensation.shift[:, k]
         nominal = np.linspace(q.min(), q.max(), LINES)
-        ways = [_at(nominal, q[sign * v > STILL], shift[sign * v > STILL]) for sign in (1, -1)]
-        tables[name] = np.column_stack([nominal, *ways])
+        columns = [_at(nominal, q[sign * v > STILL], shift[sign * v > STILL]) for sign in (1, -1)]
+        tables[name] = np.column_stack([nominal, *columns])
     entries = mechanism.description.joints
     joints = tuple(mechanism.joints)
     return Reversals(joints, tuple(n for n in joints if entries[n].slides), lost, tables)
@@ -121,12 +121,12 @@ def tables(reversals: Reversals, name: str) -> dict[str, str]:
         raise JointplayError(
             f"nothing to tell {name}: no gear's teeth change sides, and its rule goes by reversals"
         )
-    found = FORMATS[name].write(reversals)
-    if not found:
+    files = FORMATS[name].write(reversals)
+    if not files:
         raise JointplayError(
             f"nothing to tell {name}, which knows {FORMATS[name].axes}: none of them changes sides"
         )
-    return found
+    return files
 
 
 def _in_unit(value: float, slides: bool) -> float:
@@ -143,13 +143,13 @@ def _linuxcnc(reversals: Reversals) -> dict[str, str]:
         ]
         return {"linuxcnc.ini": "\n".join(lines) + "\n"}
     files = names_for(list(reversals.tables), ".comp")
-    found = {}
+    contents = {}
     for (name, table), file in zip(reversals.tables.items(), files, strict=True):
         slides = name in reversals.sliding
         rows = np.column_stack([table[:, 0], table[:, :1] - table[:, 1:]])
         lines = [" ".join(f"{_in_unit(x, slides):.6f}" for x in row) for row in rows]
-        found[file] = "\n".join(lines) + "\n"
-    return found
+        contents[file] = "\n".join(lines) + "\n"
+    return contents
 
 
 def _at(places: np.ndarray, q: np.ndarray, shift: np.ndarray) -> np.ndarray:
@@ -157,18 +157,18 @@ def _at(places: np.ndarray, q: np.ndarray, shift: np.ndarray) -> np.ndarray:
     if not len(q):
         return np.zeros_like(places)
     width = max(places[1] - places[0], 1e-12)
-    found = np.empty_like(places)
+    means = np.empty_like(places)
     for i, place in enumerate(places):
         away = np.abs(q - place)
-        found[i] = shift[away <= max(width, away.min())].mean()
-    return found
+        means[i] = shift[away <= max(width, away.min())].mean()
+    return means
 
 
 def _marlin(reversals: Reversals) -> dict[str, str]:
-    words = [f"{letter}{reversals.size(n):.4f}" for n, letter in reversals.letters.items()]
-    if not words:
+    axes = [f"{letter}{reversals.size(n):.4f}" for n, letter in reversals.letters.items()]
+    if not axes:
         return {}
-    return {"marlin.gcode": f"; play by axis, full correction\nM425 F1.0 {' '.join(words)}\n"}
+    return {"marlin.gcode": f"; play by axis, full correction\nM425 F1.0 {' '.join(axes)}\n"}
 
 
 def _klipper(reversals: Reversals) -> dict[str, str]:

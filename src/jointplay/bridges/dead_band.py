@@ -89,13 +89,13 @@ def for_mujoco(
     """
     import mujoco
 
-    found = [model.joint(name) for name in joints]
-    rows = Rows([int(one.qposadr[0]) for one in found], [int(one.dofadr[0]) for one in found])
+    hinges = [model.joint(name) for name in joints]
+    rows = Rows([int(j.qposadr[0]) for j in hinges], [int(j.dofadr[0]) for j in hinges])
     model.opt.timestep = min(model.opt.timestep, dt)
     model.dof_armature[rows.speeds] = 0.0
     model.dof_frictionloss[rows.speeds] = play.friction
     model.dof_damping.reshape(model.nv, -1)[rows.speeds, 0] = play.viscous
-    turns = np.isin(model.actuator_trnid[:, 0], [one.id for one in found])
+    turns = np.isin(model.actuator_trnid[:, 0], [j.id for j in hinges])
     joint_driven = model.actuator_trntype <= int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)
     model.actuator_gear[turns & joint_driven] = 0.0
     mujoco.mj_setConst(model, mujoco.MjData(model))

@@ -51,8 +51,8 @@ def rows_of(result: Result) -> list[tuple[str, str]]:
     since = f" from {start:g} s on" if start > 0.0 else ""
     for k, joint in enumerate(result.joints):
         forces = np.linalg.norm(result["joint_force_peak"].values[time >= start, k], axis=1)
-        told = peak_force(result, joint, float(forces.max(initial=0.0)))
-        rows.append((f"peak force in {joint}", f"{told}{since}"))
+        force = peak_force(result, joint, float(forces.max(initial=0.0)))
+        rows.append((f"peak force in {joint}", f"{force}{since}"))
     if result.joints:
         with suppress(JointplayError):  # too few records
             rows.append(("rattle", f"{str(rattle(result)).removeprefix('rattle: ')}{since}"))

@@ -64,8 +64,8 @@ def dataframe(result: Result, every: int = 1) -> pd.DataFrame:
     import xarray as xr
 
     histories = columns(result.thinned(every))
-    made = xr.Dataset({name: ("record", values) for name, (values, _) in histories.items()})
-    table: pd.DataFrame = made.to_dataframe().rename_axis(None)
+    dataset = xr.Dataset({name: ("record", values) for name, (values, _) in histories.items()})
+    table: pd.DataFrame = dataset.to_dataframe().rename_axis(None)
     table.attrs = {
         "units": {name: unit for name, (_, unit) in histories.items()},
         "message": result.message,
@@ -97,10 +97,10 @@ def parquet(result: Result, suffix: str, progress: bool) -> bytes:
     table = pa.Table.from_pandas(frame, preserve_index=False)
     units = frame.attrs["units"]
     fields = [field.with_metadata({"units": units[field.name]}) for field in table.schema]
-    own: dict[Any, Any] = {"jointplay_audit": json.dumps(result.audit.describe())}
-    made = table.cast(pa.schema(fields, {**(table.schema.metadata or {}), **own}))
+    audit: dict[Any, Any] = {"jointplay_audit": json.dumps(result.audit.describe())}
+    described = table.cast(pa.schema(fields, {**(table.schema.metadata or {}), **audit}))
     sink = io.BytesIO()
-    pq.write_table(made, sink, compression="zstd")
+    pq.write_table(described, sink, compression="zstd")
     return sink.getvalue()
 
 

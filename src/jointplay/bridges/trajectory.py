@@ -47,15 +47,15 @@ class Trajectory:
 
 def encoders(result: Result) -> dict[str, int]:
     """Joints that have a single coordinate, each with its index in q; ball joints have none."""
-    given = inputs(result)["mechanism"]
-    known, free_base = stored_coordinates(given), given.get("base") == FREE
+    description = inputs(result)["mechanism"]
+    known, free_base = stored_coordinates(description), description.get("base") == FREE
     at: dict[str, int] = {}
     for index, name in enumerate(result["coordinate"].values.tolist()):
         coordinate = known.get(name, Coordinate(name))
         joint, part = coordinate.joint, coordinate.part
         if part == MOTOR or (free_base and joint == BASE):
             continue
-        kind = class_of(given["clearance"][joint]) if part else None
+        kind = class_of(description["clearance"][joint]) if part else None
         if kind is None or kind.ideal_freedoms == (part,):
             at[joint] = index
     return at
@@ -96,9 +96,9 @@ def message(motion: Trajectory) -> dict[str, Any]:
     }
 
 
-def of_motion(motion: Motion, every: float = POINT_S) -> Trajectory:
+def of_motion(motion: Motion, interval: float = POINT_S) -> Trajectory:
     """A reference motion at points so far apart [s], without efforts."""
-    count = max(round((motion.duration - motion.times[0]) / every), 1) + 1
+    count = max(round((motion.duration - motion.times[0]) / interval), 1) + 1
     time = np.linspace(float(motion.times[0]), motion.duration, count)
     position, velocity, _ = motion(time)
     return Trajectory(time, motion.joints, position, velocity, np.zeros((count, 0)))
@@ -121,9 +121,9 @@ def content(motion: Trajectory, suffix: str, progress: bool = False) -> bytes:
         import yaml
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
     options = {"sort_keys": False, "default_flow_style": None, "width": 10_000}
-    whole = message(motion)
-    points = whole.pop("points")
-    parts = [yaml.dump(whole, Dumper=dumper, **options), "points:\n"]
+    document = message(motion)
+    points = document.pop("points")
+    parts = [yaml.dump(document, Dumper=dumper, **options), "points:\n"]
     for block in bridges.in_blocks(len(points), _BLOCK, "points", progress):
         parts.append(yaml.dump(points[block], Dumper=dumper, **options))
     return "".join(parts).encode()

@@ -58,15 +58,15 @@ def to_urdf(mechanism: Mechanism, corrections: Mapping[str, pin.SE3] | None = No
     """
     require_a("mechanism", mechanism, "Mechanism")
     for name in (*mechanism.loops, *mechanism.gears):
-        what = "loop" if name in mechanism.loops else "gear with play"
+        noun = "loop" if name in mechanism.loops else "gear with play"
         raise JointplayError(
-            f"{what} {name!r} cannot be written: a URDF can only describe a tree of joints"
+            f"{noun} {name!r} cannot be written: a URDF can only describe a tree of joints"
         )
     text = mechanism.description.plain_text  # mounts have no play, and stay fixed
     data = text.encode("utf-8")
     joints = mechanism.description.elements().findall("joint")
     elements = {joint.get("name", ""): joint for joint in joints}
-    taken = set(elements) | set(mechanism.description.links)
+    names = set(elements) | set(mechanism.description.links)
     pieces, end = [], 0
     moved = corrections or {}
     for name in moved:
@@ -84,7 +84,7 @@ def to_urdf(mechanism: Mechanism, corrections: Mapping[str, pin.SE3] | None = No
         if name in mechanism.clearance and name not in mechanism.mounts:
             chain = _chain(mechanism, name, elements[name])
             for element in chain:
-                if element.get("name") in taken - {name}:
+                if element.get("name") in names - {name}:
                     raise JointplayError(f"the URDF already has a {element.get('name')!r}")
             pieces += [data[end:start], _written(chain).encode("utf-8")]
             end = stop

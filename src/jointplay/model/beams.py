@@ -78,25 +78,25 @@ def section(text: str) -> Section:
     Raises:
         JointplayError: it is no section; the message has the forms that are possible.
     """
-    found = _WRITTEN.match(text)
+    parsed = _WRITTEN.match(text)
     forms = ", ".join(f'"{example}" ({numbers})' for _, numbers, example in FORMS.values())
-    if found is None:
+    if parsed is None:
         raise JointplayError(f"section {text!r} is none; possible are {forms}", where=("section",))
-    form, numbers, unit = found[1], re.split(r"\s*[x×]\s*", found[2]), found[3]
+    form, numbers, unit = parsed[1], re.split(r"\s*[x×]\s*", parsed[2]), parsed[3]
     count, meaning, example = FORMS[form]
     try:
-        sizes = [float(convert(f"{one} {unit}", "m")) for one in numbers]
+        sizes = [float(convert(f"{size} {unit}", "m")) for size in numbers]
     except ValueError as error:
         raise JointplayError(f"section {text!r}: {error}", where=("section",)) from None
     if len(sizes) != count:
         raise JointplayError(
             f'section {text!r}: a {form} has {meaning}, as in "{example}"', where=("section",)
         )
-    if not all(0.0 < one < math.inf for one in sizes):
+    if not all(0.0 < size < math.inf for size in sizes):
         raise JointplayError(f"section {text!r}: sizes must be positive", where=("section",))
     if form in ("tube", "box") and not 2.0 * sizes[-1] < min(sizes[:-1]):
-        words = f"section {text!r}: twice the wall must be less than the {form}'s size"
-        raise JointplayError(words, where=("section",))
+        fault = f"section {text!r}: twice the wall must be less than the {form}'s size"
+        raise JointplayError(fault, where=("section",))
     if form == "tube":
         inner = sizes[0] - 2.0 * sizes[1]
         return _round(form, sizes[0], inner, lambda nu: 2.0 * (1.0 + nu) / (4.0 + 3.0 * nu))
@@ -109,10 +109,10 @@ def _round(form: str, outer: float, inner: float, shear: Callable[[float], float
     second = math.pi / 64.0 * (outer**4 - inner**4)
     area = math.pi / 4.0 * (outer**2 - inner**2)
 
-    def both(poisson: float) -> tuple[float, float]:
+    def factors(poisson: float) -> tuple[float, float]:
         return shear(poisson), shear(poisson)
 
-    return Section(form, (outer, outer), area, second, second, 2.0 * second, both)
+    return Section(form, (outer, outer), area, second, second, 2.0 * second, factors)
 
 
 def _bar(width: float, height: float) -> Section:
@@ -121,8 +121,8 @@ def _bar(width: float, height: float) -> Section:
     torsion = long * short**3 / 3.0 * (1.0 - 192.0 / np.pi**5 * short / long * float(tail))
 
     def shear(poisson: float) -> tuple[float, float]:
-        one = 10.0 * (1.0 + poisson) / (12.0 + 11.0 * poisson)
-        return one, one
+        factor = 10.0 * (1.0 + poisson) / (12.0 + 11.0 * poisson)
+        return factor, factor
 
     area = width * height
     about_x, about_y = area * height**2 / 12.0, area * width**2 / 12.0
@@ -222,20 +222,20 @@ class FlexibleLink(Described):
     def __post_init__(self) -> None:
         check_fields(self)
         require_whole("segments", self.segments, 1, MOST_SEGMENTS, ("segments",))
-        own = ("bending_stiffness", "torsion_stiffness", "line_mass", "gyration_radius")
-        given = [one for one in own if getattr(self, one) is not None]
+        names = ("bending_stiffness", "torsion_stiffness", "line_mass", "gyration_radius")
+        stated = [name for name in names if getattr(self, name) is not None]
         if self.section is None:
-            missing = [one for one in own if one not in given]
+            missing = [name for name in names if name not in stated]
             if missing:
                 raise JointplayError(
-                    f"a flexible link needs a section and a material, or {', '.join(own)}; "
-                    f"missing: {', '.join(missing) if given else 'section'}"
+                    f"a flexible link needs a section and a material, or {', '.join(names)}; "
+                    f"missing: {', '.join(missing) if stated else 'section'}"
                 )
             if self.shear:
                 raise JointplayError("shear needs a section and a material", where=("shear",))
         else:
-            if given:
-                raise JointplayError(f"give a section or {given[0]}, not both", where=(given[0],))
+            if stated:
+                raise JointplayError(f"give a section or {stated[0]}, not both", where=(stated[0],))
             section(self.section)
             if self.material is None:
                 raise JointplayError("a section needs a material", where=("section",))
@@ -254,8 +254,8 @@ class FlexibleLink(Described):
     def beam(self) -> Beam:
         """Its stiffness and mass per length."""
         if self.section is None:
-            given = self.bending_stiffness, self.torsion_stiffness, self.line_mass
-            stiff, twist, mass, radius = (x or 0.0 for x in (*given, self.gyration_radius))
+            stated = self.bending_stiffness, self.torsion_stiffness, self.line_mass
+            stiff, twist, mass, radius = (x or 0.0 for x in (*stated, self.gyration_radius))
             half = 0.5 * mass * radius**2
             return Beam((stiff, stiff), twist, 2.0 * stiff / radius**2, None, mass, (half, half))
         form, material = section(self.section), self.material

@@ -44,7 +44,7 @@ class Closing:
 
     follow: np.ndarray
     """Displacement of the passive coordinates per opening of the loops, (passive, rows)."""
-    rest: np.ndarray
+    ties: np.ndarray
     """Rows that no passive coordinate can close, combined, (ties, rows)."""
     loose: np.ndarray
     """Directions of the passive coordinates that no loop feels, (passive, k)."""
@@ -122,15 +122,15 @@ class ClosedLoops:
             JointplayError: loops that cannot be closed.
         """
         first = [] if begin is None else [begin]
-        found, good = self.close_all(np.array([*first, *q]))
-        found, good = found[len(first) :], good[len(first) :]
+        configurations, good = self.close_all(np.array([*first, *q]))
+        configurations, good = configurations[len(first) :], good[len(first) :]
         if not good.all():
             at = int(np.argmin(good))
             raise JointplayError(
                 f"the loops {', '.join(self.mechanism.loops)} cannot be closed with "
                 f"{self.stands(q[at], at, len(q))}: out of reach, or at the limit of reach"
             )
-        return found
+        return configurations
 
     def close_all(
         self, q: np.ndarray, *, apart: bool = False, begin: np.ndarray | None = None
@@ -144,17 +144,17 @@ class ClosedLoops:
         """
         closed, good = q.copy(), np.zeros(len(q), bool)
         for i, row in enumerate(q):
-            (done,) = np.nonzero(good[:i])
+            (indices,) = np.nonzero(good[:i])
             last = begin
-            if len(done):
-                away = np.abs(closed[done][:, self._standing] - row[self._standing]).max(axis=1)
-                last = closed[done[away.argmin()] if apart else done[-1]]
-            found = self._reach(last, row)
-            if found is not None:
-                closed[i], good[i] = found, True
+            if len(indices):
+                away = np.abs(closed[indices][:, self._standing] - row[self._standing]).max(axis=1)
+                last = closed[indices[away.argmin()] if apart else indices[-1]]
+            solution = self._reach(last, row)
+            if solution is not None:
+                closed[i], good[i] = solution, True
                 for name in self.mechanism.gears:  # unstrained
                     motor = self.mechanism.motor(name)
-                    closed[i, motor] = found[self.mechanism.coordinate(name)]
+                    closed[i, motor] = solution[self.mechanism.coordinate(name)]
         return closed, good
 
     def _reach(self, begin: np.ndarray | None, goal: np.ndarray) -> np.ndarray | None:
@@ -164,13 +164,13 @@ class ClosedLoops:
             if near is None:
                 near = self.close(closest(self.mechanism, goal, self.passive, {}))
             return near
-        way = (goal - begin)[self._standing]
-        count = max(int(np.ceil(np.abs(way).max(initial=0.0) / _STEP)), 1)
+        distance = (goal - begin)[self._standing]
+        count = max(int(np.ceil(np.abs(distance).max(initial=0.0) / _STEP)), 1)
         q: np.ndarray | None = begin
         for part in range(1, count + 1):
             assert q is not None
             trial = q.copy()
-            trial[self._standing] = begin[self._standing] + part / count * way
+            trial[self._standing] = begin[self._standing] + part / count * distance
             q = self.close(trial)
             if q is None:
                 return None
@@ -184,8 +184,8 @@ class ClosedLoops:
         What is not passive stays, displaced journals too; those of loops have the poses `aside` in
         their bearings, centred if not given. Unless `exactly`, as well as can be.
         """
-        ways = np.eye(len(start))[:, self.passive]
-        q = newton(self.mechanism, start, ways, self._weight, aside)
+        directions = np.eye(len(start))[:, self.passive]
+        q = newton(self.mechanism, start, directions, self._weight, aside)
         if q is not None and exactly and not is_closed(self.mechanism, q):
             return None
         return q
@@ -199,17 +199,17 @@ def opening(mechanism: Mechanism, moved: int, twist: np.ndarray) -> np.ndarray:
     """
     supports = mechanism.model.supports
     rows = [np.zeros((0, twist.shape[1]))]
-    for one in closures(mechanism):
-        (i, _), (j, _) = one.frames
+    for closure in closures(mechanism):
+        (i, _), (j, _) = closure.frames
         sign = int(moved in supports[j]) - int(moved in supports[i])
-        rows.append(motion_between(mechanism.data, one.frames, sign * twist)[one.rows])
+        rows.append(motion_between(mechanism.data, closure.frames, sign * twist)[closure.rows])
     return np.concatenate(rows)
 
 
 def own_opening(mechanism: Mechanism, loop: str) -> np.ndarray:
     """What the play of the joint of a loop takes from its rows, (rows, 6)."""
-    own = [-np.eye(6) if one.name == loop else np.zeros((6, 6)) for one in closures(mechanism)]
-    rows = [part[one.rows] for part, one in zip(own, closures(mechanism), strict=True)]
+    blocks = [-np.eye(6) if c.name == loop else np.zeros((6, 6)) for c in closures(mechanism)]
+    rows = [part[c.rows] for part, c in zip(blocks, closures(mechanism), strict=True)]
     return np.concatenate([np.zeros((0, 6)), *rows])
 
 
@@ -229,7 +229,7 @@ def from_the_base(mechanism: Mechanism) -> list[str]:
     described, moving = mechanism.description, set(mechanism.joints)
 
     def depth(name: str) -> int:
-        return sum(one.name in moving for one in described.above(described.joints[name].parent))
+        return sum(joint.name in moving for joint in described.above(described.joints[name].parent))
 
     return sorted(single, key=depth)
 
@@ -246,7 +246,7 @@ def followed_mimics(
     """
     rows = closing_rows(mechanism, q) if mechanism.loops else np.zeros((0, mechanism.model.nv))
     rank = _rank(rows) if len(rows) else 0
-    found: dict[str, Mimic] = {}
+    followed: dict[str, Mimic] = {}
     for name in mechanism.joints:
         mimic = mechanism.description.joints[name].mimic
         if mimic is None or name in alone or name not in mechanism.coordinates:
@@ -261,8 +261,8 @@ def followed_mimics(
                 if _rank(np.concatenate([more, leads])) == held:
                     continue
             rank = held
-        found[name], rows = mimic, more
-    return found
+        followed[name], rows = mimic, more
+    return followed
 
 
 def mimic_row(mechanism: Mechanism, name: str, mimic: Mimic) -> np.ndarray:
@@ -276,7 +276,7 @@ def mimic_row(mechanism: Mechanism, name: str, mimic: Mimic) -> np.ndarray:
 
 def _weights(mechanism: Mechanism) -> np.ndarray:
     """One for each row of an offset, the arm for one of an angle, shape (rows,)."""
-    return np.concatenate([np.zeros(0), *(one.weights for one in closures(mechanism))])
+    return np.concatenate([np.zeros(0), *(c.weights for c in closures(mechanism))])
 
 
 def _threshold(sizes: np.ndarray) -> float:

@@ -49,8 +49,8 @@ class SelfCollision:
             geometry.removeCollisionPair(pin.CollisionPair(*pair))
         if touching:
             names = [" and ".join(self._link(k) for k in pair) for pair in touching]
-            words = few(list(dict.fromkeys(names)))
-            self.notes = (f"not looked at for self-collision, for they touch at zero: {words}",)
+            text = few(list(dict.fromkeys(names)))
+            self.notes = (f"not looked at for self-collision, for they touch at zero: {text}",)
 
     def hits(self, positions: Mapping[str, float]) -> bool:
         """Whether the robot hits itself with its joints at these positions [rad or m]."""
@@ -61,12 +61,12 @@ class SelfCollision:
     def _pairs(self, q: np.ndarray, first: bool = False) -> list[tuple[int, int]]:
         """Pairs that touch in a configuration (nq,); with `first` one is enough."""
         model, data = self._mechanism.model, self._mechanism.data
-        found = pin.GeometryData(self._geometry)
-        pin.computeCollisions(model, data, self._geometry, found, q, first)
+        results = pin.GeometryData(self._geometry)
+        pin.computeCollisions(model, data, self._geometry, results, q, first)
         return [
             (int(pair.first), int(pair.second))
             for pair, result in zip(
-                self._geometry.collisionPairs, found.collisionResults, strict=True
+                self._geometry.collisionPairs, results.collisionResults, strict=True
             )
             if result.isCollision()
         ]
@@ -90,8 +90,8 @@ class SelfCollision:
                 root = ElementTree.parse(file).getroot()
             except (ElementTree.ParseError, OSError):
                 continue
-            for one in root.iter("disable_collisions"):
-                disabled.add(frozenset((one.get("link1", ""), one.get("link2", ""))))
+            for element in root.iter("disable_collisions"):
+                disabled.add(frozenset((element.get("link1", ""), element.get("link2", ""))))
         return {pair for pair in pairs if frozenset(map(self._link, pair)) in disabled}
 
 

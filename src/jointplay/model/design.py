@@ -97,7 +97,7 @@ class Design:
     fix: Collection[str]
 
     def __post_init__(self) -> None:
-        self.clearance = {name: one for name, one in self.given_joints.items() if not one.ideal}
+        self.clearance = {n: joint for n, joint in self.given_joints.items() if not joint.ideal}
         """Those of the given joints that have clearance."""
 
     @property
@@ -113,9 +113,9 @@ class Design:
 
     def own_coordinate(self, joint: str) -> Coordinate:
         """The coordinate that `joint` has, or would have without clearance."""
-        given = self.given_joints.get(joint)
-        if given is not None and (joint in self.clearance or given.compound()):
-            return Coordinate(joint, given.drive_coordinate or "")
+        stated = self.given_joints.get(joint)
+        if stated is not None and (joint in self.clearance or stated.compound()):
+            return Coordinate(joint, stated.drive_coordinate or "")
         return Coordinate(joint)
 
 
@@ -158,10 +158,10 @@ def design(
     robot = tables.get("robot", {})
     gravity = robot.get("gravity", STANDARD_GRAVITY) if gravity is None else gravity
     base = robot.get("base", HELD) if base is None else base
-    given = require_table("clearance", clearance, "of joints by name", ("clearance",))
-    description = without_floating_base(description, given)
+    stated = require_table("clearance", clearance, "of joints by name", ("clearance",))
+    description = without_floating_base(description, stated)
     joints: dict[str, Clearance] = dict(_filed(description, tables.get("joints", {}), JOINT_WORDS))
-    joints |= {str(name): joint for name, joint in given.items()}  # NumPy's print as np.str_(...)
+    joints |= {str(name): joint for name, joint in stated.items()}  # NumPy's print as np.str_(...)
     loops = require_table("loops", loops, "of loops by name", ("loops",))
     geared = dict(_filed(description, tables.get("gears", {}), GEARS))
     geared |= require_table("gears", gears, "of gears by joint", ("gears",))
@@ -194,15 +194,15 @@ def design(
         raise JointplayError(f"tool must be the name of a frame, got {tool!r}", ("tool",))
 
     description, loops, joints = _seated(description, loops, joints | cut.hinges)
-    fixed = {name for name, one in description.joints.items() if one.kind == "fixed"}
+    fixed = {name for name, entry in description.joints.items() if entry.kind == "fixed"}
     loose = sorted(name for name in fixed.intersection(joints) if not joints[name].ideal)
     faults = impossible_inertias(description.parsed, base != HELD, loose)
     require_possible(faults, allowed)
     source = parse(description, tuple(loose))
     geared, rules = completed(geared, description, source, tool)
     return Design(
-        description, source, joints, loops, geared, rules, cut.words, gravity, base, tool, reason,
-        tuple(allowed), fix,
+        description, source, joints, loops, geared, rules, cut.summaries, gravity, base, tool,
+        reason, tuple(allowed), fix,
     )  # fmt: skip
 
 
@@ -281,7 +281,7 @@ def _check_gear(name: str, gear: Gearing, description: Description) -> None:
     entry = description.joints.get(name)
     entries = description.joints.values()
     if entry is None or not (entry.turns or entry.slides):
-        able = [one.name for one in entries if one.turns or one.slides]
+        able = [joint.name for joint in entries if joint.turns or joint.slides]
         raise MissingName("joint for a gear", name, able)
     if entry.slides and not gear.linear:
         able = [word for word, kind in GEARS.items() if kind.linear]
@@ -293,11 +293,11 @@ def _check_gear(name: str, gear: Gearing, description: Description) -> None:
 
 
 def _seated(
-    description: Description, loops: Mapping[str, Loop], given: Mapping[str, Clearance]
+    description: Description, loops: Mapping[str, Loop], stated: Mapping[str, Clearance]
 ) -> tuple[Description, dict[str, Loop], dict[str, Clearance]]:
     """Put a bush and its mount between the two links of each joint in a seat."""
     loops, joints = dict(loops), {}
-    for name, joint in given.items():
+    for name, joint in stated.items():
         parts = parts_of_seat(joint)
         if parts is None:
             joints[name] = joint
@@ -385,10 +385,10 @@ def _check_masses(model: pin.Model, root: ElementTree.Element) -> None:
             masses[body] += float(mass.get("value", "0"))
             links.setdefault(body, []).append(name)
     for body, names in links.items():
-        found = model.inertias[body].mass
-        if not np.isclose(found, masses[body], rtol=_SAME_MASS, atol=0.0):
+        mass_read = model.inertias[body].mass
+        if not np.isclose(mass_read, masses[body], rtol=_SAME_MASS, atol=0.0):
             raise JointplayError(
-                f"Pinocchio reads {found:g} kg where the URDF has {masses[body]:g} kg "
+                f"Pinocchio reads {mass_read:g} kg where the URDF has {masses[body]:g} kg "
                 f"({', '.join(names)}): see their <inertial>"
             )
 
@@ -403,8 +403,8 @@ def _parsed(text: str, path: str) -> pin.Model:
             with caught_stderr(noise):
                 return pin.buildModelFromUrdf(str(file))
         except (ValueError, RuntimeError) as error:
-            said = [*str(error).splitlines(), *noise]
-            reason = next((line.strip() for line in said if line.strip()), "no reason given")
+            lines = [*str(error).splitlines(), *noise]
+            reason = next((line.strip() for line in lines if line.strip()), "no reason given")
             reason = reason.replace(str(file), Path(path).name)
             raise JointplayError(f"Pinocchio cannot read the URDF {path!r}: {reason}") from None
 
@@ -534,14 +534,14 @@ def _assembled(
     carriages(0)
     for old in range(1, source.njoints):
         name = source.names[old]
-        given = design.given_joints.get(name)
+        stated = design.given_joints.get(name)
         parent = moved[source.parents[old]]
         placement = turned[source.parents[old]] * source.jointPlacements[old]
-        axis, slides = _axis(source, data, old, given)
+        axis, slides = _axis(source, data, old, stated)
         turned[old] = pin.SE3.Identity()
-        if given is not None and (given.compound() or not given.ideal):
+        if stated is not None and (stated.compound() or not stated.ideal):
             turn = pin.SE3(z_to(axis), np.zeros(3))
-            freedoms = given.ideal_freedoms if given.ideal else given.freedoms
+            freedoms = stated.ideal_freedoms if stated.ideal else stated.freedoms
             new = _virtual_link(model, parent, placement * turn, name, freedoms, names)
             coordinates += [Coordinate(name, freedom) for freedom in freedoms]
             turned[old] = turn.inverse()
@@ -574,10 +574,10 @@ def _assembled(
 def _check_names(coordinates: Sequence[Coordinate]) -> None:
     """Refuse a joint that is called like a coordinate of another, for results name them so."""
     seen: dict[str, Coordinate] = {}
-    for one in coordinates:
-        other = seen.setdefault(one, one)
-        if other is not one:
-            plain, part = (other, one) if not other.part else (one, other)
+    for coordinate in coordinates:
+        first = seen.setdefault(coordinate, coordinate)
+        if first is not coordinate:
+            plain, part = (first, coordinate) if not first.part else (coordinate, first)
             raise JointplayError(
                 f"the joint {plain.joint!r} has the same name as the coordinate {part.part!r} of "
                 f"the joint {part.joint!r}; give one of them another name"
@@ -585,15 +585,15 @@ def _check_names(coordinates: Sequence[Coordinate]) -> None:
 
 
 def _axis(
-    source: pin.Model, data: pin.Data, index: int, given: Clearance | None
+    source: pin.Model, data: pin.Data, index: int, stated: Clearance | None
 ) -> tuple[np.ndarray, bool]:
     """Axis of a joint in its own frame, and whether it slides along it."""
     name, joint = source.names[index], source.joints[index]
     kind = joint.shortname()
     if (
         kind == _FLOATING
-        and given is not None
-        and {_URDF_FLOATING, _URDF_FIXED} & {*given.replaces}
+        and stated is not None
+        and {_URDF_FLOATING, _URDF_FIXED} & {*stated.replaces}
     ):
         return np.array([0.0, 0.0, 1.0]), False
     if not kind.startswith(_REVOLUTE + _PRISMATIC) or joint.nv != 1:
@@ -605,8 +605,8 @@ def _axis(
         raise JointplayError(
             f"joint {name!r} is of the kind {kind.removeprefix('JointModel')}; {remedy}"
         )
-    (way,), slides = motions(source, data, index), kind.startswith(_PRISMATIC)
-    return (way[:3] if slides else way[3:]), slides
+    (motion,), slides = motions(source, data, index), kind.startswith(_PRISMATIC)
+    return (motion[:3] if slides else motion[3:]), slides
 
 
 def _virtual_link(
@@ -615,27 +615,27 @@ def _virtual_link(
     placement: pin.SE3,
     name: str,
     freedoms: tuple[str, ...],
-    taken: Collection[str],
+    names: Collection[str],
 ) -> int:
-    """Append the joints of a virtual link; the last has the plain `name`, others none `taken`."""
+    """Append the joints of a virtual link; the last has the `name`, others none of `names`."""
     parts: list[Any] = []
-    for group, whole in (
+    for group, complete in (
         (VIRTUAL_LINK[:3], pin.JointModelTranslation),
         (VIRTUAL_LINK[3:], pin.JointModelSphericalZYX),
     ):
         free = [freedom for freedom in group if freedom in freedoms]
-        parts += [whole()] if len(free) == 3 else [_SINGLE[freedom]() for freedom in free]
+        parts += [complete()] if len(free) == 3 else [_SINGLE[freedom]() for freedom in free]
     for position, joint in enumerate(parts):
         last = position == len(parts) - 1
-        called = name if last else _free(taken, f"{name}.{position}")
+        called = name if last else _free(names, f"{name}.{position}")
         parent = model.addJoint(parent, joint, placement, called)
         placement = pin.SE3.Identity()
     return int(parent)
 
 
-def _free(taken: Collection[str], name: str) -> str:
+def _free(names: Collection[str], name: str) -> str:
     """A name for a joint that nobody looks up, which none of the robot has."""
-    while name in taken:
+    while name in names:
         name += "'"
     return name
 
@@ -675,11 +675,11 @@ def seat_of_joint(
         JointplayError: a name is taken.
     """
     root = description.elements()
-    element = next(one for one in root.findall("joint") if one.get("name") == name)
+    element = next(e for e in root.findall("joint") if e.get("name") == name)
     axis = np.array([0.0, 0.0, 1.0])
     if element.get("type") not in NO_AXIS:
-        given = element.find("axis")
-        text = "1 0 0" if given is None else str(given.get("xyz", "1 0 0"))
+        stated = element.find("axis")
+        text = "1 0 0" if stated is None else str(stated.get("xyz", "1 0 0"))
         axis = np.array([float(x) for x in text.split()])
         axis /= np.linalg.norm(axis)
     turn = pin.SE3(z_to(axis), np.zeros(3))

@@ -80,7 +80,7 @@ class Finding(NamedTuple):
         at = "" if self.line is None else f"line {self.line}, "
         head = f"{'note: ' * self.note}{at}{self.where}: {self.fault}"
         return "\n".join([head, *([f"  right: {self.right}"] * bool(self.right)),
-                          *(f"    {one}" for one in self.element.splitlines())])  # fmt: skip
+                          *(f"    {row}" for row in self.element.splitlines())])  # fmt: skip
 
 
 @dataclass
@@ -96,31 +96,31 @@ class Diagnosis:
 
     @property
     def impossible(self) -> list[Finding]:
-        return [one for one in self.findings if not one.note]
+        return [finding for finding in self.findings if not finding.note]
 
     @property
     def mended(self) -> int:
         """Findings of which the right element is known."""
-        return sum(bool(one.element) and not one.doubt for one in self.findings)
+        return sum(bool(finding.element) and not finding.doubt for finding in self.findings)
 
     @property
     def sentence(self) -> str:
         wrong, count = self.impossible, len(self.findings)
         if not count:
             return f"{self.path.name}: nothing impossible was found"
-        places = few(list(dict.fromkeys(one.where for one in wrong)), 4)
-        said = f"{len(wrong)} impossible ({places})" if wrong else "nothing impossible"
+        places = few(list(dict.fromkeys(finding.where for finding in wrong)), 4)
+        summary = f"{len(wrong)} impossible ({places})" if wrong else "nothing impossible"
         notes = f", {count - len(wrong)} doubtful" if count > len(wrong) else ""
         cure = f"; --write fixed.urdf mends {self.mended} of {count}" if self.mended else ""
-        return f"{self.path.name}: {said}{notes}{cure}"
+        return f"{self.path.name}: {summary}{notes}{cure}"
 
     def text(self, path: Path) -> str:
         """The mended URDF as a file at `path`: meshes that are named from the folder stay so."""
-        here, there = self.path.resolve().parent, path.resolve().parent
+        folder, target = self.path.resolve().parent, path.resolve().parent
         for mesh in self.root.iter("mesh"):
             name = mesh.get("filename", "")
-            if here != there and "://" not in name and (here / name).is_file():
-                mesh.set("filename", os.path.relpath(here / name, there))
+            if folder != target and "://" not in name and (folder / name).is_file():
+                mesh.set("filename", os.path.relpath(folder / name, target))
         return '<?xml version="1.0"?>\n' + ElementTree.tostring(self.root, encoding="unicode")
 
 
@@ -141,14 +141,14 @@ def diagnose(place: str | Path, arguments: Mapping[str, Value] | None = None) ->
         root.remove(beyond)
     patient = _Patient(source.path, text, root)
     comments = _without_comments(root)
-    findings = [one for part in patient.parts() for one in part]
-    findings.sort(key=lambda one: (one.note, one.line or 0))
+    findings = [finding for part in patient.parts() for finding in part]
+    findings.sort(key=lambda finding: (finding.note, finding.line or 0))
     refused = ""
     try:
         urdf.parse(ElementTree.tostring(root, encoding="unicode"), source.path)
     except JointplayError as error:
         refused = str(error)
-        if not any(not one.note and not one.element for one in findings):
+        if not any(not finding.note and not finding.element for finding in findings):
             findings.insert(0, Finding(None, "the robot", refused, ""))
     for parent, comment, after in reversed(comments):
         children = list(parent)
@@ -158,14 +158,14 @@ def diagnose(place: str | Path, arguments: Mapping[str, Value] | None = None) ->
 
 def _without_comments(root: Element) -> list[tuple[Element, Element, Element | None]]:
     """Take comments out: of each the element it was in, itself, and what came after it."""
-    found = []
+    comments = []
     for parent in list(root.iter()):
         children: list[Element | None] = [*parent, None]
-        for one, after in pairwise(children):
-            if one is not None and one.tag is ElementTree.Comment:
-                found.append((parent, one, after))
-                parent.remove(one)
-    return found
+        for child, after in pairwise(children):
+            if child is not None and child.tag is ElementTree.Comment:
+                comments.append((parent, child, after))
+                parent.remove(child)
+    return comments
 
 
 @dataclass
@@ -185,8 +185,8 @@ class _Patient:
         self._lines = dict(zip(map(id, self.root.iter()), _lines(self.text), strict=False))
         self._same = self.original.count("\n") == self.text.count("\n")
         self.reach = self._reach()
-        moved = {one.get("link") for j in self.joints if j.get("type") != "fixed"
-                 for one in j.findall("child")}  # fmt: skip
+        moved = {child.get("link") for j in self.joints if j.get("type") != "fixed"
+                 for child in j.findall("child")}  # fmt: skip
         self.moved = moved
         self.solids: dict[Element, _Solid | None] = {}
 
@@ -199,8 +199,8 @@ class _Patient:
         if self._same:
             return self._lines.get(id(element))
         pattern = rf"name\s*=\s*[\"']{re.escape(element.get('name', ''))}[\"']"
-        found = re.search(pattern, self.original)
-        return None if found is None else 1 + self.original.count("\n", 0, found.start())
+        match = re.search(pattern, self.original)
+        return None if match is None else 1 + self.original.count("\n", 0, match.start())
 
     def _reach(self) -> float:
         """Largest distance of a link from the base along joints' origins [m]."""
@@ -215,12 +215,12 @@ class _Patient:
                 above[child.get("link", "")] = parent.get("link", ""), size
         longest = 0.0
         for link in above:
-            way, seen = 0.0, set()
+            distance, seen = 0.0, set()
             while link in above and link not in seen:
                 seen.add(link)
                 link, size = above[link]
-                way += size
-            longest = max(longest, way)
+                distance += size
+            longest = max(longest, distance)
         return longest
 
     # Parts of the robot, each with what is found in it.
@@ -228,14 +228,14 @@ class _Patient:
     def names(self) -> Iterator[Finding]:
         for kind, all_ in (("link", self.links), ("joint", self.joints)):
             seen: dict[str, Element] = {}
-            for one in all_:
-                name = one.get("name", "")
-                first = seen.setdefault(name, one)
-                if first is not one:
+            for element in all_:
+                name = element.get("name", "")
+                first = seen.setdefault(name, element)
+                if first is not element:
                     at = self.line(first)
-                    words = f"there is another, in line {at}" if at else "there is another"
+                    fault = f"there is another, in line {at}" if at else "there is another"
                     right = "rename one of them, and what refers to it"
-                    yield Finding(self.line(one), f"{kind} {name!r}", words, right)
+                    yield Finding(self.line(element), f"{kind} {name!r}", fault, right)
 
     def slips(self) -> Iterator[Finding]:
         for top, why in urdf.slips(self.root):
@@ -251,15 +251,15 @@ class _Patient:
                     limit.set(key, limit.get(key, "0").lstrip("-"))
                 right, text = "positive, as it is a size", _shown(limit)
             elif "<mass>, where nobody" in why and self._mass(top.find("inertial")):
-                for one in top.findall("mass"):
-                    top.remove(one)
-                own = top.findall("inertial/mass")
-                right, text = "leave it out, for it has one", _shown(own[0])
+                for mass in top.findall("mass"):
+                    top.remove(mass)
+                kept_masses = top.findall("inertial/mass")
+                right, text = "leave it out, for it has one", _shown(kept_masses[0])
             yield Finding(self.line(top), where, why.removeprefix(f"{where} has ")
                           .removeprefix(f"{where}: "), right, text)  # fmt: skip
 
     def marks(self) -> Iterator[Finding]:
-        names = [one.get("name", "") for one in self.joints]
+        names = [joint.get("name", "") for joint in self.joints]
         for joint in self.joints:
             where, line, kind = f"joint {joint.get('name')!r}", self.line(joint), joint.get("type")
             mimic, axis, limit = joint.find("mimic"), joint.find("axis"), joint.find("limit")
@@ -273,26 +273,26 @@ class _Patient:
                 )
             if kind in urdf.NO_AXIS:
                 if kind == "floating":
-                    words = "floats: play cannot be in it; --base free lets a base float"
-                    yield Finding(line, where, words, "", note=True)
+                    fault = "floats: play cannot be in it; --base free lets a base float"
+                    yield Finding(line, where, fault, "", note=True)
                 continue
             if axis is not None:
                 try:
-                    way = np.array(numbers(axis, "xyz", where, 3, "1 0 0"))
+                    direction = np.array(numbers(axis, "xyz", where, 3, "1 0 0"))
                 except JointplayError:
                     continue
-                size = float(np.linalg.norm(way))
+                size = float(np.linalg.norm(direction))
                 if size > urdf.SHORTEST_AXIS and abs(size - 1.0) > urdf.UNIT:
-                    axis.set("xyz", written(way / size))
-                    words = f"axis of length {size:.4g}; programs differ on whether it counts"
-                    yield Finding(line, where, words, "a unit vector", _shown(axis), True)
+                    axis.set("xyz", written(direction / size))
+                    fault = f"axis of length {size:.4g}; programs differ on whether it counts"
+                    yield Finding(line, where, fault, "a unit vector", _shown(axis), True)
             none = [key for key in ("effort", "velocity")
                     if limit is not None and limit.get(key) in ("0", "0.0", "0.")]  # fmt: skip
             if none:
-                words = (
+                fault = (
                     f"limit {' and '.join(none)} 0: taken as unknown here, elsewhere it cannot move"
                 )
-                yield Finding(line, where, words, "what its motor has", note=True)
+                yield Finding(line, where, fault, "what its motor has", note=True)
 
     def scales(self) -> Iterator[Finding]:
         """Meshes in other units than metres."""
@@ -309,16 +309,16 @@ class _Patient:
             if factor == 1.0:
                 continue
             for mesh in link.iter("mesh"):
-                old = np.array([float(one) for one in mesh.get("scale", "1 1 1").split()])
+                old = np.array([float(number) for number in mesh.get("scale", "1 1 1").split()])
                 mesh.set("scale", written(factor * np.broadcast_to(old, 3)))
                 shown = _shown(mesh)
             del self.solids[link]
             unit = "millimetres" if factor < 1.0 else "metres, scaled to millimetres"
-            words = (
+            fault = (
                 f"meshes of {readable(size, 'm', 3)} on a robot of {readable(self.reach, 'm', 3)}"
             )
             right = f"they are in {unit}"
-            yield Finding(self.line(link), f"link {link.get('name')!r}", words, right, shown, True)
+            yield Finding(self.line(link), f"link {link.get('name')!r}", fault, right, shown, True)
 
     def inertias(self) -> Iterator[Finding]:
         alone = ElementTree.Element("robot")
@@ -343,14 +343,14 @@ class _Patient:
             if not fault and mass > 0.0:
                 matters, (fault, doubt) = False, self._doubt(link, mass)
             if fault:
-                other = deepcopy(link) if doubt else link
-                right, text = self._right(other, abs(mass) if mass else None)
+                target = deepcopy(link) if doubt else link
+                right, text = self._right(target, abs(mass) if mass else None)
                 where = f"link {name!r}"
                 yield Finding(self.line(link), where, fault, right, text, not matters, doubt)
 
     def _carries(self, name: str) -> bool:
         """Whether a link that moves has mass by what is fixed to it."""
-        by_name = {one.get("name", ""): one for one in self.links}
+        by_name = {e.get("name", ""): e for e in self.links}
         new, seen = [name], {name}
         while new:
             link = by_name.get(new.pop())
@@ -388,8 +388,8 @@ class _Patient:
         if np.any(centre < low - _ASIDE * size) or np.any(centre > high + _ASIDE * size):
             less = centre / 1e3
             inside = np.all(less >= low) and np.all(less <= high)
-            own = np.linalg.norm(np.maximum(np.maximum(low - centre, centre - high), 0.0))
-            return f"centre of mass {readable(float(own), 'm', 3)} outside its shapes" + (
+            outside = np.linalg.norm(np.maximum(np.maximum(low - centre, centre - high), 0.0))
+            return f"centre of mass {readable(float(outside), 'm', 3)} outside its shapes" + (
                 ": written in millimetres?" if inside and np.abs(centre).max() > 1.0 else ""
             ), not inside
         tensor = tensor_of(inertial, f"link {link.get('name')!r}")
@@ -411,8 +411,8 @@ class _Patient:
                 True,
             )
         if mass > _DENSEST * solid.volume:
-            words = f"{mass:g} kg in {1e6 * solid.volume:.3g} cm3 are denser than any matter"
-            return words, True
+            fault = f"{mass:g} kg in {1e6 * solid.volume:.3g} cm3 are denser than any matter"
+            return fault, True
         return "", False
 
     def _right(self, link: Element, mass: float | None) -> tuple[str, str]:
@@ -420,10 +420,10 @@ class _Patient:
         solid, inertial = self.solid(link), link.find("inertial")
         if solid is None:
             return ("", "") if mass is None else self._ball(link, mass)
-        what = (
-            f"that of {solid.words} at {mass:g} kg, spread evenly"
+        text = (
+            f"that of {solid.label} at {mass:g} kg, spread evenly"
             if mass
-            else (f"that of {solid.words} as heavy as water (weigh it)")
+            else (f"that of {solid.label} as heavy as water (weigh it)")
         )
         body = solid.at(mass or WATER * solid.volume)
         place = None if inertial is None else _place(inertial)
@@ -436,7 +436,7 @@ class _Patient:
         ):
             place = pin.SE3(np.eye(3), body.lever)
         tensor = place.rotation.T @ body.inertia @ place.rotation
-        return what, _put(link, body.mass, place, tensor)
+        return text, _put(link, body.mass, place, tensor)
 
     def _ball(self, link: Element, mass: float) -> tuple[str, str]:
         """Of a link without shapes: a ball of water."""
@@ -444,15 +444,15 @@ class _Patient:
         inertial = link.find("inertial")
         place = (None if inertial is None else _place(inertial)) or pin.SE3.Identity()
         tensor = 0.4 * mass * radius**2 * np.eye(3)
-        words = f"it has no shape; that of a ball of water of {mass:g} kg"
-        return words, _put(link, mass, place, tensor)
+        text = f"it has no shape; that of a ball of water of {mass:g} kg"
+        return text, _put(link, mass, place, tensor)
 
     def lost(self) -> Iterator[Finding]:
         for link in self.links:
             self.solid(link)
         if names := list(dict.fromkeys(self.missing)):
-            found = re.search(re.escape(names[0]), self.original)
-            line = None if found is None else 1 + self.original.count("\n", 0, found.start())
+            match = re.search(re.escape(names[0]), self.original)
+            line = None if match is None else 1 + self.original.count("\n", 0, match.start())
             right = "beside the URDF, or in their package above it; .stl, .obj or .dae"
             fault = f"not found or not readable: {few(names, 3)}"
             yield Finding(line, "meshes", fault, right, "", True)
@@ -470,9 +470,9 @@ class _Patient:
         bodies, corners, files = [], [], []
         for shape in link.findall(kind):
             geometry = shape.find("geometry")
-            for one in () if geometry is None else geometry:
+            for element in () if geometry is None else geometry:
                 try:
-                    parts, file = self._parts(one)
+                    parts, file = self._parts(element)
                     place = place_of(shape).homogeneous
                 except (JointplayError, ValueError, TypeError):
                     continue
@@ -484,16 +484,17 @@ class _Patient:
                     corners.append(at)
         if not bodies:
             return None
-        every = np.concatenate(corners)
-        words = (
+        surface = np.concatenate(corners)
+        bounds = np.array([surface.min(axis=0), surface.max(axis=0)])
+        label = (
             f"its {'meshes' if len(files) > 1 else 'mesh'} {few(files, 2)}"
             if files
             else (f"its {kind} shape")
         )
-        whole = bodies[0]
+        total = bodies[0]
         for body in bodies[1:]:
-            whole = whole + body
-        return _Solid(whole, np.array([every.min(axis=0), every.max(axis=0)]), words, bool(files))
+            total = total + body
+        return _Solid(total, bounds, label, bool(files))
 
     def _parts(self, shape: Element) -> tuple[list[tuple[np.ndarray, np.ndarray]], str]:
         if shape.tag == "mesh":
@@ -506,14 +507,14 @@ class _Patient:
             except JointplayError:
                 self.missing.append(name)
                 raise
-            scale = np.array([float(one) for one in shape.get("scale", "1 1 1").split()])
-            return [(one.points * scale, one.triangles) for one in parts], path.name
+            scale = np.array([float(number) for number in shape.get("scale", "1 1 1").split()])
+            return [(part.points * scale, part.triangles) for part in parts], path.name
         sizes = [float(x) for key in urdf.SHAPES.get(shape.tag, ()) for x in
                  shape.get(key, "").split()]  # fmt: skip
         if shape.tag == "sphere":
             sizes.append(0.0)
-        made = surface_of(("capsule" if shape.tag == "sphere" else shape.tag, tuple(sizes)))
-        return [(made.points, made.triangles)], ""
+        surface = surface_of(("capsule" if shape.tag == "sphere" else shape.tag, tuple(sizes)))
+        return [(surface.points, surface.triangles)], ""
 
 
 @dataclass(frozen=True)
@@ -523,7 +524,7 @@ class _Solid:
     body: pin.Inertia
     bounds: np.ndarray
     """Least and largest corner (2, 3) [m]."""
-    words: str
+    label: str
     of_mesh: bool
 
     @property
@@ -545,10 +546,10 @@ def _evenly(points: np.ndarray, triangles: np.ndarray) -> pin.Inertia:
             mesh = mesh.convex_hull
         if mesh.volume < 0.0:  # mirrored
             mesh.invert()
-        made = pin.Inertia(float(mesh.volume), mesh.center_mass, mesh.moment_inertia)
+        body = pin.Inertia(float(mesh.volume), mesh.center_mass, mesh.moment_inertia)
     except Exception:  # noqa: BLE001 - Qhull and trimesh raise whatever they like of flat ones
         return pin.Inertia.Zero()
-    return made if made.mass > 0.0 and np.isfinite(made.inertia).all() else pin.Inertia.Zero()
+    return body if body.mass > 0.0 and np.isfinite(body.inertia).all() else pin.Inertia.Zero()
 
 
 def _place(inertial: Element) -> pin.SE3 | None:
@@ -570,21 +571,21 @@ def _unit(ratio: float) -> str:
 def _put(link: Element, mass: float, place: pin.SE3, tensor: np.ndarray) -> str:
     """Give a link this inertial, in place of its own; its text."""
     old = link.find("inertial")
-    made = ElementTree.SubElement(link, "inertial") if old is None else old
+    inertial = ElementTree.SubElement(link, "inertial") if old is None else old
     if old is None:
-        link.remove(made)
-        link.insert(0, made)
-        made.tail = link.text
-    text, tail = made.text, made.tail
-    made.clear()
-    made.text, made.tail = text, tail
+        link.remove(inertial)
+        link.insert(0, inertial)
+        inertial.tail = link.text
+    text, tail = inertial.text, inertial.tail
+    inertial.clear()
+    inertial.text, inertial.tail = text, tail
     if not place.isIdentity(0.0):
-        made.append(origin_of(place))
+        inertial.append(origin_of(place))
     low = float(np.linalg.eigvalsh(tensor)[0])
     tensor = tensor * max(1.0, _LEAST / low)
-    put(made, "mass", value=f"{mass:.9g}")
-    put(made, "inertia", **{key: float(f"{x:.6g}") for key, x in moments(tensor).items()})
-    return _shown(made)
+    put(inertial, "mass", value=f"{mass:.9g}")
+    put(inertial, "inertia", **{key: float(f"{x:.6g}") for key, x in moments(tensor).items()})
+    return _shown(inertial)
 
 
 def _shown(element: Element) -> str:
@@ -596,13 +597,13 @@ def _shown(element: Element) -> str:
 
 def _lines(text: str) -> list[int]:
     """In which line each element begins, comments within the first among them, in their order."""
-    found: list[int] = []
+    lines: list[int] = []
     parser = expat.ParserCreate()
 
     def begin(*_: Any) -> None:
-        found.append(parser.CurrentLineNumber)
+        lines.append(parser.CurrentLineNumber)
 
     parser.StartElementHandler = begin
-    parser.CommentHandler = lambda _: begin() if found else None
+    parser.CommentHandler = lambda _: begin() if lines else None
     parser.Parse(text, True)
-    return found
+    return lines

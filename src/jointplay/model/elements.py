@@ -62,8 +62,8 @@ def put_fixed(root: Element, name: str, parent: str, child: str, place: pin.SE3)
 
 def set_end(joint: Element, end: str, link: str) -> None:
     """Let an end of a joint be another link."""
-    for one in joint.findall(end):
-        one.set("link", link)
+    for element in joint.findall(end):
+        element.set("link", link)
 
 
 def place_of(element: Element) -> pin.SE3:

@@ -57,9 +57,11 @@ def with_fixed(description: Description, joints: Collection[str]) -> Description
     if not places:
         return description
     while followers := [
-        (one.name, mimic)
-        for one in description.joints.values()
-        if one.name not in places and (mimic := one.mimic) is not None and mimic.leader in places
+        (entry.name, mimic)
+        for entry in description.joints.values()
+        if entry.name not in places
+        and (mimic := entry.mimic) is not None
+        and mimic.leader in places
     ]:
         for name, mimic in followers:
             places[name] = mimic.multiplier * places[mimic.leader] + mimic.offset
@@ -71,10 +73,10 @@ def with_fixed(description: Description, joints: Collection[str]) -> Description
         place, position = place_of(joint), places[name]
         if position:
             axis = np.array(numbers(joint.find("axis"), "xyz", "axis", 3, "1 0 0"))
-            way, still = position * axis / np.linalg.norm(axis), np.zeros(3)
+            move, still = position * axis / np.linalg.norm(axis), np.zeros(3)
             turns = description.joints[name].turns
-            place = place * (pin.SE3(pin.exp3(way), still) if turns else pin.SE3(np.eye(3), way))
-        for element in [one for one in joint if one.tag not in _OF_FIXED]:
+            place = place * (pin.SE3(pin.exp3(move), still) if turns else pin.SE3(np.eye(3), move))
+        for element in [child for child in joint if child.tag not in _OF_FIXED]:
             joint.remove(element)
         joint.insert(0, origin_of(place))
         joint.set("type", "fixed")

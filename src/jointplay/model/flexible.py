@@ -47,7 +47,7 @@ class Cut(NamedTuple):
     loops: dict[str, Loop]
     hinges: dict[str, Clearance]
     """By name."""
-    words: dict[str, str]
+    summaries: dict[str, str]
     """What was made of each link, in a line."""
 
 
@@ -60,23 +60,23 @@ def cut_links(
         JointplayError: no such link, no end for a beam, or a name that is taken.
     """
     cut = Cut(description, dict(loops), {}, {})
-    for name, one in flexible.items():
+    for name, link in flexible.items():
         with within("flexible", name):
-            if not isinstance(one, FlexibleLink):
-                raise JointplayError(f"link {name!r} needs a FlexibleLink, got {one!r}")
+            if not isinstance(link, FlexibleLink):
+                raise JointplayError(f"link {name!r} needs a FlexibleLink, got {link!r}")
             require_known("link", name, description.links)
-            cut = _cut(cut, name, one)
+            cut = _cut(cut, name, link)
     return cut
 
 
 def hinges_of(description: Description, joints: Iterable[str]) -> dict[str, list[str]]:
     """Those of `joints` that are hinges, by flexible link."""
-    found: dict[str, list[str]] = {}
+    hinges: dict[str, list[str]] = {}
     for name in joints:
         link, _, number = name.rpartition(HINGE)
         if number.isdigit() and f"{link}{TIP}" in description.links:
-            found.setdefault(link, []).append(name)
-    return found
+            hinges.setdefault(link, []).append(name)
+    return hinges
 
 
 def end_of_tool(tool: str, flexible: Mapping[str, FlexibleLink]) -> str:
@@ -86,8 +86,8 @@ def end_of_tool(tool: str, flexible: Mapping[str, FlexibleLink]) -> str:
 
 def _cut(cut: Cut, name: str, flexible: FlexibleLink) -> Cut:
     root = cut.description.elements()
-    link = next(one for one in root.findall("link") if one.get("name") == name)
-    held = [one for one in root.findall("joint") if _link_of(one, "parent") == name]
+    link = next(element for element in root.findall("link") if element.get("name") == name)
+    held = [joint for joint in root.findall("joint") if _link_of(joint, "parent") == name]
     last, end = _end(name, flexible, held)
     start = np.array(flexible.start)
     length = float(np.linalg.norm(end - start))
@@ -107,12 +107,12 @@ def _cut(cut: Cut, name: str, flexible: FlexibleLink) -> Cut:
         return int(np.count_nonzero(places < along @ (point - start)))
 
     bounds = np.array([0.0, *places, length])
-    inertias, kept = _inertias(link, flexible, frames, bounds, axes, start)
+    inertias, masses = _inertias(link, flexible, frames, bounds, axes, start)
     colour = link.find("visual/material")
     for tag in ("visual", "collision", "inertial"):
-        for one in link.findall(tag):
-            link.remove(one)
-    elements = [link, *(put(root, "link", name=one) for one in pieces[1:])]
+        for element in link.findall(tag):
+            link.remove(element)
+    elements = [link, *(put(root, "link", name=piece) for piece in pieces[1:])]
     for k, element in enumerate(elements):
         put_inertial(element, inertias[k])
         middle = pin.SE3(axes, start + 0.5 * (bounds[k] + bounds[k + 1]) * along)
@@ -125,8 +125,8 @@ def _cut(cut: Cut, name: str, flexible: FlexibleLink) -> Cut:
     for k, hinge in enumerate(hinges):
         put_fixed(root, hinge, pieces[k], pieces[k + 1], frames[k].actInv(frames[k + 1]))
     put(root, "link", name=f"{name}{TIP}")
-    there = frames[-1].actInv(pin.SE3(np.eye(3), end))
-    put_fixed(root, f"{name}{TIP}", pieces[-1], f"{name}{TIP}", there)
+    end_frame = frames[-1].actInv(pin.SE3(np.eye(3), end))
+    put_fixed(root, f"{name}{TIP}", pieces[-1], f"{name}{TIP}", end_frame)
     for joint in held:
         place = place_of(joint)
         k = flexible.segments if joint is last else piece_at(place.translation)
@@ -142,7 +142,7 @@ def _cut(cut: Cut, name: str, flexible: FlexibleLink) -> Cut:
         read_again(cut.description, root, "flexible link", *names),
         loops,
         {**cut.hinges, **dict.fromkeys(hinges, _hinge(flexible, stretch, length))},
-        {**cut.words, name: _words(flexible, length, kept)},
+        {**cut.summaries, name: _summary(flexible, length, masses)},
     )
 
 
@@ -152,14 +152,14 @@ def _end(
     """Joint at which the beam ends, if it does at one, and the point."""
     if flexible.tip is not None:
         return None, np.array(flexible.tip)
-    by_name = {one.get("name", ""): one for one in held}
+    by_name = {joint.get("name", ""): joint for joint in held}
     if flexible.to is not None:
         if flexible.to not in by_name:
             noun = f"joint that link {name!r} carries"
             raise MissingName(noun, flexible.to, by_name, where=("to",))
         last = by_name[flexible.to]
         return last, place_of(last).translation
-    moving = [one for one in held if one.get("type") != "fixed"] or held
+    moving = [joint for joint in held if joint.get("type") != "fixed"] or held
     if len(moving) != 1:
         if not moving:
             raise JointplayError(
@@ -174,12 +174,12 @@ def _end(
 
 def _axes(along: np.ndarray, flexible: FlexibleLink) -> np.ndarray:
     """Axes of the section: x along its width, y along its height, z along the beam."""
-    given = flexible.height_along
-    if given is None:
-        given = (0.0, 1.0, 0.0) if abs(along[2]) > 0.9 else (0.0, 0.0, 1.0)
-    height = np.array(given) - along * (along @ np.array(given))
+    direction = flexible.height_along
+    if direction is None:
+        direction = (0.0, 1.0, 0.0) if abs(along[2]) > 0.9 else (0.0, 0.0, 1.0)
+    height = np.array(direction) - along * (along @ np.array(direction))
     size = float(np.linalg.norm(height))
-    if size < 1e-6 * float(np.linalg.norm(given)):
+    if size < 1e-6 * float(np.linalg.norm(direction)):
         raise JointplayError("height_along lies along the beam", where=("height_along",))
     height /= size
     return np.column_stack([np.cross(height, along), height, along])
@@ -194,22 +194,22 @@ def _inertias(
     start: np.ndarray,
 ) -> tuple[list[pin.Inertia], tuple[float, float]]:
     """Inertia of each piece in its frame; and mass of the URDF's link, and what is kept of it."""
-    beam, found = flexible.beam, []
+    beam, inertias = flexible.beam, []
     for frame, low, high in zip(frames, bounds[:-1], bounds[1:], strict=True):
         size = high - low
         across = beam.mass * size**3 / 12.0
-        x, y = (size * one for one in beam.turning)
-        own = pin.Inertia(beam.mass * size, np.zeros(3), np.diag([x + across, y + across, x + y]))
+        x, y = (size * density for density in beam.turning)
+        piece = pin.Inertia(beam.mass * size, np.zeros(3), np.diag([x + across, y + across, x + y]))
         middle = pin.SE3(axes, start + 0.5 * (low + high) * axes[:, 2])
-        found.append(frame.actInv(middle).act(own))
-    given = _given_inertia(link)
-    rest = 0.0 if given is None else given.mass - beam.mass * bounds[-1]
-    if given is None or rest <= 0.0:
-        return found, (0.0 if given is None else given.mass, 0.0)
-    kept = pin.Inertia(rest, given.lever, given.inertia * (rest / given.mass))
-    k = int(np.count_nonzero(bounds[1:-1] < axes[:, 2] @ (given.lever - start)))
-    found[k] = found[k] + frames[k].actInv(kept)
-    return found, (given.mass, rest)
+        inertias.append(frame.actInv(middle).act(piece))
+    stated = _given_inertia(link)
+    remainder = 0.0 if stated is None else stated.mass - beam.mass * bounds[-1]
+    if stated is None or remainder <= 0.0:
+        return inertias, (0.0 if stated is None else stated.mass, 0.0)
+    rigid = pin.Inertia(remainder, stated.lever, stated.inertia * (remainder / stated.mass))
+    k = int(np.count_nonzero(bounds[1:-1] < axes[:, 2] @ (stated.lever - start)))
+    inertias[k] = inertias[k] + frames[k].actInv(rigid)
+    return inertias, (stated.mass, remainder)
 
 
 def _given_inertia(link: Element) -> pin.Inertia | None:
@@ -223,8 +223,8 @@ def _given_inertia(link: Element) -> pin.Inertia | None:
         float(tensor.get(f"i{axes}", "0")) for axes in ("xx", "xy", "xz", "yy", "yz", "zz")
     )
     about = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    own = pin.Inertia(float(mass.get("value", "0")), np.zeros(3), about)
-    return place_of(inertial).act(own)
+    inertia = pin.Inertia(float(mass.get("value", "0")), np.zeros(3), about)
+    return place_of(inertial).act(inertia)
 
 
 def _shape(tag: str, flexible: FlexibleLink, place: pin.SE3, length: float) -> Element:
@@ -236,8 +236,8 @@ def _shape(tag: str, flexible: FlexibleLink, place: pin.SE3, length: float) -> E
         radius = math.sqrt(2.0) * (flexible.gyration_radius or 0.0)
         form, width, height = "rod", 2.0 * radius, 2.0 * radius
     else:
-        own = section(flexible.section)
-        form, (width, height) = own.form, own.size
+        profile = section(flexible.section)
+        form, (width, height) = profile.form, profile.size
     if form in ("tube", "rod"):
         put(geometry, "cylinder", radius=0.5 * width, length=length)
     else:
@@ -248,7 +248,7 @@ def _shape(tag: str, flexible: FlexibleLink, place: pin.SE3, length: float) -> E
 def _hinge(flexible: FlexibleLink, stretch: float, length: float) -> Clearance:
     """What stands for the stiffness of one stretch of the beam."""
     beam = flexible.beam
-    across = beam.shear or tuple(12.0 * one / stretch**2 for one in beam.bending)
+    across = beam.shear or tuple(12.0 * x / stretch**2 for x in beam.bending)
     stiffness = np.array([*across, beam.axial, *beam.bending, beam.torsion]) / stretch
     locked = ("z",) if flexible.shear else ("x", "y", "z")
     locked = locked if flexible.torsion else (*locked, "yaw")
@@ -268,31 +268,31 @@ def _moved(
             continue
         place = getattr(loop, side)
         k = piece_at(place.translation)
-        there = frames[k].actInv(place)
-        rpy = tuple(map(float, pin.rpy.matrixToRpy(there.rotation)))
-        xyz = tuple(map(float, there.translation))
+        moved = frames[k].actInv(place)
+        rpy = tuple(map(float, pin.rpy.matrixToRpy(moved.rotation)))
+        xyz = tuple(map(float, moved.translation))
         changes = {f"{side}_link": pieces[k], f"{side}_xyz": xyz, f"{side}_rpy": rpy}
         loop = replace(loop, **changes)  # type: ignore[arg-type]
     return loop
 
 
-def _words(flexible: FlexibleLink, length: float, kept: tuple[float, float]) -> str:
-    beam, (given, rest) = flexible.beam, kept
-    what = flexible.section or "given stiffness"
+def _summary(flexible: FlexibleLink, length: float, masses: tuple[float, float]) -> str:
+    beam, (stated, remainder) = flexible.beam, masses
+    label = flexible.section or "given stiffness"
     if flexible.material is not None:
-        what += f", {flexible.material.name or 'given material'}"
+        label += f", {flexible.material.name or 'given material'}"
     mass = f"beam {beam.mass * length:.3g} kg"
-    if rest > 0.0:
-        mass += f" of the URDF's {given:.3g} kg, the rest rigid at its centre of mass"
-    elif given > 0.0:
-        mass += f" instead of the URDF's {given:.3g} kg"
-    ways = ["bending", *(["torsion"] if flexible.torsion else [])]
-    ways += ["shear"] if flexible.shear else []
-    first = ", ".join(f"{one:.4g}" for one in beam.frequencies(length))
+    if remainder > 0.0:
+        mass += f" of the URDF's {stated:.3g} kg, the rest rigid at its centre of mass"
+    elif stated > 0.0:
+        mass += f" instead of the URDF's {stated:.3g} kg"
+    motions = ["bending", *(["torsion"] if flexible.torsion else [])]
+    motions += ["shear"] if flexible.shear else []
+    first = ", ".join(f"{frequency:.4g}" for frequency in beam.frequencies(length))
     parts = [
-        f"flexible, {what}, {readable(length, 'm')} long, {counted(flexible.segments, 'segment')}",
+        f"flexible, {label}, {readable(length, 'm')} long, {counted(flexible.segments, 'segment')}",
         mass,
-        f"{few(ways)}, rigid otherwise",
+        f"{few(motions)}, rigid otherwise",
         f"alone, clamped and free, {first} Hz in theory",
         f"damping ratio {flexible.damping_ratio:g} at the first of them",
     ]
@@ -308,4 +308,4 @@ def _link_of(joint: Element, end: str) -> str:
 
 
 def _numbers(point: np.ndarray) -> str:
-    return ", ".join(f"{one:g}" for one in point)
+    return ", ".join(f"{number:g}" for number in point)

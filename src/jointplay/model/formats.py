@@ -69,7 +69,9 @@ def urdf_text(source: Source, arguments: Mapping[str, xacro.Value]) -> str:
     tag = _root_tag(text)
     if tag not in FORMATS:  # many have <sensor:camera> for Gazebo, and do not declare the prefix
         prefixes = dict.fromkeys(_PREFIX.findall(xacro.without_comments(text)))
-        declared = [f' xmlns:{one}="{one}"' for one in prefixes if f"xmlns:{one}" not in text]
+        declared = [
+            f' xmlns:{prefix}="{prefix}"' for prefix in prefixes if f"xmlns:{prefix}" not in text
+        ]
         return re.sub(r"<robot\b", lambda match: match[0] + "".join(declared), text, count=1)
     module, name = FORMATS[tag]
     converted: Callable[[str, Path], str] = getattr(

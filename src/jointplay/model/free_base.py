@@ -69,7 +69,7 @@ def angles_of(turns: np.ndarray, before: np.ndarray | None = None) -> np.ndarray
     that goes on from the last is taken, the first from `before` (3,); without it the pitch begins
     below a right angle.
     """
-    found = np.stack(
+    angles = np.stack(
         [
             np.arctan2(turns[:, 1, 0], turns[:, 0, 0]),
             np.arctan2(-turns[:, 2, 0], np.hypot(turns[:, 2, 1], turns[:, 2, 2])),
@@ -77,18 +77,18 @@ def angles_of(turns: np.ndarray, before: np.ndarray | None = None) -> np.ndarray
         ],
         axis=1,
     )
-    first = found[:1] if before is None else before[None]
-    path = np.concatenate([first, found])
-    other = np.stack([path[:, 0] + math.pi, math.pi - path[:, 1], path[:, 2] + math.pi], axis=1)
+    first = angles[:1] if before is None else before[None]
+    path = np.concatenate([first, angles])
+    flipped = np.stack([path[:, 0] + math.pi, math.pi - path[:, 1], path[:, 2] + math.pi], axis=1)
 
     def jumps(last: np.ndarray) -> np.ndarray:
         """Largest difference of the triples from those before them, whole turns aside."""
         between = (path[1:] - last + math.pi) % (2.0 * math.pi) - math.pi
         return np.asarray(np.abs(between).max(axis=1))
 
-    same, crossed = jumps(path[:-1]), jumps(other[:-1])
+    same, crossed = jumps(path[:-1]), jumps(flipped[:-1])
     through = np.cumsum(crossed < same) % 2 == 1  # from one triple to the other, and back
-    path[1:][through] = other[1:][through]
+    path[1:][through] = flipped[1:][through]
     # Whole turns by their number: rounding must not depend on how many rotations are asked for.
     number = np.cumsum(np.rint(-np.diff(path, axis=0) / (2.0 * math.pi)), axis=0)
     gone: np.ndarray = path[1:] + 2.0 * math.pi * number

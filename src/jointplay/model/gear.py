@@ -206,7 +206,7 @@ class Gearing(Described, ABC):
         curve, depth = self.curve(), abs(twist) - self.play / 2.0
         energy = torque = slope = 0.0
         if depth > 0.0:
-            energy, torque = (float(one(np.array(depth))) for one in (curve.energy, curve.torque))
+            energy, torque = (float(f(np.array(depth))) for f in (curve.energy, curve.torque))
             slope = curve.slope(depth)
         grip, bend = self.bristles
         if grip > 0.0:
@@ -363,13 +363,13 @@ def _check_efficiency(efficiency: float, driven: float | None, where: tuple[Any,
             f"efficiency must be above 0 and at most 1, got {efficiency:g}", (*where, "efficiency")
         )
     if driven is not None and not 0.0 <= driven <= 1.0:
-        words = f"back driving efficiency must be from 0 to 1, got {driven:g}"
-        raise JointplayError(words, (*where, "back_driving_efficiency"))
+        text = f"back driving efficiency must be from 0 to 1, got {driven:g}"
+        raise JointplayError(text, (*where, "back_driving_efficiency"))
 
 
-def _back_driving(efficiency: float, given: float | None) -> float:
+def _back_driving(efficiency: float, stated: float | None) -> float:
     """Efficiency where the joint drives; the same friction both ways, if it is not given."""
-    return max(2.0 - 1.0 / efficiency, 0.0) if given is None else given
+    return max(2.0 - 1.0 / efficiency, 0.0) if stated is None else stated
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -417,13 +417,13 @@ class _Catalogued(_Lossy):
         return replace(self, play=play, stated_lost_motion=lost)
 
     def __post_init__(self) -> None:
-        given = {} if self.catalogue is None else _entry(self.kind, self.catalogue)
-        for name, item in given.items():
+        entry = {} if self.catalogue is None else _entry(self.kind, self.catalogue)
+        for name, item in entry.items():
             if getattr(self, name) is None:
                 object.__setattr__(self, name, item["value"])
         missing = [name for name in self.needs if getattr(self, name) is None]
         if missing:
-            has = f"; the catalogue's {self.catalogue} has {', '.join(given)}" if given else ""
+            has = f"; the catalogue's {self.catalogue} has {', '.join(entry)}" if entry else ""
             raise JointplayError(f"a {self.kind} gear needs {', '.join(missing)}{has}")
         for name in ("play", "hysteresis"):
             if getattr(self, name) is None:
@@ -629,8 +629,8 @@ class CycloidalGear(_Catalogued):
                 ("error_orders",),
             )
         if len(orders) > GEAR_ORDERS:
-            words = f"a kinematic error has at most {GEAR_ORDERS} orders, got {len(orders)}"
-            raise JointplayError(words, ("error_orders",))
+            text = f"a kinematic error has at most {GEAR_ORDERS} orders, got {len(orders)}"
+            raise JointplayError(text, ("error_orders",))
 
     def _pieces(self) -> list[tuple[float, float]]:
         return [(self.stiffness, math.inf)]
@@ -711,7 +711,7 @@ class GearTrain(_Lossy):
 
     def with_play(self, play: float) -> Self:
         part = play / self.play if self.play else 1.0
-        stages = (replace(one, backlash=part * one.backlash) for one in self.stages)
+        stages = (replace(stage, backlash=part * stage.backlash) for stage in self.stages)
         return replace(self, stages=tuple(stages))
 
     def curve(self) -> Curve:
@@ -751,5 +751,5 @@ def _entry(kind: str, name: str) -> dict[str, dict[str, Any]]:
 
 def _fraction(kind: str) -> float:
     """Part of the rated torque at which a kind's catalogues measure lost motion."""
-    said = shipped_table(__file__, "gears")["lost_motion"]
-    return float(said.get(kind, said["cycloidal"])["fraction"])
+    table = shipped_table(__file__, "gears")["lost_motion"]
+    return float(table.get(kind, table["cycloidal"])["fraction"])

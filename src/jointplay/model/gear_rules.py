@@ -119,63 +119,64 @@ def rated_efforts(description: Description, source: pin.Model, tool: str) -> Eff
     at = np.array(list(rows.values()), int)
     poses = _poses(description, source, rows)
     weight = np.abs([_gravity(source, q) for q in poses])[:, at].max(axis=0, initial=0.0)
-    given = np.array([entries[name].effort or 0.0 for name in rows])
+    stated = np.array([entries[name].effort or 0.0 for name in rows])
     pressed = weight > ROUNDING * weight.max(initial=0.0)
-    if given.all() and len(given):
-        ratio = min(given[pressed] / (ENOUGH * weight[pressed]), default=1.0)
+    if stated.all() and len(stated):
+        ratio = min(stated[pressed] / (ENOUGH * weight[pressed]), default=1.0)
         if ratio > PLAUSIBLE:
-            scaled = dict(zip(rows, (given * PLACEHOLDER / ratio).tolist(), strict=True))
-            words = f"its file's efforts, {ratio:.3g} times what its weight asks for, scaled"
-            return Efforts(scaled, words, True)
+            scaled = dict(zip(rows, (stated * PLACEHOLDER / ratio).tolist(), strict=True))
+            text = f"its file's efforts, {ratio:.3g} times what its weight asks for, scaled"
+            return Efforts(scaled, text, True)
         if ratio >= LEAST:
-            return Efforts(dict(zip(rows, given.tolist(), strict=True)), "its file's efforts", True)
+            by_joint = dict(zip(rows, stated.tolist(), strict=True))
+            return Efforts(by_joint, "its file's efforts", True)
     carried = PAYLOAD * pin.computeTotalMass(source)
     loaded = source.copy()
     frame = loaded.frames[loaded.getFrameId(tool)] if loaded.existFrame(tool) else None
     if frame is not None and frame.parentJoint:
         body = pin.Inertia(carried, np.zeros(3), np.zeros((3, 3)))
         loaded.inertias[frame.parentJoint] += frame.placement.act(body)
-    own = UNSTATED * np.abs([_gravity(loaded, q) for q in poses])[:, at].max(axis=0, initial=0.0)
+    heavier = np.abs([_gravity(loaded, q) for q in poses])[:, at].max(axis=0, initial=0.0)
     reach = _reach(source, poses, frame)
     turning = np.array([not entries[name].slides for name in rows])
     held = UNSTATED * carried * -STANDARD_GRAVITY[2]
     least = np.where(turning, np.maximum(held * SHORTEST_ARM * reach, SMALLEST), held)
-    efforts = dict(zip(rows, np.maximum(own, least).tolist(), strict=True))
+    efforts = dict(zip(rows, np.maximum(UNSTATED * heavier, least).tolist(), strict=True))
     for name, index in reversed(joints.items()):  # those farther out come later
         for above in source.supports[index].tolist()[1:-1]:
             inner = source.names[above]
             if inner in efforts and entries[inner].slides == entries[name].slides:
                 efforts[inner] = max(efforts[inner], efforts[name])
-    words = "its weight and a payload of a tenth of it, as its file has no efforts of drives"
-    return Efforts(efforts, words, False)
+    text = "its weight and a payload of a tenth of it, as its file has no efforts of drives"
+    return Efforts(efforts, text, False)
 
 
 def completed(
     gears: Mapping[str, Gearing], description: Description, source: pin.Model, tool: str
 ) -> tuple[dict[str, Gearing], dict[tuple[str, str], Rule]]:
     """Gears with what nobody gave of them by the rules; and what that is, by joint and field."""
-    found: dict[str, Gearing] = {}
+    complete: dict[str, Gearing] = {}
     rules: dict[tuple[str, str], Rule] = {}
     efforts: Efforts | None = None
     for name, gear in gears.items():
         missing = gear.missing
         if missing and name in description.joints:
             efforts = efforts or rated_efforts(description, source, tool)
-            own = _numbers(name, gear, description, efforts)
-            rules |= {(name, field): own[field] for field in missing}
-            changes: dict[str, Any] = {field: own[field].value for field in missing}
+            ruled = _numbers(name, gear, description, efforts)
+            rules |= {(name, field): ruled[field] for field in missing}
+            changes: dict[str, Any] = {field: ruled[field].value for field in missing}
             gear = replace(gear, **changes)  # type: ignore[type-var]
-        found[name] = gear
-    return found, rules
+        complete[name] = gear
+    return complete, rules
 
 
 def with_rotors(gears: Mapping[str, Gearing], armature: Mapping[str, float]) -> dict[str, Gearing]:
     """Gears with the rotors that the robot's file has, as its joints' armature, if not given."""
-    found = dict(gears)
+    complete = dict(gears)
     for name, gear in gears.items():
         if isinstance(gear, Gearing) and "rotor_inertia" in gear.missing and name in armature:
-            found[name] = replace(gear, rotor_inertia=armature[name])  # type: ignore[type-var, call-arg]
-    return found
+            complete[name] = replace(gear, rotor_inertia=armature[name])  # type: ignore[type-var, call-arg]
+    return complete
 
 
 def stiffness_rule(name: str, entry: JointEntry, efforts: Efforts) -> Rule:
@@ -227,15 +228,15 @@ def _poses(
     """Configurations spread over the limits of all joints, the same for the same robot."""
     poses = []
     for part in np.random.default_rng(0).random((POSES, len(rows))):
-        way = np.zeros(source.nv)
+        displacement = np.zeros(source.nv)
         for (name, row), share in zip(rows.items(), part, strict=True):
             entry = description.joints[name]
             low = -_WIDEST if entry.lower is None else max(entry.lower, -_WIDEST)
             high = _WIDEST if entry.upper is None else min(entry.upper, _WIDEST)
             if entry.slides and (entry.lower is None or entry.upper is None):
                 low = high = 0.0
-            way[row] = low + share * (high - low)
-        poses.append(pin.integrate(source, pin.neutral(source), way))
+            displacement[row] = low + share * (high - low)
+        poses.append(pin.integrate(source, pin.neutral(source), displacement))
     return poses
 
 

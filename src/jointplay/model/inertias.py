@@ -48,7 +48,7 @@ def impossible_inertias(
         and _fault(first, *_united(root, places))
     }
     return {
-        name: fault for name, fault in faults.items() if any(name in bodies[one] for one in wrong)
+        name: fault for name, fault in faults.items() if any(name in bodies[body] for body in wrong)
     }
 
 
@@ -57,8 +57,8 @@ def require_possible(faults: Mapping[str, str], allowed: Collection[str]) -> Non
     wrong = [] if ALL in allowed else [name for name in faults if name not in allowed]
     if wrong:
         flag = f"--allow-unphysical {ALL}"
-        rest = f" (impossible too: {', '.join(wrong[1:])}; all: {flag})" if wrong[1:] else ""
-        raise JointplayError(faults[wrong[0]] + rest)
+        others = f" (impossible too: {', '.join(wrong[1:])}; all: {flag})" if wrong[1:] else ""
+        raise JointplayError(faults[wrong[0]] + others)
 
 
 def harmless_inertias(root: ElementTree.Element) -> str:
@@ -105,11 +105,11 @@ def _inertias(root: ElementTree.Element) -> dict[str, tuple[float, np.ndarray]]:
         for key, same in MIRRORED.items():
             if element is not None and key in element.attrib:
                 (value,) = numbers(element, key, f"{owner}: inertia {key}", 1)
-                (other,) = numbers(element, same, f"{owner}: inertia {same}", 1)
-                if value != other:
+                (mirrored,) = numbers(element, same, f"{owner}: inertia {same}", 1)
+                if value != mirrored:
                     raise JointplayError(
-                        f"{owner}: inertia has {same} {other:g} and {key} {value:g}, which must be "
-                        f"equal; leave out {key}"
+                        f"{owner}: inertia has {same} {mirrored:g} and {key} {value:g}, which must "
+                        f"be equal; leave out {key}"
                     )
         inertias[name] = mass, tensor_of(inertial, owner)
     return inertias
@@ -183,10 +183,10 @@ def _united(root: ElementTree.Element, places: dict[str, pin.SE3]) -> tuple[floa
         if name in places and inertial is not None:
             place, (mass, tensor) = places[name] * place_of(inertial), inertias[name]
             parts.append((mass, place.translation, place.rotation @ tensor @ place.rotation.T))
-    whole = sum(mass for mass, _, _ in parts)
-    centre = sum(mass * place for mass, place, _ in parts) / (whole or 1.0)
+    total = sum(mass for mass, _, _ in parts)
+    centre = sum(mass * place for mass, place, _ in parts) / (total or 1.0)
     away = [place - centre for _, place, _ in parts]
-    return whole, sum(
+    return total, sum(
         tensor + mass * (d @ d * np.eye(3) - np.outer(d, d))
         for (mass, _, tensor), d in zip(parts, away, strict=True)
     )

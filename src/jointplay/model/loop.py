@@ -103,11 +103,11 @@ class Loop(Described):
     def frames(self, model: pin.Model) -> Frames:
         """Bearing and journal in a model that has both links."""
         links = (self.bearing_link, self.bearing), (self.journal_link, self.journal)
-        found = []
+        ends = []
         for link, place in links:
             frame = model.frames[model.getFrameId(link, pin.FrameType.BODY)]
-            found.append((int(frame.parentJoint), frame.placement * place))
-        return found[0], found[1]
+            ends.append((int(frame.parentJoint), frame.placement * place))
+        return ends[0], ends[1]
 
 
 class Closure(NamedTuple):
@@ -140,7 +140,8 @@ def closures(mechanism: Mechanism, loops: Collection[str] | None = None) -> list
     names = mechanism.loops if loops is None else loops
     kinds = {name: mechanism.loop_class(name).held() for name in names}
     held = [Closure(name, mechanism.frames(name), rows) for name, rows in kinds.items()]
-    return held + [Closure(locked(name), one, [*range(6)]) for name, one in mechanism.locks.items()]
+    rigid = [*range(6)]
+    return held + [Closure(locked(n), pair, rigid) for n, pair in mechanism.locks.items()]
 
 
 def misfit(mechanism: Mechanism, q: np.ndarray) -> dict[str, np.ndarray]:
@@ -150,7 +151,7 @@ def misfit(mechanism: Mechanism, q: np.ndarray) -> dict[str, np.ndarray]:
         By loop, and by lock (`locked`), as `openings`, angles on an arm of `ANGLE_ARM_M` [m].
     """
     pin.forwardKinematics(mechanism.model, mechanism.data, q)
-    return {one.name: one.weights * one.gap(mechanism.data, None) for one in closures(mechanism)}
+    return {c.name: c.weights * c.gap(mechanism.data, None) for c in closures(mechanism)}
 
 
 def locked(name: str) -> str:
@@ -202,22 +203,22 @@ def _continued(
     mechanism: Mechanism, q: np.ndarray, held: Sequence[int], free: np.ndarray
 ) -> np.ndarray:
     """q with `free` continued from the zero pose; as it is if it has them or no loop closes so."""
-    way = np.zeros_like(q)
-    way[held] = q[held]
-    steps = math.ceil(np.abs(way).max(initial=0.0) / _CONTINUATION_STEP)
+    goal = np.zeros_like(q)
+    goal[held] = q[held]
+    steps = math.ceil(np.abs(goal).max(initial=0.0) / _CONTINUATION_STEP)
     if q[free].any() or steps < 2:
         return q
     led = np.zeros_like(q)
     for step in range(steps + 1):
         trial = led.copy()
-        trial[held] = way[held] * step / steps
+        trial[held] = goal[held] * step / steps
         led = closest(mechanism, trial, free, {})
         moved = np.abs(led - trial).max()
         if moved > _CONTINUATION_REACH or _gap(mechanism, led, {}) > ASSEMBLY_TOLERANCE_M:
             return q
-    found = q.copy()
-    found[free] = led[free]
-    return found
+    continued = q.copy()
+    continued[free] = led[free]
+    return continued
 
 
 def follow(mechanism: Mechanism, q: np.ndarray, held: Sequence[int]) -> np.ndarray:
@@ -235,21 +236,21 @@ def follow(mechanism: Mechanism, q: np.ndarray, held: Sequence[int]) -> np.ndarr
 def newton(
     mechanism: Mechanism,
     q: np.ndarray,
-    ways: np.ndarray,
+    directions: np.ndarray,
     weight: np.ndarray | float = 1.0,
     aside: Mapping[str, pin.SE3] | None = None,
 ) -> np.ndarray | None:
-    """q (nq,) moved along `ways` (nv, k) until the loops are as closed as can be, or None.
+    """q (nq,) moved along `directions` (nv, k) until the loops are as closed as can be, or None.
 
     `weight`: of each row of `openings`, where not all of them can be zero; `aside`: see there.
     """
     moved = q
     for _ in range(_NEWTON_STEPS):
-        change = newton_step(mechanism, moved, ways, weight, aside)
+        change = newton_step(mechanism, moved, directions, weight, aside)
         size = float(np.abs(change).max(initial=0.0))
         if not size < _NEWTON_REACH:
             return None
-        moved = moved + ways @ change
+        moved = moved + directions @ change
         if size < _NEWTON_CHANGE:
             return moved
     return None
@@ -258,14 +259,14 @@ def newton(
 def newton_step(
     mechanism: Mechanism,
     q: np.ndarray,
-    ways: np.ndarray,
+    directions: np.ndarray,
     weight: np.ndarray | float = 1.0,
     aside: Mapping[str, pin.SE3] | None = None,
     loops: Collection[str] | None = None,
 ) -> np.ndarray:
-    """How far to go along `ways` (nv, k) from q (nq,) to close `loops`, (k,); see `newton`."""
+    """How far along `directions` (nv, k) from q (nq,) to close `loops`, (k,); see `newton`."""
     left = weight * openings(mechanism, q, aside, loops)
-    rows = (np.reshape(weight, (-1, 1)) * closing_rows(mechanism, q, loops)) @ ways
+    rows = (np.reshape(weight, (-1, 1)) * closing_rows(mechanism, q, loops)) @ directions
     change: np.ndarray = np.linalg.lstsq(rows, -left, rcond=SINGULAR)[0]
     return change
 
@@ -282,26 +283,26 @@ def openings(
     """
     pin.forwardKinematics(mechanism.model, mechanism.data, q)
     places = aside or {}
-    parts = [one.gap(mechanism.data, places.get(one.name)) for one in closures(mechanism, loops)]
+    parts = [c.gap(mechanism.data, places.get(c.name)) for c in closures(mechanism, loops)]
     return np.concatenate([np.zeros(0), *parts])
 
 
 def _free(mechanism: Mechanism, held: Sequence[int], journals: bool) -> np.ndarray:
     """Coordinates not `held`; of journals only what the ideal joint has too, unless `journals`."""
-    every = range(mechanism.model.nv) if journals else own_coordinates(mechanism)
-    return np.array([i for i in every if i not in held], int)
+    coordinates = range(mechanism.model.nv) if journals else own_coordinates(mechanism)
+    return np.array([i for i in coordinates if i not in held], int)
 
 
 def own_coordinates(mechanism: Mechanism) -> list[int]:
     """Coordinates that the ideal mechanism has too, carriages of locks among them."""
-    own = []
+    indices = []
     for index, coordinate in enumerate(mechanism.coordinates):
         name, part = coordinate.joint, coordinate.part
         joint = mechanism.clearance.get(name)
         plain = joint is None or name in mechanism.loops or part not in VIRTUAL_LINK
         if plain or (joint is not None and part in joint.ideal_freedoms):
-            own.append(index)
-    return own
+            indices.append(index)
+    return indices
 
 
 def closest(
@@ -369,31 +370,30 @@ def _corrected(
     mechanism: Mechanism, q: np.ndarray, held: Sequence[int], guessed: Sequence[int]
 ) -> np.ndarray | None:
     """q with loops closed by changing what was `guessed`, too; None if that goes too far."""
-    own = _own(mechanism, guessed)
-    if not own:
+    indices = _coordinates_of(mechanism, guessed)
+    if not indices:
         return None
     facts = [i for i in held if i not in guessed]
     freed = closest(mechanism, q, _free(mechanism, facts, journals=False), {})
-    moved = {name: i for name, i in own.items() if freed[i] != q[i]}
+    moved = {name: i for name, i in indices.items() if freed[i] != q[i]}
     for name, i in moved.items():
         slides = mechanism.description.joints[name].slides
         if abs(freed[i] - q[i]) > GUESS * (ANGLE_ARM_M if slides else 1.0):
             return None
     if not moved or _gap(mechanism, freed, {}) > ASSEMBLY_TOLERANCE_M:
         return None
-    told = ", ".join(f"{name} {q[i]:.8g} to {freed[i]:.8g}" for name, i in moved.items())
-    warnings.warn(
-        f"start corrected, for loops determine it: {told} [rad or m]", RuntimeWarning, stacklevel=2
-    )
+    changes = ", ".join(f"{name} {q[i]:.8g} to {freed[i]:.8g}" for name, i in moved.items())
+    text = f"start corrected, for loops determine it: {changes} [rad or m]"
+    warnings.warn(text, RuntimeWarning, stacklevel=2)
     for name in moved.keys() & mechanism.gears.keys():
         freed[mechanism.motor(name)] += freed[moved[name]] - q[moved[name]]
     return freed
 
 
-def _own(mechanism: Mechanism, held: Sequence[int]) -> dict[str, int]:
+def _coordinates_of(mechanism: Mechanism, held: Sequence[int]) -> dict[str, int]:
     """Joints whose own coordinate is `held`."""
-    own = {name: mechanism.coordinate(name) for name in mechanism.joints}
-    return {name: i for name, i in own.items() if i in held}
+    indices = {name: mechanism.coordinate(name) for name in mechanism.joints}
+    return {name: i for name, i in indices.items() if i in held}
 
 
 def _open(
@@ -406,19 +406,19 @@ def _open(
     """Which loop stays open the most in `best`, and where the loops would close."""
     gaps = {name: float(np.abs(part).max()) for name, part in misfit(mechanism, best).items()}
     worst = max(gaps, key=lambda name: gaps[name])
-    what = f"the mechanism cannot be assembled: loop {worst!r} stays open by {gaps[worst]:.4g} m; "
-    own, facts = _own(mechanism, held), [i for i in held if i not in guessed]
+    fault = f"the mechanism cannot be assembled: loop {worst!r} stays open by {gaps[worst]:.4g} m; "
+    joints, facts = _coordinates_of(mechanism, held), [i for i in held if i not in guessed]
     remedy = "check lengths and frames, or start from other joint positions"
-    for kept in (facts, []) if own else ():
-        freed = closest(mechanism, q, _free(mechanism, kept, journals=False), {})
+    for fixed in (facts, []) if joints else ():
+        freed = closest(mechanism, q, _free(mechanism, fixed, journals=False), {})
         if _gap(mechanism, freed, {}) < ASSEMBLY_TOLERANCE_M:
-            near = ", ".join(f"{name} = {freed[i]:.6g}" for name, i in own.items())
+            near = ", ".join(f"{name} = {freed[i]:.6g}" for name, i in joints.items())
             remedy = (
-                f"the positions given for {', '.join(own)} contradict each other: it closes at "
+                f"the positions given for {', '.join(joints)} contradict each other: it closes at "
                 f"{near} [rad or m]; give fewer of them, or these"
             )
             break
-    return JointplayError(f"{what}{remedy}", where=("loops", worst))
+    return JointplayError(f"{fault}{remedy}", where=("loops", worst))
 
 
 def closing_rows(
@@ -429,7 +429,7 @@ def closing_rows(
     Relative velocities of journal and bearing that are zero while the loops stay closed, journals
     resting in their bearings.
     """
-    rows = [mechanism.motion(one.frames, q)[one.rows] for one in closures(mechanism, loops)]
+    rows = [mechanism.motion(c.frames, q)[c.rows] for c in closures(mechanism, loops)]
     return np.concatenate([np.zeros((0, mechanism.model.nv)), *rows])
 
 
@@ -455,29 +455,29 @@ def consistent_velocity(
     mass = mechanism.mass_matrix(q)
     limit = NO_SPEED * max(1.0, float(np.abs(v).max(initial=0.0)))
 
-    def moving(rows: np.ndarray, given: Sequence[int]) -> tuple[np.ndarray, float]:
+    def moving(rows: np.ndarray, fixed: Sequence[int]) -> tuple[np.ndarray, float]:
         """The velocity, and the largest that `rows` still forbid."""
-        resting = _nearest(mass, v, rows, _free(mechanism, given, journals=False))
-        moved = _nearest(mass, resting, rows, _free(mechanism, given, journals=True))
+        resting = _nearest(mass, v, rows, _free(mechanism, fixed, journals=False))
+        moved = _nearest(mass, resting, rows, _free(mechanism, fixed, journals=True))
         for name in mechanism.gears:
-            if mechanism.motor(name) not in given:
+            if mechanism.motor(name) not in fixed:
                 moved[mechanism.motor(name)] = moved[mechanism.coordinate(name)]
         return moved, float(np.abs(rows @ moved).max(initial=0.0))
 
-    every = closing_rows(mechanism, q)
-    moved, left = moving(every, held)
+    all_rows = closing_rows(mechanism, q)
+    moved, left = moving(all_rows, held)
     if left <= limit:
         return moved
     torn = f"the initial speeds would tear a loop apart at {left:.3g} m/s: "
-    if moving(every, held if led is None else led)[1] > limit:
+    if moving(all_rows, held if led is None else led)[1] > limit:
         raise JointplayError(f"{torn}the driven joints cannot move like this in this configuration")
     ideal = set(mechanism.loops) - set(mechanism.clearance)
     moved, left = moving(closing_rows(mechanism, q, ideal), held)
     if left > limit:
-        given = [name for name in mechanism.joints if mechanism.coordinate(name) in held]
+        names = [name for name in mechanism.joints if mechanism.coordinate(name) in held]
         raise JointplayError(
             f"the initial speeds would tear a loop apart at {left:.3g} m/s: those given for "
-            f"{', '.join(given)} contradict each other; give fewer of them"
+            f"{', '.join(names)} contradict each other; give fewer of them"
         )
     return moved
 
@@ -568,9 +568,9 @@ class Lock:
     def share(self, model: pin.Model, carriage: int) -> Frame:
         """Move part of the inertia of what is held to the carriage; its joint and frame."""
         at = int(model.getJointId(self.held))
-        whole = model.inertias[at].copy()  # what Pinocchio gives changes with the model
-        model.inertias[at] = _scaled(whole, 1.0 - SHARE)
-        model.inertias[carriage] = self.frame.actInv(_scaled(whole, SHARE))
+        inertia = model.inertias[at].copy()  # what Pinocchio gives changes with the model
+        model.inertias[at] = _scaled(inertia, 1.0 - SHARE)
+        model.inertias[carriage] = self.frame.actInv(_scaled(inertia, SHARE))
         return at, self.frame
 
 

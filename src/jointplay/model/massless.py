@@ -38,11 +38,11 @@ def massless_motions(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
     scale = np.where(bare, 0.0, 1.0 / np.sqrt(np.where(bare, 1.0, diagonal)))
     values, vectors = np.linalg.eigh(mass * np.outer(scale, scale) + np.diag(bare * 1.0))
     if values[0] < -_SINGULAR or diagonal.min() < -_NO_INERTIA:
-        way = scale * vectors[:, 0] if values[0] < -_SINGULAR else diagonal == diagonal.min()
-        raise JointplayError(_negative(mechanism, q, way.astype(float)))
+        direction = scale * vectors[:, 0] if values[0] < -_SINGULAR else diagonal == diagonal.min()
+        raise JointplayError(_negative(mechanism, q, direction.astype(float)))
     motions = [scale * vector for vector in vectors.T[values <= _SINGULAR]]
     motions += list(np.eye(model.nv)[bare])
-    return np.array([one / np.abs(one).max() for one in motions]).reshape(-1, model.nv).T
+    return np.array([motion / np.abs(motion).max() for motion in motions]).reshape(-1, model.nv).T
 
 
 def _negative(mechanism: Mechanism, q: np.ndarray, motion: np.ndarray) -> str:

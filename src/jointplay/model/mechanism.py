@@ -141,12 +141,12 @@ class Mechanism(Overview, Described, Design):
         base: str | None = None,
         xacro: Mapping[str, Value] | None = None,
     ) -> None:
-        own = design(
+        parts = design(
             path, clearance, loops=loops, gears=gears, flexible=flexible, gravity=gravity,
             tool=tool, allow_unphysical=allow_unphysical, fix=fix, base=base, xacro=xacro,
         )  # fmt: skip
-        vars(self).update(vars(own))
-        self.model, self.coordinates, self.locks = build(own)
+        vars(self).update(vars(parts))
+        self.model, self.coordinates, self.locks = build(parts)
         self.data = self.model.createData()
         self.tool_frame = frame_index(self.model, self.tool, where=("tool",))
         self._known_signs: dict[tuple[int, int], np.ndarray] = {}
@@ -203,7 +203,7 @@ class Mechanism(Overview, Described, Design):
             MissingName: no such link or frame.
         """
         if self.loops:
-            return [*dict.fromkeys(one.joint for one in self.coordinates), *self.loops]
+            return [*dict.fromkeys(part.joint for part in self.coordinates), *self.loops]
         between = {*self.model.supports[self.model.frames[self.tool_frame].parentJoint]}
         if relative_to is not None:
             body = self.model.frames[frame_index(self.model, relative_to, "body")]
@@ -213,8 +213,9 @@ class Mechanism(Overview, Described, Design):
 
     def has_virtual_link(self, joint: str) -> bool:
         """Whether the pose of the journal is that of six coordinates of the tree."""
-        given = self.clearance[joint]
-        return joint not in self.loops and not given.exchanged and given.freedoms == VIRTUAL_LINK
+        fitted = self.clearance[joint]
+        in_tree = joint not in self.loops and not fitted.exchanged
+        return in_tree and fitted.freedoms == VIRTUAL_LINK
 
     def virtual_link(self, joint: str) -> int:
         """Index in q of the first of the coordinates of the joint's virtual link."""
@@ -254,17 +255,17 @@ class Mechanism(Overview, Described, Design):
             if name in self.loops or joint.compound()
         }
 
-    def without(self, what: str) -> Mechanism:
+    def without(self, cause: str) -> Mechanism:
         """The same machine without one cause of its error, always the same one; maybe itself.
 
         Args:
-            what: ``"play"``: gears without play, and ideal joints but for those that springs or
+            cause: ``"play"``: gears without play, and ideal joints but for those that springs or
                 preload hold. How a bearing with play gives way goes with its play.
                 ``"elasticity"``: without play and rigid. The rotors of its gears are the armature
                 of their joints; the friction of its gears is left out.
         """
-        require_known("cause", what, ("play", "elasticity"))
-        return self._without_play if what == "play" else self._rigid
+        require_known("cause", cause, ("play", "elasticity"))
+        return self._without_play if cause == "play" else self._rigid
 
     @cached_property
     def _without_play(self) -> Mechanism:
@@ -272,7 +273,7 @@ class Mechanism(Overview, Described, Design):
             gear.play for gear in self.gears.values()
         ):
             return self
-        held = {name: one for name, one in self.clearance.items() if not one.has_play}
+        held = {name: fitted for name, fitted in self.clearance.items() if not fitted.has_play}
         if not held and not self.gears:
             return self._rigid
         gears = {name: gear.with_play(0.0) for name, gear in self.gears.items()}
@@ -303,7 +304,7 @@ class Mechanism(Overview, Described, Design):
         base: str,
         description: Description | None = None,
     ) -> Mechanism:
-        made = Mechanism(
+        copy = Mechanism(
             description or self.description,
             clearance,
             loops=self.loops,
@@ -314,12 +315,12 @@ class Mechanism(Overview, Described, Design):
             fix=self.fix,
             base=base,
         )
-        made.rules |= {
+        copy.rules |= {
             (name, field): rule
             for (name, field), rule in self.rules.items()
-            if getattr(made.gears.get(name), field, None) == rule.value
+            if getattr(copy.gears.get(name), field, None) == rule.value
         }
-        return made
+        return copy
 
     def configuration(self, positions: Mapping[str, float]) -> np.ndarray:
         """Configuration q with joint positions [rad, or m], the rest zero, journals centred."""
@@ -348,8 +349,8 @@ class Mechanism(Overview, Described, Design):
         allowed = fields["allow_unphysical"]
         name = Path(fields["urdf"]).name or "robot.urdf"
         parsed = replace(urdf.parse(fields["urdf_text"], Path(name), allowed), stored=True)
-        rest = {key: fields[key] for key in fields if key not in ("urdf", "urdf_text")}
-        return cls(parsed, **rest)
+        others = {key: fields[key] for key in fields if key not in ("urdf", "urdf_text")}
+        return cls(parsed, **others)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Mechanism) and self.describe() == other.describe()
@@ -366,8 +367,8 @@ class Mechanism(Overview, Described, Design):
             facts["held joints"] = few(list(self.fix))
         hinges = self.hinges
         for name, its in hinges.items():
-            one = self.clearance[its[0]]
-            facts[f"link {name}"] = f"flexible, {counted(len(its), 'hinge')}, each {one.summary}"
+            hinge = self.clearance[its[0]]
+            facts[f"link {name}"] = f"flexible, {counted(len(its), 'hinge')}, each {hinge.summary}"
         in_links = {name for its in hinges.values() for name in its}
         for name, joint in self.clearance.items():
             if name in in_links:
@@ -378,10 +379,10 @@ class Mechanism(Overview, Described, Design):
             kind = self.loop_class(name).kind
             facts[f"loop {name}"] = f"{kind}, {loop.bearing_link} - {loop.journal_link}"
         for name, gear in self.gears.items():
-            words = [f"play {readable(gear.play, self.description.joints[name].unit)}"]
+            parts = [f"play {readable(gear.play, self.description.joints[name].unit)}"]
             if gear.kind != Gear.kind:
-                words = [gear.kind, *words, *([gear.notes] if gear.notes else [])]
-            facts[f"gear {name}"] = ", ".join(words)
+                parts = [gear.kind, *parts, *([gear.notes] if gear.notes else [])]
+            facts[f"gear {name}"] = ", ".join(parts)
         facts["tool"] = self.tool
         weight = " ".join(f"{g:g}" for g in self.gravity)
         facts["gravity"] = f"{weight} {typeset('m/s^2')}" if any(self.gravity) else "none"
@@ -443,23 +444,23 @@ class Mechanism(Overview, Described, Design):
                 first = model.parents[first]
             bearing = (int(model.parents[first]), model.jointPlacements[first])
             journal = (last, pin.SE3.Identity())
-        given = self.given_joints.get(name)
-        return (journal, bearing) if given is not None and given.exchanged else (bearing, journal)
+        stated = self.given_joints.get(name)
+        return (journal, bearing) if stated is not None and stated.exchanged else (bearing, journal)
 
     def mass_matrix(self, q: np.ndarray) -> np.ndarray:
         """M(q) of eq. 22, shape (nv, nv), symmetric [kg, kg m or kg m2 by its two coordinates].
 
         Pinocchio's `crba` on `model`, so with the six coordinates of each virtual link.
         """
-        return self._whole(pin.crba(self.model, self.data, q))
+        return self._symmetric(pin.crba(self.model, self.data, q))
 
     def inverse_mass_matrix(self, q: np.ndarray) -> np.ndarray:
         """M(q)^-1, shape (nv, nv), symmetric."""
-        return self._whole(pin.computeMinverse(self.model, self.data, q))
+        return self._symmetric(pin.computeMinverse(self.model, self.data, q))
 
-    def _whole(self, given: np.ndarray) -> np.ndarray:
+    def _symmetric(self, filled: np.ndarray) -> np.ndarray:
         """A symmetric matrix, of which Pinocchio fills the upper triangle."""
-        upper = np.triu(given.reshape(self.model.nv, self.model.nv))
+        upper = np.triu(filled.reshape(self.model.nv, self.model.nv))
         return upper + np.triu(upper, 1).T
 
     def coriolis_matrix(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
@@ -476,7 +477,7 @@ class Mechanism(Overview, Described, Design):
             return pin.nonLinearEffects(self.model, self.data, q, speed).copy()
 
         return np.column_stack(
-            [0.25 * (forces(v + one) - forces(v - one)) for one in np.eye(self.model.nv)]
+            [0.25 * (forces(v + unit) - forces(v - unit)) for unit in np.eye(self.model.nv)]
         )
 
     def gravity_forces(self, q: np.ndarray) -> np.ndarray:
@@ -543,9 +544,9 @@ class Mechanism(Overview, Described, Design):
     ) -> pin.RigidConstraintModel:
         """Constraint that holds a point of two frames together; see `constraints`."""
         at = pin.SE3(np.eye(3), point)
-        (i, one), (j, other) = first, second
+        (i, a), (j, b) = first, second
         kind, axes = pin.ContactType.CONTACT_3D, pin.ReferenceFrame.LOCAL
-        constraint = pin.RigidConstraintModel(kind, self.model, i, one * at, j, other * at, axes)
+        constraint = pin.RigidConstraintModel(kind, self.model, i, a * at, j, b * at, axes)
         constraint.name = name
         constraint.m_baumgarte_parameters.Kp = frequency**2
         constraint.m_baumgarte_parameters.Kd = 2.0 * frequency

@@ -66,8 +66,8 @@ Parts = tuple[Surface, ...]
 
 def cache_folder() -> Path:
     """Where surfaces are kept: ``JOINTPLAY_CACHE``, else the user's cache."""
-    there = "~/Library/Caches" if sys.platform == "darwin" else "~/.cache"
-    user = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser(there)
+    default = "~/Library/Caches" if sys.platform == "darwin" else "~/.cache"
+    user = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser(default)
     return Path(os.environ.get("JOINTPLAY_CACHE") or Path(user) / "jointplay") / "meshes"
 
 
@@ -110,16 +110,16 @@ def _key(path: Path, data: bytes) -> str:
 
 @lru_cache(maxsize=256)
 def _parts(path: Path, key: str) -> Parts:
-    kept = cache_folder() / f"{key}.npz"
+    stored = cache_folder() / f"{key}.npz"
     with suppress(OSError, ValueError, LookupError):  # a damaged file is no file
-        return _unpacked(kept)
+        return _unpacked(stored)
     parts = _read(path)
     with suppress(OSError, RuntimeError, JointplayError):  # no place to keep it
-        kept.parent.mkdir(parents=True, exist_ok=True)
-        others = sorted(kept.parent.glob("*.npz"), key=lambda one: one.stat().st_mtime)
+        stored.parent.mkdir(parents=True, exist_ok=True)
+        others = sorted(stored.parent.glob("*.npz"), key=lambda file: file.stat().st_mtime)
         for oldest in others[: _MOST_KEPT // 2] if len(others) >= _MOST_KEPT else ():
             oldest.unlink(missing_ok=True)
-        files.write(kept, _packed(parts), overwrite=True, announced=False)
+        files.write(stored, _packed(parts), overwrite=True, announced=False)
     return parts
 
 
@@ -135,11 +135,11 @@ def _packed(parts: Parts) -> bytes:
 
 
 def _unpacked(path: Path) -> Parts:
-    kept, parts = files.arrays(path), []
-    for number in range(len(kept) // 3):
-        colour = kept[f"colour{number}"]
-        points = kept[f"points{number}"].astype(float)
-        triangles = kept[f"triangles{number}"].astype(np.int64)
+    stored, parts = files.arrays(path), []
+    for number in range(len(stored) // 3):
+        colour = stored[f"colour{number}"]
+        points = stored[f"points{number}"].astype(float)
+        triangles = stored[f"triangles{number}"].astype(np.int64)
         if triangles.max() >= len(points):
             raise ValueError("damaged")
         parts.append(Surface(points, triangles, tuple(colour) if len(colour) else None))
@@ -163,7 +163,7 @@ def _read(path: Path) -> Parts:
         scene: Any = trimesh.load_scene(data, file_type=kind, resolver=Beside(path))
         bodies = scene.dump()
         # Metres in a unit of the scene, which only Collada tells, by a number or "meters".
-        unit = next((one.metadata.get("units") for one in scene.geometry.values()), None) or "1"
+        unit = next((g.metadata.get("units") for g in scene.geometry.values()), None) or "1"
         number = NUMBER.match(str(unit).split()[0])
         size = float(number[0]) if number else 1.0
     except Exception as error:  # noqa: BLE001 - trimesh and what it calls raise whatever they like
@@ -210,9 +210,9 @@ def surface(points: np.ndarray, triangles: np.ndarray, colour: Colour | None = N
     _, first, number = np.unique(
         np.round(used / grid).astype(np.int64), axis=0, return_index=True, return_inverse=True
     )
-    whole = number.reshape(-1, 3)
-    whole = whole[(whole != np.roll(whole, 1, axis=1)).all(axis=1)]
-    names, seen, order = np.unique(whole.reshape(-1), return_index=True, return_inverse=True)
+    corners = number.reshape(-1, 3)
+    corners = corners[(corners != np.roll(corners, 1, axis=1)).all(axis=1)]
+    names, seen, order = np.unique(corners.reshape(-1), return_index=True, return_inverse=True)
     rank = np.empty(len(names), np.int64)
     rank[np.argsort(seen)] = np.arange(len(names))
     ordered = np.empty((len(names), 3))

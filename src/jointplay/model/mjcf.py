@@ -87,12 +87,12 @@ def load_spec(path: Path) -> Any:
         spec = mujoco.MjSpec.from_file(str(path))
     except (ValueError, mujoco.FatalError) as error:
         raise _refused(path, error) from None
-    taken = {one.name for one in (*spec.bodies, *spec.joints)}
+    names = {element.name for element in (*spec.bodies, *spec.joints)}
     for number, body in enumerate(spec.bodies):
-        body.name = body.name or _unused(f"body{number}", taken)
+        body.name = body.name or _unused(f"body{number}", names)
         for count, joint in enumerate(body.joints):
             end = f"_joint{count + 1}" if len(body.joints) > 1 else "_joint"
-            joint.name = joint.name or _unused(f"{body.name}{end}", taken)
+            joint.name = joint.name or _unused(f"{body.name}{end}", names)
     return spec
 
 
@@ -113,12 +113,12 @@ def _refused(path: Path, error: Exception) -> JointplayError:
     return JointplayError(f"MuJoCo cannot read the MJCF {str(path)!r}: {reason}")
 
 
-def _unused(name: str, taken: set[str]) -> str:
+def _unused(name: str, names: set[str]) -> str:
     """The name, or with a number behind it, that is not taken; it is then."""
     number, wanted = 2, name
-    while name in taken:
+    while name in names:
         name, number = f"{wanted}_{number}", number + 1
-    taken.add(name)
+    names.add(name)
     return name
 
 
@@ -172,10 +172,10 @@ def told_apart(module: str, path: Path) -> str:
                 f"the MJCF {str(path)!r}: reading it {confined.ended(process, TIME_S)}; it may "
                 f"take {ROOM / 1e9:g} GB"
             )
-    told = json.loads(output)
-    if "fault" in told:
-        raise JointplayError(told["fault"])
-    return str(told["text"])
+    answer = json.loads(output)
+    if "fault" in answer:
+        raise JointplayError(answer["fault"])
+    return str(answer["text"])
 
 
 def serve(path: str) -> None:
@@ -186,12 +186,12 @@ def serve(path: str) -> None:
 def tell(path: str, find: Callable[[Path], str]) -> None:
     """Write what is found of an MJCF, or what is wrong, to standard output, and end."""
     try:
-        told = {"text": find(Path(path))}
+        answer = {"text": find(Path(path))}
     except JointplayError as error:
-        told = {"fault": str(error)}
+        answer = {"fault": str(error)}
     except (MemoryError, RuntimeError):  # which MuJoCo raises if it gets no memory
-        told = {"fault": f"MuJoCo gives up on the MJCF {path!r}: it may take {ROOM / 1e9:g} GB"}
-    sys.stdout.write(json.dumps(told))
+        answer = {"fault": f"MuJoCo gives up on the MJCF {path!r}: it may take {ROOM / 1e9:g} GB"}
+    sys.stdout.write(json.dumps(answer))
     sys.stdout.flush()
     os._exit(0)
 
@@ -211,16 +211,16 @@ def read(path: Path) -> str:
     spec = load_spec(path)
     meshes = _lighten(spec, path)
     model = compiled(spec, path)
-    if odd := [one for one in warnings if "NaN" in one]:  # it would take it as not given
+    if odd := [w for w in warnings if "NaN" in w]:  # it would take it as not given
         raise JointplayError(f"the MJCF {str(path)!r} has a number that is not finite: {odd[0]}")
     for name in _FINITE:
         if not (np.abs(getattr(model, name)) <= LARGEST).all():
-            words = f"a number that is not finite, or beyond {LARGEST:g}: see "
-            words += name.replace("_", ", ", 1)
-            raise JointplayError(f"the MJCF {str(path)!r} has {words}")
-    reading = _Reading(load_mujoco(), model, path, {int(geom.id): one for geom, one in meshes})
-    reading.said += [f"MuJoCo: {one}" for one in dict.fromkeys(warnings)]
-    reading.said += _passed_over(path)
+            fault = f"a number that is not finite, or beyond {LARGEST:g}: see "
+            fault += name.replace("_", ", ", 1)
+            raise JointplayError(f"the MJCF {str(path)!r} has {fault}")
+    reading = _Reading(load_mujoco(), model, path, {int(g.id): w for g, w in meshes})
+    reading.remarks += [f"MuJoCo: {warning}" for warning in dict.fromkeys(warnings)]
+    reading.remarks += _passed_over(path)
     return reading.text()
 
 
@@ -232,20 +232,20 @@ def _passed_over(path: Path) -> Iterator[str]:
         yield f"note: the MJCF is no well-formed XML, and MuJoCo read what it could: {error}"
         return
     texts = [
-        f"{text.strip()[:_SHOWN]!r} in <{one.tag}>"
-        for one in root.iter()
-        for text in (one.text, *(inner.tail for inner in one))
+        f"{text.strip()[:_SHOWN]!r} in <{element.tag}>"
+        for element in root.iter()
+        for text in (element.text, *(inner.tail for inner in element))
         if text and text.strip()
     ]
     blank = [
-        f"{name} in <{one.tag}>"
-        for one in root.iter()
-        for name, value in one.attrib.items()
+        f"{name} in <{element.tag}>"
+        for element in root.iter()
+        for name, value in element.attrib.items()
         if not value.strip() and name not in _MAY_BE_BLANK
     ]
     twice = [
         f"{name} in <{tag}>"
-        for tag in dict.fromkeys(one.tag for one in root.iter() if one.tag in _MERGED)
+        for tag in dict.fromkeys(element.tag for element in root.iter() if element.tag in _MERGED)
         for name, values in _values(root.iter(tag)).items()
         if len(values) > 1
     ]
@@ -259,11 +259,11 @@ def _passed_over(path: Path) -> Iterator[str]:
 
 def _values(elements: Iterable[ElementTree.Element]) -> dict[str, set[str]]:
     """Different values of each attribute of elements."""
-    found: dict[str, set[str]] = {}
-    for one in elements:
-        for name, value in one.attrib.items():
-            found.setdefault(name, set()).add(value)
-    return found
+    values: dict[str, set[str]] = {}
+    for element in elements:
+        for name, value in element.attrib.items():
+            values.setdefault(name, set()).add(value)
+    return values
 
 
 @dataclass(frozen=True)
@@ -318,9 +318,9 @@ def _lighten(spec: Any, path: Path) -> list[tuple[Any, _Mesh]]:
         for k in range(len(material.textures)):
             material.textures[k] = ""
     unread = [*spec.textures, *spec.skins, *spec.hfields]
-    for one in [*unread, *(mesh for name, mesh in meshes.items() if name not in needed)]:
-        spec.delete(one)
-    return [(geom, mesh) for geom, _, mesh in shown]
+    for unused in [*unread, *(mesh for name, mesh in meshes.items() if name not in needed)]:
+        spec.delete(unused)
+    return [(g, mesh) for g, _, mesh in shown]
 
 
 def _gives_inertia(spec: Any, geom: Any) -> bool:
@@ -376,29 +376,29 @@ class _Reading:
     """By geom."""
     tables: dict[str, Any] = field(default_factory=dict)
     armature: dict[str, float] = field(default_factory=dict)
-    said: list[str] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         model, kinds = self.model, self.mujoco.mjtJoint
         self.body_names = [model.body(i).name for i in range(model.nbody)]
         self.joint_names = [model.joint(i).name for i in range(model.njnt)]
         self.types = [kinds(kind) for kind in model.jnt_type]
-        moves = [one != kinds.mjJNT_FREE for one in self.types]
-        self.taken = {*self.body_names, *compress(self.joint_names, moves), urdf.GROUND}
+        moves = [kind != kinds.mjJNT_FREE for kind in self.types]
+        self.names = {*self.body_names, *compress(self.joint_names, moves), urdf.GROUND}
         tops = [i for i in range(1, model.nbody) if model.body_parentid[i] == 0]
         tops = [i for i in tops if model.body_mocapid[i] < 0]
         free = [i for i in tops if kinds.mjJNT_FREE in map(self.types.__getitem__, self._joints(i))]
         held = [i for i in tops if i not in free]
         moving = any(
-            one != kinds.mjJNT_FREE and model.body_rootid[body] in held
-            for one, body in zip(self.types, model.jnt_bodyid, strict=True)
+            kind != kinds.mjJNT_FREE and model.body_rootid[body] in held
+            for kind, body in zip(self.types, model.jnt_bodyid, strict=True)
         )
         self.floats = bool(free) and not moving
         sizes = np.bincount(model.body_rootid, minlength=model.nbody)
-        kept = [max(free, key=lambda top: int(sizes[top]))] if self.floats else held
-        self.bodies = [i for i in range(1, model.nbody) if model.body_rootid[i] in kept]
-        if left := [self.body_names[i] for i in free if i not in kept]:
-            self.said.append(f"left out, for they float freely: {few(left)}")
+        roots = [max(free, key=lambda top: int(sizes[top]))] if self.floats else held
+        self.bodies = [i for i in range(1, model.nbody) if model.body_rootid[i] in roots]
+        if left := [self.body_names[i] for i in free if i not in roots]:
+            self.remarks.append(f"left out, for they float freely: {few(left)}")
         self.joints = [
             j for i in self.bodies for j in self._joints(i) if self.types[j] != kinds.mjJNT_FREE
         ]
@@ -406,7 +406,7 @@ class _Reading:
         self.play: dict[int, _Play] = {}
         for i in self.bodies:
             self.play.update(self._play_in(i))
-        hidden = {one.hinge for one in self.play.values()}
+        hidden = {hinged.hinge for hinged in self.play.values()}
         self.joints = [j for j in self.joints if j not in hidden]
         self.mimics = self._mimics()
         self.passive = {*self._not_acted_on()}
@@ -564,7 +564,7 @@ class _Reading:
                 )
             servo["effort"] = effort
             if any(low != -high for low, high in ranges):
-                self.said.append(
+                self.remarks.append(
                     f"note: the force of the drive of {self.joint_names[joint]} is limited one way "
                     f"more than the other in the MJCF, here to {effort:g} both ways"
                 )
@@ -576,9 +576,9 @@ class _Reading:
 
     def _mimics(self) -> dict[int, tuple[int, float, float]]:
         """Joints that follow others in proportion: leader, factor and offset."""
-        model, found = self.model, {}
+        model, followers = self.model, {}
         self.equalities: list[str] = []
-        hidden = {one.hinge: joint for joint, one in self.play.items()}
+        hidden = {hinged.hinge: joint for joint, hinged in self.play.items()}
         if model.opt.disableflags & self.mujoco.mjtDisableBit.mjDSBL_EQUALITY:
             return {}
         for i in range(model.neq):
@@ -587,10 +587,10 @@ class _Reading:
             linear = kind == self.mujoco.mjtEq.mjEQ_JOINT and not model.eq_data[i, 2:5].any()
             if not model.eq_active0[i]:
                 continue
-            if not linear or not {follower, leader} <= {*self.joints} or follower in found:
+            if not linear or not {follower, leader} <= {*self.joints} or follower in followers:
                 held = kind == self.mujoco.mjtEq.mjEQ_JOINT and {follower, leader} & {*hidden}
                 for hinge in held or ():
-                    self.said.append(
+                    self.remarks.append(
                         f"note: an equality of the MJCF holds {self.joint_names[hinge]} and so "
                         f"shuts the play of {self.joint_names[hidden[hinge]]} in MuJoCo; here it "
                         "is free"
@@ -599,9 +599,9 @@ class _Reading:
                     self._leave_equality(i, kind)
                 continue
             offset, factor = (float(value) for value in model.eq_data[i, :2])
-            own, others = (float(model.qpos0[model.jnt_qposadr[j]]) for j in (follower, leader))
-            found[follower] = (leader, factor, offset + own - factor * others)
-        return found
+            zero, leads = (float(model.qpos0[model.jnt_qposadr[j]]) for j in (follower, leader))
+            followers[follower] = (leader, factor, offset + zero - factor * leads)
+        return followers
 
     def _leave_equality(self, i: int, kind: Any) -> None:
         """Name an equality of what is left out.
@@ -612,18 +612,18 @@ class _Reading:
         kinds, model = self.mujoco.mjtEq, self.model
         word = kind.name.removeprefix("mjEQ_").lower()
         ends = [int(end) for end in (model.eq_obj1id[i], model.eq_obj2id[i]) if end >= 0]
-        names, own = [], True
+        names, acts = [], True
         if kind == kinds.mjEQ_JOINT:
-            names, own = [self.joint_names[j] for j in ends], bool({*ends} & {*self.joints})
+            names, acts = [self.joint_names[j] for j in ends], bool({*ends} & {*self.joints})
         elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
             if model.eq_objtype[i] == self.mujoco.mjtObj.mjOBJ_SITE:
                 ends = [int(model.site_bodyid[site]) for site in ends]
-            names, own = [self.body_names[b] for b in ends], bool({*ends} & {*self.bodies})
+            names, acts = [self.body_names[b] for b in ends], bool({*ends} & {*self.bodies})
         elif kind == kinds.mjEQ_TENDON:
             names = [model.tendon(t).name for t in ends]
         else:  # of what bends
-            own = False
-        if not own:
+            acts = False
+        if not acts:
             self.equalities.append(word)
             return
         loop = kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD)
@@ -638,7 +638,7 @@ class _Reading:
 
     def text(self) -> str:
         """The URDF; `tables` are filled."""
-        base = _unused("floating_base", self.taken) if self.floats else "world"
+        base = _unused("floating_base", self.names) if self.floats else "world"
         root = Element("robot", {"name": self.path.stem})
         link = put(root, "link", name=base)
         if not self.floats:
@@ -655,7 +655,7 @@ class _Reading:
             self.tables.setdefault("robot", {})["gravity"] = [float(value) for value in gravity]
         self._fill_tables()
         named = self.joint_names
-        hinges = {named[joint]: named[one.hinge] for joint, one in self.play.items()}
+        hinges = {named[joint]: named[hinged.hinge] for joint, hinged in self.play.items()}
         beyond = {
             "tables": self.tables,
             "notes": list(self.notes()),
@@ -667,18 +667,18 @@ class _Reading:
 
     def _inertias(self) -> list[pin.Inertia]:
         """Of each body in its frame; points that are fixed to another body are in its inertia."""
-        model, found = self.model, [pin.Inertia.Zero()]
+        model, inertias = self.model, [pin.Inertia.Zero()]
         for i in range(1, model.nbody):
             axes = placed(model.body_ipos[i], model.body_iquat[i])
             tensor = axes.rotation @ np.diag(model.body_inertia[i]) @ axes.rotation.T
             mass = float(model.body_mass[i])
-            found.append(pin.Inertia(mass, axes.translation, 0.5 * (tensor + tensor.T)))
+            inertias.append(pin.Inertia(mass, axes.translation, 0.5 * (tensor + tensor.T)))
         for i in range(model.nbody - 1, 0, -1):
             if not model.body_inertia[i].all() and not model.body_jntnum[i]:
                 place = placed(model.body_pos[i], model.body_quat[i])
-                found[model.body_parentid[i]] += place.act(found[i])
-                found[i] = pin.Inertia.Zero()
-        return found
+                inertias[model.body_parentid[i]] += place.act(inertias[i])
+                inertias[i] = pin.Inertia.Zero()
+        return inertias
 
     def _put_body(
         self, root: Element, body: int, base: str, inertias: Sequence[pin.Inertia]
@@ -690,15 +690,15 @@ class _Reading:
         joints = [j for j in self._joints(body) if j in self.joints]
         for j in joints:
             anchor = pin.SE3(np.eye(3), model.jnt_pos[j].copy())
-            whole = j == joints[-1] and not model.jnt_pos[j].any()
-            child = name if whole else _unused(f"{name}_at_{self.joint_names[j]}", self.taken)
+            last = j == joints[-1] and not model.jnt_pos[j].any()
+            child = name if last else _unused(f"{name}_at_{self.joint_names[j]}", self.names)
             if child != name:
                 put(root, "link", name=child)
             self._put_joint(root, j, parent, child, place * anchor)
             parent, place = child, anchor.inverse()
         link = put(root, "link", name=name)
         if parent != name:
-            put_fixed(root, _unused(f"{name}_fixed", self.taken), parent, name, place)
+            put_fixed(root, _unused(f"{name}_fixed", self.names), parent, name, place)
         if inertias[body].mass > 0.0:
             put_inertial(link, inertias[body])
         self._put_shapes(link, body)
@@ -706,10 +706,10 @@ class _Reading:
         for s in np.flatnonzero(model.site_bodyid == body):
             site = model.site(s).name
             if site and s not in wrapped:
-                frame = _unused(site, self.taken)
+                frame = _unused(site, self.names)
                 put(root, "link", name=frame)
                 at = placed(model.site_pos[s], model.site_quat[s])
-                put_fixed(root, _unused(f"{frame}_fixed", self.taken), name, frame, at)
+                put_fixed(root, _unused(f"{frame}_fixed", self.names), name, frame, at)
 
     def _put_joint(
         self, root: Element, joint: int, parent: str, child: str, place: pin.SE3
@@ -723,10 +723,10 @@ class _Reading:
             kind = "prismatic"
         element = put(root, "joint", name=self.joint_names[joint], type=kind)
         if kind != "floating":  # zero is where MuJoCo's coordinate is zero
-            way = -float(model.qpos0[model.jnt_qposadr[joint]]) * axis
+            zero = -float(model.qpos0[model.jnt_qposadr[joint]]) * axis
             still = np.zeros(3)
             place = place * (
-                pin.SE3(np.eye(3), way) if kind == "prismatic" else pin.SE3(pin.exp3(way), still)
+                pin.SE3(np.eye(3), zero) if kind == "prismatic" else pin.SE3(pin.exp3(zero), still)
             )
         element.append(origin_of(place))
         put(element, "parent", link=parent)
@@ -820,22 +820,23 @@ class _Reading:
                 drives[named[j]] = {"kind": "free"}
             spring = float(model.jnt_stiffness.reshape(model.njnt, -1)[j, 0])
             if spring > 0.0:
-                rest = float(model.qpos_spring[model.jnt_qposadr[j]])
+                unloaded = float(model.qpos_spring[model.jnt_qposadr[j]])
                 springs[f"{named[j]}_spring"] = {
-                    "kind": "torsion-spring", "joint": named[j], "stiffness": spring, "rest": rest
+                    "kind": "torsion-spring", "joint": named[j], "stiffness": spring,
+                    "rest": unloaded,
                 }  # fmt: skip
-        found = {"joints": balls, "gears": gears, "drives": drives, "loads": springs}
-        self.tables.update({table: rows for table, rows in found.items() if rows})
+        filled = {"joints": balls, "gears": gears, "drives": drives, "loads": springs}
+        self.tables.update({table: rows for table, rows in filled.items() if rows})
 
     def notes(self) -> Iterator[str]:
         """What was read besides the tree, and what was not, a line each."""
         model, named = self.model, self.joint_names
         if self.play:
             parts: dict[str, list[str]] = {}
-            for j, one in self.play.items():
-                parts.setdefault(f"{math.degrees(one.width):.3g} deg", []).append(named[j])
-            words = "; ".join(f"{width} in {few(names)}" for width, names in parts.items())
-            yield f"note: the MJCF has backlash, here of gears as stiff as its stops: {words}"
+            for j, hinged in self.play.items():
+                parts.setdefault(f"{math.degrees(hinged.width):.3g} deg", []).append(named[j])
+            widths = "; ".join(f"{width} in {few(names)}" for width, names in parts.items())
+            yield f"note: the MJCF has backlash, here of gears as stiff as its stops: {widths}"
         if driven := [named[j] for j in self.joints if j in self.drives and j not in self.mimics]:
             yield (
                 "position actuators of the MJCF, here servos with its gains, 1 V for 1 N m: "
@@ -849,7 +850,7 @@ class _Reading:
                 "note: the MJCF has no actuators, by which all its joints would hang free; here "
                 "the usual drives hold them, or follow a motion"
             )
-        yield from self.said
+        yield from self.remarks
         ranges = [model.jnt_range[j] for j in self.joints]
         turned = [
             named[j]
@@ -858,10 +859,10 @@ class _Reading:
         ]
         if turned:
             yield f"note: a range from above to below is none in MuJoCo: {few(turned)}"
-        own = sum(one.hinge in self._wrapped() for one in self.play.values())
+        tendons = sum(hinged.hinge in self._wrapped() for hinged in self.play.values())
         left = {
             "contacts": any(model.geom_contype) or any(model.geom_conaffinity),
-            "tendons": model.ntendon > own,
+            "tendons": model.ntendon > tendons,
             "keyframes": model.nkey,
             "sensors": model.nsensor,
             "flexes": model.nflex,
@@ -886,7 +887,7 @@ class _Reading:
         for word in ("frictionloss", "limit", "passive", "spring", "damper", "equality"):
             flag = getattr(self.mujoco.mjtDisableBit, f"mjDSBL_{word.upper()}", 0)
             left[f"that {word} is disabled"] = bool(model.opt.disableflags & int(flag))
-        unread = [word for word, there in left.items() if there]
+        unread = [word for word, present in left.items() if present]
         if self.equalities:
             unread.append(f"equalities ({', '.join(dict.fromkeys(self.equalities))})")
         unread += [f"{reason} ({few(names)})" for reason, names in self.undriven.items()]
@@ -901,7 +902,7 @@ class _Reading:
             "the free base": [
                 j for i in self.bodies for j in self._joints(i) if self.types[j] == free
             ],
-            "hinges of play": [one.hinge for one in self.play.values()],
+            "hinges of play": [hinged.hinge for hinged in self.play.values()],
         }
 
     def _has(self, array: str, joint: int) -> bool:

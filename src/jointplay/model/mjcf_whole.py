@@ -39,8 +39,8 @@ def compile_text(text: str, meshes: Mapping[str, bytes] = MappingProxyType({})) 
         try:
             return compile_file(path)
         except JointplayError as error:
-            said = str(error).replace(repr(str(path)), "that is written")
-            raise JointplayError(said) from None
+            fault = str(error).replace(repr(str(path)), "that is written")
+            raise JointplayError(fault) from None
 
 
 def serve(path: str) -> None:

@@ -31,7 +31,7 @@ def find(name: str, file: Path) -> Path | None:
         return None
     for folder in search_path(file):
         called_so = (folder, folder / name, *sorted(folder.glob(f"*/{name}")))
-        others = (one.parent for one in sorted(folder.glob("*/package.xml")))
+        others = (f.parent for f in sorted(folder.glob("*/package.xml")))
         for candidate in (*called_so, *others):
             if candidate.is_dir() and _name(candidate) == name:
                 return candidate

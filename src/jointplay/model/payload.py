@@ -46,8 +46,8 @@ class Payload(Described):
     def __post_init__(self) -> None:
         check_fields(self)
         if self.release is not None and self.release <= self.pick:
-            words = f"payload release at {self.release:g} s must follow its pick at {self.pick:g} s"
-            raise JointplayError(words, where=("release",))
+            text = f"payload release at {self.release:g} s must follow its pick at {self.pick:g} s"
+            raise JointplayError(text, where=("release",))
         low, middle, high = sorted(self.inertia)
         if low < 0.0 or high > (low + middle) * (1.0 + 1e-6):
             why = f"no rigid body can have the moments of inertia {self.inertia} kg m^2"

@@ -62,11 +62,11 @@ def description_of_model(
 
 def _links_of(model: pin.Model) -> list[str]:
     """Name of the link that each joint carries: its body's frame at its origin, or after it."""
-    found: dict[int, str] = {}
+    links: dict[int, str] = {}
     for frame in model.frames:
         if frame.type == pin.FrameType.BODY and frame.placement.isIdentity(1e-12):
-            found.setdefault(frame.parentJoint, frame.name)
-    names = [found.get(index, f"{model.names[index]}_link") for index in range(model.njoints)]
+            links.setdefault(frame.parentJoint, frame.name)
+    names = [links.get(index, f"{model.names[index]}_link") for index in range(model.njoints)]
     for name in (*names, *model.names):
         if "\t" in name:
             raise JointplayError(f"{name!r} has a tab in its name, which no file can have")
@@ -96,8 +96,8 @@ def _put_joint(
     element.append(origin_of(model.jointPlacements[index]))
     put(element, "parent", link=carriers[model.parents[index]])
     put(element, "child", link=carriers[index])
-    (way,) = motions(model, data, index)
-    put(element, "axis", xyz=way[:3] if slides else way[3:])
+    (axis,) = motions(model, data, index)
+    put(element, "axis", xyz=axis[:3] if slides else axis[3:])
     limits |= {"lower": low, "upper": high} if ends else {}
     limits = {key: x for key, x in limits.items() if np.isfinite(x) and abs(x) < 1e300}
     if limits:

@@ -39,7 +39,7 @@ def names() -> tuple[str, ...]:
 def full_name(name: str) -> str | None:
     """The description of a robot, with or without ``_description``; None if there is none."""
     wanted = name.lower().replace("-", "_")
-    return next((one for one in (wanted, wanted + _SUFFIX) if one in names()), None)
+    return next((n for n in (wanted, wanted + _SUFFIX) if n in names()), None)
 
 
 def find(name: str) -> tuple[Path, dict[str, str]]:
@@ -57,7 +57,7 @@ def find(name: str) -> tuple[Path, dict[str, str]]:
         )
     full = full_name(name)
     if full is None:
-        similar = [one for one in known if name.lower() in one]
+        similar = [description for description in known if name.lower() in description]
         raise MissingName(f"robot of {PACKAGE}", name, similar or known)
     module = _imported(full)
     for attribute in _MJCF if "_mj_" in full else _URDF:

@@ -46,7 +46,7 @@ def share() -> Path:
     Raises:
         JointplayError: the package is not installed; the message says how to install it.
     """
-    wheels = [Path(one) / "cmeel.prefix" for one in sys.path]
+    wheels = [Path(entry) / "cmeel.prefix" for entry in sys.path]
     for prefix in [*wheels, Path(sys.prefix)]:  # the last one of conda, ROS
         folder = prefix / "share" / PACKAGE
         if (folder / "robots").is_dir():
@@ -109,7 +109,7 @@ def robot_urdf(name: str) -> Path:
     if wanted not in table and len(variants) == 1:
         return table[variants[0]]
     if wanted not in table:
-        known_too = [f"{robot_descriptions.PREFIX}{one}" for one in robot_descriptions.names()]
+        known_too = [f"{robot_descriptions.PREFIX}{name_}" for name_ in robot_descriptions.names()]
         similar = [known for known in (*table, *known_too) if wanted and wanted in known]
         similar = similar or difflib.get_close_matches(wanted, table)
         raise MissingName("robot", name, similar or table, "" if not similar else ", and others")
@@ -155,8 +155,8 @@ def with_package(name: str) -> str:
         if full is None:
             raise
         return f"{robot_descriptions.PREFIX}{full}"
-    own = OWN.get(_normal(name))
-    return f"{PREFIX}{name}" if own is None else f"{SHIPPED}{own}"
+    shipped_file = OWN.get(_normal(name))
+    return f"{PREFIX}{name}" if shipped_file is None else f"{SHIPPED}{shipped_file}"
 
 
 def is_robot(place: str) -> bool:

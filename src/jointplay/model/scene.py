@@ -27,7 +27,7 @@ class MarkedJoint:
     """That carries its bearing, in `Scene.links`."""
     place: pin.SE3
     """Of the bearing's frame, whose z is the joint's axis, in the link's."""
-    words: str
+    label: str
     """What it can do."""
     play: bool
     """Whether it has clearance; else it closes a loop."""
@@ -56,20 +56,20 @@ class Scene:
     @cached_property
     def joints(self) -> list[MarkedJoint]:
         """Joints with clearance, then those that close loops, on the links that carry them."""
-        mechanism, found = self.mechanism, []
+        mechanism, marked = self.mechanism, []
         hinges = {name for its in mechanism.hinges.values() for name in its}
         loops = [name for name in mechanism.loops if name not in mechanism.clearance]
         carriers = {index: link for link, (index, _) in reversed([*enumerate(self._frames)])}
         for name in (*mechanism.clearance, *loops):
-            joint, words = mechanism.clearance.get(name), "closes a loop"
+            joint, text = mechanism.clearance.get(name), "closes a loop"
             if joint is not None:
                 play = joint.play_words
-                words = play if joint.springs is not None else f"play {play}"
+                text = play if joint.springs is not None else f"play {play}"
             (index, placement), _ = mechanism.frames(name)
             link = carriers[index]
             place = self._frames[link][1].actInv(placement)
-            found.append(MarkedJoint(name, link, place, words, joint is not None, name in hinges))
-        return found
+            marked.append(MarkedJoint(name, link, place, text, joint is not None, name in hinges))
+        return marked
 
     def poses(self, q: np.ndarray) -> np.ndarray:
         """World poses of the links' frames at configurations q (n, nq), shape (n, links, 7).
@@ -95,7 +95,7 @@ def quaternions(matrices: np.ndarray) -> np.ndarray:
     """Quaternions (x, y, z, w) of rotation matrices (n, 3, 3), neighbours of like sign: (n, 4)."""
     from scipy.spatial.transform import Rotation  # takes long to import
 
-    found: np.ndarray = Rotation.from_matrix(matrices).as_quat()
-    flips = np.sum(found[1:] * found[:-1], axis=1) < 0.0
-    found[1:] *= np.where(np.cumsum(flips) % 2, -1.0, 1.0)[:, None]
-    return found
+    turns: np.ndarray = Rotation.from_matrix(matrices).as_quat()
+    flips = np.sum(turns[1:] * turns[:-1], axis=1) < 0.0
+    turns[1:] *= np.where(np.cumsum(flips) % 2, -1.0, 1.0)[:, None]
+    return turns

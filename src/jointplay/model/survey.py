@@ -62,11 +62,11 @@ class Survey:
             (self.unphysical, "physically impossible inertia, must be allowed: {}"),
             (self.mimics, "joints that follow others: {}"),
         )
-        found = tuple(text.format(_list(names)) for names, text in remarks if names)
-        found += self.doubts
+        lines = tuple(text.format(_list(names)) for names, text in remarks if names)
+        lines += self.doubts
         if not self.moving:
-            found = ("has no joint that moves: nothing can be simulated", *found)
-        return (self.problem, *found) if self.problem else found
+            lines = ("has no joint that moves: nothing can be simulated", *lines)
+        return (self.problem, *lines) if self.problem else lines
 
 
 def survey(place: str | Path, xacro: Mapping[str, Value] | None = None) -> Survey:
@@ -77,8 +77,8 @@ def survey(place: str | Path, xacro: Mapping[str, Value] | None = None) -> Surve
     """
     source = source_of(place)
     path = source.path
-    given = is_file(Path(place)) or str(place).endswith(SUFFIXES)
-    name = path.stem if given else str(place).removeprefix(PREFIX)
+    is_path = is_file(Path(place)) or str(place).endswith(SUFFIXES)
+    name = path.stem if is_path else str(place).removeprefix(PREFIX)
     text = urdf_text(source, xacro or {})
     root = elements(text, path)
     joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
@@ -109,6 +109,6 @@ def survey(place: str | Path, xacro: Mapping[str, Value] | None = None) -> Surve
     )
 
 
-def _list(words: tuple[str, ...], most: int = 4) -> str:
-    rest = f" and {len(words) - most} more" if len(words) > most else ""
-    return ", ".join(words[:most]) + rest
+def _list(names: tuple[str, ...], most: int = 4) -> str:
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more

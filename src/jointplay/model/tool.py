@@ -48,12 +48,12 @@ def choose_tool(description: Description, play: Collection[str] = ()) -> tuple[s
     named = [frame for frame in named if not _OTHER.search(frame)]
     end = "the base"
     if last:
-        on_way = {one.name for one in description.above(link)}
+        on_way = {n.name for n in description.above(link)}
         loose = [repr(name) for name in description.joints if name in on_way.intersection(play)]
         with_play = f" with play in {few(loose)}" if loose else ""
         end = f"the end of the chain of moving joints{with_play}, after {last!r}"
     if named:
-        telling = [one for word in _TELLING for one in named if word in one.lower()]
+        telling = [n for word in _TELLING for n in named if word in n.lower()]
         return (telling or named)[0], f"named like a tool, at {end}"
     return link, end
 
@@ -82,8 +82,8 @@ def _chain(
     while True:
         branches = [
             joint
-            for one in _fixed(link, children, play)
-            for joint in children[one]
+            for fixed in _fixed(link, children, play)
+            for joint in children[fixed]
             if (joint.kind != "fixed" or joint.name in play) and worth(joint) > (0, 0)
         ]
         if not branches:
@@ -102,11 +102,11 @@ def _fixed(
     """A link, and all that is fixed to it without play."""
     links, open_ones = [], [link]
     while open_ones:  # as deep as the URDF is, which may be deeper than Python's stack
-        here = open_ones.pop()
-        links.append(here)
+        frame = open_ones.pop()
+        links.append(frame)
         fixed = [
             joint.child
-            for joint in children[here]
+            for joint in children[frame]
             if joint.kind == "fixed" and joint.name not in play
         ]
         open_ones += reversed(fixed)

@@ -258,8 +258,8 @@ def _needed(bodies, turn, origin, omega, alpha, lift, arm, force, moment):
         w = turned_back(turn, b, row(omega, b))
         gyroscopic = cross(w, spin(inertias, b, w))
         inertial = spin(inertias, b, turned_back(turn, b, row(alpha, b)))
-        own = rotated(turn, b, add(gyroscopic, inertial))
-        put(moment, b, add(own, cross(add(row(arm, b), row(origin, b)), row(force, b))))
+        about_centre = rotated(turn, b, add(gyroscopic, inertial))
+        put(moment, b, add(about_centre, cross(add(row(arm, b), row(origin, b)), row(force, b))))
 
 
 @compiled
@@ -358,11 +358,11 @@ def _hold(bodies, carriers, places, turn, origin, omega, alpha, lift, rows, drif
             drift[first + k] += sign * rise[k]
         point = add(arm, row(origin, b))
         while b > 0:
-            way = axis_of(turn, b)
+            motion = axis_of(turn, b)
             if not bodies.slides[b]:
-                way = cross(way, subtract(point, row(origin, b)))
+                motion = cross(motion, subtract(point, row(origin, b)))
             for k in range(3):
-                rows[first + k, b - 1] += sign * way[k]
+                rows[first + k, b - 1] += sign * motion[k]
             b = bodies.parents[b]
 
 
@@ -408,10 +408,12 @@ def _close(mass, rows, drift, solved, square, acceleration, push):
 
 
 @compiled
-def react(bodies, q, v, effort, first, end, wanted, carriers, places, acted, given, forces, holds):
+def react(
+    bodies, q, v, effort, first, end, wanted, carriers, places, acted, wrenches, forces, holds
+):
     """Fill `forces` and `holds`; see `Tree.reactions`.
 
-    `wanted` and `acted`: bodies whose joints' forces are wanted, and on which `given` acts.
+    `wanted` and `acted`: bodies whose joints' forces are wanted, and on which `wrenches` acts.
     """
     parents = bodies.parents
     count, held = parents.size, 3 * (carriers.size // 2)
@@ -430,8 +432,8 @@ def react(bodies, q, v, effort, first, end, wanted, carriers, places, acted, giv
         _needed(bodies, turn, origin, omega, alpha, lift, arm, force, moment)
         for w in range(acted.size):
             for k in range(3):
-                force[acted[w], k] -= given[i, w, k]
-                moment[acted[w], k] -= given[i, w, 3 + k]
+                force[acted[w], k] -= wrenches[i, w, k]
+                moment[acted[w], k] -= wrenches[i, w, 3 + k]
         for b in range(count - 1, 0, -1):
             needed = _effort(bodies.slides, turn, origin, b, row(force, b), row(moment, b))
             acceleration[b - 1] = effort[i, b - 1] - needed
@@ -448,7 +450,7 @@ def react(bodies, q, v, effort, first, end, wanted, carriers, places, acted, giv
             put(force, b, _pushed(bodies, b, omega, alpha, lift, row(arm, b)))
         for w in range(acted.size):
             for k in range(3):
-                force[acted[w], k] -= given[i, w, k]
+                force[acted[w], k] -= wrenches[i, w, k]
         for f in range(carriers.size):
             hold = get_vector(push, 3 * (f // 2))
             put(force, carriers[f], add_scaled(row(force, carriers[f]), 2.0 * (f % 2) - 1.0, hold))
@@ -523,9 +525,9 @@ class Tree:
             before = model.parents[index]
             body = self._last_body[before]
             start = self._turned[before] * model.jointPlacements[index]
-            for way in motions(model, data, index):
-                straight = bool(way[:3].any())
-                turn = pin.SE3(z_to(way[:3] if straight else way[3:]), np.zeros(3))
+            for axis in motions(model, data, index):
+                straight = bool(axis[:3].any())
+                turn = pin.SE3(z_to(axis[:3] if straight else axis[3:]), np.zeros(3))
                 parents.append(body)
                 slides.append(straight)
                 placements.append(start * turn)
@@ -628,7 +630,7 @@ class Tree:
         forces = np.empty((end - first, len(wanted), 3))
         holds = np.empty((end - first, len(constraints), 3))
         acted = np.array([self._last_body[index] for index in pushed], dtype=np.int64)
-        given = np.zeros((len(q), 0, 6)) if wrenches is None else np.ascontiguousarray(wrenches)
+        pushes = np.zeros((len(q), 0, 6)) if wrenches is None else np.ascontiguousarray(wrenches)
         points = carriers, places
-        react(self.bodies, q, v, effort, first, end, wanted, *points, acted, given, forces, holds)
+        react(self.bodies, q, v, effort, first, end, wanted, *points, acted, pushes, forces, holds)
         return forces, holds

@@ -105,7 +105,7 @@ class JointEntry:
         return between(self.lower, self.upper)
 
     @property
-    def way(self) -> int:
+    def component(self) -> int:
         """Component of a displacement that it moves, if its axis is z: along it or about it."""
         return 2 if self.slides else 5
 
@@ -216,12 +216,12 @@ class Description:
         import yourdfpy
 
         root = self.elements()
-        for element in [one for one in root if one.tag not in _READ]:
+        for element in [child for child in root if child.tag not in _READ]:
             root.remove(element)
         for link in root.findall("link"):
             for picture in (*link.findall("visual"), *link.findall("collision")):
                 geometry = picture.find("geometry")
-                if geometry is None or not any(one.tag in SHAPES for one in geometry):
+                if geometry is None or not any(shape.tag in SHAPES for shape in geometry):
                     link.remove(picture)  # that other programs know
         text = io.BytesIO(ElementTree.tostring(root))
         try:
@@ -232,12 +232,12 @@ class Description:
     @cached_property
     def reductions(self) -> dict[str, float]:
         """Turns of the motor for one of the joint, by joint; yourdfpy (0.0.60) leaves them out."""
-        found = {}
+        ratios = {}
         for element in self.parsed.findall("transmission"):
             with suppress(ValueError):
                 ratio = float(element.findtext(".//mechanicalReduction") or "")
-                found.update({one.get("name", ""): ratio for one in element.findall("joint")})
-        return found
+                ratios.update({joint.get("name", ""): ratio for joint in element.findall("joint")})
+        return ratios
 
     @property
     def plain_text(self) -> str:
@@ -257,7 +257,7 @@ class Description:
     @cached_property
     def serial(self) -> bool:
         """Whether all joints that turn lie on one path from the base: an arm."""
-        paths = [{one.name for one in self.above(self.joints[n].child)} for n in self.revolute]
+        paths = [{joint.name for joint in self.above(self.joints[n].child)} for n in self.revolute]
         return bool(paths) and max(paths, key=len).issuperset(self.revolute)
 
     @property
@@ -291,7 +291,7 @@ class Description:
         """
         base = self.root
         fixed = {
-            link for link in self.links if all(one.kind == "fixed" for one in self.above(link))
+            link for link in self.links if all(joint.kind == "fixed" for joint in self.above(link))
         }
         masses = (
             float(mass.get("value", "0"))
@@ -342,8 +342,8 @@ def with_armature(description: Description, armature: Mapping[str, float]) -> De
     element = root.find(BEYOND)
     if element is None:
         element = ElementTree.SubElement(root, BEYOND)
-    said = json.loads(element.text or "{}")
-    element.text = json.dumps(said | {"armature": dict(armature)})
+    beyond = json.loads(element.text or "{}")
+    element.text = json.dumps(beyond | {"armature": dict(armature)})
     return read_again(description, root, "gear")
 
 
@@ -365,7 +365,7 @@ def elements(text: str, path: Path) -> ElementTree.Element:
         raise JointplayError(f"the URDF {str(path)!r} has the root <{root.tag}>, expected <robot>")
     level = [root]
     for _ in range(_DEEPEST):
-        level = [inner for one in level for inner in one]
+        level = [inner for element in level for inner in element]
     if level:  # Python's own XML writer gives up somewhere beyond
         raise JointplayError(f"the URDF {str(path)!r} nests elements more than {_DEEPEST} deep")
     return root
@@ -399,11 +399,11 @@ def _with_world(root: ElementTree.Element) -> bool:
 
 def doubt(root: ElementTree.Element, line: str) -> None:
     """Add a line to `doubts`."""
-    said = json.loads(root.findtext(BEYOND) or "{}")
+    beyond = json.loads(root.findtext(BEYOND) or "{}")
     for old in root.findall(BEYOND):
         root.remove(old)
-    said["doubts"] = [*said.get("doubts", ()), line]
-    ElementTree.SubElement(root, BEYOND).text = json.dumps(said)
+    beyond["doubts"] = [*beyond.get("doubts", ()), line]
+    ElementTree.SubElement(root, BEYOND).text = json.dumps(beyond)
 
 
 _WORLD = "world"
@@ -418,17 +418,17 @@ def _parsed(text: str, path: Path, allow_unphysical: tuple[str, ...]) -> Descrip
     if not tags:
         raise JointplayError(f"the URDF {str(path)!r} has no links")
     moving = sum(joint.get("type") != "fixed" for joint in root.findall("joint"))
-    for number, most, what in (
+    for number, most, noun in (
         (len(tags), MOST_LINKS, "links"),
         (moving, MOST_MOVING, "moving joints"),
     ):
         if number > most:
             raise JointplayError(
-                f"the URDF {str(path)!r} has {number} {what}; at most {most} are possible"
+                f"the URDF {str(path)!r} has {number} {noun}; at most {most} are possible"
             )
     links = {link.get("name", ""): link for link in tags}
     for kind in ("link", "joint"):
-        _check_names(kind, [one.get("name", "") for one in root.findall(kind)])
+        _check_names(kind, [element.get("name", "") for element in root.findall(kind)])
     check_words(root)
     _check_numbers(root)
     for name in allow_unphysical:
@@ -498,48 +498,48 @@ def _limits(joint: ElementTree.Element, name: str) -> dict[str, float | None]:
     if kind in NO_AXIS:
         return {}
     speed, force = (value if value > 0.0 else None for value in (velocity, effort))
-    found = {"speed": speed, "effort": force}
+    limits = {"speed": speed, "effort": force}
     if lower < upper and kind != "continuous":
-        found |= {"lower": lower, "upper": upper}
-    return found
+        limits |= {"lower": lower, "upper": upper}
+    return limits
 
 
 def doubts(root: ElementTree.Element) -> list[str]:
     """What is not whole or not read, a line each: leaders that do not exist, limits, axes, ..."""
     names = [joint.get("name", "") for joint in root.findall("joint")]
     geared = {
-        one.get("name", ""): [joint.get("name", "") for joint in one.findall("joint")]
-        for one in root.findall("transmission")
+        t.get("name", ""): [joint.get("name", "") for joint in t.findall("joint")]
+        for t in root.findall("transmission")
     }
     idle = [name for name, joints in geared.items() if not {*joints} & {*names}]
     lines = [
-        f"{name} mimics {one.leader!r}, which is no joint, and moves by itself; "
-        f"{closest(one.leader, names)}".rstrip("; ")
-        for name, one in mimics(root)[1].items()
+        f"{name} mimics {mimic.leader!r}, which is no joint, and moves by itself; "
+        f"{closest(mimic.leader, names)}".rstrip("; ")
+        for name, mimic in mimics(root)[1].items()
     ]
     lines += partly_limited(root)
     if long := [name for name, length in _axes(root).items() if abs(length - 1.0) > UNIT]:
         lines.append(f"no unit vector as axis, so only its direction counts: {few(long)}")
     if idle:
         lines.append(f"transmissions of no joint in the URDF, left out: {few(idle)}")
-    found = [one for one in root.iter("material") if {"color", "texture"} & {x.tag for x in one}]
-    coloured = {one.get("name", "") for one in found}
-    used = [one.get("name", "") for one in root.findall("link/visual/material")]
+    materials = [m for m in root.iter("material") if {"color", "texture"} & {x.tag for x in m}]
+    coloured = {m.get("name", "") for m in materials}
+    used = [m.get("name", "") for m in root.findall("link/visual/material")]
     if pale := [name for name in dict.fromkeys(used) if name not in coloured and name]:
         lines.append(f"materials without a colour in the URDF: {few(pale)}")
     if harmless := harmless_inertias(root):
         lines.append(harmless)
-    told = json.loads(root.findtext(BEYOND) or "{}").get("doubts", ())
-    return [*lines, *unread(root), *told]
+    stored = json.loads(root.findtext(BEYOND) or "{}").get("doubts", ())
+    return [*lines, *unread(root), *stored]
 
 
 def _axes(root: ElementTree.Element) -> dict[str, float]:
     """Length of the axis of each joint that has one."""
     moving = [joint for joint in root.findall("joint") if joint.get("type") not in NO_AXIS]
-    found = {joint.get("name", ""): joint.find("axis") for joint in moving}
+    axes = {joint.get("name", ""): joint.find("axis") for joint in moving}
     return {
         name: math.hypot(*numbers(axis, "xyz", f"joint {name!r}: axis", 3, "1 0 0"))
-        for name, axis in found.items()
+        for name, axis in axes.items()
         if axis is not None
     }
 
@@ -552,8 +552,8 @@ def partly_limited(root: ElementTree.Element) -> list[str]:
         if kind in NO_AXIS or (limit is None and kind not in LIMITED):
             continue
         needed = (*(("lower", "upper") if kind in LIMITED else ()), "effort", "velocity")
-        given = {} if limit is None else limit.attrib
-        if missing := tuple(key for key in needed if key not in given):
+        stated = {} if limit is None else limit.attrib
+        if missing := tuple(key for key in needed if key not in stated):
             joints.setdefault(missing, []).append(joint.get("name", ""))
     lines = []
     for missing, names in joints.items():
@@ -584,11 +584,11 @@ def mimics(root: ElementTree.Element) -> tuple[dict[str, Mimic], dict[str, Mimic
         name, mimic = joint.get("name", ""), joint.find("mimic")
         if mimic is None:
             continue
-        what, leader = f"joint {name!r}: mimic", mimic.get("joint", "")
-        factor = _number(mimic, "multiplier", what, "1")
-        offset = _number(mimic, "offset", what, "0")
+        label, leader = f"joint {name!r}: mimic", mimic.get("joint", "")
+        factor = _number(mimic, "multiplier", label, "1")
+        offset = _number(mimic, "offset", label, "0")
         (followers if leader in joints else astray)[name] = Mimic(leader, factor, offset)
-    above = {name: one.leader for name, one in followers.items()}
+    above = {name: mimic.leader for name, mimic in followers.items()}
     for name in followers:
         _, ring = _ascend(name, above, ())
         if ring:
@@ -598,12 +598,12 @@ def mimics(root: ElementTree.Element) -> tuple[dict[str, Mimic], dict[str, Mimic
 
 def _ascend(name: str, above: Mapping[str, str], known: Collection[str]) -> tuple[list[str], str]:
     """Way from `name` to what has nothing above or is known, and the ring in which it ends."""
-    way = [name]
-    while way[-1] in above and way[-1] not in known:
-        way.append(above[way[-1]])
-        if way[-1] in way[:-1]:
-            return way, " - ".join(way[way.index(way[-1]) :])
-    return way, ""
+    path = [name]
+    while path[-1] in above and path[-1] not in known:
+        path.append(above[path[-1]])
+        if path[-1] in path[:-1]:
+            return path, " - ".join(path[path.index(path[-1]) :])
+    return path, ""
 
 
 def _check_names(kind: str, names: Sequence[str]) -> None:
@@ -647,48 +647,48 @@ def _check_numbers(root: ElementTree.Element) -> None:
             )
         elif tag in SHAPES:
             for key in SHAPES[tag]:
-                what = f"{owner}: {tag} {key}"
-                if min(_vector(element, key, what, 3 if key == "size" else 1)) < 0.0:
-                    raise JointplayError(f"{what} must not be negative, got {element.get(key)!r}")
+                label = f"{owner}: {tag} {key}"
+                if min(_vector(element, key, label, 3 if key == "size" else 1)) < 0.0:
+                    raise JointplayError(f"{label} must not be negative, got {element.get(key)!r}")
 
 
 def _vector(
-    element: ElementTree.Element, key: str, what: str, count: int, default: str | None = None
+    element: ElementTree.Element, key: str, label: str, count: int, default: str | None = None
 ) -> list[float]:
     """`numbers` of lengths or angles."""
-    values = numbers(element, key, what, count, default)
+    values = numbers(element, key, label, count, default)
     worst = max(values, key=abs)
     if abs(worst) > LARGEST:
-        raise JointplayError(f"{what} must be no larger than {LARGEST:g}, got {worst:g}")
+        raise JointplayError(f"{label} must be no larger than {LARGEST:g}, got {worst:g}")
     return values
 
 
 def _number(
-    element: ElementTree.Element | None, key: str, what: str, default: str | None = None
+    element: ElementTree.Element | None, key: str, label: str, default: str | None = None
 ) -> float:
     """One number of an attribute, see `numbers`."""
-    return numbers(element, key, f"{what} {key}", 1, default)[0]
+    return numbers(element, key, f"{label} {key}", 1, default)[0]
 
 
 def read_again(
-    description: Description, root: ElementTree.Element, what: str, *names: str
+    description: Description, root: ElementTree.Element, noun: str, *names: str
 ) -> Description:
     """The URDF with changed elements.
 
     Raises:
-        JointplayError: one of `names`, which are those of new links and joints, is taken; `what`
+        JointplayError: one of `names`, which are those of new links and joints, is taken; `noun`
             needs it.
     """
     for name in names:
         if name in (*description.links, *description.joints):
             raise JointplayError(
-                f"the URDF already has a {name!r}: a {what} needs this name. To change a {what}, "
+                f"the URDF already has a {name!r}: a {noun} needs this name. To change a {noun}, "
                 "build the mechanism from its own URDF again"
             )
     text = ElementTree.tostring(root, encoding="unicode")
     # Its inertias have been checked, and some allowed although no body has them.
-    made = parse(text, description.path, [ALL])
-    return replace(made, stored=description.stored)
+    parsed = parse(text, description.path, [ALL])
+    return replace(parsed, stored=description.stored)
 
 
 def _link(joint: ElementTree.Element, end: str, links: Collection[str]) -> str:
@@ -718,16 +718,16 @@ def _check_tree(path: Path, links: Collection[str], joints: Iterable[JointEntry]
     parents = {link: joint.parent for link, joint in above.items()}
     depth: dict[str, int] = dict.fromkeys(roots, 1)
     for link in links:
-        way, ring = _ascend(link, parents, depth)
+        ascent, ring = _ascend(link, parents, depth)
         if ring:
             raise JointplayError(
                 f"the URDF {str(path)!r} is cyclic: {ring}; describe one of these joints as a "
                 "loop instead"
             )
-        for one in reversed(way[:-1]):
-            depth[one] = depth[parents[one]] + 1
-            if depth[one] > MOST_IN_SERIES:
+        for lower in reversed(ascent[:-1]):
+            depth[lower] = depth[parents[lower]] + 1
+            if depth[lower] > MOST_IN_SERIES:
                 raise JointplayError(
                     f"the URDF {str(path)!r} has more than {MOST_IN_SERIES} links in series, up "
-                    f"to {one!r}; at most {MOST_IN_SERIES} are possible"
+                    f"to {lower!r}; at most {MOST_IN_SERIES} are possible"
                 )

@@ -49,12 +49,12 @@ def visualizer() -> Any:
     address = f"ipc://{folder / 'scene'}"
     command = [sys.executable, "-P", "-u", "-m", __name__, address, str(os.getpid())]
     paths = os.pathsep.join(path for path in sys.path if path)  # whatever this process can import
-    with tempfile.TemporaryFile() as said:
+    with tempfile.TemporaryFile() as output:
         process = subprocess.Popen(
             command,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
-            stderr=said,
+            stderr=output,
             env={**os.environ, "PYTHONPATH": paths},
             start_new_session=True,  # Ctrl-C in a notebook's cell is not for it
         )
@@ -63,14 +63,14 @@ def visualizer() -> Any:
         if not ready:
             process.kill()
             process.wait()
-            said.seek(0)
-            words = said.read().decode("utf-8", "replace").strip().rpartition("\n")[2]
+            output.seek(0)
+            reason = output.read().decode("utf-8", "replace").strip().rpartition("\n")[2]
             shutil.rmtree(folder, ignore_errors=True)
-            raise JointplayError(f"the visualizer's server did not start: {words or 'it ended'}")
+            raise JointplayError(f"the visualizer's server did not start: {reason or 'it ended'}")
     atexit.register(_end, process, folder, os.getpid())
-    made = meshcat.Visualizer(zmq_url=address)
-    made.window.server_proc = process  # where meshcat itself keeps it
-    return made
+    shown = meshcat.Visualizer(zmq_url=address)
+    shown.window.server_proc = process  # where meshcat itself keeps it
+    return shown
 
 
 def _end(process: subprocess.Popen[bytes], folder: Path, parent: int) -> None:
@@ -101,18 +101,18 @@ def main(address: str, parent: int) -> None:
             # Every browser names the origin of a websocket. What names none is no page of ours, and
             # nothing else has business here, so it is refused, too; tornado would let it in.
             host = self.request.headers.get("Host", "").lower()
-            own = self.request.headers.get("Origin", "").lower() == f"http://{host}"
-            if status := refusal(self) or (None if own else 403):
+            same_origin = self.request.headers.get("Origin", "").lower() == f"http://{host}"
+            if status := refusal(self) or (None if same_origin else 403):
                 self.send_error(status)
 
     class Bridge(zmqserver.ZMQWebSocketBridge):  # type: ignore[misc]
         def make_app(self) -> Any:
             root = {"path": zmqserver.VIEWER_ROOT, "default_filename": zmqserver.VIEWER_HTML}
-            made = type(super().make_app())(
+            application = type(super().make_app())(
                 [(r"/static/(.*)", Files, root), (r"/", Socket, {"bridge": self})]
             )
-            made.listen = partial(made.listen, address=HOST)
-            return made
+            application.listen = partial(application.listen, address=HOST)
+            return application
 
     bridge = Bridge(zmq_url=address, host=HOST)
 

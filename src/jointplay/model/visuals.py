@@ -108,7 +108,7 @@ def look(
     }
     points = np.array([place.translation for place in places.values()])
     reach = float(np.linalg.norm(points[:, None] - points[None], axis=2).max())
-    made = Look([], reach if reach > 1e-6 else 0.3)
+    scene = Look([], reach if reach > 1e-6 else 0.3)
     tones = {name: TONES[number % len(TONES)] for number, name in enumerate(places)}
     bare = []
     for link in robot.links:
@@ -118,28 +118,28 @@ def look(
             form, file, parts = _surfaces(element.geometry, where, not description.stored)
             mesh = element.geometry.mesh
             if not parts:
-                made.missing.append(mesh.filename or "")
+                scene.missing.append(mesh.filename or "")
                 continue
             frame = np.eye(4) if element.origin is None else np.array(element.origin)
             scale = np.ones(3) if mesh is None or mesh.scale is None else mesh.scale
             scale = np.broadcast_to(np.asarray(scale, float), 3)
-            given = _colour(getattr(element, "material", None), robot)
-            colours = tuple(given or part.colour or tones[link.name] for part in parts)
-            own = given is not None
-            forms.append(LinkShape(link.name, frame, scale, form, file, parts, colours, own))
-        made.shapes.extend(one for one in forms if any(len(part.triangles) for part in one.parts))
+            declared = _colour(getattr(element, "material", None), robot)
+            colours = tuple(declared or part.colour or tones[link.name] for part in parts)
+            own_colour = declared is not None
+            forms.append(LinkShape(link.name, frame, scale, form, file, parts, colours, own_colour))
+        scene.shapes.extend(form for form in forms if any(len(p.triangles) for p in form.parts))
         if elements and not forms:
             bare.append(link.name)
     if collisions:
-        return made
+        return scene
     if not any(link.visuals for link in robot.links):
         bare = [link.name for link in robot.links]
-    for name, place, form in _stand_ins(mechanism, places, bare, THICKNESS * made.reach):
+    for name, place, form in _stand_ins(mechanism, places, bare, THICKNESS * scene.reach):
         part, tone = surface_of(form), tones[name]
-        made.shapes.append(
+        scene.shapes.append(
             LinkShape(name, place, np.ones(3), form, "", (part,), (tone,), stands_in=True)
         )
-    return made
+    return scene
 
 
 def geometry_model(mechanism: Mechanism, seen: Look) -> pin.GeometryModel:
@@ -184,26 +184,26 @@ def visualizer(mechanism: Mechanism, folders: Sequence[str | Path], open_browser
         if Path(shape.meshPath).suffix.lower() == ".dae":
             # Meshcat shows one part of a Collada file; the surface read here has them all.
             shape.meshPath = ""
-    made = MeshcatVisualizer(mechanism.model, collisions, visuals)
+    shown = MeshcatVisualizer(mechanism.model, collisions, visuals)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # textures that meshcat cannot show
-        made.initViewer(viewer=viewer.visualizer(), open=open_browser)
-        made.loadViewerModel(mechanism.model.name or "mechanism")
-    made.display(assemble(mechanism, np.zeros(mechanism.model.nq), []))
-    places = np.array([place.translation for place in made.visual_data.oMg])
+        shown.initViewer(viewer=viewer.visualizer(), open=open_browser)
+        shown.loadViewerModel(mechanism.model.name or "mechanism")
+    shown.display(assemble(mechanism, np.zeros(mechanism.model.nq), []))
+    places = np.array([place.translation for place in shown.visual_data.oMg])
     centre = 0.5 * (places.min(axis=0) + places.max(axis=0))
     x, y, z = seen.reach * np.array(_VIEW)
     # Released versions of meshcat have no call for this; its camera's frame has y up.
-    made.viewer["/Cameras/default"].set_transform(pin.SE3(np.eye(3), centre).homogeneous)
-    made.viewer["/Cameras/default/rotated/<object>"].set_property("position", [x, z, -y])
-    return made
+    shown.viewer["/Cameras/default"].set_transform(pin.SE3(np.eye(3), centre).homogeneous)
+    shown.viewer["/Cameras/default/rotated/<object>"].set_property("position", [x, z, -y])
+    return shown
 
 
 # Where mesh files are.
 
 
-def mesh_folders(mechanism: Mechanism, given: Sequence[str | Path] = ()) -> list[Path]:
-    """Where meshes are looked for: `given`, the robot's own folders and packages, others' data.
+def mesh_folders(mechanism: Mechanism, further: Sequence[str | Path] = ()) -> list[Path]:
+    """Where meshes are looked for: `further`, the robot's own folders and packages, others' data.
 
     A mechanism from a result has no folders of its own: what others wrote into a file must not
     choose among the files here.
@@ -211,7 +211,7 @@ def mesh_folders(mechanism: Mechanism, given: Sequence[str | Path] = ()) -> list
     Raises:
         JointplayError: a given folder does not exist.
     """
-    folders = [Path(folder) for folder in given]
+    folders = [Path(folder) for folder in further]
     for folder in folders:
         if not is_folder(folder):
             raise JointplayError(f"no folder of meshes {str(folder)!r}")
@@ -338,22 +338,22 @@ def _solid(shape: LinkShape) -> Any:
     points = np.concatenate([part.points for part in shape.parts]) * shape.scale
     first = np.cumsum([0, *(len(part.points) for part in shape.parts[:-1])])
     triangles = [part.triangles + n for part, n in zip(shape.parts, first, strict=True)]
-    made = coal.BVHModelOBBRSS()
-    made.beginModel(sum(map(len, triangles)), len(points))
-    made.addVertices(points)
-    made.addTriangles(np.concatenate(triangles))
-    made.endModel()
-    return made
+    body = coal.BVHModelOBBRSS()
+    body.beginModel(sum(map(len, triangles)), len(points))
+    body.addVertices(points)
+    body.addTriangles(np.concatenate(triangles))
+    body.endModel()
+    return body
 
 
 def _colour(material: Any, robot: Any) -> Colour | None:
     """Colour that the URDF gives a shape, by itself or by a name."""
     if material is None:
         return None
-    named = next((one for one in robot.materials if one.name == material.name), None)
-    for one in (material, named):
-        if one is not None and one.color is not None and one.color.rgba is not None:
-            red, green, blue, opacity = (float(value) for value in one.color.rgba)
+    named = next((m for m in robot.materials if m.name == material.name), None)
+    for m in (material, named):
+        if m is not None and m.color is not None and m.color.rgba is not None:
+            red, green, blue, opacity = (float(value) for value in m.color.rgba)
             return red, green, blue, opacity if opacity > 0.0 else 1.0
     return None
 

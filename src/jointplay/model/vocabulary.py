@@ -35,7 +35,7 @@ class Words(NamedTuple):
     """What other programs put there, although it resembles these or belongs elsewhere."""
     meant: Mapping[str, str] = MappingProxyType({})
     """What people write who mean one of these."""
-    whole: bool = False
+    exclusive: bool = False
     """Whether nothing else may stand there: no program puts its own into it."""
 
 
@@ -55,10 +55,10 @@ WORDS = {
         ("visual", "collision"),
         ("origin", "kinematic", "collision_checking"),
     ),
-    "inertial": Words((), ("origin", "mass", "inertia"), whole=True),
-    "mass": Words(("value",), whole=True),
+    "inertial": Words((), ("origin", "mass", "inertia"), exclusive=True),
+    "mass": Words(("value",), exclusive=True),
     "inertia": Words(
-        ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), others=tuple(MIRRORED), whole=True
+        ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), others=tuple(MIRRORED), exclusive=True
     ),
     "joint": Words(
         ("name", "type"),
@@ -67,17 +67,17 @@ WORDS = {
             *("calibration", "safety_controller"),
         ),
     ),
-    "origin": Words(("xyz", "rpy"), whole=True),
-    "axis": Words(("xyz",), whole=True),
-    "parent": Words(("link",), whole=True),
-    "child": Words(("link",), whole=True),
+    "origin": Words(("xyz", "rpy"), exclusive=True),
+    "axis": Words(("xyz",), exclusive=True),
+    "parent": Words(("link",), exclusive=True),
+    "child": Words(("link",), exclusive=True),
     "limit": Words(
         ("lower", "upper", "effort", "velocity"),
         others=("command_effort", "current", "gear_velocity"),
         meant={"min": "lower", "max": "upper", "torque": "effort", "speed": "velocity"},
     ),
     "dynamics": Words(("damping", "friction")),
-    "mimic": Words(("joint", "multiplier", "offset"), whole=True),
+    "mimic": Words(("joint", "multiplier", "offset"), exclusive=True),
     "visual": _SHAPED,
     "collision": _SHAPED,
     "geometry": Words(("name",), ("box", "cylinder", "sphere", "mesh")),
@@ -86,7 +86,7 @@ WORDS = {
     "sphere": Words(("radius",)),
     "mesh": Words(("filename", "scale")),
     "material": Words(("name",), ("color", "texture")),
-    "color": Words(("rgba",), whole=True),
+    "color": Words(("rgba",), exclusive=True),
 }
 """By element. Those that are not here are other programs'; nobody looks into them."""
 
@@ -111,8 +111,8 @@ def check_words(root: ElementTree.Element) -> None:
         words = WORDS[element.tag]
         for name in element.attrib:
             _check(f'"{name}"', name, place, words.attributes, words, ())
-        found = Counter(one.tag for one in element)
-        for tag, number in found.items():
+        counts = Counter(child.tag for child in element)
+        for tag, number in counts.items():
             _check(f"<{tag}>", tag, place, words.elements, words, WORDS)
             if number > 1 and tag in words.elements and tag not in words.several:
                 raise JointplayError(
@@ -127,16 +127,16 @@ def check_words(root: ElementTree.Element) -> None:
 
 def unread(root: ElementTree.Element) -> list[str]:
     """Words and text that nobody reads in elements that are read, in one line if there are any."""
-    found: dict[str, list[str]] = {}
+    places: dict[str, list[str]] = {}
     for element, place, _ in read_elements(root):
-        words, texts = WORDS[element.tag], [element.text, *(one.tail for one in element)]
-        tags = (one.tag for one in element if one.tag != BEYOND)
-        said = [f'"{name}"' for name in element.attrib if _foreign(name, words.attributes)]
-        said += [f"<{tag}>" for tag in tags if _foreign(tag, words.elements)]
-        said += [f"the text {text.strip()[:_SHOWN]!r}" for text in texts if text and text.strip()]
-        for one in said:
-            found.setdefault(one, []).append(place)
-    lines = [f"{word} in {few(list(dict.fromkeys(at)), 2)}" for word, at in found.items()]
+        words, texts = WORDS[element.tag], [element.text, *(child.tail for child in element)]
+        tags = (child.tag for child in element if child.tag != BEYOND)
+        unknown = [f'"{name}"' for name in element.attrib if _foreign(name, words.attributes)]
+        unknown += [f"<{tag}>" for tag in tags if _foreign(tag, words.elements)]
+        unknown += [f"the text {t.strip()[:_SHOWN]!r}" for t in texts if t and t.strip()]
+        for word in unknown:
+            places.setdefault(word, []).append(place)
+    lines = [f"{word} in {few(list(dict.fromkeys(at)), 2)}" for word, at in places.items()]
     return [f"not read in the URDF: {few(lines)}"] if lines else []
 
 
@@ -152,9 +152,9 @@ def read_elements(
     """
     place = "the robot" if top is None else f"{top.tag} {top.get('name', '')!r}"
     yield element, place if element is top or top is None else f"{place}: <{element.tag}>", top
-    for one in element:
-        if one.tag in WORDS[element.tag].elements and one.tag in WORDS:
-            yield from read_elements(one, one if top is None else top)
+    for child in element:
+        if child.tag in WORDS[element.tag].elements and child.tag in WORDS:
+            yield from read_elements(child, child if top is None else top)
 
 
 def _check(
@@ -167,10 +167,10 @@ def _check(
 ) -> None:
     if word in words.others or not _foreign(word, known):
         return
-    likeness = _ALIKE if not words.whole else 0.6 if len(known) > 1 else 0.0
+    likeness = _ALIKE if not words.exclusive else 0.6 if len(known) > 1 else 0.0
     near = words.meant.get(word)
     meant = f'did you mean "{near}"? ' if near else closest(word, known, likeness)
-    if meant or words.whole:
+    if meant or words.exclusive:
         choices = ", ".join(known) or "nothing"
         raise JointplayError(f"{place} has {shown}, which nobody reads; {meant}known: {choices}")
     if word in elsewhere:
@@ -183,7 +183,7 @@ def _check(
 def numbers(
     element: ElementTree.Element | None,
     key: str,
-    what: str,
+    label: str,
     count: int,
     default: str | None = None,
     infinite: bool = False,
@@ -193,14 +193,14 @@ def numbers(
     Of a mass that Python reads and other programs do not, such as ``4_35``, Pinocchio makes 0
     without a word. In the element the numbers are then separated by single spaces: of a mass with a
     space behind it it makes 0, too, and it does not read vectors with tabs or line ends in them.
-    `what` they are called in messages; whether they may be `infinite`.
+    `label` they are called in messages; whether they may be `infinite`.
 
     Raises:
         JointplayError: they are not so many finite numbers.
     """
     text = default if element is None else element.get(key, default)
     if text is None:
-        raise JointplayError(f"{what} is missing in the URDF")
+        raise JointplayError(f"{label} is missing in the URDF")
     parts = [part for part in re.split(r"[ \t\r\n]+", text) if part]
     values = [
         float(part) if infinite and _INFINITE.fullmatch(part) else _number(part) for part in parts
@@ -208,7 +208,7 @@ def numbers(
     if len(values) != count or any(map(math.isnan, values)):
         kind = "" if infinite else "finite "
         word = {1: f"a {kind}number", 3: f"three {kind}numbers", 4: f"four {kind}numbers"}[count]
-        raise JointplayError(f"{what} must be {word}, got {text!r}")
+        raise JointplayError(f"{label} must be {word}, got {text!r}")
     if element is not None and key in element.attrib:
         element.set(key, " ".join(parts))
     return values

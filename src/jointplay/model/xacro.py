@@ -51,11 +51,11 @@ def uses_xacro(text: str) -> bool:
 
 def without_comments(text: str) -> str:
     """XML without its comments."""
-    kept, end = [], 0
+    parts, end = [], 0
     while (start := text.find("<!--", end)) >= 0 and (close := text.find("-->", start)) >= 0:
-        kept.append(text[end:start])
+        parts.append(text[end:start])
         end = close + 3
-    return "".join([*kept, text[end:]])
+    return "".join([*parts, text[end:]])
 
 
 def expand(text: str, path: Path, arguments: Mapping[str, Value], usual: Mapping[str, str]) -> str:
@@ -70,20 +70,20 @@ def expand(text: str, path: Path, arguments: Mapping[str, Value], usual: Mapping
         JointplayError: the library is missing, or the file, or one that it includes, is not as it
             should be; the message has both, and the macro.
     """
-    given = {name: as_text(value) for name, value in arguments.items()}
+    values = {name: as_text(value) for name, value in arguments.items()}
     path = path.absolute()
-    key = path, tuple(({**usual, **given}).items()), tuple(packages.search_path(path))
-    stamps, made = _expanded.get(key, ({}, ""))
+    key = path, tuple(({**usual, **values}).items()), tuple(packages.search_path(path))
+    stamps, urdf = _expanded.get(key, ({}, ""))
     if not stamps or stamps != {file: _stamp(file) for file in stamps}:
         files = _Files(path)
-        made, asked = _expand(files, {**usual, **given})
-        for name in given:
+        urdf, asked = _expand(files, {**usual, **values})
+        for name in values:
             if name not in asked:
                 raise MissingName(f"xacro argument of {path.name}:", name, asked)
         while len(_expanded) >= _MOST_EXPANDED:
             _expanded.pop(next(iter(_expanded)), None)
-        _expanded[key] = {file: _stamp(file) for file in files.read}, made
-    return made
+        _expanded[key] = {file: _stamp(file) for file in files.read}, urdf
+    return urdf
 
 
 def as_text(value: Value) -> str:
@@ -105,28 +105,28 @@ class _Files:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.read = {path}
-        self.found: dict[str, Path] = {}
+        self.folders: dict[str, Path] = {}
         """Folders of packages, by name."""
         real = path.resolve()
         self._roots = {path.parent.resolve(), real.parent}
-        home = next((one for one in real.parents[: packages.ABOVE] if _package(one)), None)
+        home = next((folder for folder in real.parents[: packages.ABOVE] if _package(folder)), None)
         if home is not None:
             self._roots.add(home)
 
-    def give(self, what: str, subject: str) -> Any:
+    def give(self, request: str, subject: str) -> Any:
         """An answer to what the other process asks: text of a file, names of files, a folder.
 
         Raises:
             JointplayError: it may not have that.
             OSError: there is no such file.
         """
-        if what == "find":
+        if request == "find":
             return str(self._find(subject))
         path = Path(os.path.normpath(self.path.parent / subject))
-        if what == "match":
+        if request == "match":
             fixed, *_ = re.split(r"[*?[]", subject, maxsplit=1)
             self._require(Path(fixed if fixed.endswith(os.sep) else os.path.dirname(fixed)))
-            return [one for one in sorted(glob.glob(subject)) if self._has(Path(one))]
+            return [name for name in sorted(glob.glob(subject)) if self._has(Path(name))]
         self._require(path)
         self.read.add(Path(subject))
         path.stat()
@@ -152,7 +152,7 @@ class _Files:
                 f"{' or '.join(packages.VARIABLES)}; put it beside the robot's package, or set "
                 "ROS_PACKAGE_PATH to the folder that has it"
             )
-        self.found[name] = folder
+        self.folders[name] = folder
         self._roots |= _package(folder)
         return folder
 
@@ -176,14 +176,14 @@ def _expand(files: _Files, arguments: Mapping[str, str]) -> tuple[str, list[str]
         assert process.stdin
         assert process.stdout
         while line := process.stdout.readline():
-            told = json.loads(line)
-            if "fault" in told:
-                raise JointplayError(f"{subject}{told['fault']}")
-            if "text" in told:
-                made = _portable(told["text"], files.path.parent, files.found)
-                said = [f"{files.path.name}: {one}" for one in told["said"]]
-                return _saying(made, said), told["asked"]
-            answer = _answer(files, arguments, told["ask"], told["of"])
+            message = json.loads(line)
+            if "fault" in message:
+                raise JointplayError(f"{subject}{message['fault']}")
+            if "text" in message:
+                urdf = _portable(message["text"], files.path.parent, files.folders)
+                notes = [f"{files.path.name}: {note}" for note in message["said"]]
+                return _saying(urdf, notes), message["asked"]
+            answer = _answer(files, arguments, message["ask"], message["of"])
             try:
                 process.stdin.write(json.dumps(answer).encode() + b"\n")
                 process.stdin.flush()
@@ -192,29 +192,31 @@ def _expand(files: _Files, arguments: Mapping[str, str]) -> tuple[str, list[str]
         raise JointplayError(f"{subject}: expanding it {confined.ended(process, TIME_S)}")
 
 
-def _answer(files: _Files, arguments: Mapping[str, str], what: str, subject: str) -> dict[str, Any]:
-    if what == "begin":
+def _answer(
+    files: _Files, arguments: Mapping[str, str], request: str, subject: str
+) -> dict[str, Any]:
+    if request == "begin":
         return {"gives": dict(arguments)}
     try:
-        return {"gives": files.give(what, subject)}
+        return {"gives": files.give(request, subject)}
     except OSError as error:
         return {"failed": [error.errno, error.strerror, subject]}
     except (JointplayError, ValueError) as error:
         return {"refused": str(error)}
 
 
-def _saying(text: str, said: Sequence[str]) -> str:
+def _saying(text: str, notes: Sequence[str]) -> str:
     """A URDF with words that come to its doubts (`urdf.doubts`)."""
-    if not said:
+    if not notes:
         return text
-    inside = escape(json.dumps({"doubts": said}))
+    inside = escape(json.dumps({"doubts": notes}))
     head, end, tail = text.rpartition("</robot>")
     return f"{head}<{BEYOND}>{inside}</{BEYOND}>{end}{tail}" if end else text
 
 
-def _portable(text: str, folder: Path, found: Mapping[str, Path]) -> str:
+def _portable(text: str, folder: Path, folders: Mapping[str, Path]) -> str:
     """A URDF that names no folder of this machine, as far as its packages and its own one go."""
-    names = {f"{place}/": f"package://{name}/" for name, place in found.items()}
+    names = {f"{place}/": f"package://{name}/" for name, place in folders.items()}
     for place, name in ({f"{folder}/": ""} | names).items():
         # Some write file:///$(find NAME).
         text = re.sub(f"(?:file:///?)?{re.escape(place)}", name, text)

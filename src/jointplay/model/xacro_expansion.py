@@ -40,8 +40,8 @@ class Refused(Exception):
 class _Arguments(dict[str, str]):
     """Arguments that remember which were asked for, and which of these was missing."""
 
-    def __init__(self, given: Mapping[str, str]) -> None:
-        super().__init__(given)
+    def __init__(self, values: Mapping[str, str]) -> None:
+        super().__init__(values)
         self.asked: set[str] = set()
         self.missing = ""
 
@@ -64,18 +64,18 @@ class _Parent:
     def __init__(self) -> None:
         self._in, self._out = sys.stdin.buffer, sys.stdout.buffer
 
-    def tell(self, **words: Any) -> None:
-        self._out.write(json.dumps(words).encode() + b"\n")
+    def tell(self, **message: Any) -> None:
+        self._out.write(json.dumps(message).encode() + b"\n")
         self._out.flush()
 
-    def ask(self, what: str = "begin", subject: str = "") -> Any:
+    def ask(self, request: str = "begin", subject: str = "") -> Any:
         """What it gives.
 
         Raises:
             OSError: there is no such file, or it cannot be read.
             Refused: it may not be had.
         """
-        self.tell(ask=what, of=str(subject))
+        self.tell(ask=request, of=str(subject))
         answer = json.loads(self._in.readline())
         if "failed" in answer:
             raise OSError(*answer["failed"])
@@ -100,11 +100,11 @@ def serve(path: str) -> None:
         try:
             root = xacro.process_file(path, mappings=arguments).documentElement
             _require_links(root, path, parent)
-            said = [*warnings, *_passed_over(minidom.parseString(parent.ask("read", path)))]
-            told = {"text": root.toxml(), "said": list(dict.fromkeys(said))}
+            notes = [*warnings, *_passed_over(minidom.parseString(parent.ask("read", path)))]
+            answer = {"text": root.toxml(), "said": list(dict.fromkeys(notes))}
         except Exception as error:  # noqa: BLE001 - expressions in files raise anything
-            told = {"fault": _fault(error, path, arguments, xacro)}
-        parent.tell(**told, asked=sorted(arguments.asked))
+            answer = {"fault": _fault(error, path, arguments, xacro)}
+        parent.tell(**answer, asked=sorted(arguments.asked))
         os._exit(0)
 
 
@@ -121,8 +121,8 @@ def _confine(parent: _Parent, xacro: Any) -> list[str]:
     """
     warnings: list[str] = []
 
-    def warn(*words: Any, **_: Any) -> None:
-        text = " ".join(map(str, words))
+    def warn(*parts: Any, **_: Any) -> None:
+        text = " ".join(map(str, parts))
         if "deprecated" not in text:  # which changes nothing
             warnings.append(text)
 
@@ -146,8 +146,8 @@ def _confine(parent: _Parent, xacro: Any) -> list[str]:
     xacro.glob = SimpleNamespace(glob=lambda pattern: parent.ask("match", pattern))
     xacro.safe_eval = lambda text, names, _=None: _evaluate(text, names, xacro)
     substitution._eval = extension
-    own: dict[str, Callable[..., Any]] = {"_eval_find": find, "_eval_env": environment}
-    for name, function in own.items():
+    functions: dict[str, Callable[..., Any]] = {"_eval_find": find, "_eval_env": environment}
+    for name, function in functions.items():
         setattr(substitution, name, function)
         substitution._eval_dict[name.removeprefix("_eval_")] = function
     python = xacro._global_symbols["python"]
@@ -161,7 +161,7 @@ class _Substitution(dict[str, Any]):
 
     def __init__(self, substitution: Any, arguments: Mapping[str, str]) -> None:
         known = substitution._eval_dict
-        super().__init__((name, one) for name, one in known.items() if "__" not in name)
+        super().__init__((name, value) for name, value in known.items() if "__" not in name)
         self._value = lambda name: substitution.convert_value(arguments[name], "auto")
         self["arg"] = self._value
 
@@ -189,8 +189,8 @@ class _Checked(ast.NodeTransformer):
         if not isinstance(node, ast.Attribute):
             return node
         called = ast.Name(_ATTRIBUTE, ast.Load())
-        made = ast.Call(called, [node.value, ast.Constant(node.attr)], [])
-        return ast.copy_location(made, node)
+        call = ast.Call(called, [node.value, ast.Constant(node.attr)], [])
+        return ast.copy_location(call, node)
 
 
 def _evaluate(text: str, names: dict[str, Any], xacro: Any) -> Any:
@@ -248,34 +248,36 @@ _FORMATS: dict[str, Callable[[str], Callable[..., str]]] = {
 def _require_links(root: Any, path: str, parent: _Parent) -> None:
     if root.tagName != "robot" or root.getElementsByTagName("link"):
         return
-    made = minidom.parseString(parent.ask("read", path)).getElementsByTagName("xacro:macro")
-    macros = ", ".join(one.getAttribute("name") for one in made)
+    elements = minidom.parseString(parent.ask("read", path)).getElementsByTagName("xacro:macro")
+    macros = ", ".join(macro.getAttribute("name") for macro in elements)
     hint = f": it only defines {macros}; give the file that uses it" if macros else ""
     raise Refused(f"makes no link{hint}")
 
 
 def _passed_over(document: Any) -> Iterator[str]:
     """What the library takes otherwise than it stands in a file, and does not warn of."""
-    for one in document.getElementsByTagName("*"):
-        for name, value in one.attributes.items():
+    for element in document.getElementsByTagName("*"):
+        tag = element.tagName
+        for name, value in element.attributes.items():
             if _misread(value):
-                yield f"<{one.tagName}>: {name}={value!r} is no number as other programs read them"
-        if one.prefix != "xacro":
+                yield f"<{tag}>: {name}={value!r} is no number as other programs read them"
+        if element.prefix != "xacro":
             continue
-        kept = one.localName == "property" and not one.hasAttribute("value")
-        inside = () if kept or one.localName in _PASSED_ON else one.childNodes
+        label = f"<{tag}> {element.getAttribute('name')!r}"
+        block = element.localName == "property" and not element.hasAttribute("value")
+        inside = () if block or element.localName in _PASSED_ON else element.childNodes
         for node in inside:
             if node.nodeType == node.TEXT_NODE and (text := node.data.strip()):
-                yield f"<{one.tagName}> {one.getAttribute('name')!r} has the text {text[:30]!r}"
-            if node.nodeType == node.ELEMENT_NODE and one.localName in _DEFINE:
-                yield f"<{one.tagName}> {one.getAttribute('name')!r} has <{node.tagName}> in it"
-        for other in one.parentNode.childNodes if one.localName in _DEFINE else ():
-            same = other.nodeName == one.tagName and other is not one
-            if same and other.getAttribute("name") == one.getAttribute("name"):
-                say = _DEFINE[one.localName]
-                values = [it.getAttribute(say) if say else it.toxml() for it in (one, other)]
-                if values[0] != values[1] and not other.hasAttribute("remove"):
-                    yield f"<{one.tagName}> {one.getAttribute('name')!r} stands there twice"
+                yield f"{label} has the text {text[:30]!r}"
+            if node.nodeType == node.ELEMENT_NODE and element.localName in _DEFINE:
+                yield f"{label} has <{node.tagName}> in it"
+        for sibling in element.parentNode.childNodes if element.localName in _DEFINE else ():
+            same = sibling.nodeName == element.tagName and sibling is not element
+            if same and sibling.getAttribute("name") == element.getAttribute("name"):
+                say = _DEFINE[element.localName]
+                values = [e.getAttribute(say) if say else e.toxml() for e in (element, sibling)]
+                if values[0] != values[1] and not sibling.hasAttribute("remove"):
+                    yield f"{label} stands there twice"
 
 
 _DEFINE = {"property": "value", "arg": "default", "macro": ""}
@@ -310,23 +312,23 @@ def _fault(error: Exception, path: str, arguments: _Arguments, xacro: Any) -> st
     *_, cause = _causes(error)
     name = arguments.missing
     if name and cause.args == (name,):
-        words = f"argument {name!r} has no value: give it by --xacro {name}:=VALUE"
-        words += f", or robot.xacro.{name} in a scenario"
+        text = f"argument {name!r} has no value: give it by --xacro {name}:=VALUE"
+        text += f", or robot.xacro.{name} in a scenario"
     elif isinstance(cause, OSError):
-        words = f"cannot read {str(cause.filename)!r}: {cause.strerror}"
-        given = [f"{key}={value}" for key, value in arguments.items()]
-        words += f"; arguments are {', '.join(given)}"[:200] if given else ""
+        text = f"cannot read {str(cause.filename)!r}: {cause.strerror}"
+        values = [f"{key}={value}" for key, value in arguments.items()]
+        text += f"; arguments are {', '.join(values)}"[:200] if values else ""
     elif isinstance(cause, RecursionError):
-        words = "macros call each other without end"
+        text = "macros call each other without end"
     elif isinstance(cause, MemoryError):
-        words = "it takes more memory than a robot may"
+        text = "it takes more memory than a robot may"
     elif isinstance(cause, xacro.XacroException):
-        words = str(error) or repr(error)
+        text = str(error) or repr(error)
     else:
-        words = f"{str(cause) or repr(cause)} {getattr(error, 'suffix', None) or ''}".rstrip()
+        text = f"{str(cause) or repr(cause)} {getattr(error, 'suffix', None) or ''}".rstrip()
     file = str((xacro.filestack or [path])[-1] or path)
-    macros = [one.body.getAttribute("name") for one in xacro.macrostack or ()]
+    macros = [macro.body.getAttribute("name") for macro in xacro.macrostack or ()]
     places = [f"file {file!r}"] if file != path else []
     places += [f"macro {macros[-1]!r}"] if macros else []
     where = f" ({', '.join(places)})" if places else ""
-    return f"{where}: {words}"
+    return f"{where}: {text}"

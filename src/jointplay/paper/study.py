@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from jointplay.base import files, signals
-from jointplay.base.progress import printing, whole
+from jointplay.base.progress import overall, printing
 from jointplay.base.tables import Table
 from jointplay.base.units import told
 from jointplay.paper.cases import (
@@ -161,7 +161,7 @@ def run_study(
     of_cases = sum(1 + number_of_runs(scara(clearance)) for clearance in CASES.values())
     try:
         with (
-            whole(of_cases * length() + ensembles.to_simulate, progress),
+            overall(of_cases * length() + ensembles.to_simulate, progress),
             ensembles.started() as collecting,
         ):
             for label in CASES:

@@ -118,7 +118,7 @@ def picture(
     for joint in scene.joints:
         if not joint.hinge:
             colour = _PLAY if joint.play else _LOOP
-            text = f"{joint.name}\n{joint.words}"
+            text = f"{joint.name}\n{joint.label}"
             if joint.play and labels is not None:
                 text = labels.get(joint.name, joint.name)
             where = places[scene.links[joint.link]] * joint.place

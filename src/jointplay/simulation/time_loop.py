@@ -75,7 +75,7 @@ class TimeLoop(ABC):
 
     @property
     def compiled(self) -> bool:
-        return all(entry_of(command).made for command in self.commands)
+        return all(entry_of(command).ready for command in self.commands)
 
     def compile(self) -> None:
         for command in self.commands:

@@ -65,60 +65,60 @@ class Axis:
         return self.quantile is not None
 
 
-def read(name: str, given: Any) -> Axis:
+def read(name: str, table: Any) -> Axis:
     """The axis that a table of the scenario, or a list of values of the key `name`, describes.
 
     Raises:
         JointplayError: keys that do not exist, values that are none, words that contradict.
     """
-    if isinstance(given, np.ndarray):
-        given = given.tolist()
-    if isinstance(given, Sequence) and not isinstance(given, str):
-        given = {"values": list(given)}
-    if not isinstance(given, Mapping):
-        raise JointplayError(f"{toml_text(given)} is not an axis; give a list of values or a table")
-    words = [*_KEYS, *dict.fromkeys(w for s, more in _SOURCES.items() for w in (s, *more))]
-    for word in given:
-        if word not in words:
-            raise JointplayError(unknown_key(str(word), words))
-    sources = [word for word in _SOURCES if word in given]
+    if isinstance(table, np.ndarray):
+        table = table.tolist()
+    if isinstance(table, Sequence) and not isinstance(table, str):
+        table = {"values": list(table)}
+    if not isinstance(table, Mapping):
+        raise JointplayError(f"{toml_text(table)} is not an axis; give a list of values or a table")
+    known = [*_KEYS, *dict.fromkeys(w for s, more in _SOURCES.items() for w in (s, *more))]
+    for word in table:
+        if word not in known:
+            raise JointplayError(unknown_key(str(word), known))
+    sources = [word for word in _SOURCES if word in table]
     if "distribution" in sources:
         sources = ["distribution"]
     if len(sources) != 1:
-        got = " and ".join(sources) or "none"
-        raise JointplayError(f"needs one of {', '.join(_SOURCES)}; got {got}")
+        present = " and ".join(sources) or "none"
+        raise JointplayError(f"needs one of {', '.join(_SOURCES)}; got {present}")
     (source,) = sources
-    for word in given:
+    for word in table:
         if word not in (*_KEYS, source, *_SOURCES[source]):
             raise JointplayError(f"{word} and {source} exclude each other; give only one of them")
     if source == "variants":
-        return _variants(name, given)
-    keys = _keys(name, given)
+        return _variants(name, table)
+    keys = _keys(name, table)
     units = units_of(keys[0])
     for key in keys[1:]:
         if units_of(key) != units:
-            both = f"{dotted(key)} and {dotted(keys[0])}"
-            raise JointplayError(f"{both} take values of different kinds")
-    label = name if any(word in given for word in _KEYS) else dotted(keys[0][-1:])
+            pair = f"{dotted(key)} and {dotted(keys[0])}"
+            raise JointplayError(f"{pair} take values of different kinds")
+    label = name if any(word in table for word in _KEYS) else dotted(keys[0][-1:])
     if source == "values":
-        return _list(label, keys, given["values"], units)
+        return _list(label, keys, table["values"], units)
     if units is None and not (source == "from" and is_whole(keys[0])):
         raise JointplayError(f"{dotted(keys[0])} is not a quantity; give its values as a list")
     if source == "from":
-        return _range(label, keys, given, units)
-    return _distribution(label, keys, given, units or ("",))
+        return _range(label, keys, table, units)
+    return _distribution(label, keys, table, units or ("",))
 
 
-def _keys(name: str, given: Mapping[str, Any]) -> tuple[Key, ...]:
-    if "key" in given and "keys" in given:
+def _keys(name: str, table: Mapping[str, Any]) -> tuple[Key, ...]:
+    if "key" in table and "keys" in table:
         raise JointplayError("key and keys exclude each other; give only one of them")
-    texts = given.get("keys", given.get("key", name))
+    texts = table.get("keys", table.get("key", name))
     texts = [texts] if isinstance(texts, str) else texts
     if not isinstance(texts, Sequence) or not texts:
         raise JointplayError(f"{toml_text(texts)} are not keys; give a list of dotted names")
     paths = tuple(path_of(text) for text in texts)
     for path in paths:
-        if len(path) == 1 and not any(word in given for word in _KEYS):
+        if len(path) == 1 and not any(word in table for word in _KEYS):
             like = f'key = "joints.{name}..."'
             raise JointplayError(f"the key is missing; give the one that varies, such as {like}")
         kinds(path)
@@ -127,10 +127,10 @@ def _keys(name: str, given: Mapping[str, Any]) -> tuple[Key, ...]:
     return paths
 
 
-def _variants(name: str, given: Mapping[str, Any]) -> Axis:
-    if any(word in given for word in _KEYS):
+def _variants(name: str, table: Mapping[str, Any]) -> Axis:
+    if any(word in table for word in _KEYS):
         raise JointplayError("variants name the keys that they change; leave out key")
-    tables = given["variants"]
+    tables = table["variants"]
     if not isinstance(tables, Mapping) or not tables:
         shown = toml_text(tables)
         raise JointplayError(f"{shown} are not variants; give a table of changes by label")
@@ -166,11 +166,11 @@ def _coordinate(values: Sequence[Any], units: tuple[str, ...] | None) -> tuple[n
             if not any(isinstance(value, str) and value[:1].isalpha() for value in values):
                 raise JointplayError(str(error)) from None
         else:
-            named = {one.unit for one in measured if one.unit}
+            named = {quantity.unit for quantity in measured if quantity.unit}
             if len(named) > 1:
                 raise JointplayError(f"values in {' and in '.join(sorted(named))}; take one kind")
             unit = named.pop() if named else units[0] if len(units) == 1 else ""
-            return np.array([float(one) for one in measured]), unit
+            return np.array([float(quantity) for quantity in measured]), unit
     if all(isinstance(v, int | float) and not isinstance(v, bool) for v in values):
         return np.array(values), ""
     return np.array([v if isinstance(v, str) else shown_whole(v) for v in values]), ""
@@ -183,33 +183,33 @@ def shown_whole(value: Any) -> str:
     return toml_text(value)
 
 
-def _number(given: Mapping[str, Any], word: str, units: tuple[str, ...] | None) -> float:
-    if word not in given:
+def _number(table: Mapping[str, Any], word: str, units: tuple[str, ...] | None) -> float:
+    if word not in table:
         raise JointplayError(f"the key {word} is missing")
     try:
-        return float(convert(given[word], *(units or ("",))))
+        return float(convert(table[word], *(units or ("",))))
     except ValueError as error:
         raise JointplayError(f"{word}: {error}") from None
 
 
-def _unit(given: Mapping[str, Any], words: Sequence[str], units: tuple[str, ...] | None) -> str:
+def _unit(table: Mapping[str, Any], words: Sequence[str], units: tuple[str, ...] | None) -> str:
     """The SI unit in which the first of `words` that has one is given."""
     if units is None or len(units) == 1:
         return units[0] if units else ""
-    symbols = [convert(given[word], *units).unit for word in words if word in given]
+    symbols = [convert(table[word], *units).unit for word in words if word in table]
     return next((unit for unit in symbols if unit), "")
 
 
 def _range(
-    name: str, keys: tuple[Key, ...], given: Mapping[str, Any], units: tuple[str, ...] | None
+    name: str, keys: tuple[Key, ...], table: Mapping[str, Any], units: tuple[str, ...] | None
 ) -> Axis:
-    low, high = _number(given, "from", units), _number(given, "to", units)
-    number = require_whole("number", given.get("number"), 2, MOST_VALUES)
-    spacing = given.get("spacing", SPACINGS[0])
+    low, high = _number(table, "from", units), _number(table, "to", units)
+    number = require_whole("number", table.get("number"), 2, MOST_VALUES)
+    spacing = table.get("spacing", SPACINGS[0])
     if spacing not in SPACINGS:
         raise JointplayError(one_of("spacing", spacing, SPACINGS))
     if low == high:
-        raise JointplayError(f"from and to are both {toml_text(given['from'])}")
+        raise JointplayError(f"from and to are both {toml_text(table['from'])}")
     if spacing == "log" and not (low > 0.0 and high > 0.0):
         raise JointplayError("spacing log needs from and to greater than zero")
     values = np.geomspace(low, high, number) if spacing == "log" else np.linspace(low, high, number)
@@ -218,48 +218,48 @@ def _range(
         if len(np.unique(rounded)) < number:
             raise JointplayError(f"there are no {number} whole numbers from {low:g} to {high:g}")
         return Axis(name, keys, tuple(rounded.tolist()), rounded, "")
-    unit = _unit(given, ("from", "to"), units)
+    unit = _unit(table, ("from", "to"), units)
     return Axis(name, keys, tuple(values.tolist()), values, unit)
 
 
 def _distribution(
-    name: str, keys: tuple[Key, ...], given: Mapping[str, Any], units: tuple[str, ...]
+    name: str, keys: tuple[Key, ...], table: Mapping[str, Any], units: tuple[str, ...]
 ) -> Axis:
-    kind = given["distribution"]
+    kind = table["distribution"]
     if not isinstance(kind, str) or kind not in DISTRIBUTIONS:
         raise JointplayError(one_of("distribution", kind, DISTRIBUTIONS))
     needed, optional = DISTRIBUTIONS[kind]
-    for word in given:
+    for word in table:
         if word not in (*_KEYS, "distribution", *needed, *optional):
             most = ", ".join((*needed, *optional))
             hint = closest(word, needed)
             raise JointplayError(f"{word} does not go with {kind}; {hint}it takes {most}")
     if kind == "fit":
-        return Axis(name, keys, (), np.zeros(0), "m", _fit(given, units).quantile)
+        return Axis(name, keys, (), np.zeros(0), "m", _fit(table, units).quantile)
     at = {
-        word: _number(given, word, ("",) if word == "sigma" else units)
-        for word in (*needed, *(word for word in optional if word in given))
+        word: _number(table, word, ("",) if word == "sigma" else units)
+        for word in (*needed, *(word for word in optional if word in table))
     }
     for low, high in (("from", "to"), ("from", "mode"), ("mode", "to")):
         less = np.less_equal if "mode" in (low, high) else np.less
         if low in at and high in at and not less(at[low], at[high]):
-            both = f"{at[low]:g} and {at[high]:g}"
-            raise JointplayError(f"{low} must be less than {high}, got {both}")
+            bounds = f"{at[low]:g} and {at[high]:g}"
+            raise JointplayError(f"{low} must be less than {high}, got {bounds}")
     for word in ("std", "sigma", "median"):
         if word in at:
             require_positive(word, at[word], "")
     if kind == "log-uniform" and at["from"] <= 0.0:
         raise JointplayError("log-uniform needs from greater than zero")
-    unit = _unit(given, ("from", "mean", "median"), units)
+    unit = _unit(table, ("from", "mean", "median"), units)
     return Axis(name, keys, (), np.zeros(0), unit, _frozen(kind, at).ppf)
 
 
-def _fit(given: Mapping[str, Any], units: tuple[str, ...]) -> Fit:
+def _fit(table: Mapping[str, Any], units: tuple[str, ...]) -> Fit:
     if units != ("m",):
         raise JointplayError("clearances of a fit are lengths, and the key is none")
-    if "fit" not in given:
+    if "fit" not in table:
         raise JointplayError('the key fit is missing; give one such as "20H7/g6"')
-    fit = Fit(given["fit"])
+    fit = Fit(table["fit"])
     fit.require_clearance()
     return fit
 

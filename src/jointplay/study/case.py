@@ -86,8 +86,8 @@ class Bench:
         """Read the scenario and find the measures."""
         mine = versions()["jointplay"]
         if mine != work.version:
-            both = f"a worker has jointplay {mine}, the sweep was started with {work.version}"
-            raise JointplayError(f"{both}; install the same version")
+            mismatch = f"a worker has jointplay {mine}, the sweep was started with {work.version}"
+            raise JointplayError(f"{mismatch}; install the same version")
         self.job = work
         self._folder: tempfile.TemporaryDirectory[str] | None = None
         path, text = Path(work.path), work.text
@@ -123,24 +123,24 @@ class Bench:
         """Run a case; what goes wrong with it is part of the outcome."""
         began = time.process_time()
         values: dict[str, float] = {}
-        kept = None
-        status, said = DONE, ""
+        packed = None
+        status, message = DONE, ""
         try:
             with warnings.catch_warnings(), np.errstate(all="ignore"):
                 warnings.simplefilter("ignore")
-                values, kept = self._run(changes)
+                values, packed = self._run(changes)
         except Exception as error:  # noqa: BLE001 - a measure of the user's own can raise anything
             kind = "" if isinstance(error, JointplayError) else f"{type(error).__name__}: "
-            status, said = FAILED, f"{kind}{error}"
+            status, message = FAILED, f"{kind}{error}"
         values[COST] = time.process_time() - began
-        return Outcome(index, status, values, self._portable(said)[:LONGEST_ERROR], kept)
+        return Outcome(index, status, values, self._portable(message)[:LONGEST_ERROR], packed)
 
-    def _portable(self, said: str) -> str:
+    def _portable(self, text: str) -> str:
         """An error in a line, with the names that files have in the scenario, wherever it ran."""
         for name, place in self._names.items():
-            said = said.replace(place, name)
+            text = text.replace(place, name)
         folder = str(self.scenario.path.parent)
-        return " ".join(said.replace(f"{folder}{os.sep}", "").split())
+        return " ".join(text.replace(f"{folder}{os.sep}", "").split())
 
     def simulation(self, changes: Mapping[str, Any]) -> Simulation:
         if self._names:
@@ -163,8 +163,8 @@ class Bench:
         simulation = self.simulation(changes)
         integration = {**self._integration, **changes.get("integration", {})}
         certify = bool(integration.get("certify"))
-        whole = certify or self.measures or self.job.results  # measures may read anything
-        only = None if whole else needed(simulation)
+        complete = certify or self.measures or self.job.results  # measures may read anything
+        only = None if complete else needed(simulation)
         result = simulation.run(certify=certify, estimate=False, only=only)
         if result.status != Status.COMPLETED:
             raise JointplayError(result.message)
@@ -172,13 +172,13 @@ class Bench:
         rests = self._rests_of(simulation.motion, float(result.time[-1])) if ideal else ()
         values = measure(result, ideal, self.job.joints, rests)
         for name, function in self.measures.items():
-            found = own_measures(name, function(result))
-            for other in found:
-                if other in values or other == COST or other.startswith(NUMERICAL_ERROR):
+            own_values = own_measures(name, function(result))
+            for label in own_values:
+                if label in values or label == COST or label.startswith(NUMERICAL_ERROR):
                     raise JointplayError(
-                        f"{name} returns {other!r}, which is the name of another measure"
+                        f"{name} returns {label!r}, which is the name of another measure"
                     )
-            values |= found
+            values |= own_values
         return values, netcdf.pack(result.dataset) if self.job.results else None
 
     def _rests_of(self, motion: Motion | None, end: float) -> tuple[float, ...]:
@@ -207,7 +207,7 @@ class Bench:
 
 
 _benches: list[Bench] = []
-_one = threading.Lock()
+_turns = threading.Lock()
 
 
 def run_case(work: Job, case: Case) -> Outcome:
@@ -216,7 +216,7 @@ def run_case(work: Job, case: Case) -> Outcome:
     Raises:
         JointplayError: the sweep cannot be run here; see `Bench`.
     """
-    with _one:  # threads of a cluster's worker take turns
+    with _turns:  # threads of a cluster's worker take turns
         if not _benches or _benches[0].job != work:
             _benches[:] = [Bench(work)]
         return _benches[0].run(*case)

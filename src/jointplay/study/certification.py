@@ -119,12 +119,12 @@ def certify(
     plans = further_runs(simulation, result)
     ideal, unknown = _ideal(simulation, result, progress)
     with_claims = claims and fits(result)
-    what = f"{'certifying' if strict else 'estimating'} errors{name and f' of {name}'}"
+    task = f"{'certifying' if strict else 'estimating'} errors{name and f' of {name}'}"
 
-    def found(numbered: tuple[int, FurtherRun]) -> dict[str, Measured] | str:
+    def figures_of(numbered: tuple[int, FurtherRun]) -> dict[str, Measured] | str:
         number, further = numbered
         # The third run of an estimate is made in doubt only.
-        label = f"{what}, {number} of {len(plans) if strict else max(number, 2)} ({further}) "
+        label = f"{task}, {number} of {len(plans) if strict else max(number, 2)} ({further}) "
         beside = ideal
         if ideal is not None and number == 1:
             # Of its own: what that of the run is off, runs beside it share with the run.
@@ -139,30 +139,31 @@ def certify(
         of_run = figures.finish(run)
         return of_run | (claims_of(run.result(Status.COMPLETED), ideal) if with_claims else {})
 
-    finest, third, first = reversed(plans)
-    numbered = [*enumerate([finest, third, first] if strict else [finest, first], 1)]
-    outcomes = Study(numbered, found).run(copies(jobs, numbered))
-    own = headline_of(result, ideal, with_claims)
-    measured = [one for one in outcomes if not isinstance(one, str)]
-    if not strict and len(measured) == len(outcomes) and leave_open(own, measured):
-        numbered.append((3, third))
-        outcomes.append(found(numbered[-1]))
-    notes = [one for one in outcomes if isinstance(one, str)]
-    measured = [one for one in outcomes if not isinstance(one, str)]
+    finest, middle, first = reversed(plans)
+    numbered = [*enumerate([finest, middle, first] if strict else [finest, first], 1)]
+    outcomes = Study(numbered, figures_of).run(copies(jobs, numbered))
+    headline = headline_of(result, ideal, with_claims)
+    measured = [outcome for outcome in outcomes if not isinstance(outcome, str)]
+    if not strict and len(measured) == len(outcomes) and leave_open(headline, measured):
+        numbered.append((3, middle))
+        outcomes.append(figures_of(numbered[-1]))
+    notes = [outcome for outcome in outcomes if isinstance(outcome, str)]
+    measured = [outcome for outcome in outcomes if not isinstance(outcome, str)]
     certified, sensitive = [], {}
-    for name, one in own.items():
-        others = [of[name] for of in measured if name in of]
+    for name, figure in headline.items():
+        further = [of[name] for of in measured if name in of]
         # Where a further run failed, nobody knows.
-        error = math.inf if notes else max(numerical_error(one, others), one.sampling)
-        if name in COUNTS and math.isfinite(error) and one.value:
+        error = math.inf if notes else max(numerical_error(figure, further), figure.sampling)
+        if name in COUNTS and math.isfinite(error) and figure.value:
             # That runs agree says nothing of a contact that barely touches, or barely not.
             error = max(math.ceil(error), 1)
-        elif name.startswith(HEADLINE) and not notes and is_sensitive(one, others):
-            sensitive[name] = [one, *others]
-        certified.append(CertifiedFigure(name, one.value, float(error), one.unit))
+        elif name.startswith(HEADLINE) and not notes and is_sensitive(figure, further):
+            sensitive[name] = [figure, *further]
+        certified.append(CertifiedFigure(name, figure.value, float(error), figure.unit))
     if sensitive:
-        most = max(sensitive, key=lambda name: np.ptp(_values(sensitive[name])) / own[name].value)
-        factor, unit = displayed(own[most].unit)
+        spans = {name: np.ptp(_values(runs)) for name, runs in sensitive.items()}
+        most = max(spans, key=lambda name: spans[name] / headline[name].value)
+        factor, unit = displayed(headline[most].unit)
         values = factor * np.array(_values(sensitive[most]))
         notes.append(
             "the motion is sensitive: the further runs, which start up to 100 nm aside, differ "
@@ -175,8 +176,8 @@ def certify(
             "the measures of the paper's claims are left out: they need all histories at once, "
             f"which take more than {spool.MOST_BYTES >> 20} MB; record less often"
         )
-    made = [one for _, one in numbered]
-    runs = tuple(one.words for one in plans if one in made)
+    completed = [run for _, run in numbered]
+    runs = tuple(run.label for run in plans if run in completed)
     return Certificate(tuple(certified), runs, "; ".join(notes), strict)
 
 
@@ -192,11 +193,11 @@ def scatter(runs: Sequence[Measured]) -> float:
     The differences of stretches count as independent: those of sums by the root of their squares;
     those of largest values by how small the largest could be, had it been each stretch's least.
     """
-    values = [one.value for one in runs]
+    values = [run.value for run in runs]
     apart = float(np.ptp(values)) if np.isfinite(values).all() else math.inf
     if not math.isfinite(apart) or not runs[0].parts.size:
         return apart
-    parts = np.array([one.parts for one in runs])
+    parts = np.array([run.parts for run in runs])
     power = runs[0].power
     if math.isinf(power):
         return max(apart, max(values) - float(parts.min(axis=0).max()))
@@ -206,36 +207,36 @@ def scatter(runs: Sequence[Measured]) -> float:
     return max(apart, together)
 
 
-def numerical_error(one: Measured, others: Sequence[Measured]) -> float:
+def numerical_error(figure: Measured, further: Sequence[Measured]) -> float:
     """Error of a figure, given what the further runs made of it, the finest first."""
-    moved = abs(one.value - others[0].value)
-    uncertain = scatter(others)
+    moved = abs(figure.value - further[0].value)
+    uncertain = scatter(further)
     if not math.isfinite(moved + uncertain):
         return math.inf
     if uncertain > CONTRACTS * moved:
-        return SAFETY * scatter([one, *others])
+        return SAFETY * scatter([figure, *further])
     # Further runs may agree by chance: no error is known to better than a tenth of itself.
     return max(moved + SAFETY * uncertain, 1.1 * moved)
 
 
-def leave_open(own: Mapping[str, Measured], further: Sequence[Mapping[str, Measured]]) -> bool:
+def leave_open(figures: Mapping[str, Measured], further: Sequence[Mapping[str, Measured]]) -> bool:
     """Whether a figure's error, as two further runs (the finest first) have it, is noticeable."""
     return any(
-        numerical_error(one, [of[name] for of in further]) > SENSITIVE * abs(one.value)
-        for name, one in own.items()
+        numerical_error(figure, [of[name] for of in further]) > SENSITIVE * abs(figure.value)
+        for name, figure in figures.items()
         if name.startswith(HEADLINE) and name not in COUNTS and all(name in of for of in further)
     )
 
 
 def _values(runs: Sequence[Measured]) -> list[float]:
-    return [one.value for one in runs]
+    return [run.value for run in runs]
 
 
-def is_sensitive(one: Measured, others: Sequence[Measured]) -> bool:
+def is_sensitive(figure: Measured, further: Sequence[Measured]) -> bool:
     """Whether the further runs differ more than the run does from them, and noticeably."""
-    uncertain = scatter(others)
-    moved = abs(one.value - others[0].value)
-    return uncertain > max(CONTRACTS * moved, SENSITIVE * abs(one.value))
+    uncertain = scatter(further)
+    moved = abs(figure.value - further[0].value)
+    return uncertain > max(CONTRACTS * moved, SENSITIVE * abs(figure.value))
 
 
 @dataclass(frozen=True)
@@ -254,13 +255,13 @@ class FurtherRun:
             how = f"step {1e6 * simulation.step:.3g} µs"
         else:
             how = f"tolerance {simulation.tolerance:g}"
-        words = f"{simulation.integrator}, {how}"
+        text = f"{simulation.integrator}, {how}"
         if simulation.macro_step is not None:
-            words += f", macro step {1e6 * simulation.macro_step:.3g} µs"
-        return words
+            text += f", macro step {1e6 * simulation.macro_step:.3g} µs"
+        return text
 
     @property
-    def words(self) -> str:
+    def label(self) -> str:
         """What it is, with where its journals start."""
         aside = f", journals {1e9 * max(self.aside):g} nm aside" if any(self.aside) else ""
         return f"{self}{aside}"
@@ -298,13 +299,13 @@ def further_runs(simulation: Simulation, result: Result) -> list[FurtherRun]:
         settle=None,
         judge_from=result.audit.judged_from,
     )
-    own = simulation.tolerance
-    tolerances = TOLERANCES if own is None else [min(factor * own, 1.0) for factor in RELATIVE]
-    others = [replace(base, tolerance=one) for one in tolerances]
+    given = simulation.tolerance
+    tolerances = TOLERANCES if given is None else [min(x * given, 1.0) for x in RELATIVE]
+    simulations = [replace(base, tolerance=value) for value in tolerances]
     # As the run chose its macro steps, they would not show what they are off.
-    chosen = own is None and simulation.macro_step is None
+    chosen = given is None and simulation.macro_step is None
     macros = [1.0 if chosen else 0.5, 1.0, 1.0]
-    return [FurtherRun(*one) for one in zip(others, ASIDE_M, macros, strict=True)]
+    return [FurtherRun(*parts) for parts in zip(simulations, ASIDE_M, macros, strict=True)]
 
 
 def _ideal(simulation: Simulation, result: Result, progress: bool) -> tuple[Result | None, str]:
@@ -328,16 +329,16 @@ def _ideal(simulation: Simulation, result: Result, progress: bool) -> tuple[Resu
     return None, text
 
 
-def errors_if_possible(result: Result, strict: bool, **told: Any) -> Certificate | None:
+def errors_if_possible(result: Result, strict: bool, **options: Any) -> Certificate | None:
     """What `certify` says of a finished run; None, with a warning, if it cannot be.
 
-    Whatever goes wrong here, the run has been made, and is kept. `told`: see `certify`.
+    Whatever goes wrong here, the run has been made, and is kept. `options`: see `certify`.
 
     Raises:
         KeyboardInterrupt: Ctrl-C.
     """
     try:
-        return certify(result, strict=strict, **told)
+        return certify(result, strict=strict, **options)
     except Exception as error:  # noqa: BLE001
         reason = str(error) if isinstance(error, JointplayError) else repr(error)
         text = f"the result is complete, but its numerical errors cannot be estimated: {reason}"
@@ -369,12 +370,12 @@ def add_certificate(
     """
     if signals.stop_requested():
         return
-    told: dict[str, Any] = {"progress": progress, "claims": claims, "name": name, "jobs": jobs}
-    given = result or Result.open(path)
-    with closing(given.dataset):
-        if given.status == Status.INTERRUPTED:
+    options: dict[str, Any] = {"progress": progress, "claims": claims, "name": name, "jobs": jobs}
+    saved = result or Result.open(path)
+    with closing(saved.dataset):
+        if saved.status == Status.INTERRUPTED:
             return
-        certificate = errors_if_possible(given, strict, simulation=simulation, **told)
+        certificate = errors_if_possible(saved, strict, simulation=simulation, **options)
     if certificate is None:
         return
     with signals.keeping(f"the certificate of {path}"):

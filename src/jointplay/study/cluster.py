@@ -41,12 +41,12 @@ def _timed(
     work: Callable[[Item], Value], items: Sequence[tuple[Any, Item]]
 ) -> list[tuple[float, Any, Value]]:
     """Do the work for some items: processor time [s], key and what came of each."""
-    done = []
+    results = []
     for key, item in items:
         began = time.process_time()
         value = work(item)
-        done.append((time.process_time() - began, key, value))
-    return done
+        results.append((time.process_time() - began, key, value))
+    return results
 
 
 class ClusterWorkers(Generic[Item, Value]):
@@ -76,7 +76,7 @@ class ClusterWorkers(Generic[Item, Value]):
         except BaseException:
             self.close()
             raise
-        self._seconds, self._done = 0.0, 0
+        self._seconds, self._finished = 0.0, 0
 
     def _connect(self, client: Any) -> Any:
         """A client of the scheduler.
@@ -111,13 +111,13 @@ class ClusterWorkers(Generic[Item, Value]):
         except Exception as error:  # noqa: BLE001
             text = f"the workers of {self.address!r} do not answer: {error}"
             raise JointplayError(text) from None
-        for worker, said in answers.items():
-            if isinstance(said, BaseException):
-                raise JointplayError(f"worker {worker} cannot use jointplay: {said}")
-            if said != version():
+        for worker, answer in answers.items():
+            if isinstance(answer, BaseException):
+                raise JointplayError(f"worker {worker} cannot use jointplay: {answer}")
+            if answer != version():
                 raise JointplayError(
-                    f"worker {worker} has jointplay {said}, here is {version()}; install the same "
-                    "version everywhere"
+                    f"worker {worker} has jointplay {answer}, here is {version()}; install the "
+                    "same version everywhere"
                 )
 
     def run(self, items: Iterable[tuple[Any, Item]]) -> Iterator[tuple[Any, Value]]:
@@ -135,7 +135,7 @@ class ClusterWorkers(Generic[Item, Value]):
         def submit(batch: Sequence[tuple[Any, Item]]) -> None:
             future = self.client.submit(_timed, self.work, batch, pure=False)
             pending[future.key] = future, batch
-            future.add_done_callback(lambda one: ended.put(one.key))
+            future.add_done_callback(lambda f: ended.put(f.key))
 
         def feed() -> None:
             while len(pending) < AHEAD * max(self.number, 1):
@@ -170,7 +170,7 @@ class ClusterWorkers(Generic[Item, Value]):
                 raise self._lost(error) from error
             future.release()
             for seconds, key, value in outcomes:
-                self._done += 1
+                self._finished += 1
                 self._seconds += seconds
                 yield key, value
             return
@@ -180,8 +180,8 @@ class ClusterWorkers(Generic[Item, Value]):
         if type(cause).__name__ != "KilledWorker":
             raise self._lost(cause) from cause
         if len(batch) > 1:
-            for one in batch:
-                submit([one])
+            for entry in batch:
+                submit([entry])
             return
         key, item = batch[0]
         yield key, self.lost(item)
@@ -193,9 +193,9 @@ class ClusterWorkers(Generic[Item, Value]):
         return None
 
     def _batch(self) -> int:
-        if not self._done:
+        if not self._finished:
             return 1
-        mean = max(self._seconds / self._done, 1e-3)
+        mean = max(self._seconds / self._finished, 1e-3)
         return int(min(max(BATCH_S / mean, 1.0), MOST_BATCH))
 
     def close(self) -> None:

@@ -77,21 +77,22 @@ def trust_of(text: str, preset: Preset | None = None) -> Trust:
     """
     measured: dict[str, dict[str, Interval]] = {}
     parts: dict[str, float] = {}
-    words = [one.strip() for one in text.split(",") if one.strip()]
-    if words == [EXACT]:
+    entries = [part.strip() for part in text.split(",") if part.strip()]
+    if entries == [EXACT]:
         return {}
-    if IDENTIFIED in words:
-        for one in () if preset is None else preset.origins:
-            quantity = _NUMBERS.get(".".join(_part(one.key)[1:]))
-            if quantity and len(one.interval) == 2:
-                measured.setdefault(quantity, {})[one.key] = one.interval[0], one.interval[1]
+    if IDENTIFIED in entries:
+        for origin in () if preset is None else preset.origins:
+            quantity = _NUMBERS.get(".".join(_part(origin.key)[1:]))
+            if quantity and len(origin.interval) == 2:
+                low, high = origin.interval
+                measured.setdefault(quantity, {})[origin.key] = low, high
         if not measured:
             raise JointplayError(
                 "--trust identified: there are no intervals; give --preset FILE that identify or "
                 "calibrate wrote (--write-preset FILE)"
             )
-        words.remove(IDENTIFIED)
-    for part in words:
+        entries.remove(IDENTIFIED)
+    for part in entries:
         name, _, number = part.partition(" ")
         if name not in QUANTITIES:
             raise MissingName("trusted quantity", name, (*QUANTITIES, IDENTIFIED, EXACT))
@@ -108,8 +109,8 @@ def trust_of(text: str, preset: Preset | None = None) -> Trust:
 
 def _part(key: str) -> tuple[str, str, str]:
     """Joint, part and number of a preset's key."""
-    rest, _, number = key.rpartition(".")
-    joint, _, part = rest.rpartition(".")
+    path, _, number = key.rpartition(".")
+    joint, _, part = path.rpartition(".")
     return joint, part, number
 
 
@@ -133,7 +134,7 @@ class ToolErrors:
 class Corner:
     """Both motions run where the machine is another than modelled."""
 
-    words: str
+    label: str
     changes: Mapping[str, float]
     """As `varied` takes them."""
     before: ToolErrors
@@ -160,37 +161,37 @@ class Judgement:
     @property
     def least_gain(self) -> Corner:
         """The corner in which most is left of the error that was there."""
-        return max(self.corners, key=lambda one: one.after.rms / one.before.rms)
+        return max(self.corners, key=lambda corner: corner.after.rms / corner.before.rms)
 
     @property
     def most_left(self) -> Corner:
         """The corner in which the error that is left is largest."""
-        return max(self.corners, key=lambda one: one.after.rms)
+        return max(self.corners, key=lambda corner: corner.after.rms)
 
     @property
     def worse(self) -> list[Corner]:
         """Corners in which the RMS error grows."""
-        return [one for one in self.corners if one.after.rms >= one.before.rms]
+        return [corner for corner in self.corners if corner.after.rms >= corner.before.rms]
 
     @property
     def sentence(self) -> str:
         was, now = self.nominal.before, self.nominal.after
         tool = self.compensation.simulation.mechanism.tool
         verb = "takes" if now.rms < was.rms else "makes it worse: it takes"
-        words = (
+        text = (
             f"In simulation the corrected motion {verb} the RMS error of the tool {tool!r} from "
             f"{_mm(was.rms)} to {_mm(now.rms)} ({was.rms / now.rms:.2g} times)"
         )
         if len(self.corners) > 1:
             least, most = self.least_gain, self.most_left
             ratio = least.before.rms / least.after.rms
-            words += (
-                f", where it gains least ({least.words}) from {_mm(least.before.rms)} to "
+            text += (
+                f", where it gains least ({least.label}) from {_mm(least.before.rms)} to "
                 f"{_mm(least.after.rms)} ({ratio:.2g} times)"
             )
             if most is not least:
-                words += f", where most is left ({most.words}) to {_mm(most.after.rms)}"
-        return words + "; hardware may differ"
+                text += f", where most is left ({most.label}) to {_mm(most.after.rms)}"
+        return text + "; hardware may differ"
 
     @property
     def _coasting(self) -> str:
@@ -205,13 +206,13 @@ class Judgement:
     @property
     def notes(self) -> list[str]:
         lines = []
-        for one in self.worse:
-            lines.append(f"warning: it makes the RMS error worse where {one.words}")
-        peaks = [one for one in self.corners if one.after.largest > one.before.largest]
-        for one in peaks:
+        for corner in self.worse:
+            lines.append(f"warning: it makes the RMS error worse where {corner.label}")
+        peaks = [corner for corner in self.corners if corner.after.largest > corner.before.largest]
+        for corner in peaks:
             lines.append(
-                f"warning: the largest error grows from {_mm(one.before.largest)} to "
-                f"{_mm(one.after.largest)} ({one.words})"
+                f"warning: the largest error grows from {_mm(corner.before.largest)} to "
+                f"{_mm(corner.after.largest)} ({corner.label})"
             )
         was, now = self.nominal.before.turn, self.nominal.after.turn
         if now > was and self.compensation.size is None:
@@ -235,10 +236,10 @@ class Judgement:
 
     def table(self) -> Table:
         """A row for each corner: errors before and after."""
-        columns = [Column("corner", [one.words for one in self.corners])]
+        columns = [Column("corner", [corner.label for corner in self.corners])]
         for name in ("rms", "on_the_way", "at_stops", "largest", "turn"):
             for when in ("before", "after"):
-                values = [getattr(getattr(one, when), name) for one in self.corners]
+                values = [getattr(getattr(corner, when), name) for corner in self.corners]
                 unit = "rad" if name == "turn" else "m"
                 columns.append(Column(f"{name.replace('_', ' ')} {when}", values, unit))
         return Table(columns)
@@ -264,26 +265,26 @@ def judge(
     simulation, trust = compensation.simulation, trust or {}
     has = _varied(simulation)
     left_out = tuple(name for name in trust if name not in has)
-    ways = [_ends(name, how) for name, how in trust.items() if name in has]
-    ends: list[End] = [("as modelled", {}), *map(_together, product(*ways) if ways else ())]
+    choices = [_ends(name, how) for name, how in trust.items() if name in has]
+    ends: list[End] = [("as modelled", {}), *map(_together, product(*choices) if choices else ())]
     rule = bool(firmware_rule(simulation, compensation.times).any())
-    found: dict[int, ToolErrors] = {}
-    plan: list[Item] = [(compensation, one, when) for _, one in ends for when in WHEN]
+    by_key: dict[int, ToolErrors] = {}
+    plan: list[Item] = [(compensation, changes, when) for _, changes in ends for when in WHEN]
     plan += [(compensation, {}, "firmware")] * rule
     complete = True
     try:
         for key, errors in Study(plan, _errors).outcomes(jobs, progress, desc="both motions"):
-            found[key] = errors
+            by_key[key] = errors
     except KeyboardInterrupt:
         complete = False
     corners = [
-        Corner(words, changes, found[2 * k], found[2 * k + 1])
-        for k, (words, changes) in enumerate(ends)
-        if 2 * k in found and 2 * k + 1 in found
+        Corner(label, changes, by_key[2 * k], by_key[2 * k + 1])
+        for k, (label, changes) in enumerate(ends)
+        if 2 * k in by_key and 2 * k + 1 in by_key
     ]
     if not corners:
         raise KeyboardInterrupt
-    firmware = found.get(2 * len(ends))
+    firmware = by_key.get(2 * len(ends))
     return Judgement(compensation, tuple(corners), firmware, left_out, complete)
 
 
@@ -330,7 +331,7 @@ def _ends(name: str, trust: float | Mapping[str, Interval]) -> tuple[End, End]:
 def _together(ends: Sequence[End]) -> End:
     """A corner: each quantity at one of its ends."""
     changes = {key: value for _, its in ends for key, value in its.items()}
-    return ", ".join(words for words, _ in ends), changes
+    return ", ".join(label for label, _ in ends), changes
 
 
 def _errors(item: Item) -> ToolErrors:
@@ -362,15 +363,16 @@ def tool_errors(run: Simulation, original: Simulation) -> ToolErrors:
     assert motion is not None
     times, values = moved["time"].values, np.hstack([moved.values, turn.values])
     size = np.linalg.norm(moved.values, axis=1)
-    halts = [one for one in stops(motion, float(times[-1])) if one.at_rest and one.end > 0.0]
+    halts = [halt for halt in stops(motion, float(times[-1])) if halt.at_rest and halt.end > 0.0]
     speed = np.abs(motion(times)[1]).max(axis=1)
-    way = speed > 1e-3 * speed.max()
-    at = size[np.searchsorted(times, [one.end for one in halts]).clip(0, len(size) - 1)]
+    moving = speed > 1e-3 * speed.max()
+    at = size[np.searchsorted(times, [halt.end for halt in halts]).clip(0, len(size) - 1)]
     weights, (off, turned) = (
         time_weights(times),
-        (error_statistics(one, 0.0) for one in (moved, turn)),
+        (error_statistics(error, 0.0) for error in (moved, turn)),
     )
-    underway = np.sqrt(np.average(size[way] ** 2, weights=weights[way])) if way.any() else np.nan
+    square = np.average(size[moving] ** 2, weights=weights[moving]) if moving.any() else np.nan
+    underway = np.sqrt(square)
     halted = np.sqrt(np.mean(at**2)) if len(at) else np.nan
     return ToolErrors(
         float(off.rms[-1]), float(underway), float(halted), float(off.peak[-1]),
@@ -383,7 +385,7 @@ def _as_sent(simulation: Simulation) -> Simulation:
     ideal, motion = ideal_simulation(simulation), simulation.motion
     assert motion is not None
     drives = assign(ideal.mechanism, motion, simulation.drive)
-    exact = {name: Prescribed() if one.follows else one for name, one in drives.items()}
+    exact = {name: Prescribed() if held.follows else held for name, held in drives.items()}
     return replace(ideal, drive=exact)
 
 
@@ -393,12 +395,12 @@ def _varied(simulation: Simulation) -> set[str]:
     friction = joint_friction(simulation).values()
     has = {
         "play": True,
-        "friction": any(one.coulomb or one.viscous for one in friction)
+        "friction": any(loss.coulomb or loss.viscous for loss in friction)
         or any(any(c.friction.coefficients.values()) for c in mechanism.clearance.values()),
         "payload": bool(simulation.payloads),
         "stiffness": bool(mechanism.gears),
     }
-    return {name for name, there in has.items() if there}
+    return {name for name, present in has.items() if present}
 
 
 def varied(simulation: Simulation, changes: Mapping[str, float]) -> Simulation:
@@ -412,44 +414,44 @@ def varied(simulation: Simulation, changes: Mapping[str, float]) -> Simulation:
     mechanism, rubs = simulation.mechanism, joint_friction(simulation)
     x = changes.get("friction", 1.0)
     clearance = {
-        n: (one.scaled(play) if one.clearances else one).with_friction(one.friction.scaled(x))
-        for n, one in mechanism.clearance.items()
+        n: (c.scaled(play) if c.clearances else c).with_friction(c.friction.scaled(x))
+        for n, c in mechanism.clearance.items()
     }
-    gears = {n: _gear(one, play, stiffness) for n, one in mechanism.gears.items()}
+    gears = {n: _gear(gear, play, stiffness) for n, gear in mechanism.gears.items()}
     friction = {
-        n: replace(one, coulomb=x * one.coulomb, viscous=x * one.viscous,
-                   static=None if one.static is None else x * one.static)
-        for n, one in rubs.items()
+        n: replace(loss, coulomb=x * loss.coulomb, viscous=x * loss.viscous,
+                   static=None if loss.static is None else x * loss.static)
+        for n, loss in rubs.items()
     }  # fmt: skip
     for key, value in changes.items():
         joint, part, number = _part(key)
         held: dict[str, Any] = {"gear": gears, "bearing": clearance, "friction": friction}
         if joint not in held.get(part, ()):
             continue
-        one = held[part][joint]
-        if number in getattr(one, "clearances", ()):
-            held[part][joint] = one.with_clearances({number: value})
+        element = held[part][joint]
+        if number in getattr(element, "clearances", ()):
+            held[part][joint] = element.with_clearances({number: value})
         elif number == "play":
-            held[part][joint] = one.with_play(value)
+            held[part][joint] = element.with_play(value)
         else:
-            classless = {"clearance_class": None} if hasattr(one, "clearance_class") else {}
-            held[part][joint] = replace(one, **{number: value}, **classless)
+            classless = {"clearance_class": None} if hasattr(element, "clearance_class") else {}
+            held[part][joint] = replace(element, **{number: value}, **classless)
     if clearance != mechanism.clearance or gears != mechanism.gears:
         new["mechanism"] = mechanism.with_clearance(clearance, gears)
     if friction != rubs:
         new["joint_friction"] = friction
     if (x := changes.get("payload", 1.0)) != 1.0:
         new["payloads"] = tuple(
-            replace(one, mass=x * one.mass, inertia=(x * a, x * b, x * c))
-            for one in simulation.payloads
-            for a, b, c in [one.inertia]
+            replace(payload, mass=x * payload.mass, inertia=(x * a, x * b, x * c))
+            for payload in simulation.payloads
+            for a, b, c in [payload.inertia]
         )
     return replace(simulation, **new)
 
 
 def _gear(gear: Gearing, play: float, stiffness: float) -> Gearing:
-    own = {name: getattr(gear, name, None) for name in _STIFFNESSES}
-    changes: dict[str, Any] = {name: stiffness * x for name, x in own.items() if x is not None}
+    numbers = {name: getattr(gear, name, None) for name in _STIFFNESSES}
+    changes: dict[str, Any] = {n: stiffness * x for n, x in numbers.items() if x is not None}
     return replace(gear.with_play(play * gear.play), **changes)  # type: ignore[type-var]
 
 

@@ -89,7 +89,7 @@ def traces(
     jobs: int | None = None,
     keep: Path | None = None,
     progress: bool = False,
-    what: str = "runs",
+    label: str = "runs",
 ) -> list[Trace]:
     """Run all simulations.
 
@@ -99,19 +99,19 @@ def traces(
         keep: folder in whose file `RUNS` each run is kept as soon as it is done; runs that are
             there already are not done again, if all their inputs and the version are the same.
         progress: show a bar on standard error.
-        what: name of the runs at the bar.
+        label: name of the runs at the bar.
 
     Raises:
         JointplayError: a run that did not complete; no process; `keep` cannot be written to.
     """
     check_numbers(max(len(simulations), 1), jobs)
-    keys = [_key(one) for one in simulations]
+    keys = [_key(simulation) for simulation in simulations]
     plan = dict(zip(keys, simulations, strict=True))
     with ExitStack() as stack:
         store = Memory[Arrays]()
         if keep is not None:
             store = stack.enter_context(closing(Runs(keep / RUNS, {})))
-        Study(plan, Measure(_course), store).run(jobs, progress, desc=what)
+        Study(plan, Measure(_course), store).run(jobs, progress, desc=label)
     return [Trace(**store[key]) for key in keys]
 
 
@@ -134,7 +134,7 @@ def _own_modules(simulation: Simulation) -> list[str]:
     acting: list[Any] = [*simulation.loads.values()]
     for joint in simulation.mechanism.clearance.values():
         acting += [getattr(joint, field.name) for field in dataclasses.fields(joint)]
-    names = [one.function.__module__ for one in acting if isinstance(one, OfFunction)]
+    names = [law.function.__module__ for law in acting if isinstance(law, OfFunction)]
     return [file.read_text(encoding="utf-8") for name in names for file in files_with(name)]
 
 
@@ -192,20 +192,20 @@ def dynamic_error(
     failed = None
     for part in _FINER:
         step = part * longest
-        every = max(round(2e-4 / step), 1)
-        own = dataclasses.replace(
-            base, mechanism=mechanism, motion=motion, step=step, record_every=every
+        stride = max(round(2e-4 / step), 1)
+        timed = dataclasses.replace(
+            base, mechanism=mechanism, motion=motion, step=step, record_every=stride
         )
         drawn = [
-            ideal_simulation(own),
-            *(dataclasses.replace(own, seed=seed) for seed in range(1, runs + 1)),
+            ideal_simulation(timed),
+            *(dataclasses.replace(timed, seed=seed) for seed in range(1, runs + 1)),
         ]
         try:
             ideal, *courses = traces(drawn, jobs=jobs, progress=progress)
         except JointplayError as error:
             failed = error
             continue
-        since = max(float(one.judged_from) for one in courses)
+        since = max(float(course.judged_from) for course in courses)
         judged = ideal.time >= since
         size = np.linalg.norm(errors(courses, ideal)[:, judged], axis=2)
         rms = rms_in_time(ideal.time[judged], size.T)

@@ -79,35 +79,37 @@ def is_there(folder: Path, go_on: bool) -> bool:
     Raises:
         JointplayError: it has and may not (`go_on`), or it has other things in it.
     """
-    there = files.is_file(folder / FILE)
-    if there and not go_on:
+    present = files.is_file(folder / FILE)
+    if present and not go_on:
         raise JointplayError(
             f"{str(folder)!r} exists; continue it with --resume, or choose another name"
         )
-    if not there and files.is_folder(folder):
-        for one in folder.iterdir():
-            if not (one.name.startswith(f".{FILE}.") and one.suffix == ".part"):  # of a kill
+    if not present and files.is_folder(folder):
+        for file in folder.iterdir():
+            if not (file.name.startswith(f".{FILE}.") and file.suffix == ".part"):  # of a kill
                 raise JointplayError(
                     f"{str(folder)!r} is a folder that holds other files; choose another name"
                 )
-    return there
+    return present
 
 
 def identifiers(columns: Sequence[Column]) -> list[str]:
     """What columns are called in SQL, quoted: SQLite does not tell A from a."""
-    taken, found = {"place", "checksum"}, []
+    used, names = {"place", "checksum"}, []
     for column in columns:
         name, number = column.name, 1
-        while name.lower() in taken:
+        while name.lower() in used:
             number += 1
             name = f"{column.name} ({number})"
-        taken.add(name.lower())
-        found.append('"{}"'.format(name.replace('"', '""')))
-    return found
+        used.add(name.lower())
+        names.append('"{}"'.format(name.replace('"', '""')))
+    return names
 
 
 def _declared(columns: Sequence[Column]) -> list[str]:
-    return [f"{name} {one.kind}" for name, one in zip(identifiers(columns), columns, strict=True)]
+    return [
+        f"{name} {column.kind}" for name, column in zip(identifiers(columns), columns, strict=True)
+    ]
 
 
 def _cases(columns: Sequence[Column]) -> str:
@@ -123,7 +125,7 @@ class Rows:
     Args:
         path: the file, which is there; `make` makes it.
         write: whether it is written to, by this process alone.
-        what: it is, for messages.
+        noun: what it is, for messages.
 
     Attributes:
         about: what it is of, plain data.
@@ -134,27 +136,27 @@ class Rows:
         JointplayError: it cannot be read, is damaged, or none of ours.
     """
 
-    def __init__(self, path: Path, write: bool = False, what: str = "sweep") -> None:
-        self.path, self._what, self._write = path, what, write
+    def __init__(self, path: Path, write: bool = False, noun: str = "sweep") -> None:
+        self.path, self._noun, self._write = path, noun, write
         self._synced = time.monotonic()
         self._open()
 
     @classmethod
     def make(
-        cls, path: Path, about: Mapping[str, Any], columns: Sequence[Column], what: str = "sweep"
+        cls, path: Path, about: Mapping[str, Any], columns: Sequence[Column], noun: str = "sweep"
     ) -> Rows:
         """Make a file without cases, and open it to write."""
         content = _content({**about, "store": secrets.token_hex(16)}, columns)
         with closing(_fresh(content, columns)) as fresh:
             files.write(path, fresh.serialize(), overwrite=True, announced=False)
-        return cls(path, write=True, what=what)
+        return cls(path, write=True, noun=noun)
 
     def _open(self) -> None:
         self._check_files()
         mode = "rw" if self._write or self._is_to_be_rolled_back() else "ro"
         if not self._write and self._is_without_its_log():  # SQLite would make files beside it
             mode += "&immutable=1"
-        self.whole = True
+        self.intact = True
         with self._errors():
             self.connection = sqlite3.connect(
                 f"{self.path.absolute().as_uri()}?mode={mode}", LOCKED_S, isolation_level=None,
@@ -178,14 +180,14 @@ class Rows:
     def _check_files(self) -> None:
         """Refuse what is no file of the folder, or has SQLite touch another one."""
         for ending in ("", "-wal", "-shm", "-journal"):
-            one = self.path.with_name(self.path.name + ending)
-            with files.system_errors(f"cannot read {str(one)!r}"):
-                if not os.path.lexists(one):
+            file = self.path.with_name(self.path.name + ending)
+            with files.system_errors(f"cannot read {str(file)!r}"):
+                if not os.path.lexists(file):
                     continue
-                if not stat.S_ISREG(one.lstat().st_mode):
-                    raise damaged(one, self._what, "it is no regular file")
-                if ending == "-journal" and one.read_bytes().endswith(_SUPER):
-                    raise damaged(one, self._what, "it names another file")
+                if not stat.S_ISREG(file.lstat().st_mode):
+                    raise damaged(file, self._noun, "it is no regular file")
+                if ending == "-journal" and file.read_bytes().endswith(_SUPER):
+                    raise damaged(file, self._noun, "it names another file")
 
     def _is_to_be_rolled_back(self) -> bool:
         """Whether a process was killed as it changed the file: whoever reads it sets it right."""
@@ -204,33 +206,33 @@ class Rows:
         schema = execute("SELECT type, sql FROM sqlite_master ORDER BY rowid").fetchmany(3)
         content = None
         for number in (1, 2):
-            found = None
+            row = None
             with suppress(sqlite3.DatabaseError):
-                found = execute(
+                row = execute(
                     "SELECT content, checksum FROM about WHERE rowid = ?", (number,)
                 ).fetchone() if schema[:1] == [("table", _ABOUT)] else None  # fmt: skip
-            if found and isinstance(found[0], str) and _checksum(found[0]) == found[1]:
-                content = content or found[0]
+            if row and isinstance(row[0], str) and _checksum(row[0]) == row[1]:
+                content = content or row[0]
             else:
-                self.whole = False
+                self.intact = False
         if content is None:
-            raise damaged(self.path, self._what, "what it says of itself does not match its seal")
+            raise damaged(self.path, self._noun, "what it says of itself does not match its seal")
         try:
             self.about: dict[str, Any] = json.loads(content)
-            given = self.about.pop("columns")
-            self.columns = [Column(*one) for one in given]
+            declared = self.about.pop("columns")
+            self.columns = [Column(*c) for c in declared]
             self._store = str(self.about["store"])
             version = self.about.pop("format")
-            texts = [text for one in self.columns for text in astuple(one)]
+            texts = [text for c in self.columns for text in astuple(c)]
             good = all(isinstance(text, str) and text.isprintable() for text in texts)
-            good = good and all(one.kind in KINDS for one in self.columns)
+            good = good and all(c.kind in KINDS for c in self.columns)
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
-            raise damaged(self.path, self._what, error) from None
+            raise damaged(self.path, self._noun, error) from None
         if version != FORMAT:
-            said = f"it has the format {version!r:.20}; this version reads {FORMAT} only"
-            raise damaged(self.path, self._what, said)
+            reason = f"it has the format {version!r:.20}; this version reads {FORMAT} only"
+            raise damaged(self.path, self._noun, reason)
         if not good or schema[1:] != [("table", _cases(self.columns))]:
-            raise damaged(self.path, self._what, "its tables are not those of a sweep")
+            raise damaged(self.path, self._noun, "its tables are not those of a sweep")
 
     # ---- Read -----------------------------------------------------------------------------------
 
@@ -242,7 +244,7 @@ class Rows:
 
         Raises:
             JointplayError: a row is damaged. If the file is written to such rows are left out, and
-                `whole` says so.
+                `intact` says so.
         """
         seen: set[str] = set()
         for rows in self._read(most):
@@ -254,25 +256,25 @@ class Rows:
                 if not typed:
                     continue
                 places, columns, good = self._checked(typed)
-            kept = []
+            indices = []
             for k, (place, is_good) in enumerate(zip(places, good, strict=True)):
                 if is_good and place not in seen:
                     seen.add(place)
-                    kept.append(k)
+                    indices.append(k)
                     continue
                 self._hurt(f"the row of case {place!r:.60} does not match its checksum, or is "
                            "there twice")  # fmt: skip
-            if len(kept) == len(places):
+            if len(indices) == len(places):
                 yield places, columns
-            elif kept:
-                some = {name: column[kept] for name, column in columns.items()}
-                yield [places[k] for k in kept], some
+            elif indices:
+                some = {name: c[indices] for name, c in columns.items()}
+                yield [places[k] for k in indices], some
 
     def _hurt(self, reason: str) -> None:
-        self.whole = False
+        self.intact = False
         if not self._write:
             raise JointplayError(
-                f"{damaged(self.path, self._what, reason)}; --resume runs what is damaged again"
+                f"{damaged(self.path, self._noun, reason)}; --resume runs what is damaged again"
             )
 
     def _read(self, most: int) -> Iterator[list[Any]]:
@@ -280,15 +282,15 @@ class Rows:
         names = ", ".join(["place", "checksum", *identifiers(self.columns)])
         count = 0
         try:
-            found = self.connection.execute(f"SELECT {names} FROM cases")
-            while rows := found.fetchmany(AT_ONCE):
+            cursor = self.connection.execute(f"SELECT {names} FROM cases")
+            while rows := cursor.fetchmany(AT_ONCE):
                 count += len(rows)
                 yield rows
                 if count > most:
                     raise sqlite3.DatabaseError(f"there are more than {most} cases")
         except _UNREADABLE as error:
-            if isinstance(said := self._said(error), _Elsewhere):
-                raise said from None
+            if isinstance(reported := self._explained(error), _Elsewhere):
+                raise reported from None
             self._hurt(str(error))
             one_row = f"SELECT {names} FROM cases WHERE rowid = ?"
             for number in range(1, most + 1):
@@ -298,12 +300,12 @@ class Rows:
 
     def _checked(self, rows: Sequence[Any]) -> tuple[list[str], dict[str, np.ndarray], list[bool]]:
         """Places of rows, their values by column, and whether they match their checksums."""
-        places, seals, *given = zip(*rows, strict=True)
+        places, seals, *values_of = zip(*rows, strict=True)
         columns = {
-            one.name: np.array(values, KINDS[one.kind])
-            for one, values in zip(self.columns, given, strict=True)
+            c.name: np.array(values, KINDS[c.kind])
+            for c, values in zip(self.columns, values_of, strict=True)
         }
-        right = self._seals(places, given, columns)
+        right = self._seals(places, values_of, columns)
         return list(places), columns, [a == b for a, b in zip(seals, right, strict=True)]
 
     def _is_good(self, row: Any) -> bool:
@@ -312,19 +314,19 @@ class Rows:
         return False
 
     def _seals(
-        self, places: Sequence[str], given: Sequence[Any], columns: Mapping[str, np.ndarray]
+        self, places: Sequence[str], values: Sequence[Any], columns: Mapping[str, np.ndarray]
     ) -> list[bytes]:
         """Checksums of rows: the number of the file, texts and whole numbers, then real numbers.
 
         Those behind the last that is no NaN are left out, so that further columns change nothing.
         """
-        real = [columns[one.name] for one in self.columns if one.kind == "REAL"]
+        real = [columns[c.name] for c in self.columns if c.kind == "REAL"]
         numbers = np.array(real, "<f8").reshape(len(real), len(places)).T
         known = ~np.isnan(numbers)
         sizes = np.where(known, np.arange(8, 8 * len(real) + 8, 8), 0).max(axis=1, initial=0)
         data = memoryview(np.where(known, numbers + 0.0, np.nan).tobytes())  # no zero has a sign
-        others = [x for one, x in zip(self.columns, given, strict=True) if one.kind != "REAL"]
-        texts = zip(places, *([str(x) for x in column] for column in others), strict=True)
+        plain = [x for c, x in zip(self.columns, values, strict=True) if c.kind != "REAL"]
+        texts = zip(places, *([str(x) for x in c] for c in plain), strict=True)
         begun, begin, seals = hashlib.sha256(self._store.encode()), 0, []
         for text, size in zip(texts, sizes.tolist(), strict=True):
             seal = begun.copy()
@@ -343,23 +345,23 @@ class Rows:
             JointplayError: the disk is full; the rows before are kept.
         """
         row = [
-            float(values.get(one.name, np.nan)) if one.kind == "REAL"
-            else int(values[one.name]) if one.kind == "BOOLEAN"  # as it is read
-            else values[one.name]
-            for one in self.columns
+            float(values.get(c.name, np.nan)) if c.kind == "REAL"
+            else int(values[c.name]) if c.kind == "BOOLEAN"  # as it is read
+            else values[c.name]
+            for c in self.columns
         ]  # fmt: skip
-        given = [[value] for value in row]
+        single = [[value] for value in row]
         columns = {
-            one.name: np.array(value, KINDS[one.kind])
-            for one, value in zip(self.columns, given, strict=True)
+            c.name: np.array(value, KINDS[c.kind])
+            for c, value in zip(self.columns, single, strict=True)
         }
-        (seal,) = self._seals([place], given, columns)
+        (seal,) = self._seals([place], single, columns)
         late = time.monotonic() - self._synced > SYNC_S
         with self._errors():
             if late:  # which has all that was written before on disk as well
                 self.connection.execute("PRAGMA synchronous=FULL")
-            whole = (place, seal, *row)
-            self.connection.execute(f"INSERT INTO cases VALUES ({_marks(whole)})", whole)
+            sealed = (place, seal, *row)
+            self.connection.execute(f"INSERT INTO cases VALUES ({_marks(sealed)})", sealed)
             if late:
                 self.connection.execute("PRAGMA synchronous=NORMAL")
                 self._synced = time.monotonic()
@@ -405,12 +407,12 @@ class Rows:
         """Make the file anew, of these rows, which may be read from it meanwhile."""
         part = self.path.with_name(f".{self.path.name}.part")
         self._unlink(part)  # of a process that was killed
-        made = Rows.make(part, about, columns, self._what)
+        fresh = Rows.make(part, about, columns, self._noun)
         try:
             for place, values in rows:
-                made.add(place, values)
+                fresh.add(place, values)
         finally:
-            made.close()
+            fresh.close()
         with suppress(sqlite3.Error):
             self.connection.close()
         with files.system_errors(f"cannot write {str(self.path)!r}"):
@@ -439,9 +441,9 @@ class Rows:
         try:
             yield
         except _UNREADABLE as error:
-            raise self._said(error) from None
+            raise self._explained(error) from None
 
-    def _said(self, error: Exception) -> JointplayError:
+    def _explained(self, error: Exception) -> JointplayError:
         name = getattr(error, "sqlite_errorname", "")
         if name.startswith(("SQLITE_BUSY", "SQLITE_LOCKED")):
             return _Elsewhere(f"{str(self.path)!r} is locked by another program; close it there")
@@ -457,7 +459,7 @@ class Rows:
             except OSError as reason:
                 return _Elsewhere(str(files.cannot_write(self.path, reason)))
             return _Elsewhere(str(files.cannot_write(self.path, error)))
-        return damaged(self.path, self._what, error)
+        return damaged(self.path, self._noun, error)
 
 
 class _Elsewhere(JointplayError):
@@ -465,8 +467,8 @@ class _Elsewhere(JointplayError):
 
 
 def _content(about: Mapping[str, Any], columns: Sequence[Column]) -> str:
-    given = {**about, "format": FORMAT, "columns": [astuple(one) for one in columns]}
-    return json.dumps(given, ensure_ascii=True)
+    content = {**about, "format": FORMAT, "columns": [astuple(c) for c in columns]}
+    return json.dumps(content, ensure_ascii=True)
 
 
 def _marks(row: Sequence[Any]) -> str:
@@ -479,9 +481,9 @@ def _checksum(content: str) -> str:
 
 def _fresh(content: str, columns: Sequence[Column]) -> sqlite3.Connection:
     """A file without cases, in memory."""
-    made = sqlite3.connect(":memory:", isolation_level=None)
-    made.execute(_ABOUT)
-    made.execute(_cases(columns))
+    connection = sqlite3.connect(":memory:", isolation_level=None)
+    connection.execute(_ABOUT)
+    connection.execute(_cases(columns))
     for _ in range(2):
-        made.execute("INSERT INTO about VALUES (?, ?)", (content, _checksum(content)))
-    return made
+        connection.execute("INSERT INTO about VALUES (?, ?)", (content, _checksum(content)))
+    return connection

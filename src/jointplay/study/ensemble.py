@@ -66,17 +66,17 @@ def ensemble(
         EnsembleInterrupted: Ctrl-C; a KeyboardInterrupt that has what was finished.
     """
     require_a("simulations", simulations, "Iterable")
-    kept: dict[int, Any] = {}
+    values: dict[int, Any] = {}
     study = Study(simulations, partial(_run, keep, check_step), name="simulations")
     try:
         with closing(study.outcomes(jobs, progress, delay=BAR_AFTER_S)) as outcomes:
             for place, (value, warned) in outcomes:
-                kept[place] = value
+                values[place] = value
                 for category, text in warned:
                     warnings.warn(f"simulations[{place}]: {text}", category, stacklevel=2)
     except KeyboardInterrupt:
-        raise EnsembleInterrupted(kept) from None
-    return [kept[place] for place in range(len(kept))]
+        raise EnsembleInterrupted(values) from None
+    return [values[place] for place in range(len(values))]
 
 
 def _run(
@@ -90,4 +90,4 @@ def _run(
         if result.status == Status.INTERRUPTED:
             raise KeyboardInterrupt
         value = result if keep is None else keep(result)
-    return value, [(one.category, str(one.message)) for one in warned]
+    return value, [(warning.category, str(warning.message)) for warning in warned]

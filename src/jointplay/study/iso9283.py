@@ -412,7 +412,7 @@ def iso9283(
     n = len(runs)
     if geared:
         runs += [ideal_simulation(arm.reference()), *(one for way in plans.values() for one in way)]
-    ideal, *courses = traces(runs, jobs=jobs, keep=keep, progress=progress, what="cycles")
+    ideal, *courses = traces(runs, jobs=jobs, keep=keep, progress=progress, label="cycles")
     own_courses = courses[: n - 1]
     since = whole.judged_from
     if since is None:

@@ -78,8 +78,9 @@ def _alternatives(hint: Any, units: tuple[str, ...] = ("",)) -> Iterator[Kind]:
     elif family is not None:
         for word in family.members:
             member = family.member(word)
-            own = {n: f for n, f in fields_of(member.kind).items() if n not in member.given}
-            yield Kind(member.kind, units, {family.key: Field(family.key, str, ("",), False)} | own)
+            fields = {n: f for n, f in fields_of(member.kind).items() if n not in member.given}
+            choice = {family.key: Field(family.key, str, ("",), False)}
+            yield Kind(member.kind, units, choice | fields)
     else:
         yield Kind(hint, units, fields_of(hint) if is_dataclass(hint) else {})  # type: ignore[arg-type]
 
@@ -90,28 +91,28 @@ def kinds(path: Key) -> list[Kind]:
     Raises:
         JointplayError: there is no such key; the nearest names are given.
     """
-    here = list(_alternatives(Model))
+    level = list(_alternatives(Model))
     for depth, part in enumerate(path):
-        known = dict.fromkeys(name for kind in here for name in kind.fields)
-        there: list[Kind] = []
-        for kind in here:
+        known = dict.fromkeys(name for kind in level for name in kind.fields)
+        deeper: list[Kind] = []
+        for kind in level:
             origin, parts = get_origin(kind.hint), get_args(kind.hint)
             by_name = isinstance(origin, type) and issubclass(origin, Mapping)
             if isinstance(part, str) and part in kind.fields:
                 field = kind.fields[part]
-                there += _alternatives(field.hint, field.units)
+                deeper += _alternatives(field.hint, field.units)
             elif parts and origin is not Literal and by_name == isinstance(part, str):
-                there += _alternatives(parts[1 if by_name else 0], kind.units)
-        if not there:
+                deeper += _alternatives(parts[1 if by_name else 0], kind.units)
+        if not deeper:
             where = f" in {dotted(path[:depth])}" if depth else ""
             if not known:
                 above = dotted(path[:depth])
                 raise JointplayError(f"{dotted(path)}: {above} has no keys of its own")
             raise JointplayError(unknown_key(str(part), known) + where)
-        here = there
+        level = deeper
     if path[0] in NOT_SWEPT:
         raise JointplayError(f"no sweep goes over {path[0]!r}")
-    return here
+    return level
 
 
 def units_of(path: Key) -> tuple[str, ...] | None:
@@ -120,8 +121,8 @@ def units_of(path: Key) -> tuple[str, ...] | None:
     Raises:
         JointplayError: there is no such key.
     """
-    found = [unit for kind in kinds(path) if kind.hint is float for unit in kind.units]
-    return tuple(dict.fromkeys(found)) or None
+    symbols = [unit for kind in kinds(path) if kind.hint is float for unit in kind.units]
+    return tuple(dict.fromkeys(symbols)) or None
 
 
 def is_whole(path: Key) -> bool:
@@ -135,20 +136,20 @@ def set_key(changes: dict[str, Any], base: Mapping[str, Any], path: Key, value: 
     Raises:
         JointplayError: `base` has no such element of a list.
     """
-    here: Any = changes
+    table: Any = changes
     under: Any = base
     for depth, part in enumerate(path[:-1]):
         under = _at(under, part, path[: depth + 1])
-        before = here[part] if not isinstance(here, Mapping) or part in here else None
+        before = table[part] if not isinstance(table, Mapping) or part in table else None
         if isinstance(under, str) and not isinstance(before, Mapping):
             before = {"law" if path[0] == "joints" else "kind": under}  # a bare word
         if isinstance(path[depth + 1], int) and before is None:
             before = deepcopy(list(under)) if isinstance(under, Sequence) else []
-        here[part] = {} if before is None else before
-        here = here[part]
+        table[part] = {} if before is None else before
+        table = table[part]
     if isinstance(path[-1], int):
         _at(under, path[-1], path)
-    here[path[-1]] = value
+    table[path[-1]] = value
 
 
 def _at(under: Any, part: str | int, path: Key) -> Any:

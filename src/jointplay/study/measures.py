@@ -44,26 +44,26 @@ _JOINT_FORCE = {"peak": "joint_force_peak", "rms": "joint_force"}
 
 def shipped(joints: Sequence[str]) -> dict[str, tuple[str, str]]:
     """Unit and meaning of all that `measure` can return but `NUMERICAL_ERROR`, by name."""
-    found = {COST: ("s", "processor time of the case, its checks and its measures included")}
+    meanings = {COST: ("s", "processor time of the case, its checks and its measures included")}
 
-    def add(name: str, unit: str, text: str, words: str) -> None:
-        found[name] = unit, text
-        found.update({f"{name}_{j}": (unit, f"{text}{words} {j}") for j in joints})
+    def add(name: str, unit: str, text: str, where: str) -> None:
+        meanings[name] = unit, text
+        meanings.update({f"{name}_{j}": (unit, f"{text}{where} {j}") for j in joints})
 
     for part in COMPONENTS:
         along = "all axes" if part == "total" else part
         off = f"distance from the ideal mechanism's tool along {along}"
-        found[f"tool_error_peak_{part}"] = "m", f"largest {off}"
-        found[f"tool_error_rms_{part}"] = "m", f"RMS {off}"
+        meanings[f"tool_error_peak_{part}"] = "m", f"largest {off}"
+        meanings[f"tool_error_rms_{part}"] = "m", f"RMS {off}"
         rests = f"largest tool error along {along} where the reference stands still"
-        found[f"tool_error_stops_{part}"] = "m", rests
+        meanings[f"tool_error_stops_{part}"] = "m", rests
     add("peak_force", "N", "largest joint force", " at")
     add("rms_force", "N", "RMS joint force", " at")
     for mode in (mode.name.lower() for mode in Mode):
         add(f"share_{mode}", "1", f"share of the time in mode {mode.replace('_', ' ')}", ", at")
     for name, (unit, text) in BEARING.items():
         add(name, unit, text, ", at")
-    return found | {
+    return meanings | {
         "impacts": ("1", "contacts that began"),
         "impulse": ("N s", "normal impulse of all contacts"),
         "dissipated_energy": ("J", "lost in contacts, films, joints, gears and loads"),
@@ -107,25 +107,26 @@ def measure(
     start = result.judge_from
     if ideal is not None:
         measures |= dict(_tool_error(result, ideal, start, rests))
-    kept = result.time >= start
-    measures |= dict(_forces(result, joints, kept))
+    judged = result.time >= start
+    measures |= dict(_forces(result, joints, judged))
     audit = result.audit
     measures["impacts"] = float(audit.judged_impacts or 0)
     measures["impulse"] = audit.judged_impulse or 0.0
-    there = result.dataset.variables
-    losses = {name: float(_since(result, name, kept)) for name in LOSSES if name in there}
+    recorded = result.dataset.variables
+    losses = {name: float(_since(result, name, judged)) for name in LOSSES if name in recorded}
     measures["dissipated_energy"] = sum(losses.values())
-    if "load_work" in there:
-        taken = -_since(result, "load_work", kept)
-        measures["dissipated_energy"] += float(np.maximum(taken, 0.0).sum())
+    if "load_work" in recorded:
+        absorbed = -_since(result, "load_work", judged)
+        measures["dissipated_energy"] += float(np.maximum(absorbed, 0.0).sum())
     measures |= losses
     for k, joint in enumerate(result.joints):
         at = f"_{joint}" if len(joints) > 1 else ""
-        modes = np.bincount(_values(result, "mode")[kept, k], minlength=len(Mode))
+        modes = np.bincount(_values(result, "mode")[judged, k], minlength=len(Mode))
         for mode in Mode:
-            measures[f"share_{mode.name.lower()}{at}"] = float(modes[mode] / max(kept.sum(), 1))
-    measures |= dict(_bearings(result, joints, kept))
-    measures["penetration"] = audit.largest_penetration if kept.all() else _deepest(result, kept)
+            measures[f"share_{mode.name.lower()}{at}"] = float(modes[mode] / max(judged.sum(), 1))
+    measures |= dict(_bearings(result, joints, judged))
+    whole_run = bool(judged.all())
+    measures["penetration"] = audit.largest_penetration if whole_run else _deepest(result, judged)
     measures["energy_error"] = audit.relative_energy_residual
     measures["under_resolved"] = audit.under_resolved_impulse
     measures["warnings"] = float(len(audit.warnings))
@@ -151,10 +152,10 @@ def needed(simulation: Simulation) -> list[str] | None:
 
 
 def _bearings(
-    result: Result, joints: Sequence[str], kept: np.ndarray
+    result: Result, joints: Sequence[str], judged: np.ndarray
 ) -> Iterator[tuple[str, float]]:
     """Loads and life of rolling bearings; none of joints without, nor of a single record."""
-    if kept.sum() < 2:
+    if judged.sum() < 2:
         return
     for joint in result.joints:
         if not rolls(result, joint):
@@ -165,16 +166,16 @@ def _bearings(
             yield f"{name}_{joint}" if len(joints) > 1 else name, float(value)
 
 
-def _since(result: Result, name: str, kept: np.ndarray) -> np.ndarray:
+def _since(result: Result, name: str, judged: np.ndarray) -> np.ndarray:
     values = _values(result, name)
-    return np.asarray(values[-1] - values[int(kept.argmax())])
+    return np.asarray(values[-1] - values[int(judged.argmax())])
 
 
-def _deepest(result: Result, kept: np.ndarray) -> float:
+def _deepest(result: Result, judged: np.ndarray) -> float:
     """The deepest penetration in the records that are kept; 0 if nothing touched [m]."""
     if "gap_min" not in result.dataset.variables:
         return 0.0
-    gaps = _values(result, "gap_min")[kept]
+    gaps = _values(result, "gap_min")[judged]
     return float(np.fmax.reduce(-gaps, axis=None, initial=0.0))
 
 
@@ -190,13 +191,13 @@ def _tool_error(
     error = difference(result, ideal)
     last = error["time"].values[-1]
     at = [error_at(error, rest) for rest in rests if start <= rest <= last]
-    found = {"stops": np.abs(at).max(axis=0)} if at else {}
+    statistics = {"stops": np.abs(at).max(axis=0)} if at else {}
     if last >= start:
         over = error_statistics(error, start)
-        found |= {"peak": over.peak, "rms": over.rms}
-    for what, values in found.items():
+        statistics |= {"peak": over.peak, "rms": over.rms}
+    for name, values in statistics.items():
         for part, value in zip(COMPONENTS, values, strict=True):
-            yield f"tool_error_{what}_{part}", float(value)
+            yield f"tool_error_{name}_{part}", float(value)
 
 
 def rests_of(motion: Motion | None, end: float) -> tuple[float, ...]:
@@ -206,13 +207,15 @@ def rests_of(motion: Motion | None, end: float) -> tuple[float, ...]:
     return tuple(stop.end for stop in stops(motion, end) if stop.at_rest and stop.start > 0.0)
 
 
-def _forces(result: Result, joints: Sequence[str], kept: np.ndarray) -> Iterator[tuple[str, float]]:
+def _forces(
+    result: Result, joints: Sequence[str], judged: np.ndarray
+) -> Iterator[tuple[str, float]]:
     """Peak and RMS of the joints' forces, of an ideal mechanism too: there they are reactions."""
     dimension = "joint" if result.joints else "moving_joint"
     labels = [str(label) for label in _values(result, dimension)]
     wanted = [k for k, label in enumerate(labels) if label in joints] or range(len(labels))
     for how, name in _JOINT_FORCE.items():
-        values = _values(result, name if result.joints else "reaction_force")[kept]
+        values = _values(result, name if result.joints else "reaction_force")[judged]
         squares = np.einsum("njk,njk->nj", values, values)
         sums = squares.max(axis=0) if how == "peak" else squares.mean(axis=0)
         forces = {labels[k]: float(np.sqrt(sums[k])) for k in wanted}

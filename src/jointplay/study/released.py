@@ -83,8 +83,8 @@ class Axis:
     def simulation(self, duration: float) -> Simulation:
         """Held at zero for so long [s]."""
         assert isinstance(self.drive, Servo)
-        way = (0.0, 0.0, self.load)
-        push = Wrench("link", force=way) if self.slides else Wrench("link", moment=way)
+        vector = (0.0, 0.0, self.load)
+        push = Wrench("link", force=vector) if self.slides else Wrench("link", moment=vector)
         return Simulation(
             self.mechanism(),
             Motion([self.joint], [0.0, 1e-2], [[0.0], [0.0]]),
@@ -101,31 +101,32 @@ class MultiAxis:
 
     axes: tuple[Axis, ...]
     """Those that are looked at."""
-    whole: Simulation
+    base: Simulation
     """The robot, its other joints held."""
 
     @property
     def gains(self) -> dict[str, float]:
         """Parameters of the controllers by name; of several ones ``LOAD.NAME``."""
-        own = _controllers(self.whole)
+        controllers = _controllers(self.base)
         return {
-            gain if len(own) == 1 else f"{load}.{gain}": value
-            for load, one in own.items()
-            for gain, value in zip(one.names, one.parameters, strict=True)
+            gain if len(controllers) == 1 else f"{load}.{gain}": value
+            for load, c in controllers.items()
+            for gain, value in zip(c.names, c.parameters, strict=True)
         }
 
     def with_gains(self, **gains: float) -> MultiAxis:
         """With other parameters of the controllers."""
-        values, loads = iter((self.gains | gains).values()), dict(self.whole.loads)
-        for name, one in _controllers(self.whole).items():
-            loads[name] = replace(one, parameters=tuple(next(values) for _ in one.parameters))
-        return replace(self, whole=replace(self.whole, loads=loads))
+        values, loads = iter((self.gains | gains).values()), dict(self.base.loads)
+        for name, controller in _controllers(self.base).items():
+            new = tuple(next(values) for _ in controller.parameters)
+            loads[name] = replace(controller, parameters=new)
+        return replace(self, base=replace(self.base, loads=loads))
 
     def simulation(self, duration: float) -> Simulation:
         """Held at the pose, or where the controllers lead, for so long [s]."""
-        drives = self.whole.drive.values()  # type: ignore[union-attr]
-        sampled = [*_controllers(self.whole).values(), *drives]
-        return replace(self.whole, **_at_rest(self.whole.mechanism, sampled, duration))
+        drives = self.base.drive.values()  # type: ignore[union-attr]
+        sampled = [*_controllers(self.base).values(), *drives]
+        return replace(self.base, **_at_rest(self.base.mechanism, sampled, duration))
 
 
 Released = Axis | MultiAxis
@@ -137,25 +138,25 @@ def _at_rest(mechanism: Mechanism, sampled: Sequence[Any], duration: float) -> d
     q = mechanism.configuration({})
     step = min(tooth_duration(mechanism, name, q) for name in mechanism.gears) / WELL_RESOLVED_STEPS
     step = min(STEP_S, float(f"{step:.1e}"))
-    periods = [period for one in sampled if (period := getattr(one, "period", None)) is not None]
+    periods = [period for d in sampled if (period := getattr(d, "period", None)) is not None]
     if periods:
         step = min(periods) / math.ceil(min(periods) / step - 1e-9)
-    every = max(round(RECORD_S / step), 1)
+    interval = max(round(RECORD_S / step), 1)
     how = {"start": "centred", "limits": "ignore"}
-    return {"duration": duration, "step": step, "record_every": every, **how}
+    return {"duration": duration, "step": step, "record_every": interval, **how}
 
 
 def _controllers(simulation: Simulation) -> dict[str, Controller]:
     """Those of the user's own, by the name of the load."""
-    return {name: one for name, one in simulation.loads.items() if isinstance(one, Controller)}
+    return {name: load for name, load in simulation.loads.items() if isinstance(load, Controller)}
 
 
 def _drives(simulation: Simulation) -> dict[str, Servo | Controller]:
     """What moves each joint: a controller of the user's own, or else its servo."""
     drive, joints = simulation.drive, simulation.mechanism.joints
-    given = drive if isinstance(drive, Mapping) else dict.fromkeys(joints, drive)
-    own = {name: one for one in _controllers(simulation).values() for name in one.joints}
-    return {name: one for name, one in given.items() if isinstance(one, Servo)} | own
+    drives = drive if isinstance(drive, Mapping) else dict.fromkeys(joints, drive)
+    controlled = {name: c for c in _controllers(simulation).values() for name in c.joints}
+    return {name: d for name, d in drives.items() if isinstance(d, Servo)} | controlled
 
 
 def servo_of(joint: str) -> str:
@@ -206,9 +207,10 @@ def released(
         | dict(pose or {})
     )
     axes = [_axis(simulation, name, at) for name in dict.fromkeys(joints or able)]
-    found: list[Released] = [one for one in axes if isinstance(one.drive, Servo)]
-    own = tuple(one for one in axes if isinstance(one.drive, Controller))
-    return [*found, MultiAxis(own, _with_others_held(simulation, at))] if own else found
+    single: list[Released] = [axis for axis in axes if isinstance(axis.drive, Servo)]
+    controlled = tuple(axis for axis in axes if isinstance(axis.drive, Controller))
+    together = [MultiAxis(controlled, _with_others_held(simulation, at))] if controlled else []
+    return [*single, *together]
 
 
 def _axis(simulation: Simulation, joint: str, at: Mapping[str, float]) -> Axis:
@@ -227,13 +229,13 @@ def _axis(simulation: Simulation, joint: str, at: Mapping[str, float]) -> Axis:
 def _with_others_held(simulation: Simulation, at: Mapping[str, float]) -> Simulation:
     """The robot at a pose, with all joints held that no controller of the user's own sets."""
     robot, drive = simulation.mechanism, simulation.drive
-    free = {name for one in _controllers(simulation).values() for name in one.joints}
+    free = {name for c in _controllers(simulation).values() for name in c.joints}
     servos = drive if isinstance(drive, Mapping) else dict.fromkeys(free, drive)
     drives = {name: servos.get(name, Free()) if name in free else Prescribed() for name in at}
-    held = [name for name, one in drives.items() if one.follows]
+    held = [name for name, d in drives.items() if d.follows]
     place = [at[name] for name in held]
     gears = {name: gear for name, gear in robot.gears.items() if name in free}
-    payloads = (replace(one, release=None) for one in simulation.payloads if one.pick == 0.0)
+    payloads = (replace(p, release=None) for p in simulation.payloads if p.pick == 0.0)
     return Simulation(
         robot.with_clearance({}, gears),
         Motion(held, [0.0, 1e-2], [place, place]) if held else None,

@@ -41,12 +41,12 @@ class Runs(Memory[Arrays]):
         asked = {"asked": json.loads(json.dumps(dict(about)))}
         with system_errors(f"cannot write {str(path)!r}"):
             path.parent.mkdir(parents=True, exist_ok=True)
-            there = path.exists() and path.stat().st_size > 0
-        if not there:
+            present = path.exists() and path.stat().st_size > 0
+        if not present:
             self._rows = Rows.make(path, asked, [Column(_FOUND, "TEXT")], _KIND)
             return
         try:
-            self._rows = Rows(path, write=True, what=_KIND)
+            self._rows = Rows(path, write=True, noun=_KIND)
         except JointplayError as error:
             raise JointplayError(f"{error}; delete it, or choose another folder") from None
         try:
@@ -57,27 +57,27 @@ class Runs(Memory[Arrays]):
 
     def _take_up(self, asked: Mapping[str, Any]) -> None:
         was = self._rows.about.get("asked")
-        if not isinstance(was, dict) or [one.name for one in self._rows.columns] != [_FOUND]:
+        if not isinstance(was, dict) or [column.name for column in self._rows.columns] != [_FOUND]:
             raise JointplayError(f"{str(self._rows.path)!r} is no {_KIND}; delete it")
-        other = [name for name in {**was, **asked} if was.get(name) != asked.get(name)]
-        if other:
+        changed = [name for name in {**was, **asked} if was.get(name) != asked.get(name)]
+        if changed:
             raise JointplayError(
                 f"{str(self._rows.path)!r} was made for something else (another "
-                f"{', '.join(other)}); choose another folder"
+                f"{', '.join(changed)}); choose another folder"
             )
         good = []
         for places, values in self._rows.blocks(MOST_RUNS):
             for place, text in zip(places, values[_FOUND], strict=True):
                 with suppress(ValueError, TypeError, AttributeError):  # none of ours: run again
-                    found = {name: _unpacked(one) for name, one in json.loads(text).items()}
-                    self[_hashable(json.loads(place))] = found
+                    arrays = {name: _unpacked(column) for name, column in json.loads(text).items()}
+                    self[_hashable(json.loads(place))] = arrays
                     good.append((place, {_FOUND: text}))
-        if not self._rows.whole:
+        if not self._rows.intact:
             self._rows.rebuild({"asked": asked}, self._rows.columns, good)
 
     def keep(self, key: Any, value: Arrays) -> None:
-        found = {name: _packed(one) for name, one in value.items()}
-        self._rows.add(json.dumps(key), {_FOUND: json.dumps(found)})
+        packed = {name: _packed(array) for name, array in value.items()}
+        self._rows.add(json.dumps(key), {_FOUND: json.dumps(packed)})
         super().keep(key, value)
 
     def close(self) -> None:
@@ -89,8 +89,8 @@ def _packed(values: np.ndarray) -> tuple[str, tuple[int, ...], str]:
     return values.dtype.str, values.shape, b64encode(values.tobytes()).decode()
 
 
-def _unpacked(given: Any) -> np.ndarray:
-    kind, shape, text = given
+def _unpacked(packed: Any) -> np.ndarray:
+    kind, shape, text = packed
     return np.frombuffer(b64decode(text, validate=True), np.dtype(kind)).reshape(shape)
 
 

@@ -111,8 +111,8 @@ def _rates(axis: Axis, half: float) -> Callable[[float, np.ndarray], tuple[float
         read, speed = (link, v) if servo.encoder == "link" else (motor, w)
         if servo.resolution:
             count = read / servo.resolution + 0.5
-            whole = math.floor(count)
-            read = servo.resolution * (whole - max(1.0 - (count - whole) / EDGE, 0.0))
+            steps = math.floor(count)
+            read = servo.resolution * (steps - max(1.0 - (count - steps) / EDGE, 0.0))
         error = -math.copysign(max(abs(read) - servo.band, 0.0), read)
         integral = min(max(integral, -most), most)
         asked = servo.p_gain * error + integral - servo.d_gain * speed

@@ -75,11 +75,11 @@ class SweepStore:
         self, path: str | Path, plan: SweepPlan, resume: bool = False, extend: bool = False
     ) -> None:
         self.path, self.plan = Path(path), plan
-        there = is_there(self.path, resume or extend)
+        present = is_there(self.path, resume or extend)
         files.claim(self.path, [])
         try:
             self.ran, self.failed = np.zeros(plan.shape, bool), 0
-            if there:
+            if present:
                 self._rows = Rows(self.path / FILE, write=True)
                 self._reopen(extend)
             else:
@@ -92,8 +92,8 @@ class SweepStore:
         from jointplay.simulation.result.stored import versions
 
         labels = {
-            name: {"values": given.tolist(), **about}
-            for name, (along, given, about) in self.plan.coordinates.items()
+            name: {"values": values.tolist(), **about}
+            for name, (along, values, about) in self.plan.coordinates.items()
             if name == along
         }
         mine = {"identity": dict(self.plan.identity), "sizes": dict(self.plan.sizes)}
@@ -101,12 +101,12 @@ class SweepStore:
 
     def _values(self) -> list[Column]:
         """Columns of the values of cases, and `SAID`."""
-        found = [
-            Column(name, _KINDS.get(given.dtype.kind, "TEXT"), about["units"],
+        columns = [
+            Column(name, _KINDS.get(values.dtype.kind, "TEXT"), about["units"],
                    one_line(about["long_name"]))
-            for name, (_, given, about) in self.plan.coordinates.items()
+            for name, (_, values, about) in self.plan.coordinates.items()
         ]  # fmt: skip
-        return [*found, *SAID]
+        return [*columns, *SAID]
 
     def _reopen(self, extend: bool) -> None:
         """Go on with an old store; of what is damaged the cases count as not run."""
@@ -124,20 +124,20 @@ class SweepStore:
             ])  # fmt: skip
             self.ran[tuple(index[good].T)] = True
             self.failed += int(np.count_nonzero(values["status"][good] == FAILED))
-            self._rows.whole &= bool(good.all())
+            self._rows.intact &= bool(good.all())
         columns = [*self._values(), *contents.measures]
-        if not self._rows.whole or columns != [*contents.values, *SAID, *contents.measures]:
-            self._rows.rebuild(self._about(), columns, self._kept(contents))
+        if not self._rows.intact or columns != [*contents.values, *SAID, *contents.measures]:
+            self._rows.rebuild(self._about(), columns, self._rows_run(contents))
         else:
             self._rows.set_about(self._about())
 
-    def _kept(self, contents: Contents) -> Iterator[tuple[str, dict[str, Any]]]:
+    def _rows_run(self, contents: Contents) -> Iterator[tuple[str, dict[str, Any]]]:
         """Rows of the cases that have been run, with their values as the plan has them now."""
         for index, values in contents.blocks():
             for k, at in enumerate(map(tuple, index.tolist())):
                 if self.ran[at]:
-                    found = {name: column[k] for name, column in values.items()}
-                    yield place_of(at), {**found, **self.plan.values(at)}
+                    row = {name: column[k] for name, column in values.items()}
+                    yield place_of(at), {**row, **self.plan.values(at)}
 
     def _check_study(self, about: Mapping[str, Any], extend: bool) -> None:
         """Refuse a store of another study."""
@@ -182,8 +182,8 @@ class SweepStore:
             JointplayError: the disk is full; the cases before are kept.
         """
         outcome = self._fitted(outcome)
-        there = {one.name for one in self._rows.columns}
-        if new := [name for name in outcome.values if name not in there]:
+        known = {column.name for column in self._rows.columns}
+        if new := [name for name in outcome.values if name not in known]:
             self._rows.add_columns([self._measure(name) for name in new])
         sealed = ""
         if outcome.result is not None:
@@ -194,9 +194,9 @@ class SweepStore:
                 place.parent.mkdir(exist_ok=True)
             files.write(place, outcome.result, overwrite=True, announced=False)
             sealed = netcdf.seal_of(outcome.result)
-        said = {"status": outcome.status, "error": outcome.error, "result": sealed}
+        about = {"status": outcome.status, "error": outcome.error, "result": sealed}
         values = self.plan.values(outcome.index)
-        self._rows.add(place_of(outcome.index), {**outcome.values, **values, **said})
+        self._rows.add(place_of(outcome.index), {**outcome.values, **values, **about})
         self.ran[outcome.index] = True
         self.failed += outcome.status == FAILED
 
@@ -206,17 +206,17 @@ class SweepStore:
 
     def _fitted(self, outcome: Outcome) -> Outcome:
         """The outcome; one that has failed if a measure's name is not to be had."""
-        others = {*self.plan.coordinates, *(one.name for one in SAID)}
-        bad = [name for name in outcome.values if name in others or not name.isprintable()]
+        reserved = {*self.plan.coordinates, *(column.name for column in SAID)}
+        bad = [name for name in outcome.values if name in reserved or not name.isprintable()]
         bad += [name for name in outcome.values if not name]
-        known = {one.name for one in self._rows.columns}
-        said = f"a measure cannot be called {min(bad)!r}" if bad else ""
+        known = {column.name for column in self._rows.columns}
+        reason = f"a measure cannot be called {min(bad)!r}" if bad else ""
         if len(known | outcome.values.keys()) > MOST_COLUMNS:
-            said = f"there are more than {MOST_COLUMNS} measures and values"
-        if not said:
+            reason = f"there are more than {MOST_COLUMNS} measures and values"
+        if not reason:
             return outcome
-        values = {name: x for name, x in outcome.values.items() if name in known - others}
-        return Outcome(outcome.index, FAILED, values, said)
+        values = {name: x for name, x in outcome.values.items() if name in known - reserved}
+        return Outcome(outcome.index, FAILED, values, reason)
 
     def column(self, name: str) -> np.ndarray:
         """A measure of all cases so far, NaN where there is none.
@@ -225,13 +225,13 @@ class SweepStore:
             JointplayError: no case has it.
         """
         contents = Contents(self._rows)
-        if name not in (one.name for one in contents.measures):
-            known = ", ".join(one.name for one in contents.measures)
+        if name not in (measure.name for measure in contents.measures):
+            known = ", ".join(measure.name for measure in contents.measures)
             raise JointplayError(f"no case has the measure {name!r}; there are: {known}")
-        found = np.full(self.plan.shape, np.nan)
+        grid = np.full(self.plan.shape, np.nan)
         for index, values in contents.blocks():
-            found[tuple(index.T)] = values[name]
-        return found
+            grid[tuple(index.T)] = values[name]
+        return grid
 
     def close(self) -> None:
         """Let go of the store."""
@@ -268,8 +268,8 @@ def differences(old: Mapping[str, str], new: Mapping[str, str]) -> dict[str, str
         was, now = old.get(key, "not given"), new.get(key, "not given")
         if was != now:
             file = key.startswith("file ") and "not given" not in (was, now)
-            words = "has changed" if file else f"is {_short(now)} instead of {_short(was)}"
-            changes[key] = f"{key} {words}"
+            text = "has changed" if file else f"is {_short(now)} instead of {_short(was)}"
+            changes[key] = f"{key} {text}"
     return changes
 
 
@@ -303,31 +303,33 @@ class Contents:
             raise self._damaged(f"{wrong[0]} is {self.about.get(wrong[0])!r:.60}")
         self.sizes: dict[str, int] = self.about["sizes"]
         sizes, sampled = self.sizes.values(), self.about["sampled"]
-        whole = bool(sizes) and all(type(size) is int and size > 0 for size in sizes)
-        if not whole or math.prod(sizes) > MOST_CASES:
+        sound = bool(sizes) and all(type(size) is int and size > 0 for size in sizes)
+        if not sound or math.prod(sizes) > MOST_CASES:
             raise self._damaged(f"its sizes are {self.sizes!r:.60}")
         self.count = math.prod(sizes)
-        told = [self.about[name].values() for name in ("identity", "versions", "inputs")]
-        if not all(isinstance(text, str) for texts in told for text in texts):
+        tables = [self.about[name].values() for name in ("identity", "versions", "inputs")]
+        if not all(isinstance(text, str) for texts in tables for text in texts):
             raise self._damaged("its inputs are no texts")
-        for name, one in self.about["labels"].items():
-            given = one.get("values") if isinstance(one, dict) else None
-            plain = isinstance(given, list) and all(isinstance(x, int | float | str) for x in given)
-            values = np.array(given if plain else None)
+        for name, label in self.about["labels"].items():
+            listed = label.get("values") if isinstance(label, dict) else None
+            plain = isinstance(listed, list) and all(
+                isinstance(x, int | float | str) for x in listed
+            )
+            values = np.array(listed if plain else None)
             if values.shape != (self.sizes.get(name),) or values.dtype.kind not in "fibU":
-                raise self._damaged(f"its values of {name} are {one!r:.60}")
-        names = [one.name for one in rows.columns]
+                raise self._damaged(f"its values of {name} are {label!r:.60}")
+        names = [column.name for column in rows.columns]
         of_cases = [*self.about["labels"], *sampled]
         if not all(isinstance(name, str) for name in of_cases) or len({*names}) < len(names):
             raise self._damaged("its columns have no names of their own")
         if {*of_cases} - {*names} or (sampled and "sample" not in self.sizes):
             raise self._damaged(f"its values are of {of_cases!r:.60}")
-        if [one for one in rows.columns if one in SAID] != [*SAID]:
+        if [column for column in rows.columns if column in SAID] != [*SAID]:
             raise self._damaged("its columns are not those of a sweep")
-        self.values = [one for one in rows.columns if one.name in of_cases]
-        self.measures = [one for one in rows.columns if one not in (*self.values, *SAID)]
-        numbers = [*self.measures, *(one for one in self.values if one.name in sampled)]
-        if any(one.kind != "REAL" for one in numbers):
+        self.values = [column for column in rows.columns if column.name in of_cases]
+        self.measures = [column for column in rows.columns if column not in (*self.values, *SAID)]
+        numbers = [*self.measures, *(column for column in self.values if column.name in sampled)]
+        if any(column.kind != "REAL" for column in numbers):
             raise self._damaged("a measure is no number")
 
     def _damaged(self, reason: str) -> JointplayError:
@@ -398,9 +400,9 @@ class Sweep:
         )
         order = np.argsort(number, kind="stable")
         values = {
-            one.name: np.concatenate([found[one.name] for _, found in blocks])[order]
-            if blocks else np.empty(0, KINDS[one.kind])
-            for one in rows.columns
+            column.name: np.concatenate([block[column.name] for _, block in blocks])[order]
+            if blocks else np.empty(0, KINDS[column.kind])
+            for column in rows.columns
         }  # fmt: skip
         return contents, number[order], values
 
@@ -418,9 +420,9 @@ class Sweep:
 
         contents, number, values = self._read()
         columns = [*contents.values, *SAID[:2], *contents.measures]
-        made = xr.Dataset({one.name: ("case", values[one.name]) for one in columns})
-        frame: pd.DataFrame = made.assign_coords(case=number).to_dataframe()
-        frame.attrs["units"] = {one.name: one.unit for one in columns}
+        dataset = xr.Dataset({column.name: ("case", values[column.name]) for column in columns})
+        frame: pd.DataFrame = dataset.assign_coords(case=number).to_dataframe()
+        frame.attrs["units"] = {column.name: column.unit for column in columns}
         return frame
 
     def dataset(self) -> xr.Dataset:
@@ -444,21 +446,21 @@ class Sweep:
             return grid.reshape(shape)
 
         variables: dict[str, Any] = {
-            one.name: (dims, spread(one.name, np.nan), _attributes(one))
-            for one in contents.measures
+            column.name: (dims, spread(column.name, np.nan), _attributes(column))
+            for column in contents.measures
         }
         variables["status"] = dims, spread("status", NOT_RUN, "U7"), {"units": ""}
         variables["error"] = dims, spread("error", "", object), {"units": ""}
         coordinates: dict[str, Any] = {}
-        for one in contents.values:
-            given = contents.about["labels"].get(one.name)
-            if given is not None:
-                along, labels = one.name, np.array(given["values"])
+        for column in contents.values:
+            label = contents.about["labels"].get(column.name)
+            if label is not None:
+                along, labels = column.name, np.array(label["values"])
                 labels = labels.astype(object) if labels.dtype.kind == "U" else labels
             else:  # sampled: known of the samples that were run
                 along, labels = "sample", np.full(contents.sizes["sample"], np.nan)
-                labels[np.unravel_index(number, shape)[dims.index("sample")]] = values[one.name]
-            coordinates[one.name] = along, labels, _attributes(one)
+                labels[np.unravel_index(number, shape)[dims.index("sample")]] = values[column.name]
+            coordinates[column.name] = along, labels, _attributes(column)
         return xr.Dataset(variables, coordinates, about)
 
     def result(self, case: int) -> Result:
@@ -475,12 +477,12 @@ class Sweep:
 
         wanted = require_whole("case", case, 0, math.prod(self.sizes.values()) - 1)
         contents, number, values = self._read()
-        there = {"status": NOT_RUN, "result": ""}
+        entry = {"status": NOT_RUN, "result": ""}
         if (at := int(np.searchsorted(number, wanted))) < len(number) and number[at] == wanted:
-            there = {name: str(values[name][at]) for name in there}
-        if not (sealed := there["result"]):
+            entry = {name: str(values[name][at]) for name in entry}
+        if not (sealed := entry["result"]):
             reasons = {NOT_RUN: "it was not run", FAILED: "it failed"}
-            reason = reasons.get(there["status"], "the sweep keeps none (results = true)")
+            reason = reasons.get(entry["status"], "the sweep keeps none (results = true)")
             raise JointplayError(f"no result of case {wanted} in {str(self.path)!r}: {reason}")
         index = np.unravel_index(wanted, tuple(contents.sizes.values()))
         path = self.path / RESULTS / file_of(index)
@@ -491,8 +493,8 @@ class Sweep:
 
 
 def _attributes(column: Column) -> dict[str, str]:
-    found = {"units": column.unit, "long_name": column.text, "origin": column.origin}
-    return {word: text for word, text in found.items() if text or word != "origin"}
+    attributes = {"units": column.unit, "long_name": column.text, "origin": column.origin}
+    return {word: text for word, text in attributes.items() if text or word != "origin"}
 
 
 def open_sweep(path: str | Path) -> Sweep:

@@ -81,7 +81,7 @@ class Study(Generic[Item, Value]):
         name: str = "",
         early: bool = False,
     ) -> None:
-        self.plan, self._taken = plan, 0
+        self.plan, self._started = plan, 0
         self.count = len(plan) if isinstance(plan, Sized) else None
         self.measure, self.name, self._early = measure, name, early
         self.store: Store[Value] = Memory() if store is None else store
@@ -107,14 +107,15 @@ class Study(Generic[Item, Value]):
                 cannot be kept.
             BaseException: what the measure raised; what was finished is in the store.
         """
-        done = sum(key in self.store for key in self.plan) if isinstance(self.plan, Mapping) else 0
+        by_key = isinstance(self.plan, Mapping)
+        finished = sum(key in self.store for key in self.plan) if by_key else 0
         with ExitStack() as stack:
             if workers is None:
-                left = None if self.count is None else range(self.count - done)
+                left = None if self.count is None else range(self.count - finished)
                 workers = stack.enter_context(closing(self._workers(number_of(jobs, left))))
             bar = progress if isinstance(progress, ProgressBar) else None
             if bar is None:
-                about = {"unit": "run", **shown, "total": self.count, "initial": done}
+                about = {"unit": "run", **shown, "total": self.count, "initial": finished}
                 bar = stack.enter_context(ProgressBar(disable=not progress, **about))
             for key, value in workers.run(self._left()):
                 self.store.keep(key, value)
@@ -133,7 +134,7 @@ class Study(Generic[Item, Value]):
             raise TypeError("outcomes() runs a study whose store is not in memory")
         for _ in self.outcomes(jobs, progress, **shown):
             pass
-        keys = self.plan if isinstance(self.plan, Mapping) else range(self._taken)
+        keys = self.plan if isinstance(self.plan, Mapping) else range(self._started)
         return [self.store[key] for key in keys]
 
     def _left(self) -> Iterator[tuple[Any, Item]]:
@@ -142,7 +143,7 @@ class Study(Generic[Item, Value]):
             yield from ((key, self.plan[key]) for key in self.plan if key not in self.store)
             return
         for place, item in enumerate(self.plan):
-            self._taken = place + 1
+            self._started = place + 1
             yield place, item
 
     def _workers(self, number: int) -> Workers[Item, Value]:

@@ -61,7 +61,7 @@ class SweepPlan:
     """Whether the tool is compared with the ideal mechanism's."""
     until: Until | None = None
     """The precision that ends the sweep."""
-    given: Mapping[str, Any] = field(default_factory=dict)
+    table: Mapping[str, Any] = field(default_factory=dict)
     """The table [sweep]."""
 
     @cached_property
@@ -120,12 +120,12 @@ class SweepPlan:
         self, axis: Axis, value: Any, changes: Mapping[str, Any] | None = None
     ) -> dict[str, Any]:
         """Changes with a value of an axis besides."""
-        taken = dict(changes or {})
+        changed = dict(changes or {})
         if not axis.keys:
-            return merge(taken, value)
+            return merge(changed, value)
         for key in axis.keys:
-            set_key(taken, self.base, key, value)
-        return taken
+            set_key(changed, self.base, key, value)
+        return changed
 
     def values(self, index: Index) -> dict[str, Any]:
         at = dict(zip(self.sizes, index, strict=True))
@@ -141,7 +141,7 @@ class SweepPlan:
 
     def with_samples(self, samples: int) -> SweepPlan:
         """The same sweep with more samples, of which the first stay what they are."""
-        return replace(self, samples=samples, given={**self.given, "samples": samples})
+        return replace(self, samples=samples, table={**self.table, "samples": samples})
 
     @cached_property
     def joints(self) -> list[str]:
@@ -158,15 +158,15 @@ class SweepPlan:
         values = [(axis, axis.name, axis.coordinate) for axis in self.axes]
         columns = self.drawn_values.T if self.drawn else ()
         values += [(axis, SAMPLE, x) for axis, x in zip(self.drawn, columns, strict=True)]
-        found = {}
+        by_name = {}
         for axis, along, x in values:
             text = ", ".join(map(dotted, axis.keys))
-            found[axis.name] = along, x, {"units": axis.unit, "long_name": text}
+            by_name[axis.name] = along, x, {"units": axis.unit, "long_name": text}
         if self.repeats > 1:
             text = "seed of the displacement of the journals"
             seeds = self.seed + np.arange(self.repeats)
-            found[REPEAT] = REPEAT, seeds, {"units": "", "long_name": text}
-        return found
+            by_name[REPEAT] = REPEAT, seeds, {"units": "", "long_name": text}
+        return by_name
 
     @property
     def attributes(self) -> dict[str, Any]:
@@ -179,7 +179,7 @@ class SweepPlan:
             "title": self.scenario.title,
             "scenario": self.scenario.text,
             "scenario_file": self.scenario.path.name,
-            "sweep": json.dumps(dict(self.given), default=str),
+            "sweep": json.dumps(dict(self.table), default=str),
         }
 
     def meaning(self, measure: str) -> tuple[str, str, str]:
@@ -194,7 +194,7 @@ class SweepPlan:
             return set()
         keys = set()
         for key in (key for key in self.identity if key.startswith("sweep.")):
-            was, now = (json.loads(one.get(key, "null")) for one in (identity, self.identity))
+            was, now = (json.loads(texts.get(key, "null")) for texts in (identity, self.identity))
             longer = isinstance(was, list) and isinstance(now, list) and now[: len(was)] == was
             grows = key == "sweep.repeats" or (key == "sweep.samples" and self.sampling in GROWING)
             if (key.startswith("sweep.axes.") and longer) or (grows and now >= (was or 1)):
@@ -207,7 +207,7 @@ class SweepPlan:
         base = {k: v for k, v in self.base.items() if k not in ("title", "output")}
         base["output"] = {"record_every": self.base.get("output", {}).get("record_every", 10)}
         entries = dict(_flat(base))
-        table = {word: self.given[word] for word in WORDS if word in self.given}
+        table = {word: self.table[word] for word in WORDS if word in self.table}
         table.setdefault("seed", self.seed)
         entries |= {f"sweep.{key}": text for key, text in _flat(table)}
         for name, text in self.inputs.items():
@@ -222,16 +222,16 @@ class SweepPlan:
         for axis in self.axes:
             for value in axis.values:
                 named |= set(_named(value))
-                named |= {one for key in axis.keys for one in _named({key[-1]: value})}
+                named |= {names for key in axis.keys for names in _named({key[-1]: value})}
         named |= {("function", name) for name in self.measures}
         texts = {}
         for word, name in sorted(named):
             if word == "urdf":
-                own = self.base["robot"] if self.base["robot"]["urdf"] == name else {}
-                texts[name] = urdf_text(source_of(name, folder), own.get("xacro", {}))
+                robot = self.base["robot"] if self.base["robot"]["urdf"] == name else {}
+                texts[name] = urdf_text(source_of(name, folder), robot.get("xacro", {}))
             elif word == "file":
                 texts[name] = read_text(resolve(name, folder), "file")
-            elif (own := imported.get(name.partition(":")[0])) and (file := file_of(own)):
+            elif (module := imported.get(name.partition(":")[0])) and (file := file_of(module)):
                 texts[file.name] = read_text(file, "module")
         return texts
 
@@ -292,27 +292,27 @@ def plan_of(
         JointplayError: an empty or contradictory sweep, keys that do not exist.
     """
     scenario = source if isinstance(source, Scenario) else Scenario.load(source)
-    given = {**scenario.sweep, **{k: v for k, v in options.items() if v is not None}}
+    table = {**scenario.sweep, **{k: v for k, v in options.items() if v is not None}}
     if axes is not None:
-        given["axes"] = dict(axes)
-    for word in given:
+        table["axes"] = dict(axes)
+    for word in table:
         if word not in WORDS:
             raise scenario.error(("sweep", word), unknown_key(str(word), WORDS))
     place = () if axes is not None else ("sweep", "axes")
-    all_axes = _axes(scenario, given.get("axes", {}), place)
-    made = SweepPlan(
+    all_axes = _axes(scenario, table.get("axes", {}), place)
+    plan = SweepPlan(
         scenario,
-        _case(scenario, given.get("case")),
+        _case(scenario, table.get("case")),
         tuple(axis for axis in all_axes if not axis.sampled),
         tuple(axis for axis in all_axes if axis.sampled),
-        given=given,
-        **_numbers(scenario, given),
+        table=table,
+        **_numbers(scenario, table),
     )
     try:
-        _check(made)
+        _check(plan)
     except JointplayError as error:
         raise scenario.error(("sweep",), str(error)) from None
-    return made
+    return plan
 
 
 def _axes(scenario: Scenario, tables: Any, place: Key) -> list[Axis]:
@@ -324,8 +324,8 @@ def _axes(scenario: Scenario, tables: Any, place: Key) -> list[Axis]:
         where = (*place, name) if place else ()
         try:
             axis = read(str(name), table)
-            taken = [other.name for other in axes]
-            if axis.name in taken:
+            names = [a.name for a in axes]
+            if axis.name in names:
                 axis = replace(axis, name=str(name).replace(".", "_"))
             if axis.name in RESERVED or not axis.name or not axis.name.isprintable():
                 raise JointplayError(f"an axis cannot be called {toml_text(axis.name)}")
@@ -346,86 +346,86 @@ def _case(scenario: Scenario, case: Any) -> str:
     return str(case)
 
 
-def _whole(least: int) -> Callable[[Any], int]:
-    return lambda given: require_whole("it", given, least, 2**62 - 1)
+def _integer(least: int) -> Callable[[Any], int]:
+    return lambda value: require_whole("it", value, least, 2**62 - 1)
 
 
-def _names(given: Any) -> tuple[str, ...]:
-    found: tuple[str, ...] = check(tuple[str, ...], [given] if isinstance(given, str) else given)
-    return found
+def _names(value: Any) -> tuple[str, ...]:
+    names: tuple[str, ...] = check(tuple[str, ...], [value] if isinstance(value, str) else value)
+    return names
 
 
 _READERS: dict[str, Callable[[Any], Any]] = {
-    "samples": _whole(1),
-    "seed": _whole(0),
-    "repeats": _whole(1),
-    "sampling": lambda given: check(Literal[METHODS], given),  # type: ignore[valid-type]
+    "samples": _integer(1),
+    "seed": _integer(0),
+    "repeats": _integer(1),
+    "sampling": lambda value: check(Literal[METHODS], value),  # type: ignore[valid-type]
     "measures": _names,
-    "results": lambda given: check(bool, given),
-    "start": lambda given: require_non_negative("it", check(float, given, ("s",)), "s"),
-    "tool_error": lambda given: check(bool, given),
+    "results": lambda value: check(bool, value),
+    "start": lambda value: require_non_negative("it", check(float, value, ("s",)), "s"),
+    "tool_error": lambda value: check(bool, value),
     "until": read_until,
 }
 """What the keys of the table take, but for the axes and the case."""
 WORDS = ("axes", "case", *_READERS)
 
 
-def _numbers(scenario: Scenario, given: Mapping[str, Any]) -> dict[str, Any]:
+def _numbers(scenario: Scenario, table: Mapping[str, Any]) -> dict[str, Any]:
     fields = {}
     for word, reader in _READERS.items():
         try:
-            if word in given:
-                fields[word] = reader(given[word])
+            if word in table:
+                fields[word] = reader(table[word])
         except JointplayError as error:
             raise scenario.error(("sweep", word), f"{word}: {error}") from None
     return fields
 
 
-def _check(made: SweepPlan) -> None:
-    if not made.axes and not made.drawn and made.repeats == 1:
+def _check(plan: SweepPlan) -> None:
+    if not plan.axes and not plan.drawn and plan.repeats == 1:
         raise JointplayError(
             "the sweep is empty: give repeats, or [sweep.axes], such as clearance = { key = "
             '"joints.JOINT.radial_clearance", values = ["0.1 mm", "0.2 mm"] }'
         )
-    if made.drawn and not made.samples:
-        names = ", ".join(axis.name for axis in made.drawn)
+    if plan.drawn and not plan.samples:
+        names = ", ".join(axis.name for axis in plan.drawn)
         raise JointplayError(f"samples is missing: how many, of the distribution of {names}?")
-    if made.samples and not made.drawn:
+    if plan.samples and not plan.drawn:
         raise JointplayError("samples needs an axis with a distribution; there is none")
-    _check_keys(made)
-    if made.until is not None:
-        if not made.drawn:
+    _check_keys(plan)
+    if plan.until is not None:
+        if not plan.drawn:
             raise JointplayError("until needs an axis with a distribution; there is none")
-        if made.sampling not in GROWING:
+        if plan.sampling not in GROWING:
             others = " or ".join(GROWING)
-            raise JointplayError(f"until adds samples, which {made.sampling} cannot; take {others}")
-        if (most := made.until.most) < made.samples:
-            raise JointplayError(f"until stops at {most} samples, but samples is {made.samples}")
-    if made.count > MOST_CASES:
-        raise JointplayError(f"{made.summary}; at most {MOST_CASES} are possible")
-    if made.drawn:
-        _ = made.points
-    for name in made.measures:
+            raise JointplayError(f"until adds samples, which {plan.sampling} cannot; take {others}")
+        if (most := plan.until.most) < plan.samples:
+            raise JointplayError(f"until stops at {most} samples, but samples is {plan.samples}")
+    if plan.count > MOST_CASES:
+        raise JointplayError(f"{plan.summary}; at most {MOST_CASES} are possible")
+    if plan.drawn:
+        _ = plan.points
+    for name in plan.measures:
         module, _, function = name.partition(":")
         if not function.isidentifier() or not all(p.isidentifier() for p in module.split(".")):
             raise JointplayError(f"a measure is named module:function, got {toml_text(name)}")
 
 
-def _check_keys(made: SweepPlan) -> None:
+def _check_keys(plan: SweepPlan) -> None:
     """Refuse two axes that put their values at the same place."""
     places: dict[Key, str] = {}
-    for axis in (*made.axes, *made.drawn):
+    for axis in (*plan.axes, *plan.drawn):
         keys = axis.keys or tuple({(str(k),) for change in axis.values for k in change})
         for key in axis.keys:
-            for other, name in places.items():
-                size = min(len(key), len(other))
-                if key[:size] == other[:size]:
+            for earlier, name in places.items():
+                size = min(len(key), len(earlier))
+                if key[:size] == earlier[:size]:
                     raise JointplayError(
                         f"axes {toml_text(name)} and {toml_text(axis.name)} contradict each other: "
-                        f"both set {dotted(min(key, other, key=len))}"
+                        f"both set {dotted(min(key, earlier, key=len))}"
                     )
         places |= dict.fromkeys(keys if axis.keys else (), axis.name)
     seed: Key = ("integration", "seed")
-    if made.repeats > 1 and seed in places:
+    if plan.repeats > 1 and seed in places:
         name = toml_text(places[seed])
         raise JointplayError(f"repeats sets integration.seed, and so does axis {name}")

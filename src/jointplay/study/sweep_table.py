@@ -55,8 +55,9 @@ def points(dataset: xr.Dataset, rows: int, cell: Callable[[IntervalEstimate], An
     lines = []
     for index in islice(np.ndindex(*(dataset.sizes[d] for d in dims)), rows):
         where = [coordinate_text(dataset, d, k) for d, k in zip(dims, index, strict=True)]
-        lines.append([*where, *(cell(interval_estimate(np.ravel(one[index]))) for one in values)])
-    return Table.of([(one, "") for one in head], lines)
+        estimates = (interval_estimate(np.ravel(array[index])) for array in values)
+        lines.append([*where, *map(cell, estimates)])
+    return Table.of([(t, "") for t in head], lines)
 
 
 def grid(dataset: xr.Dataset) -> tuple[list[str], list[str]]:
@@ -70,7 +71,7 @@ def table(dataset: xr.Dataset, rows: int = 20) -> str:
     status = dataset["status"].values
     dims, over = grid(dataset)
     count = math.prod(dataset.sizes[d] for d in dims)
-    text = str(points(dataset, rows, lambda one: _text(one.value)))
+    text = str(points(dataset, rows, lambda estimate: _text(estimate.value)))
     if over and count:
         runs = counted(math.prod(dataset.sizes[d] for d in over), "run")
         text += f"\nmeans over {runs} of each point"
@@ -88,12 +89,12 @@ def table(dataset: xr.Dataset, rows: int = 20) -> str:
 
 def columns_of(dataset: xr.Dataset) -> list[tuple[str, str, float]]:
     """Measures of the table, the user's own last: name, unit, and factor to it."""
-    own = [
+    users = [
         (name, str(dataset[name].attrs.get("units", "")), 1.0)
         for name in _measures(dataset)
         if dataset[name].attrs.get("origin") == USER
     ]
-    return [column for column in (*SHOWN, *own) if column[0] in dataset]
+    return [column for column in (*SHOWN, *users) if column[0] in dataset]
 
 
 def _measures(dataset: xr.Dataset) -> list[str]:
@@ -110,8 +111,8 @@ def measured(dataset: xr.Dataset, name: str) -> xr.DataArray:
     """
     names = _measures(dataset)
     if name not in names:
-        if any(name == one or name.startswith(f"{one}_") for one in BEARING):
-            having = [one for one in names if one.startswith(tuple(BEARING))]
+        if any(name == base or name.startswith(f"{base}_") for base in BEARING):
+            having = [base for base in names if base.startswith(tuple(BEARING))]
             raise JointplayError(
                 f"no measure {name!r}: it is of a joint with rolling elements; of this sweep's "
                 + (f"there are {', '.join(having)}" if having else "joints none has any")
@@ -162,18 +163,19 @@ def select(dataset: xr.Dataset, only: Mapping[str, str]) -> xr.Dataset:
     """
     for name, text in only.items():
         require_known("dimension", name, dataset.attrs["sizes"])
-        there = dataset[name].values if name in dataset.coords else np.arange(dataset.sizes[name])
-        if name in dataset.coords and there.dtype.kind in "fi":
+        labelled = name in dataset.coords
+        coordinates = dataset[name].values if labelled else np.arange(dataset.sizes[name])
+        if labelled and coordinates.dtype.kind in "fi":
             unit = str(dataset[name].attrs.get("units", ""))
             wanted: Any = text
             with suppress(ValueError):  # plain numbers are in SI
                 wanted, unit = float(text), ""
             try:
-                index = int(np.abs(there - float(convert(wanted, unit))).argmin())
+                index = int(np.abs(coordinates - float(convert(wanted, unit))).argmin())
             except ValueError as error:
                 raise JointplayError(f"{name}: {error}") from None
         else:
-            known = [str(value) for value in there]
+            known = [str(value) for value in coordinates]
             require_known(f"value of {name}:", text, known)
             index = known.index(text)
         dataset = dataset.isel({name: [index]})
@@ -239,26 +241,26 @@ def uncertainty(dataset: xr.Dataset, measure: str, precision: float) -> str:
     precision = require_share("precision", precision)
     values = samples_of(dataset, measure)
     known = int(np.isfinite(values).sum())
-    found = {name: interval_estimate(values, name) for name in ("mean", "std")}
-    found |= {f"{100 * p:g} %": interval_estimate(values, "quantile", p) for p in QUANTILES}
+    estimates = {name: interval_estimate(values, name) for name in ("mean", "std")}
+    estimates |= {f"{100 * p:g} %": interval_estimate(values, "quantile", p) for p in QUANTILES}
     notes = []
-    for what, name, probability in (("mean", "mean", 0.5), ("95 % quantile", "quantile", 0.95)):
+    for label, name, probability in (("mean", "mean", 0.5), ("95 % quantile", "quantile", 0.95)):
         runs = enough(convergence(values, name, probability), precision)
         verdict = (
             f"{counted(runs, 'run was', 'runs were')} enough"
             if runs
             else f"{counted(known, 'run is', 'runs are')} not enough"
         )
-        notes.append(f"{what} within {100 * precision:g} %: {verdict}")
+        notes.append(f"{label} within {100 * precision:g} %: {verdict}")
     missing = f", {len(values) - known} without a value" if known < len(values) else ""
-    unit, several = str(dataset[measure].attrs.get("units", "")), found.values()
+    unit, several = str(dataset[measure].attrs.get("units", "")), estimates.values()
     fine = unit == "m"  # speeds and times are as they are
     statistics = Table(
         (
-            Column(f"{known} samples{missing}", list(found)),
-            Column(measure, [one.value for one in several], unit, fine=fine, digits=4),
-            Column("95 %: from", [one.low for one in several], unit, fine=fine, digits=4),
-            Column("to", [one.high for one in several], unit, fine=fine, digits=4),
+            Column(f"{known} samples{missing}", list(estimates)),
+            Column(measure, [estimate.value for estimate in several], unit, fine=fine, digits=4),
+            Column("95 %: from", [estimate.low for estimate in several], unit, fine=fine, digits=4),
+            Column("to", [estimate.high for estimate in several], unit, fine=fine, digits=4),
         ),
         notes=notes,
     )

@@ -45,10 +45,10 @@ _TIMES = ((86400.0, "days"), (3600.0, "hours"), (60.0, "minutes"), (1.0, "second
 _SIZES = ((1e12, "TB"), (1e9, "GB"), (1e6, "MB"), (1e3, "kB"))
 
 
-def cost_of(made: SweepPlan, bench: Bench, processes: int) -> str:
+def cost_of(plan: SweepPlan, bench: Bench, processes: int) -> str:
     """Time and size of a sweep in words, by the pace of the beginning of one of its cases."""
     started = time.perf_counter()
-    run = _first_run(made, bench, made.cases)
+    run = _first_run(plan, bench, plan.cases)
     ready = time.perf_counter() - started
     moments = run.steps(CHUNK * run.simulation.step)
     next(moments)
@@ -57,26 +57,26 @@ def cost_of(made: SweepPlan, bench: Bench, processes: int) -> str:
         pass
     share = max(run.workspace.steps, 1) / run.total_steps
     seconds = ready + (time.perf_counter() - started) / share
-    kept = len(netcdf.pack(run.result().dataset)) / share if made.results else 0
+    stored = len(netcdf.pack(run.result().dataset)) / share if plan.results else 0
     return (
-        f"about {_amount(made.count * seconds / processes, _TIMES, 2.0)} on {processes} processes "
-        f"and {_amount(made.count * (MEASURES_BYTES + kept), _SIZES, 1.0)} of results"
+        f"about {_amount(plan.count * seconds / processes, _TIMES, 2.0)} on {processes} processes "
+        f"and {_amount(plan.count * (MEASURES_BYTES + stored), _SIZES, 1.0)} of results"
     )
 
 
-def _first_run(made: SweepPlan, bench: Bench, indices: Iterable[Index]) -> Run:
+def _first_run(plan: SweepPlan, bench: Bench, indices: Iterable[Index]) -> Run:
     """The first of some cases that can be made ready."""
     errors = []
     for index in indices:
         try:
-            return Run(bench.simulation(made.changes(index)))
+            return Run(bench.simulation(plan.changes(index)))
         except JointplayError as error:  # another case may be possible
             errors.append(error)
     raise errors[0]
 
 
 def _amount(value: float, units: Sequence[tuple[float, str]], least: float) -> str:
-    size, name = next((one for one in units[:-1] if value >= least * one[0]), units[-1])
+    size, name = next((pair for pair in units[:-1] if value >= least * pair[0]), units[-1])
     part = value / size
     return f"{part:.2g} {name}" if part < 100.0 and size > 1.0 else f"{part:.0f} {name}"
 
@@ -135,7 +135,7 @@ def sweep(
 
 
 def run_plan(
-    made: SweepPlan,
+    plan: SweepPlan,
     path: str | Path,
     *,
     jobs: int | None = None,
@@ -149,7 +149,7 @@ def run_plan(
     """Run what is planned; see `sweep` for what is not listed here.
 
     Args:
-        made: the plan.
+        plan: what is run.
         path: of the store.
         begin: called when nothing stands against it, before the first case, with what is to be
             known of the cases, a line each.
@@ -162,23 +162,23 @@ def run_plan(
             f"a sweep is written to a folder, got {str(path)!r}; copy the finished folder there"
         )
     number = number_of(jobs)
-    first = probe(made, progress)
-    if made.count > MANY and not yes:
-        guess = cost_of(made, first, number)
-        raise JointplayError(f"{made.summary}: {guess}; use --yes to run it anyway")
-    _ = made.identity  # reads the files, and says what is missing
-    made = _largest_so_far(made, Path(path)) if resume or extend else made
+    first = probe(plan, progress)
+    if plan.count > MANY and not yes:
+        guess = cost_of(plan, first, number)
+        raise JointplayError(f"{plan.summary}: {guess}; use --yes to run it anyway")
+    _ = plan.identity  # reads the files, and says what is missing
+    plan = _largest_so_far(plan, Path(path)) if resume or extend else plan
     with ExitStack() as stack:
 
         def hire(left: int) -> Workers[Case, Outcome]:
-            workers = workers_for(made, number if made.until else min(number, left), scheduler)
+            workers = workers_for(plan, number if plan.until else min(number, left), scheduler)
             stack.callback(workers.close)
             return workers
 
         new = not is_there(Path(path), resume or extend)
         # Those of a cluster may not answer: then nothing is to be written.
-        workers = hire(made.count) if new and scheduler is not None else None
-        store = SweepStore(path, made, resume, extend)
+        workers = hire(plan.count) if new and scheduler is not None else None
+        store = SweepStore(path, plan, resume, extend)
         try:
             while True:
                 left = int(np.count_nonzero(~store.ran))
@@ -200,23 +200,23 @@ def run_plan(
 
 
 def workers_for(
-    made: SweepPlan, number: int, scheduler: str | None = None
+    plan: SweepPlan, number: int, scheduler: str | None = None
 ) -> Workers[Case, Outcome]:
     """Start workers on this machine, or on the cluster of a scheduler."""
     if scheduler is not None:
         from jointplay.study.cluster import ClusterWorkers
 
-        return ClusterWorkers(partial(run_case, job(made, send_files=True)), scheduler, _lost)
+        return ClusterWorkers(partial(run_case, job(plan, send_files=True)), scheduler, _lost)
     kernel.caller_of()  # which they then have
-    return Pool(partial(run_case, job(made)), number, lost=_lost, small=True)
+    return Pool(partial(run_case, job(plan)), number, lost=_lost, small=True)
 
 
 def _run_all(store: SweepStore, workers: Workers[Case, Outcome], left: int, progress: bool) -> None:
-    made = store.plan
+    plan = store.plan
     bar = ProgressBar(
-        total=made.count, initial=made.count - left, disable=not progress, unit="cases"
+        total=plan.count, initial=plan.count - left, disable=not progress, unit="cases"
     )
-    study = Study(made.cases, partial(run_case, job(made)), store)
+    study = Study(plan.cases, partial(run_case, job(plan)), store)
     with bar:
         bar.refresh()
         for _ in study.outcomes(progress=bar, workers=workers):
@@ -226,42 +226,42 @@ def _run_all(store: SweepStore, workers: Workers[Case, Outcome], left: int, prog
 
 def _enough(store: SweepStore) -> bool:
     """Whether the sweep is over: it has no aim, may not go on, or has reached it everywhere."""
-    made = store.plan
-    if made.until is None or 2 * made.samples > made.until.most:
+    plan = store.plan
+    if plan.until is None or 2 * plan.samples > plan.until.most:
         return True
-    values = np.moveaxis(store.column(made.until.measure), list(made.sizes).index(SAMPLE), 0)
-    if made.sampling == "saltelli":  # of each block, the two points that are independent
-        block = len(made.drawn) + 2
+    values = np.moveaxis(store.column(plan.until.measure), list(plan.sizes).index(SAMPLE), 0)
+    if plan.sampling == "saltelli":  # of each block, the two points that are independent
+        block = len(plan.drawn) + 2
         values = np.concatenate([values[::block], values[block - 1 :: block]])
-    if REPEAT in made.sizes:
+    if REPEAT in plan.sizes:
         values = values.mean(axis=-1)  # repeats of a point are no samples of their own
     points = values.reshape(len(values), -1).T
-    return all(made.until.reached(point) for point in points if np.isfinite(point).any())
+    return all(plan.until.reached(point) for point in points if np.isfinite(point).any())
 
 
-def _largest_so_far(made: SweepPlan, path: Path) -> SweepPlan:
+def _largest_so_far(plan: SweepPlan, path: Path) -> SweepPlan:
     """The plan with as many samples as the store has, where `until` has added some."""
-    if made.until is None or (sizes := sizes_of(path)) is None:
-        return made
-    larger = made
+    if plan.until is None or (sizes := sizes_of(path)) is None:
+        return plan
+    larger = plan
     while larger.sizes[SAMPLE] != sizes.get(SAMPLE):
-        if 2 * larger.samples > made.until.most:
-            return made
+        if 2 * larger.samples > plan.until.most:
+            return plan
         larger = larger.with_samples(2 * larger.samples)
     return larger
 
 
 def _give_up(store: SweepStore, error: BaseException) -> None:
-    done = int(np.count_nonzero(store.ran))
+    finished = int(np.count_nonzero(store.ran))
     store.close()
-    note = f"{done} of {store.plan.count} cases are kept; --resume continues"
+    note = f"{finished} of {store.plan.count} cases are kept; --resume continues"
     if isinstance(error, JointplayError):
         error.args = (f"{error}; {note}",)
     elif isinstance(error, KeyboardInterrupt):
         error.args = (note,)
 
 
-def probe(made: SweepPlan, progress: bool = False) -> Bench:
+def probe(plan: SweepPlan, progress: bool = False) -> Bench:
     """Make the first case ready, and with it find out what is wrong with all of them.
 
     Where the first is refused, others are tried: a case that cannot be is no reason to stop, a
@@ -271,17 +271,17 @@ def probe(made: SweepPlan, progress: bool = False) -> Bench:
         JointplayError: none of a few cases from all of the sweep can be made ready, or an axis has
             a value that no case can take.
     """
-    bench = Bench(job(made))
-    _check_joints(made, bench)
-    _check_values(made, bench, progress)
-    for name in {axis.name for axis in (*made.axes, *made.drawn)} & shipped(made.joints).keys():
-        said = f"an axis cannot be called {name!r}, as a measure is"
-        raise JointplayError(f"{made.scenario.path}, sweep: {said}")
-    _first_run(made, bench, _some(made))
+    bench = Bench(job(plan))
+    _check_joints(plan, bench)
+    _check_values(plan, bench, progress)
+    for name in {axis.name for axis in (*plan.axes, *plan.drawn)} & shipped(plan.joints).keys():
+        reason = f"an axis cannot be called {name!r}, as a measure is"
+        raise JointplayError(f"{plan.scenario.path}, sweep: {reason}")
+    _first_run(plan, bench, _some(plan))
     return bench
 
 
-def _check_values(made: SweepPlan, bench: Bench, progress: bool) -> None:
+def _check_values(plan: SweepPlan, bench: Bench, progress: bool) -> None:
     """Refuse values of axes that no case can take, by building inputs with them; nothing runs.
 
     Of a distribution, the extremes of its samples are looked at; of a long list or range, as many
@@ -289,40 +289,40 @@ def _check_values(made: SweepPlan, bench: Bench, progress: bool) -> None:
     """
     tried = [
         (axis, number, axis.values[number], axis.coordinate[number])
-        for axis in made.axes
+        for axis in plan.axes
         for number in _spread(len(axis.values), MOST_CHECKED)
     ]
-    for axis, column in zip(made.drawn, made.drawn_values.T if made.drawn else (), strict=True):
+    for axis, column in zip(plan.drawn, plan.drawn_values.T if plan.drawn else (), strict=True):
         ends = dict.fromkeys((int(np.argmin(column)), int(np.argmax(column))))
         tried += [(axis, number, float(column[number]), column[number]) for number in ends]
     bar = ProgressBar(tried, "checking values", disable=not progress, delay=PATIENCE_S, leave=False)
     for axis, number, value, coordinate in bar:
-        reason = _refusal(made, bench, axis, number, value)
+        reason = _refusal(plan, bench, axis, number, value)
         if reason is None:
             continue
         shown, more = toml_text(value) if axis.keys else str(coordinate), ""
         if axis.sampled:
             shown = f"{coordinate:g} {axis.unit}".rstrip()
-            more = f" (sample {number + 1} of {made.sizes[SAMPLE]}; from and to keep them inside)"
+            more = f" (sample {number + 1} of {plan.sizes[SAMPLE]}; from and to keep them inside)"
         raise JointplayError(
-            f"{made.scenario.path}, sweep: axis {axis.name!r} cannot take {shown}: {reason}{more}"
+            f"{plan.scenario.path}, sweep: axis {axis.name!r} cannot take {shown}: {reason}{more}"
         )
 
 
-def _refusal(made: SweepPlan, bench: Bench, axis: Axis, number: int, value: Any) -> str | None:
+def _refusal(plan: SweepPlan, bench: Bench, axis: Axis, number: int, value: Any) -> str | None:
     """Why neither the scenario nor any of a few cases can take a value; None if one can."""
-    place = list(made.sizes).index(SAMPLE if axis.sampled else axis.name)
-    others = (
-        made.with_value(axis, value),
-        *(made.changes(one) for one in _some(made, {place: number})),
+    place = list(plan.sizes).index(SAMPLE if axis.sampled else axis.name)
+    candidates = (
+        plan.with_value(axis, value),
+        *(plan.changes(case) for case in _some(plan, {place: number})),
     )
     reason = None
-    for changes in others:
+    for changes in candidates:
         try:
             bench.simulation(changes)
         except JointplayError as error:
-            said = str(error).removeprefix(f"{bench.scenario.path}, ")
-            reason = reason or re.sub(r"^line \d+, ", "", said)  # which has another value
+            text = str(error).removeprefix(f"{bench.scenario.path}, ")
+            reason = reason or re.sub(r"^line \d+, ", "", text)  # which has another value
         else:
             return None
     return reason
@@ -333,23 +333,23 @@ def _spread(size: int, most: int) -> list[int]:
     return [int(k) for k in np.unique(np.linspace(0, size - 1, min(size, most)).astype(int))]
 
 
-def _some(made: SweepPlan, held: Mapping[int, int] | None = None) -> Iterator[Index]:
+def _some(plan: SweepPlan, held: Mapping[int, int] | None = None) -> Iterator[Index]:
     """A few cases from all of the sweep; `held` are indices by dimension that they have."""
     held = held or {}
-    shape = tuple(1 if k in held else size for k, size in enumerate(made.shape))
+    shape = tuple(1 if k in held else size for k, size in enumerate(plan.shape))
     for number in _spread(math.prod(shape), 16):
         index = map(int, np.unravel_index(number, shape))
         yield tuple(held.get(k, at) for k, at in enumerate(index))
 
 
-def _check_joints(made: SweepPlan, bench: Bench) -> None:
+def _check_joints(plan: SweepPlan, bench: Bench) -> None:
     """Say of a joint that does not exist that it is the axis which names it."""
-    tables = made.base.get("joints", {})
-    unknown = [name for name in made.joints if name not in tables]
+    tables = plan.base.get("joints", {})
+    unknown = [name for name in plan.joints if name not in tables]
     if unknown:
         plain = {table: {"ideal": True} for table in tables}
         mechanism = bench.simulation({"joints": plain}).mechanism
         names = [*mechanism.joints, *mechanism.loops]
     for name in unknown:
         if name not in names:
-            raise JointplayError(f"{made.scenario.path}, sweep: {one_of('joint', name, names)}")
+            raise JointplayError(f"{plan.scenario.path}, sweep: {one_of('joint', name, names)}")

@@ -122,8 +122,8 @@ def swings(trial: Trial) -> list[Swing]:
                 simulation, step=simulation.step / finer,
                 record_every=simulation.record_every * finer,
             ))  # fmt: skip
-            if found := _stepped(run, trial, last=stepped == longest):
-                return found
+            if steady := _stepped(run, trial, last=stepped == longest):
+                return steady
             result = run.result(only=("q",))
             if result.status != Status.RUN_AWAY:
                 result.completed(names)
@@ -146,8 +146,8 @@ def _stepped(run: Run, trial: Trial, last: bool) -> list[Swing]:
             result["q"].values[:, [robot.coordinate(axis.joint), robot.motor(axis.joint)]].T
             for axis in axes
         )
-        found = [_judge(result.time, at, axis, end) for axis, at in zip(axes, places, strict=True)]
-        clear = [swing for swing in found if swing is not None]
+        seen = [_judge(result.time, at, axis, end) for axis, at in zip(axes, places, strict=True)]
+        clear = [swing for swing in seen if swing is not None]
         return clear if len(clear) == len(axes) else []
 
     for name, gear in robot.gears.items():
@@ -180,22 +180,22 @@ def _judge(time: np.ndarray, places: np.ndarray, axis: Axis, last: bool) -> Swin
     quarter = (len(time) - 1) // 4
     late = len(time) - 1 - 3 * quarter
     later = places[:, late:]
-    ways = [np.ptp(later[:, k * quarter :][:, : quarter + 1], axis=1) for k in range(3)]
-    in_a_day = ways[2] * (DAY_S if servo else LONGEST_S) / float(time[-1] - time[-1 - quarter])
-    rests = in_a_day < smallest * np.where(ways[2] <= ways[1], 1.0, ROUNDING)
+    travels = [np.ptp(later[:, k * quarter :][:, : quarter + 1], axis=1) for k in range(3)]
+    in_a_day = travels[2] * (DAY_S if servo else LONGEST_S) / float(time[-1] - time[-1 - quarter])
+    rests = in_a_day < smallest * np.where(travels[2] <= travels[1], 1.0, ROUNDING)
     if rests.all() or (last and rests[1]):
         return QUIET  # in the end a link may float in its play, beside a motor that stands
     spans = np.ptp(later, axis=1)
     farther = int(np.argmax(spans))  # the motor may swing within the play of a link that stands
     rises = late + _rises(later[farther])
-    each = (len(rises) - 1) // 3
-    if each >= (1 if last else 2) and spans[farther] > smallest:
-        cut = rises[[-1 - 3 * each, -1 - 2 * each, -1 - each, -1]]
+    count = (len(rises) - 1) // 3
+    if count >= (1 if last else 2) and spans[farther] > smallest:
+        cut = rises[[-1 - 3 * count, -1 - 2 * count, -1 - count, -1]]
         sizes = [float(np.ptp(places[farther, i:j])) for i, j in pairwise(cut)]
         durations = np.diff(time[cut])
         if _are_alike(sizes, last) and durations[2] < durations[0] / LASTS:
             link, motor = places[:, cut[1] : cut[3]]
-            frequency = 2.0 * each / float(time[cut[3]] - time[cut[1]])
+            frequency = 2.0 * count / float(time[cut[3]] - time[cut[1]])
             return Swing(
                 True, 0.5 * float(np.ptp(link)), frequency, 0.5 * float(np.ptp(motor - link))
             )
@@ -203,14 +203,14 @@ def _judge(time: np.ndarray, places: np.ndarray, axis: Axis, last: bool) -> Swin
         # Beside the edge of a count it chatters where it came to rest, as nothing winds up.
         tail = later[:, quarter:]
         chatters = len(_rises(tail[farther])) > 6 and np.ptp(tail, axis=1).max() < smallest
-        if chatters and (ways[2] <= (1.0 + EVEN) * ways[1]).all():
+        if chatters and (travels[2] <= (1.0 + EVEN) * travels[1]).all():
             return QUIET
     if not last:
         return None
     ends = rests
     if servo and servo.i_gain == 0.0:
         one_way = np.abs(later[:, -1] - later[:, 0]) >= (1.0 - ROUNDING) * spans
-        ends = ends | one_way & (ways[2] <= (1.0 + ROUNDING) * ways[1])
+        ends = ends | one_way & (travels[2] <= (1.0 + ROUNDING) * travels[1])
     if time[-1] >= DAY_S:
         tenth = (len(time) - 1) // 10
         traveled = np.cumsum(np.abs(np.diff(places, axis=1)), axis=1)[:, [tenth // 10, tenth, -1]]
@@ -221,13 +221,13 @@ def _judge(time: np.ndarray, places: np.ndarray, axis: Axis, last: bool) -> Swin
 
 def _are_alike(sizes: Sequence[float], last: bool) -> bool:
     """Whether swings of these three sizes, one after the other, go on so."""
-    first, second, third = sizes
-    before, after = second - first, third - second
+    first, second, last_size = sizes
+    before, after = second - first, last_size - second
     drifts = before * after > 0.0 and abs(after) > 0.5 * abs(before)
-    drifts = drifts and abs(before + after) > EVEN * third
+    drifts = drifts and abs(before + after) > EVEN * last_size
     if last:
-        return third > LASTS * max(first, second) and not (drifts and after < 0.0)
-    return max(abs(before), abs(after)) < STEADY * third and not drifts
+        return last_size > LASTS * max(first, second) and not (drifts and after < 0.0)
+    return max(abs(before), abs(after)) < STEADY * last_size and not drifts
 
 
 def _rises(values: np.ndarray) -> np.ndarray:

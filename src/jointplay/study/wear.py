@@ -71,19 +71,19 @@ def worn_depths(result: Result) -> Depths:
 def all_wearing(simulation: Simulation) -> dict[str, BoreWear]:
     """The bores that have a wear rate, by joint."""
     clearance = simulation.mechanism.clearance
-    return {name: one.wear for name, one in clearance.items() if one.wear is not None}
+    return {name: joint.wear for name, joint in clearance.items() if joint.wear is not None}
 
 
 def _bore(simulation: Simulation, joint: str) -> BoreWear:
     wearing = all_wearing(simulation)
     if joint not in wearing:
-        one = simulation.mechanism.clearance.get(joint)
-        if isinstance(one, RollingBearing):
+        fitted = simulation.mechanism.clearance.get(joint)
+        if isinstance(fitted, RollingBearing):
             raise JointplayError(
                 f"joint {joint!r} has a rolling bearing, which has no wear rate but a rating life "
                 "L10: see jointplay run or jointplay report"
             )
-        if one is None and joint in simulation.mechanism.joints:
+        if fitted is None and joint in simulation.mechanism.joints:
             raise JointplayError(
                 f"joint {joint!r} has no clearance, and wear is of bores, not of the teeth of "
                 f"gears: give --set joints.{joint}.radial_clearance=LENGTH and its wear_rate"
@@ -94,11 +94,11 @@ def _bore(simulation: Simulation, joint: str) -> BoreWear:
 
 def first_profile(bore: BoreWear) -> np.ndarray:
     """Profile that a bore begins with, at `AZIMUTHS` azimuths, shape (ends, AZIMUTHS) [m]."""
-    given = bore.profile
-    if given is None:
+    start = bore.profile
+    if start is None:
         return np.zeros((len(bore.widths), AZIMUTHS))
-    places, own = np.arange(AZIMUTHS) / AZIMUTHS, np.arange(given.shape[1]) / given.shape[1]
-    return np.array([np.interp(places, own, row, period=1.0) for row in given])
+    places, measured = np.arange(AZIMUTHS) / AZIMUTHS, np.arange(start.shape[1]) / start.shape[1]
+    return np.array([np.interp(places, measured, row, period=1.0) for row in start])
 
 
 def with_worn(simulation: Simulation, worn: Depths) -> Simulation:
@@ -201,7 +201,7 @@ def wear(
     require_positive("cycles per run", cycles_per_run, "")
     require_whole("blocks", blocks, 1, MOST_RUNS)
     begun = first_profile(_bore(simulation, joint))
-    worn: Depths = {name: first_profile(one) for name, one in all_wearing(simulation).items()}
+    worn: Depths = {name: first_profile(bore) for name, bore in all_wearing(simulation).items()}
     first = simulation.seed or 0
     seeds = [simulation.seed] if runs == 1 else range(first + 1, first + runs + 1)
     measure = Measure(worn_depths, "a run with worn bores", check_step=True)
@@ -214,7 +214,7 @@ def wear(
             except KeyboardInterrupt:
                 break
             mean = {
-                name: np.mean([one[name] for one in depths], axis=0) / cycles_per_run
+                name: np.mean([run[name] for run in depths], axis=0) / cycles_per_run
                 for name in worn
             }
             rate = mean[joint]
@@ -227,7 +227,7 @@ def wear(
             left = growth * block / blocks - (worn[joint] - begun)
             count = float((left[wears] / rate[wears]).min())
             worn = {name: worn[name] + count * mean[name] for name in worn}
-            totals = np.array([one[joint].sum() for one in depths])
+            totals = np.array([depth[joint].sum() for depth in depths])
             cycles.append(cycles[-1] + count)
             scatter.append(standard_error(totals) / totals.mean() * count)
             profiles.append(worn[joint])

@@ -222,7 +222,7 @@ def test_no_cheaper_choice_of_fits_keeps_the_target():
     assert found.total == pytest.approx(best)
     assert found.error <= target
     assert jp.budget(found.mechanism, POSE).worst[0] == pytest.approx(found.error, rel=1e-3)
-    assert set(found.each("held")) == {"fit"}
+    assert set(found.column("held")) == {"fit"}
     assert "30H8/f7 becomes 30H" in found.sentence
 
 
@@ -242,7 +242,7 @@ def test_bearings_and_fits_are_chosen_together():
         {**arm().clearance, "wrist_1_joint": jp.BallBearing(designation="6010/C3")}
     )
     found = allocate(robot, POSE, 1.6e-3)
-    assert set(found.each("held")) == {"fit", "class"}
+    assert set(found.column("held")) == {"fit", "class"}
     assert found.sentence.startswith("These are the cheapest fits and classes of bearings that")
     with pytest.raises(JointplayError, match="with the tightest fits and bearings offered"):
         allocate(robot, POSE, 1e-4)

@@ -75,7 +75,7 @@ def test_a_change_of_a_source_changes_the_fingerprint(tmp_path, monkeypatch):
 def kept(tmp_path, monkeypatch):
     """An object in a folder of its own, and its head."""
     monkeypatch.setattr(objects, "folder", lambda: tmp_path)
-    target = objects.here()
+    target = objects.host()
     head = objects.Head("some.function", "d(d)", "print", target.system, target.features, "d")
     objects.keep(head, b"code", target.label)
     return head
@@ -91,7 +91,7 @@ def test_an_object_is_found_by_function_types_and_sources(kept):
 @pytest.mark.parametrize("change", [{"features": ("flies",)}, {"system": "vax-vms"}])
 def test_an_object_that_the_processor_cannot_run_is_not_loaded(change, kept):
     """It would end the process."""
-    objects.keep(dataclasses.replace(kept, **change), b"code", objects.here().label)
+    objects.keep(dataclasses.replace(kept, **change), b"code", objects.host().label)
     assert not [*objects.find("some.function", "d(d)", "print")]
 
 
@@ -163,7 +163,7 @@ def test_a_stopped_process_that_holds_the_lock_is_waited_for_with_a_word_and_a_l
 
 def test_an_object_that_cannot_be_written_is_done_without(kept, monkeypatch, tmp_path):
     monkeypatch.setattr(objects, "folder", lambda: tmp_path / "gone")
-    objects.keep(kept, b"code", objects.here().label)
+    objects.keep(kept, b"code", objects.host().label)
     assert not [*objects.find("some.function", "d(d)", "print")]
 
 
@@ -173,12 +173,12 @@ def test_what_comes_with_a_wheel_serves_where_nothing_was_compiled(kept, monkeyp
     for target in objects.RELEASED:
         head = dataclasses.replace(kept, system=target.system, features=target.features)
         objects.keep(head, target.label.encode(), target.label)
-    here, both = objects.here(), [{"avx512f"}, set()]
+    here, both = objects.host(), [{"avx512f"}, set()]
     for target in objects.RELEASED:
         for more in both:
             features = tuple({*target.features, *more})
             own = here._replace(system=target.system, features=features, label="none")
-            monkeypatch.setattr(objects, "here", lambda own=own: own)
+            monkeypatch.setattr(objects, "host", lambda own=own: own)
             best = next(objects.find("some.function", "d(d)", "print"))
             assert best[1] == target.label.encode()
 
@@ -196,7 +196,7 @@ def test_objects_are_made_for_what_is_released(tmp_path, monkeypatch):
     }
     monkeypatch.setattr(objects, "folder", lambda: tmp_path)
     monkeypatch.setattr(compiler, "targets", [*objects.RELEASED])
-    if objects.here().system != objects.RELEASED[0].system:
+    if objects.host().system != objects.RELEASED[0].system:
         pytest.skip("the first is run")
     assert compiler.Compiled(some_sine)(2.0) == some_sine(2.0)
     assert len([*tmp_path.glob("*.o")]) == len(objects.RELEASED)
@@ -205,7 +205,7 @@ def test_objects_are_made_for_what_is_released(tmp_path, monkeypatch):
         head, code = objects._read(path)
         assert (head.system, head.features) == (target.system, target.features)
         assert code.startswith(machines[target.system])
-        if target.system == objects.here().system:
+        if target.system == objects.host().system:
             address = objects.load(code, head.symbol)
             room = ctypes.c_double()
             call = ctypes.PYFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_double)(address)

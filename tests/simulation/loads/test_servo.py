@@ -215,7 +215,7 @@ def test_a_budget_with_servos_rests_where_a_run_begins(pendulum):
     """By its sag, its dead band, the play and the wind-up of the gear."""
     servo = replace(SERVO, dead_band=0.01)
     found = jp.budget(pendulum(GEAR), {"a": 0.0}, drive=servo)
-    rest = found.rest_positions.at(0).whole
+    rest = found.rest_positions.at(0).error
     weight = 0.3 * 9.81 * 0.1
     sag = weight / (servo.p_gain * servo.stall) + servo.dead_band
     expected = sag + GEAR.play / 2 + weight / 300.0

@@ -128,7 +128,7 @@ def run(options: argparse.Namespace) -> int:
     if any(one.offer for one in allotment.choices) and not options.price:
         own = "--price CLASS=X (IT6=X, of a fit's grades)"
         further.insert(0, f"prices of the classes are assumed; give your own with {own}")
-    notes = [f"at: {posed.poses.words}", *notes, *further]
+    notes = [f"at: {posed.poses.label}", *notes, *further]
     body = replace(table, notes=shown)
 
     def data() -> dict[str, Any]:

@@ -59,7 +59,7 @@ def run(options: argparse.Namespace) -> int:
         "force": inputs.force_on_tool(options), "relative_to": body, **poses.holding
     }  # fmt: skip
     seen = [] if body is None else [f"seen from {body!r}, in its axes"]
-    at = [f"at: {poses.words}", *seen, *posed.notes]
+    at = [f"at: {poses.label}", *seen, *posed.notes]
     if options.whole is not None:
         out.names.append("errors.png")
         out.claim()

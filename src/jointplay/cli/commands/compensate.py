@@ -85,7 +85,7 @@ def run(options: argparse.Namespace) -> int:
     notes = [*more, *judged.notes, *found.notes, *extra.pop("", ())]
     print_answer(judged.sentence, body, notes, options, more=True)
     if judged.worse and not options.write_anyway:
-        where = judged.worse[0].words
+        where = judged.worse[0].label
         words = f"nothing written: it makes the error larger ({where}); see --write-anyway"
         raise JointplayError(words)
     if options.out:

@@ -289,7 +289,7 @@ def default_of(key: Sequence[str]) -> str:
     from jointplay.base.schema import fields_at
     from jointplay.scenario.declarations import Model
 
-    field: Field | None = next((each for each, _ in fields_at(Model, key, every=False)), None)
+    field: Field | None = next((each for each, _ in fields_at(Model, key, deep=False)), None)
     if field is None:
         return ""
     value, words = field.default, field.choices[1] if field.choices else ()

@@ -25,7 +25,7 @@ from jointplay.base import processes, signals, streams
 from jointplay.base.errors import JointplayError, require_known
 from jointplay.base.files import claim, holds, names_for, refuse_present
 from jointplay.base.imports import spare_other_arrays
-from jointplay.base.progress import current, printing, whole
+from jointplay.base.progress import current, overall, printing
 from jointplay.base.signals import INTERRUPTED
 from jointplay.base.tables import Table, counted, few
 from jointplay.cli.commands import MORE, first_notes, inputs, print_json
@@ -245,7 +245,7 @@ class Cases:
         if all(case.gives for case in self.cases.values()):
             total += sum(case.twins_s for case in self.cases.values())
         stopped = False
-        with whole(total, self.progress):
+        with overall(total, self.progress):
             for name in self.cases:
                 if name not in left:
                     self.keep(name)

@@ -136,8 +136,8 @@ def reachable(budget: PlayBudget, pose: int | None = None) -> Figure:
     at = budget.worst_pose if pose is None else pose
     angle = np.linspace(0.0, 2.0 * np.pi, 241)
     place, sag = budget.rest_positions.at(at), np.nan_to_num(budget.rest_positions.at(at).sag[:3])
-    rest, ends = place.whole[:3] - sag, budget.rest_positions.interval(at)[:3] - sag[:, None]
-    held = f"{budget.rest_positions.words} may hold it"
+    rest, ends = place.error[:3] - sag, budget.rest_positions.interval(at)[:3] - sag[:, None]
+    held = f"{budget.rest_positions.friction_text} may hold it"
     if budget.rest_positions.unsearched:
         held = "entire play: friction not searched"
     panels = []
@@ -204,7 +204,7 @@ def before_and_after(judgement: Judgement) -> Figure:
         ]
         time = Axis("time", "s", low=0.0, high=float(one.before.times[-1]))
         sizes = " to ".join(f"{1e3 * x.rms:.3g}" for x in (one.before, one.after))
-        title = f"{one.words}: RMS {sizes} mm"
+        title = f"{one.label}: RMS {sizes} mm"
         panels.append(Panel(time, Axis(f"error of {tool!r}", "m", low=0.0), marks, title))
     return _row(panels, (4.8 * len(panels), 3.6), key=2)
 

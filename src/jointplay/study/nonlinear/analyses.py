@@ -170,8 +170,8 @@ class Analysis:
         """Numbers for each key, found or read; failures are said."""
         table = folder / f"{self.kind}.csv"
         asked = {"kind": self.kind, **self.study.asked()}
-        found, done, failures = rows(table, asked, columns, work, keys, jobs, progress)
-        say(f"{done} of {len(keys)} runs computed now, {len(keys) - done} earlier")
+        numbers, computed, failures = rows(table, asked, columns, work, keys, jobs, progress)
+        say(f"{computed} of {len(keys)} runs computed now, {len(keys) - computed} earlier")
         failed = [key for key in keys if key in failures]
         for key in failed[:3]:
             at = f" at {', '.join(f'{x:g}' for x in key)}" if key else ""
@@ -180,7 +180,7 @@ class Analysis:
             say(f"... and {len(failed) - 3} more, see {table}")
         if len(failed) == len(keys):
             raise JointplayError(f"no run was completed: {failures[keys[0]]}")
-        return found
+        return numbers
 
     @property
     def title(self) -> str:
@@ -213,7 +213,7 @@ class Analysis:
 
     @property
     def keys(self) -> list[Key]:
-        return [()] if self.study.varied is None else [(value,) for value in self.varied.values]
+        return [()] if self.study.varied is None else [(x,) for x in self.varied.values]
 
     @property
     def labels(self) -> list[str]:
@@ -221,10 +221,10 @@ class Analysis:
         mechanism = self.study.simulation(first).mechanism
         return [observables.label(name, mechanism) for name in self.study.names]
 
-    def per_turn(self, *what: str) -> list[str]:
+    def per_turn(self, *names: str) -> list[str]:
         """Columns of a table: these in each turn that is looked at."""
         first, end = self.study.leave_out + 1, self.study.end
-        return [f"{name} turn {k}" for k in range(first, end + 1) for name in what]
+        return [f"{name} turn {k}" for k in range(first, end + 1) for name in names]
 
 
 def _names(
@@ -239,12 +239,12 @@ def _names(
     if kind == "basin":
         return f"{joint}.x", f"{joint}.y"
     if kind == "poincare" and len(asked) < 2:
-        thing, _, what = (asked[0] if asked else first).rpartition(".")
+        subject, _, quantity = (asked[0] if asked else first).rpartition(".")
         pairs = {"acceleration": ("acceleration", "speed"), "position": ("position", "speed")}
-        a, b = pairs.get(what, ("x", "y"))
-        if thing not in clearance and what not in pairs:
+        a, b = pairs.get(quantity, ("x", "y"))
+        if subject not in clearance and quantity not in pairs:
             raise JointplayError("give both quantities of the map: --of NAME --of NAME")
-        return f"{thing}.{a}", f"{thing}.{b}"
+        return f"{subject}.{a}", f"{subject}.{b}"
     if kind == "recurrence" and not asked and clearance:
         joint = next(iter(clearance))
         return f"{joint}.x", f"{joint}.y"
@@ -276,7 +276,7 @@ def _bifurcation(job: Analysis, rows: Rows, say: Say) -> Findings:
         "samples": samples,
         "across": job.varied.label,
         "up": f"{label}, once a turn",
-        "title": f"{job.file}: {label.rpartition(' [')[0]} over the {job.varied.words}",
+        "title": f"{job.file}: {label.rpartition(' [')[0]} over the {job.varied.quantity}",
         "caption": job.sampling,
     }
     return Findings("bifurcation", data)
@@ -301,25 +301,27 @@ def _section(job: Analysis, rows: Rows, say: Say) -> Findings:
 def _exponents(job: Analysis, rows: Rows, say: Say) -> Findings:
     """The largest exponent, or one for each value of a key."""
     growths = rows(job.per_turn("growth 1/s"), job.study.growth, job.keys)
-    found = [lyapunov.exponent(row, 1.0) if np.isfinite(row).all() else None for row in growths]
+    estimates = [lyapunov.exponent(row, 1.0) if np.isfinite(row).all() else None for row in growths]
     if job.study.varied is None:
-        (one,) = found
-        assert one is not None
-        say(f"{one} [1/s]")
-        data = {"growths": growths[0], "estimate": one, "turn": turn(job.study.simulation().motion)}
+        (estimate,) = estimates
+        assert estimate is not None
+        say(f"{estimate} [1/s]")
+        period = turn(job.study.simulation().motion)
+        data = {"growths": growths[0], "estimate": estimate, "turn": period}
         return Findings("exponent", {**data, "title": job.title})
-    counts = Counter(one.verdict for one in found if one is not None)
+    counts = Counter(e.verdict for e in estimates if e is not None)
     say(", ".join(f"{number} {verdict}" for verdict, number in counts.items()))
-    data = {"values": np.array(job.varied.values), "estimates": found, "across": job.varied.label}
+    varied = job.varied
+    data = {"values": np.array(varied.values), "estimates": estimates, "across": varied.label}
     return Findings("exponents", {**data, "title": job.title})
 
 
 def _recurrence(job: Analysis, rows: Rows, say: Say) -> Findings:
     """When the motion comes back to where it has been."""
-    every = max(-(-job.study.keep * job.study.records // MOST_PLOTTED), 1)
-    study = replace(job.study, every=every)
-    number = -(-study.keep * study.records // every)
-    columns = [f"{name} record {every * k}" for k in range(number) for name in study.names]
+    stride = max(-(-job.study.keep * job.study.records // MOST_PLOTTED), 1)
+    study = replace(job.study, every=stride)
+    number = -(-study.keep * study.records // stride)
+    columns = [f"{name} record {stride * k}" for k in range(number) for name in study.names]
     points = rows(columns, study.course, [()]).reshape(number, len(study.names))
     near = poincare.recurrence(points, job.threshold)
     share, lines = poincare.rate(near), poincare.determinism(near)
@@ -332,7 +334,7 @@ def _turns(job: Analysis, rows: Rows, say: Say) -> Findings:
     """Quantities over turns, beside the ideal mechanism's."""
     study = job.study
     number = study.keep * study.records + 1
-    columns = [f"{what} {name} record {k}" for what in ("clearance", "ideal")
+    columns = [f"{machine} {name} record {k}" for machine in ("clearance", "ideal")
                for k in range(number) for name in study.names]  # fmt: skip
     values, ideal = rows(columns, study.beside_ideal, [()]).reshape(2, number, len(study.names))
     labels = job.labels
@@ -348,7 +350,7 @@ def _waterfall(job: Analysis, rows: Rows, say: Say) -> Findings:
     """Spectra over the values of a key."""
     study = job.study
     order = study.orders(study.keep)
-    columns = [f"{study.names[0]} order {one:.6g}" for one in order]
+    columns = [f"{study.names[0]} order {value:.6g}" for value in order]
     data = {
         "values": np.array(job.varied.values),
         "order": order,
@@ -365,7 +367,9 @@ def _run_up(job: Analysis, rows: Rows, say: Say) -> Findings:
     study, number = job.study, len(job.varied.values)
     order = study.orders(study.window)
     columns = [
-        f"{study.names[0]} window {k + 1} order {one:.6g}" for k in range(number) for one in order
+        f"{study.names[0]} window {k + 1} order {value:.6g}"
+        for k in range(number)
+        for value in order
     ]
     amplitudes = rows(columns, study.rising, [()]).reshape(number, len(order))
     rising = study.run_up()
@@ -393,16 +397,16 @@ def _basin(job: Analysis, rows: Rows, say: Say) -> Findings:
     steps = (np.arange(job.grid) + 0.5) * 2.0 / job.grid - 1.0
     places = [(float(reach[0] * x), float(reach[1] * y)) for x in steps for y in steps
               if np.hypot(x, y) < 1.0]  # fmt: skip
-    found = rows(job.per_turn(*(f"{name} m" for name in study.names)), study.section_from, places)
-    sections = found.reshape(len(places), study.keep, 2)
-    good = np.isfinite(found).all(axis=1)
+    points = rows(job.per_turn(*(f"{name} m" for name in study.names)), study.section_from, places)
+    sections = points.reshape(len(places), study.keep, 2)
+    good = np.isfinite(points).all(axis=1)
     labels = np.full(len(places), -2)
     labels[good], orbits = poincare.attractors(list(sections[good]), SAME * float(reach.max()))
     for k, orbit in enumerate(orbits):
         share = np.count_nonzero(labels == k) / len(places)
         say(f"orbit {k + 1}, period {len(orbit)}: from {100 * share:.3g} % of the starts")
     say(f"does not repeat itself: from {100 * np.mean(labels == -1):.3g} % of the starts")
-    data = {"places": np.array(places), "labels": labels, "periods": [len(one) for one in orbits]}
+    data = {"places": np.array(places), "labels": labels, "periods": list(map(len, orbits))}
     return Findings("basin", {**data, "joint": study.joint, "title": job.title})
 
 

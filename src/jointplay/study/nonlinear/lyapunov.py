@@ -178,8 +178,8 @@ def _weights(run: Run) -> tuple[np.ndarray, np.ndarray]:
     led = [] if simulation.motion is None else simulation.motion.joints
     for name in led:
         drive = simulation.drive
-        own = drive.get(name) if isinstance(drive, Mapping) else drive
-        if isinstance(own, Prescribed):
+        moved_by = drive.get(name) if isinstance(drive, Mapping) else drive
+        if isinstance(moved_by, Prescribed):
             free[[mechanism.coordinate(name), mechanism.motor(name)]] = 0.0
     return np.concatenate([weights, WEIGHT_OF_SPEEDS * weights]), np.tile(free, 2)
 

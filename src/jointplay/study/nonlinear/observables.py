@@ -17,9 +17,11 @@ _OF_JOINTS = ("position", "speed", "acceleration", "moment")
 
 def names(mechanism: Mechanism) -> list[str]:
     """What can be observed of a mechanism: ``THING.QUANTITY``."""
-    observables = [f"{joint}.{what}" for joint in mechanism.clearance for what in _OF_JOURNALS]
-    observables += [f"{joint}.{what}" for joint in mechanism.joints for what in _OF_JOINTS]
-    return [*observables, *(f"{TOOL}.{what}" for what in _OF_TOOL)]
+    observables = [
+        f"{joint}.{quantity}" for joint in mechanism.clearance for quantity in _OF_JOURNALS
+    ]
+    observables += [f"{joint}.{quantity}" for joint in mechanism.joints for quantity in _OF_JOINTS]
+    return [*observables, *(f"{TOOL}.{quantity}" for quantity in _OF_TOOL)]
 
 
 def check(name: str, mechanism: Mechanism) -> None:
@@ -39,21 +41,21 @@ def check(name: str, mechanism: Mechanism) -> None:
 
 def unit(name: str, mechanism: Mechanism) -> str:
     """Unit of a quantity of `names`."""
-    thing, _, what = name.rpartition(".")
-    if thing == TOOL and what in _OF_TOOL:
-        return _OF_TOOL[what]
-    if what in _OF_JOURNALS and thing in mechanism.clearance:
-        return _OF_JOURNALS[what]
-    slides = mechanism.description.joints[thing].slides
+    subject, _, quantity = name.rpartition(".")
+    if subject == TOOL and quantity in _OF_TOOL:
+        return _OF_TOOL[quantity]
+    if quantity in _OF_JOURNALS and subject in mechanism.clearance:
+        return _OF_JOURNALS[quantity]
+    slides = mechanism.description.joints[subject].slides
     base = "m" if slides else "rad"
     moment = "N" if slides else "N m"
-    return dict(zip(_OF_JOINTS, (base, f"{base}/s", f"{base}/s²", moment), strict=True))[what]
+    return dict(zip(_OF_JOINTS, (base, f"{base}/s", f"{base}/s²", moment), strict=True))[quantity]
 
 
 def label(name: str, mechanism: Mechanism) -> str:
     """For an axis of a figure."""
-    thing, _, what = name.rpartition(".")
-    return f"{what} of {thing} [{unit(name, mechanism)}]"
+    subject, _, quantity = name.rpartition(".")
+    return f"{quantity} of {subject} [{unit(name, mechanism)}]"
 
 
 def usual(mechanism: Mechanism) -> str:
@@ -81,34 +83,34 @@ def observe(result: Result, name: str) -> np.ndarray:
     """
     mechanism = result.simulation.mechanism
     check(name, mechanism)
-    thing, _, what = name.rpartition(".")
-    if thing == TOOL and what in _OF_TOOL:
-        return _of_tool(result, what)
-    if what in _OF_JOURNALS and thing in result.joints:
-        return _of_journal(result, thing, what)
-    at = mechanism.coordinate(thing)
-    if what == "moment":
-        return np.asarray(result["drive"].values[:, mechanism.motor(thing)])
-    history = np.asarray(result["q" if what == "position" else "v"].values[:, at])
-    if what == "acceleration":
+    subject, _, quantity = name.rpartition(".")
+    if subject == TOOL and quantity in _OF_TOOL:
+        return _of_tool(result, quantity)
+    if quantity in _OF_JOURNALS and subject in result.joints:
+        return _of_journal(result, subject, quantity)
+    at = mechanism.coordinate(subject)
+    if quantity == "moment":
+        return np.asarray(result["drive"].values[:, mechanism.motor(subject)])
+    history = np.asarray(result["q" if quantity == "position" else "v"].values[:, at])
+    if quantity == "acceleration":
         history = np.gradient(history, result.time, edge_order=2)
     return history
 
 
-def _of_tool(result: Result, what: str) -> np.ndarray:
-    if what in AXES:
-        return np.asarray(result["tool_position"].values[:, AXES.index(what)])
+def _of_tool(result: Result, quantity: str) -> np.ndarray:
+    if quantity in AXES:
+        return np.asarray(result["tool_position"].values[:, AXES.index(quantity)])
     velocity = result["tool_velocity"].values
-    if what == "acceleration":
+    if quantity == "acceleration":
         velocity = np.gradient(velocity, result.time, axis=0, edge_order=2)
     return np.asarray(np.linalg.norm(velocity, axis=1))
 
 
-def _of_journal(result: Result, joint: str, what: str) -> np.ndarray:
+def _of_journal(result: Result, joint: str, quantity: str) -> np.ndarray:
     index = result.joints.index(joint)
-    if what == "force":
+    if quantity == "force":
         return np.asarray(np.linalg.norm(result["joint_force"].values[:, index], axis=1))
     centre = result["journal_centre"].values[:, index]
-    if what == "eccentricity":
+    if quantity == "eccentricity":
         return np.asarray(np.hypot(*centre[:, :2].T))
-    return np.asarray(centre[:, AXES.index(what)])
+    return np.asarray(centre[:, AXES.index(quantity)])

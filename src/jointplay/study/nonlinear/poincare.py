@@ -77,7 +77,7 @@ def attractors(
             labels.append(-1)
             continue
         orbit = points[-period:]
-        same = (k for k, other in enumerate(orbits) if _same(orbit, other, tolerance))
+        same = (k for k, known in enumerate(orbits) if _same(orbit, known, tolerance))
         label = next(same, len(orbits))
         if label == len(orbits):
             orbits.append(orbit)
@@ -85,10 +85,10 @@ def attractors(
     return np.array(labels, int), orbits
 
 
-def _same(one: np.ndarray, other: np.ndarray, tolerance: float) -> bool:
-    if len(one) != len(other):
+def _same(first: np.ndarray, second: np.ndarray, tolerance: float) -> bool:
+    if len(first) != len(second):
         return False
-    apart = np.linalg.norm(one[:, None] - other[None], axis=2)
+    apart = np.linalg.norm(first[:, None] - second[None], axis=2)
     # Each of the two may be off by the tolerance.
     return bool(max(apart.min(axis=0).max(), apart.min(axis=1).max()) <= 2.0 * tolerance)
 

@@ -49,19 +49,19 @@ class Varied:
         Raises:
             JointplayError: it reads otherwise.
         """
-        words = (
+        usage = (
             "--vary KEY=FROM:TO:COUNT and a unit, such as "
             "'motion.speeds.crank_pin=1000:5000:400 rpm'"
         )
-        key, rest = pair(text, words)
-        span, _, unit = rest.partition(" ")
+        key, numbers = pair(text, usage)
+        span, _, unit = numbers.partition(" ")
         try:
             first, last, number = span.split(":")
             low, high, count = float(first), float(last), int(number)
         except ValueError:
-            raise misread(text, words) from None
+            raise misread(text, usage) from None
         if count < 1 or not np.isfinite(high - low):
-            raise misread(text, words)
+            raise misread(text, usage)
         parse(f"{key}=0")  # is it a key?
         values = np.linspace(low, high, count)
         return cls(key, tuple(float(f"{value:.12g}") for value in values), unit.strip())
@@ -73,15 +73,15 @@ class Varied:
     @property
     def label(self) -> str:
         """For an axis of a figure: ``radial clearance of piston_pin [mm]``."""
-        return f"{self.words} [{self.unit or 'SI unit'}]"
+        return f"{self.quantity} [{self.unit or 'SI unit'}]"
 
     @property
-    def words(self) -> str:
+    def quantity(self) -> str:
         *group, name = self.key.split(".")
-        words, of = name.replace("_", " "), ".".join(group[1:])
+        quantity, of = name.replace("_", " "), ".".join(group[1:])
         if group[:2] == ["motion", "speeds"]:  # the last part names a joint
-            words, of = "speed", name
-        return f"{words}{f' of {of}' if of else ''}"
+            quantity, of = "speed", name
+        return f"{quantity}{f' of {of}' if of else ''}"
 
 
 @dataclass(frozen=True)
@@ -127,18 +127,18 @@ class Observation:
     def turning(self, simulation: Simulation) -> steady_motion.Turning:
         return steady_motion.Turning.of(simulation, self.leave_out, self.keep, self.records)
 
-    def _kept(self, simulation: Simulation, place: Place | None = None) -> np.ndarray:
+    def _observed(self, simulation: Simulation, place: Place | None = None) -> np.ndarray:
         turning = self.turning(simulation)
         return turning.observed(turning.run(place), self.names)[:-1]
 
     def section(self, key: Key) -> np.ndarray:
         """Quantities once a turn, turn by turn, shape (keep names,)."""
-        kept = self._kept(self.simulation(*key))
-        return once_per_turn(kept, self.records, self.phase).ravel()
+        points = self._observed(self.simulation(*key))
+        return once_per_turn(points, self.records, self.phase).ravel()
 
     def spectrum(self, key: Key) -> np.ndarray:
         """Amplitudes of the first quantity by order."""
-        first = self._kept(self.simulation(*key))[:, 0]
+        first = self._observed(self.simulation(*key))[:, 0]
         return steady_motion.orders(first, self.keep, self.highest)[1]
 
     def run_up(self) -> RunUp:
@@ -164,7 +164,7 @@ class Observation:
 
     def course(self, key: Key) -> np.ndarray:
         """Quantities every so many records, record by record."""
-        return self._kept(self.simulation(*key))[:: self.every].ravel()
+        return self._observed(self.simulation(*key))[:: self.every].ravel()
 
     def beside_ideal(self, key: Key) -> np.ndarray:
         """Quantities by record, then the same of the ideal mechanism."""
@@ -176,19 +176,19 @@ class Observation:
     def section_from(self, key: Key) -> np.ndarray:
         """As `section`, the journal put to (x, y) [m] at the start."""
         centred = dataclasses.replace(self.simulation(), start="centred", seed=None)
-        kept = self._kept(centred, steady_motion.placing(self.joint, *key))
-        return once_per_turn(kept, self.records, self.phase).ravel()
+        points = self._observed(centred, steady_motion.placing(self.joint, *key))
+        return once_per_turn(points, self.records, self.phase).ravel()
 
     def asked(self) -> dict[str, Any]:
         """All that its rows depend on, but for their values, as plain data."""
-        given = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
-        scenario = given.pop("scenario")
-        given |= {"text": scenario.text, "version": version("jointplay")}
-        given["settings"] = [[list(s.key), repr(s.value)] for s in scenario.settings]
-        given["varied"] = None if self.varied is None else [self.varied.key, self.varied.unit]
+        entries = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
+        scenario = entries.pop("scenario")
+        entries |= {"text": scenario.text, "version": version("jointplay")}
+        entries["settings"] = [[list(s.key), repr(s.value)] for s in scenario.settings]
+        entries["varied"] = None if self.varied is None else [self.varied.key, self.varied.unit]
         if self.window and self.varied is not None:  # one row holds all its values
-            given["varied"] += list(self.varied.values)
-        return {name: list(v) if isinstance(v, tuple) else v for name, v in given.items()}
+            entries["varied"] += list(self.varied.values)
+        return {name: list(v) if isinstance(v, tuple) else v for name, v in entries.items()}
 
 
 def rows(
@@ -220,25 +220,25 @@ def rows(
         JointplayError: the file is there and was made for something else, or cannot be read or
             written.
     """
-    kept = path.with_suffix(".runs")
-    if path.exists() and not kept.exists():
+    runs_file = path.with_suffix(".runs")
+    if path.exists() and not runs_file.exists():
         raise JointplayError(f"{str(path)!r} is no table of these; choose another folder")
-    with closing(Runs(kept, asked)) as store:
+    with closing(Runs(runs_file, asked)) as store:
         before = len(store)
-        Study({key: key for key in keys}, partial(_found, work), store).run(jobs, progress)
+        Study({key: key for key in keys}, partial(_computed, work), store).run(jobs, progress)
     nothing = np.full(len(columns), np.nan)
     numbers = np.array([store[key].get("row", nothing) for key in keys])
     numbers = numbers.reshape(len(keys), len(columns))
     failures = {key: str(store[key]["message"]) for key in keys if "message" in store[key]}
     values = Column("value", [" ".join(map(repr, key)) for key in keys])
     messages = Column("message", [failures.get(key, "") for key in keys])
-    own = [Column(name, x, key=name) for name, x in zip(columns, numbers.T, strict=True)]
-    table = Table((values, messages, *own)).csv(None)
+    quantities = [Column(name, x, key=name) for name, x in zip(columns, numbers.T, strict=True)]
+    table = Table((values, messages, *quantities)).csv(None)
     files.write(path, table, overwrite=True, announced=False)
     return numbers, len(store) - before, failures
 
 
-def _found(work: Callable[[Key], np.ndarray], key: Key) -> dict[str, np.ndarray]:
+def _computed(work: Callable[[Key], np.ndarray], key: Key) -> dict[str, np.ndarray]:
     try:
         return {"row": np.asarray(work(key), float)}
     except JointplayError as error:

@@ -47,10 +47,10 @@ class RunUp:
                 make no sense.
         """
         check_turns(leave_out, turns, records)
-        one, other = slow.motion, fast.motion
-        if one is None or other is None or one.interpolation != "constant-speed":
+        before, after = slow.motion, fast.motion
+        if before is None or after is None or before.interpolation != "constant-speed":
             raise JointplayError("a run-up needs cranks at constant speed: give motion.speeds")
-        first, last = (motion(np.zeros(1))[1][0] for motion in (one, other))
+        first, last = (motion(np.zeros(1))[1][0] for motion in (before, after))
         at = int(np.abs(np.stack([first, last])).max(axis=0).argmax())
         if np.array_equal(first, last) or first[at] == 0.0 or first[at] * last[at] <= 0.0:
             raise JointplayError(
@@ -61,21 +61,21 @@ class RunUp:
         turn = 2.0 * math.pi
         steady = max(leave_out, 1) * turn / abs(first[at])
         ramp = turns * turn / abs(0.5 * (first[at] + last[at]))
-        start = one(np.zeros(1))[0][0]
+        start = before(np.zeros(1))[0][0]
         middle = start + steady * first
         positions = [start, middle, middle + 0.5 * ramp * (first + last)]
         interval = turn / max(abs(first[at]), abs(last[at])) / records
-        every = max(math.ceil(interval / slow.step - 1e-9), 1)
+        stride = max(math.ceil(interval / slow.step - 1e-9), 1)
         changed = dataclasses.replace(
             slow,
-            motion=Motion(one.joints, [0.0, steady, steady + ramp], positions, "speed-ramps"),
+            motion=Motion(before.joints, [0.0, steady, steady + ramp], positions, "speed-ramps"),
             duration=steady + ramp,
-            step=interval / every,
-            record_every=every,
+            step=interval / stride,
+            record_every=stride,
             settle=None,
             judge_from=0.0,
         )
-        return cls(changed, one.joints[at], max(leave_out, 1), turns, records)
+        return cls(changed, before.joints[at], max(leave_out, 1), turns, records)
 
     def run(self) -> Result:
         """Simulate.
@@ -118,8 +118,8 @@ class RunUp:
             values[first * self.records : (first + window) * self.records]
             for first in self.windows(number, window)
         ]
-        found = [orders(part, window, highest) for part in parts]
-        return found[0][0], np.array([amplitudes for _, amplitudes in found])
+        pairs = [orders(part, window, highest) for part in parts]
+        return pairs[0][0], np.array([amplitudes for _, amplitudes in pairs])
 
     def speeds(self, number: int, window: int) -> np.ndarray:
         """Speed in the middle of each window [rad/s]: there half of its turns are over."""

@@ -52,9 +52,9 @@ def turn(motion: Motion | None) -> float:
     moving = np.abs(speeds[speeds != 0.0])
     if not len(moving) or not np.allclose(moving, moving[0], rtol=1e-9):
         named = zip(motion.joints, speeds, strict=True)
-        words = ", ".join(f"{name} {speed:g}" for name, speed in named)
+        text = ", ".join(f"{name} {speed:g}" for name, speed in named)
         raise JointplayError(
-            f"turns need the same speed of all rotating joints, got {words} [rad/s]"
+            f"turns need the same speed of all rotating joints, got {text} [rad/s]"
         )
     return float(2.0 * math.pi / moving[0])
 
@@ -109,13 +109,13 @@ class Turning:
         check_base(simulation.mechanism)
         period = turn(simulation.motion)
         turns = leave_out + keep
-        every = max(math.ceil(period / records / simulation.step - 1e-9), 1)
+        stride = max(math.ceil(period / records / simulation.step - 1e-9), 1)
         changed = dataclasses.replace(
             simulation,
             motion=repeated(simulation.motion, turns),
             duration=turns * period,
-            step=period / (records * every),
-            record_every=every,
+            step=period / (records * stride),
+            record_every=stride,
             settle=leave_out * period if leave_out else None,
             judge_from=None if leave_out else 0.0,
         )
@@ -204,14 +204,14 @@ def placing(joint: str, x: float, y: float) -> Place:
     def place(run: Run) -> None:
         mechanism, q = run.mechanism, run.workspace.q
         named = enumerate(mechanism.coordinates)
-        own = [k for k, c in named if c.joint == joint and c.part in ("x", "y")]
+        offsets = [k for k, c in named if c.joint == joint and c.part in ("x", "y")]
         motion = run.simulation.motion
         led = [] if motion is None else [mechanism.coordinate(name) for name in motion.joints]
-        moved = own or [k for k in range(len(q)) if k not in led]
+        moved = offsets or [k for k in range(len(q)) if k not in led]
         for _ in range(3):  # the way is a curve, if a short one
             pin.forwardKinematics(mechanism.model, mechanism.data, q)
-            here = mechanism.journal_pose(joint).translation[:2]
+            centre = mechanism.journal_pose(joint).translation[:2]
             moves = mechanism.relative_jacobian(joint, q)[:2, moved]
-            q[moved] += np.linalg.pinv(moves) @ (np.array([x, y]) - here)
+            q[moved] += np.linalg.pinv(moves) @ (np.array([x, y]) - centre)
 
     return place
