@@ -174,6 +174,20 @@ def test_intervals_of_play_cover_frictions_and_transitions_that_nobody_gave():
 
 
 @pytest.mark.thorough
+@pytest.mark.parametrize(("seed", "joint"), [(100, "joint1"), (105, "joint3")])
+def test_intervals_of_gear_compliance_cover_frictions_and_transitions_of_play(seed, joint):
+    """Robots of the benchmark whose compliance depends on which friction play is given."""
+    robot = importlib.import_module("truth.calibrate").robot(seed)
+    fit = calibrate(robot.drawn, robot.poses)
+    label = f"{joint} gear compliance"
+    truth, told = robot.truth[label], fit[label]
+    # With the play of the best friction and transition alone it would not hold the truth.
+    assert abs(told.value - truth) > told.half_width
+    assert told.low < truth < told.high
+    assert told.high - told.low < 2.0 * told.value
+
+
+@pytest.mark.thorough
 def test_eccentric_encoders_are_not_taken_for_play(arm):
     truth = Truth(arm, 4).eccentricity(elbow=(2e-3, -1e-3))
     fit = calibrate(arm, truth.measured(), ["offset", "play", "eccentricity"])
