@@ -239,8 +239,8 @@ class Selection:
         within, excess = np.zeros(n, bool), np.zeros(n)
         for out in self.folds:
             fit, _ = self.fit(terms, np.setdiff1d(self.rows, out), chosen)
-            for errors, of_fold in zip(held, fit.problem.errors(fit.theta, out), strict=True):
-                errors[out] = of_fold
+            for of_kind, of_fold in zip(held, fit.problem.errors(fit.theta, out), strict=True):
+                of_kind[out] = of_fold
             within[out], excess[out] = fit.within(out)
             self.tick()
         size = max(1.0, float(np.sqrt(np.mean(excess))))
