@@ -1,3 +1,4 @@
+from .calibrated import Calibration as Calibration
 from .calibration import calibrate as calibrate
 from .calibration import plan_calibration as plan_calibration
 from .encoders import encoder_differences as encoder_differences
@@ -20,7 +21,6 @@ from .planning import Experiment as Experiment
 from .planning import MeasurementPlan as MeasurementPlan
 from .planning import plan_measurement as plan_measurement
 from .recordings import Recording as Recording
-from .selection import Calibration as Calibration
 from .static_poses import StaticPoses as StaticPoses
 from .unknowns import Estimate as Estimate
 from .unknowns import Unknown as Unknown

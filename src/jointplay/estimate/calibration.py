@@ -24,10 +24,14 @@ from jointplay.base.errors import JointplayError, require_a
 from jointplay.base.progress import ProgressBar
 from jointplay.base.units import told
 from jointplay.estimate import planning, static_poses
+from jointplay.estimate.calibrated import Calibration
+from jointplay.estimate.inference import half_widths, infer
+from jointplay.estimate.inference import notes as notes_on
 from jointplay.estimate.kinematic_model import COORDINATE, Poses, Term
 from jointplay.estimate.least_squares import LeastSquares
 from jointplay.estimate.planning import MeasurementPlan
-from jointplay.estimate.selection import Calibration, Problem, Selection, Step, held_back
+from jointplay.estimate.pose_problem import Problem
+from jointplay.estimate.selection import Selection, Step, held_back
 from jointplay.estimate.unknowns import NORMAL, Estimate, Unknown
 from jointplay.model.mechanism import Mechanism
 
@@ -288,7 +292,7 @@ def calibrate(
     candidates = [one if isinstance(one, Term) else Term.parse(one) for one in terms]
     given = [one if isinstance(one, Term) else Term.parse(one) for one in always]
     all_poses = Poses(mechanism, poses, payloads)
-    groups, words = held_back(poses, folds)
+    groups, held = held_back(poses, folds)
     if point_width is None:
         point_width = 0.02 if poses.point is not None else 10.0
     scatter = error or (1e-3, 5e-3)
@@ -302,16 +306,18 @@ def calibrate(
             _estimate_scatter(fits, [*given, *candidates])
         name = "base and tool" + "".join(f" + {one.short}" for one in given)
         kept = fits.run(name, given, [[one] for one in candidates])
-        coefficients, play, whole = fits.told(kept, candidates)
-        notes, effects = fits.notes(kept), _effects(fits, kept)
+        known = infer(fits, kept, candidates)
+        notes, effects = notes_on(fits, kept), _effects(fits, kept)
     if poses.exchanged:
         rows = ", ".join(str(i + 1) for i in poses.exchanged)
         notes.append(
             f"note: labels of markers are exchanged in {len(poses.exchanged)} of {len(poses)} rows "
             f"({rows}); put right"
         )
-    told = coefficients, play, words, tuple(notes), effects, whole
-    return Calibration(poses, tuple(fits.steps), *told)
+    return Calibration(
+        poses, tuple(fits.steps), known.coefficients, known.play, folds=held, notes=tuple(notes),
+        effects=effects, full=known.full,
+    )  # fmt: skip
 
 
 def plan_calibration(
@@ -389,7 +395,7 @@ def _estimate_scatter(fits: Selection, terms: Sequence[Term]) -> None:
 def _effects(fits: Selection, kept: Step) -> tuple[Estimate, ...]:
     """Of the terms that were kept, on the tool's position."""
     n, fitted, first, made = len(fits.rows), kept.fitted, len(fits.start), []
-    half, _, _ = fits.spread(fitted)
+    half, _ = half_widths(fits, fitted)
     random, scale = np.random.default_rng(0), fitted.least.scale
     frame = fitted.effect[: 3 * n, :first]
     for term in kept.terms:

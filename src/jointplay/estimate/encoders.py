@@ -15,9 +15,13 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from jointplay.base.errors import JointplayError, require_a
+from jointplay.estimate.calibrated import Calibration
+from jointplay.estimate.inference import infer
+from jointplay.estimate.inference import notes as notes_on
 from jointplay.estimate.kinematic_model import Poses, Term
 from jointplay.estimate.least_squares import LeastSquares
-from jointplay.estimate.selection import Calibration, Problem, Selection, held_back
+from jointplay.estimate.pose_problem import Problem
+from jointplay.estimate.selection import Selection, held_back
 from jointplay.estimate.static_poses import FEWEST, StaticPoses
 from jointplay.estimate.unknowns import Unknown
 from jointplay.model.mechanism import Mechanism
@@ -152,7 +156,7 @@ def _compared(poses: Poses, joint: str, terms: Sequence[Term] | None) -> Calibra
         both = any(kinds & one and kinds & other for one, other in _EXCLUSIVE)
         return not both and sum(len(poses.columns(one)) for one in terms) + 3 <= n
 
-    folds, words = held_back(poses.measured, "rows")
+    folds, held = held_back(poses.measured, "rows")
     base = replace(base, error=(size,))
     fits = Selection(base, folds, np.zeros(1), (joint,))
     step = fits.run("constant", (), candidates, may_be)
@@ -165,17 +169,19 @@ def _compared(poses: Poses, joint: str, terms: Sequence[Term] | None) -> Calibra
     if step.held_back[0] > 0.0:  # what priors are weighed against
         fits.base = replace(base, error=(step.held_back[0],))
     play = [one for many in candidates for one in many if one.kind == "play"]
-    coefficients, bound, whole = fits.told(step, play if may_be(step.terms, play) else ())
+    known = infer(fits, step, play if may_be(step.terms, play) else ())
     unknown = Unknown(joint, "difference", base.unit, fine=False)
     explained = " + ".join(_WORDS.get(one.kind, one.kind) for one in step.terms)
     head = (
         f"{joint}: differs by {unknown.shown(size)} (standard deviation), "
         f"{unknown.shown(step.held_back[0])} left when predicted by {explained or 'nothing here'}"
     )
-    notes = [head, *fits.notes(step)]
-    for one in coefficients:
+    notes = [head, *notes_on(fits, step)]
+    for one in known.coefficients:
         if one.unknown.name == "ratio error":
             factor = f"{1.0 + one.value:.4g} +- {one.half_width:.1g}"
             notes.append(f"{joint}: its link turns {factor} as far as the motor")
-    told = coefficients, bound, words, tuple(notes), (), whole
-    return Calibration(poses.measured, tuple(fits.steps), *told)
+    return Calibration(
+        poses.measured, tuple(fits.steps), known.coefficients, known.play, folds=held,
+        notes=tuple(notes), full=known.full,
+    )  # fmt: skip

@@ -198,7 +198,7 @@ def _write_robot(fit: Calibration, path: str, mjcf: bool) -> None:
     """Write the corrected robot, and say what it has."""
     from jointplay.bridges.own_mjcf import corrected_mjcf
     from jointplay.bridges.urdf import to_urdf
-    from jointplay.estimate.selection import CONSTANT
+    from jointplay.estimate.pose_problem import CONSTANT
 
     corrections = fit.corrections()
     if not corrections:

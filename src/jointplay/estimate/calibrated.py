@@ -1,0 +1,217 @@
+"""The answer of a calibration: what is known, as numbers, text and tables."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay.base import tables
+from jointplay.base.errors import JointplayError, MissingName
+from jointplay.base.tables import Table
+from jointplay.base.units import readable
+from jointplay.estimate.kinematic_model import PARTS, Term
+from jointplay.estimate.machine import preset_found
+from jointplay.estimate.pose_problem import Fitted
+from jointplay.estimate.selection import Step
+from jointplay.estimate.static_poses import StaticPoses
+from jointplay.estimate.unknowns import Estimate, Loop, Unknown, by_label, data, listed
+
+if TYPE_CHECKING:
+    from jointplay.model.mechanism import Mechanism
+    from jointplay.scenario.presets import Preset
+
+_NOT_DETERMINED = "not determined (other causes do the same, or nothing shows it)"
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What static poses say of the causes of errors; SI units."""
+
+    poses: StaticPoses
+    steps: tuple[Step, ...]
+    """All models that were tried, in order; the first has no causes but those always in it."""
+    coefficients: tuple[Estimate, ...]
+    """Of the terms that were kept, but play, of which `play` has what is known; with all candidates
+    free."""
+    play: tuple[Estimate, ...]
+    """By the side of the load, of every joint; all candidates and everybody's play are free."""
+    folds: str
+    """What was held back, as reports say it."""
+    notes: tuple[str, ...] = ()
+    effects: tuple[Estimate, ...] = ()
+    """What each term that was kept moves the tool by, RMS over the poses, beyond what other places
+    of base and tool would do [m]."""
+    full: Fitted | None = field(default=None, repr=False)
+    """With all candidates and everybody's play free, which `play` and `coefficients` are of."""
+
+    def step(self) -> Step:
+        return [step for step in self.steps if step.kept][-1]
+
+    @property
+    def mechanism(self) -> Mechanism:
+        return self.step().fitted.problem.poses.mechanism
+
+    @property
+    def kept(self) -> tuple[Term, ...]:
+        return self.step().terms
+
+    @property
+    def kinds(self) -> dict[str, tuple[str, tuple[str, ...]]]:
+        """What was measured: unit and components by kind."""
+        return self.step().fitted.problem.kinds
+
+    @property
+    def within(self) -> np.ndarray:
+        """Which held-back rows lay in their predicted 95 % regions, shape (n,)."""
+        return self.step().within
+
+    def __getitem__(self, label: str) -> Estimate:
+        return by_label(self.coefficients, label)
+
+    def play_of(self, joint: str) -> Estimate:
+        """What is known of a joint's play by the side of its load."""
+        for play in self.play:
+            if play.joint == joint:
+                return play
+        raise MissingName("joint", joint, [play.joint for play in self.play])
+
+    def corrections(self) -> dict[str, pin.SE3]:
+        """By joint, where the kept model has its frame (`Fitted.corrections`).
+
+        `bridges.urdf.to_urdf` writes them into a URDF, whose tool is then where the model has it,
+        but for causes that depend on the pose or on loads.
+        """
+        return self.step().fitted.corrections()
+
+    def preset(self, robot: str | Path | None = None) -> Preset:
+        """The robot's joints with what is known: play and compliance as gears, and bearings, seats
+        and gears of the scenario with theirs.
+
+        Args:
+            robot: name or path of the robot; None: the file of its URDF.
+
+        Raises:
+            JointplayError: nothing of it is known.
+        """
+        known = [
+            estimate for estimate in self.estimates
+            if estimate.unknown.name in PARTS.values()
+            and estimate.identified and estimate.found and estimate.value > 0.0
+        ]  # fmt: skip
+        if not known:
+            raise JointplayError(
+                "these poses tell nothing of play or stiffness, which a preset would have"
+            )
+        return preset_found(self.mechanism, known, self.poses.source, robot)
+
+    @property
+    def loops(self) -> tuple[Loop, ...]:
+        """Of each joint whose play was fitted: how far its load and the way it came turn it."""
+        order = {joint: k for k, joint in enumerate(self.poses.joints)}
+        loops = () if self.full is None else self.full.loops()
+        return tuple(sorted(loops, key=lambda loop: order[loop.joint]))
+
+    @property
+    def models(self) -> Table:
+        columns = [
+            tables.Column("model", [step.added for step in self.steps]),
+            tables.Column("unknowns", [step.unknowns for step in self.steps]),
+        ]
+        for rows in ("training", "held back"):
+            errors = np.array([getattr(step, rows.replace(" ", "_")) for step in self.steps])
+            for k, (unit, _) in enumerate(self.kinds.values()):
+                columns.append(tables.Column(f"{rows}{', turn' * k}", errors[:, k], unit))
+        columns.append(tables.Column("kept", ["yes" if step.kept else "no" for step in self.steps]))
+        return Table(columns)
+
+    @property
+    def sentence(self) -> str:
+        step, kinds = self.step(), self.kinds
+        sizes = zip(kinds.values(), step.held_back, strict=True)
+        errors = " and ".join(readable(float(size), unit, 3) for (unit, _), size in sizes)
+        causes = ", ".join(map(str, step.terms)) or "no cause"
+        return (
+            f"These poses show {causes}: with it, poses that the fit has not seen are predicted "
+            f"to {errors} (RMS)"
+        )
+
+    @property
+    def estimates(self) -> tuple[Estimate, ...]:
+        """Play and coefficients, by joint."""
+        order = {joint: k for k, joint in enumerate(self.poses.joints)}
+        estimates = (*self.play, *self.coefficients)
+        return tuple(sorted(estimates, key=lambda row: order.get(row.joint, len(order))))
+
+    def brief(self) -> str:
+        """The estimates, without how they were found."""
+        return listed(self.estimates, vague=_NOT_DETERMINED)
+
+    def __str__(self) -> str:
+        poses = self.poses
+        units = "points" if poses.point is not None else "groups" if poses.group else "rows"
+        lines = [
+            *self.notes,
+            str(self.models),
+            f"{int(self.within.sum())} of {len(self.within)} held-back {next(iter(self.kinds))}s "
+            "lie in their predicted 95 % regions",
+            f"held back: {self.folds}; a term is kept if the squared errors of held-back "
+            f"{units} shrink by more than chance (one-sided 90 %) and their RMS by 1 %",
+        ]
+        lines += ["", self.brief()]
+        if self.effects:
+            head = "moves the tool by (RMS), base and tool placed best without it"
+            lines += ["", listed(self.effects, head)]
+        return "\n".join(lines)
+
+    @property
+    def rows(self) -> list[Estimate]:
+        """Errors of all models, effects, and estimates by joint [SI]."""
+        errors = []
+        for step in self.steps:
+            name = " + ".join(map(str, step.terms)) or step.added
+            note = "kept" if step.kept else "not kept"
+            for rows in ("training", "held_back"):
+                for (kind, (unit, _)), size in zip(
+                    self.kinds.items(), getattr(step, rows), strict=True
+                ):
+                    error = Unknown("", f"{rows} {kind}: {name}", unit, np.nan)
+                    errors.append(Estimate(error, size, note=note))
+        return [*errors, *self.effects, *self.estimates]
+
+    @property
+    def data(self) -> Table:
+        return data(self.rows)
+
+    @property
+    def residuals(self) -> Table:
+        """Errors of every pose, in training and held back."""
+        count, group, point = len(self.poses), self.poses.group, self.poses.point
+        columns = [
+            tables.Column("row", range(1, count + 1)),
+            tables.Column("group", group or [""] * count),
+            tables.Column("point", point or [""] * count),
+        ]
+        for rows, errors in self.step().errors.items():
+            for (unit, axes), values in zip(self.kinds.values(), errors, strict=True):
+                for axis, along in zip(axes, values.T, strict=True):
+                    columns.append(tables.Column(f"{rows.replace('_', ' ')} {axis}", along, unit))
+        return Table(columns)
+
+    def describe(self) -> dict[str, Any]:
+        error = self.step().fitted.problem.error
+        return {
+            "joints": list(self.poses.joints),
+            "poses": len(self.poses),
+            "held_back": self.folds,
+            "within_region": [bool(within) for within in self.within],
+            "error": dict(zip(self.kinds, error, strict=True)),
+            "kept": [str(term) for term in self.kept],
+            "models": [step.describe() for step in self.steps],
+            "unknowns": [row.describe() for row in self.estimates],
+            "effects": [row.describe() for row in self.effects],
+            "notes": list(self.notes),
+        }

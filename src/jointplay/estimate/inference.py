@@ -1,0 +1,186 @@
+"""What static poses say of each coefficient and of every joint's play, beside all other causes.
+
+All candidates and everybody's play are free: where one cause does what another does, the interval
+of neither rests on the other's absence. Intervals are those of that linearised fit, by the excess
+of held-back errors wider. They hold for every friction and transition of play that explains the
+poses nearly as well as the best: by a ratio of likelihoods, the other unknowns fitted anew.
+
+A play is known if its cause predicts held-back poses (`Selection`) and its interval excludes zero;
+else there is an upper bound, or the reason why there is none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from jointplay.estimate.kinematic_model import Term
+from jointplay.estimate.pose_problem import Fitted
+from jointplay.estimate.selection import Selection, Step
+from jointplay.estimate.unknowns import Estimate
+
+RARER_SIGN = 0.05
+"""Part of the poses in which a joint must be loaded the other way, or its play cannot be told."""
+LARGE_EXCESS = 1.2
+"""Excess of held-back errors from which on it is said."""
+TWO_UNKNOWNS = 5.99
+"""95 % quantile of chi-square with two degrees of freedom, friction's and transition's."""
+SMOOTHINGS = (0.25, 1.0, 4.0)
+"""Times a transition that is given, for which a bound must hold."""
+
+
+class Inference(NamedTuple):
+    """What is known with all candidates and everybody's play free."""
+
+    coefficients: tuple[Estimate, ...]
+    """Of the terms that were kept, but play."""
+    play: tuple[Estimate, ...]
+    """Of every joint."""
+    full: Fitted
+    """The fit that these are of."""
+
+
+def infer(selection: Selection, kept: Step, candidates: Sequence[Term]) -> Inference:
+    """What is known of the coefficients of the model that was kept, and of every joint's play."""
+    full, _ = selection.fit(_full_model(selection, kept, candidates), selection.rows)
+    ends, plays = _likelihood_region(selection, full)
+    half, _ = half_widths(selection, full)
+    coefficients, first = [], len(selection.start)
+    for i, column in enumerate(full.problem.columns):
+        if column.term.kind != "play" and column.term in kept.terms:
+            k = first + i
+            partner = full.informed(k)[2]
+            interval = float(ends[0, k]) - float(half[k]), float(ends[1, k]) + float(half[k])
+            coefficients.append(
+                Estimate(
+                    column.unknown, float(full.theta[k]), float(half[k]), full.why_not(k),
+                    note=partner and f"acts together with {partner}", ends=interval,
+                )
+            )  # fmt: skip
+    predictive = {c.joint for c in kept.fitted.problem.columns if c.term.kind == "play"}
+    number = {c.joint: i for i, c in enumerate(full.problem.columns) if c.term.kind == "play"}
+    play = [
+        _play(selection, full, number[joint], plays, joint in predictive)
+        if joint in number else _unloaded(selection, joint)
+        for joint in selection.joints
+    ]  # fmt: skip
+    return Inference(tuple(coefficients), tuple(play), full)
+
+
+def half_widths(selection: Selection, fitted: Fitted) -> tuple[np.ndarray, np.ndarray]:
+    """Of 95 % intervals, and of one-sided 95 % bounds, of all unknowns, (p,) each [SI]."""
+    two, one = (selection.excess * fitted.half_widths(part) for part in (0.95, 0.9))
+    return two, one
+
+
+def _full_model(selection: Selection, kept: Step, candidates: Sequence[Term]) -> list[Term]:
+    """Everything that may be a cause, play last."""
+    poses = selection.base.poses
+    terms = [*kept.terms, *(term for term in candidates if term not in kept.terms)]
+    plays = [term for term in terms if term.kind == "play"]
+    named = {column.joint for term in plays for column in poses.columns(term)}
+    unnamed = tuple(n for n in selection.joints if n not in named and poses.loaded(n))
+    others = [term for term in terms if term.kind != "play"]
+    return [*others, *plays, *([Term("play", unnamed)] if unnamed else [])]
+
+
+def _likelihood_region(
+    selection: Selection, full: Fitted
+) -> tuple[np.ndarray, dict[int, np.ndarray]]:
+    """Over all frictions and transitions of play that are not worse by more than chi-square's
+    quantile, each to first order from the best: the least and the largest value of each unknown,
+    (2, p), for other causes stand in for play; and values of the play by its column's number."""
+    ends, plays = np.stack([full.theta, full.theta]), dict[int, np.ndarray]()
+    allowed = TWO_UNKNOWNS * (selection.excess * full.stretch) ** 2
+    for i, column in enumerate(full.problem.columns):
+        if column.options is not None and column.term.kind == "play":
+            gains, values, theta = selection.gains(full.problem, i, full.theta, selection.rows)
+            near = gains >= gains.max() - allowed
+            plays[i], theta = values[near], theta[:, near]
+            ends[0] = np.minimum(ends[0], theta.min(axis=1))
+            ends[1] = np.maximum(ends[1], theta.max(axis=1))
+    return ends, plays
+
+
+def _play(
+    selection: Selection, full: Fitted, i: int, plays: dict[int, np.ndarray], predictive: bool
+) -> Estimate:
+    """Of the joint of the i-th column, which predicts held-back poses or not."""
+    k, column, value = len(selection.start) + i, full.problem.columns[i], full.coefficients[i]
+    two_sided, one_sided = half_widths(selection, full)
+    half, side, value = two_sided[k], one_sided[k], float(value)
+    low, high = value - half, value + half
+    upper = max(value, 0.0) + side
+    if column.options is not None:
+        near = plays[i]
+        low, high = float(near.min()) - half, float(near.max()) + half
+        upper = max(upper, max(high - half, 0.0) + side)
+    else:
+        upper = max(upper, _smoothed(selection, full, i))
+    known = bool(predictive and low > 0.0)
+    reason = "" if known else _why_not(full, i)
+    return Estimate(
+        column.unknown, value, reason=reason, ends=(low, high), upper=upper, found=known
+    )
+
+
+def _unloaded(selection: Selection, joint: str) -> Estimate:
+    (column,) = selection.base.poses.columns(Term("play", (joint,)))
+    reason = "gravity does not load this joint"
+    return Estimate(column.unknown, 0.0, reason=reason, found=False)
+
+
+def _smoothed(selection: Selection, full: Fitted, i: int) -> float:
+    """The largest bound over other transitions of this joint's play, that are given."""
+    columns, largest = list(full.problem.columns), 0.0
+    column = columns[i]
+    friction, transition = column.term.friction or 0.0, column.term.transition or 0.0
+    for factor in SMOOTHINGS:
+        lean = selection.base.poses.leaning(column.joint, friction, factor * transition)
+        columns[i] = replace(column, feature=0.5 * lean)
+        fitted = full.problem.having(columns).fit(full.rows, full.theta)
+        _, side = half_widths(selection, fitted)
+        bound = max(float(fitted.coefficients[i]), 0.0) + side[len(selection.start) + i]
+        largest = max(largest, bound)
+    return largest
+
+
+def _why_not(fitted: Fitted, i: int) -> str:
+    """Why a joint's play cannot be told; empty if it can."""
+    poses, column = fitted.problem.poses, fitted.problem.columns[i]
+    load = poses.load[:, column.index]
+    largest, friction = np.abs(load).max(), column.term.friction
+    if friction and largest < friction:
+        effort = "N m" if poses.turns[column.index] else "N"
+        return (
+            f"its load, at most {largest:.2g} {effort}, is smaller than the friction of "
+            f"{friction:.2g} {effort}"
+        )
+    side = np.round(poses.leaning(column.joint, 0.0, column.term.transition or 0.05 * largest))
+    rarer = int(min((side > 0).sum(), (side < 0).sum()))
+    if rarer < max(RARER_SIGN * len(side), 2.0):
+        times = "never" if not rarer else f"in only {rarer} of {len(side)} poses"
+        return f"its load is on the other side {times}"
+    return fitted.why_not(len(fitted.problem.frame) + i)
+
+
+def notes(selection: Selection, kept: Step) -> list[str]:
+    """What must be said of the model that was kept."""
+    lines = []
+    if selection.excess > LARGE_EXCESS:
+        lines.append(
+            f"note: held-back errors are {selection.excess:.1f} times as large as the fits "
+            "predict: these causes do not explain all of it; intervals and bounds are enlarged "
+            "accordingly"
+        )
+    for i, choice in kept.chosen.items():
+        column = kept.fitted.problem.columns[i]
+        numbers = column.choices[choice]
+        text = f"jump at {numbers[0]:.3g} rad"
+        if column.term.kind == "play":
+            text = "friction {:.2g}, transition {:.2g} N m".format(*numbers)
+        lines.append(f"{column.term.kind} {column.joint}: {text}, chosen by the fit of each fold")
+    return lines

@@ -1,0 +1,180 @@
+"""What static poses are explained by: columns, one for each cause of errors, and their fit.
+
+A measurement of static poses is a `Problem`: it says what a model predicts by its own unknowns
+(where base and tool are) and by the coefficients of columns. Where its least squares ends is a
+`Fitted`, which says how well it predicts poses that it has not seen, how far each joint is turned
+by its load, and where the joints' frames are.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import ClassVar, Self
+
+import numpy as np
+import pinocchio as pin
+from scipy.stats import f as fisher
+
+from jointplay.estimate.kinematic_model import COORDINATE, Column, Poses
+from jointplay.estimate.least_squares import CONFIDENCE, Fit, LeastSquares, minimum
+from jointplay.estimate.unknowns import Loop, Unknown
+
+CONSTANT = ("offset", "placement")
+"""Kinds of terms that are the same in every pose."""
+_BY_LOAD = ("play", "compliance", "gear", "hysteresis")
+"""Kinds of terms that turn a joint by its load or by the way it came."""
+_LEAST_LEFT = 1e-9
+"""Part of a number's variance that is left at least when nuisances are projected out: a point that
+was visited once leaves none, and only rounding must not be divided by."""
+
+
+@dataclass(frozen=True)
+class Problem(ABC):
+    """A measurement of static poses, and columns that may explain it."""
+
+    poses: Poses
+    error: tuple[float, ...]
+    """Standard deviations about the model, by kind of number [SI]."""
+    columns: tuple[Column, ...] = ()
+
+    linear: ClassVar[bool] = False
+    """Whether predictions are linear in all unknowns."""
+
+    @property
+    @abstractmethod
+    def kinds(self) -> dict[str, tuple[str, tuple[str, ...]]]:
+        """What was measured in a row: by the name of each kind of number, unit and components."""
+
+    @property
+    @abstractmethod
+    def frame(self) -> tuple[Unknown, ...]:
+        """Unknowns besides the coefficients."""
+
+    @abstractmethod
+    def at(self, rows: np.ndarray) -> LeastSquares:
+        """The measurement at some rows: by kind a number for each row and component, then others.
+        Errors are weights, and the groups are of `grouped`."""
+
+    @property
+    def unknowns(self) -> tuple[Unknown, ...]:
+        return (*self.frame, *(column.unknown for column in self.columns))
+
+    @cached_property
+    def features(self) -> np.ndarray:
+        """Of the columns, shape (n, k)."""
+        none = np.zeros((len(self.poses), 0))
+        return np.column_stack([none, *(column.feature for column in self.columns)])
+
+    def owner(self, rows: np.ndarray) -> np.ndarray:
+        """Each number's row among these, but others'."""
+        return np.concatenate(
+            [np.repeat(np.arange(len(rows)), len(axes)) for _, axes in self.kinds.values()]
+        )
+
+    def grouped(self, rows: np.ndarray, others: int = 0) -> np.ndarray:
+        """Numbers of a unit of poses have the same number; so many others, each its own, (m,)."""
+        units = self.poses.measured.units[rows][self.owner(rows)]
+        return np.concatenate([units, -1 - np.arange(others)])
+
+    def having(self, columns: Iterable[Column]) -> Self:
+        return replace(self, columns=tuple(columns))
+
+    def errors(self, theta: np.ndarray, rows: np.ndarray) -> list[np.ndarray]:
+        """Measured less predicted, of each kind (n, components) [SI]."""
+        least = self.at(rows)
+        off, errors, begin = -least.error * least.residual(theta)[: len(least.error)], [], 0
+        for _, axes in self.kinds.values():
+            end = begin + len(rows) * len(axes)
+            errors.append(off[begin:end].reshape(len(rows), -1))
+            begin = end
+        return errors
+
+    def fit(self, rows: np.ndarray, start: np.ndarray) -> Fitted:
+        """Least squares of some rows, from unknowns (p,)."""
+        least = self.at(rows)
+        if self.linear:
+            slope = least.project(least.effects(start))
+            step = np.linalg.lstsq(slope, least.residual(start), rcond=None)[0]
+            theta = start - least.scale * step
+        else:
+            theta = minimum(least, start)
+        return Fitted(problem=self, rows=rows, least=least, theta=theta)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fitted(Fit):
+    """Where least squares of some rows ended."""
+
+    problem: Problem
+    rows: np.ndarray
+
+    @property
+    def coefficients(self) -> np.ndarray:
+        return self.theta[len(self.problem.frame) :]
+
+    def within(self, out: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Whether held-back rows' first kind lies in the 95 % regions that this fit predicts, of
+        its unknowns' covariance and of the scatter about it; and their mean square over it."""
+        least, axes = self.problem.at(out), len(next(iter(self.problem.kinds.values()))[1])
+        m, shape = len(out) * axes, (len(out), axes)
+        slope = least.project(least.effects(self.theta))[:m].reshape(*shape, -1)
+        off = least.residual(self.theta)[:m].reshape(shape)
+        scatter = 1.0 - np.sum(least.projected[:m] ** 2, axis=1).reshape(shape)  # about their means
+        scatter = np.maximum(scatter, _LEAST_LEFT)
+        spread = slope @ self.covariance @ np.swapaxes(slope, 1, 2)
+        spread = self.stretch**2 * (spread + scatter[:, :, None] * np.eye(axes))
+        distance = np.einsum("na,na->n", off, np.linalg.solve(spread, off[:, :, None])[:, :, 0])
+        return distance <= axes * fisher.ppf(
+            CONFIDENCE, axes, max(self.freedom, 1.0)
+        ), distance / axes
+
+    def corrections(self) -> dict[str, pin.SE3]:
+        """By joint, where this model has its frame, in the nominal one and with the joint at zero
+        by its encoder: what `placement` and `offset` say."""
+        poses, moved = self.problem.poses, np.zeros((len(self.problem.poses.names), 7))
+        for column, value in zip(self.problem.columns, self.coefficients, strict=True):
+            if column.term.kind in CONSTANT:
+                moved[column.index, column.target] += value
+        corrections = {}
+        joints = zip(poses.names, poses.axis, poses.turns, moved, strict=True)
+        for name, axis, turns, shift in joints:
+            if shift.any():
+                step = shift[COORDINATE] * axis
+                zero = (pin.exp3(step), np.zeros(3)) if turns else (np.eye(3), step)
+                corrections[name] = pin.SE3(pin.exp3(shift[3:6]), shift[:3]) * pin.SE3(*zero)
+        return corrections
+
+    def loops(self) -> Iterator[Loop]:
+        """Of each joint whose play was fitted: how far its load and the way it came turn it.
+
+        By what a turn of the joint itself would do to what was measured in each row.
+        """
+        problem, rows = self.problem, self.rows
+        poses, owner, first = problem.poses, problem.owner(rows), len(problem.frame)
+        left = -self.residual[: len(owner)]
+        of_row = (owner[:, None] == np.arange(len(rows))).T  # (n, numbers)
+        turns = self.coefficients * problem.features
+        for i, play in enumerate(problem.columns):
+            if play.term.kind != "play":
+                continue
+            bare = replace(play, feature=np.ones(len(poses)))
+            plain = problem.having([*problem.columns[:i], bare, *problem.columns[i + 1 :]]).at(rows)
+            effect = plain.effects(self.theta)[: len(owner), first + i] / play.unknown.scale
+            turned = sum(
+                turns[:, k] for k, column in enumerate(problem.columns)
+                if column.index == play.index and column.target == COORDINATE
+                and column.moves is None and column.term.kind in _BY_LOAD
+            )  # fmt: skip
+            unit = play.unknown.unit
+            yield Loop.beside(
+                play.joint,
+                (poses.load[rows, play.index], "load", "N" if unit == "m" else "N*m"),
+                np.asarray(turned)[rows],
+                unit,
+                np.sign(poses.approach[rows, play.index]).astype(int),
+                of_row * effect,
+                of_row * left,
+            )
