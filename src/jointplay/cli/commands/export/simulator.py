@@ -16,12 +16,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from jointplay.base import files
+from jointplay.base import files, signals
 from jointplay.base.errors import JointplayError, nothing_has_play, require_non_negative
 from jointplay.base.pairs import name_and_number
 from jointplay.bridges.reduced_formats import FORMATS, choose
 from jointplay.cli.commands import Outputs, given, inputs, print_answer
 from jointplay.cli.options import ANGLE, FLAG, REPEATED, TIME, Parser
+
+DONE = "joints.runs"
+"""File of the joints that are done, as long as others are not."""
 
 
 # fmt: off
@@ -48,7 +51,7 @@ def declare(parser: Parser) -> None:
     add("--all", **FLAG, help="write all joints with play into one file of each format")
     add("--plugin", metavar="NAME", help="URDF: hardware of ros2_control's tags (default: "
         "gz_ros2_control/GazeboSimSystem)")
-    parser.share("--detail", "--quiet")
+    parser.share("--jobs", "--detail", "--quiet")
 # fmt: on
 
 
@@ -85,6 +88,8 @@ def run(options: argparse.Namespace) -> int:
     how = given(options, "amplitude", "period") | {"progress": not options.quiet}
     rubs = posed.poses.holding["joint_friction"] or {}
     if joint is None:
+        store = Path(options.out) / DONE
+        how |= {"jobs": options.jobs, "store": store}
         reductions, refused = reduce_all(mechanism, pose, joint_friction=rubs, **how)
         notes += [f"not reduced: {why}" for why in refused.values()]
     else:
@@ -112,11 +117,15 @@ def run(options: argparse.Namespace) -> int:
         contents["reversals.png"] = reversals(reductions[0])
     body = "\n".join([str(shown), *notes, *robot.notes])
     print_answer(f"{sentence[0].upper()}{sentence[1:]}", body, posed.notes, options)
-    if robot.meshes:
-        (Path(options.out) / FOLDER).mkdir()
-    for name, data in robot.meshes.items():
-        files.write(Path(options.out) / FOLDER / name, data)
-    out.write(contents)
+    meshes = robot.meshes
+    with signals.keeping(f"the files in {options.out}"):
+        if meshes:
+            (Path(options.out) / FOLDER).mkdir()
+        for name, data in meshes.items():
+            files.write(Path(options.out) / FOLDER / name, data)
+        out.write(contents)
+        if joint is None:
+            store.unlink()
     if options.check:
         lines = [*robot.check()]
         print(*lines, sep="\n")
