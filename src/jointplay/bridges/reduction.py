@@ -300,7 +300,9 @@ def reduce_all(
                 "joint_friction": plain(rubs),
                 "version": version("jointplay"),
             }
-            kept = stack.enter_context(closing(Runs(store, asked)))
+            kept = Runs(store, asked)
+            stack.callback(_remove_useless, store, kept)
+            stack.enter_context(closing(kept))
         begun = len(kept)
         try:
             with whole(2.0 * period * (len(able) - begun), progress):
@@ -323,6 +325,11 @@ def reduce_all(
     return reductions, refused
 
 
+def _remove_useless(store: Path, kept: Memory) -> None:
+    if not any("numbers" in found for found in kept.values()):
+        store.unlink()
+
+
 def _packed(
     mechanism: Mechanism,
     pose: Mapping[str, float],
@@ -343,7 +350,9 @@ def _packed(
 def _unpacked(found: Arrays) -> Reduction:
     history = dict(found)
     numbers = json.loads(str(history.pop("numbers")))
-    given = {name: tuple(x) if isinstance(x, list) else x for name, x in numbers.items()}
+    given: dict[str, Any] = {
+        name: tuple(x) if isinstance(x, list) else x for name, x in numbers.items()
+    }
     return Reduction(**given, history=history)
 
 
@@ -514,7 +523,16 @@ class _Link:
 
 
 @compiled
-def _follow(lead, speeds, step, teeth, link, weight, start, angles) -> None:
+def _follow(
+    lead: np.ndarray,
+    speeds: np.ndarray,
+    step: float,
+    teeth: tuple[float, float, float],
+    link: tuple[float, float, float],
+    weight: tuple[float, float, float],
+    start: tuple[float, float],
+    angles: np.ndarray,
+) -> None:
     """Angles of a link, (n,), while the motor turns as given by its angles and speeds, (n,).
 
     Of the teeth half their play, stiffness and damping, of the link inertia, viscous and dry
