@@ -39,9 +39,10 @@ def declare(parser: Parser) -> None:
     add("--amplitude", **ANGLE, help="amplitude of the reversals (default: 0.1)")
     add("--period", **TIME, help="period of a reversal, there and back (default: 2)")
     add = parser.add_argument_group("output").add_argument
-    add("--for", choices=("mujoco", "newton", "genesis", "gazebo", "isaac"), help="what this "
-        "simulator takes and nothing else; says which parts of the play it has, and what is lost")
-    add("--format", choices=("mjcf", "sdf", "urdf", "json", "usd", "py"), **REPEATED,
+    add("--for", choices=("mujoco", "newton", "genesis", "gazebo", "webots", "isaac"), help="what "
+        "this simulator takes and nothing else; says which parts of the play it has, and what is "
+        "lost")
+    add("--format", choices=("mjcf", "sdf", "urdf", "json", "usd", "proto", "py"), **REPEATED,
         help="file format; by default all")
     add("--spread", metavar="SHARE", help="JSON: relative half width of ranges without measured "
         "values, such as 20% (default: 0.3)")
@@ -68,7 +69,7 @@ def run(options: argparse.Namespace) -> int:
     names = [f"{stem}{ending}" for ending in endings] + ["reversals.png"] * (joint is not None)
     from jointplay.model.meshes import FOLDER
 
-    out = Outputs(options.out, names + [FOLDER] * ("mjcf" in formats))
+    out = Outputs(options.out, names + [FOLDER] * bool({"mjcf", "proto"}.intersection(formats)))
     from jointplay.bridges.reduced_robot import BEYOND, ReducedRobot, refuse_without_play
     from jointplay.bridges.reduction import is_own, reduce, reduce_all
 
