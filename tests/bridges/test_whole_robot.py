@@ -1,6 +1,7 @@
 """Whole robots with play, written for other simulators and read by their own readers."""
 
 import json
+import signal
 import sys
 import xml.etree.ElementTree as ElementTree
 
@@ -11,6 +12,7 @@ import yourdfpy
 from conftest import body, joint
 
 from jointplay.base.errors import JointplayError
+from jointplay.bridges import reduction
 from jointplay.bridges.reduced_files import reach, to_sdf, to_urdf
 from jointplay.bridges.reduced_mjcf import compile_robot, find_play, find_reach
 from jointplay.bridges.reduction import Reduction, reduce_all
@@ -19,6 +21,8 @@ from jointplay.model.gear import Gear
 from jointplay.model.mechanism import Mechanism
 from jointplay.model.mjcf_whole import compile_text
 from jointplay.physics.joints import RevoluteClearance
+from jointplay.simulation.run import Run
+from jointplay.study.runs import Runs
 
 PLAYS = {"a": 6e-3, "b": 4e-3}
 EVERY_FORMAT = pytest.mark.needs("mujoco", "pxr", "newton_usd_schemas")
@@ -490,3 +494,50 @@ def test_a_free_base_that_files_would_hold_is_refused(tmp_path, capsys):
     command = ["export", "simulator", str(path), "--all", "--gear", "hip=1 deg", "--base", "free"]
     assert main([*command, "--format", "json", "--out", str(tmp_path / "o")]) == 2
     assert "--base free: the files hold the base" in capsys.readouterr().err
+
+
+def test_joints_that_are_done_are_kept_when_interrupted_and_not_done_again(
+    path, tmp_path, capsys, monkeypatch
+):
+    out, keep, reduce, done = tmp_path / "deep" / "out", Runs.keep, reduction.reduce, []
+    order = ["export", "simulator", str(path), "--all", *OPTIONS, "--jobs", "1"]
+    order += ["--format", "sdf", "--format", "json", "--quiet"]
+
+    def stopping(*given):
+        keep(*given)
+        signal.raise_signal(signal.SIGINT)
+
+    def counted(mechanism, joint, *given, **named):
+        done.append(joint)
+        return reduce(mechanism, joint, *given, **named)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Runs, "keep", stopping)
+        assert main([*order, "--out", str(out)]) == 130
+    assert "1 of 2 joints are kept" in capsys.readouterr().err
+    assert [one.name for one in out.iterdir()] == ["joints.runs"]
+    assert main([*order, "--gear-stiffness", "3e3", "--out", str(out)]) == 2
+    assert "another robot" in capsys.readouterr().err
+    with monkeypatch.context() as patch:
+        patch.setattr(reduction, "reduce", counted)
+        assert main([*order, "--out", str(out)]) == 0
+    assert done == ["b"]
+    assert main([*order, "--out", str(tmp_path / "whole")]) == 0
+    assert {one.name for one in out.iterdir()} == {"robot.sdf", "robot.json"}
+    for one in out.iterdir():
+        assert one.read_text() == (tmp_path / "whole" / one.name).read_text()
+
+
+def test_what_was_interrupted_at_once_leaves_no_folder(path, tmp_path, monkeypatch):
+    monkeypatch.setattr(reduction, "reduce", lambda *_, **__: signal.raise_signal(signal.SIGINT))
+    for choice in (["--all", "--jobs", "1", *OPTIONS], OPTIONS[2:]):
+        order = ["export", "simulator", str(path), *choice, "--format", "sdf"]
+        assert main([*order, "--out", str(tmp_path / "deep" / "out")]) == 130
+        assert not (tmp_path / "deep").exists()
+
+
+def test_a_joint_is_simulated_once(mechanism, monkeypatch):
+    runs, begin = [], Run.__init__
+    monkeypatch.setattr(Run, "__init__", lambda *given: (runs.append(0), begin(*given))[1])
+    reduction.reduce(mechanism, "a", period=0.2)
+    assert len(runs) == 1

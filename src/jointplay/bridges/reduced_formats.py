@@ -15,12 +15,14 @@ FORMATS = {
     "urdf": (".urdf", ".yaml"),
     "json": (".json",),
     "usd": (".usda",),
+    "proto": (".proto",),
     "py": ("_dead_band.py",),
 }
 """Endings of the files of each format."""
 _NEEDS = {
     "mjcf": ("mujoco", "MuJoCo compiles the URDF"),
     "usd": ("newton_usd_schemas", "Newton's schemas and OpenUSD write USD"),
+    "proto": ("urdf2webots", "urdf2webots makes the PROTO"),
 }
 """Packages that formats need, and for what."""
 _TILTED = ("mjcf", "json")
@@ -68,6 +70,13 @@ SIMULATORS = {
         "SDF, and URDF with tags of ros2_control",
         f"{_HINGE}; encoders as states that it publishes",
         "tilt, servos, friction at the link, shapes in SDF; the teeth's stiffness in DART",
+    ),
+    "webots": Simulator(
+        ("proto",),
+        "PROTO (made by urdf2webots 2025.0.0; it was not run in Webots)",
+        "dead band as stops of a second hinge, rotor as a Solid, encoders as PositionSensor",
+        "the teeth's stiffness, tilt, servos, friction at the link, joints that mimic, a held base "
+        "(but to a link `world`); its maker expects play below 10 mrad to be simulated badly",
     ),
     "isaac": Simulator(
         ("usd", "py"),

@@ -217,7 +217,7 @@ def compile_robot(
     for old in root.findall("mujoco"):
         root.remove(old)
     put(put(root, "mujoco"), "compiler", **_COMPILER)
-    meshes, notes = _meshes(mechanism, root)
+    meshes, notes = take_meshes(mechanism, root)
     text = ElementTree.tostring(root, encoding="unicode")
     try:
         spec = mujoco.MjSpec.from_string(text, assets=meshes)
@@ -246,7 +246,7 @@ def compile_robot(
     return CompiledRobot(mechanism, made, meshes, mass, dofs, tuple(notes), names)
 
 
-def _meshes(mechanism: Mechanism, root: Element) -> tuple[dict[str, bytes], list[str]]:
+def take_meshes(mechanism: Mechanism, root: Element) -> tuple[dict[str, bytes], list[str]]:
     """Files of the URDF's meshes as STL or OBJ, named in `root` instead; shapes without one go."""
     import trimesh
 

@@ -11,7 +11,7 @@ from typing import Any
 from jointplay.accuracy.error_budget import PlayBudget
 from jointplay.base.errors import JointplayError
 from jointplay.base.tables import Column, Table
-from jointplay.bridges import reduced_files
+from jointplay.bridges import reduced_files, webots
 from jointplay.bridges.own_mjcf import OwnRobot, own_robot
 from jointplay.bridges.reduced_formats import FORMATS
 from jointplay.bridges.reduced_mjcf import (
@@ -106,8 +106,9 @@ class ReducedRobot:
 
     @property
     def meshes(self) -> dict[str, bytes]:
-        """Shapes that the MJCF needs, by file, for a folder of `model.meshes` beside it."""
-        return dict(self._compiled.meshes) if "mjcf" in self.formats else {}
+        """Shapes that MJCF and PROTO need, by file, for a folder of `model.meshes` beside it."""
+        found = dict(self._compiled.meshes) if "mjcf" in self.formats else {}
+        return found | (self._proto[1] if "proto" in self.formats else {})
 
     @property
     def notes(self) -> list[str]:
@@ -115,8 +116,10 @@ class ReducedRobot:
         lines = [*self._compiled.notes] if "mjcf" in self.formats else []
         entries = self.mechanism.description.joints
         mimics = [name for name in self.mechanism.joints if entries[name].mimic]
-        if mimics and {"sdf", "usd"}.intersection(self.formats):
-            lines.append(f"sdf and usd: that {', '.join(mimics)} mimic others is not represented")
+        if mimics and {"sdf", "usd", "proto"}.intersection(self.formats):
+            lines.append(
+                f"sdf, usd and proto: that {', '.join(mimics)} mimic others is not represented"
+            )
         return lines
 
     def table(self) -> Table:
@@ -150,6 +153,9 @@ class ReducedRobot:
                 self.mechanism, *self.reductions, plugin=self.plugin
             )
             texts[f"{stem}.yaml"] = reduced_files.to_yaml(self.reductions, self.encoder)
+        if "proto" in self.formats:
+            declared = self._proto[0].replace(f"PROTO {webots.NAME} [", f"PROTO {stem} [", 1)
+            texts[f"{stem}.proto"] = declared
         if "json" in self.formats:
             text = reduced_files.to_json(
                 self.reductions, self.encoder, self.spread, self.mechanism.rules
@@ -194,6 +200,10 @@ class ReducedRobot:
     @cached_property
     def _mjcf(self) -> str:
         return self._compiled.mjcf(self.reductions, encoder=self.encoder, servos=self.servos)
+
+    @cached_property
+    def _proto(self) -> tuple[str, dict[str, bytes]]:
+        return webots.to_proto(self.mechanism, self.reductions, self.encoder)
 
     @cached_property
     def _written(self) -> Any:

@@ -19,9 +19,14 @@ to one side.
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -31,6 +36,7 @@ from scipy.optimize import nnls
 from jointplay.accuracy.error_model import play_model, toward
 from jointplay.accuracy.jacobians import place
 from jointplay.accuracy.poses import moving
+from jointplay.base.compiler import compiled
 from jointplay.base.errors import (
     JointplayError,
     nothing_has_play,
@@ -39,7 +45,7 @@ from jointplay.base.errors import (
     require_positive,
 )
 from jointplay.base.files import is_file
-from jointplay.base.progress import ProgressBar
+from jointplay.base.progress import whole
 from jointplay.base.schema import plain
 from jointplay.base.tables import aligned
 from jointplay.base.units import told
@@ -54,6 +60,8 @@ from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.result.result import Result
 from jointplay.simulation.simulation import Simulation
 from jointplay.simulation.statics import depths
+from jointplay.study.runs import Arrays, Runs
+from jointplay.study.study import Memory, Study
 
 SAFETY = 3.0
 """What the largest difference in the fit's own reversals is multiplied by: judged; MuJoCo's runs of
@@ -260,32 +268,92 @@ def reduce_all(
     period: float = PERIOD,
     joint_friction: Mapping[str, JointFriction] | None = None,
     progress: bool = False,
+    jobs: int | None = None,
+    store: Path | None = None,
 ) -> tuple[list[Reduction], dict[str, str]]:
     """Reduce every joint that has play, each alone, as `reduce` does.
 
+    Args:
+        jobs: processes; None takes one for each core.
+        store: file that keeps each joint that is done, for the next call with the same robot.
+
     Returns:
         The reductions, and why other joints with play have none, by joint.
+
+    Raises:
+        KeyboardInterrupt: interrupted; it says how much is kept.
     """
     names = _with_play(mechanism)
     if not names:
         raise nothing_has_play(mechanism.joints)
     refused = {name: why for name in names if (why := _no_hinge(mechanism, name))}
-    able = [name for name in names if name not in refused]
-    if not able:
-        raise JointplayError(f"no joint with play can be reduced: {'; '.join(refused.values())}")
-    how: dict[str, Any] = {"amplitude": amplitude, "period": period}
-    rubs, reductions = joint_friction or {}, []
-    with ProgressBar(able, "reducing", unit="joint", disable=not progress) as bar:
-        for name in bar:
-            try:
-                reductions.append(
-                    reduce(mechanism, name, pose, joint_friction=rubs.get(name), **how)
-                )
-            except JointplayError as error:
-                refused[name] = f"joint {name!r}: {error}"
+    able = {name: name for name in names if name not in refused}
+    rubs = dict(joint_friction or {})
+    work = partial(_packed, mechanism, dict(pose or {}), amplitude, period, rubs)
+    with ExitStack() as stack:
+        kept: Memory = Memory()
+        if store is not None:
+            asked = {
+                "robot": mechanism.describe(),
+                "pose": pose,
+                "reversals": [amplitude, period],
+                "joint_friction": plain(rubs),
+                "version": version("jointplay"),
+            }
+            kept = Runs(store, asked)
+            stack.callback(_remove_useless, store, kept)
+            stack.enter_context(closing(kept))
+        begun = len(kept)
+        try:
+            with whole(2.0 * period * (len(able) - begun), progress):
+                for _ in Study(able, work, kept).outcomes(jobs):
+                    pass
+        except KeyboardInterrupt as error:
+            if store is None or not kept:
+                raise
+            done = f"{len(kept)} of {len(able)} joints are kept in {str(store)!r}"
+            raise KeyboardInterrupt(f"{done}; the same command does the others") from error
+        reductions = []
+        for name in able:
+            found = kept[name]
+            if "message" in found:
+                refused[name] = str(found["message"])
+            else:
+                reductions.append(_unpacked(found))
     if not reductions:
         raise JointplayError(f"no joint with play can be reduced: {'; '.join(refused.values())}")
     return reductions, refused
+
+
+def _remove_useless(store: Path, kept: Memory) -> None:
+    if not any("numbers" in found for found in kept.values()):
+        store.unlink()
+
+
+def _packed(
+    mechanism: Mechanism,
+    pose: Mapping[str, float],
+    amplitude: float,
+    period: float,
+    rubs: Mapping[str, JointFriction],
+    name: str,
+) -> Arrays:
+    """The reduction of a joint as a file of runs keeps it, or the message of what refused it."""
+    how: dict[str, Any] = {"amplitude": amplitude, "period": period, "progress": True}
+    try:
+        found = reduce(mechanism, name, pose, joint_friction=rubs.get(name), **how)
+    except JointplayError as error:
+        return {"message": np.array(f"joint {name!r}: {error}")}
+    return {"numbers": np.array(json.dumps(found.describe())), **found.history}
+
+
+def _unpacked(found: Arrays) -> Reduction:
+    history = dict(found)
+    numbers = json.loads(str(history.pop("numbers")))
+    given: dict[str, Any] = {
+        name: tuple(x) if isinstance(x, list) else x for name, x in numbers.items()
+    }
+    return Reduction(**given, history=history)
 
 
 def _with_play(mechanism: Mechanism) -> list[str]:
@@ -355,7 +423,10 @@ def _full_run(
         mechanism, motion, drive=Prescribed(), step=step, record_every=max(round(2e-4 / step), 1),
         joint_friction=None if friction is None else {joint: friction}, loads={},
     )  # fmt: skip
-    return simulation.run(progress, estimate=False).completed("the run of the full model")
+    # Nobody reads how far the step is off; reactions are read of bearings only.
+    only = None if mechanism.clearance else ("q", "v", "gear_torque")
+    result = simulation.run(progress, check_step=False, estimate=False, only=only)
+    return result.completed("the run of the full model")
 
 
 def _fit_friction(result: Result, mechanism: Mechanism, joint: str) -> dict[str, Any]:
@@ -443,21 +514,46 @@ class _Link:
         grid = np.linspace(time[0], time[-1], count + 1)
         step = float(grid[1] - grid[0])
         lead = np.interp(grid, time, motor)
-        speeds = np.gradient(lead, step)
-        angles, (angle, speed) = np.empty(count + 1), start
-        for i in range(count + 1):
-            angles[i] = angle
-            twist = lead[i] - angle
-            # Implicit in the teeth's stiffness: a link far lighter than its rotor stays stable.
-            teeth = step * stiffness if abs(twist) > half else 0.0
-            slowed = step / (self.inertia + step * (damping + self.viscous + teeth))
-            torque = stiffness * (twist - min(max(twist, -half), half))
-            torque += (damping + teeth) * speeds[i]
-            torque += self.mean + self.even * math.cos(angle) + self.odd * math.sin(angle)
-            free = slowed * (self.inertia / step * speed + torque)
-            speed = math.copysign(max(abs(free) - slowed * self.friction, 0.0), free)
-            angle += step * speed
+        angles, weight = np.empty(count + 1), (self.mean, self.even, self.odd)
+        _follow(
+            lead, np.gradient(lead, step), step, (half, stiffness, damping),
+            (self.inertia, self.viscous, self.friction), weight, start, angles,
+        )  # fmt: skip
         return np.interp(time, grid, angles)
+
+
+@compiled
+def _follow(
+    lead: np.ndarray,
+    speeds: np.ndarray,
+    step: float,
+    teeth: tuple[float, float, float],
+    link: tuple[float, float, float],
+    weight: tuple[float, float, float],
+    start: tuple[float, float],
+    angles: np.ndarray,
+) -> None:
+    """Angles of a link, (n,), while the motor turns as given by its angles and speeds, (n,).
+
+    Of the teeth half their play, stiffness and damping, of the link inertia, viscous and dry
+    friction, of its weight mean, even and odd torque; angle and speed at the start.
+    """
+    half, stiffness, damping = teeth
+    inertia, viscous, friction = link
+    mean, even, odd = weight
+    angle, speed = start
+    for i in range(len(angles)):
+        angles[i] = angle
+        twist = lead[i] - angle
+        # Implicit in the teeth's stiffness: a link far lighter than its rotor stays stable.
+        tooth = step * stiffness if abs(twist) > half else 0.0
+        slowed = step / (inertia + step * (damping + viscous + tooth))
+        torque = stiffness * (twist - min(max(twist, -half), half))
+        torque += (damping + tooth) * speeds[i]
+        torque += mean + even * math.cos(angle) + odd * math.sin(angle)
+        free = slowed * (inertia / step * speed + torque)
+        speed = math.copysign(max(abs(free) - slowed * friction, 0.0), free)
+        angle += step * speed
 
 
 def _across(

@@ -221,6 +221,7 @@ def _interrupted(lost: str) -> int:
     """Say what was given up, and what is there."""
     from jointplay.base import files
 
+    files.remove_made_folders()
     parts = [lost] if lost else []
     if files.written:
         names = ", ".join(path.name for path in files.written)

@@ -16,12 +16,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from jointplay.base import files
+from jointplay.base import files, signals
 from jointplay.base.errors import JointplayError, nothing_has_play, require_non_negative
 from jointplay.base.pairs import name_and_number
 from jointplay.bridges.reduced_formats import FORMATS, choose
 from jointplay.cli.commands import Outputs, given, inputs, print_answer
 from jointplay.cli.options import ANGLE, FLAG, REPEATED, TIME, Parser
+
+DONE = "joints.runs"
+"""File of the joints that are done, as long as others are not."""
 
 
 # fmt: off
@@ -36,9 +39,10 @@ def declare(parser: Parser) -> None:
     add("--amplitude", **ANGLE, help="amplitude of the reversals (default: 0.1)")
     add("--period", **TIME, help="period of a reversal, there and back (default: 2)")
     add = parser.add_argument_group("output").add_argument
-    add("--for", choices=("mujoco", "newton", "genesis", "gazebo", "isaac"), help="what this "
-        "simulator takes and nothing else; says which parts of the play it has, and what is lost")
-    add("--format", choices=("mjcf", "sdf", "urdf", "json", "usd", "py"), **REPEATED,
+    add("--for", choices=("mujoco", "newton", "genesis", "gazebo", "webots", "isaac"), help="what "
+        "this simulator takes and nothing else; says which parts of the play it has, and what is "
+        "lost")
+    add("--format", choices=("mjcf", "sdf", "urdf", "json", "usd", "proto", "py"), **REPEATED,
         help="file format; by default all")
     add("--spread", metavar="SHARE", help="JSON: relative half width of ranges without measured "
         "values, such as 20% (default: 0.3)")
@@ -48,7 +52,7 @@ def declare(parser: Parser) -> None:
     add("--all", **FLAG, help="write all joints with play into one file of each format")
     add("--plugin", metavar="NAME", help="URDF: hardware of ros2_control's tags (default: "
         "gz_ros2_control/GazeboSimSystem)")
-    parser.share("--detail", "--quiet")
+    parser.share("--jobs", "--detail", "--quiet")
 # fmt: on
 
 
@@ -65,7 +69,7 @@ def run(options: argparse.Namespace) -> int:
     names = [f"{stem}{ending}" for ending in endings] + ["reversals.png"] * (joint is not None)
     from jointplay.model.meshes import FOLDER
 
-    out = Outputs(options.out, names + [FOLDER] * ("mjcf" in formats))
+    out = Outputs(options.out, names + [FOLDER] * bool({"mjcf", "proto"}.intersection(formats)))
     from jointplay.bridges.reduced_robot import BEYOND, ReducedRobot, refuse_without_play
     from jointplay.bridges.reduction import is_own, reduce, reduce_all
 
@@ -85,6 +89,8 @@ def run(options: argparse.Namespace) -> int:
     how = given(options, "amplitude", "period") | {"progress": not options.quiet}
     rubs = posed.poses.holding["joint_friction"] or {}
     if joint is None:
+        store = Path(options.out) / DONE
+        how |= {"jobs": options.jobs, "store": store}
         reductions, refused = reduce_all(mechanism, pose, joint_friction=rubs, **how)
         notes += [f"not reduced: {why}" for why in refused.values()]
     else:
@@ -112,11 +118,15 @@ def run(options: argparse.Namespace) -> int:
         contents["reversals.png"] = reversals(reductions[0])
     body = "\n".join([str(shown), *notes, *robot.notes])
     print_answer(f"{sentence[0].upper()}{sentence[1:]}", body, posed.notes, options)
-    if robot.meshes:
-        (Path(options.out) / FOLDER).mkdir()
-    for name, data in robot.meshes.items():
-        files.write(Path(options.out) / FOLDER / name, data)
-    out.write(contents)
+    meshes = robot.meshes
+    with signals.keeping(f"the files in {options.out}"):
+        if meshes:
+            (Path(options.out) / FOLDER).mkdir()
+        for name, data in meshes.items():
+            files.write(Path(options.out) / FOLDER / name, data)
+        out.write(contents)
+        if joint is None:
+            store.unlink()
     if options.check:
         lines = [*robot.check()]
         print(*lines, sep="\n")
