@@ -57,8 +57,8 @@ def declare(parser: Parser) -> None:
     add("--map", metavar="GAIN=FROM:TO:COUNT", **REPEATED, help="two of them, such as "
         "p_gain=10:400:20 d_gain=0:5:20: a map of the swings over both, of one joint; evenly by "
         "factors unless from 0")
-    add("--out", metavar="DIR", help="folder for hunting.csv (of a map gains.csv, gains.png) and, during "
-        "the run, for what is done: the same command goes on after an interruption")
+    add("--out", metavar="DIR", help="folder for hunting.csv (of a map gains.csv, gains.png) and, "
+        "during the run, for what is done: the same command goes on after an interruption")
     parser.share("--jobs", "--detail", "--quiet")
 # fmt: on
 
