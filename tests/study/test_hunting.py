@@ -12,7 +12,7 @@ from warm import JOINTPLAY
 
 import jointplay as jp
 from jointplay.cli import main
-from jointplay.study import calm, hunting
+from jointplay.study import calm, hunting, swings
 from jointplay.study.hunting import Axis, Trial, describing_function, predicted
 from jointplay.study.slow_motion import slow_motion
 from jointplay.study.swings import QUIET
@@ -486,6 +486,45 @@ def test_chatter_beside_the_edge_of_a_count_is_rest():
     count = 2.0 * np.pi / 4096
     held = replace(axis(38.6, resolution=count, dead_band_counts=1), load=0.4, inertia=0.008)
     assert at(held) == QUIET
+
+
+def test_chatter_of_uneven_records_is_rest_within_seconds():
+    """Between two counts its largest way of each quarter differs by a part of a per cent with the
+    moments of its records, and does not grow; without counts that may be a swing that does.
+    """
+    servo = axis(54.6, resolution=2.0 * np.pi / 4096, dead_band_counts=1)
+    time = np.arange(0.0, 20.0, 1e-3)
+    sizes = np.where(time > 15.0, 1.004, 1.0) * 0.5 * swings.LEAST * GEAR.play
+    places = sizes * np.vstack([np.sin(11.0 * time), 0.1 * np.sin(11.0 * time)])
+    assert swings._judge(time, places, servo, last=False) == QUIET
+    assert swings._judge(time, places, axis(54.6), last=False) is None
+
+
+def test_runs_that_were_done_are_not_done_again(tmp_path, monkeypatch, urdf):
+    disc = urdf(body("disc", 1.0, "0 0 0", 0.05), joint("a", "base", "disc", "continuous"))
+    motion = jp.Motion(["a"], [0, 1.0], [[0.0], [0.1]])
+    rubs = {"a": jp.loads.JointFriction(0.1, presliding=1e-3, presliding_damping=0.05)}
+    one = jp.Simulation(
+        jp.Mechanism(disc, gears={"a": GEAR}), motion, drive=axis(20.0).drive, joint_friction=rubs
+    )
+    how = {"starts": (2.0,), "jobs": 1, "longest": 3.0, "keep": tmp_path / "runs"}
+    real, done = hunting.swings, []
+
+    def stopped(trial):
+        if len(done) == 3:
+            raise KeyboardInterrupt
+        done.append(trial)
+        return real(trial)
+
+    monkeypatch.setattr(hunting, "swings", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        hunting.hunting(one, **how)
+    again = []
+    monkeypatch.setattr(hunting, "swings", lambda trial: again.append(trial) or real(trial))
+    (answer,) = hunting.hunting(one, **how)
+    assert not any(trial in done for trial in again)
+    monkeypatch.setattr(hunting, "swings", lambda trial: pytest.fail("was run again"))
+    assert hunting.hunting(one, **how) == [answer]
 
 
 def test_the_command_says_whether_a_robot_hunts(tmp_path):

@@ -9,9 +9,11 @@ the place between is sought.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 
@@ -20,7 +22,7 @@ from jointplay.base.progress import ProgressBar
 from jointplay.base.tables import Column, Table
 from jointplay.simulation.loads import Controller, Servo
 from jointplay.simulation.simulation import Simulation
-from jointplay.study.hunting import STARTS, UNITS, Search
+from jointplay.study.hunting import STARTS, UNITS, Search, store_in
 from jointplay.study.released import Axis, released
 from jointplay.study.swings import QUIET, Swing
 
@@ -137,12 +139,13 @@ def calm(
     places: int = 7,
     longest: float | None = None,
     jobs: int | None = None,
+    keep: Path | None = None,
     progress: bool = False,
 ) -> list[Calm]:
     """Find at which poses joints under servos are calm, and up to which P gain at each.
 
     Args:
-        simulation, joints, pose, longest, jobs, progress: see `hunting`.
+        simulation, joints, pose, longest, jobs, keep, progress: see `hunting`.
         places: of each joint, evenly over its limits, over a turn if it has none.
 
     Raises:
@@ -165,8 +168,10 @@ def calm(
             for at in np.linspace(low, high, places).tolist()
         ]
         answers.append(Calm(one.joint, found))
-    _judge([one for each in answers for one in each.places], longest, jobs, progress)
-    _edges(simulation, pose, answers, longest, jobs, progress)
+    with store_in(keep) as store:
+        search = partial(Search, STARTS, longest, jobs, store=store)
+        _judge([one for each in answers for one in each.places], search, progress)
+        _edges(simulation, pose, answers, search, progress)
     return answers
 
 
@@ -232,13 +237,13 @@ class _Gains:
 
 
 def _judge(
-    places: Sequence[Place], longest: float | None, jobs: int | None, progress: bool
+    places: Sequence[Place], search: Callable[[ProgressBar], Search], progress: bool
 ) -> None:
     """Verdicts of all places, and their largest calm gain."""
     kinds = _kinds(places)
     total = len(STARTS) * _Gains.runs(len(kinds))
     with ProgressBar(disable=not progress, unit="run", total=total) as bar:
-        found = _Gains([kind[0].axis for kind in kinds], Search(STARTS, longest, jobs, bar))
+        found = _Gains([kind[0].axis for kind in kinds], search(bar))
     told = zip(found.loose, found.tight, found.calm, found.shakes, strict=True)
     for kind, (swing, control, quiet, shakes) in zip(kinds, told, strict=True):
         for place in kind:
@@ -260,7 +265,7 @@ def _outward(quiet: float | None, shake: float | None, axis: Axis) -> float | No
 
 def _edges(
     simulation: Simulation, pose: Mapping[str, float] | None, answers: Sequence[Calm],
-    longest: float | None, jobs: int | None, progress: bool,
+    search: Callable[[ProgressBar], Search], progress: bool,
 ) -> None:  # fmt: skip
     """Where verdicts change, by halving the way between two places; the calm end is taken."""
     between = [
@@ -273,12 +278,12 @@ def _edges(
         return
     total = len(STARTS) * HALVINGS * len(between)
     with ProgressBar(disable=not progress, unit="run", total=total) as bar:
-        search = Search(STARTS, longest, jobs, bar)
+        halving = search(bar)
         for _ in range(HALVINGS):
             middles = [0.5 * sum(ends) for _, ends, _ in between]
             axes = [_put(simulation, one.joint, pose, at)
                     for (one, _, _), at in zip(between, middles, strict=True)]  # fmt: skip
-            found = search.each(axes, True)
+            found = halving.each(axes, True)
             for (_, ends, first), at, swing in zip(between, middles, found, strict=True):
                 ends[0 if (swing == QUIET) == first else 1] = at
     for one, ends, first in between:

@@ -105,7 +105,7 @@ def traces(
         JointplayError: a run that did not complete; no process; `keep` cannot be written to.
     """
     check_numbers(max(len(simulations), 1), jobs)
-    keys = [_key(simulation) for simulation in simulations]
+    keys = [run_key(simulation) for simulation in simulations]
     plan = dict(zip(keys, simulations, strict=True))
     with ExitStack() as stack:
         store = Memory[Arrays]()
@@ -122,7 +122,8 @@ def _course(result: Result) -> Arrays:
     return {"time": np.asarray(result.time), "judged_from": start, **courses}
 
 
-def _key(simulation: Simulation) -> str:
+def run_key(simulation: Simulation) -> str:
+    """All inputs of a run, and the version, as a short text."""
     inputs = json.dumps(
         [simulation.describe(), _own_modules(simulation)], sort_keys=True, default=str
     )

@@ -8,8 +8,10 @@ makes of a sine, is the screen beside servos; it is derived here, and tested by 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -19,8 +21,10 @@ from jointplay.base.tables import Column, Table, counted, few
 from jointplay.physics.kernel import JOINT_FRICTION_SPEED
 from jointplay.simulation.loads import Controller, Servo
 from jointplay.simulation.simulation import Simulation
+from jointplay.study.courses import run_key
 from jointplay.study.released import UNITS, Axis, Released, released
-from jointplay.study.study import Study
+from jointplay.study.runs import Arrays, Runs
+from jointplay.study.study import Memory, Study
 from jointplay.study.swings import DIVERGES, LONGEST_S, QUIET, Swing, Trial, swings
 
 STARTS = (0.5, 2.0, 8.0)
@@ -126,6 +130,36 @@ class Hunting:
         return "gains, not play" if self.control.hunts else "play"
 
 
+def _kept_swings(trial: Trial) -> Arrays:
+    """Swings of a trial as a store keeps them: a row for each axis."""
+    return {"swings": np.array(swings(trial), float)}
+
+
+def _key(trial: Trial) -> str:
+    """All that the swings of a trial depend on."""
+    lasts = "" if trial.longest is None else f"{trial.longest!r}"
+    joints = ",".join(axis.joint for axis in trial.released.axes)
+    inputs = run_key(trial.released.simulation(1.0))
+    return f"{inputs} {joints} {trial.start!r} {trial.play} {lasts}"
+
+
+def _swings_of(kept: Arrays) -> list[Swing]:
+    return [
+        Swing(bool(hunts), float(amplitude), float(frequency), float(twist), bool(unclear))
+        for hunts, amplitude, frequency, twist, unclear in kept["swings"]
+    ]
+
+
+@contextmanager
+def store_in(path: Path | None) -> Iterator[Memory[Arrays]]:
+    """What keeps trials: a file, of which those that are there are not run again, or memory."""
+    if path is None:
+        yield Memory[Arrays]()
+        return
+    with closing(Runs(path, {})) as store:
+        yield store
+
+
 @dataclass(frozen=True)
 class Search:
     """Runs from several starts."""
@@ -134,6 +168,8 @@ class Search:
     longest: float | None
     jobs: int | None
     bar: ProgressBar
+    store: Memory[Arrays] = field(default_factory=Memory)
+    """Has the trials that were run."""
 
     def largest(
         self, these: Sequence[Released], play: bool, controlled: float = SEARCH_S
@@ -146,7 +182,11 @@ class Search:
             for one in these
             for start in self.starts
         ]
-        all_swings, n = Study(trials, swings).run(self.jobs, self.bar), len(self.starts)
+        keys, n = [_key(trial) for trial in trials], len(self.starts)
+        plan = dict(zip(keys, trials, strict=True))
+        self.bar.update(len(keys) - sum(key not in self.store for key in plan))
+        Study(plan, _kept_swings, self.store).run(self.jobs, self.bar)
+        all_swings = [_swings_of(self.store[key]) for key in keys]
         return [
             [
                 max(of_axis, key=lambda swing: (swing.hunts, swing.unclear, swing.amplitude))
@@ -204,6 +244,7 @@ def hunting(
     longest: float | None = None,
     starts: Sequence[float] = STARTS,
     jobs: int | None = None,
+    keep: Path | None = None,
     progress: bool = False,
 ) -> list[Hunting]:
     """Find which joints hunt at rest, and up to which gain they do not.
@@ -216,6 +257,8 @@ def hunting(
             servos, under controllers `LONGEST_S`, or `SEARCH_S` to look for the gain.
         starts: how far aside runs begin, in plays of the gear.
         jobs: processes; None takes one for each core.
+        keep: file in which each run is kept as soon as it is done; those that are there are not
+            done again.
         progress: show a bar.
 
     Raises:
@@ -230,8 +273,8 @@ def hunting(
             raise JointplayError(f"{gain} is 0: give a value that can be doubled and halved")
     varies = sum(gain is not None or isinstance(one, Axis) for one in these)
     most = len(starts) * (2 * len(these) + (1 + REACH + 2 * BETWEEN) * varies)
-    with ProgressBar(disable=not progress, unit="run", total=most) as bar:
-        search = Search(starts, longest, jobs, bar)
+    with store_in(keep) as store, ProgressBar(disable=not progress, unit="run", total=most) as bar:
+        search = Search(starts, longest, jobs, bar, store)
         for one in these:
             (loose,), (tight,) = (search.largest([one], play, LONGEST_S) for play in (True, False))
             name = gain or ("p_gain" if isinstance(one, Axis) else None)
@@ -310,11 +353,13 @@ def gain_map(
     longest: float | None = None,
     start: float = STARTS[1],
     jobs: int | None = None,
+    keep: Path | None = None,
     progress: bool = False,
 ) -> GainMap:
     """Run a joint at all pairs of two gains, with play and without, once each from one start.
 
-    No motion is longer than `longest` [s]; None: `DAY_S` under a servo, else `MAP_S`.
+    No motion is longer than `longest` [s]; None: `DAY_S` under a servo, else `MAP_S`. Of `keep` see
+    `hunting`.
 
     Raises:
         JointplayError: no such gain, twice the same, or several joints.
@@ -329,8 +374,9 @@ def gain_map(
     if len(one.axes) > 1:
         raise JointplayError(f"a map is of one joint, got {', '.join(a.joint for a in one.axes)}")
     pairs = [one.with_gains(**{x: float(a), y: float(b)}) for b in ys for a in xs]
-    with ProgressBar(disable=not progress, unit="run", total=2 * len(pairs)) as bar:
-        search = Search([start], longest, jobs, bar)
+    total = 2 * len(pairs)
+    with store_in(keep) as store, ProgressBar(disable=not progress, unit="run", total=total) as bar:
+        search = Search([start], longest, jobs, bar, store)
         loose, tight = (
             [swing for (swing,) in search.largest(pairs, play, MAP_S)] for play in (True, False)
         )

@@ -30,12 +30,16 @@ from jointplay.base.errors import within
 from jointplay.physics.kernel import Status
 from jointplay.simulation.loads import Servo
 from jointplay.simulation.run import Run
-from jointplay.study.released import Axis, Released
+from jointplay.study.released import STEP_S, Axis, Released
 from jointplay.study.slow_motion import slow_motion
 
 STEPPED_S = 60.0
 """How long the engine runs a joint under a servo. With 20 s one of 110 random joints is lost, that
 swings fast but grows slowly, which costs the solver more steps than it may take."""
+
+CHATTERS_S = 15.0
+"""From when on chatter between two counts is known from swings that grow: it is as large from one
+quarter to the next, but for the moments at which it was recorded (`STEADY`; judged)."""
 
 DAY_S = 1e5
 """Longest motion under a servo (judged: with 1e4 to 1e7 at most one of nine slow joints is unclear,
@@ -199,11 +203,13 @@ def _judge(time: np.ndarray, places: np.ndarray, axis: Axis, last: bool) -> Swin
             return Swing(
                 True, 0.5 * float(np.ptp(link)), frequency, 0.5 * float(np.ptp(motor - link))
             )
-    if servo and servo.i_gain == 0.0 and time[-1] >= (1.0 - ROUNDING) * STEPPED_S:
+    counts = servo is not None and servo.resolution > 0.0
+    if servo and servo.i_gain == 0.0 and time[-1] >= (CHATTERS_S if counts else STEPPED_S - STEP_S):
         # Beside the edge of a count it chatters where it came to rest, as nothing winds up.
         tail = later[:, quarter:]
         chatters = len(_rises(tail[farther])) > 6 and np.ptp(tail, axis=1).max() < smallest
-        if chatters and (travels[2] <= (1.0 + EVEN) * travels[1]).all():
+        grows = travels[2] > (1.0 + (STEADY if counts else EVEN)) * travels[1]
+        if chatters and not (grows[farther] if counts else grows.any()):
             return QUIET
     if not last:
         return None

@@ -13,6 +13,7 @@ Example: jointplay study hunting so101 --preset --of elbow_flex
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jointplay.base import streams
@@ -32,6 +33,9 @@ from jointplay.cli.options import REPEATED, TIME, Parser
 
 if TYPE_CHECKING:
     from jointplay.scenario import Scenario
+
+RUNS = "hunting.runs"
+"""What is kept of runs, in the folder of --out."""
 
 
 # fmt: off
@@ -53,7 +57,8 @@ def declare(parser: Parser) -> None:
     add("--map", metavar="GAIN=FROM:TO:COUNT", **REPEATED, help="two of them, such as "
         "p_gain=10:400:20 d_gain=0:5:20: a map of the swings over both, of one joint; evenly by "
         "factors unless from 0")
-    add("--out", metavar="DIR", help="folder for hunting.csv; for the map, gains.csv and gains.png")
+    add("--out", metavar="DIR", help="folder for hunting.csv (of a map gains.csv, gains.png) and, "
+        "during the run, for what is done: the same command goes on after an interruption")
     parser.share("--jobs", "--detail", "--quiet")
 # fmt: on
 
@@ -89,7 +94,12 @@ def run(options: argparse.Namespace) -> int:
     registers = [line for line in told if any(word in line for word in words)]
     require_one_pose(options)
     held = positions(simulation.mechanism, "".join(options.pose))
-    how = {"longest": options.time, "jobs": options.jobs, "progress": not options.quiet}
+    how = {
+        "longest": options.time,
+        "jobs": options.jobs,
+        "keep": Path(options.out) / RUNS if options.out else None,
+        "progress": not options.quiet,
+    }
     joints = options.of or ()
     if spans:
         these = hunting.released(simulation, joints, held)
