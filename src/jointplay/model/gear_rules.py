@@ -1,7 +1,7 @@
 """What stands for the numbers of a gear of which only the play is known.
 
 From the effort T that a joint's drive is made for follow, by rules fitted to some twenty gears and
-servos (docs/drives.md has a table, with what of it is second hand):
+servos (docs/data/drives.csv, with what of it is second hand):
 
 - stiffness 25 T^1.5 N m/rad, at most 300 T: for one size of gear the twist at full torque falls
   with size, from 40 mrad at 1 N m to 3.3 mrad from 144 N m on;
