@@ -45,7 +45,7 @@ from jointplay.base.errors import (
     require_positive,
 )
 from jointplay.base.files import is_file
-from jointplay.base.progress import whole
+from jointplay.base.progress import overall
 from jointplay.base.schema import plain
 from jointplay.base.tables import aligned
 from jointplay.base.units import told
@@ -305,7 +305,7 @@ def reduce_all(
             stack.enter_context(closing(kept))
         begun = len(kept)
         try:
-            with whole(2.0 * period * (len(able) - begun), progress):
+            with overall(2.0 * period * (len(able) - begun), progress):
                 for _ in Study(able, work, kept).outcomes(jobs):
                     pass
         except KeyboardInterrupt as error:

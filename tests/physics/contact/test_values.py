@@ -17,8 +17,8 @@ from jointplay.physics.contact import (
     FrictionLaw,
     NormalForceLaw,
 )
-from jointplay.physics.contact.machine_code import compiled_law, parameter_names
 from jointplay.physics.contact.film import FilmProperties
+from jointplay.physics.contact.machine_code import compiled_law, parameter_names
 
 NEEDED = {
     "kelvin-voigt": {"damping": 30.0},
