@@ -26,16 +26,17 @@ _WORTH = 0.05
 
 
 class Cure(NamedTuple):
-    """A cure, and the error without and with it [m]."""
+    """A cure, and the error without and with it [m or rad]."""
 
     words: str
     before: float
     after: float
     of: str
     """Which error: at rest, or the worst case of play."""
+    unit: str = "m"
 
     def __str__(self) -> str:
-        now, then = readable(self.after, "m", 3), readable(self.before, "m", 3)
+        now, then = (readable(error, self.unit, 3) for error in (self.after, self.before))
         return f"{self.words}: {now} instead of {then} {self.of}"
 
 
@@ -53,7 +54,8 @@ def _tighter(found: PlayBudget, at: int) -> Iterator[Cure]:
     if worst > 0.0:
         most = int(found.shares.argmax())
         words = f"half the play of {found.joints[most]} (jointplay allocate)"
-        yield Cure(words, worst, _worst(found, at, most, 0.5), "at worst of play")
+        after = _worst(found, at, most, 0.5)
+        yield Cure(words, worst, after, "at worst of play", found.unit)
 
 
 def _worst(found: PlayBudget, at: int, source: int, part: float) -> float:
@@ -84,14 +86,15 @@ def _sprung(found: PlayBudget, at: int) -> Iterator[Cure]:
             f"a spring or counterweight of {min(ends) + more:.3g} {unit} in {one.joint}, which "
             f"keeps its teeth on one side at all {len(torque)} poses"
         )
-        yield Cure(words, float(found.worst[at]), _worst(found, at, k, 0.0), "at worst of play")
+        worst, after = float(found.worst[at]), _worst(found, at, k, 0.0)
+        yield Cure(words, worst, after, "at worst of play", found.unit)
 
 
 def _at_rest(found: PlayBudget, at: int) -> Iterator[Cure]:
     """A corrected motion, with stops approached from one side and without; stiffer servos."""
     rest, largest = found.rest_positions, float(found.rest_positions.interval(at)[3, 1])
     left = found.compensated(at, KNOWN)
-    if not np.isfinite(left):
+    if not np.isfinite(left) or found.unit == "rad":  # what compensation leaves is a distance
         return
     words = f"compensated (jointplay compensate), its play known to {100 * KNOWN:g} %"
     sided = found.compensated(at, KNOWN, friction=-1.0)

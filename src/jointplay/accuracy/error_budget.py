@@ -124,10 +124,16 @@ class Budget(ABC):
         """Largest rotation of the tool, shape (n,)."""
         return self.turns.size
 
+    @property
+    def components(self) -> slice:
+        """Those of an error (6,) that count: of its displacement."""
+        return slice(0, 3)
+
     @cached_property
     def axis_worst(self) -> np.ndarray:
         """Largest error along and about each world axis, by contribution, shape (n, k, 6)."""
-        ways_and_turns = [self.model.values(np.eye(3), turn) for turn in (False, True)]
+        turned = self.components.start > 0
+        ways_and_turns = [self.model.values(np.eye(3), turn) for turn in (turned, not turned)]
         return np.concatenate(ways_and_turns, axis=2).transpose(1, 0, 2)
 
     @property
@@ -159,6 +165,18 @@ class PlayBudget(Budget):
     """
     rms_parts: np.ndarray
     """What each joint adds to `rms`: its mean part along the error, shape (n, j)."""
+    unit: str = "m"
+    """``rad`` of an output that turns about its origin, such as a rocker on its pivot: then worst
+    cases, RMS and what joints add to them are angles."""
+
+    @property
+    def components(self) -> slice:
+        """Those of an error (6,) that count."""
+        return slice(0, 3) if self.unit == "m" else slice(3, 6)
+
+    @property
+    def turns(self) -> Farthest:
+        return super().turns if self.unit == "m" else self.farthest
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -192,14 +210,14 @@ class PlayBudget(Budget):
         resting = f"at rest it is {self._resting(at)}{self._regulated}"
         if not self.worst[at] and not self.worst_turn.any():
             return f"No play moves the tool {self.tool!r}; {resting}"
-        if self.worst[at] <= NOWHERE * self.worst_turn.max():
+        if self.unit == "rad":
             rest = self.rest_positions.at(at)
             turned, sag = np.linalg.norm([rest.error[3:], rest.sag[3:]], axis=1).tolist()
             part = f" ({self._whose_sag} {readable(sag, 'rad', 3)})" if sag else ""
             return (
-                f"Play turns the tool {self.tool!r} by up to {turn}{where}; at rest it is turned "
-                f"by {readable(turned, 'rad', 3)}{part}; its origin lies where nothing moves it: "
-                "--tool names another frame"
+                f"Play turns the tool {self.tool!r} by up to {turn}{where} (RMS "
+                f"{readable(self.rms[at], 'rad', 3)}), {self._most(at)}; at rest it is turned "
+                f"by {readable(turned, 'rad', 3)}{part}"
             )
         return (
             f"Play lets the tool {self.tool!r} be up to {readable(self.worst[at], 'm', 3)} off"
@@ -322,8 +340,8 @@ class PlayBudget(Budget):
 
     def by_pose(self, names: Sequence[str]) -> Table:
         """A row for each pose, of these names: its worst case, and each joint's share in it."""
-        columns = [Column("pose", names), Column("worst case", self.worst, "m")]
-        columns.append(Column("rms", self.rms, "m"))
+        columns = [Column("pose", names), Column("worst case", self.worst, self.unit)]
+        columns.append(Column("rms", self.rms, self.unit))
         columns_by_joint = zip(self.joints, self._shares.T, strict=True)
         return Table(
             [*columns, *(Column(name, share, "1", digits=3) for name, share in columns_by_joint)]
@@ -345,8 +363,8 @@ class PlayBudget(Budget):
 
     @property
     def rest_error(self) -> np.ndarray:
-        """Distance of the tool at rest from the ideal one, shape (n,) [m]."""
-        return np.asarray(np.linalg.norm(self.rest_tool[:, :3], axis=1))
+        """Distance of the tool at rest from the ideal one, or its turn, shape (n,) [m or rad]."""
+        return np.asarray(np.linalg.norm(self.rest_tool[:, self.components], axis=1))
 
     @property
     def rest_interval(self) -> np.ndarray:
@@ -362,18 +380,22 @@ class PlayBudget(Budget):
         at = self.worst_pose if pose is None else pose
         rests, error, *_ = self.rest_positions.at(at)
         worst = float(self.worst[at])
-        sums = (worst, worst, 1.0 if worst > 0.0 else None, np.linalg.norm(error[:3]))
+        sums = (worst, worst, 1.0 if worst > 0.0 else None, np.linalg.norm(error[self.components]))
+        resting = Column("at rest", np.linalg.norm(rests[:, :3], axis=1), "m")
+        turn = [Column("worst turn", self.turns.parts[:, at], "rad")] * (self.unit == "m")
+        if self.unit == "rad":  # what each joint adds to an angle at rest is not kept
+            resting = Column("at rest", [None] * len(rests), "rad")
         return Table(
             (
                 Column("joint", self.joints),
-                Column("alone", self.alone[at], "m"),
-                Column("part of worst case", self.worst_parts[at], "m"),
+                Column("alone", self.alone[at], self.unit),
+                Column("part of worst case", self.worst_parts[at], self.unit),
                 Column("share", self._shares[at], "1", digits=4),
-                Column("at rest", np.linalg.norm(rests[:, :3], axis=1), "m"),
-                Column("rms", self.rms_parts[at], "m"),
-                Column("worst turn", self.turns.parts[:, at], "rad"),
+                resting,
+                Column("rms", self.rms_parts[at], self.unit),
+                *turn,
             ),
-            totals=[("all", *sums, self.rms[at], self.worst_turn[at])],
+            totals=[("all", *sums, self.rms[at], *([self.worst_turn[at]] * len(turn)))],
             notes=self._notes(at),
         )
 
@@ -464,9 +486,9 @@ class PlayBudget(Budget):
         columns = [Column("pose", names or range(len(self.worst)))]
         columns += [Column(f"tool {x}", self.positions[:, k], "m") for k, x in enumerate("xyz")]
         columns += [
-            Column("worst", self.worst, "m"),
-            Column("worst turn", self.worst_turn, "rad"),
-            Column("rms", self.rms, "m"),
+            Column("worst", self.worst, self.unit),
+            *[Column("worst turn", self.worst_turn, "rad")] * (self.unit == "m"),
+            Column("rms", self.rms, self.unit),
             Column("second order", self.second_order, "m"),
         ]
         by_axis = self.axis_worst.sum(axis=1)
@@ -474,8 +496,8 @@ class PlayBudget(Budget):
             columns.append(Column(f"worst {axis}", by_axis[:, k], "m" if k < 3 else "rad"))
         for label, values in (("worst part", self.worst_parts), ("worst alone", self.alone)):
             for k, name in enumerate(self.joints):
-                key = f"{label.replace(' ', '_')}_{name}_m"
-                columns.append(Column(f"{label} {name}", values[:, k], "m", key))
+                key = f"{label.replace(' ', '_')}_{name}_{self.unit}"
+                columns.append(Column(f"{label} {name}", values[:, k], self.unit, key))
         rests: list[Sequence[float | None]] = [[None] * 12] * len(self.worst)
         for i in range(len(rests)):
             if self.rest_positions.is_known(i):
@@ -766,7 +788,9 @@ def budget(
         mechanism, q, loads=acting, second_order=second_order, driven=driven, loops=True,
         relative_to=relative_to,
     )  # fmt: skip
-    half = half_sphere()
+    unit, half = "m", half_sphere()
+    if model.farthest().size.max() <= NOWHERE * model.farthest(turn=True).size.max():
+        unit, model = "rad", model.turning
     states = model.along(np.broadcast_to(half, (len(q), *half.shape)))
     worst = model.farthest(start=half[states.value.sum(axis=0).argmax(axis=1)])
     # The states that a load of random direction brings about are those just found, and in the
@@ -780,10 +804,12 @@ def budget(
     share += (looser**2).sum(axis=3).mean(axis=2).T
     rms = np.sqrt(share.sum(axis=1))
     rms_parts = np.divide(share, rms[:, None], out=np.zeros_like(share), where=rms[:, None] > 0.0)
-    if mechanism.loops:
+    outwards = relative_to is None or _carries(mechanism, relative_to)
+    if unit == "rad":  # angles about one axis add up
+        more = np.zeros(len(q))
+    elif mechanism.loops:
         more = _second_order_of_loops(mechanism, q, model, worst.direction, driven)
     else:
-        outwards = relative_to is None or _carries(mechanism, relative_to)
         more = _second_order(model, outwards)
     push = np.array(force, float)
     rest = RestPositions(
@@ -792,7 +818,7 @@ def budget(
     if rest.regulated and not mechanism.loops:  # their links are held still
         rest = replace(rest, second_order=_second_order(rest.unregulated(model), outwards))
     seen = driven, relative_to, _positions(mechanism, q, relative_to)
-    return PlayBudget(mechanism, q, model, push, *seen, worst, rest, more, rms, rms_parts)
+    return PlayBudget(mechanism, q, model, push, *seen, worst, rest, more, rms, rms_parts, unit)
 
 
 def holding_drives(

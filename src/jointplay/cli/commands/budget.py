@@ -90,7 +90,7 @@ def run(options: argparse.Namespace) -> int:
         name = poses.names[k] if poses.names else k
         place = ", ".join(f"{x:.3f}" for x in errors.positions[k])
         shown.append(
-            f"worst-case error of {errors.tool!r} [mm]: least {1e3 * errors.worst.min():.4f}, mean "
+            f"worst-case error of {errors.tool!r} [m{errors.unit}]: least {1e3 * errors.worst.min():.4f}, mean "
             f"{1e3 * errors.worst.mean():.4f}, largest {1e3 * errors.worst.max():.4f} (pose "
             f"{name}, tool at {place} m), which is made up like this:"
         )
@@ -114,7 +114,8 @@ def run(options: argparse.Namespace) -> int:
     contents = {"budget.csv": errors.data(poses.names).csv(), "bars.png": plots.bars(errors)}
     if not body:
         contents["robot.png"] = plots.robot(mechanism, errors, poses.q)
-        contents["reach.png"] = plots.reachable(errors)
+        if errors.unit == "m":  # an angle has no places
+            contents["reach.png"] = plots.reachable(errors)
     if poses.times is not None:
         contents["course.png"] = plots.course(errors, poses.times)
     if poses.kind == "workspace" and not body:
@@ -133,10 +134,10 @@ def _at_ends(
     from jointplay.accuracy.error_budget import budget
     from jointplay.estimate.machine import at_ends
 
-    low, high = (
-        f"{1e3 * float(budget(one, q, **about).worst.max()):.4g}"
-        for one in at_ends(mechanism, own.intervals)
-    )
+    ends = [budget(one, q, **about) for one in at_ends(mechanism, own.intervals)]
+    low, high = (f"{1e3 * float(errors.worst.max()):.4g}" for errors in ends)
+    unit = ends[0].unit
     return [
-        f"with measured plays at the ends of their 95 % intervals: worst case {low} to {high} mm"
+        f"with measured plays at the ends of their 95 % intervals: worst case {low} to {high} "
+        f"m{unit}"
     ]

@@ -211,6 +211,7 @@ def budget_message(errors: PlayBudget, whole: bool, moves: bool) -> dict[str, An
         "where": where if whole or not moves else "the pose that was the worst to begin with",
         "poses": len(errors.worst),
         "tool": errors.tool,
+        "unit": errors.unit,
         "worst": float(errors.worst[at]),
         "rms": float(errors.rms[at]),
         "turn": float(errors.worst_turn[at]),

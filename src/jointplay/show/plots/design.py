@@ -56,16 +56,23 @@ def bars(budget: PlayBudget, pose: int | None = None) -> Figure:
     """What each joint adds to the tool's error at a pose, by default the worst one."""
     at = budget.worst_pose if pose is None else pose
     rests, whole, *_ = budget.rest_positions.at(at)
-    size, sizes = np.linalg.norm(whole[:3]), np.linalg.norm(rests[:, :3], axis=1)
+    of = budget.components
+    size, sizes = np.linalg.norm(whole[of]), np.linalg.norm(rests[:, of], axis=1)
     marks = [
-        Bars(values, f"{words}, all {1e3 * total:.3g} mm", colour, shift=shift, height=0.25)
+        Bars(
+            values,
+            f"{words}, all {1e3 * total:.3g} m{budget.unit}",
+            colour,
+            shift=shift,
+            height=0.25,
+        )
         for shift, words, total, values, colour in (
             (-0.27, "worst case", budget.worst[at], budget.worst_parts[at], COLOURS[0]),
             (0.0, "RMS over load directions", budget.rms[at], budget.rms_parts[at], COLOURS[1]),
             (0.27, "at rest", size, sizes, COLOURS[3]),
         )
     ]
-    across = Axis(f"contribution of the joint to the error of {budget.tool!r}", "m")
+    across = Axis(f"contribution of the joint to the error of {budget.tool!r}", budget.unit)
     panel = Panel(across, Axis(rows=budget.joints), marks)
     return _row([panel], (7.0, 1.6 + 0.42 * len(budget.joints)), note=budget.validity, key=2)
 
@@ -118,7 +125,8 @@ def robot(mechanism: Mechanism, budget: PlayBudget, q: np.ndarray) -> Figure:
     colours = {name: to_hex(palette(scale(100.0 * value))) for name, value in share.items()}
     labels = {name: f"{name}: {100 * value:.1f} %" for name, value in share.items()}
     at = budget.worst_pose
-    title = f"origin of the worst case of {1e3 * budget.worst[at]:.3g} mm at {budget.tool!r}"
+    worst = f"{1e3 * budget.worst[at]:.3g} m{budget.unit}"
+    title = f"origin of the worst case of {worst} at {budget.tool!r}"
     look: dict[str, Any] = {"title": f"{title} (static)", "colours": colours, "labels": labels}
     figure = picture(mechanism, q[at], **look)
     figure.set_dpi(130)
@@ -182,7 +190,7 @@ def course(budget: PlayBudget, time: np.ndarray | None = None) -> Figure:
         marks.append(Curve(x, values, name, "black", line))
     across = Axis("pose") if time is None else Axis("time in the motion", "s")
     across = replace(across, low=float(x[0]), high=float(x[-1]))
-    panel = Panel(across, Axis(f"error of {budget.tool!r}", "m", low=0.0), marks)
+    panel = Panel(across, Axis(f"error of {budget.tool!r}", budget.unit, low=0.0), marks)
     at = "outside right upper"
     return _row([panel], (7.0, 3.6), note=budget.validity, key=1, key_at=at)
 
@@ -213,7 +221,7 @@ def workspace_map(budget: PlayBudget) -> Figure:
     """Where in the workspace the worst case is large: from the side and from above."""
     order = np.argsort(budget.worst)
     (x, y, z), worst = budget.positions[order].T, budget.worst[order]
-    scale = Axis(f"worst-case error of {budget.tool!r}", "m")
+    scale = Axis(f"worst-case error of {budget.tool!r}", budget.unit)
     panels = []
     for across, up, *words in (
         (np.hypot(x, y), z, "distance from the z axis", "z"),

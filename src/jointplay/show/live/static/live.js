@@ -435,7 +435,7 @@ class Live {
             this.budgetWhere.textContent = `no budget: ${budget.error}`;
             return;
         }
-        const head = element("tr", {}, ...["joint", "share", "worst [mm]", "RMS [mm]", "turn [mrad]"].map(text => element("th", {scope: "col"}, text)));
+        const head = element("tr", {}, ...["joint", "share", `worst [m${budget.unit}]`, `RMS [m${budget.unit}]`, "turn [mrad]"].map(text => element("th", {scope: "col"}, text)));
         const mm = value => (1e3 * value).toFixed(4);
         const rows = budget.parts.map(part => {
             const percent = (100 * part.share).toFixed(1), share = element("td", {class: "share"}, `${percent} %`);
@@ -448,7 +448,7 @@ class Live {
         const words = budget.whole
             ? `At ${budget.where} (${budget.poses}), as jointplay budget gives it for ${budget.tool}.`
             : `At ${budget.where}; all poses follow.`;
-        this.budgetWords.replaceChildren(element("b", {}, `free travel at most ${inUnits(budget.worst, "m", 4)}`), `, RMS ${inUnits(budget.rms, "m", 4)}`);
+        this.budgetWords.replaceChildren(element("b", {}, `free travel at most ${inUnits(budget.worst, budget.unit, 4)}`), `, RMS ${inUnits(budget.rms, budget.unit, 4)}`);
         this.budgetTable.replaceChildren(element("table", {}, element("thead", {}, head), element("tbody", {}, ...rows)));
         this.budgetWhere.textContent = words;
     }
