@@ -479,6 +479,11 @@ def _below_diagonal(size: int) -> np.ndarray:
     return np.tri(size, dtype=bool)
 
 
+def _least_size(sizes: np.ndarray) -> float:
+    """Singular value of closed loops that is rounding, by the others [m per rad or m]."""
+    return 1e-9 * max(float(sizes.max(initial=0.0)), 1e-9)
+
+
 class StaticEquilibrium:
     """Potential energy of a machine that stands, and its slopes.
 
@@ -609,9 +614,12 @@ class StaticEquilibrium:
     def _find_basis(
         self, sprung: set[int], drives: Mapping[str, Drive], fixed: set[int]
     ) -> np.ndarray:
-        """Directions in which the machine can come to rest, shape (nv, n)."""
-        mechanism = self._mechanism
-        nv = self._model.nv
+        """Directions in which the machine can come to rest, shape (nv, n).
+
+        Coordinates that only clearances limit, and those that springs of drives hold; joints that
+        nothing drives, as far as loops lead them; of all that what keeps ideal loops closed.
+        """
+        mechanism, nv = self._mechanism, self._model.nv
         play, journals = set(), set()
         blocks: dict[str, set[int]] = {}
         for name, joint in mechanism.clearance.items():
@@ -639,15 +647,13 @@ class StaticEquilibrium:
         if mechanism.loops and len(undriven):
             rows = closing_rows(mechanism, self._start)[:, undriven]
             _, sizes, right = np.linalg.svd(rows, full_matrices=False)
-            closed_rows = right[sizes > 1e-9 * max(sizes.max(initial=0.0), 1e-9)]
-            columns.append(identity[:, undriven] @ closed_rows.T)
+            columns.append(identity[:, undriven] @ right[sizes > _least_size(sizes)].T)
         basis = np.hstack(columns)
         self._movable = basis
         if self._ideal and basis.shape[1]:
             rows = closing_rows(mechanism, self._start, self._ideal) @ basis
             _, sizes, right = np.linalg.svd(rows)
-            rank = int(np.sum(sizes > 1e-9 * max(sizes.max(initial=0.0), 1e-9)))
-            basis = basis @ right[rank:].T
+            basis = basis @ right[int(np.sum(sizes > _least_size(sizes))) :].T
         return basis
 
     def _scales(self) -> tuple[np.ndarray, np.ndarray]:
