@@ -328,7 +328,7 @@ class Allocation:
             Column("an arcmin more saves", where(True, "saved"), key="saved_by_an_arcmin"),
             of("held by", "held"),
         ]
-        return Table([column for column in columns if not all(map(_is_none, column.values))])
+        return Table([c for c in columns if not all(x is None or x != x for x in c.values)])
 
     @property
     def sentence(self) -> str:
@@ -401,10 +401,6 @@ class Allocation:
 
     def __str__(self) -> str:
         return str(self.table())
-
-
-def _is_none(value: Any) -> bool:
-    return value is None or value != value
 
 
 _SUMMED = {"added": "before", "adds": "after"}

@@ -55,22 +55,26 @@ spline keeps some acceleration (judged by a UR5 with six journals)."""
 STANDS_S = 1.0
 """How long a machine is taken to stand before its motion and after it [s]."""
 NEAR = 0.05
-"""Way without torque of the teeth, relative to their play, that is no error to speak of."""
+"""Way without torque of the teeth, relative to their play, that is no error to speak of: what play
+is known to, or better (judged)."""
 CROSSING = 4
 """Most nodes by which the command crosses the play sooner and later than the torque does."""
-NOTHING = 1e-6
-"""Torque relative to the joint's largest one that presses nothing."""
+UNPRESSED = 1e-6
+"""Torque relative to the joint's largest one that presses no teeth: far above rounding, far below
+any friction (judged)."""
 APPROACH_S = 0.24
-"""Least time of an approach from one side [s]."""
+"""Least time of an approach from one side [s]: a dozen of `NODE_S`."""
 OVERSHOOT = 1.25
 """Way of an approach relative to the play: more than what an unknown side may be off by."""
 BRAKING = 0.5
-"""Largest torque that brakes an approach, relative to the friction that presses the teeth."""
+"""Largest torque that brakes an approach, relative to the friction that presses the teeth, which
+it must leave pressed: half is kept in case friction is less than known (judged)."""
 _BRAKES = 10.0 / np.sqrt(3.0)
 """Largest acceleration of a smooth step of fifth order of size 1 in time 1."""
 _REGULATED = "; encoders on the links see the play of their gears (--encoder motor changes that)"
 _SMOOTHINGS = 40
-"""How often a correction is smoothed that is beyond speed or effort limits."""
+"""How often a correction is smoothed that is beyond speed or effort limits: in the end over
+about a tenth of a second."""
 
 
 @dataclass(frozen=True)
@@ -146,8 +150,7 @@ class Compensation:
 
     def table(self) -> Table:
         """A row for each joint of the motion."""
-        assert self.simulation.motion is not None
-        names, mechanism = self.simulation.motion.joints, self.simulation.mechanism
+        names, mechanism = _motion(self.simulation).joints, self.simulation.mechanism
         units = {n: "m" if mechanism.description.joints[n].slides else "rad" for n in names}
         rows = {name: k for k, name in enumerate(self.gears)}
 
@@ -166,9 +169,8 @@ class Compensation:
 
     def data(self) -> Table:
         """A row for each node: shift of each joint; torque and side of each gear."""
-        assert self.simulation.motion is not None
         columns = [Column("time", self.times, "s")]
-        shifts = zip(self.simulation.motion.joints, self.shift.T, strict=True)
+        shifts = zip(_motion(self.simulation).joints, self.shift.T, strict=True)
         columns += [Column(f"shift {name}", values) for name, values in shifts]
         for k, name in enumerate(self.gears):
             columns += [Column(f"torque {name}", self.torque[:, k])]
@@ -258,8 +260,7 @@ def corrected_motion(
     simulation: Simulation, times: np.ndarray, shift: np.ndarray
 ) -> tuple[Motion, tuple[str, ...]]:
     """The motion with shifts (n, j) at nodes added, and joints that were held at their limits."""
-    motion = simulation.motion
-    assert motion is not None
+    motion = _motion(simulation)
     count = max(round(motion.duration / SAMPLE_S), 12) + 1
     dense = np.linspace(0.0, motion.duration, count)
     reference = motion(dense)[0]
@@ -293,8 +294,7 @@ def through_jacobian(
     simulation: Simulation, times: np.ndarray, displacement: np.ndarray, size: float | None
 ) -> np.ndarray:
     """Displacements of the joints of the motion, (n, j), that move the ideal tool so (n, 6)."""
-    ideal, motion = simulation.mechanism.ideal(), simulation.motion
-    assert motion is not None
+    ideal, motion = simulation.mechanism.ideal(), _motion(simulation)
     shifts = np.zeros((len(times), len(motion.joints)))
     for k, position in enumerate(motion(times)[0]):
         at = dict(zip(motion.joints, position.tolist(), strict=True))
@@ -304,14 +304,12 @@ def through_jacobian(
 
 def firmware_rule(simulation: Simulation, times: np.ndarray) -> np.ndarray:
     """Shifts (n, j) by the rule of firmware: half the play towards the sign of the last speed."""
-    mechanism, motion = simulation.mechanism, simulation.motion
-    assert motion is not None
+    mechanism, motion = simulation.mechanism, _motion(simulation)
     shift = np.zeros((len(times), len(motion.joints)))
     speed = motion(times)[1]
     for k, name in enumerate(motion.joints):
         if name in mechanism.gears and _is_behind(simulation, name):
-            direction = np.where(np.abs(speed[:, k]) < STILL, 0.0, np.sign(speed[:, k]))
-            shift[:, k] = 0.5 * mechanism.gears[name].play * _last_nonzero(direction)
+            shift[:, k] = 0.5 * mechanism.gears[name].play * _way_to(speed[:, k])
     return shift
 
 
@@ -330,6 +328,12 @@ def _checked(simulation: Simulation) -> tuple[Mechanism, Motion]:
     return mechanism, motion
 
 
+def _motion(simulation: Simulation) -> Motion:
+    """Of a simulation that `_checked` has taken."""
+    assert simulation.motion is not None
+    return simulation.motion
+
+
 def _is_behind(simulation: Simulation, joint: str) -> bool:
     """Whether a gear's play lies behind what the joint's encoder sees."""
     drives = assign(simulation.mechanism, simulation.motion, simulation.drive)
@@ -339,14 +343,16 @@ def _is_behind(simulation: Simulation, joint: str) -> bool:
 def _lag(
     simulation: Simulation, times: np.ndarray, rubbing: Mapping[str, np.ndarray]
 ) -> np.ndarray:
-    """How far drives are behind what they are commanded to (n, j) [rad or m].
+    """How far drives are behind what they are commanded to, e, (n, j) [rad or m].
 
-    Computed torque by what it does not know, payloads, loads and the friction of journals, over its
-    P gain. A servo by the voltage that its motor needs, over its own, and its dead band, less what
-    its I term has gathered; where it stands its friction holds it as it came.
+    Computed torque by what it does not know, payloads, loads and the friction of journals, over the
+    stiffness omega^2 I that it gives the joint. A servo by the voltage V that its motor needs,
+
+        V = tau / stall + k qd,    P de/dt + I e = dV/dt    (without I term e = V / P),
+
+    and its dead band; where it stands its friction holds it as it came.
     """
-    mechanism, motion = simulation.mechanism, simulation.motion
-    assert motion is not None
+    mechanism, motion = simulation.mechanism, _motion(simulation)
     drives, friction = assign(mechanism, motion, simulation.drive), joint_friction(simulation)
     efforts, _ = _efforts(simulation, motion, times)
     known, inertia = _efforts(replace(simulation, payloads=(), loads={}), motion, times)
@@ -361,17 +367,15 @@ def _lag(
             stiffness = bandwidth**2 * (inertia[0, k] + rotor)
             lag[:, k] = (efforts[:, k] + journal - known[:, k]) / stiffness
         elif isinstance(drive, Servo):
-            direction = _last_nonzero(np.where(np.abs(speed) < STILL, 0.0, np.sign(speed)))
             losses = drive.with_friction(friction.get(name, JointFriction()))
             effort = efforts[:, k] + journal + rotor * accelerations[:, k]
-            effort += losses.coulomb * direction + losses.viscous * speed
+            effort += losses.coulomb * _way_to(speed) + losses.viscous * speed
             volts = effort / drive.stall + drive.torque_constant * speed
             error = volts / drive.p_gain
             fades = np.exp(-drive.i_gain / drive.p_gain * times[1])
             for node in range(1, len(times) if drive.i_gain else 0):
-                error[node] = (
-                    fades * error[node - 1] + (volts[node] - volts[node - 1]) / drive.p_gain
-                )
+                rise = (volts[node] - volts[node - 1]) / drive.p_gain
+                error[node] = fades * error[node - 1] + rise
             lag[:, k] = error + drive.band * np.sign(error)
     return lag
 
@@ -412,8 +416,7 @@ def _torques(
     A side is left open by friction of a joint that stands, which may have either sign. That of
     journals is `rubbing`, as `_journals` has it.
     """
-    motion = simulation.motion
-    assert motion is not None
+    motion = _motion(simulation)
     columns = [motion.joints.index(name) for name in gears]
     tau, inertia = (values[:, columns] for values in _efforts(simulation, motion, times))
     speeds, held = motion(times)[1][:, columns], np.zeros_like(tau)
@@ -436,7 +439,7 @@ def _sides(
     play; `fall` is their acceleration as a part of the play in a node's time squared, (n, g), and
     the machine `stands` so many nodes' times before and after.
     """
-    least = NOTHING * np.abs(torque).max(axis=0, initial=0.0)
+    least = UNPRESSED * np.abs(torque).max(axis=0, initial=0.0)
     undecided = np.abs(torque) <= np.maximum(held, least)
     sides = np.where(undecided, 0.0, np.sign(torque))
     for k, column in enumerate(sides.T):
@@ -447,7 +450,7 @@ def _sides(
                 travel += 0.5 * stands**2 * fall[begin if begin == 0 else end - 1, k]
             if travel < NEAR:
                 undecided[begin:end, k], column[begin:end] = True, 0.0
-    last = np.array([_last_nonzero(column) for column in sides.T]).T.reshape(sides.shape)
+    last = np.array([_carried(column, column == 0.0) for column in sides.T]).T.reshape(sides.shape)
     return last, undecided
 
 
@@ -475,8 +478,7 @@ def _open_stops(
     simulation: Simulation, times: np.ndarray, gears: Sequence[str], undecided: np.ndarray
 ) -> list[tuple[float, str]]:
     """Stops at whose end a side is not decided: from when on [s], and of which gear."""
-    motion = simulation.motion
-    assert motion is not None
+    motion = _motion(simulation)
     open_stops = []
     for stop in stops(motion, motion.duration):
         if stop.at_rest:
@@ -509,8 +511,7 @@ class _Approach:
         undecided: np.ndarray,
     ) -> None:
         """Change shifts (n, j) and sides (n, g) from the way to the stop on."""
-        gear, motion = simulation.mechanism.gears[self.gear], simulation.motion
-        assert motion is not None
+        gear, motion = simulation.mechanism.gears[self.gear], _motion(simulation)
         aside = np.copysign(OVERSHOOT * gear.play, self.torque)
         command = shift[:, motion.joints.index(self.gear)]
         first = np.searchsorted(times, self.arrival)
@@ -542,8 +543,7 @@ def _approaches(
     So slowly that braking does not lift the teeth: a stop is left as it is where there is no
     friction, the joint stands too short, or it would have to go aside at the stop before.
     """
-    motion, friction = simulation.motion, joint_friction(simulation)
-    assert motion is not None
+    motion, friction = _motion(simulation), joint_friction(simulation)
     still = np.abs(motion(times)[1]) < STILL
     ends = {stop.start: stop.end for stop in stops(motion, motion.duration)}
     open_stops = _open_stops(simulation, times, gears, undecided)
@@ -569,9 +569,9 @@ def _node(times: np.ndarray, time: float) -> int:
     return int(np.searchsorted(times, time, side="right")) - 1
 
 
-def _last_nonzero(values: np.ndarray) -> np.ndarray:
-    """Values with zeros replaced by the last that is none; at the start by the first."""
-    return _carried(values, values == 0.0)
+def _way_to(speed: np.ndarray) -> np.ndarray:
+    """Sign of speeds (n,); of a joint that stands the last one, before it has moved the next."""
+    return _carried(np.sign(speed), np.abs(speed) < STILL)
 
 
 def _smooth(nodes: np.ndarray, values: np.ndarray, times: np.ndarray) -> np.ndarray:
@@ -603,8 +603,7 @@ def _journals(
         may hold those that stand.
     """
     mechanism = simulation.mechanism.with_clearance(simulation.mechanism.clearance, {})
-    motion = simulation.motion
-    assert motion is not None
+    motion = _motion(simulation)
     at = [mechanism.coordinate(name) for name in motion.joints]
     states = np.zeros((3, len(times), mechanism.model.nv))
     states[:, :, at] = motion(times)
@@ -673,8 +672,7 @@ def _friction_of(joint: Clearance, speed: np.ndarray) -> tuple[np.ndarray, float
     if law.state == ("speed",):
         mu = [law.function(abs(x) * radius, *law.parameters()) for x in speed.tolist()]
         return np.sign(speed) * mu, largest
-    direction = _last_nonzero(np.where(np.abs(speed) < STILL, 0.0, np.sign(speed)))
-    return direction * law.coefficients.get("mu_d", 0.0), largest
+    return _way_to(speed) * law.coefficients.get("mu_d", 0.0), largest
 
 
 def _pressing(joint: Clearance, wrench: np.ndarray) -> float:
@@ -697,8 +695,7 @@ def _within_limits(
     Returns:
         And how often they were smoothed, and joints that are held at limits of position.
     """
-    assert simulation.motion is not None
-    before = _beyond(simulation, simulation.motion)
+    before = _beyond(simulation, _motion(simulation))
     for smoothed in range(_SMOOTHINGS + 1):
         motion, clipped = corrected_motion(simulation, times, shift)
         beyond = _beyond(simulation, motion)

@@ -9,7 +9,9 @@ import numpy as np
 from jointplay.accuracy.error_model import ErrorModel, half_sphere
 
 _DIRECTIONS = 90
+"""Over half a sphere, about 15 degrees apart: a form has six numbers (judged)."""
 _ROUNDS = 4
+"""Fits, each in axes in which the last one is a sphere: the second serves thin sets (judged)."""
 _FLAT = 1e-3
 """Thickness of an ellipsoid whose set is flat, part of its largest half axis."""
 _SMALLEST = 1e-12

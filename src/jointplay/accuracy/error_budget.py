@@ -45,16 +45,18 @@ from jointplay.simulation.loads.drive import (
 
 _LISTED = 2e-3
 """Part of the worst case below which a contribution has no line of its own."""
-_LINEAR = 0.02
-"""Part of the worst case by which the exact kinematics may put it elsewhere."""
+_ON_ARCS = 0.02
+"""Part of the worst case by which the exact kinematics may put it elsewhere unsaid: less than two
+of its three digits (judged)."""
 _MENTIONED = 0.01
 """Part of the error at rest that a cause has to be named for it."""
 NOWHERE = 1e-9
-"""Way of the tool's origin by its turn that is none [m]."""
+"""Way of the tool's origin by a turn of the tool of 1 rad that is rounding [m]."""
 _DECIDES = 0.5
 """Part of the error at rest by which friction decides it, if it can shift the tool so far."""
-_TRUE = 0.25
-"""Part of the error by which loops closed exactly may put the tool elsewhere than linear ones."""
+_LOOPS_AGREE = 0.25
+"""Part of the error by which loops closed exactly may put the tool elsewhere than linear ones: more
+comes near singular positions only, where the first order says nothing (judged)."""
 AXES = ("x", "y", "z", "about x", "about y", "about z")
 """Components of the tool's error, in world axes [m, rad]."""
 
@@ -274,7 +276,7 @@ class PlayBudget(Budget):
         """Where turns are so large that the first order of them misleads, to add to a sentence."""
         at = self.worst_pose
         more = float(self.second_order[at])
-        if more <= _LINEAR * self.worst[at]:
+        if more <= _ON_ARCS * self.worst[at]:
             return ""
         return (
             f"; turns so large move the tool on arcs, by which all this may be "
@@ -646,7 +648,7 @@ class ErrorBudget(Budget):
         )
         mean = ", ".join(f"{1e3 * x:.4f}" for x in self.mean[at])
         off = self.reached / self.worst[at] - 1.0
-        fits = "" if abs(off) < _LINEAR else ": too far for Jacobians; is the class right?"
+        fits = "" if abs(off) < _ON_ARCS else ": too far for Jacobians; is the class right?"
         return [
             f"by cause: {shares}",
             f"loads and heat displace the tool by {mean} mm along x, y, z in any case",
@@ -895,7 +897,7 @@ def _second_order_of_loops(
         ideal = tool_place(mechanism, row).translation
         (exact,) = displaced(mechanism, row, model.names, states.point[None, :, i, 0], closing)
         away[i] = float(np.linalg.norm(exact - ideal - linear))
-        if not away[i] <= _TRUE * max(float(np.linalg.norm(linear)), largest):
+        if not away[i] <= _LOOPS_AGREE * max(float(np.linalg.norm(linear)), largest):
             reason = f"they put the tool {1e3 * away[i]:.4g} mm from where the first order does"
             if np.isnan(away[i]):
                 reason = "the loops cannot be closed with the journals aside"

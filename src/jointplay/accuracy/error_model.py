@@ -37,12 +37,13 @@ DIRECTIONS = 180
 _DIRECTIONS_SHIFTED = 400
 """The same where loads or heat shift the tool: then nearly as bad ones lie far apart."""
 _REFINEMENTS = 12
+"""Most steps by which a worst direction is refined: each can only make it worse (judged)."""
 _SETTLED = 1e-12
-"""Change of a direction that is none."""
+"""Change of a unit vector that is rounding."""
 _ROUNDING = 1e-10
-"""Part of a matrix's largest eigenvalue that is taken for zero."""
+"""Part of a matrix's largest eigenvalue that is rounding of the products it is made of."""
 _FITS = 1e-9
-"""Part of what the plays could open that may stay open."""
+"""Part of what the plays could open that may stay open: rounding of the Jacobians."""
 _AT_ONCE = 200_000
 """Loads on joints that are looked at together, which fit into a processor's cache."""
 

@@ -27,15 +27,18 @@ import numpy as np
 from jointplay.physics.joints.play import Cones, JournalPlay, Play
 
 _EXACT = 1e-4
-"""Part of the sum without ties by which points may fall short of the farthest."""
-_STAGE, _STEPS, _SHORTER = 10.0, 30, 30
-"""Factor of the objective from stage to stage; most Newton steps in one, and halvings of a step."""
-_NEAR, _THERE = 0.5, 1e-2
-"""What a step may gain when a stage ends, and the last one."""
+"""Part of the sum without ties by which points may fall short of the farthest: less than the
+directions looked at hide. Values stay bounds whatever it is."""
+_STAGE, _STEPS, _HALVINGS = 10.0, 30, 30
+"""Factor of the objective from stage to stage; most Newton steps in one, and halvings of a step, of
+which a convex barrier needs a few (judged)."""
+_STAGE_GAIN, _LAST_GAIN = 0.5, 1e-2
+"""What a Newton step may still gain, in units of the barrier, when a stage ends, and the last one:
+within 0.5 Newton's method converges quadratically in the next (Boyd, 9.6)."""
 _ROUNDING = 1e-10
-"""Part of a matrix's largest eigenvalue that is taken for zero."""
+"""Part of a matrix's largest eigenvalue that is rounding."""
 FAR = 100.0
-"""Clearances across that stand for no end at all."""
+"""Clearances across that stand for no end at all: a tool that feels it is refused."""
 
 
 def ended(play: Play) -> Play:
@@ -93,7 +96,7 @@ class _Path:
         price = np.zeros(self._rows[0].shape[:2])
         weight, last = float(self._count), self._count / _EXACT
         while True:
-            near = _NEAR if weight < last else _THERE
+            near = _STAGE_GAIN if weight < last else _LAST_GAIN
             left = np.arange(len(price))
             for _ in range(_STEPS):
                 step, price[left], gain = self._newton(y, weight, left)
@@ -140,7 +143,7 @@ class _Path:
         """Take steps, each halved until it stays inside and goes down; or none."""
         before = self._height(y, weight, some)
         part, left = 1.0, np.arange(len(some))
-        for _ in range(_SHORTER):
+        for _ in range(_HALVINGS):
             at = some[left]
             trial = [point[at] + part * move[left] for point, move in zip(y, step, strict=True)]
             after = self._height(trial, weight, at, selected=True)

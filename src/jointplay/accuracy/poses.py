@@ -26,6 +26,7 @@ from jointplay.simulation.simulation import Simulation
 ALONG = 60
 """Poses along a motion, at equal intervals."""
 MOST_POSES = 1_000_000
+"""Of a budget: more take hours and gigabytes (judged)."""
 _SLACK = 1e-6
 """How far beyond its limits a position may be, for what was rounded [rad or m]."""
 

@@ -353,7 +353,7 @@ def _serve(
     modules: Sequence[str],
     connection: Any,
 ) -> None:
-    """What a process does: the work for each item that comes; it may `report` progress."""
+    """What a process does: the work for each item that comes; its progress if it `reports`."""
     ends = (EOFError, BrokenPipeError, ConnectionResetError, KeyboardInterrupt)
     with suppress(*ends):  # a request to stop may come anywhere, as soon as signals may
         begin()

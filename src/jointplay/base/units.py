@@ -71,6 +71,7 @@ _LARGEST = 10**300
 """Whole numbers beyond it are none that a float can hold."""
 
 _LONGEST_UNIT = 60
+"""Characters of a unit that is read: longer ones are no units (judged)."""
 _NO_UNIT = re.compile(r"\d{3}|\d\s*(\*\*|\^)|[^\w\s*/^().·°%Å-]|\n")
 """What no unit has in it; a power of a power would keep the parser busy for ever, and pint leaves
 out what follows a sign that it does not know: ``mm ; 1`` would be mm."""

@@ -35,7 +35,8 @@ from jointplay.model.mechanism import Mechanism
 from jointplay.model.urdf import Mimic
 
 _STEP = 0.05
-"""Of the driven joints, from one closed configuration to the next [rad or m]."""
+"""Of the driven joints, from one closed configuration to the next [rad or m]: so short that no
+Newton step leaps to another branch (judged)."""
 
 
 @dataclass(frozen=True)

@@ -54,7 +54,8 @@ _BEYOND = 1.5
 _LEAST = 1e-12
 """Least moment that is written [kg m^2]: MuJoCo refuses 1e-15, which a marker of 1e-9 kg has."""
 _SURE = 100.0
-"""Factor by which it then is in another unit, not of parts that are not drawn."""
+"""Factor by which it then is in another unit, not of parts that are not drawn: units differ by a
+thousand or more."""
 _SLIGHT = 0.02
 """Part of that of its shapes below which an inertia is a placeholder, as 1e-6 is."""
 

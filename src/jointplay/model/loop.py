@@ -29,6 +29,7 @@ Vector = tuple[float, float, float]
 ASSEMBLY_TOLERANCE_M = 1e-9
 """Gap that may remain in an assembled loop; angles count on an arm of `ANGLE_ARM_M`."""
 ANGLE_ARM_M = 0.1
+"""Arm on which an angle counts as a length [m]: links are about as long (judged)."""
 
 _IDEAL_WEIGHT = 1e3
 """Weight of loops without clearance beside those whose journal has room."""

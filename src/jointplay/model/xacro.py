@@ -42,6 +42,7 @@ _Key = tuple[Path, tuple[tuple[str, str], ...], tuple[Path, ...]]
 _expanded: dict[_Key, tuple[dict[Path, tuple[int, int]], str]] = {}
 """Files that were read for it, with their times and sizes, and the URDF that was made."""
 _MOST_EXPANDED = 32
+"""Robots kept: of a study with several, each of some 100 kB (judged)."""
 
 
 def uses_xacro(text: str) -> bool:

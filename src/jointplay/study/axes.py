@@ -289,6 +289,7 @@ METHODS = ("sobol", "latin-hypercube", "random", "saltelli")
 GROWING = ("sobol", "random", "saltelli")
 """Methods whose first points stay when more are asked for."""
 MOST_SAMPLES = 10_000_000
+"""Of a sweep: their points take a gigabyte for ten axes."""
 _INSIDE = 1e-12
 """No point is nearer to a face of the cube, where a normal distribution is infinite."""
 

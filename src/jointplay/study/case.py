@@ -48,6 +48,7 @@ KEPT_IDEALS = 16
 _SETTINGS = ("step", "integrator", "macro_step", "tolerance", "record_every", "duration")
 """Of a run, with which its ideal run is made as well."""
 LONGEST_ERROR = 500
+"""Characters of a failed case's message that are kept."""
 
 
 @dataclass(frozen=True)

@@ -361,7 +361,9 @@ class Rows:
             if late:  # which has all that was written before on disk as well
                 self.connection.execute("PRAGMA synchronous=FULL")
             sealed = (place, seal, *row)
-            self.connection.execute(f"INSERT INTO cases VALUES ({_marks(sealed)})", sealed)
+            self.connection.execute(
+                f"INSERT INTO cases VALUES ({', '.join('?' * len(sealed))})", sealed
+            )
             if late:
                 self.connection.execute("PRAGMA synchronous=NORMAL")
                 self._synced = time.monotonic()
@@ -469,10 +471,6 @@ class _Elsewhere(JointplayError):
 def _content(about: Mapping[str, Any], columns: Sequence[Column]) -> str:
     content = {**about, "format": FORMAT, "columns": [astuple(c) for c in columns]}
     return json.dumps(content, ensure_ascii=True)
-
-
-def _marks(row: Sequence[Any]) -> str:
-    return ", ".join("?" * len(row))
 
 
 def _checksum(content: str) -> str:

@@ -42,6 +42,7 @@ SAID = (
 MOST_DIFFERENCES = 4
 """Differences that a message names."""
 MOST_CASES = 100_000_000
+"""Of a sweep, of any dimensions: what is kept of each in memory takes a byte (judged)."""
 _ABOUT: dict[str, type] = {
     "sizes": dict, "labels": dict, "case": str, "sampling": str, "sampled": list, "inputs": dict,
     "versions": dict, "identity": dict, "title": str, "scenario": str, "scenario_file": str,
