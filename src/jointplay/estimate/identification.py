@@ -25,6 +25,7 @@ from jointplay.estimate.recordings import Recording, is_recording
 from jointplay.estimate.unknowns import (
     LARGEST_SHARE,
     PLAYS,
+    ROUNDING,
     Estimate,
     Loop,
     Unknown,
@@ -48,6 +49,9 @@ LARGE = 3.0
 """Times the records' scatter from which on residuals are said to be large."""
 _ROUNDING = 1e-12
 """Square of the part of a compliance's effect below which there is none of its own: rounding."""
+_FINEST = 1e-9
+"""Error of a mean below which none is taken, far below what instruments resolve: records of a
+simulation have none at all [m, rad, N m]."""
 _VAGUE = "its interval is wider than half of its value"
 
 # Why an unknown cannot be identified, and what would help: in words; how the machine gives way.
@@ -193,7 +197,7 @@ def advice(
     before = effect.T @ effect / max(fit.misfit, 1.0) ** 2 + planning.prior(unknowns, model)[0]
     noise = dict(planning.NOISE)
     for (kind, _), spread in zip(model.keys, observed.noise, strict=True):
-        noise[kind] = max(spread, 1e-9)
+        noise[kind] = max(spread, _FINEST)
     offers = planning.offers(model.machine, unknowns, model.keys, noise, fit.theta)
     lines = []
     for i, (one, why) in enumerate(zip(unknowns, reasons, strict=True)):
@@ -481,7 +485,7 @@ def _compared(
     model = StaticModel(prior, made, observed.keys, unknowns)
     use = np.isfinite(observed.mean) & model.certain[:, None]
     _check(measured, model, use, reference)
-    smallest = [1e-12 + 1e-9 * np.nanmax(np.abs(row), initial=0.0) for row in observed.mean.T]
+    smallest = [_FINEST + ROUNDING * np.nanmax(np.abs(row), initial=0.0) for row in observed.mean.T]
     records = np.where(use, np.maximum(observed.error, smallest), np.nan)
     records = np.hypot(records, model.wander)
     nuisance, labels = nuisances(model, observed, reference, drift, measured.lag > 0.0)

@@ -20,7 +20,7 @@ from jointplay.base.errors import JointplayError, require_known
 from jointplay.base.tables import counted
 from jointplay.estimate.parts import SPRINGS, WOUND, Elements, Springs, bearing_parts
 from jointplay.estimate.static_poses import StaticPoses, rotations_of
-from jointplay.estimate.unknowns import Unknown
+from jointplay.estimate.unknowns import TINY, Unknown
 from jointplay.model.design import z_to
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import RollingBearing
@@ -306,7 +306,7 @@ class Poses:
         The load pushes it to one side; friction holds it back against the way it came. Of k
         frictions and transitions the shape is (n, k).
         """
-        j, width = self.names.index(joint), np.maximum(transition, 1e-12)
+        j, width = self.names.index(joint), np.maximum(transition, TINY)
         held = np.multiply.outer(self.approach[:, j], friction)
         push = np.add.outer(self.load[:, j], np.zeros_like(width)) - held
         return np.asarray(np.clip(push / width, -1.0, 1.0))

@@ -22,13 +22,11 @@ from scipy.optimize import brentq, least_squares
 from scipy.stats import qmc
 from scipy.stats import t as student
 
-from jointplay.estimate.unknowns import Estimate, Unknown
+from jointplay.estimate.unknowns import ROUNDING, TINY, TWO_SIDED, Estimate, Unknown
 
-CONFIDENCE = 0.95
 _STEP = 1e-3
 """Step of differences, relative to an unknown's scale: with it rounding at 1e-12 leaves slopes to
-1e-9, below which singular values therefore count as zero (`_RANK`, by the largest)."""
-_RANK = 1e-9
+`ROUNDING`, below which singular values therefore count as zero, by the largest."""
 SHARE = 0.1
 """Part of a direction in the null space from which on an unknown is named with it: only words."""
 SAFETY = 1.5
@@ -67,7 +65,7 @@ _ERROR_ROUNDS = 2
 def basis(columns: np.ndarray) -> np.ndarray:
     """Orthonormal basis of the span of columns (m, k), shape (m, rank)."""
     left, sizes, _ = np.linalg.svd(columns, full_matrices=False)
-    return left[:, sizes > _RANK * sizes.max(initial=1e-300)]
+    return left[:, sizes > ROUNDING * sizes.max(initial=TINY)]
 
 
 @dataclass(frozen=True)
@@ -315,10 +313,10 @@ class Fit:
                 freedom = min(freedom, max(number - taken, _LEAST_FREEDOM[self.least.weights]))
         return variance, freedom
 
-    def half_widths(self, confidence: float = CONFIDENCE) -> np.ndarray:
+    def half_widths(self, quantile: float = TWO_SIDED) -> np.ndarray:
         """Half of each unknown's interval, by the residuals and by the model's own error, (p,)."""
         variance, freedom = self._spread
-        half = student.ppf(0.5 + confidence / 2.0, freedom) * np.sqrt(variance) * self.least.scale
+        half = student.ppf(quantile, freedom) * np.sqrt(variance) * self.least.scale
         own = np.array([one.model_error for one in self.least.unknowns]) * self.theta
         return np.asarray(self.least.safety * np.hypot(half, own))
 
@@ -333,14 +331,14 @@ class Fit:
     def wide(self, deviation: float, off: float = 0.0) -> float:
         """Half of a 95 % interval, by the standard deviation if residuals were one, and by what the
         model itself is off."""
-        half = float(student.ppf(0.5 + CONFIDENCE / 2.0, self._spread[1]))
+        half = float(student.ppf(TWO_SIDED, self._spread[1]))
         return self.least.safety * float(np.hypot(half * self.stretch * deviation, off))
 
     def informed(self, i: int) -> tuple[float, float, str]:
         """Part of the i-th unknown's prior variance that the measurement took away; its largest
         correlation with another that is sought, and that one's label if it is large."""
         one = self.least.unknowns[i]
-        spread = np.sqrt(np.maximum(np.diag(self.covariance), 1e-300))
+        spread = np.sqrt(np.maximum(np.diag(self.covariance), TINY))
         told = 1.0 - self.covariance[i, i] * (one.scale / one.spread) ** 2
         together = np.abs(self.covariance[i] / spread[i] / spread)
         together[~np.array([one.sought for one in self.least.unknowns])] = together[i] = 0.0
@@ -459,7 +457,7 @@ def information(effect: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
     every = np.zeros(effect.shape[1])
     every[: len(sizes)] = sizes
     # An effect of a whole scale that is a thousandth of the noise identifies nothing either.
-    clear = every > max(_RANK * every.max(initial=0.0), FAINT)
+    clear = every > max(ROUNDING * every.max(initial=0.0), FAINT)
     axes = right[clear].T / every[clear]
     return axes @ axes.T, right[~clear].T @ right[~clear], int(clear.sum())
 
@@ -599,7 +597,7 @@ def _excess(left: np.ndarray, error: np.ndarray, freedom: float) -> float:
     def beyond(more: float) -> float:
         return float(np.square(left / np.hypot(error, more)).sum()) - freedom
 
-    high = float(np.sqrt(np.square(left).sum() / max(freedom, 1e-9)))
+    high = float(np.sqrt(np.square(left).sum() / max(freedom, TINY)))
     return float(brentq(beyond, 0.0, 1.001 * high, xtol=1e-15)) if beyond(0.0) > 0.0 else 0.0
 
 

@@ -8,14 +8,24 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.stats import norm
 
 from jointplay.base.errors import MissingName
 from jointplay.base.tables import Table
 from jointplay.base.units import told
 
 CANNOT_TELL = "this measurement cannot tell"
-NORMAL = 1.96
-"""Half of a 95 % interval in standard deviations."""
+CONFIDENCE = 0.95
+"""Of all intervals, two-sided, and of all bounds, one-sided."""
+TWO_SIDED = 0.5 + CONFIDENCE / 2.0
+"""Quantile at which an interval ends; a bound ends at `CONFIDENCE`."""
+NORMAL = float(norm.ppf(TWO_SIDED))
+"""Half of an interval in standard deviations."""
+ROUNDING = 1e-9
+"""Part of a number below which differences count as rounding: sums over thousands of numbers of 16
+digits, squared, keep nine."""
+TINY = 1e-300
+"""Keeps divisions by what may be zero finite."""
 LARGEST_SHARE, SMALL = 0.5, 0.25
 """An unknown is identified if half of its interval is at most `LARGEST_SHARE` of its value; values
 below `SMALL` of its scale count as this much."""
