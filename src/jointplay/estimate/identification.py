@@ -32,6 +32,7 @@ from jointplay.estimate.unknowns import (
     by_label,
     data,
     listed,
+    narrow,
 )
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import RollingBearing
@@ -83,7 +84,7 @@ def elasticity(fit: Fit, model: StaticModel) -> tuple[Estimate, ...]:
 
 def reason(i: int, fit: Fit, model: StaticModel) -> str:
     """Why an unknown cannot be identified; empty if it can."""
-    if fit.identified(i):
+    if fit.known(i):
         return _held_by_friction(i, fit)
     if never := _never_loaded(fit.least.unknowns[i], model):
         return never
@@ -125,7 +126,7 @@ def _held_by_friction(i: int, fit: Fit) -> str:
         return ""
     for k, other in enumerate(fit.least.unknowns):
         rubs = other.joint == one.joint and other.name == "friction" and other.sought
-        if rubs and not fit.identified(k):
+        if rubs and not fit.known(k):
             return (
                 f"its interval begins at zero, and {other.label}, which cannot be determined, may "
                 "hold the journal wherever it is: pass the places slowly, in both directions"
@@ -141,17 +142,17 @@ def _explained(i: int, fit: Fit, made: Visits) -> str:
     labels = [*(other.label for other in problem.unknowns if other.name in WOUND), *problem.elastic]
     effect = problem.effects(fit.theta)
 
-    def identified(rigid: Collection[str]) -> bool:
+    def known(rigid: Collection[str]) -> bool:
         kept = [k for k, other in enumerate(problem.unknowns) if other.label not in rigid]
         stiff = problem.without([label for label in rigid if label in problem.elastic])
         covariance, null, _ = information(stiff.project(effect[:, kept]))
         k = kept.index(i)
         half = fit.wide(float(np.sqrt(covariance[k, k])) * one.scale)
-        return bool(null[k, k] <= NULL and half <= one.widest(fit.theta[i]))
+        return bool(null[k, k] <= NULL and narrow(one, fit.theta[i], half))
 
-    if not labels or not identified(labels):
+    if not labels or not known(labels):
         return ""
-    which = [label for label in labels if identified([label])]
+    which = [label for label in labels if known([label])]
     sizes = np.unique(measurement.pushes(made.force, _SIZE_STEPS), axis=0)
     count = len(np.unique(np.round(np.linalg.norm(sizes, axis=1)))) - 1
     words = ", ".join(which[:_NAMED]) if which else "of several parts at once"
@@ -270,7 +271,7 @@ class Identification:
                 drives = dict.fromkeys(self.mechanism.gears, drives)
             tables["drive"] = {name: shortest(Drive, one) for name, one in drives.items()}
         for one in self.estimates:
-            if one.unknown.name == "dry_friction" and one.identified:
+            if one.unknown.name == "dry_friction" and one.known:
                 own = known.get(one.joint, JointFriction())
                 friction[one.joint] = replace(own, coulomb=one.value, static=None)
         tables["friction"] = {name: shortest(JointFriction, one) for name, one in friction.items()}
@@ -278,14 +279,14 @@ class Identification:
 
     @property
     def sentence(self) -> str:
-        known = [f"{one.label} {one.words()[0]}" for one in self.sought if one.identified]
+        known = [f"{one.label} {one.words()[0]}" for one in self.sought if one.known]
         told = f": {few(known)}" if known else ""
         return f"The measurement determines {len(known)} of {len(self.sought)} unknowns{told}"
 
     def __str__(self) -> str:
-        soft = [one for one in self.elasticity if one.identified]
+        soft = [one for one in self.elasticity if one.known]
         lines = [*self.notes, listed([*self.sought, *soft], expected=True)]
-        vague = [one.label for one in self.elasticity if not one.identified]
+        vague = [one.label for one in self.elasticity if not one.known]
         if vague:
             lines.append(f"accounted for, but not determined: {', '.join(vague)}, tool compliance")
         used = np.isfinite(self.error)

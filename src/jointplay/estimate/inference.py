@@ -22,7 +22,7 @@ from scipy.stats import chi2
 from jointplay.estimate.kinematic_model import FRICTIONS, TRANSITIONS, Column, Term
 from jointplay.estimate.pose_problem import Fitted
 from jointplay.estimate.selection import Selection, Step
-from jointplay.estimate.unknowns import CONFIDENCE, TWO_SIDED, Estimate
+from jointplay.estimate.unknowns import CONFIDENCE, TWO_SIDED, Estimate, excludes_zero
 
 RARER_SIGN = 0.05
 """Part of the poses in which a joint must be loaded the other way, or its play cannot be told."""
@@ -177,17 +177,17 @@ def _play(
         upper = max(upper, max(high - half, 0.0) + side)
     else:
         upper = max(upper, _smoothed(selection, full, i))
-    known = bool(predictive and low > 0.0)
+    known = excludes_zero(low, predictive)
     reason = "" if known else _why_not(full, i)
     return Estimate(
-        column.unknown, value, reason=reason, ends=(low, high), upper=upper, found=known
+        column.unknown, value, reason=reason, ends=(low, high), upper=upper, bounded=not known
     )
 
 
 def _unloaded(selection: Selection, joint: str) -> Estimate:
     (column,) = selection.base.poses.columns(Term("play", (joint,)))
     reason = "gravity does not load this joint"
-    return Estimate(column.unknown, 0.0, reason=reason, found=False)
+    return Estimate(column.unknown, 0.0, reason=reason, bounded=True)
 
 
 def _smoothed(selection: Selection, full: Fitted, i: int) -> float:

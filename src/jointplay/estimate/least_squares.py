@@ -22,7 +22,15 @@ from scipy.optimize import brentq, least_squares
 from scipy.stats import qmc
 from scipy.stats import t as student
 
-from jointplay.estimate.unknowns import ROUNDING, TINY, TWO_SIDED, Estimate, Unknown
+from jointplay.estimate.unknowns import (
+    INFORMED,
+    ROUNDING,
+    TINY,
+    TWO_SIDED,
+    Estimate,
+    Unknown,
+    narrow,
+)
 
 _STEP = 1e-3
 """Step of differences, relative to an unknown's scale: with it rounding at 1e-12 leaves slopes to
@@ -37,8 +45,6 @@ _EFFECT_ROUNDS, _LEAST_STEP, _LARGEST_STEP = 2, 0.02, 0.5
 _LEAST_FREEDOM = {False: 8, True: 4}
 """Freedom that few groups are granted: with less, intervals say nothing. Fewer where errors are
 only weights, for nothing else says how large they are."""
-INFORMED = 0.5
-"""Part of a prior's variance that a measurement must take away, or the prior tells more."""
 TOGETHER = 0.7
 """Correlation from which two unknowns are said to act together: half of the variance of either is
 the other's. Only words."""
@@ -351,20 +357,19 @@ class Fit:
         own = self.effect[: len(self.least.measured), i]
         return bool(np.linalg.norm(own) >= FAINT)
 
-    def identified(self, i: int) -> bool:
-        """Whether the measurement can tell the i-th unknown.
+    def known(self, i: int) -> bool:
+        """Whether the i-th unknown is known: its interval is narrow (`narrow`).
 
-        It can if half of the interval is small beside the value (`Unknown.widest`). Where errors
-        are only weights priors are wide and values may be zero: there it can if it takes away
-        `INFORMED` of the prior's variance.
+        Where errors are only weights priors are wide and values may be zero: there it is if the
+        measurement takes away `INFORMED` of the prior's variance.
         """
         if self.least.weights:
             return self.informed(i)[0] > INFORMED
-        return bool(self.half_width[i] <= self.least.unknowns[i].widest(self.theta[i]))
+        return narrow(self.least.unknowns[i], self.theta[i], self.half_width[i])
 
     def why_not(self, i: int) -> str:
         """Why the measurement cannot tell the i-th unknown; empty if it can."""
-        if self.identified(i):
+        if self.known(i):
             return ""
         if not self.shows(i):
             return "not observable: nothing that was measured depends on it"
