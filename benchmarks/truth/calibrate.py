@@ -103,10 +103,10 @@ def case(seed: int) -> list[dict]:
     common, rows = {"case": seed, "seconds": perf_counter() - begin}, []
     for told in (*fit.coefficients, *fit.play):
         play = told in fit.play
-        low, high = (told.low, told.high) if told.found else (0.0, told.upper)
+        low, high = (0.0, told.upper) if told.bounded else (told.low, told.high)
         kind = told.unknown.name.split()[0]
         if play:
-            kind = "joint's play" if told.found else "joint's bound"
+            kind = "joint's bound" if told.bounded else "joint's play"
         truth = one.truth.get(told.label, 0.0)
         row = {
             "kind": kind, "label": told.joint if play else told.label, "truth": truth,

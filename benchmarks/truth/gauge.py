@@ -82,7 +82,7 @@ def changed(number: int, seed: int, encoder: bool, benchmark: Benchmark) -> None
                 "high_deg": float(np.degrees(told.high)),
                 "holds": bool(told.low <= change <= told.high),
                 "growth told": bool(told.low > 0.0),
-                "values part": bool(last.low > (first.high if first.found else first.upper)),
+                "values part": bool(last.low > (first.upper if first.bounded else first.high)),
             }
         )
     table = []
@@ -110,11 +110,11 @@ def main() -> None:
     for _ in ProgressBar(range(number), "joints", unit="joint"):
         (play,), (read,) = joint(random, args.encoder)
         told = identify_gauged(robot, read).estimates[0]
-        low, high = told.interval if told.found else (0.0, told.upper)
+        low, high = (0.0, told.upper) if told.bounded else told.interval
         rows.append(
             {
                 "play_deg": float(np.degrees(play)),
-                "told": "interval" if told.found else "bound",
+                "told": "bound" if told.bounded else "interval",
                 "low_deg": float(np.degrees(low)),
                 "high_deg": float(np.degrees(high)),
                 "holds": bool(low <= play <= high),

@@ -62,8 +62,8 @@ def rows_of(one: Machine, seed: int) -> list[dict]:
             "expected": unknown.nominal,
             "found": estimate.value,
             "half_width": estimate.half_width,
-            "told": estimate.identified,
-            "wrong": estimate.identified and not estimate.low <= truth <= estimate.high,
+            "told": estimate.known,
+            "wrong": estimate.known and not estimate.low <= truth <= estimate.high,
             "excess": found.excess,
             "why_not": estimate.reason,
         }

@@ -68,11 +68,11 @@ def measured(number: int, seed: int) -> list[dict]:
     for _ in ProgressBar(range(number), "axes", unit="axis"):
         stairs, lost = axis(random, moves)
         told = identify_lost_motion(robot, stairs).estimates[0]
-        low, high = told.interval if told.found else (0.0, told.upper)
+        low, high = (0.0, told.upper) if told.bounded else told.interval
         rows.append(
             {
                 "lost_um": 1e6 * lost,
-                "told": "cannot tell" if told.reason else "interval" if told.found else "bound",
+                "told": "cannot tell" if told.reason else "bound" if told.bounded else "interval",
                 "low_um": 1e6 * low,
                 "high_um": 1e6 * high,
                 "holds": bool(low <= lost <= high),

@@ -140,10 +140,10 @@ def test_play_is_found_with_its_friction_and_told_from_compliance(arm):
     kept = {term.kind for term in fit.kept}
     assert kept >= {"offset", "compliance", "play"}
     elbow = fit.play_of("elbow")
-    assert elbow.found
+    assert elbow.known
     assert elbow.low < 8e-3 < elbow.high
     shoulder = fit.play_of("shoulder")
-    assert not shoulder.found
+    assert shoulder.bounded
     assert not shoulder.reason
     assert shoulder.upper < 2e-3
     assert fit["shoulder gear compliance"].low < 4e-4 < fit["shoulder gear compliance"].high
@@ -192,7 +192,7 @@ def test_eccentric_encoders_are_not_taken_for_play(arm):
     truth = Truth(arm, 4).eccentricity(elbow=(2e-3, -1e-3))
     fit = calibrate(arm, truth.measured(), ["offset", "play", "eccentricity"])
     assert "eccentricity" in {term.kind for term in fit.kept}
-    assert not fit.play_of("elbow").found
+    assert fit.play_of("elbow").bounded
     assert fit["elbow eccentricity sin"].low < 2e-3 < fit["elbow eccentricity sin"].high
 
 
@@ -254,7 +254,7 @@ def test_same_point_again_is_enough_and_scale_comes_from_known_distances(arm):
     assert fit.step().held_back[0] < 2e-4
     for name, size in (("shoulder", 0.01), ("elbow", -0.02)):
         assert fit[f"{name} offset"].low < size < fit[f"{name} offset"].high
-    assert not fit["waist offset"].identified
+    assert not fit["waist offset"].known
     assert "not determined" in str(fit)
 
 
@@ -351,7 +351,7 @@ def test_a_wrong_ratio_is_called_a_ratio_and_sag_is_called_sag(arm):
     found = {one.play[0].joint: one for one in asked}
     assert [term.kind for term in found["shoulder"].kept] == ["ratio"]
     assert "shoulder: its link turns 0.666" in str(found["shoulder"])
-    assert not found["shoulder"].play[0].found
+    assert found["shoulder"].play[0].bounded
     assert [len(found[name].steps) for name in ("shoulder", "wrist")] == [2, 1]
 
 

@@ -115,7 +115,7 @@ def test_clearance_and_friction_are_recovered_from_passing_and_pushing(arm):
 def test_passing_alone_tells_the_product_and_says_so(arm):
     mechanism = Mechanism(arm, {"j": planar()})
     found = identify(mechanism, seen(stops=False))
-    assert not any(one.identified for one in found.estimates)
+    assert not any(one.known for one in found.estimates)
     text = str(found)
     assert "this measurement cannot tell" in text
     assert "j radial clearance: it acts only together with j friction" in text
@@ -141,7 +141,7 @@ def test_only_a_calibrated_robot_needs_no_reversal(arm):
 def test_too_much_noise_cannot_tell(arm):
     mechanism = Mechanism(arm, {"j": planar()})
     found = identify(mechanism, seen(noise=5e-3))
-    assert not any(one.identified for one in found.estimates[:2])
+    assert not any(one.known for one in found.estimates[:2])
     assert "95 % interval would be" in str(found) or "noise" in str(found)
 
 
@@ -155,8 +155,8 @@ def test_a_joint_that_does_not_move_the_tool_cannot_be_told(urdf):
     )
     mechanism = Mechanism(path, {"j": planar(), "k": planar()}, tool="tool")
     found = identify(mechanism, seen())
-    assert found["j radial clearance"].identified
-    assert not found["k radial clearance"].identified
+    assert found["j radial clearance"].known
+    assert not found["k radial clearance"].known
     assert "k radial clearance: not observable: the joint does not move the tool" in str(found)
     assert found.mechanism.clearance["k"] == planar()
 
@@ -253,11 +253,11 @@ def test_a_clearance_that_is_identified_goes_into_the_urdf(arm, tmp_path, capsys
 def test_play_and_compliance_are_not_told_apart_without_another_load(geared):
     measured, friction = lagging(without="torque"), {"j": JointFriction(0.5)}
     found = identify(geared, measured, joint_friction=friction)
-    assert not any(one.identified for one in found.sought)
+    assert not any(one.known for one in found.sought)
     assert "acts only together with" in found.estimates[0].reason
     known = ["gear_compliance", "dry_friction"]
     found = identify(geared, measured, joint_friction=friction, known=known)
-    assert found.estimates[0].identified
+    assert found.estimates[0].known
 
 
 @pytest.mark.thorough

@@ -43,14 +43,14 @@ def measured(gantry, lost, scale=1.0, drift=0.0, scatter=0.0, joint="x", seed=0)
 def test_lost_motion_is_told_apart_from_scale_and_drift(gantry, lost, scale, drift):
     found = identify_lost_motion(gantry, measured(gantry, lost, scale, drift, 1e-6))
     (one,) = found.estimates
-    assert one.found
+    assert one.known
     assert one.low <= lost <= one.high
     assert one.value == pytest.approx(lost, abs=5e-6)
 
 
 def test_no_lost_motion_has_a_bound_and_no_interval(gantry):
     (one,) = identify_lost_motion(gantry, measured(gantry, 0.0, scatter=2e-6)).estimates
-    assert not one.found
+    assert one.bounded
     assert one.upper < 1e-5
 
 

@@ -115,7 +115,7 @@ def test_a_bag_of_topics_with_times_of_their_own_is_identified(arm, recorded):
     for label, wanted in (("j radial clearance", CLEARANCE), ("j friction", FRICTION)):
         value, half = about(found[label])
         assert abs(value - wanted) < half < 0.4 * wanted
-    assert all(one.identified for one in found.estimates[:2])
+    assert all(one.known for one in found.estimates[:2])
 
 
 @pytest.mark.thorough

@@ -173,7 +173,7 @@ def test_a_kind_of_measurement_is_one_file():
     payloads = np.repeat([0.0, 1.0, 2.0, 4.0], 5)
     seen = own.frequency(*truth, payloads) + 0.02 * random.standard_normal(len(payloads))
     for one, value in zip(solve(own.measured("j", payloads, seen, 0.02)), truth, strict=True):
-        assert one.identified
+        assert one.known
         assert one.low < value < one.high
         assert one.half_width < 0.2 * value
     dark = solve(own.measured("j", np.zeros(20), own.frequency(*truth, 0.0) + 0 * seen, 0.02))

@@ -100,7 +100,7 @@ class Calibration:
         known = [
             estimate for estimate in self.estimates
             if estimate.unknown.name in PARTS.values()
-            and estimate.identified and estimate.found and estimate.value > 0.0
+            and estimate.known and estimate.value > 0.0
         ]  # fmt: skip
         if not known:
             raise JointplayError(

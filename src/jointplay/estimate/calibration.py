@@ -32,7 +32,7 @@ from jointplay.estimate.least_squares import LeastSquares
 from jointplay.estimate.planning import MeasurementPlan
 from jointplay.estimate.pose_problem import Problem
 from jointplay.estimate.selection import Selection, Step, held_back
-from jointplay.estimate.unknowns import NORMAL, Estimate, Unknown
+from jointplay.estimate.unknowns import NORMAL, TINY, TWO_SIDED, Estimate, Unknown
 from jointplay.model.mechanism import Mechanism
 
 if TYPE_CHECKING:
@@ -135,7 +135,7 @@ class Placed(Problem):
                 parts.append(turns.reshape(3 * n, -1))
             for way, (one, other) in zip(apart(points), pairs, strict=True):
                 slope = moves[one].mean(axis=0) - moves[other].mean(axis=0)
-                parts.append((way @ slope)[None] / max(float(np.linalg.norm(way)), 1e-12))
+                parts.append((way @ slope)[None] / max(float(np.linalg.norm(way)), TINY))
             return np.concatenate(parts)
 
         return LeastSquares(
@@ -414,7 +414,9 @@ def _effects(fits: Selection, kept: Step) -> tuple[Estimate, ...]:
         value = fitted.theta[at] / scale[at]
         drawn = random.multivariate_normal(value, covariance * np.outer(wider, wider), DRAWS)
         size = float(np.linalg.norm(moved @ value))
-        low, high = np.quantile(np.linalg.norm(moved @ drawn.T, axis=0), [0.025, 0.975])
+        low, high = np.quantile(
+            np.linalg.norm(moved @ drawn.T, axis=0), [1.0 - TWO_SIDED, TWO_SIDED]
+        )
         ends = min(float(low), size), max(float(high), size)
         effect = Unknown("", term.short, "m", sought=False, fine=False)
         made.append(Estimate(effect, size, ends=ends))

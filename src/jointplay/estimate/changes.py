@@ -37,7 +37,7 @@ class Changes(Answer):
     def sentence(self) -> str:
         """The answer in plain words."""
         known = [one for one in self.estimates if one.label.endswith(" change")]
-        told = [one for one in known if one.identified]
+        told = [one for one in known if one.known]
         sure = {
             "grown": [f"{one.joint} by {one.span}" for one in told if one.low > 0.0],
             "become less": [f"{one.joint} by {one.span}" for one in told if one.high < 0.0],
@@ -46,7 +46,7 @@ class Changes(Answer):
         same = len(told) - sum(map(len, sure.values()))
         if same:
             words.append(f"may be as it was in {same} of {counted(len(known), 'joint')}")
-        if untold := [one.joint for one in known if not one.identified]:
+        if untold := [one.joint for one in known if not one.known]:
             words.append(f"of {few(untold)} no change can be told")
         return f"Play {'; '.join(words)}"
 

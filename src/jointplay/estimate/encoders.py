@@ -23,7 +23,7 @@ from jointplay.estimate.least_squares import LeastSquares
 from jointplay.estimate.pose_problem import Problem
 from jointplay.estimate.selection import Selection, held_back
 from jointplay.estimate.static_poses import FEWEST, StaticPoses
-from jointplay.estimate.unknowns import Unknown
+from jointplay.estimate.unknowns import TINY, Unknown
 from jointplay.model.mechanism import Mechanism
 
 if TYPE_CHECKING:
@@ -135,7 +135,7 @@ def _compared(poses: Poses, joint: str, terms: Sequence[Term] | None) -> Calibra
         return None
     n, largest = len(kept), {"compliance": poses.load[:, j], "ratio": poses.q[:, j]}
     widths = {
-        kind: _WIDE * size / max(float(np.abs(by).max()), 1e-9) for kind, by in largest.items()
+        kind: _WIDE * size / max(float(np.abs(by).max()), TINY) for kind, by in largest.items()
     }
     asked = {one.kind for one in terms or () if not one.joints or joint in one.joints}
     causes = CAUSES

@@ -32,7 +32,7 @@ from jointplay.estimate.least_squares import Fit, LeastSquares, search
 from jointplay.estimate.machine import preset_found
 from jointplay.estimate.measurement import resolution
 from jointplay.estimate.planning import PUSH_N, free_poses
-from jointplay.estimate.unknowns import Answer, Estimate, Loop, Unknown
+from jointplay.estimate.unknowns import Answer, Estimate, Loop, Unknown, excludes_zero
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.loads.drive import urdf_friction
 
@@ -223,7 +223,7 @@ class Gauged(Answer):
     @property
     def sentence(self) -> str:
         plays = [one for one in self.estimates if one.unknown.name == "gear_play"]
-        known = [f"{one.joint} {one.span}" for one in plays if one.identified]
+        known = [f"{one.joint} {one.span}" for one in plays if not one.reason]
         of = f"{len(known)} of {counted(len(plays), 'joint')}"
         return f"The readings tell the play of {of}{f': {few(known)}' if known else ''}"
 
@@ -288,7 +288,7 @@ def identify_gauged(
         start = np.array([0.5 * play.scale, give.scale, rubs.nominal, bends.nominal])
         fitted = fits[joint] = search(problem, start)
         (first, second, *_) = fitted.estimates()
-        sure = first.value > first.half_width
+        sure = excludes_zero(first.value - first.half_width)
         reason = ""
         if weight >= smallest:
             words = f"{readable(weight, unit, 3)}, more than the smallest push, " + readable(
@@ -310,7 +310,7 @@ def identify_gauged(
             first = replace(first, reason=reason)
         else:  # where there may be none, how large it is at most
             upper = first.value + first.half_width
-            first = replace(first, reason="", found=sure, upper=upper)
+            first = replace(first, reason="", bounded=not sure, upper=upper)
         vague = first.half_width > first.unknown.widest(first.value)
         if vague and _forces(readings, mine) == 2:
             notes.append(

@@ -25,12 +25,14 @@ from jointplay.estimate.recordings import Recording, is_recording
 from jointplay.estimate.unknowns import (
     LARGEST_SHARE,
     PLAYS,
+    ROUNDING,
     Estimate,
     Loop,
     Unknown,
     by_label,
     data,
     listed,
+    narrow,
 )
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import RollingBearing
@@ -48,6 +50,9 @@ LARGE = 3.0
 """Times the records' scatter from which on residuals are said to be large."""
 _ROUNDING = 1e-12
 """Square of the part of a compliance's effect below which there is none of its own: rounding."""
+_FINEST = 1e-9
+"""Error of a mean below which none is taken, far below what instruments resolve: records of a
+simulation have none at all [m, rad, N m]."""
 _VAGUE = "its interval is wider than half of its value"
 
 # Why an unknown cannot be identified, and what would help: in words; how the machine gives way.
@@ -79,7 +84,7 @@ def elasticity(fit: Fit, model: StaticModel) -> tuple[Estimate, ...]:
 
 def reason(i: int, fit: Fit, model: StaticModel) -> str:
     """Why an unknown cannot be identified; empty if it can."""
-    if fit.identified(i):
+    if fit.known(i):
         return _held_by_friction(i, fit)
     if never := _never_loaded(fit.least.unknowns[i], model):
         return never
@@ -121,7 +126,7 @@ def _held_by_friction(i: int, fit: Fit) -> str:
         return ""
     for k, other in enumerate(fit.least.unknowns):
         rubs = other.joint == one.joint and other.name == "friction" and other.sought
-        if rubs and not fit.identified(k):
+        if rubs and not fit.known(k):
             return (
                 f"its interval begins at zero, and {other.label}, which cannot be determined, may "
                 "hold the journal wherever it is: pass the places slowly, in both directions"
@@ -137,17 +142,17 @@ def _explained(i: int, fit: Fit, made: Visits) -> str:
     labels = [*(other.label for other in problem.unknowns if other.name in WOUND), *problem.elastic]
     effect = problem.effects(fit.theta)
 
-    def identified(rigid: Collection[str]) -> bool:
+    def known(rigid: Collection[str]) -> bool:
         kept = [k for k, other in enumerate(problem.unknowns) if other.label not in rigid]
         stiff = problem.without([label for label in rigid if label in problem.elastic])
         covariance, null, _ = information(stiff.project(effect[:, kept]))
         k = kept.index(i)
         half = fit.wide(float(np.sqrt(covariance[k, k])) * one.scale)
-        return bool(null[k, k] <= NULL and half <= one.widest(fit.theta[i]))
+        return bool(null[k, k] <= NULL and narrow(one, fit.theta[i], half))
 
-    if not labels or not identified(labels):
+    if not labels or not known(labels):
         return ""
-    which = [label for label in labels if identified([label])]
+    which = [label for label in labels if known([label])]
     sizes = np.unique(measurement.pushes(made.force, _SIZE_STEPS), axis=0)
     count = len(np.unique(np.round(np.linalg.norm(sizes, axis=1)))) - 1
     words = ", ".join(which[:_NAMED]) if which else "of several parts at once"
@@ -193,7 +198,7 @@ def advice(
     before = effect.T @ effect / max(fit.misfit, 1.0) ** 2 + planning.prior(unknowns, model)[0]
     noise = dict(planning.NOISE)
     for (kind, _), spread in zip(model.keys, observed.noise, strict=True):
-        noise[kind] = max(spread, 1e-9)
+        noise[kind] = max(spread, _FINEST)
     offers = planning.offers(model.machine, unknowns, model.keys, noise, fit.theta)
     lines = []
     for i, (one, why) in enumerate(zip(unknowns, reasons, strict=True)):
@@ -266,7 +271,7 @@ class Identification:
                 drives = dict.fromkeys(self.mechanism.gears, drives)
             tables["drive"] = {name: shortest(Drive, one) for name, one in drives.items()}
         for one in self.estimates:
-            if one.unknown.name == "dry_friction" and one.identified:
+            if one.unknown.name == "dry_friction" and one.known:
                 own = known.get(one.joint, JointFriction())
                 friction[one.joint] = replace(own, coulomb=one.value, static=None)
         tables["friction"] = {name: shortest(JointFriction, one) for name, one in friction.items()}
@@ -274,14 +279,14 @@ class Identification:
 
     @property
     def sentence(self) -> str:
-        known = [f"{one.label} {one.words()[0]}" for one in self.sought if one.identified]
+        known = [f"{one.label} {one.words()[0]}" for one in self.sought if one.known]
         told = f": {few(known)}" if known else ""
         return f"The measurement determines {len(known)} of {len(self.sought)} unknowns{told}"
 
     def __str__(self) -> str:
-        soft = [one for one in self.elasticity if one.identified]
+        soft = [one for one in self.elasticity if one.known]
         lines = [*self.notes, listed([*self.sought, *soft], expected=True)]
-        vague = [one.label for one in self.elasticity if not one.identified]
+        vague = [one.label for one in self.elasticity if not one.known]
         if vague:
             lines.append(f"accounted for, but not determined: {', '.join(vague)}, tool compliance")
         used = np.isfinite(self.error)
@@ -481,7 +486,7 @@ def _compared(
     model = StaticModel(prior, made, observed.keys, unknowns)
     use = np.isfinite(observed.mean) & model.certain[:, None]
     _check(measured, model, use, reference)
-    smallest = [1e-12 + 1e-9 * np.nanmax(np.abs(row), initial=0.0) for row in observed.mean.T]
+    smallest = [_FINEST + ROUNDING * np.nanmax(np.abs(row), initial=0.0) for row in observed.mean.T]
     records = np.where(use, np.maximum(observed.error, smallest), np.nan)
     records = np.hypot(records, model.wander)
     nuisance, labels = nuisances(model, observed, reference, drift, measured.lag > 0.0)

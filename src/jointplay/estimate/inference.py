@@ -11,25 +11,30 @@ else there is an upper bound, or the reason why there is none.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
+from scipy.stats import chi2
 
-from jointplay.estimate.kinematic_model import Term
+from jointplay.estimate.kinematic_model import FRICTIONS, TRANSITIONS, Column, Term
 from jointplay.estimate.pose_problem import Fitted
 from jointplay.estimate.selection import Selection, Step
-from jointplay.estimate.unknowns import Estimate
+from jointplay.estimate.unknowns import CONFIDENCE, TWO_SIDED, Estimate, excludes_zero
 
 RARER_SIGN = 0.05
 """Part of the poses in which a joint must be loaded the other way, or its play cannot be told."""
 LARGE_EXCESS = 1.2
 """Excess of held-back errors from which on it is said."""
-TWO_UNKNOWNS = 5.99
-"""95 % quantile of chi-square with two degrees of freedom, friction's and transition's."""
+TWO_UNKNOWNS = float(chi2.ppf(CONFIDENCE, 2))
+"""Fall of the cost within which friction and transition, two unknowns, may be (Wilks)."""
 SMOOTHINGS = (0.25, 1.0, 4.0)
 """Times a transition that is given, for which a bound must hold."""
+
+_HALVINGS = 5
+"""Most halvings of the steps between frictions and transitions."""
 
 
 class Inference(NamedTuple):
@@ -45,7 +50,8 @@ class Inference(NamedTuple):
 
 def infer(selection: Selection, kept: Step, candidates: Sequence[Term]) -> Inference:
     """What is known of the coefficients of the model that was kept, and of every joint's play."""
-    full, _ = selection.fit(_full_model(selection, kept, candidates), selection.rows)
+    full, chosen = selection.fit(_full_model(selection, kept, candidates), selection.rows)
+    full = _refined(selection, full, chosen)
     ends, plays = _likelihood_region(selection, full)
     half, _ = half_widths(selection, full)
     coefficients, first = [], len(selection.start)
@@ -72,8 +78,8 @@ def infer(selection: Selection, kept: Step, candidates: Sequence[Term]) -> Infer
 
 def half_widths(selection: Selection, fitted: Fitted) -> tuple[np.ndarray, np.ndarray]:
     """Of 95 % intervals, and of one-sided 95 % bounds, of all unknowns, (p,) each [SI]."""
-    two, one = (selection.excess * fitted.half_widths(part) for part in (0.95, 0.9))
-    return two, one
+    two_sided, one_sided = map(fitted.half_widths, (TWO_SIDED, CONFIDENCE))
+    return selection.excess * two_sided, selection.excess * one_sided
 
 
 def _full_model(selection: Selection, kept: Step, candidates: Sequence[Term]) -> list[Term]:
@@ -85,6 +91,57 @@ def _full_model(selection: Selection, kept: Step, candidates: Sequence[Term]) ->
     unnamed = tuple(n for n in selection.joints if n not in named and poses.loaded(n))
     others = [term for term in terms if term.kind != "play"]
     return [*others, *plays, *([Term("play", unnamed)] if unnamed else [])]
+
+
+def _refined(selection: Selection, full: Fitted, chosen: Mapping[int, int]) -> Fitted:
+    """The fit with frictions and transitions of play between those of the table.
+
+    Where poses are precise the best of a table is a bad one, and its interval too narrow: so steps
+    about the best are halved as long as that explains the poses better by a standard error. The
+    columns then have the tables that were looked at as their options.
+    """
+    sought = [i for i in chosen if full.problem.columns[i].term.kind == "play"]
+    best = {i: full.problem.columns[i].choices[k] for i, k in chosen.items() if i in sought}
+    for halved in range(_HALVINGS if sought else 0):
+        columns, theta = list(full.problem.columns), full.theta
+        for i in sought:
+            column = columns[i]
+            table = column.choices
+            near = _about(selection, column, best[i], halved)
+            poses = selection.base.poses
+            options = 0.5 * poses.leaning(column.joint, *np.transpose(near))
+            local = replace(column, choices=near, options=options)
+            problem = full.problem.having([*columns[:i], local, *columns[i + 1 :]])
+            gains, *_ = selection.gains(problem, i, theta, selection.rows)
+            k = int(gains.argmax())
+            best[i] = near[k]
+            assert column.options is not None
+            columns[i] = replace(
+                column, feature=options[:, k], choices=[*table, *near],
+                options=np.column_stack([column.options, options]),
+            )  # fmt: skip
+        finer = full.problem.having(columns).fit(selection.rows, theta)
+        fall = full.least.cost(full.theta) - finer.least.cost(finer.theta)
+        full = finer
+        if fall < (selection.excess * full.stretch) ** 2:
+            break
+    return full
+
+
+def _about(
+    selection: Selection, column: Column, best: tuple[float, ...], halved: int
+) -> list[tuple[float, ...]]:
+    """Frictions and transitions about the best ones of a play, by steps that were halved so often;
+    those that are given stay as they are [N m]."""
+    term, friction, transition = column.term, *best
+    largest = float(np.abs(selection.base.poses.load[:, column.index]).max())
+    steps = np.array([-1.0, -0.5, 0.0, 0.5, 1.0]) / 2.0**halved
+    frictions, transitions = [friction], [transition]
+    if term.friction is None and selection.base.poses.measured.ordered:
+        frictions = sorted({max(friction + FRICTIONS[1] * largest * step, 0.0) for step in steps})
+    if term.transition is None:
+        transitions = [transition * (TRANSITIONS[1] / TRANSITIONS[0]) ** step for step in steps]
+    return list(product(frictions, transitions))
 
 
 def _likelihood_region(
@@ -120,17 +177,17 @@ def _play(
         upper = max(upper, max(high - half, 0.0) + side)
     else:
         upper = max(upper, _smoothed(selection, full, i))
-    known = bool(predictive and low > 0.0)
+    known = excludes_zero(low, predictive)
     reason = "" if known else _why_not(full, i)
     return Estimate(
-        column.unknown, value, reason=reason, ends=(low, high), upper=upper, found=known
+        column.unknown, value, reason=reason, ends=(low, high), upper=upper, bounded=not known
     )
 
 
 def _unloaded(selection: Selection, joint: str) -> Estimate:
     (column,) = selection.base.poses.columns(Term("play", (joint,)))
     reason = "gravity does not load this joint"
-    return Estimate(column.unknown, 0.0, reason=reason, found=False)
+    return Estimate(column.unknown, 0.0, reason=reason, bounded=True)
 
 
 def _smoothed(selection: Selection, full: Fitted, i: int) -> float:

@@ -22,13 +22,19 @@ from scipy.optimize import brentq, least_squares
 from scipy.stats import qmc
 from scipy.stats import t as student
 
-from jointplay.estimate.unknowns import Estimate, Unknown
+from jointplay.estimate.unknowns import (
+    INFORMED,
+    ROUNDING,
+    TINY,
+    TWO_SIDED,
+    Estimate,
+    Unknown,
+    narrow,
+)
 
-CONFIDENCE = 0.95
 _STEP = 1e-3
 """Step of differences, relative to an unknown's scale: with it rounding at 1e-12 leaves slopes to
-1e-9, below which singular values therefore count as zero (`_RANK`, by the largest)."""
-_RANK = 1e-9
+`ROUNDING`, below which singular values therefore count as zero, by the largest."""
 SHARE = 0.1
 """Part of a direction in the null space from which on an unknown is named with it: only words."""
 SAFETY = 1.5
@@ -39,8 +45,6 @@ _EFFECT_ROUNDS, _LEAST_STEP, _LARGEST_STEP = 2, 0.02, 0.5
 _LEAST_FREEDOM = {False: 8, True: 4}
 """Freedom that few groups are granted: with less, intervals say nothing. Fewer where errors are
 only weights, for nothing else says how large they are."""
-INFORMED = 0.5
-"""Part of a prior's variance that a measurement must take away, or the prior tells more."""
 TOGETHER = 0.7
 """Correlation from which two unknowns are said to act together: half of the variance of either is
 the other's. Only words."""
@@ -67,7 +71,7 @@ _ERROR_ROUNDS = 2
 def basis(columns: np.ndarray) -> np.ndarray:
     """Orthonormal basis of the span of columns (m, k), shape (m, rank)."""
     left, sizes, _ = np.linalg.svd(columns, full_matrices=False)
-    return left[:, sizes > _RANK * sizes.max(initial=1e-300)]
+    return left[:, sizes > ROUNDING * sizes.max(initial=TINY)]
 
 
 @dataclass(frozen=True)
@@ -315,10 +319,10 @@ class Fit:
                 freedom = min(freedom, max(number - taken, _LEAST_FREEDOM[self.least.weights]))
         return variance, freedom
 
-    def half_widths(self, confidence: float = CONFIDENCE) -> np.ndarray:
+    def half_widths(self, quantile: float = TWO_SIDED) -> np.ndarray:
         """Half of each unknown's interval, by the residuals and by the model's own error, (p,)."""
         variance, freedom = self._spread
-        half = student.ppf(0.5 + confidence / 2.0, freedom) * np.sqrt(variance) * self.least.scale
+        half = student.ppf(quantile, freedom) * np.sqrt(variance) * self.least.scale
         own = np.array([one.model_error for one in self.least.unknowns]) * self.theta
         return np.asarray(self.least.safety * np.hypot(half, own))
 
@@ -333,14 +337,14 @@ class Fit:
     def wide(self, deviation: float, off: float = 0.0) -> float:
         """Half of a 95 % interval, by the standard deviation if residuals were one, and by what the
         model itself is off."""
-        half = float(student.ppf(0.5 + CONFIDENCE / 2.0, self._spread[1]))
+        half = float(student.ppf(TWO_SIDED, self._spread[1]))
         return self.least.safety * float(np.hypot(half * self.stretch * deviation, off))
 
     def informed(self, i: int) -> tuple[float, float, str]:
         """Part of the i-th unknown's prior variance that the measurement took away; its largest
         correlation with another that is sought, and that one's label if it is large."""
         one = self.least.unknowns[i]
-        spread = np.sqrt(np.maximum(np.diag(self.covariance), 1e-300))
+        spread = np.sqrt(np.maximum(np.diag(self.covariance), TINY))
         told = 1.0 - self.covariance[i, i] * (one.scale / one.spread) ** 2
         together = np.abs(self.covariance[i] / spread[i] / spread)
         together[~np.array([one.sought for one in self.least.unknowns])] = together[i] = 0.0
@@ -353,20 +357,19 @@ class Fit:
         own = self.effect[: len(self.least.measured), i]
         return bool(np.linalg.norm(own) >= FAINT)
 
-    def identified(self, i: int) -> bool:
-        """Whether the measurement can tell the i-th unknown.
+    def known(self, i: int) -> bool:
+        """Whether the i-th unknown is known: its interval is narrow (`narrow`).
 
-        It can if half of the interval is small beside the value (`Unknown.widest`). Where errors
-        are only weights priors are wide and values may be zero: there it can if it takes away
-        `INFORMED` of the prior's variance.
+        Where errors are only weights priors are wide and values may be zero: there it is if the
+        measurement takes away `INFORMED` of the prior's variance.
         """
         if self.least.weights:
             return self.informed(i)[0] > INFORMED
-        return bool(self.half_width[i] <= self.least.unknowns[i].widest(self.theta[i]))
+        return narrow(self.least.unknowns[i], self.theta[i], self.half_width[i])
 
     def why_not(self, i: int) -> str:
         """Why the measurement cannot tell the i-th unknown; empty if it can."""
-        if self.identified(i):
+        if self.known(i):
             return ""
         if not self.shows(i):
             return "not observable: nothing that was measured depends on it"
@@ -459,7 +462,7 @@ def information(effect: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
     every = np.zeros(effect.shape[1])
     every[: len(sizes)] = sizes
     # An effect of a whole scale that is a thousandth of the noise identifies nothing either.
-    clear = every > max(_RANK * every.max(initial=0.0), FAINT)
+    clear = every > max(ROUNDING * every.max(initial=0.0), FAINT)
     axes = right[clear].T / every[clear]
     return axes @ axes.T, right[~clear].T @ right[~clear], int(clear.sum())
 
@@ -599,7 +602,7 @@ def _excess(left: np.ndarray, error: np.ndarray, freedom: float) -> float:
     def beyond(more: float) -> float:
         return float(np.square(left / np.hypot(error, more)).sum()) - freedom
 
-    high = float(np.sqrt(np.square(left).sum() / max(freedom, 1e-9)))
+    high = float(np.sqrt(np.square(left).sum() / max(freedom, TINY)))
     return float(brentq(beyond, 0.0, 1.001 * high, xtol=1e-15)) if beyond(0.0) > 0.0 else 0.0
 
 

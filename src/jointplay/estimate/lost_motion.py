@@ -173,7 +173,7 @@ class LostMotion(Answer):
 
     @property
     def sentence(self) -> str:
-        known = [f"{one.joint} {one.span}" for one in self.estimates if one.identified]
+        known = [f"{one.joint} {one.span}" for one in self.estimates if not one.reason]
         of = f"{len(known)} of {counted(len(self.estimates), 'joint')}"
         return f"The moves tell the lost motion of {of}{f': {few(known)}' if known else ''}"
 
@@ -183,7 +183,7 @@ class LostMotion(Answer):
     @property
     def plays(self) -> dict[str, float]:
         """Total lost motion of the joints of which it is known [rad or m]."""
-        return {one.joint: one.value for one in self.estimates if one.identified and one.found}
+        return {one.joint: one.value for one in self.estimates if one.known}
 
     def preset(self, robot: str | Path | None = None) -> Preset:
         """The robot's joints with what was found; see `Identification.preset`."""
@@ -230,7 +230,7 @@ def identify_lost_motion(
                 f"gravity loads it by {readable(weight, unit, 3)} towards {side}, friction by "
                 f"{readable(rubs, unit, 3)} by its file: its teeth lie on one side"
             )
-            if not estimate.found:
+            if estimate.bounded:
                 estimate = replace(
                     estimate,
                     reason=f"{words}, and no move shows its play",
@@ -245,7 +245,7 @@ def identify_lost_motion(
                 "(give the pose by --pose)"
             )
         gear = mechanism.gears.get(joint)
-        if rubs and gear is not None and estimate.found:
+        if rubs and gear is not None and not estimate.bounded:
             wound = 2.0 * float(gear.wound_up(rubs) - gear.play / 2.0)
             part = readable(wound, "m" if slides else "rad", 3)
             notes.append(f"note: of this, {part} is the gear of {joint} giving way to friction")
@@ -365,7 +365,7 @@ class _Profile:
         sure = float(inside.min()) > 0.0 and squares[0] > squares.min() + bound
         note = f"one side repeats to {readable(sigma, unit, 2)}"
         found = Estimate(
-            unknown, value, max(value - low, high - value), ends=(low, high), found=sure,
+            unknown, value, max(value - low, high - value), ends=(low, high), bounded=not sure,
             upper=high, note=note,
         )  # fmt: skip
         if high >= most:

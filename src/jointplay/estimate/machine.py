@@ -293,10 +293,10 @@ def preset_found(
     words = f"{Path(place).stem} as measured by {source}"
     gears = {name: dict(one) for name, one in tables.get("gear", {}).items()}
     for one in found:
-        name, told = one.unknown.name, one.identified and one.value > 0.0
+        name, told = one.unknown.name, not one.reason and one.value > 0.0
         if told and one.joint not in mechanism.gears:
             if name == "gear_play":
-                gears.setdefault(one.joint, {})["play"] = one.value if one.found else one.upper
+                gears.setdefault(one.joint, {})["play"] = one.upper if one.bounded else one.value
             elif name == "gear_compliance":
                 gears.setdefault(one.joint, {"play": 0.0})["stiffness"] = 1.0 / one.value
     tables = dict(tables) | {"gear": gears}
@@ -312,11 +312,11 @@ def _origin(one: Estimate, source: str) -> Origin:
     name, unknown = one.unknown.name, one.unknown
     key = next((key for key, own in QUANTITIES.items() if own == name), f"bearing.{name}")
     key = f"{one.joint}.{key}"
-    if not one.identified:
+    if one.reason:
         why = f"of the scenario; {source} cannot tell: {one.reason}"
         return Origin(key=key, value=unknown.shown(unknown.nominal), origin="assumed", source=why)
-    value, ends = one.value if one.found else one.upper, one.interval
-    if not one.found:
+    value, ends = one.upper if one.bounded else one.value, one.interval
+    if one.bounded:
         ends = 0.0, one.upper
     if math.isinf(ends[1]):
         return Origin(

@@ -16,6 +16,7 @@ from jointplay.base.errors import JointplayError, MissingName, require_positive
 from jointplay.base.tables import Column, Table
 from jointplay.estimate import columns
 from jointplay.estimate.columns import Key
+from jointplay.estimate.unknowns import TINY
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.loads.wrench import Wrench, WrenchOverTime
 from jointplay.simulation.motion.reference import Motion
@@ -418,7 +419,7 @@ def resolution(values: np.ndarray) -> float:
 
 def pushes(force: np.ndarray, steps: float = PUSH_STEPS) -> np.ndarray:
     """Whole numbers by which forces on the tool (n, 3) differ, in parts of the strongest."""
-    strongest = max(float(np.abs(force).max(initial=0.0)), 1e-12)
+    strongest = max(float(np.abs(force).max(initial=0.0)), TINY)
     return np.asarray(np.round(steps * force / strongest)).astype(int)
 
 

@@ -49,7 +49,7 @@ from jointplay.estimate.parts import (
     Teeth,
     friction_of,
 )
-from jointplay.estimate.unknowns import Unknown
+from jointplay.estimate.unknowns import TINY, Unknown
 from jointplay.model.gear import Curve, Gear
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import Clearance, RollingBearing
@@ -192,8 +192,8 @@ class _Bearing:
         """How a contact of lines gives way beside one that gives way in proportion to its load,
         as a factor, one at the largest load, (n,)."""
         size = np.linalg.norm(self.load[:, :2], axis=1)
-        part = size / max(float(size.max(initial=0.0)), 1e-300)
-        return np.where(part > 0.0, np.maximum(part, 1e-12) ** (_LINE_CONTACT - 1.0), 0.0)
+        part = size / max(float(size.max(initial=0.0)), TINY)
+        return np.where(part > 0.0, np.maximum(part, TINY) ** (_LINE_CONTACT - 1.0), 0.0)
 
     def torque(self, friction: float | None) -> np.ndarray:
         """Of the rims' friction about the axis, its size while sliding, (n,) [N m]."""
@@ -625,7 +625,7 @@ class StaticModel:
         sure = np.all([np.ones(len(self.visits)), *(b.sure for b in self._bearings.values())], 0)
         for name in self._gives:
             mine = values.get(name, {})
-            sure &= self._wound(name, mine)[2] > 1.0 - 1e-9
+            sure &= self._wound(name, mine)[2] == 1.0
             gear = self.mechanism.gears.get(name)
             if gear is not None and (gear.play or isinstance(gear, Gear)):
                 sure &= self._one_side(name, mine)

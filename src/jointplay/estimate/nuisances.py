@@ -21,6 +21,7 @@ from jointplay.estimate.measurement import (
     tool_positions,
 )
 from jointplay.estimate.model import StaticModel
+from jointplay.estimate.unknowns import TINY
 
 REFERENCES = ("place", "frame", "ideal")
 """What is known of the tool's ideal place: nothing but that it is the same at each visit of a
@@ -94,7 +95,7 @@ def drifts(keys: Sequence[Key], time: np.ndarray, degree: int) -> np.ndarray:
 
     Legendre polynomials up to a degree; 0: none.
     """
-    middle, half = 0.5 * (time.min() + time.max()), max(0.5 * float(np.ptp(time)), 1e-12)
+    middle, half = 0.5 * (time.min() + time.max()), max(0.5 * float(np.ptp(time)), TINY)
     shapes = legvander((time - middle) / half, degree)[:, 1:]
     columns = [
         signal_effect(keys, key, shape) for key in keys if key[0] in READINGS for shape in shapes.T

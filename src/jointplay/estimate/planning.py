@@ -22,18 +22,17 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from scipy.stats import norm
 
 from jointplay.accuracy.poses import moving, over_workspace
 from jointplay.base.errors import JointplayError, require_a, require_positive
 from jointplay.base.tables import Table
-from jointplay.estimate.least_squares import CONFIDENCE, LeastSquares, basis, partners
+from jointplay.estimate.least_squares import LeastSquares, basis, partners
 from jointplay.estimate.machine import TOOL, WAYS, Given, Machine, compliances
 from jointplay.estimate.measurement import SHOWN, Key, Visits, tool_positions
 from jointplay.estimate.model import StaticModel
 from jointplay.estimate.nuisances import offsets
 from jointplay.estimate.parts import WOUND
-from jointplay.estimate.unknowns import LARGEST_SHARE, Unknown
+from jointplay.estimate.unknowns import LARGEST_SHARE, NORMAL, TINY, Unknown
 from jointplay.model.collisions import SelfCollision
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.loads.drive import JointFriction, urdf_friction
@@ -328,7 +327,7 @@ def distances(mechanism: Mechanism, options: Sequence[Experiment]) -> np.ndarray
     apart = np.linalg.norm(where[:, None] - where[None], axis=3).max(axis=2)
     kinds = [(one.force is not None and tuple(map(abs, one.force)), one.passes) for one in options]
     same = np.array([[a == b for b in kinds] for a in kinds])
-    return np.where(same, apart / max(reach, 1e-9), np.inf)
+    return np.where(same, apart / max(reach, TINY), np.inf)
 
 
 def sizes(machine: Machine, unknowns: Sequence[Unknown]) -> tuple[float, ...]:
@@ -509,9 +508,8 @@ def half_widths(unknowns: Sequence[Unknown], gain: np.ndarray) -> np.ndarray:
     By information about them and about c compliances, shape (p + c, p + c).
     """
     covariance = np.linalg.inv(gain)[: len(unknowns), : len(unknowns)]
-    quantile = float(norm.ppf(0.5 + CONFIDENCE / 2.0))
     scale = np.array([one.scale for one in unknowns])
-    return np.asarray(quantile * np.sqrt(np.diag(covariance)) * scale)
+    return np.asarray(NORMAL * np.sqrt(np.diag(covariance)) * scale)
 
 
 def _partners(

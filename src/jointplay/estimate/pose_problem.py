@@ -19,16 +19,13 @@ import pinocchio as pin
 from scipy.stats import f as fisher
 
 from jointplay.estimate.kinematic_model import COORDINATE, Column, Poses
-from jointplay.estimate.least_squares import CONFIDENCE, Fit, LeastSquares, minimum
-from jointplay.estimate.unknowns import Loop, Unknown
+from jointplay.estimate.least_squares import Fit, LeastSquares, minimum
+from jointplay.estimate.unknowns import CONFIDENCE, ROUNDING, Loop, Unknown
 
 CONSTANT = ("offset", "placement")
 """Kinds of terms that are the same in every pose."""
 _BY_LOAD = ("play", "compliance", "gear", "hysteresis")
 """Kinds of terms that turn a joint by its load or by the way it came."""
-_LEAST_LEFT = 1e-9
-"""Part of a number's variance that is left at least when nuisances are projected out: a point that
-was visited once leaves none, and only rounding must not be divided by."""
 
 
 @dataclass(frozen=True)
@@ -123,7 +120,7 @@ class Fitted(Fit):
         slope = least.project(least.effects(self.theta))[:m].reshape(*shape, -1)
         off = least.residual(self.theta)[:m].reshape(shape)
         scatter = 1.0 - np.sum(least.projected[:m] ** 2, axis=1).reshape(shape)  # about their means
-        scatter = np.maximum(scatter, _LEAST_LEFT)
+        scatter = np.maximum(scatter, ROUNDING)  # a point that was visited once leaves none
         spread = slope @ self.covariance @ np.swapaxes(slope, 1, 2)
         spread = self.stretch**2 * (spread + scatter[:, :, None] * np.eye(axes))
         distance = np.einsum("na,na->n", off, np.linalg.solve(spread, off[:, :, None])[:, :, 0])

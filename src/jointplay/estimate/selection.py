@@ -25,13 +25,12 @@ from jointplay.estimate.kinematic_model import Term
 from jointplay.estimate.least_squares import basis
 from jointplay.estimate.pose_problem import Fitted, Problem
 from jointplay.estimate.static_poses import StaticPoses
+from jointplay.estimate.unknowns import ROUNDING, TINY
 
 CHANCE = 0.1
 """Probability of chance below which a gain counts, one-sided."""
 LEAST_GAIN = 0.01
 """Part by which held-back errors must shrink at least (RMS)."""
-_ROUNDING = 1e-9
-"""Part by which gains of choices differ that are the same but for rounding."""
 
 
 @dataclass(frozen=True)
@@ -184,7 +183,7 @@ class Selection:
                 gains, *_ = self.gains(self.base.having(columns), i, fitted.theta, rows)
                 best = int(gains.argmax())
                 liked = (preferred or {}).get(i, best)
-                if gains[liked] >= gains[best] * (1.0 - _ROUNDING):
+                if gains[liked] >= gains[best] * (1.0 - ROUNDING):
                     best = liked
                 chosen[i] = best
                 options = columns[i].options
@@ -218,7 +217,7 @@ class Selection:
         features[len(owner) : len(least.measured)] = 0.0
         effect = least.project(slope[:, k, None] * features)
         apart = effect - span @ (span.T @ effect)
-        along, square = -(left @ apart), np.maximum(np.sum(apart**2, axis=0), 1e-300)
+        along, square = -(left @ apart), np.maximum(np.sum(apart**2, axis=0), TINY)
         size = along / square
         moved = -np.linalg.lstsq(others, left[:, None] + effect * size, rcond=None)[0]
         moved = np.insert(moved, k, size, axis=0)

@@ -8,17 +8,46 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.stats import norm
 
 from jointplay.base.errors import MissingName
 from jointplay.base.tables import Table
 from jointplay.base.units import told
 
 CANNOT_TELL = "this measurement cannot tell"
-NORMAL = 1.96
-"""Half of a 95 % interval in standard deviations."""
+CONFIDENCE = 0.95
+"""Of all intervals, two-sided, and of all bounds, one-sided."""
+TWO_SIDED = 0.5 + CONFIDENCE / 2.0
+"""Quantile at which an interval ends; a bound ends at `CONFIDENCE`."""
+NORMAL = float(norm.ppf(TWO_SIDED))
+"""Half of an interval in standard deviations."""
+ROUNDING = 1e-9
+"""Part of a number below which differences count as rounding: sums over thousands of numbers of 16
+digits, squared, keep nine."""
+TINY = 1e-300
+"""Keeps divisions by what may be zero finite."""
+
+# When a value is known: of a recording, whose machine is expected to have it, if its interval is
+# narrow; of poses and readings, which may show that there is none, if its interval excludes zero.
+
 LARGEST_SHARE, SMALL = 0.5, 0.25
-"""An unknown is identified if half of its interval is at most `LARGEST_SHARE` of its value; values
-below `SMALL` of its scale count as this much."""
+"""`identify`: half of the interval is at most `LARGEST_SHARE` of the value; values below `SMALL` of
+the scale count as this much. Judged: a choice of what is worth reporting, intervals stay."""
+INFORMED = 0.5
+"""Coefficients of poses: part of a prior's variance that the measurement takes away; with less the
+prior tells more."""
+
+
+def narrow(unknown: Unknown, value: float, half_width: float) -> bool:
+    """Whether a value is known by the rule of recordings."""
+    return bool(half_width <= unknown.widest(value))
+
+
+def excludes_zero(low: float, predicts: bool = True) -> bool:
+    """Whether a play is known by the rule of poses and readings, by the low end of its interval; of
+    poses its cause must predict those held back better than chance, too (`selection.improves`)."""
+    return bool(predicts and low > 0.0)
+
 
 PLAYS = ("gear_play", "radial_clearance")
 """Unknowns that are a joint's play."""
@@ -66,7 +95,7 @@ class Unknown:
         return told(value, self.unit, fine=self.fine)
 
     def widest(self, value: float) -> float:
-        """Largest half width of an interval about `value` with which it is identified [SI]."""
+        """Largest half width of an interval about `value` with which it is known [SI]."""
         return LARGEST_SHARE * max(abs(value), SMALL * self.scale)
 
 
@@ -88,8 +117,8 @@ class Estimate:
     """Of the 95 % interval, where it is not about the value."""
     upper: float = math.inf
     """Upper bound, one-sided 95 %, where one is stated."""
-    found: bool = True
-    """Whether there is some; if not, the upper bound is all that is told."""
+    bounded: bool = False
+    """Whether it may be zero, and the upper bound is all that is known."""
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -124,14 +153,15 @@ class Estimate:
         return self.half_width / NORMAL
 
     @property
-    def identified(self) -> bool:
-        return not self.reason
+    def known(self) -> bool:
+        """Whether the value is, within its interval; see `narrow` and `excludes_zero`."""
+        return not self.reason and not self.bounded
 
     @property
     def span(self) -> str:
         """The interval, or the only bound there is, in words."""
         shown, (low, high) = self.unknown.shown, self.interval
-        if not self.found:
+        if self.bounded:
             return f"at most {shown(self.upper)}"
         return f"{shown(low)} to {shown(high)}" if high < math.inf else f"at least {shown(low)}"
 
@@ -139,7 +169,7 @@ class Estimate:
         """Value and interval as tables have them."""
         if self.reason:
             return "-", CANNOT_TELL
-        if not self.found:
+        if self.bounded:
             return "-", f"none told; {self.span}"
         note = f" ({self.note})" if self.note else ""
         return self.unknown.shown(self.value), f"{self.span}{note}"

@@ -366,7 +366,7 @@ def calibration(fit: Calibration) -> Figure:
     ]
     bounds: list[Mark] = []
     for row, one in enumerate(known):
-        if one.found:
+        if not one.bounded:
             bounds += _interval(row, 1e3 * one.low, 1e3 * one.high, 1e3 * one.value)
         else:
             bounds.append(Bars([1e3 * one.upper], "", "#cccccc", height=0.5, rows=[row]))
