@@ -16,8 +16,13 @@ from jointplay.base.progress import ProgressBar
 from jointplay.estimate.lost_motion import Stairs, identify_lost_motion, plan_lost_motion
 
 
-def axis(random: np.random.Generator, moves: list[tuple[float, bool]]) -> tuple[Stairs, float]:
-    """Readings of an axis along the plan's moves [m], and its lost motion."""
+def axis(
+    random: np.random.Generator, moves: list[tuple[float, bool]], warms: tuple[float, float]
+) -> tuple[Stairs, float]:
+    """Readings of an axis along the plan's moves [m], and its lost motion.
+
+    `warms`: least and most moves in which it warms up.
+    """
     play = float(random.choice([0.0, *10.0 ** random.uniform(-5.0, -3.3, 9)]))
     give, exponent = 10.0 ** random.uniform(-6.5, -4.5), random.uniform(0.6, 1.0)
     rest = 10.0 ** random.uniform(-6.5, -4.7)  # by which friction yields before it slides [m]
@@ -51,7 +56,7 @@ def axis(random: np.random.Generator, moves: list[tuple[float, bool]]) -> tuple[
     link = np.array(fine)[at] - behind[at]
     n, step = len(motor), float(random.choice([1e-6, 1e-5]))
     scatter = 10.0 ** random.uniform(-6.3, -5.3)
-    warm = 1e-5 * random.normal() * (1.0 - np.exp(-np.arange(n) / random.uniform(5.0, 50.0)))
+    warm = 1e-5 * random.normal() * (1.0 - np.exp(-np.arange(n) / random.uniform(*warms)))
     read = 1e-3 * random.normal() + (1.0 + 0.02 * random.normal()) * link + warm
     read += scatter * random.normal(size=n)
     if random.random() < 0.1:
@@ -61,12 +66,16 @@ def axis(random: np.random.Generator, moves: list[tuple[float, bool]]) -> tuple[
     return Stairs(("x",) * n, ("x, ",) * n, motor, read), lost
 
 
-def measured(number: int, seed: int) -> list[dict]:
+SLOWLY, QUICKLY = (5.0, 50.0), (1.0, 5.0)
+"""Moves in which machines warm up."""
+
+
+def measured(number: int, seed: int, warms: tuple[float, float] = SLOWLY) -> list[dict]:
     """What is told of so many axes, beside the truth, a row each."""
     robot, random = jp.Mechanism(jp.shipped("gantry.urdf")), np.random.default_rng(seed)
     moves, rows = plan_lost_motion(robot, ["x"]).moves("x"), []
     for _ in ProgressBar(range(number), "axes", unit="axis"):
-        stairs, lost = axis(random, moves)
+        stairs, lost = axis(random, moves, warms)
         told = identify_lost_motion(robot, stairs).estimates[0]
         low, high = (0.0, told.upper) if told.bounded else told.interval
         rows.append(
@@ -89,10 +98,12 @@ def held(number: int, seed: int) -> float:
 
 def main() -> None:
     benchmark = Benchmark(
-        "lost_motion", __doc__, runs=0, axes=(400, "that are drawn"), seed=(1, "of them")
-    )
+        "lost_motion", __doc__, runs=0, axes=(400, "that are drawn"), seed=(1, "of them"),
+        quickly=(0, "1: all warm up within the first moves"),
+    )  # fmt: skip
     args = benchmark.parse()
-    rows = measured(min(args.axes, 40) if args.quick else args.axes, args.seed)
+    number = min(args.axes, 40) if args.quick else args.axes
+    rows = measured(number, args.seed, QUICKLY if args.quickly else SLOWLY)
     table = []
     for what in ("interval", "bound", "cannot tell"):
         mine = [one for one in rows if one["told"] == what]

@@ -170,6 +170,16 @@ def test_gears_turn_the_tool_by_half_their_play(two):
     assert found.shares == pytest.approx([0.5, 0.5])
 
 
+def test_a_dial_shows_gears_play_twice_from_side_to_side(two, capsys):
+    geared = budget(Mechanism(two, gears={"a": Gear(1e-3, 0.1, 1e4)}), {})
+    assert "twice as much: 1 mm" in geared.from_side_to_side  # 1 mrad, 1 m away
+    assert not budget(Mechanism(two, {"a": bearing()}), {}).from_side_to_side
+    assert main(["budget", str(two), "--gear", "a=1 mrad", "--pose", "b=1"]) == 0
+    said = capsys.readouterr().out
+    assert "pushed from side to side, a dial shows twice as much: " in said
+    assert "at: pose a 0, b 1 rad" in said  # what a number without a unit was taken for
+
+
 def test_folding_the_arm_takes_the_shoulders_gear_out_of_the_error(two):
     found = budget(Mechanism(two, gears={"a": Gear(1e-3, 0.1, 1e4)}), {"b": np.pi})
     assert found.worst[0] == pytest.approx(0.0, abs=1e-12)

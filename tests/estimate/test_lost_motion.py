@@ -122,6 +122,27 @@ def test_from_the_plan_to_firmware_and_preset(tmp_path, capsys):
     assert re.search(r"up to 0\.(0399|04) mm off .* all of it by x", capsys.readouterr().out)
 
 
+@pytest.mark.parametrize(("unit", "size"), [("mm", 8e-5), ("deg", np.radians(0.08))])
+def test_axes_without_a_robot_have_all_but_weight(tmp_path, capsys, unit, size):
+    motor = np.array([*range(6), *range(4, -1, -1), *range(1, 6), *range(4, -1, -1)], float)
+    rows = [f"e,{m:g},{x:.3f}" for m, x in zip(motor, links(motor, 0.08, -1.0), strict=True)]
+    table, out = tmp_path / "stairs.csv", tmp_path / "out"
+    table.write_text("\n".join([f"joint,motor [{unit}],reading [{unit}]", *rows]))
+    assert main(["identify", str(table), "--formats", "linuxcnc", "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "tell the lost motion of 1 of 1 joint: e " in said
+    assert "note: without a robot weight is left out" in said
+    assert "0.08" in (out / "linuxcnc.ini").read_text()
+    (one,) = json.loads((out / "identified.json").read_text())["unknowns"]
+    assert one["low"] <= size <= one["high"]
+    for option in (["--gear", "e=0.1 mm"], ["--pose", "e=1"], ["--write-preset", "mine.toml"]):
+        assert main(["identify", str(table), *option]) == 2
+        assert f"{option[0]} is of a robot" in capsys.readouterr().err
+    table.write_text("joint,force [N],reading [mm]\ne,0,0\n")
+    assert main(["identify", str(table)]) == 2
+    assert "name the robot before it" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("table", "said"),
     [

@@ -38,6 +38,18 @@ POSES = "shoulder motor [rad],elbow motor [rad],tool x [m],tool y [m],tool z [m]
 )
 """Static poses of that robot."""
 
+STAIRS = "joint,motor [mm],reading [mm]\n" + "".join(
+    f"{axis},{place},{0.5 + min(max(place + way * lost / 2, 0), 5) + 2e-4 * (number % 3):.3f}\n"
+    for axis, lost in (("x", 0.08), ("y", 0.02))
+    for number, (way, place) in enumerate(
+        (way, place)
+        for _ in range(2)
+        for way, places in ((-1, range(1, 6)), (1, range(4, 0, -1)))
+        for place in places
+    )
+)
+"""Two axes, forth and back."""
+
 
 def each(pages):
     """Pages as parameters of a thorough test."""
@@ -100,6 +112,7 @@ def folder(earlier, tmp_path, monkeypatch):
     monkeypatch.setenv("MPLBACKEND", "agg")
     (tmp_path / "my_robot.urdf").write_text(ROBOT)
     (tmp_path / "poses.csv").write_text(POSES)
+    (tmp_path / "stairs.csv").write_text(STAIRS)
     for name, source in {**{"a": "case1_0.2mm", "b": "case2_0.5mm", "one": "case1_0.2mm"}}.items():
         shutil.copy(earlier / f"{source}.nc", tmp_path / f"{name}.nc")
     shutil.copy(earlier / "case1_0.2mm.nc", tmp_path)

@@ -234,6 +234,17 @@ class PlayBudget(Budget):
         part = "all" if share[most] > 1.0 - _LISTED else f"{100 * share[most]:.0f} %"
         return f"{part} of it by {self.joints[most]}"
 
+    @property
+    def from_side_to_side(self) -> str:
+        """What a dial would show of play that is mostly that of gears; else empty."""
+        worst = float(self.worst[self.worst_pose])
+        most = self.model.contributions[int(self.shares.argmax())]
+        if worst <= NOWHERE * self.worst_turn.max() or not most.gear:
+            return ""
+        return (
+            f"pushed from side to side, a dial shows twice as much: {readable(2.0 * worst, 'm', 3)}"
+        )
+
     def _resting(self, at: int) -> str:
         """How far off the tool is at rest, and by what."""
         rest, ends = self.rest_positions.at(at), self.rest_positions.interval(at)[3]

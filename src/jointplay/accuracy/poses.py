@@ -128,7 +128,12 @@ def poses_of(
         label = counted(len(asked), "pose")
         return Poses(machine, q, "pose", label, tuple(asked), None, driven)
     at, shown = {**middle(mechanism), **next(iter(asked.values()))}, driven or mechanism.movers()
-    label = "pose " + ", ".join(f"{name} {x:.4g}" for name, x in at.items() if name in shown)
+    units = {name: joint.unit for name, joint in mechanism.description.joints.items()}
+    label = "pose " + ", ".join(
+        f"{name} {x:.4g}{f' {units[name]}' * (x != 0.0 and name in units)}"
+        for name, x in at.items()
+        if name in shown
+    )
     if not named:
         label += " (chosen: zero, or the middle of the limits; see --pose, --motion)"
     return Poses(machine, q, "pose", label, driven=driven)

@@ -102,11 +102,15 @@ class MissingName(JointplayError):
         return MissingName, (*self._parts, self.where)
 
 
-def nothing_has_play(joints: Iterable[str]) -> JointplayError:
-    """What is asked for is about play, and there is none; `joints` could have some."""
+def nothing_has_play(joints: Iterable[str], preset: str = "") -> JointplayError:
+    """What is asked for is about play, and there is none; `joints` could have some.
+
+    `preset`: the robot's own, if it has one.
+    """
+    public = f"--preset (what is publicly known of {preset}), " * bool(preset)
     return JointplayError(
-        'nothing has play: give --clearance "0.1 mm" (all joints that move the tool), --joint '
-        'NAME="0.1 mm" or --gear NAME="2 arcmin", in Python clearance or gears; joints: '
+        f'nothing has play: give {public}--clearance "0.1 mm" (all joints that move the tool), '
+        '--joint NAME="0.1 mm" or --gear NAME="2 arcmin", in Python clearance or gears; joints: '
         + (", ".join(joints) or "none")
     )
 

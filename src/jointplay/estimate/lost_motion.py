@@ -19,6 +19,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
 import pinocchio as pin
@@ -33,6 +34,7 @@ from jointplay.estimate import columns
 from jointplay.estimate.gauge import GAUGE_M, gravity_load, joints_of_table
 from jointplay.estimate.machine import preset_found
 from jointplay.estimate.unknowns import Answer, Estimate, Loop, Unknown
+from jointplay.model import urdf
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.loads.drive import urdf_friction
 
@@ -153,6 +155,34 @@ def _reads_angles(head: Sequence[str]) -> bool:
     """Whether the column of readings is in an angle's unit."""
     titles = [cell.strip() for cell in head]
     return any(one.startswith("reading") and one.endswith(("deg]", "rad]")) for one in titles)
+
+
+def axes_of_table(path: str | Path) -> Mechanism:
+    """What stands for the machine of a table's axes where nobody has its URDF: without weight.
+
+    Axes slide if their column `motor` is in a length, else they turn.
+
+    Raises:
+        JointplayError: no column `joint` or `motor`, or no row; see `columns.read`.
+    """
+    path = Path(path)
+    (_, head), *rows = files.csv_rows(path, "readings")
+    titles = [cell.strip() for cell in head]
+    names = dict.fromkeys(row[titles.index("joint")].strip() for _, row in rows)
+    slides = any(one.startswith("motor") and one.endswith("m]") for one in titles)
+    parts, above = ['<link name="base"/>'], "base"
+    for number, name in enumerate(names):
+        kind, link = "prismatic" if slides else "continuous", f"link {number}"
+        limit = '<limit effort="0" velocity="0"/>' if slides else ""
+        parts.append(
+            f'<link name="{link}"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" '
+            f'ixy="0" ixz="0" iyz="0"/></inertial></link><joint name={quoteattr(name)} '
+            f'type="{kind}"><parent link="{above}"/><child link="{link}"/><axis xyz="0 0 1"/>'
+            f"{limit}</joint>"
+        )
+        above = link
+    text = f'<robot name="axes">{"".join(parts)}</robot>'
+    return Mechanism(urdf.parse(text, path), gravity=(0.0, 0.0, 0.0))
 
 
 def _needed() -> str:

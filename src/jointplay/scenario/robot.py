@@ -124,7 +124,9 @@ def robot_scenario(
     errs = joints or ideal or gears or servos or {"joints", "drive", "drives"} & said.keys()
     if moves and not errs:
         if not scara:
-            raise nothing_has_play(description.moving)
+            from jointplay.scenario.presets import own_preset
+
+            raise nothing_has_play(description.moving, own_preset(str(place)))
         joints = (SCARA_JOINT,)
     for name in joints:
         if name not in description.joints and name not in given.get("loops", {}):

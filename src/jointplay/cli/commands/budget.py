@@ -96,6 +96,7 @@ def run(options: argparse.Namespace) -> int:
         )
     table = errors.table()
     shown += [str(replace(table, notes=())), errors.ranking]
+    shown += filter(None, [errors.from_side_to_side])
     shown += _at_ends(options, mechanism, poses.q, about)
     shown += [f"cure: {one}" for one in errors.cures]
     notes = [*at, *table.notes, errors.validity]

@@ -1,10 +1,11 @@
-"""`jointplay identify`: clearance and friction from measurements, or what to measure.
+"""`jointplay identify`: how large is my play? From measurements, or what to measure.
 
 Identify clearances, friction and gear play from measured signals, with 95 % confidence intervals,
 or state that this measurement cannot determine a value and which further measurement would. Means
 over stops and slow stretches are compared with the static model; readings of a dial gauge tell the
 play of single joints. With --plan: the most informative poses and motions; with --against: what has
-changed since an earlier measurement. docs/identify.md lists the columns of a measurement.
+changed since an earlier measurement. Axes of a printer or a mill moved forth and back under a dial
+need no robot: jointplay identify stairs.csv. docs/identify.md lists the columns of a measurement.
 
 Example: jointplay identify my_robot.toml measured.csv --out worn
 """
@@ -50,6 +51,11 @@ OF_MOTIONS = (
 )
 """Options that readings of a dial gauge have no use for."""
 OUTPUTS = ("write_preset", "urdf", "mjcf")
+OF_AXES = (
+    *("command", "path", "place", "data", "noise", "reference", "drift", "count"),
+    *("formats", "out", "json", "detail", "quiet"),
+)
+"""Options of axes without a robot, and those that have a value in any case."""
 LOOPS = "loops.png"
 OF_JOINTS = ["identified.csv", "identified.json", LOOPS]
 _KINDS = {True: "a table of a dial gauge", False: "a measurement in motion"}
@@ -122,6 +128,14 @@ def declare(parser: Parser) -> None:
 def run(options: argparse.Namespace) -> int:
     from jointplay.estimate.columns import is_readings, is_stairs
 
+    if not (options.plan or options.data) and options.place and is_readings(options.place):
+        options.place, options.data = None, options.place
+        if not is_stairs(options.data):
+            raise JointplayError(
+                f"{options.data} has forces, which bend a robot: name the robot before it"
+            )
+        _refuse_robots_options(options)
+        return _lost_motion(options)
     if (options.plan is None) == (options.data is None):
         raise JointplayError(
             "give a measurement (CSV, bag or dataset), or --plan to ask what to measure"
@@ -273,9 +287,14 @@ def _gauged(options: argparse.Namespace) -> tuple[PosedMachine, dict[str, Any]]:
         if getattr(options, name) not in (None, []):
             option = f"--{name.replace('_', '-')}"
             raise JointplayError(f"{option} is not for a dial gauge, which tells single joints")
-    noise = numbers_by_name(options.noise, "--noise SIGNAL=X", {"tool": "m", "link": "rad"})
+    noise = _noise(options)
     posed = posed_machine(options, single=True)
     return posed, {"noise": noise, "pose": posed.poses.positions() if any(options.pose) else None}
+
+
+def _noise(options: argparse.Namespace) -> dict[str, float]:
+    """Standard deviation of readings of a dial [m or rad]."""
+    return numbers_by_name(options.noise, "--noise SIGNAL=X", {"tool": "m", "link": "rad"})
 
 
 def _gauge(options: argparse.Namespace) -> int:
@@ -327,10 +346,18 @@ def _plan_lost_motion(options: argparse.Namespace) -> int:
     return 0
 
 
+def _refuse_robots_options(options: argparse.Namespace) -> None:
+    """Refuse what says something of a robot where none is named."""
+    for name, value in vars(options).items():
+        if name not in OF_AXES and value not in (None, [], False):
+            option = f"--{name.replace('_', '-')}"
+            raise JointplayError(f"{option} is of a robot: name it before {options.data}")
+
+
 def _lost_motion(options: argparse.Namespace) -> int:
     """Take readings of moves forth and back."""
     from jointplay.bridges import backlash
-    from jointplay.estimate.lost_motion import identify_lost_motion
+    from jointplay.estimate.lost_motion import axes_of_table, identify_lost_motion
 
     wanted = options.formats or []
     for one in wanted:
@@ -338,11 +365,21 @@ def _lost_motion(options: argparse.Namespace) -> int:
     if wanted and not options.out:
         raise JointplayError("--formats are written into a folder: give --out DIR, too")
     out = Outputs(options.out, OF_JOINTS)
-    posed, about = _gauged(options)
+    noise, pose, values = _noise(options), None, []
+    if options.place is None:
+        mechanism = axes_of_table(options.data)
+        more = [
+            "note: without a robot weight is left out: where it exceeds friction, as of an axis "
+            "without counterweight, it holds the teeth to one side and no play shows"
+        ]
+    else:
+        posed, about = _gauged(options)
+        mechanism, more, pose, values = posed.mechanism, posed.notes, about["pose"], posed.values
     out.claim()
-    noise = about["noise"].get("tool", about["noise"].get("link"))
-    fit = identify_lost_motion(posed.mechanism, options.data, scatter=noise, pose=about["pose"])
-    notes = [*fit.notes, *posed.notes]
+    fit = identify_lost_motion(
+        mechanism, options.data, scatter=noise.get("tool", noise.get("link")), pose=pose
+    )
+    notes = [*fit.notes, *more]
     contents: dict[str, str] = {}
     for one in wanted:
         try:
@@ -356,7 +393,7 @@ def _lost_motion(options: argparse.Namespace) -> int:
         replace(fit, notes=()),
         notes,
         options,
-        data=lambda: fit.describe() | {"values": posed.values},
+        data=lambda: fit.describe() | {"values": values},
     )
     if any(getattr(options, name) is not None for name in OUTPUTS):
         preset = fit.preset(_place(options))

@@ -255,12 +255,12 @@ class ToolError:
 
     def _elasticity(self) -> str:
         """What is known of elasticity, where a rule has the stiffness."""
-        if self._guessed == "unknown":
-            return "elasticity unknown without the gears' stiffness (--gear-stiffness)"
         about = 1e3 * _peak(self.parts["elasticity"])
         least, most = (f"{about * factor:.2g}" for factor in (1.0 / SPREAD, SPREAD))
-        condition = f"if the gears are as stiff as usual (assumed; {least} to {most})"
-        return f"elasticity about {about:.2g} mm {condition}"
+        condition = "if the gears are as stiff as usual"
+        if self._guessed == "unknown":
+            condition = "by a guess of the gears' stiffness, --gear-stiffness"
+        return f"elasticity about {about:.2g} mm {condition} (assumed; {least} to {most})"
 
     def further(self) -> list[str]:
         """What the sentence leaves out: the parts at the peak, which add up, and the turn."""
