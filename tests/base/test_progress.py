@@ -45,6 +45,17 @@ def test_what_is_left_is_told_without_the_start_that_compiles(monkeypatch):
     assert last.endswith("01:30 left")
 
 
+def test_more_than_was_expected_is_shown_as_the_total(monkeypatch):
+    monkeypatch.setenv("JOINTPLAY_PROGRESS_S", "0")
+    now, file = stopped(monkeypatch), io.StringIO()
+    monkeypatch.setattr("sys.stderr", file)
+    with ProgressBar(total=2, unit="model") as bar:
+        for _ in range(4):
+            now[0] += 1.0
+            bar.update()
+    assert "4/4 model" in file.getvalue().splitlines()[-1]
+
+
 def test_a_run_is_as_fast_as_it_is_once_it_moves(monkeypatch):
     """The start, which compiles and finds the rest, does not count."""
     monkeypatch.setenv("JOINTPLAY_PROGRESS_S", "0")

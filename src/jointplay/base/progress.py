@@ -132,7 +132,9 @@ class ProgressBar:
             return
         gone, self._aside = _aside_s - self._aside, _aside_s
         bar.start_t, bar.last_print_t = bar.start_t + gone, bar.last_print_t + gone
-        bar.total, bar.postfix = self.total or None, self.postfix
+        # Of more than there was to do tqdm forgets the total, which the layout has.
+        bar.total = max(self.total, self.n) if self.total else None
+        bar.postfix = self.postfix
         if more and not self._moved:  # before, kernels are loaded
             self._moved, bar.initial = True, self.n
             bar.unpause()
