@@ -92,7 +92,8 @@ def run(options: argparse.Namespace) -> int:
         shown.append(
             f"worst-case error of {errors.tool!r} [m{errors.unit}]: least "
             f"{1e3 * errors.worst.min():.4f}, mean {1e3 * errors.worst.mean():.4f}, "
-            f"largest {1e3 * errors.worst.max():.4f} (pose {name}, tool at {place} m), which is made up like this:"
+            f"largest {1e3 * errors.worst.max():.4f} (pose {name}, tool at {place} "
+            "m), which is made up like this:"
         )
     table = errors.table()
     shown += [str(replace(table, notes=())), errors.ranking]
