@@ -541,3 +541,14 @@ def test_a_joint_is_simulated_once(mechanism, monkeypatch):
     monkeypatch.setattr(Run, "__init__", lambda *given: (runs.append(0), begin(*given))[1])
     reduction.reduce(mechanism, "a", period=0.2)
     assert len(runs) == 1
+
+
+def test_a_joint_with_a_link_that_weighs_next_to_nothing_is_reduced(tmp_path):
+    light = body("hand", mass=1e-3, com="0 0 0", inertia=1e-7)
+    found = tmp_path / "light.urdf"
+    found.write_text(
+        f'<robot name="r"><link name="base"/>{light}{joint("a", "base", "hand")}</robot>'
+    )
+    mechanism = Mechanism(found, gears={"a": Gear(4e-3, 0.05, 2e3, 2.0)})
+    (one,), refused = reduce_all(mechanism, period=0.05)
+    assert (one.dead_band, refused) == (4e-3, {})

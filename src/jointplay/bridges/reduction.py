@@ -50,13 +50,16 @@ from jointplay.base.schema import plain
 from jointplay.base.tables import aligned
 from jointplay.base.units import told
 from jointplay.model.gear import Gear, Gearing
-from jointplay.model.impact import fitting_step
+from jointplay.model.impact import LONGEST_STEP_S as OF_IMPACTS_S
+from jointplay.model.impact import fitting_step, tooth_duration
 from jointplay.model.mechanism import Mechanism
 from jointplay.model.urdf import Description
 from jointplay.physics.joints import JOINT_KINDS, Clearance, Coordinate, RollingBearing
+from jointplay.physics.kernel import WELL_RESOLVED_STEPS
 from jointplay.simulation.analysis.bearings import element_loads
 from jointplay.simulation.loads.drive import JointFriction, Prescribed
 from jointplay.simulation.motion.reference import Motion
+from jointplay.simulation.prepare import MIN_CONTACT_STEPS
 from jointplay.simulation.result.result import Result
 from jointplay.simulation.simulation import Simulation
 from jointplay.simulation.statics import depths
@@ -416,9 +419,12 @@ def _full_run(
     positions = np.tile(list(begin.values()), (len(times), 1))
     positions[:, names.index(joint)] += amplitude * np.array([0.0, 1.0, -1.0, 1.0, -1.0, 0.0])
     motion = Motion(names, times, positions, "rest-to-rest")
-    step = 1e-5
+    step, q = OF_IMPACTS_S, mechanism.configuration(begin)
     if mechanism.clearance:
-        step = fitting_step(mechanism, mechanism.configuration(begin))
+        step = fitting_step(mechanism, q)
+    teeth = [tooth_duration(mechanism, name, q) for name in mechanism.gears]
+    if teeth and step > min(teeth) / MIN_CONTACT_STEPS:  # of light links: else the run is refused
+        step = min(teeth) / WELL_RESOLVED_STEPS
     simulation = Simulation(
         mechanism, motion, drive=Prescribed(), step=step, record_every=max(round(2e-4 / step), 1),
         joint_friction=None if friction is None else {joint: friction}, loads={},
