@@ -24,7 +24,9 @@ NEEDED = {
 PLACES = ("src", "docs", "benchmarks", "tests", "urdf", "paper")
 SUFFIXES = {".py", ".md", ".toml", ".urdf"}
 YEAR = r"(?:18[5-9]|19\d|20[0-2])\d"
-NO_CITATION = re.compile(r"RecurDyn 2023|(?:May|November) 20\d\d|seed 20\d\d|Browsers of 20\d\d")
+NO_CITATION = re.compile(
+    r"RecurDyn 2023|(?:May|November) 20\d\d|seed 20\d\d|Browsers of 20\d\d|urdf2webots 2025"
+)
 
 
 def bare(text):
