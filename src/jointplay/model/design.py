@@ -39,6 +39,7 @@ from jointplay.model.gear import GEARS, Gearing
 from jointplay.model.gear_rules import Rule, completed, with_rotors
 from jointplay.model.inertias import impossible_inertias, require_possible
 from jointplay.model.linkage import Linkage
+from jointplay.model.linkage_tree import tree_of
 from jointplay.model.loop import Lock, Loop, refuse_name
 from jointplay.model.pinocchio_model import description_of_model
 from jointplay.model.tool import choose_tool
@@ -146,7 +147,7 @@ def design(
     if isinstance(path, Linkage):
         play = require_table("clearance", clearance, "of joints by name", ("clearance",))
         linkage = path
-        path, closing, balls = linkage.tree(play)
+        path, closing, balls = tree_of(linkage, play)
         loops = closing | require_table("loops", loops, "of loops by name", ("loops",))
         clearance = balls | play
         tool = linkage.tool if tool is None else tool

@@ -30,6 +30,7 @@ from jointplay.model.fixing import with_fixed, without_floating_base
 from jointplay.model.flexible import end_of_tool
 from jointplay.model.formats import read
 from jointplay.model.linkage import Linkage
+from jointplay.model.linkage_tree import tree_of
 from jointplay.model.loop import Loop, refuse_name
 from jointplay.model.mechanism import Mechanism
 from jointplay.model.payload import Payload
@@ -589,7 +590,7 @@ def mechanism_of(model: Model, folder: Path, built: Built) -> Mechanism:
     else:
         with within("linkage"):
             drawn: Linkage = linkage.make() if isinstance(linkage, Draft) else linkage
-            description, closing, balls = drawn.tree(model.joints)
+            description, closing, balls = tree_of(drawn, model.joints)
             robot = replace(robot, tool=robot.tool or drawn.tool)
     with within("robot"):
         description = with_fixed(description, robot.fix)

@@ -32,7 +32,7 @@ from jointplay.physics.joints.elasticity import Elasticity
 from jointplay.physics.joints.fits import Fit
 from jointplay.physics.joints.prismatic import PrismaticClearance
 from jointplay.physics.joints.revolute import RevoluteClearance
-from jointplay.physics.joints.spherical import SphericalClearance
+from jointplay.physics.joints.spherical import IDEAL_BALL, SphericalClearance
 
 JOINT_KINDS: dict[str, type[Clearance]] = {
     kind.kind: kind
@@ -70,7 +70,7 @@ def replacing(entry: str) -> list[str]:
 
 
 __all__ = [
-    "JOINT_KINDS", "JOINT_WORDS", "MOTOR", "RELATIVE", "UNNAMED_KIND", "VIRTUAL_LINK",
+    "IDEAL_BALL", "JOINT_KINDS", "JOINT_WORDS", "MOTOR", "RELATIVE", "UNNAMED_KIND", "VIRTUAL_LINK",
     "BallBearing", "Clearance", "CompliantJoint", "CompliantMount", "CompliantSlider", "Coordinate",
     "CrossedRollerBearing", "CylindricalClearance", "Elasticity", "Fit", "Material", "Outline",
     "PrismaticClearance", "RevoluteClearance", "RollingBearing", "RoundClearance", "SeatParts",

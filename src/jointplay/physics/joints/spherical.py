@@ -60,3 +60,7 @@ class SphericalClearance(RoundClearance):
     @property
     def travel(self) -> dict[str, float]:
         return super().travel | {"pitch": math.pi / 4, "roll": math.pi / 2}
+
+
+IDEAL_BALL = SphericalClearance(bearing_radius=0.01, radial_clearance=1e-4, ideal=True)
+"""A ball without clearance; its dimensions decide nothing."""

@@ -1,0 +1,321 @@
+"""What reviewers ask of a run: other steps, other contact laws, other starts.
+
+`convergence` runs a simulation with coarser and finer steps, `laws` with other normal-force laws,
+`spread` with perturbed starts. Each has a table here, and a chart in `show.plots.reviews`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from jointplay.base.errors import JointplayError, require_known, require_whole
+from jointplay.base.tables import Column, Table
+from jointplay.base.units import displayed, told
+from jointplay.physics.contact import NORMAL_LAWS
+from jointplay.simulation.analysis.headline import headline_of, reference
+from jointplay.simulation.result.certificate import COUNTS, HEADLINE
+from jointplay.simulation.result.result import Result
+from jointplay.simulation.run import Run
+from jointplay.simulation.simulation import Simulation
+from jointplay.study.certification import certify
+from jointplay.study.ensemble import ensemble
+
+FACTORS = (8.0, 4.0, 2.0, 1.0, 0.5, 0.25)
+"""Steps or tolerances that are run, relative to the run's own."""
+FINEST = 0.125
+"""The one against which they are measured."""
+BAND = (5.0, 95.0)
+"""Percentiles between which the band of perturbed starts lies (a convention)."""
+
+Figures = dict[str, tuple[float, str]]
+"""Headline figures by name: value [SI] and unit."""
+
+
+def _figures(result: Result) -> Figures:
+    measured = headline_of(result, reference(result), claims=False)
+    return {
+        name: (figure.value, figure.unit)
+        for name, figure in measured.items()
+        if name.startswith(HEADLINE) and name not in COUNTS
+    }
+
+
+def _or_reason(result: Result) -> Figures | str:
+    """Its figures, or why a run has none: coarse steps may break down."""
+    try:
+        return _figures(result.completed("the run"))
+    except JointplayError as error:
+        return str(error)
+
+
+@dataclass(frozen=True)
+class Convergence:
+    """Figures over the step or the tolerance; see `convergence`."""
+
+    of: str
+    """``step`` or ``tolerance``."""
+    sizes: tuple[float, ...]
+    """Those that could be run, coarse to fine [s or 1]."""
+    finest: float
+    own: float
+    """That of the run itself."""
+    units: Mapping[str, str]
+    values: Mapping[str, np.ndarray]
+    """Of each figure, at the sizes."""
+    truth: Mapping[str, float]
+    """Of each figure, with the finest."""
+    stated: Mapping[str, float]
+    """The error that the run itself states of each figure."""
+    refused: tuple[str, ...]
+    """Sizes that could not be run, and why."""
+
+    def distance(self, name: str) -> np.ndarray:
+        """How far a figure is from that with the finest, relative to it."""
+        size = abs(self.truth[name])
+        away: np.ndarray = np.abs(self.values[name] - self.truth[name])
+        return away / size if size else np.full(len(away), np.nan)
+
+    def order(self, name: str) -> float:
+        """Power of the size with which the distance falls: a line through logarithms; or nan."""
+        distance = self.distance(name)
+        seen = np.isfinite(distance) & (distance > 0.0)
+        if np.count_nonzero(seen) < 3:
+            return math.nan
+        return float(np.polyfit(np.log(np.array(self.sizes)[seen]), np.log(distance[seen]), 1)[0])
+
+    @property
+    def table(self) -> Table:
+        unit = "s" if self.of == "step" else ""
+        columns = [Column(self.of, [*self.sizes, self.finest], unit, digits=3)]
+        for name in self.values:
+            column = [*self.values[name], self.truth[name]]
+            columns.append(Column(name, column, self.units[name], digits=6))
+        stated = [self.stated.get(name) for name in self.values]
+        orders = [self.order(name) for name in self.values]
+        return Table(columns, totals=[("stated error", *stated), ("order", *orders)])
+
+    def __str__(self) -> str:
+        lines = []
+        at = self.sizes.index(self.own) if self.own in self.sizes else None
+        for name in self.values:
+            if at is None:
+                break
+            away = abs(float(self.values[name][at]) - self.truth[name])
+            error = self.stated.get(name, math.nan)
+            within = "within" if away <= error else "beyond"
+            lines.append(
+                f"{name}: {told(away, self.units[name], 2)} from the finest run, {within} the "
+                f"stated error {told(error, self.units[name], 2)}"
+            )
+        return "\n".join([*lines, "", str(self.table), *self.refused])
+
+
+def convergence(
+    simulation: Simulation, *, jobs: int | None = None, progress: bool = False
+) -> Convergence:
+    """Headline figures over the step, or over the tolerance where steps go by their error.
+
+    Against a run with an eighth of it. Of a chaotic motion figures do not converge, as one start
+    is one draw of many: `spread` shows how far apart they are.
+
+    Raises:
+        JointplayError: the run itself, or the finest, cannot be made.
+    """
+    of = "step" if simulation.tolerance is None else "tolerance"
+    own = float(getattr(simulation, of))
+    factors = [factor for factor in FACTORS if of == "step" or factor * own <= 1.0]
+    runs, refused = {}, []
+    for factor in (*factors, FINEST):
+        size: dict[str, Any] = {of: factor * own}
+        run = replace(simulation, **size)
+        if of == "step":  # records as far apart
+            run = replace(run, record_every=max(round(simulation.record_every / factor), 1))
+        try:
+            Run(run)
+        except JointplayError as error:
+            if factor in (1.0, FINEST):
+                raise
+            refused.append(f"{of} {factor * own:g}: {error}")
+            continue
+        runs[factor] = run
+    found = ensemble([*runs.values()], jobs=jobs, keep=_or_reason, progress=progress)
+    figures: dict[float, Figures] = {}
+    for factor, one in zip(runs, found, strict=True):
+        if isinstance(one, str):
+            if factor in (1.0, FINEST):
+                raise JointplayError(one)
+            refused.append(f"{of} {factor * own:g}: {one}")
+        else:
+            figures[factor] = one
+    truth = figures.pop(FINEST)
+    stated = certify(simulation, progress=progress, strict=False, jobs=jobs)
+    return Convergence(
+        of,
+        tuple(factor * own for factor in figures),
+        FINEST * own,
+        own,
+        {name: unit for name, (_, unit) in truth.items()},
+        {name: np.array([one[name][0] for one in figures.values()]) for name in truth},
+        {name: value for name, (value, _) in truth.items()},
+        {figure.name: figure.error for figure in stated.headline},
+        tuple(refused),
+    )
+
+
+@dataclass(frozen=True)
+class LawComparison:
+    """The same run with several normal-force laws; see `laws`."""
+
+    figures: Mapping[str, Figures]
+    """By law."""
+    curves: Mapping[str, tuple[np.ndarray, np.ndarray]]
+    """Times [s] and force [N] of the first joint with clearance, by law."""
+    joint: str
+
+    @property
+    def table(self) -> Table:
+        names = next(iter(self.figures.values()))
+        columns = [Column("law", list(self.figures))]
+        for name, (_, unit) in names.items():
+            column = [figures[name][0] for figures in self.figures.values()]
+            columns.append(Column(name, column, unit, digits=5))
+        return Table(columns)
+
+    def __str__(self) -> str:
+        forces = {
+            law: value
+            for law, figures in self.figures.items()
+            for name, (value, _) in figures.items()
+            if name.startswith("peak joint force")
+        }
+        low, high = (choose(forces, key=lambda law: forces[law]) for choose in (min, max))
+        return (
+            f"peak joint force {told(forces[low], 'N')} ({low}) to {told(forces[high], 'N')} "
+            f"({high})\n\n{self.table}"
+        )
+
+
+def laws(
+    simulation: Simulation,
+    names: Sequence[str],
+    *,
+    jobs: int | None = None,
+    progress: bool = False,
+) -> LawComparison:
+    """The same run with other normal-force laws in all its joints with clearance.
+
+    Raises:
+        MissingName: no such law.
+        JointplayError: fewer than two laws, one that does not fit a joint, or needs parameters; no
+            joint has clearance; a run that did not complete.
+    """
+    if len(dict.fromkeys(names)) < 2:
+        raise JointplayError(f"give two laws or more, got {', '.join(names) or 'none'}")
+    mechanism = simulation.mechanism
+    joints = [name for name, joint in mechanism.clearance.items() if hasattr(joint, "normal")]
+    if not joints:
+        raise JointplayError("no joint has a contact whose law could be another")
+    runs = {}
+    for name in dict.fromkeys(names):
+        require_known("normal-force law", name, NORMAL_LAWS)
+        try:
+            law = NORMAL_LAWS[name]()
+        except TypeError:
+            raise JointplayError(
+                f"law {name!r} has parameters that must be given: run it as a case of a scenario"
+            ) from None
+        other = {joint: replace(mechanism.clearance[joint], normal=law) for joint in joints}
+        runs[name] = replace(
+            simulation, mechanism=mechanism.with_clearance(mechanism.given_joints | other)
+        )
+    keep = partial(_figures_and_force, joint=joints[0])
+    found = dict(
+        zip(runs, ensemble([*runs.values()], jobs=jobs, keep=keep, progress=progress), strict=True)
+    )
+    return LawComparison(
+        {name: figures for name, (figures, _) in found.items()},
+        {name: curve for name, (_, curve) in found.items()},
+        joints[0],
+    )
+
+
+def _figures_and_force(result: Result, joint: str) -> tuple[Figures, tuple[np.ndarray, np.ndarray]]:
+    force = result["joint_force"].sel(joint=joint).values
+    size: np.ndarray = np.linalg.norm(force, axis=1)
+    return _figures(result.completed("the run")), (result.time, size)
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Perturbed starts of the same run; see `spread`."""
+
+    figures: Mapping[str, np.ndarray]
+    """Of each run, by name [SI]."""
+    units: Mapping[str, str]
+    times: np.ndarray
+    curves: Mapping[str, np.ndarray]
+    """``tool error`` or ``tool turn``, and the force of each joint, (runs, times)."""
+    curve_units: Mapping[str, str]
+
+    @property
+    def table(self) -> Table:
+        rows = []
+        for name, values in self.figures.items():
+            factor, unit = displayed(self.units[name])
+            low, high = np.percentile(values, BAND)
+            row = [values.mean(), values.std(ddof=1), low, high]
+            rows.append([f"{name} [{unit}]", *(factor * value for value in row)])
+        heads = ("figure", "mean", "standard deviation", f"{BAND[0]:g} %", f"{BAND[1]:g} %")
+        columns = zip(*rows, strict=True)
+        return Table(
+            [Column(head, list(c), digits=5) for head, c in zip(heads, columns, strict=True)]
+        )
+
+    def __str__(self) -> str:
+        count = len(next(iter(self.figures.values())))
+        return f"{count} perturbed starts\n\n{self.table}"
+
+
+def spread(
+    simulation: Simulation, runs: int, *, jobs: int | None = None, progress: bool = False
+) -> Spread:
+    """The run with perturbed starts: how far apart its figures and curves are.
+
+    Raises:
+        JointplayError: fewer than two runs, or one that did not complete.
+    """
+    require_whole("the number of runs", runs, 2)
+    starts = [replace(simulation, seed=seed) for seed in range(runs)]
+    found = ensemble(starts, jobs=jobs, keep=_figures_and_curves, progress=progress)
+    figures, curves = [one[0] for one in found], [one[2] for one in found]
+    count = min(len(one[1]) for one in found)
+    return Spread(
+        {name: np.array([one[name][0] for one in figures]) for name in figures[0]},
+        {name: unit for name, (_, unit) in figures[0].items()},
+        found[0][1][:count],
+        {name: np.array([one[name][0][:count] for one in curves]) for name in curves[0]},
+        {name: unit for name, (_, unit) in curves[0].items()},
+    )
+
+
+def _figures_and_curves(
+    result: Result,
+) -> tuple[Figures, np.ndarray, dict[str, tuple[np.ndarray, str]]]:
+    error = result.completed("the run").tool_error
+    curves: dict[str, tuple[np.ndarray, str]] = {}
+    for name, history, unit in (
+        ("tool error", error.distance, "m"),
+        ("tool turn", error.turn, "rad"),
+    ):
+        if float(history.max()) > 0.0:
+            curves[name] = history.values, unit
+    for joint in result.joints:
+        force = result["joint_force"].sel(joint=joint).values
+        curves[f"force in {joint}"] = np.linalg.norm(force, axis=1), "N"
+    return _figures(result), result.time, curves
