@@ -63,7 +63,7 @@ def axis(
         read[random.integers(n)] += 1e-4 * random.normal()
     read = step * np.round(read / step)
     read[[not one for _, one in moves]] = np.nan
-    return Stairs(("x",) * n, ("x, ",) * n, motor, read), lost
+    return Stairs(("x",) * n, ("x, ",) * n, motor, read, step=step), lost  # as a file tells it
 
 
 SLOWLY, QUICKLY = (5.0, 50.0), (1.0, 5.0)

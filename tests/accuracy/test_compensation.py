@@ -7,6 +7,7 @@ import timeit
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from conftest import body, joint, tip
 from hypothesis import given, settings
@@ -25,6 +26,7 @@ from jointplay import (
     shipped,
 )
 from jointplay.accuracy import compensation as module
+from jointplay.accuracy.error_budget import budget
 from jointplay.accuracy.jacobians import taken_up
 from jointplay.bridges import backlash, bag
 from jointplay.bridges.trajectory import content, of_motion
@@ -676,3 +678,30 @@ def test_a_motion_of_some_joints_leaves_the_others_where_they_start(tmp_path):
     at = dict(zip(corrected.joints, corrected.positions.T, strict=True))
     assert np.abs(at["wrist_flex"] - 0.5).max() < 0.02
     assert np.abs(at["shoulder_pan"]).max() < 0.02
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(("name", "more"), [("so101", 0.06), ("ar4", 0.02)])
+def test_what_the_budget_says_compensation_leaves_is_what_its_motion_does(name, more):
+    """Stopped at a pose with play 30 % larger than was corrected for, in preset robots."""
+    known = preset(name)
+    robot = known.mechanism()
+    target = np.array({
+        "so101": [0.0, 0.5, 0.0, 0.4, 0.7, 0.3], "ar4": [0.5, 0.6, -0.3, 0.3, 0.7, 0.4],
+    }[name])  # fmt: skip
+    drives = dict.fromkeys(robot.joints, ComputedTorque()) | known.drives(robot.description)
+    there = dict(zip(robot.joints, target.tolist(), strict=True))
+    told = budget(robot, there, drive=drives)
+    motion = Motion(robot.joints, [0.0, 1.2, 2.4], np.vstack([target + 0.25, target, target]))
+    simulation = Simulation(robot, motion, drives, tolerance=1e-3, record_every=20)
+    corrected = compensate(simulation).motion
+    looser = {n: replace(gear, play=1.3 * gear.play) for n, gear in robot.gears.items()}
+    run = replace(
+        simulation, mechanism=robot.with_clearance({}, looser), motion=corrected
+    ).run(check_step=False, estimate=False)  # fmt: skip
+    ideal, data = robot.ideal(), robot.ideal().model.createData()
+    pin.framesForwardKinematics(ideal.model, data, ideal.configuration(there))
+    place = data.oMf[ideal.model.getFrameId(ideal.tool)].translation
+    left = float(np.linalg.norm(run["tool_position"].values[-1] - place))
+    without_friction = told.compensated(0, 0.3, friction=-1.0)
+    assert 0.5 * without_friction < left < (1.0 + more) * told.compensated(0, 0.3)

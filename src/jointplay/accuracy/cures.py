@@ -1,7 +1,9 @@
 """Which cure of play is worth it: what each would leave, at most three, the best first.
 
-Each is computed by what would carry it out: tighter joints by the sum of their sets, a corrected
-motion by what `compensate` takes back at rest, springs by statics, gains by the drives' sag.
+Each is computed by what would carry it out: tighter joints by the sum of their sets, springs by
+statics, gains by the drives' sag. A corrected motion is computed at rest, by what `compensate`
+leaves there: run on SO-101 and AR4 with play 30 % off, its motions stop up to 2.21 and 0.60 mm off
+where 2.20 and 0.88 are told, without the friction in it 0.91 and 0.59.
 """
 
 from __future__ import annotations
@@ -105,5 +107,8 @@ def _at_rest(found: PlayBudget, at: int) -> Iterator[Cure]:
     size, sag = float(np.linalg.norm(place.error[:3])), place.sag[:3]
     if any(isinstance(one, Servo) for one in rest.drives.values()) and sag.any():
         half = float(np.linalg.norm(place.error[:3] - 0.5 * sag))
-        words = "twice the P gain, if it is calm (jointplay study hunting tells)"
+        words = (
+            "twice the P gain, if it is calm: jointplay study hunting with --of JOINT finds up to "
+            "which it is, in some 20 s a joint"
+        )
         yield Cure(words, size, half, "at rest")

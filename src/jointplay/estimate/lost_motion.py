@@ -48,6 +48,11 @@ LEAST_READINGS = 6
 """Of a joint in one setup: zero, scale, drift, lost motion and a side leave one to judge by."""
 _DRIFTS = 2
 """Degree of the polynomial by which readings drift from one to the next: as a machine warms."""
+WARMS_MOVES = (0.7, 1.5, 3.0, 6.0)
+"""In how many moves a machine may warm up (judged: the profile between two differs little; slower
+warming is a parabola as well)."""
+STARTS = np.linspace(-1.0, 1.0, 21)
+"""Sides on which a link may have begun, which decide its first readings."""
 _GRID = 240
 """Values of the lost motion that are tried between none and the whole travel; refined after."""
 _ZOOMS = 2
@@ -301,15 +306,18 @@ def _held_to(
     return "minus" if load > 0.0 else "plus"
 
 
-def links(motor: np.ndarray, lost: float, start: float) -> np.ndarray:
+def links(motor: np.ndarray, lost: float, start: float | np.ndarray) -> np.ndarray:
     """Where the link lies after each move, (n,): the play operator of width `lost`.
 
-    It begins at ``motor[0] + start lost / 2``, with `start` from -1 to 1.
+    It begins at ``motor[0] + start lost / 2``, with `start` from -1 to 1; of several (k,) starts
+    (k, n).
     """
-    place, link = motor[0] + 0.5 * start * lost, np.empty(len(motor))
-    for i, target in enumerate(motor):
-        place = link[i] = min(max(place, target - 0.5 * lost), target + 0.5 * lost)
-    return link
+    place = motor[0] + 0.5 * lost * np.asarray(start, float)
+    behind = []
+    for target in motor:
+        place = np.clip(place, target - 0.5 * lost, target + 0.5 * lost)
+        behind.append(place)
+    return np.stack(behind, axis=-1)
 
 
 @dataclass
@@ -322,6 +330,8 @@ class _Profile:
     """Of each: moves, and readings, which are nan where there are none."""
     scatter: float
     """Least standard deviation of a reading [rad or m]."""
+    step: float = 0.0
+    """In which the dial was read [rad or m]; zero: nobody says."""
 
     @classmethod
     def of(
@@ -341,36 +351,59 @@ class _Profile:
             setups.append((motor, reading))
         usual = GAUGE_M / 4.0 if slides else GAUGE_M / 4.0 / _ARM_M
         floor = stairs.step / math.sqrt(12.0) or usual
-        return cls(joint, slides, setups, floor if scatter is None else scatter)
+        return cls(joint, slides, setups, floor if scatter is None else scatter, stairs.step)
 
     def fit(self, lost: float, sigma: float) -> tuple[float, list[tuple[np.ndarray, ...]]]:
-        """Sum of squares, priors included, at a lost motion; link, fitted, drift, scale of each."""
-        total, parts = 0.0, []
-        for motor, reading in self.setups:
+        """Sum of squares, priors included, at a lost motion; link, fitted, drift, scale of each.
+
+        What drifts is projected out, which leaves the scale alone: for each side on which the link
+        may have begun and each drift, of which the best are taken.
+        """
+        weight, total, parts = (sigma / SCALE) ** 2, 0.0, []
+        for (motor, reading), drifts in zip(self.setups, self._drifts, strict=True):
             read = np.isfinite(reading)
-            when = np.linspace(-1.0, 1.0, len(motor))
+            link = links(motor, lost, STARTS if lost else np.zeros(1))
             best: tuple[float, tuple[np.ndarray, ...]] = (math.inf, ())
-            for start in (-1.0, -0.5, 0.0, 0.5, 1.0) if lost else (0.0,):
-                link = links(motor, lost, start)
-                size = min(_DRIFTS, int(read.sum()) - LEAST_READINGS + 1)
-                drift = np.column_stack([when**k for k in range(size + 1)])
-                matrix = np.column_stack([drift, link])[read]
-                prior = np.append(np.zeros(size + 1), sigma / SCALE)
-                rows, goal = np.vstack([matrix, prior]), np.append(reading[read], prior[-1])
-                found = np.linalg.lstsq(rows, goal, rcond=None)[0]
-                squares = float(np.square(rows @ found - goal).sum())
-                if squares < best[0]:
-                    best = squares, (link, drift @ found[:-1], np.array(found[-1]))
+            for drift, basis in drifts:
+                x, y = link[:, read], reading[read]
+                x, y = x - x @ basis @ basis.T, y - basis @ (basis.T @ y)
+                scale = (x @ y + weight) / (np.square(x).sum(axis=1) + weight)
+                left = np.square(y - scale[:, None] * x).sum(axis=1)
+                squares = left + weight * np.square(scale - 1.0)
+                k = int(squares.argmin())
+                if squares[k] < best[0]:
+                    best = float(squares[k]), (drift, link[k], scale[k])
+            drift, place, factor = best[1]
+            shift = np.linalg.lstsq(drift[read], (reading - factor * place)[read], rcond=None)[0]
             total += best[0]
-            parts.append(best[1])
+            parts.append((place, drift @ shift, np.array(factor)))
         return total, parts
+
+    @property
+    def _drifts(self) -> list[list[tuple[np.ndarray, np.ndarray]]]:
+        """Of each setup: drifts that are tried, and an orthonormal basis of what is read of each.
+
+        Polynomials, and if there are readings enough a line with what dies out, as a machine warms
+        up within its first moves.
+        """
+        found = []
+        for motor, reading in self.setups:
+            read, moves = np.isfinite(reading), np.arange(len(motor))
+            size = min(_DRIFTS, int(read.sum()) - LEAST_READINGS + 1)
+            line = [np.linspace(-1.0, 1.0, len(motor)) ** k for k in range(size + 1)]
+            drifts = [line]
+            if size == _DRIFTS:
+                drifts += [[*line[:2], np.exp(-moves / warms)] for warms in WARMS_MOVES]
+            columns_of = [np.column_stack(one) for one in drifts]
+            found.append([(one, np.linalg.qr(one[read])[0]) for one in columns_of])
+        return found
 
     def estimate(self) -> tuple[Estimate, list[str], Loop]:
         """Lost motion with its interval, notes, and the loop to draw."""
         notes = self._without_outliers()
         most = max(float(np.ptp(motor)) for motor, _ in self.setups)
         count = sum(int(np.isfinite(reading).sum()) for _, reading in self.setups)
-        free = max(count - 1 - len(self.setups) * (2 + _DRIFTS), 1)
+        free = max(count - 1 - len(self.setups) * (3 + _DRIFTS), 1)  # how fast it warms counts, too
         sigma = self.scatter
         for _ in range(2):  # the prior of the scale is worth more, the less readings scatter
             grid = most * np.linspace(0.0, 1.0, _GRID + 1)
@@ -384,7 +417,7 @@ class _Profile:
                 order = np.argsort(grid)
                 grid, squares = grid[order], squares[order]
             sigma = max(math.sqrt(squares.min() / free), self.scatter)
-        bound = float(student.ppf(0.975, free)) ** 2 * sigma**2
+        bound = float(student.ppf(0.975, free)) ** 2 * sigma**2 * self._alike(sigma)
         inside = grid[squares <= squares.min() + bound]
         value = float(grid[squares.argmin()])
         # Between two points of the grid the profile is taken as linear.
@@ -404,6 +437,22 @@ class _Profile:
             )
         _, parts = self.fit(value, sigma)
         return found, notes, self._loop(parts, unit)
+
+    def _alike(self, sigma: float) -> float:
+        """How many readings are the same one again: at the same place from the same side, a dial
+        that is read in steps wider than readings scatter is off by the same part of a step.
+        """
+        if sigma > self.step:
+            return 1.0
+        seen = [
+            (number, round(place, 9), way)
+            for number, (motor, reading) in enumerate(self.setups)
+            for place, way, one in zip(
+                motor.tolist(), np.sign(np.diff(motor, prepend=motor[0])), reading, strict=True
+            )
+            if math.isfinite(one)
+        ]
+        return len(seen) / len(set(seen))
 
     def _without_outliers(self) -> list[str]:
         most = max(float(np.ptp(motor)) for motor, _ in self.setups)
