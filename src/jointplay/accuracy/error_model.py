@@ -43,7 +43,7 @@ _SETTLED = 1e-12
 _ROUNDING = 1e-10
 """Part of a matrix's largest eigenvalue that is rounding of the products it is made of."""
 _FITS = 1e-9
-"""Part of what the plays could open that may stay open: rounding of the Jacobians."""
+"""Part of what the plays could open that may stay open: rounding, far below any play (judged)."""
 _AT_ONCE = 200_000
 """Loads on joints that are looked at together, which fit into a processor's cache."""
 

@@ -34,7 +34,7 @@ _STAGE, _STEPS, _HALVINGS = 10.0, 30, 30
 which a convex barrier needs a few (judged)."""
 _STAGE_GAIN, _LAST_GAIN = 0.5, 1e-2
 """What a Newton step may still gain, in units of the barrier, when a stage ends, and the last one:
-within 0.5 Newton's method converges quadratically in the next (Boyd, 9.6)."""
+the path need not be followed closely, and its end within `_EXACT` (judged)."""
 _ROUNDING = 1e-10
 """Part of a matrix's largest eigenvalue that is rounding."""
 FAR = 100.0
