@@ -226,12 +226,12 @@ class Machine:
 
     def _compliance(self, joint: str, way: str, name: str, expected: float) -> list[Unknown]:
         """The unknown by which a joint gives way, unless its compliance is given exactly."""
-        one = self.compliance(f"{joint} {way}")
-        if one.spread == 0.0:
+        stated = self.compliance(f"{joint} {way}")
+        if stated.spread == 0.0:
             return []
-        value = one.nominal or expected
+        value = stated.nominal or expected
         most = parts.SOFTEST * value
-        return [Unknown(joint, name, WAYS[way], value, value, most, spread=one.spread)]
+        return [Unknown(joint, name, WAYS[way], value, value, most, spread=stated.spread)]
 
 
 def labels(mechanism: Mechanism) -> list[str]:
@@ -288,13 +288,13 @@ def compliances(mechanism: Mechanism, given: Given) -> dict[str, Unknown]:
     return known
 
 
-def apply(mechanism: Mechanism, found: Sequence[Estimate]) -> Mechanism:
+def apply(mechanism: Mechanism, estimates: Sequence[Estimate]) -> Mechanism:
     """The mechanism with those values that are identified, and that it can have."""
     joints, gears = dict(mechanism.clearance), dict(mechanism.gears)
     values: dict[str, dict[str, float]] = {}
-    for one in found:
-        if not one.reason and one.joint:
-            values.setdefault(one.joint, {})[one.unknown.name] = one.value
+    for estimate in estimates:
+        if not estimate.reason and estimate.joint:
+            values.setdefault(estimate.joint, {})[estimate.unknown.name] = estimate.value
     for joint, mine in values.items():
         if joint in joints:
             joints[joint] = parts.with_values(joint, joints[joint], mine)
@@ -305,7 +305,7 @@ def apply(mechanism: Mechanism, found: Sequence[Estimate]) -> Mechanism:
 
 def preset_found(
     mechanism: Mechanism,
-    found: Sequence[Estimate],
+    estimates: Sequence[Estimate],
     source: str,
     robot: str | Path | None = None,
     tables: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
@@ -321,13 +321,13 @@ def preset_found(
     """
     from jointplay.scenario.presets import Preset
 
-    origins = [one for one in (_origin(one, source) for one in found) if one.value]
+    origins = [one for one in (_origin(one, source) for one in estimates) if one.value]
     place = str(robot or mechanism.description.path)
-    words = f"{Path(place).stem} as measured by {source}"
+    title = f"{Path(place).stem} as measured by {source}"
     gears = {name: dict(one) for name, one in tables.get("gear", {}).items()}
-    for one in found:
-        name, told = one.unknown.name, not one.reason and one.value > 0.0
-        if told and one.joint not in mechanism.gears:
+    for one in estimates:
+        name, nonzero = one.unknown.name, not one.reason and one.value > 0.0
+        if nonzero and one.joint not in mechanism.gears:
             if name == "gear_play":
                 gears.setdefault(one.joint, {})["play"] = one.upper if one.bounded else one.value
             elif name == "gear_compliance":
@@ -335,25 +335,28 @@ def preset_found(
     tables = dict(tables) | {"gear": gears}
     geared = dict.fromkeys([*mechanism.gears, *gears], _BY_MOTOR)
     tables = dict(tables) | {"drive": geared | dict(tables.get("drive", {}))}
-    return Preset.of_mechanism(apply(mechanism, found), words, origins, tables, place)
+    return Preset.of_mechanism(apply(mechanism, estimates), title, origins, tables, place)
 
 
-def _origin(one: Estimate, source: str) -> Origin:
+def _origin(estimate: Estimate, source: str) -> Origin:
     """Of a number of a preset that is an unknown's: a gear's stiffness by its compliance."""
     from jointplay.scenario.presets import QUANTITIES, Origin
 
-    name, unknown = one.unknown.name, one.unknown
-    key = next((key for key, own in QUANTITIES.items() if own == name), f"bearing.{name}")
-    key = f"{one.joint}.{key}"
-    if one.reason:
-        why = f"of the scenario; {source} cannot tell: {one.reason}"
+    name, unknown = estimate.unknown.name, estimate.unknown
+    key = next((key for key, quantity in QUANTITIES.items() if quantity == name), f"bearing.{name}")
+    key = f"{estimate.joint}.{key}"
+    if estimate.reason:
+        why = f"of the scenario; {source} cannot tell: {estimate.reason}"
         return Origin(key=key, value=unknown.shown(unknown.nominal), origin="assumed", source=why)
-    value, ends = one.upper if one.bounded else one.value, one.interval
-    if one.bounded:
-        ends = 0.0, one.upper
+    value, ends = estimate.upper if estimate.bounded else estimate.value, estimate.interval
+    if estimate.bounded:
+        ends = 0.0, estimate.upper
     if math.isinf(ends[1]):
         return Origin(
-            key=key, value=unknown.shown(value), origin="measured", source=f"{one.span}; {source}"
+            key=key,
+            value=unknown.shown(value),
+            origin="measured",
+            source=f"{estimate.span}; {source}",
         )
     if key.endswith("stiffness"):
         if min(value, *ends) <= 0.0:
