@@ -45,6 +45,12 @@ CANDIDATES = 200
 DRAWS = 1000
 """Of coefficients for an effect's interval, whose ends are each beyond 25 of them."""
 _FRAME = tuple(f"{what} {axis}" for what in ("base", "base r", "tool", "tool r") for axis in "xyz")
+SCATTER = (1e-3, 5e-3)
+"""Of positions [m] and orientations [rad] about the model, where nothing is known yet: of robots
+that were not calibrated. `calibrate` then estimates it from the fit of all terms."""
+_POINT_M, _SAME_POINT_M = 10.0, 0.02
+"""Prior width of the tool's point: anywhere at any robot, and where only the point is the same each
+time, which cannot tell a longer tool from a longer arm [m]."""
 _ANYWHERE = 1e2
 """Prior width of where the base is, and of how base and tool are turned: large beside any robot
 [m, rad]."""
@@ -56,7 +62,7 @@ class Placed(Problem):
 
     point: np.ndarray = field(default_factory=lambda: np.zeros(3))
     """Nominal place of the tool's point in the tool frame, shape (3,) [m]."""
-    point_width: float = 10.0
+    point_width: float = _POINT_M
     """Of its prior [m]."""
     turned: tuple[np.ndarray, np.ndarray] = (np.eye(3), np.eye(3))
     """Rotations of the mechanism's base in the instrument's axes and of what was measured in the
@@ -296,8 +302,8 @@ def calibrate(
     all_poses = Poses(mechanism, poses, payloads)
     groups, held = held_back(poses, folds)
     if point_width is None:
-        point_width = 0.02 if poses.point is not None else 10.0
-    scatter = error or (1e-3, 5e-3)
+        point_width = _SAME_POINT_M if poses.point is not None else _POINT_M
+    scatter = error or SCATTER
     base = Placed(all_poses, scatter, (), np.asarray(point, float), point_width)
     base, start = replace(base, error=scatter[: len(base.kinds)]).begun()
     count = len(candidates)
@@ -327,7 +333,7 @@ def plan_calibration(
     terms: Sequence[Term | str] = TERMS,
     *,
     count: int = 20,
-    error: tuple[float, float] = (1e-3, 5e-3),
+    error: tuple[float, float] = SCATTER,
     payloads: Sequence[Payload] = (),
     point: Sequence[float] = (0.0, 0.0, 0.0),
     seed: int = 0,

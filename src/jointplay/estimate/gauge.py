@@ -30,7 +30,7 @@ from jointplay.base.units import NUMBER, convert, readable, told
 from jointplay.estimate import columns
 from jointplay.estimate.least_squares import Fit, LeastSquares, search
 from jointplay.estimate.machine import preset_found
-from jointplay.estimate.measurement import resolution
+from jointplay.estimate.measurement import quantisation
 from jointplay.estimate.planning import PUSH_N, free_poses
 from jointplay.estimate.unknowns import Answer, Estimate, Loop, Unknown, excludes_zero
 from jointplay.model.mechanism import Mechanism
@@ -188,8 +188,7 @@ class Readings:
                 mine = setups == one
                 side = float(np.sign(motor[mine] @ (push[mine] - push[mine].mean())))
                 turned[mine] -= side * (motor[mine] - motor[mine].mean())
-                step = resolution(np.sort(motor[mine]))
-                error[mine] = np.hypot(error[mine], step / np.sqrt(12.0))
+                error[mine] = np.hypot(error[mine], quantisation(np.sort(motor[mine])))
         pose = texts.get("pose", ())
         return cls(tuple(names), tuple(map(str, setups)), push, turned, error, str(path), pose)
 

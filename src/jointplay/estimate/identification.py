@@ -43,9 +43,6 @@ from jointplay.simulation.simulation import Simulation
 if TYPE_CHECKING:
     from jointplay.scenario.presets import Preset
 
-_NAMED = 3
-_SIZE_STEPS = 8.0
-"""Parts of the strongest push by which a message tells sizes of pushes apart."""
 LARGE = 3.0
 """Times the records' scatter from which on residuals are said to be large."""
 _ROUNDING = 1e-12
@@ -153,10 +150,10 @@ def _explained(i: int, fit: Fit, visits: Visits) -> str:
     if not labels or not known(labels):
         return ""
     which = [label for label in labels if known([label])]
-    sizes = np.unique(measurement.pushes(visits.force, _SIZE_STEPS), axis=0)
+    sizes = np.unique(measurement.pushes(visits.force), axis=0)
     count = len(np.unique(np.round(np.linalg.norm(sizes, axis=1)))) - 1
-    text = ", ".join(which[:_NAMED]) if which else "of several parts at once"
-    text += f" or another of {len(which)}" if len(which) > _NAMED else ""
+    text = ", ".join(which[: planning.NAMED]) if which else "of several parts at once"
+    text += f" or another of {len(which)}" if len(which) > planning.NAMED else ""
     return (
         f"elasticity ({text}) explains the data equally well: pushes of {max(count, 0)} "
         f"size{'s' * (count != 1)} are not enough here; push with others, or give the stiffness "

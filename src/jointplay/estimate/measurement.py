@@ -417,10 +417,15 @@ def resolution(values: np.ndarray) -> float:
     return float(steps.min()) if 0 < len(steps) <= 0.5 * len(good) else 0.0
 
 
-def pushes(force: np.ndarray, steps: float = PUSH_STEPS) -> np.ndarray:
+def quantisation(values: np.ndarray) -> float:
+    """Standard deviation of what an encoder's steps leave out, which is uniform within one."""
+    return resolution(values) / float(np.sqrt(12.0))
+
+
+def pushes(force: np.ndarray) -> np.ndarray:
     """Whole numbers by which forces on the tool (n, 3) differ, in parts of the strongest."""
     strongest = max(float(np.abs(force).max(initial=0.0)), TINY)
-    return np.asarray(np.round(steps * force / strongest)).astype(int)
+    return np.asarray(np.round(PUSH_STEPS * force / strongest)).astype(int)
 
 
 def turns(values: np.ndarray, threshold: float) -> np.ndarray:
@@ -613,7 +618,7 @@ def _observe(
     for column, (key, records) in enumerate(signals.items()):
         values, kind = off[key], key[0]
         spread = measured.noise.get(kind) or scatter(values)
-        floor = resolution(records) / np.sqrt(12.0)
+        floor = quantisation(records)
         noise.append(max(spread, floor))
         for i, piece in enumerate(inner if kind in READINGS else pieces):
             good = ~np.isnan(values[piece])

@@ -33,6 +33,7 @@ from jointplay.accuracy.poses import moving
 from jointplay.base.compiler import compiled
 from jointplay.estimate.machine import TOOL, Machine
 from jointplay.estimate.measurement import (
+    STOP_S,
     Key,
     Visits,
     configurations,
@@ -73,8 +74,6 @@ _CAGES = 6
 """Places of a cage between one element and the next that are looked at."""
 _CAGE_WANDER = 0.1
 """Part of what these differ by that is left, for cages slip: judged."""
-_SMOOTH_S = 0.15
-"""Over which the motors' paths are smoothed to find their accelerations [s]."""
 _HALVINGS = 48
 """In which the twist of a gear with bristles is found: as many bits as a number has, less some."""
 _CREEP_LOAD = 0.02
@@ -390,7 +389,7 @@ class StaticModel:
         visits = self.visits
         speed = acceleration = np.zeros_like(visits.path)
         if visits.path_time is not None:
-            time, width = visits.path_time, _SMOOTH_S / float(np.median(np.diff(visits.path_time)))
+            time, width = visits.path_time, STOP_S / float(np.median(np.diff(visits.path_time)))
             smooth = visits.path
             for _ in range(2):  # twice: encoders have steps
                 smooth = uniform_filter1d(smooth, max(int(width), 1), axis=0, mode="nearest")

@@ -65,7 +65,7 @@ _TRIED = 16
 """Poses that are tried for each that is offered, until enough are free of self-collision."""
 APART = 0.1
 """Distance below which two experiments that do the same are the same, by the robot's reach."""
-_NAMED = 3
+NAMED = 3
 """Unknowns that are named as acting together with one."""
 _PRIOR = 1e-4
 """Information that unknowns have before, in their scales: next to none."""
@@ -145,8 +145,8 @@ class MeasurementPlan:
             text = f"+- {unknown.shown(half)}"
             if half > LARGEST_SHARE * unknown.scale:
                 near = "" if half > 10.0 * unknown.scale else f" ({text})"
-                more = f" and {len(others) - _NAMED} more" if len(others) > _NAMED else ""
-                acts = f": acts only together with {', '.join(others[:_NAMED])}{more}"
+                more = f" and {len(others) - NAMED} more" if len(others) > NAMED else ""
+                acts = f": acts only together with {', '.join(others[:NAMED])}{more}"
                 acts = acts if others else near
                 text = f"cannot tell{acts}"
             if unknown.sought:
