@@ -45,6 +45,12 @@ CANDIDATES = 200
 DRAWS = 1000
 """Of coefficients for an effect's interval, whose ends are each beyond 25 of them."""
 _FRAME = tuple(f"{what} {axis}" for what in ("base", "base r", "tool", "tool r") for axis in "xyz")
+SCATTER = (1e-3, 5e-3)
+"""Of positions [m] and orientations [rad] about the model, where nothing is known yet: of robots
+that were not calibrated. `calibrate` then estimates it from the fit of all terms."""
+_POINT_M, _SAME_POINT_M = 10.0, 0.02
+"""Prior width of the tool's point: anywhere at any robot, and where only the point is the same each
+time, which cannot tell a longer tool from a longer arm [m]."""
 _ANYWHERE = 1e2
 """Prior width of where the base is, and of how base and tool are turned: large beside any robot
 [m, rad]."""
@@ -56,7 +62,7 @@ class Placed(Problem):
 
     point: np.ndarray = field(default_factory=lambda: np.zeros(3))
     """Nominal place of the tool's point in the tool frame, shape (3,) [m]."""
-    point_width: float = 10.0
+    point_width: float = _POINT_M
     """Of its prior [m]."""
     turned: tuple[np.ndarray, np.ndarray] = (np.eye(3), np.eye(3))
     """Rotations of the mechanism's base in the instrument's axes and of what was measured in the
@@ -110,11 +116,11 @@ class Placed(Problem):
         if self.closure:  # the points' places are nuisances
             names = np.array(measured.point)[rows]
             mine = {str(name): names == name for name in dict.fromkeys(names)}
-            there = {p: d for p, d in measured.distances.items() if set(p) <= set(mine)}
-            pairs = [(mine[one], mine[other]) for one, other in there]
-            known.append(np.array([length for length, _ in there.values()]))
-            error.append(np.array([deviation for _, deviation in there.values()]))
-            nuisance = np.zeros((3 * n + len(there), 3 * len(mine)))
+            known_distances = {p: d for p, d in measured.distances.items() if set(p) <= set(mine)}
+            pairs = [(mine[one], mine[other]) for one, other in known_distances]
+            known.append(np.array([length for length, _ in known_distances.values()]))
+            error.append(np.array([deviation for _, deviation in known_distances.values()]))
+            nuisance = np.zeros((3 * n + len(known_distances), 3 * len(mine)))
             nuisance[: 3 * n] = np.kron(np.column_stack(list(mine.values())), np.eye(3))
 
         def apart(points: np.ndarray) -> list[np.ndarray]:
@@ -133,9 +139,9 @@ class Placed(Problem):
             parts = [moves.reshape(3 * n, -1)]
             if len(self.kinds) > 1:
                 parts.append(turns.reshape(3 * n, -1))
-            for way, (one, other) in zip(apart(points), pairs, strict=True):
+            for between, (one, other) in zip(apart(points), pairs, strict=True):
                 slope = moves[one].mean(axis=0) - moves[other].mean(axis=0)
-                parts.append((way @ slope)[None] / max(float(np.linalg.norm(way)), TINY))
+                parts.append((between @ slope)[None] / max(float(np.linalg.norm(between)), TINY))
             return np.concatenate(parts)
 
         return LeastSquares(
@@ -160,11 +166,11 @@ class Placed(Problem):
         )
         q = poses.q[rows].copy()
         whole = {k: one.moves[rows] for k, one in enumerate(self.columns) if one.moves is not None}
-        own = (targets == COORDINATE) & ~np.isin(np.arange(len(joints)), list(whole))
-        np.add.at(q.T, joints[own], moved[:, own].T)
+        own_coordinate = (targets == COORDINATE) & ~np.isin(np.arange(len(joints)), list(whole))
+        np.add.at(q.T, joints[own_coordinate], moved[:, own_coordinate].T)
         shift = None
-        if not own.all():
-            placed = ~own
+        if not own_coordinate.all():
+            placed = ~own_coordinate
             placed[list(whole)] = False
             shift = np.zeros((len(rows), len(poses.names), 6))
             at = joints[placed], targets[placed]
@@ -177,8 +183,10 @@ class Placed(Problem):
         if not jacobian:
             none = np.zeros((0, 3, len(theta)))
             return rotations, points, none, none
-        lines = np.where(own[:, None, None], axes[joints], frames[joints, :, :, targets % 3])
-        turning = np.where(own, poses.turns[joints], targets >= 3)[:, None, None]
+        lines = np.where(
+            own_coordinate[:, None, None], axes[joints], frames[joints, :, :, targets % 3]
+        )
+        turning = np.where(own_coordinate, poses.turns[joints], targets >= 3)[:, None, None]
         turn = np.where(turning, lines, 0.0)
         move = np.where(turning, np.cross(lines, tip - origins[joints]), lines)
         for k, moves in whole.items():
@@ -210,7 +218,7 @@ class Placed(Problem):
         centred = position - position.mean(axis=0)
         seen = measured.orientation
         back = np.swapaxes(body, 1, 2)
-        found = []
+        starts = []
         for base in _grid():
             grip = eye
             # Without orientations the base turns to where the points are; else the grid is enough
@@ -228,12 +236,12 @@ class Placed(Problem):
                     at = position.mean(axis=0) - base @ tip.mean(axis=0)
             cost = float(np.sum((position - at - tip @ base.T) ** 2)) / self.error[0] ** 2
             if seen is not None:
-                own = back @ base.T @ seen
-                grip = static_poses.nearest_rotation(own.sum(axis=0))
+                apart = back @ base.T @ seen
+                grip = static_poses.nearest_rotation(apart.sum(axis=0))
                 # Half of the Frobenius norm's square is the angle's, where that is small.
-                cost += 0.5 * float(np.sum((own - grip) ** 2)) / self.error[1] ** 2
-            found.append((cost, at, base, reach, grip))
-        _, at, base, reach, grip = min(found, key=lambda one: one[0])
+                cost += 0.5 * float(np.sum((apart - grip) ** 2)) / self.error[1] ** 2
+            starts.append((cost, at, base, reach, grip))
+        _, at, base, reach, grip = min(starts, key=lambda one: one[0])
         start = np.concatenate([at, np.zeros(3), reach, np.zeros(3)])
         return replace(self, turned=(base, grip)), start[self._free]
 
@@ -289,13 +297,13 @@ def calibrate(
         raise JointplayError(
             f"{poses.source}: nothing measured: neither positions of the tool nor points"
         )
-    candidates = [one if isinstance(one, Term) else Term.parse(one) for one in terms]
-    given = [one if isinstance(one, Term) else Term.parse(one) for one in always]
+    candidates = [term if isinstance(term, Term) else Term.parse(term) for term in terms]
+    fixed = [term if isinstance(term, Term) else Term.parse(term) for term in always]
     all_poses = Poses(mechanism, poses, payloads)
     groups, held = held_back(poses, folds)
     if point_width is None:
-        point_width = 0.02 if poses.point is not None else 10.0
-    scatter = error or (1e-3, 5e-3)
+        point_width = _SAME_POINT_M if poses.point is not None else _POINT_M
+    scatter = error or SCATTER
     base = Placed(all_poses, scatter, (), np.asarray(point, float), point_width)
     base, start = replace(base, error=scatter[: len(base.kinds)]).begun()
     count = len(candidates)
@@ -303,9 +311,9 @@ def calibrate(
     with ProgressBar(total=total, desc="models", delay=2.0, disable=not progress) as bar:
         fits = Selection(base, groups, start, all_poses.known, bar.update)
         if error is None:
-            _estimate_scatter(fits, [*given, *candidates])
-        name = "base and tool" + "".join(f" + {one.short}" for one in given)
-        kept = fits.run(name, given, [[one] for one in candidates])
+            _estimate_scatter(fits, [*fixed, *candidates])
+        name = "base and tool" + "".join(f" + {term.short}" for term in fixed)
+        kept = fits.run(name, fixed, [[term] for term in candidates])
         known = infer(fits, kept, candidates)
         notes, effects = notes_on(fits, kept), _effects(fits, kept)
     if poses.exchanged:
@@ -325,7 +333,7 @@ def plan_calibration(
     terms: Sequence[Term | str] = TERMS,
     *,
     count: int = 20,
-    error: tuple[float, float] = (1e-3, 5e-3),
+    error: tuple[float, float] = SCATTER,
     payloads: Sequence[Payload] = (),
     point: Sequence[float] = (0.0, 0.0, 0.0),
     seed: int = 0,
@@ -361,11 +369,11 @@ def plan_calibration(
     ]  # fmt: skip
     base = Placed(poses, error, tuple(columns), np.asarray(point, float))
     rows, nominal = np.arange(n), np.array([one.nominal for one in base.unknowns])
-    found = planning.Information.of(base.at(rows), nominal, base.owner(rows))
+    information = planning.Information.of(base.at(rows), nominal, base.owner(rows))
     options = [planning.Experiment(tuple(row), None, passes=False) for row in motor.tolist()]
-    words = f"scatter of positions {told(error[0], 'm')}, of orientations {told(error[1], 'rad')}"
+    text = f"scatter of positions {told(error[0], 'm')}, of orientations {told(error[1], 'rad')}"
     return planning.planned(
-        ideal, base.unknowns, found, options, count, f"statistical, linearised; {words}", notes
+        ideal, base.unknowns, information, options, count, f"statistical, linearised; {text}", notes
     )
 
 
@@ -387,21 +395,22 @@ def _estimate_scatter(fits: Selection, terms: Sequence[Term]) -> None:
         for k, left in enumerate(fitted.problem.errors(fitted.theta, fits.rows)):
             part = slice(k * m, (k + 1) * m)
             slope, span = fitted.effect[part], fitted.least.projected[part]
-            taken = float(np.sum((slope @ fitted.covariance) * slope) + np.sum(span**2))
-            sizes.append(max(float(np.sqrt(np.sum(left**2) / max(m - taken, 0.1 * m))), 1e-9))
+            determined = float(np.sum((slope @ fitted.covariance) * slope) + np.sum(span**2))
+            sizes.append(max(float(np.sqrt(np.sum(left**2) / max(m - determined, 0.1 * m))), 1e-9))
         fits.base = replace(fits.base, error=tuple(sizes))
 
 
 def _effects(fits: Selection, kept: Step) -> tuple[Estimate, ...]:
     """Of the terms that were kept, on the tool's position."""
-    n, fitted, first, made = len(fits.rows), kept.fitted, len(fits.start), []
+    n, fitted, first, effects = len(fits.rows), kept.fitted, len(fits.start), []
     half, _ = half_widths(fits, fitted)
     random, scale = np.random.default_rng(0), fitted.least.scale
     frame = fitted.effect[: 3 * n, :first]
     for term in kept.terms:
         mine = [
-            i for i, one in enumerate(fitted.problem.columns)
-            if (one.term.kind, one.term.joints, one.term.by) == (term.kind, term.joints, term.by)
+            i for i, column in enumerate(fitted.problem.columns)
+            if (column.term.kind, column.term.joints, column.term.by)
+            == (term.kind, term.joints, term.by)
         ]  # fmt: skip
         if not mine:
             continue
@@ -419,8 +428,8 @@ def _effects(fits: Selection, kept: Step) -> tuple[Estimate, ...]:
         )
         ends = min(float(low), size), max(float(high), size)
         effect = Unknown("", term.short, "m", sought=False, fine=False)
-        made.append(Estimate(effect, size, ends=ends))
-    return tuple(made)
+        effects.append(Estimate(effect, size, ends=ends))
+    return tuple(effects)
 
 
 @cache

@@ -36,19 +36,27 @@ class Changes(Answer):
     @property
     def sentence(self) -> str:
         """The answer in plain words."""
-        known = [one for one in self.estimates if one.label.endswith(" change")]
-        told = [one for one in known if one.known]
+        known = [estimate for estimate in self.estimates if estimate.label.endswith(" change")]
+        known_changes = [estimate for estimate in known if estimate.known]
         sure = {
-            "grown": [f"{one.joint} by {one.span}" for one in told if one.low > 0.0],
-            "become less": [f"{one.joint} by {one.span}" for one in told if one.high < 0.0],
+            "grown": [
+                f"{estimate.joint} by {estimate.span}"
+                for estimate in known_changes
+                if estimate.low > 0.0
+            ],
+            "become less": [
+                f"{estimate.joint} by {estimate.span}"
+                for estimate in known_changes
+                if estimate.high < 0.0
+            ],
         }
-        words = [f"has {how} in {few(some)}" for how, some in sure.items() if some]
-        same = len(told) - sum(map(len, sure.values()))
+        parts = [f"has {how} in {few(some)}" for how, some in sure.items() if some]
+        same = len(known_changes) - sum(map(len, sure.values()))
         if same:
-            words.append(f"may be as it was in {same} of {counted(len(known), 'joint')}")
-        if untold := [one.joint for one in known if not one.known]:
-            words.append(f"of {few(untold)} no change can be told")
-        return f"Play {'; '.join(words)}"
+            parts.append(f"may be as it was in {same} of {counted(len(known), 'joint')}")
+        if untold := [estimate.joint for estimate in known if not estimate.known]:
+            parts.append(f"of {few(untold)} no change can be told")
+        return f"Play {'; '.join(parts)}"
 
 
 def changes(first: Sequence[LeastSquares], second: Sequence[LeastSquares]) -> Changes:
@@ -83,13 +91,13 @@ def changes(first: Sequence[LeastSquares], second: Sequence[LeastSquares]) -> Ch
 
 
 def _plays(unknowns: Sequence[Unknown]) -> list[int]:
-    return [i for i, one in enumerate(unknowns) if one.name in PLAYS]
+    return [i for i, unknown in enumerate(unknowns) if unknown.name in PLAYS]
 
 
 def _begin(unknowns: Sequence[Unknown]) -> np.ndarray:
     """Where to start from: nominal values, or half of the scale."""
-    known = [np.isfinite(one.nominal) and one.nominal for one in unknowns]
-    halves = (0.5 * one.scale for one in unknowns)
+    known = [np.isfinite(unknown.nominal) and unknown.nominal for unknown in unknowns]
+    halves = (0.5 * unknown.scale for unknown in unknowns)
     return np.array([value or half for value, half in zip(known, halves, strict=True)])
 
 
@@ -111,11 +119,11 @@ def _stacked(first: LeastSquares, second: LeastSquares) -> tuple[LeastSquares, n
     p, at = len(own), [*plays, *others]
 
     def moved(i: int) -> Unknown:
-        one = own[i]
-        part = np.inf if i in plays else SAME["friction" if "friction" in one.name else ""]
+        unknown = own[i]
+        part = np.inf if i in plays else SAME["friction" if "friction" in unknown.name else ""]
         return replace(
-            one, name=f"{one.name} change", nominal=0.0, sought=False, spread=part * one.scale,
-            least=-np.inf, most=np.inf,
+            unknown, name=f"{unknown.name} change", nominal=0.0, sought=False,
+            spread=part * unknown.scale, least=-np.inf, most=np.inf,
         )  # fmt: skip
 
     @lru_cache(_REMEMBERED)
@@ -160,10 +168,12 @@ def _nuisances(first: LeastSquares, second: LeastSquares) -> tuple[np.ndarray, n
         raise JointplayError("the measurements differ in what they measure: compare likes")
     m, n, count = len(first.measured), len(second.measured), len(first.labels)
     effects, wide = [], []
-    for one in (first, second):
-        effect = np.zeros((len(one.measured), 0)) if one.nuisance is None else one.nuisance
+    for problem in (first, second):
+        effect = (
+            np.zeros((len(problem.measured), 0)) if problem.nuisance is None else problem.nuisance
+        )
         effects.append(effect)
-        wide.append(np.full(effect.shape[1], np.inf) if one.spread is None else one.spread)
+        wide.append(np.full(effect.shape[1], np.inf) if problem.spread is None else problem.spread)
     (a, b), (known, other) = effects, wide
     i, j = a.shape[1] - count, b.shape[1] - count
     differ = np.flatnonzero(np.isfinite(other[j:]))

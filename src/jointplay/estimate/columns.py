@@ -57,9 +57,9 @@ def read(
             texts[title] = tuple(cell for _, cell in cells)
             continue
         name, unit = split_title(title)
-        found = meaning(name)
-        assert found is not None  # by the check of all titles
-        key, goal = found
+        meant = meaning(name)
+        assert meant is not None  # by the check of all titles
+        key, goal = meant
         if key[0] == _GOAL:
             continue
         try:

@@ -75,8 +75,8 @@ class Difference(Problem):
 
     @property
     def frame(self) -> tuple[Unknown, ...]:
-        one = Unknown(self.joint, "difference", self.unit, least=-np.inf, sought=False)
-        return (replace(one, model_error=0.0),)
+        unknown = Unknown(self.joint, "difference", self.unit, least=-np.inf, sought=False)
+        return (replace(unknown, model_error=0.0),)
 
     def at(self, rows: np.ndarray) -> LeastSquares:
         slope = np.column_stack([np.ones(len(rows)), self.features[rows]])
@@ -110,8 +110,8 @@ def encoder_differences(
     require_a("mechanism", mechanism, "Mechanism")
     require_a("poses", poses, "StaticPoses")
     all_poses = Poses(mechanism, poses, payloads)
-    told = [_compared(all_poses, name, terms) for name in all_poses.known]
-    found = tuple(one for one in told if one is not None)
+    answers = [_compared(all_poses, name, terms) for name in all_poses.known]
+    found = tuple(one for one in answers if one is not None)
     if not found:
         raise JointplayError(
             f"{poses.source}: no joint has encoders on both sides of its gear in {FEWEST} poses"
@@ -152,9 +152,9 @@ def _compared(poses: Poses, joint: str, terms: Sequence[Term] | None) -> Calibra
 
     def may_be(now: Sequence[Term], more: Sequence[Term]) -> bool:
         terms = [*now, *more]
-        kinds = {one.kind for one in terms}
-        both = any(kinds & one and kinds & other for one, other in _EXCLUSIVE)
-        return not both and sum(len(poses.columns(one)) for one in terms) + 3 <= n
+        kinds = {term.kind for term in terms}
+        both = any(kinds & term and kinds & other for term, other in _EXCLUSIVE)
+        return not both and sum(len(poses.columns(term)) for term in terms) + 3 <= n
 
     folds, held = held_back(poses.measured, "rows")
     base = replace(base, error=(size,))

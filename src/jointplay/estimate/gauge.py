@@ -30,7 +30,7 @@ from jointplay.base.units import NUMBER, convert, readable, told
 from jointplay.estimate import columns
 from jointplay.estimate.least_squares import Fit, LeastSquares, search
 from jointplay.estimate.machine import preset_found
-from jointplay.estimate.measurement import resolution
+from jointplay.estimate.measurement import quantisation
 from jointplay.estimate.planning import PUSH_N, free_poses
 from jointplay.estimate.unknowns import Answer, Estimate, Loop, Unknown, excludes_zero
 from jointplay.model.mechanism import Mechanism
@@ -131,8 +131,8 @@ class Readings:
         """
         path = Path(path)
         names, slides_all = joints_of_table(path, joints, RECIPE)
-        way = "m" if slides_all else "rad"
-        units = dict(zip(_NUMBERS, ("N", "m", "m", "m", "N*m", way, way), strict=True))
+        unit = "m" if slides_all else "rad"
+        units = dict(zip(_NUMBERS, ("N", "m", "m", "m", "N*m", unit, unit), strict=True))
 
         def known(title: str) -> tuple[columns.Key, str] | None:
             title = title.replace("_", " ")
@@ -141,35 +141,35 @@ class Readings:
         numbers, texts = columns.read(
             path, "readings", known, _COLUMNS, ("joint", "setup", "pose"), _NUMBERS
         )
-        n, own = len(names), dict(noise or {})
-        given = {name: numbers.get((name, ""), np.full(n, np.nan)) for name in _NUMBERS}
+        n, deviations = len(names), dict(noise or {})
+        cells = {name: numbers.get((name, ""), np.full(n, np.nan)) for name in _NUMBERS}
         for name in ("arm", "gauge arm"):
-            if (far := float(np.nanmax(given[name], initial=0.0))) > _FARTHEST:
+            if (far := float(np.nanmax(cells[name], initial=0.0))) > _FARTHEST:
                 raise JointplayError(
                     f"{path}: the {name} is {readable(far, 'm', 3)} long, longer than any robot: "
                     "is it in the unit of its title?"
                 )
         if slides_all:
-            push, turned = given["force"], given["reading"]
-            error = np.full(n, own.get("tool", GAUGE_M))
+            push, turned = cells["force"], cells["reading"]
+            error = np.full(n, deviations.get("tool", GAUGE_M))
         else:
             push = np.where(
-                np.isfinite(given["torque"]), given["torque"], given["force"] * given["arm"]
+                np.isfinite(cells["torque"]), cells["torque"], cells["force"] * cells["arm"]
             )
-            push = np.where(given["force"] == 0.0, 0.0, push)
-            by_gauge = given["reading"] / given["gauge arm"]
-            turned = np.where(np.isfinite(given["angle"]), given["angle"], by_gauge)
+            push = np.where(cells["force"] == 0.0, 0.0, push)
+            by_gauge = cells["reading"] / cells["gauge arm"]
+            turned = np.where(np.isfinite(cells["angle"]), cells["angle"], by_gauge)
             error = np.where(
-                np.isfinite(given["angle"]),
-                own.get("link", ANGLE),
-                own.get("tool", GAUGE_M) / given["gauge arm"],
+                np.isfinite(cells["angle"]),
+                deviations.get("link", ANGLE),
+                deviations.get("tool", GAUGE_M) / cells["gauge arm"],
             )
-        for what, values in (
+        for quantity, values in (
             ("force and arm, or torque", push), ("reading and gauge arm, or angle", turned),
         ):  # fmt: skip
             if (bad := np.flatnonzero(~np.isfinite(values))).size:
-                words = what if not slides_all else what.partition(" and")[0]
-                raise JointplayError(f"{path}: reading {bad[0] + 1} has no {words}")
+                needed = quantity if not slides_all else quantity.partition(" and")[0]
+                raise JointplayError(f"{path}: reading {bad[0] + 1} has no {needed}")
         setup = texts.get("setup", ("",) * n)
         setups = np.array([f"{a}, {b}" for a, b in zip(names, setup, strict=True)])
         for one in np.unique(setups) if not slides_all else ():
@@ -180,7 +180,7 @@ class Readings:
                     f"{readable(apart, 'rad', 3)}, which no gauge follows: are reading and gauge "
                     "arm in the units of their titles?"
                 )
-        motor = given["motor"]
+        motor = cells["motor"]
         if np.isfinite(motor).any():
             if (bad := np.flatnonzero(~np.isfinite(motor))).size:
                 raise JointplayError(f"{path}: reading {bad[0] + 1} has no motor position")
@@ -188,8 +188,7 @@ class Readings:
                 mine = setups == one
                 side = float(np.sign(motor[mine] @ (push[mine] - push[mine].mean())))
                 turned[mine] -= side * (motor[mine] - motor[mine].mean())
-                step = resolution(np.sort(motor[mine]))
-                error[mine] = np.hypot(error[mine], step / np.sqrt(12.0))
+                error[mine] = np.hypot(error[mine], quantisation(np.sort(motor[mine])))
         pose = texts.get("pose", ())
         return cls(tuple(names), tuple(map(str, setups)), push, turned, error, str(path), pose)
 
@@ -222,8 +221,8 @@ class Gauged(Answer):
 
     @property
     def sentence(self) -> str:
-        plays = [one for one in self.estimates if one.unknown.name == "gear_play"]
-        known = [f"{one.joint} {one.span}" for one in plays if not one.reason]
+        plays = [estimate for estimate in self.estimates if estimate.unknown.name == "gear_play"]
+        known = [f"{estimate.joint} {estimate.span}" for estimate in plays if not estimate.reason]
         of = f"{len(known)} of {counted(len(plays), 'joint')}"
         return f"The readings tell the play of {of}{f': {few(known)}' if known else ''}"
 
@@ -232,7 +231,9 @@ class Gauged(Answer):
 
     def preset(self, robot: str | Path | None = None) -> Preset:
         """The robot's joints with what was found; see `Identification.preset`."""
-        turning = [one for one in self.estimates if one.unknown.unit.startswith("rad")]
+        turning = [
+            estimate for estimate in self.estimates if estimate.unknown.unit.startswith("rad")
+        ]
         return preset_found(self.mechanism, turning, self.readings.source, robot)
 
     @property
@@ -241,13 +242,13 @@ class Gauged(Answer):
         return tuple(self._loop(joint, fitted) for joint, fitted in self.fits.items())
 
     def _loop(self, joint: str, fitted: Fit) -> Loop:
-        mine = np.array([one == joint for one in self.readings.joint])
+        mine = np.array([name == joint for name in self.readings.joint])
         setup, push = np.array(self.readings.setup)[mine], self.readings.push[mine]
         largest = float(np.abs(push).max())
         turned, says = self.readings.turned[mine].copy(), _bent(push, largest, *fitted.theta)
         says[push == 0.0] = np.nan  # anywhere within the play
-        for one in np.unique(setup):
-            turned[setup == one] -= np.nanmean((turned - says)[setup == one])
+        for name in np.unique(setup):
+            turned[setup == name] -= np.nanmean((turned - says)[setup == name])
         none = np.array([-1e-9, 1e-9]) * largest  # where the sides begin
         unit = fitted.least.unknowns[0].unit
         return Loop(
@@ -281,7 +282,7 @@ def identify_gauged(
     friction, found, fits, notes = urdf_friction(ideal), list[Estimate](), dict[str, Fit](), []
     for joint, mine, slides in _by_joint(mechanism, readings):
         smallest, unit = _smallest(readings, mine), "N" if slides else "N*m"
-        weight, said = gravity_load(ideal, readings, joint, mine, pose)
+        weight, posed = gravity_load(ideal, readings, joint, mine, pose)
         _require_yielding(readings, joint, mine)
         problem = _problem(readings, joint, mine, friction[joint].coulomb, slides)
         play, give, rubs, bends = problem.unknowns
@@ -291,19 +292,19 @@ def identify_gauged(
         sure = excludes_zero(first.value - first.half_width)
         reason = ""
         if weight >= smallest:
-            words = f"{readable(weight, unit, 3)}, more than the smallest push, " + readable(
+            loads = f"{readable(weight, unit, 3)}, more than the smallest push, " + readable(
                 smallest, unit, 3
             )
-            if said:
-                reason = f"gravity loads it by {words}: push harder, or measure in another pose"
+            if posed:
+                reason = f"gravity loads it by {loads}: push harder, or measure in another pose"
             elif not sure:  # gravity may have held the teeth to one side all the time
                 reason = (
-                    f"gravity may load it by {words}: say in which pose it was (--pose, or a "
+                    f"gravity may load it by {loads}: say in which pose it was (--pose, or a "
                     "column pose as --plan dial writes it)"
                 )
             else:
                 notes.append(
-                    f"note: gravity may load {joint} by {words}: it counts only if the pose is one "
+                    f"note: gravity may load {joint} by {loads}: it counts only if the pose is one "
                     "in which gravity does not (give it by --pose, or in a column pose)"
                 )
         if reason:
@@ -370,7 +371,7 @@ def _read(
 def _by_joint(mechanism: Mechanism, readings: Readings) -> Iterator[tuple[str, np.ndarray, bool]]:
     """Joints, which readings are of each, and whether it slides."""
     for joint in dict.fromkeys(readings.joint):
-        mine = np.array([one == joint for one in readings.joint])
+        mine = np.array([name == joint for name in readings.joint])
         _require_recipe(readings, joint, mine)
         yield joint, mine, mechanism.description.joints[joint].slides
 
@@ -385,7 +386,7 @@ def _require_recipe(readings: Readings, joint: str, mine: np.ndarray) -> None:
     for setup in dict.fromkeys(np.array(readings.setup)[mine]):
         push = readings.push[mine & (np.array(readings.setup) == setup)]
         if push.min() < 0.0 < push.max():
-            sizes += [abs(one) for one in push if one]
+            sizes += [abs(force) for force in push if force]
     if len(sizes) < 4 or max(sizes) < _UNLIKE * min(sizes):
         raise JointplayError(f"{readings.source}: {joint}: {RECIPE}; got {int(mine.sum())}")
 
@@ -393,9 +394,9 @@ def _require_recipe(readings: Readings, joint: str, mine: np.ndarray) -> None:
 def _forces(readings: Readings, mine: np.ndarray) -> int:
     """How many pushes count as different in size."""
     last, count = 0.0, 0
-    for one in np.sort(np.abs(readings.push[mine & (readings.push != 0.0)])):
-        if one >= _UNLIKE * last:
-            last, count = float(one), count + 1
+    for force in np.sort(np.abs(readings.push[mine & (readings.push != 0.0)])):
+        if force >= _UNLIKE * last:
+            last, count = float(force), count + 1
     return count
 
 
@@ -432,7 +433,7 @@ def gravity_load(
     poses = [_pose(ideal, text, readings.source) for text in texts if text]
     if pose is not None and (not poses or "" in texts):
         poses.append(dict(pose))
-    rows = [ideal.configuration(one) for one in poses]
+    rows = [ideal.configuration(position) for position in poses]
     known = bool(rows)
     loads = [
         abs(pin.computeGeneralizedGravity(ideal.model, data, q)[at])
@@ -443,17 +444,17 @@ def gravity_load(
 
 def _pose(ideal: Mechanism, text: str, source: str) -> dict[str, float]:
     """Positions of joints [rad or m] in text such as ``JOINT=X,JOINT=X``."""
-    found, known = {}, moving(ideal)
+    positions, known = {}, moving(ideal)
     for part in text.split(","):
         name, value = name_and_number(part.strip(), known)
         require_known("joint", name, known)
         unit = "m" if ideal.description.joints[name].slides else "rad"
         value = value or ""
         try:
-            found[name] = float(value if NUMBER.fullmatch(value) else convert(value, unit))
+            positions[name] = float(value if NUMBER.fullmatch(value) else convert(value, unit))
         except ValueError as error:
             raise JointplayError(f"{source}, pose of {name}: {error}") from None
-    return found
+    return positions
 
 
 def _bent(
@@ -469,7 +470,7 @@ def _problem(
     use = np.flatnonzero(mine & (readings.push != 0.0))
     push, turned = readings.push[use], readings.turned[use]
     setups = np.array(readings.setup)[use]
-    zeros = np.column_stack([setups == one for one in dict.fromkeys(setups)]).astype(float)
+    zeros = np.column_stack([setups == name for name in dict.fromkeys(setups)]).astype(float)
     side, largest = np.sign(push), float(np.abs(push).max())
     rough = np.linalg.lstsq(np.column_stack([zeros, side, push]), turned, rcond=None)[0]
     span = max(float(np.ptp(turned)), float(readings.error[use].max()))
@@ -478,10 +479,10 @@ def _problem(
     strays = side * give * largest * part * (1.0 - part)
     nuisance = np.column_stack([zeros, strays])
     spread = np.append(np.full(zeros.shape[1], np.inf), 4.0 * _STRAYS)
-    way, soft = ("m", "m/N") if slides else ("rad", "rad/(N*m)")
+    unit, soft = ("m", "m/N") if slides else ("rad", "rad/(N*m)")
     rub = max(0.5 * friction, _RUBS * float(np.abs(push).min()))
     unknowns = (
-        Unknown(joint, "gear_play", way, np.nan, span, fine=slides, model_error=_LEVERS),
+        Unknown(joint, "gear_play", unit, np.nan, span, fine=slides, model_error=_LEVERS),
         Unknown(
             joint, "gear_compliance", soft, np.nan, give, fine=slides, model_error=2.0 * _LEVERS
         ),
@@ -543,16 +544,16 @@ class GaugePlan:
     notes: tuple[str, ...] = ()
 
     def __str__(self) -> str:
-        steps = [f"{number:>2}. {one}" for number, one in enumerate(self.steps, 1)]
+        steps = [f"{number:>2}. {step}" for number, step in enumerate(self.steps, 1)]
         return "\n".join([*self.notes, *steps, _HOW])
 
     def csv(self) -> str:
         """A table to fill in."""
         head = "joint,force [N],arm [mm],reading [mm],gauge arm [mm],motor [deg],pose"
         rows = [
-            f'{one.joint},{force:g},{1e3 * one.arm:.3g},,{1e3 * one.arm:.3g},,"{one.pose}"'
-            for one in self.steps
-            for force in one.forces
+            f'{step.joint},{force:g},{1e3 * step.arm:.3g},,{1e3 * step.arm:.3g},,"{step.pose}"'
+            for step in self.steps
+            for force in step.forces
         ]
         return "\n".join([head, *rows]) + "\n"
 
@@ -672,9 +673,9 @@ def _expected(
     give = play / largest
     n = len(push)
     error = np.full(n, noise.get("tool", GAUGE_M) / lever)
-    made = Readings(
+    readings = Readings(
         (joint,) * n, ("",) * n, push, _bent(push, largest, play, give, 0.0, 1.0), error
     )
-    problem = _problem(made, joint, np.ones(n, bool), 0.0, slides)
+    problem = _problem(readings, joint, np.ones(n, bool), 0.0, slides)
     fitted = Fit(least=problem, theta=np.array([play, give, 0.0, 1.0]))
     return float(fitted.half_width[0])

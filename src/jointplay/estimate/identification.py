@@ -43,9 +43,6 @@ from jointplay.simulation.simulation import Simulation
 if TYPE_CHECKING:
     from jointplay.scenario.presets import Preset
 
-_NAMED = 3
-_SIZE_STEPS = 8.0
-"""Parts of the strongest push by which a message tells sizes of pushes apart."""
 LARGE = 3.0
 """Times the records' scatter from which on residuals are said to be large."""
 _ROUNDING = 1e-12
@@ -62,24 +59,24 @@ def elasticity(fit: Fit, model: StaticModel) -> tuple[Estimate, ...]:
     """Each joint's compliances with what was found; the structure's at the tool is not a number."""
     problem = fit.least
     effect, left = problem.effects(fit.theta), -problem.off(fit.theta)
-    nuisance, found = problem.nuisance, []
+    nuisance, estimates = problem.nuisance, []
     assert nuisance is not None
-    for one in model.elastic:
-        if one.label == TOOL or one.label.endswith(" bush") or not one.effect.any():
+    for soft in model.elastic:
+        if soft.label == TOOL or soft.label.endswith(" bush") or not soft.effect.any():
             continue
-        others, k = problem.without([one.label]), int(problem.elastic[one.label][0])
+        others, k = problem.without([soft.label]), int(problem.elastic[soft.label][0])
         # Beside the unknowns it is one more, with what was known of it before.
         whole = problem.rows(nuisance[:, k])
-        column = np.append(others.project(whole), 1.0 / one.unknown.spread)
+        column = np.append(others.project(whole), 1.0 / soft.unknown.spread)
         span = basis(np.vstack([others.project(effect), np.zeros(effect.shape[1])]))
-        own = column - span @ (span.T @ column)
-        size, value, half = float(own @ own), one.unknown.nominal, np.inf
+        alone = column - span @ (span.T @ column)
+        size, value, half = float(alone @ alone), soft.unknown.nominal, np.inf
         if size > _ROUNDING * float(whole @ whole):
-            value += float(own[: len(left)] @ left) / size
-            half = fit.wide(1.0 / np.sqrt(size), one.unknown.model_error * value)
+            value += float(alone[: len(left)] @ left) / size
+            half = fit.wide(1.0 / np.sqrt(size), soft.unknown.model_error * value)
         dark = half > LARGEST_SHARE * abs(value)
-        found.append(Estimate(one.unknown, value, half, _VAGUE if dark else ""))
-    return tuple(found)
+        estimates.append(Estimate(soft.unknown, value, half, _VAGUE if dark else ""))
+    return tuple(estimates)
 
 
 def reason(i: int, fit: Fit, model: StaticModel) -> str:
@@ -90,23 +87,23 @@ def reason(i: int, fit: Fit, model: StaticModel) -> str:
         return never
     if soft := _explained(i, fit, model.visits):
         return soft
-    one = fit.least.unknowns[i]
-    plain = fit.shows(i) or one.name in WOUND
-    return fit.why_not(i) if plain else _without_effect(one, model)
+    unknown = fit.least.unknowns[i]
+    plain = fit.shows(i) or unknown.name in WOUND
+    return fit.why_not(i) if plain else _without_effect(unknown, model)
 
 
-def _never_loaded(one: Unknown, model: StaticModel) -> str:
+def _never_loaded(unknown: Unknown, model: StaticModel) -> str:
     """That its load is not of a kind which would show an unknown, if so."""
-    own = model.mechanism.clearance.get(one.joint)
-    if one.name == "radial_clearance" and isinstance(own, RollingBearing):
-        if not model.reverses(one.joint):
+    bearing = model.mechanism.clearance.get(unknown.joint)
+    if unknown.name == "radial_clearance" and isinstance(bearing, RollingBearing):
+        if not model.reverses(unknown.joint):
             return (
                 "not observable: its load never reverses at a place, so that its rings are pressed "
                 "together the same way; push the tool the other way, too"
             )
-    elif one.name in WOUND[1:3]:
-        begins = model.mechanism.gears[one.joint].curve().torques[WOUND.index(one.name) - 1]
-        most = model.most_torque(one.joint)
+    elif unknown.name in WOUND[1:3]:
+        begins = model.mechanism.gears[unknown.joint].curve().torques[WOUND.index(unknown.name) - 1]
+        most = model.most_torque(unknown.joint)
         if most < begins:
             return (
                 f"not observable: its torque, at most {most:.3g} N m, does not reach the "
@@ -121,62 +118,62 @@ def _held_by_friction(i: int, fit: Fit) -> str:
     A journal that friction holds does not move in wide play either: no play, and any play with
     enough friction, leave the same means.
     """
-    one = fit.least.unknowns[i]
-    if not one.name.endswith("clearance") or fit.theta[i] > fit.half_width[i]:
+    unknown = fit.least.unknowns[i]
+    if not unknown.name.endswith("clearance") or fit.theta[i] > fit.half_width[i]:
         return ""
-    for k, other in enumerate(fit.least.unknowns):
-        rubs = other.joint == one.joint and other.name == "friction" and other.sought
+    for k, friction in enumerate(fit.least.unknowns):
+        rubs = friction.joint == unknown.joint and friction.name == "friction" and friction.sought
         if rubs and not fit.known(k):
             return (
-                f"its interval begins at zero, and {other.label}, which cannot be determined, may "
-                "hold the journal wherever it is: pass the places slowly, in both directions"
+                f"its interval begins at zero, and {friction.label}, which cannot be determined, "
+                "may hold the journal wherever it is: pass the places slowly, in both directions"
             )
     return ""
 
 
-def _explained(i: int, fit: Fit, made: Visits) -> str:
+def _explained(i: int, fit: Fit, visits: Visits) -> str:
     """That elasticity explains what shows of an unknown as well, if it does."""
-    problem, one = fit.least, fit.least.unknowns[i]
-    if one.name in WOUND:
+    problem, unknown = fit.least, fit.least.unknowns[i]
+    if unknown.name in WOUND:
         return ""
     labels = [*(other.label for other in problem.unknowns if other.name in WOUND), *problem.elastic]
     effect = problem.effects(fit.theta)
 
     def known(rigid: Collection[str]) -> bool:
-        kept = [k for k, other in enumerate(problem.unknowns) if other.label not in rigid]
+        columns = [k for k, other in enumerate(problem.unknowns) if other.label not in rigid]
         stiff = problem.without([label for label in rigid if label in problem.elastic])
-        covariance, null, _ = information(stiff.project(effect[:, kept]))
-        k = kept.index(i)
-        half = fit.wide(float(np.sqrt(covariance[k, k])) * one.scale)
-        return bool(null[k, k] <= NULL and narrow(one, fit.theta[i], half))
+        covariance, null, _ = information(stiff.project(effect[:, columns]))
+        k = columns.index(i)
+        half = fit.wide(float(np.sqrt(covariance[k, k])) * unknown.scale)
+        return bool(null[k, k] <= NULL and narrow(unknown, fit.theta[i], half))
 
     if not labels or not known(labels):
         return ""
     which = [label for label in labels if known([label])]
-    sizes = np.unique(measurement.pushes(made.force, _SIZE_STEPS), axis=0)
+    sizes = np.unique(measurement.pushes(visits.force), axis=0)
     count = len(np.unique(np.round(np.linalg.norm(sizes, axis=1)))) - 1
-    words = ", ".join(which[:_NAMED]) if which else "of several parts at once"
-    words += f" or another of {len(which)}" if len(which) > _NAMED else ""
+    text = ", ".join(which[: planning.NAMED]) if which else "of several parts at once"
+    text += f" or another of {len(which)}" if len(which) > planning.NAMED else ""
     return (
-        f"elasticity ({words}) explains the data equally well: pushes of {max(count, 0)} "
+        f"elasticity ({text}) explains the data equally well: pushes of {max(count, 0)} "
         f"size{'s' * (count != 1)} are not enough here; push with others, or give the stiffness "
         f"(--known-stiffness{f' of {which[0]}' if which else ''})"
     )
 
 
-def _without_effect(one: Unknown, model: StaticModel) -> str:
+def _without_effect(unknown: Unknown, model: StaticModel) -> str:
     made = model.visits
-    if one.joint in made.joints and one.name in ("friction", "gear_play", "dry_friction"):
-        ways = set(made.direction[:, made.joints.index(one.joint)].tolist()) - {0}
-        if len(ways) < 2:
+    if unknown.joint in made.joints and unknown.name in ("friction", "gear_play", "dry_friction"):
+        directions = set(made.direction[:, made.joints.index(unknown.joint)].tolist()) - {0}
+        if len(directions) < 2:
             return "not observable: the joint never reverses"
-        if one.name == "gear_play":
+        if unknown.name == "gear_play":
             return "not observable: the load keeps the gear's teeth on one side"
-    if one.joint in model.levers and not model.levers[one.joint].any():
+    if unknown.joint in model.levers and not model.levers[unknown.joint].any():
         return "not observable: the joint does not move the tool"
-    if one.name in ("hysteresis", "lost_motion"):
+    if unknown.name in ("hysteresis", "lost_motion"):
         return "not observable: its torque never rises and falls again at a place"
-    if one.name.endswith("compliance"):
+    if unknown.name.endswith("compliance"):
         return "not observable: nothing loads it in this direction, or always alike"
     return "not observable: its load pushes the journal the same way at every visit of a place"
 
@@ -248,7 +245,7 @@ class Identification:
 
     @property
     def sought(self) -> tuple[Estimate, ...]:
-        return tuple(one for one in self.estimates if one.unknown.sought)
+        return tuple(estimate for estimate in self.estimates if estimate.unknown.sought)
 
     def __getitem__(self, label: str) -> Estimate:
         return by_label(self.estimates, label)
@@ -272,21 +269,23 @@ class Identification:
             tables["drive"] = {name: shortest(Drive, one) for name, one in drives.items()}
         for one in self.estimates:
             if one.unknown.name == "dry_friction" and one.known:
-                own = known.get(one.joint, JointFriction())
-                friction[one.joint] = replace(own, coulomb=one.value, static=None)
+                law = known.get(one.joint, JointFriction())
+                friction[one.joint] = replace(law, coulomb=one.value, static=None)
         tables["friction"] = {name: shortest(JointFriction, one) for name, one in friction.items()}
         return preset_found(self.mechanism, self.sought, self.measured.source, robot, tables)
 
     @property
     def sentence(self) -> str:
-        known = [f"{one.label} {one.words()[0]}" for one in self.sought if one.known]
-        told = f": {few(known)}" if known else ""
-        return f"The measurement determines {len(known)} of {len(self.sought)} unknowns{told}"
+        known = [
+            f"{estimate.label} {estimate.words()[0]}" for estimate in self.sought if estimate.known
+        ]
+        values = f": {few(known)}" if known else ""
+        return f"The measurement determines {len(known)} of {len(self.sought)} unknowns{values}"
 
     def __str__(self) -> str:
-        soft = [one for one in self.elasticity if one.known]
+        soft = [estimate for estimate in self.elasticity if estimate.known]
         lines = [*self.notes, listed([*self.sought, *soft], expected=True)]
-        vague = [one.label for one in self.elasticity if not one.known]
+        vague = [estimate.label for estimate in self.elasticity if not estimate.known]
         if vague:
             lines.append(f"accounted for, but not determined: {', '.join(vague)}, tool compliance")
         used = np.isfinite(self.error)
@@ -310,8 +309,8 @@ class Identification:
 
     def describe(self) -> dict[str, Any]:
         return {
-            "unknowns": [one.describe() for one in self.sought],
-            "compliances": [one.describe() for one in self.elasticity],
+            "unknowns": [estimate.describe() for estimate in self.sought],
+            "compliances": [estimate.describe() for estimate in self.elasticity],
             "misfit": float(self.misfit),
             "excess": float(self.excess),
             "notes": list(self.notes),
@@ -501,13 +500,15 @@ def _loops(
     counted, made = np.isfinite(error), model.visits
     size = np.where(counted, error, np.inf)
     at, left = counted.any(axis=1), np.where(counted, left, 0.0) / size
-    for joint in dict.fromkeys(one.joint for one in model.unknowns if one.name in PLAYS):
+    for joint in dict.fromkeys(
+        unknown.joint for unknown in model.unknowns if unknown.name in PLAYS
+    ):
         own, unit, (x, name, its), effect = model.turned(joint, theta)
-        effect, way = effect / size, np.zeros(len(own), int)
+        effect, branch = effect / size, np.zeros(len(own), int)
         if joint in made.joints:
-            way = made.direction[:, made.joints.index(joint)]
+            branch = made.direction[:, made.joints.index(joint)]
         if effect.any():
-            rows = own[at], unit, way[at], effect[at], left[at]
+            rows = own[at], unit, branch[at], effect[at], left[at]
             yield Loop.beside(joint, (x[at], name, its), *rows)
 
 
@@ -541,8 +542,8 @@ def _check(measured: Measurement, model: StaticModel, use: np.ndarray, reference
         )
     if reference != "place" or any(kind == "torque" for kind, _ in model.keys):
         return
-    ways = np.column_stack([made.cell, made.direction, np.round(made.force, 3)])[at]
-    if len(np.unique(ways, axis=0)) == len(np.unique(made.cell[at])):
+    visited = np.column_stack([made.cell, made.direction, np.round(made.force, 3)])[at]
+    if len(np.unique(visited, axis=0)) == len(np.unique(made.cell[at])):
         raise JointplayError(
             f"{measured.source}: the motion never reverses, nor does a force: measure the way back,"
             " too (if the robot's geometry is calibrated, use the reference 'ideal')"
@@ -561,7 +562,7 @@ def _problem(
     made, use = model.visits, np.isfinite(error)
     known = np.full(nuisance.shape[2], np.inf)
     known[len(known) - len(labels) :] = [
-        one.unknown.spread for one in model.elastic for _ in range(one.effect.shape[2])
+        soft.unknown.spread for soft in model.elastic for _ in range(soft.effect.shape[2])
     ]
     if lag:
         known[: len({kind for kind, _ in model.keys if kind in measurement.READINGS})] = lag
@@ -599,16 +600,16 @@ def _assumptions(
     """All that was taken for granted, a line each."""
     machine = model.machine
     stated, weak = [], []
-    sought = {one.label for one in model.elastic if one.label.endswith(" bush")}
-    for label, one in machine.compliances.items():
-        unit = "N*m/rad" if one.unit == "rad/(N*m)" else "N/m"
-        if one.nominal:
-            part = f" +- {100.0 * one.spread / one.nominal:.3g} %" if one.spread else ""
-            stated.append(f"{label} {1.0 / one.nominal:.4g} {unit}{part}")
-        elif not one.spread:
+    sought = {unknown.label for unknown in model.elastic if unknown.label.endswith(" bush")}
+    for label, unknown in machine.compliances.items():
+        unit = "N*m/rad" if unknown.unit == "rad/(N*m)" else "N/m"
+        if unknown.nominal:
+            part = f" +- {100.0 * unknown.spread / unknown.nominal:.3g} %" if unknown.spread else ""
+            stated.append(f"{label} {1.0 / unknown.nominal:.4g} {unit}{part}")
+        elif not unknown.spread:
             stated.append(f"{label} rigid")
         elif label.removesuffix(" link") in machine.wound or label in sought:
-            weak.append(f"{label} 0 +- {one.shown(one.spread)}")
+            weak.append(f"{label} 0 +- {unknown.shown(unknown.spread)}")
     if all(word.endswith(" rigid") for word in stated) and "tool rigid" in stated:
         stated = ["everything rigid but gears"]
     lines = [
@@ -618,31 +619,33 @@ def _assumptions(
         "unknown",
     ]
     softest = [
-        f"{one.label} at most {one.shown(one.most)}" for one in model.unknowns if one.name in WOUND
+        f"{unknown.label} at most {unknown.shown(unknown.most)}"
+        for unknown in model.unknowns
+        if unknown.name in WOUND
     ]
     if weak or softest:
         lines.append(f"assumed (--known-stiffness) of compliances: {', '.join([*softest, *weak])}")
-    words = f"like a polynomial in time of degree {drift}" if drift else "not at all"
-    lines.append(f"assumed (--drift {drift}): readings drift {words}")
+    text = f"like a polynomial in time of degree {drift}" if drift else "not at all"
+    lines.append(f"assumed (--drift {drift}): readings drift {text}")
     lag = measured.lag
-    words = f"late by some {1e3 * lag:.4g} ms" if np.isfinite(lag) else "late by an unknown time"
-    words = f"{words} behind the motors' encoders" if lag else "simultaneous with motors' encoders"
-    lines.append(f"assumed (--lag {lag:g}): readings of tool and links are {words}")
+    text = f"late by some {1e3 * lag:.4g} ms" if np.isfinite(lag) else "late by an unknown time"
+    text = f"{text} behind the motors' encoders" if lag else "simultaneous with motors' encoders"
+    lines.append(f"assumed (--lag {lag:g}): readings of tool and links are {text}")
     deviations = []
     for (kind, name), spread in zip(observed.keys, observed.noise, strict=True):
         unit = measurement.SHOWN[kind]
         source = "given" if kind in measured.noise else "of the records"
         deviations.append(f"{kind} {name} {told(spread, unit, 3, True)} ({source})")
     lines.append(f"noise of a record (--noise): {', '.join(deviations)}")
-    if taken := _taken(machine, {(one.joint, one.name) for one in model.unknowns}):
-        lines.append(f"taken from the scenario: {', '.join(taken)}")
+    if expected := _taken(machine, {(unknown.joint, unknown.name) for unknown in model.unknowns}):
+        lines.append(f"taken from the scenario: {', '.join(expected)}")
     if machine.mechanism.clearance:
         lines.append(
             "assumed: contacts deform by the scenario's law, in addition to the compliances"
         )
-    if made := model.visits.without_encoder:
+    if missing := model.visits.without_encoder:
         lines.append(
-            f"note: no encoder of {', '.join(made)}: taken from the reference (or at rest), so "
+            f"note: no encoder of {', '.join(missing)}: taken from the reference (or at rest), so "
             "tracking errors of the drives count as play"
         )
     return lines
@@ -655,8 +658,8 @@ def _taken(machine: Machine, sought: Collection[tuple[str, str]]) -> list[str]:
         if bearing.resultant is not None:
             continue
         value = friction_of(bearing)
-        words = "no law of friction known" if value is None else f"{value:g}"
-        rows.append((joint, "friction", f"bearing {words}"))
+        text = "no law of friction known" if value is None else f"{value:g}"
+        rows.append((joint, "friction", f"bearing {text}"))
         for name, size in bearing.clearances.items():
             rows.append((joint, name, f"{name.replace('_', ' ')} {told(size, 'm', fine=True)}"))
     for joint in mechanism.joints:
@@ -667,6 +670,6 @@ def _taken(machine: Machine, sought: Collection[tuple[str, str]]) -> list[str]:
     for joint, gear in mechanism.gears.items():
         rows.append((joint, "gear_play", f"gear play {told(gear.play, 'rad')}"))
         if f"{joint} torsional" not in machine.compliances:
-            words = f"gear stiffness {Teeth(joint, gear).stiffness[0]:.4g} N m/rad"
-            rows.append((joint, "gear_compliance", words))
-    return [f"{joint} {words}" for joint, name, words in rows if (joint, name) not in sought]
+            text = f"gear stiffness {Teeth(joint, gear).stiffness[0]:.4g} N m/rad"
+            rows.append((joint, "gear_compliance", text))
+    return [f"{joint} {text}" for joint, name, text in rows if (joint, name) not in sought]

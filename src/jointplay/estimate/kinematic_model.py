@@ -98,7 +98,7 @@ class Term:
         axes = ""
         if kind == "placement" and "," not in names and "." in names:
             names, _, axes = names.strip().rpartition(".")
-        joints = tuple(one.strip() for one in names.split(",") if one.strip())
+        joints = tuple(name.strip() for name in names.split(",") if name.strip())
         return cls(kind, joints, by=by.strip(), axes=axes)
 
     def __str__(self) -> str:
@@ -253,25 +253,25 @@ class Poses:
             features = [] if idle else kind.features(self, term, j, asked)
             if not features and asked and kind.absent:
                 raise JointplayError(f"{joint} {kind.absent}{self._having(term, every)}")
-            given = term.width.get(joint) if isinstance(term.width, Mapping) else term.width
-            size = kind.width if given is None else float(given)
-            own = "rad" if self.turns[j] else "m"
-            units = {"own": own, "soft": "rad/(N*m)" if self.turns[j] else "m/N"}
-            for feature, what, unit, target, choices, expected, moves in features:
+            stated = term.width.get(joint) if isinstance(term.width, Mapping) else term.width
+            size = kind.width if stated is None else float(stated)
+            unit_of_joint = "rad" if self.turns[j] else "m"
+            units = {"own": unit_of_joint, "soft": "rad/(N*m)" if self.turns[j] else "m/N"}
+            for feature, label, unit, target, choices, expected, moves in features:
                 # Angles of a placement are as wide as its lengths over a reach.
                 wide = _TURN_WIDTH if term.kind == "placement" and target > 2 else expected
                 width = size * wide
-                name = f"{term.kind} {what}".rstrip()
+                name = f"{term.kind} {label}".rstrip()
                 name = PARTS.get(name, name)
                 unknown = Unknown(
                     joint, name, units.get(unit, unit), 0.0, width,
                     spread=width, least=-np.inf, fine=False, model_error=0.0,
                 )  # fmt: skip
-                one = Column(term, unknown, j, target, feature, moves=moves)
+                column = Column(term, unknown, j, target, feature, moves=moves)
                 if choices:
                     zero = np.zeros(len(self))
-                    one = replace(one, feature=zero, choices=choices, options=feature)
-                made.append(one)
+                    column = replace(column, feature=zero, choices=choices, options=feature)
+                made.append(column)
         if not made and kind.part:
             raise JointplayError(
                 f"no joint that moves the tool has {kind.part} in the scenario, which "
@@ -284,7 +284,9 @@ class Poses:
         kind = TERM_KINDS[term.kind]
         if not kind.part:
             return ""
-        has = [one for one in joints if kind.features(self, term, self.names.index(one), True)]
+        has = [
+            joint for joint in joints if kind.features(self, term, self.names.index(joint), True)
+        ]
         return f"; joints that have {kind.part}: {', '.join(has) or 'none'}"
 
     def rows(self, keep: np.ndarray) -> Poses:
@@ -410,53 +412,53 @@ def _gear(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
         return []
     curve = gear.curve()
     ends = np.concatenate([[0.0], curve.torques, [np.inf]])
-    found = []
+    features = []
     for k, slope in enumerate(curve.slopes):
         part = np.clip(np.abs(load) - ends[k], 0.0, ends[k + 1] - ends[k])
         number = f" {k + 1}" if len(curve.slopes) > 1 else ""
         twist = np.sign(load) * part
-        found.append(Feature(twist, f"compliance{number}", "soft", expected=1.0 / float(slope)))
-    return found
+        features.append(Feature(twist, f"compliance{number}", "soft", expected=1.0 / float(slope)))
+    return features
 
 
 def _bearing(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
     """Displacement of a rolling bearing: by its clearance, and as far as its elements give way."""
-    own = poses.mechanism.clearance.get(poses.names[j])
-    if not isinstance(own, RollingBearing):
+    bearing = poses.mechanism.clearance.get(poses.names[j])
+    if not isinstance(bearing, RollingBearing):
         return []
     loads, turn = _loaded(poses, j)
-    side = -1.0 if own.exchanged else 1.0
-    cage = own.cage_angle + side * own.cage_ratio * poses.q[:, j]
-    elements = Elements("", replace(own, seat=None))
+    side = -1.0 if bearing.exchanged else 1.0
+    cage = bearing.cage_angle + side * bearing.cage_ratio * poses.q[:, j]
+    elements = Elements("", replace(bearing, seat=None))
 
     def at(values: Mapping[str, float]) -> np.ndarray:
         return np.asarray(side * elements.holding(values).rests(side * loads, cage)[0] @ turn.T)
 
-    one, found = np.ones(len(poses)), []
-    none = {} if getattr(own, "preload", None) is not None else {"radial_clearance": 0.0}
+    one, features = np.ones(len(poses)), []
+    none = {} if getattr(bearing, "preload", None) is not None else {"radial_clearance": 0.0}
     tight = at(none)
     if none:
-        size = max(own.bought_clearance, _LOOSE_M)
+        size = max(bearing.bought_clearance, _LOOSE_M)
         moves = (at({"radial_clearance": size}) - tight) / size
-        found.append(Feature(one, "clearance", "m", expected=_LOOSE_M, moves=moves))
-    return [*found, Feature(one, "deflection", "", moves=tight)]
+        features.append(Feature(one, "clearance", "m", expected=_LOOSE_M, moves=moves))
+    return [*features, Feature(one, "deflection", "", moves=tight)]
 
 
 def _seat(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
     """How springs, or the seat of a bearing, give way in proportion to their load."""
     name, loads_turn = poses.names[j], _loaded(poses, j)
-    own = poses.mechanism.clearance.get(name)
-    parts = () if own is None else bearing_parts(name, own)
+    bearing = poses.mechanism.clearance.get(name)
+    parts = () if bearing is None else bearing_parts(name, bearing)
     springs = [part for part in parts if isinstance(part, Springs)]
-    found = []
+    features = []
     for part in springs:
         for way, moved in part.sunk(loads_turn[0]).items():
             size = part.compliances[way]
             unit = "rad/(N*m)" if way in ("tilt", "torsional") else "m/N"
             moves = moved @ loads_turn[1].T / size
             one = np.ones(len(poses))
-            found.append(Feature(one, f"{way} compliance", unit, expected=size, moves=moves))
-    return found
+            features.append(Feature(one, f"{way} compliance", unit, expected=size, moves=moves))
+    return features
 
 
 def _placement(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
@@ -466,9 +468,9 @@ def _placement(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
     letters, size = term.axes or "xyzabc", np.abs(poses.axis[j])
     if not term.axes and np.sort(size)[1] < _UNALIGNED:  # what the joint's own offset does
         letters = letters.replace(("abc" if poses.turns[j] else "xyz")[int(size.argmax())], "")
-    ways = [f"along {axis}" for axis in "xyz"] + [f"about {axis}" for axis in "xyz"]
+    labels = [f"along {axis}" for axis in "xyz"] + [f"about {axis}" for axis in "xyz"]
     numbers, one = map("xyzabc".index, letters), np.ones(len(poses))
-    return [Feature(one, ways[k], "m" if k < 3 else "rad", k) for k in numbers]
+    return [Feature(one, labels[k], "m" if k < 3 else "rad", k) for k in numbers]
 
 
 TERM_KINDS: Mapping[str, TermKind] = {
@@ -537,9 +539,9 @@ def _with_payloads(model: pin.Model, payloads: Sequence[Payload]) -> pin.Model:
     from jointplay.model.mechanism import frame_index
 
     model = model.copy()
-    for one in payloads:
-        frame = model.frames[frame_index(model, one.frame)]
-        inertia = pin.Inertia(one.mass, np.array(one.centre), np.diag(one.inertia))
+    for payload in payloads:
+        frame = model.frames[frame_index(model, payload.frame)]
+        inertia = pin.Inertia(payload.mass, np.array(payload.centre), np.diag(payload.inertia))
         model.appendBodyToJoint(frame.parentJoint, inertia, frame.placement)
     return model
 

@@ -113,31 +113,35 @@ class LeastSquares:
 
     @property
     def scale(self) -> np.ndarray:
-        return np.array([one.scale for one in self.unknowns])
+        return np.array([unknown.scale for unknown in self.unknowns])
 
     @property
     def limits(self) -> tuple[np.ndarray, np.ndarray]:
         """Smallest and largest possible values, shape (p,) each."""
-        ends = np.array([(one.least, one.most) for one in self.unknowns]).reshape(-1, 2)
+        ends = np.array([(unknown.least, unknown.most) for unknown in self.unknowns]).reshape(-1, 2)
         return ends[:, 0], ends[:, 1]
 
     @cached_property
     def stated(self) -> np.ndarray:
         """Numbers of the unknowns of which something was known before."""
-        return np.flatnonzero([np.isfinite(one.spread) for one in self.unknowns])
+        return np.flatnonzero([np.isfinite(unknown.spread) for unknown in self.unknowns])
 
     @cached_property
     def _before(self) -> tuple[np.ndarray, np.ndarray]:
         """What was known of these, and its standard deviation."""
         known = [self.unknowns[i] for i in self.stated]
-        return np.array([one.nominal for one in known]), np.array([one.spread for one in known])
+        return np.array([unknown.nominal for unknown in known]), np.array(
+            [unknown.spread for unknown in known]
+        )
 
     @cached_property
     def elastic(self) -> dict[str, np.ndarray]:
         """Numbers of the nuisances with a label, by it."""
         first = 0 if self.nuisance is None else self.nuisance.shape[1] - len(self.labels)
         names = np.array(self.labels)
-        return {one: first + np.flatnonzero(names == one) for one in dict.fromkeys(self.labels)}
+        return {
+            label: first + np.flatnonzero(names == label) for label in dict.fromkeys(self.labels)
+        }
 
     @cached_property
     def projected(self) -> np.ndarray:
@@ -176,7 +180,7 @@ class LeastSquares:
         return replace(
             self,
             nuisance=np.delete(self.nuisance, gone, axis=1),
-            labels=tuple(one for one in self.labels if one not in set(labels)),
+            labels=tuple(name for name in self.labels if name not in set(labels)),
             spread=None if self.spread is None else np.delete(self.spread, gone),
         )
 
@@ -227,15 +231,15 @@ class LeastSquares:
             effect[place, self.stated] = self.scale[self.stated] / self._before[1]
             return effect
         here, columns = self.off(theta), []
-        for i, one in enumerate(self.unknowns):
-            step = _STEP * one.scale if steps is None else steps[i]
+        for i, unknown in enumerate(self.unknowns):
+            step = _STEP * unknown.scale if steps is None else steps[i]
             changes: list[np.ndarray] = []
             for goal in (theta[i] + step, theta[i] - step):
                 moved = theta.copy()
-                moved[i] = min(max(goal, one.least), one.most)
+                moved[i] = min(max(goal, unknown.least), unknown.most)
                 size = moved[i] - theta[i]
                 if abs(size) >= 0.2 * step and len(changes) < sides:  # else a limit is too near
-                    changes.append((self.off(moved) - here) * one.scale / size)
+                    changes.append((self.off(moved) - here) * unknown.scale / size)
             if steps is None:
                 columns.append(np.mean(changes, axis=0))
             else:
@@ -313,18 +317,18 @@ class Fit:
             m = len(group) if self.least.weights else len(self.residual)
             group = np.concatenate([group, -1 - np.arange(m - len(group))])  # known, each by itself
             robust, number = sandwich(self.covariance, self.effect[:m], self.residual[:m], group)
-            taken = 1 if self.least.weights else self._information[2]
-            if number > taken:
-                variance = np.maximum(variance, number / (number - taken) * robust)
-                freedom = min(freedom, max(number - taken, _LEAST_FREEDOM[self.least.weights]))
+            unknowns = 1 if self.least.weights else self._information[2]
+            if number > unknowns:
+                variance = np.maximum(variance, number / (number - unknowns) * robust)
+                freedom = min(freedom, max(number - unknowns, _LEAST_FREEDOM[self.least.weights]))
         return variance, freedom
 
     def half_widths(self, quantile: float = TWO_SIDED) -> np.ndarray:
         """Half of each unknown's interval, by the residuals and by the model's own error, (p,)."""
         variance, freedom = self._spread
         half = student.ppf(quantile, freedom) * np.sqrt(variance) * self.least.scale
-        own = np.array([one.model_error for one in self.least.unknowns]) * self.theta
-        return np.asarray(self.least.safety * np.hypot(half, own))
+        model = np.array([unknown.model_error for unknown in self.least.unknowns]) * self.theta
+        return np.asarray(self.least.safety * np.hypot(half, model))
 
     @cached_property
     def half_width(self) -> np.ndarray:
@@ -343,14 +347,14 @@ class Fit:
     def informed(self, i: int) -> tuple[float, float, str]:
         """Part of the i-th unknown's prior variance that the measurement took away; its largest
         correlation with another that is sought, and that one's label if it is large."""
-        one = self.least.unknowns[i]
+        unknown = self.least.unknowns[i]
         spread = np.sqrt(np.maximum(np.diag(self.covariance), TINY))
-        told = 1.0 - self.covariance[i, i] * (one.scale / one.spread) ** 2
+        gained = 1.0 - self.covariance[i, i] * (unknown.scale / unknown.spread) ** 2
         together = np.abs(self.covariance[i] / spread[i] / spread)
-        together[~np.array([one.sought for one in self.least.unknowns])] = together[i] = 0.0
+        together[~np.array([unknown.sought for unknown in self.least.unknowns])] = together[i] = 0.0
         most = float(together.max(initial=0.0))
-        other = self.least.unknowns[int(together.argmax())].label
-        return float(told), most, other if most >= TOGETHER else ""
+        partner = self.least.unknowns[int(together.argmax())].label
+        return float(gained), most, partner if most >= TOGETHER else ""
 
     def shows(self, i: int) -> bool:
         """Whether the i-th unknown does anything to what was measured."""
@@ -377,13 +381,13 @@ class Fit:
             names = ", ".join(self.least.unknowns[k].label for k in others)
             return f"it acts only together with {names}"
         if self.least.weights:
-            _, together, other = self.informed(i)
-            if other:
-                return f"it acts together with {other} (correlation {together:.2f})"
+            _, together, partner = self.informed(i)
+            if partner:
+                return f"it acts together with {partner} (correlation {together:.2f})"
             return "the measurement says less of it than was assumed beforehand"
         if np.isfinite(half := self.half_width[i]):
-            told = self.least.unknowns[i].shown(half)
-            return f"its 95 % interval would be +- {told}, more than half of its value"
+            interval = self.least.unknowns[i].shown(half)
+            return f"its 95 % interval would be +- {interval}, more than half of its value"
         return "it hardly shows above the noise"
 
     def estimates(
@@ -393,9 +397,9 @@ class Fit:
         if reasons is None:
             reasons = [self.why_not(i) for i in range(len(self.theta))]
         numbers = zip(self.theta.tolist(), self.half_width.tolist(), strict=True)
-        words = zip(reasons, advice or [""] * len(reasons), strict=True)
-        rows = zip(self.least.unknowns, numbers, words, strict=True)
-        return tuple(Estimate(one, *number, *word) for one, number, word in rows)
+        texts = zip(reasons, advice or [""] * len(reasons), strict=True)
+        rows = zip(self.least.unknowns, numbers, texts, strict=True)
+        return tuple(Estimate(unknown, *number, *word) for unknown, number, word in rows)
 
 
 def partners(row: np.ndarray, i: int) -> list[int]:
@@ -429,13 +433,13 @@ def minimum(problem: LeastSquares, start: np.ndarray, most_steps: int = 40) -> n
 def fit(problem: LeastSquares, start: np.ndarray, most_steps: int) -> Fit:
     """Least squares from a start (p,), with effects over the width of the intervals."""
     theta, scale = minimum(problem, start, most_steps), problem.scale
-    found = Fit(least=problem, theta=theta)
+    fitted = Fit(least=problem, theta=theta)
     for _ in range(_EFFECT_ROUNDS):
         steps = np.clip(
-            found.half_width, _LEAST_STEP * scale, _LARGEST_STEP * np.maximum(scale, theta)
+            fitted.half_width, _LEAST_STEP * scale, _LARGEST_STEP * np.maximum(scale, theta)
         )
-        found = replace(found, steps=steps)
-    return found
+        fitted = replace(fitted, steps=steps)
+    return fitted
 
 
 def sandwich(
@@ -503,12 +507,12 @@ def search(problem: LeastSquares, start: np.ndarray | None = None) -> Fit:
     away = [np.abs(theta - best.theta) for theta in others if problem.cost(theta) <= limit]
     plays = [one.name.endswith("clearance") for one in problem.unknowns]
     for soft in filter(None, map(problem.softened, problem.softening)):
-        other = fit(soft, best.theta, _LATER_STEPS)
-        cost = soft.cost(other.theta)
+        softer = fit(soft, best.theta, _LATER_STEPS)
+        cost = soft.cost(softer.theta)
         if cost <= limit:
             # Where that explains the means better, its own interval counts, too.
-            nearer = other if cost < problem.cost(best.theta) else best
-            size = np.abs(other.theta - best.theta) + nearer.half_width
+            nearer = softer if cost < problem.cost(best.theta) else best
+            size = np.abs(softer.theta - best.theta) + nearer.half_width
             away.append(np.where(plays, size, 0.0))
     wide = np.max([best.half_width, *away], axis=0)
     wide = np.array([_profiled(best, wide, i) for i in range(len(wide))])
@@ -523,23 +527,23 @@ def _profiled(best: Fit, wide: np.ndarray, i: int) -> float:
     outwards until the means are explained worse by what the interval allows.
     """
     half, problem = float(wide[i]), best.least
-    one = problem.unknowns[i]
-    widest = one.widest(best.theta[i])
-    if not one.sought or half > widest:
+    unknown = problem.unknowns[i]
+    widest = unknown.widest(best.theta[i])
+    if not unknown.sought or half > widest:
         return half  # it is not identified in any case
     limit = problem.cost(best.theta) + best.wide(1.0) ** 2
     for side in (1.0, -1.0):
-        own = float(wide[i])
+        reach = float(wide[i])
         start = best.theta
-        while own <= widest:
-            value = best.theta[i] + side * own
-            if not one.least < value < one.most:
+        while reach <= widest:
+            value = best.theta[i] + side * reach
+            if not unknown.least < value < unknown.most:
                 break
             start = _fitted_beside(problem, start, i, value)
             if problem.cost(start) > limit:
                 break
-            own *= _OUTWARDS
-        half = max(half, own)
+            reach *= _OUTWARDS
+        half = max(half, reach)
     return half
 
 
@@ -550,9 +554,11 @@ def _with_other_walls(problem: LeastSquares, theta: np.ndarray) -> list[np.ndarr
     interval by slopes would not see how little is lost far away on the other.
     """
     return [
-        _fitted_beside(problem, theta, i, min(max(theta[i], 0.1 * one.scale) * factor, one.most))
-        for i, one in enumerate(problem.unknowns)
-        if one.name == "axial_clearance" and len(theta) > 1
+        _fitted_beside(
+            problem, theta, i, min(max(theta[i], 0.1 * unknown.scale) * factor, unknown.most)
+        )
+        for i, unknown in enumerate(problem.unknowns)
+        if unknown.name == "axial_clearance" and len(theta) > 1
         for factor in (_WALL_FACTOR, 1.0 / _WALL_FACTOR)
     ]
 
@@ -566,7 +572,7 @@ def _fitted_beside(problem: LeastSquares, theta: np.ndarray, i: int, value: floa
 
     if not kept.any():
         return whole(theta[kept])
-    others = tuple(other for k, other in enumerate(problem.unknowns) if kept[k])
+    others = tuple(unknown for k, unknown in enumerate(problem.unknowns) if kept[k])
     slopes = problem.jacobian
     part = replace(
         problem,
@@ -580,14 +586,14 @@ def _fitted_beside(problem: LeastSquares, theta: np.ndarray, i: int, value: floa
 def _starts(problem: LeastSquares, start: np.ndarray) -> list[np.ndarray]:
     """Where to begin: at the start, at it with end walls near and far or the cages of rolling
     bearings turned, at the best about it."""
-    walls = np.array([one.name == "axial_clearance" for one in problem.unknowns])
+    walls = np.array([unknown.name == "axial_clearance" for unknown in problem.unknowns])
     starts = [start]
     if walls.any():
         starts += [
             np.where(walls, factor * start, start)
             for factor in (1.0 / _START_FACTOR, _START_FACTOR)
         ]
-    cages = np.array([one.name == "cage_angle" for one in problem.unknowns])
+    cages = np.array([unknown.name == "cage_angle" for unknown in problem.unknowns])
     if cages.any():
         starts += [np.where(cages, start + part * problem.scale, start) for part in (1, 2, 3)]
     spread = qmc.LatinHypercube(len(start), rng=0).random(_STARTS_TRIED)

@@ -8,7 +8,7 @@ the structure at the tool are unknown, too, unless they are given.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -55,6 +55,8 @@ _TORSION = 1e-5
 """Torsional compliance from which an unknown one is sought [rad/(N m)]."""
 _STICKS = 3.0
 """Largest static friction by the dynamic one."""
+_LARGEST_FRICTION = 1e6
+"""Finite, for searches begin at parts of it [N m or N]."""
 _TORQUE_N_M = 0.1
 """Scale of a friction of which the scenario says nothing."""
 
@@ -136,7 +138,31 @@ class Machine:
         Raises:
             JointplayError: nothing is sought; an unknown name in `also` or `known`.
         """
-        mechanism, friction = self.mechanism, self.friction
+        for word in also:
+            require_known("unknown to identify besides", word, parts.ALSO)
+        self._require_play()
+        unknowns = [
+            *self._of_bearings(also), *self._of_gears(also, links), *self._of_winding(),
+            *self._of_dry_friction(torques, also),
+        ]  # fmt: skip
+        if stops and any(unknown.name == "friction" for unknown in unknowns):
+            half = Unknown("", "friction_kept_at_stops", "", 0.5, 0.5, 1.0, sought=False)
+            unknowns.append(half)
+        labels = [{unknown.label, unknown.name} for unknown in unknowns]
+        for word in known:
+            if not any(word in either for either in labels):
+                choices = ", ".join(unknown.label for unknown in unknowns)
+                raise JointplayError(f"no unknown {word!r}; there are: {choices}")
+        left = tuple(
+            unknown for unknown, either in zip(unknowns, labels, strict=True)
+            if not either & set(known)
+        )  # fmt: skip
+        if not any(unknown.sought for unknown in left):
+            raise JointplayError("everything is given as known: nothing is left to identify")
+        return left
+
+    def _require_play(self) -> None:
+        mechanism = self.mechanism
         if not mechanism.clearance and not mechanism.gears:
             raise nothing_has_play(mechanism.joints)
         sliding = [n for n in mechanism.gears if mechanism.description.joints[n].slides]
@@ -145,60 +171,67 @@ class Machine:
                 f"gears of joints that slide ({', '.join(sliding)}) are not identified from "
                 "recordings; readings of a dial gauge tell their play and compliance"
             )
-        found: list[Unknown] = []
-        for word in also:
-            require_known("unknown to identify besides", word, parts.ALSO)
-        for joint, bearing in mechanism.clearance.items():
+
+    def _of_bearings(self, also: Collection[str]) -> Iterator[Unknown]:
+        """Clearances and friction of bearings; compliances of springs and seats, unless given."""
+        for joint, bearing in self.mechanism.clearance.items():
             for part in parts.bearing_parts(joint, bearing):
                 if not isinstance(part, parts.Springs):
-                    found += part.unknowns(also)
+                    yield from part.unknowns(also)
                 elif joint in self.springs:
-                    for one in part.unknowns(also):
-                        way = one.name.removesuffix("_compliance")
-                        own = self._compliance(joint, way, one.name, one.nominal)
-                        found += [replace(x, model_error=parts.LOAD_ERROR) for x in own]
-        rubs = any(one.name == "friction" for one in found)
-        for joint, gear in mechanism.gears.items():
+                    for spring in part.unknowns(also):
+                        way = spring.name.removesuffix("_compliance")
+                        for soft in self._compliance(joint, way, spring.name, spring.nominal):
+                            yield replace(soft, model_error=parts.LOAD_ERROR)
+
+    def _of_gears(self, also: Collection[str], links: Collection[str]) -> Iterator[Unknown]:
+        """Play, compliance and hysteresis of gears.
+
+        Of gears with a curve the law is only nearly right, unless an encoder on the link tells the
+        gear's twist from the bending of the link.
+        """
+        for joint, gear in self.mechanism.gears.items():
             teeth = parts.Teeth(joint, gear)
             others = list(teeth.unknowns(also))
-            own = self._compliance(joint, "torsional", "gear_compliance", 1.0 / teeth.stiffness[0])
-            plays = [one for one in others if one.name == "gear_play"]
-            mine = [*plays, *own, *(one for one in others if one not in plays)]
-            if teeth.curved:
-                rough = parts.LOAD_ERROR if joint in links else BENDS
-                mine = [replace(x, model_error=rough) if x.name in parts.WOUND else x for x in mine]
-            found += mine
-        wound = [joint for joint in self.wound if joint not in mechanism.gears]
-        for joint in wound:
-            found += self._compliance(joint, "torsional", "torsional_compliance", _TORSION)
-        dry = [name for name, one in friction.items() if one.coulomb > 0.0]
-        behind = [joint for joint in mechanism.gears if "friction" in also or joint in dry]
-        for joint in dict.fromkeys([*torques, *behind, *wound]):
+            plays = [unknown for unknown in others if unknown.name == "gear_play"]
+            give = self._compliance(joint, "torsional", "gear_compliance", 1.0 / teeth.stiffness[0])
+            rough = parts.LOAD_ERROR if joint in links else BENDS
+            for unknown in (*plays, *give, *(x for x in others if x not in plays)):
+                bends = teeth.curved and unknown.name in parts.WOUND
+                yield replace(unknown, model_error=rough) if bends else unknown
+
+    def _of_winding(self) -> Iterator[Unknown]:
+        """Compliances of joints without a gear that dry friction winds up."""
+        for joint in self.wound:
+            if joint not in self.mechanism.gears:
+                yield from self._compliance(joint, "torsional", "torsional_compliance", _TORSION)
+
+    def _of_dry_friction(
+        self, torques: Collection[str], also: Collection[str]
+    ) -> Iterator[Unknown]:
+        """Of joints whose torque is measured, and of those that it winds up, with stiction."""
+        gears, friction = self.mechanism.gears, self.friction
+        dry = [joint for joint, law in friction.items() if law.coulomb > 0.0]
+        winding = [joint for joint in gears if "friction" in also or joint in dry]
+        winding += [joint for joint in self.wound if joint not in gears]
+        for joint in dict.fromkeys([*torques, *winding]):
             value = friction[joint].coulomb if joint in friction else 0.0
-            unit = "N" if mechanism.description.joints[joint].slides else "N*m"
-            found.append(Unknown(joint, "dry_friction", unit, value, value or _TORQUE_N_M, 1e6))
-            if joint in behind or joint in wound:
+            unit = "N" if self.mechanism.description.joints[joint].slides else "N*m"
+            yield Unknown(
+                joint, "dry_friction", unit, value, value or _TORQUE_N_M, _LARGEST_FRICTION
+            )
+            if joint in winding:
                 ratio = 1.0 + friction[joint].excess / value if value else 1.0
-                found.append(Unknown(joint, "stiction", "", ratio, 1.0, _STICKS, sought=False))
-        if stops and rubs:
-            found.append(Unknown("", "friction_kept_at_stops", "", 0.5, 0.5, 1.0, sought=False))
-        for word in known:
-            if not any(word in (one.label, one.name) for one in found):
-                labels = ", ".join(one.label for one in found)
-                raise JointplayError(f"no unknown {word!r}; there are: {labels}")
-        kept = tuple(one for one in found if not {one.label, one.name} & set(known))
-        if not any(one.sought for one in kept):
-            raise JointplayError("everything is given as known: nothing is left to identify")
-        return kept
+                yield Unknown(joint, "stiction", "", ratio, 1.0, _STICKS, sought=False)
 
     def _compliance(self, joint: str, way: str, name: str, expected: float) -> list[Unknown]:
         """The unknown by which a joint gives way, unless its compliance is given exactly."""
-        one = self.compliance(f"{joint} {way}")
-        if one.spread == 0.0:
+        stated = self.compliance(f"{joint} {way}")
+        if stated.spread == 0.0:
             return []
-        value = one.nominal or expected
+        value = stated.nominal or expected
         most = parts.SOFTEST * value
-        return [Unknown(joint, name, WAYS[way], value, value, most, spread=one.spread)]
+        return [Unknown(joint, name, WAYS[way], value, value, most, spread=stated.spread)]
 
 
 def labels(mechanism: Mechanism) -> list[str]:
@@ -255,13 +288,13 @@ def compliances(mechanism: Mechanism, given: Given) -> dict[str, Unknown]:
     return known
 
 
-def apply(mechanism: Mechanism, found: Sequence[Estimate]) -> Mechanism:
+def apply(mechanism: Mechanism, estimates: Sequence[Estimate]) -> Mechanism:
     """The mechanism with those values that are identified, and that it can have."""
     joints, gears = dict(mechanism.clearance), dict(mechanism.gears)
     values: dict[str, dict[str, float]] = {}
-    for one in found:
-        if not one.reason and one.joint:
-            values.setdefault(one.joint, {})[one.unknown.name] = one.value
+    for estimate in estimates:
+        if not estimate.reason and estimate.joint:
+            values.setdefault(estimate.joint, {})[estimate.unknown.name] = estimate.value
     for joint, mine in values.items():
         if joint in joints:
             joints[joint] = parts.with_values(joint, joints[joint], mine)
@@ -272,7 +305,7 @@ def apply(mechanism: Mechanism, found: Sequence[Estimate]) -> Mechanism:
 
 def preset_found(
     mechanism: Mechanism,
-    found: Sequence[Estimate],
+    estimates: Sequence[Estimate],
     source: str,
     robot: str | Path | None = None,
     tables: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
@@ -288,13 +321,13 @@ def preset_found(
     """
     from jointplay.scenario.presets import Preset
 
-    origins = [one for one in (_origin(one, source) for one in found) if one.value]
+    origins = [one for one in (_origin(one, source) for one in estimates) if one.value]
     place = str(robot or mechanism.description.path)
-    words = f"{Path(place).stem} as measured by {source}"
+    title = f"{Path(place).stem} as measured by {source}"
     gears = {name: dict(one) for name, one in tables.get("gear", {}).items()}
-    for one in found:
-        name, told = one.unknown.name, not one.reason and one.value > 0.0
-        if told and one.joint not in mechanism.gears:
+    for one in estimates:
+        name, nonzero = one.unknown.name, not one.reason and one.value > 0.0
+        if nonzero and one.joint not in mechanism.gears:
             if name == "gear_play":
                 gears.setdefault(one.joint, {})["play"] = one.upper if one.bounded else one.value
             elif name == "gear_compliance":
@@ -302,25 +335,28 @@ def preset_found(
     tables = dict(tables) | {"gear": gears}
     geared = dict.fromkeys([*mechanism.gears, *gears], _BY_MOTOR)
     tables = dict(tables) | {"drive": geared | dict(tables.get("drive", {}))}
-    return Preset.of_mechanism(apply(mechanism, found), words, origins, tables, place)
+    return Preset.of_mechanism(apply(mechanism, estimates), title, origins, tables, place)
 
 
-def _origin(one: Estimate, source: str) -> Origin:
+def _origin(estimate: Estimate, source: str) -> Origin:
     """Of a number of a preset that is an unknown's: a gear's stiffness by its compliance."""
     from jointplay.scenario.presets import QUANTITIES, Origin
 
-    name, unknown = one.unknown.name, one.unknown
-    key = next((key for key, own in QUANTITIES.items() if own == name), f"bearing.{name}")
-    key = f"{one.joint}.{key}"
-    if one.reason:
-        why = f"of the scenario; {source} cannot tell: {one.reason}"
+    name, unknown = estimate.unknown.name, estimate.unknown
+    key = next((key for key, quantity in QUANTITIES.items() if quantity == name), f"bearing.{name}")
+    key = f"{estimate.joint}.{key}"
+    if estimate.reason:
+        why = f"of the scenario; {source} cannot tell: {estimate.reason}"
         return Origin(key=key, value=unknown.shown(unknown.nominal), origin="assumed", source=why)
-    value, ends = one.upper if one.bounded else one.value, one.interval
-    if one.bounded:
-        ends = 0.0, one.upper
+    value, ends = estimate.upper if estimate.bounded else estimate.value, estimate.interval
+    if estimate.bounded:
+        ends = 0.0, estimate.upper
     if math.isinf(ends[1]):
         return Origin(
-            key=key, value=unknown.shown(value), origin="measured", source=f"{one.span}; {source}"
+            key=key,
+            value=unknown.shown(value),
+            origin="measured",
+            source=f"{estimate.span}; {source}",
         )
     if key.endswith("stiffness"):
         if min(value, *ends) <= 0.0:

@@ -82,8 +82,8 @@ class Measurement:
         late = np.flatnonzero(~(np.diff(time) > 0.0))
         if late.size:
             was, now = time[late[0] : late[0] + 2]
-            words = f"times must increase, but {was:g} s is followed by {now:g} s"
-            raise JointplayError(f"{self.source}: {words} (record {late[0] + 2})")
+            text = f"times must increase, but {was:g} s is followed by {now:g} s"
+            raise JointplayError(f"{self.source}: {text} (record {late[0] + 2})")
         for kind, value in self.noise.items():
             if kind not in (kinds := (*TOOL_UNITS, *JOINT_UNITS)):
                 raise MissingName("signal that could have noise", kind, kinds)
@@ -118,12 +118,12 @@ class Measurement:
                 return _TIME, "s"
             return columns.meaning(name, joints, JOINT_UNITS, axes)
 
-        words = (
+        choices = (
             "time, tool x (y, z), force x (y, z), and JOINT (or JOINT motor), JOINT link, JOINT "
             f"torque of the joints {', '.join(joints)}"
         )
         gaps = ("time", *TOOL_UNITS, *JOINT_UNITS)
-        signals, _ = columns.read(path, "measurement", known, words, gaps=gaps)
+        signals, _ = columns.read(path, "measurement", known, choices, gaps=gaps)
         time = signals.pop(_TIME, None)
         if time is None:
             raise JointplayError(f"{path} has no times: a column 'time [s]' is needed")
@@ -180,7 +180,7 @@ class Measurement:
             else:
                 head.append(f"{name} {kind} [{JOINT_UNITS[kind][name in self.sliding]}]")
         rows = zip(head, [self.time, *self.signals.values()], strict=True)
-        return Table([Column(one, values, key=one) for one, values in rows]).csv()
+        return Table([Column(title, values, key=title) for title, values in rows]).csv()
 
 
 def sliding_of(joints: Mapping[str, bool]) -> frozenset[str]:
@@ -315,13 +315,13 @@ def departures(
     """What models predict of signals (n,) where joints are at q (n, j), as `Observed.mean` says."""
     tools = any(kind == "tool" for kind, _ in signals)
     ideal = tool_positions(mechanism, joints, q if tools else q[:0])
-    found = dict(signals)
+    expected = dict(signals)
     for kind, name in signals:
         if kind == "tool":
-            found[kind, name] = signals[kind, name] - ideal[:, AXES.index(name)]
+            expected[kind, name] = signals[kind, name] - ideal[:, AXES.index(name)]
         elif kind == "link":
-            found[kind, name] = signals[kind, name] - q[:, list(joints).index(name)]
-    return found
+            expected[kind, name] = signals[kind, name] - q[:, list(joints).index(name)]
+    return expected
 
 
 def signal_effect(keys: Sequence[Key], key: Key, values: np.ndarray) -> np.ndarray:
@@ -378,7 +378,7 @@ def positions(
         [rad or m]; joints without encoder.
     """
     names, still = tuple(moving(mechanism)), middle(mechanism)
-    found = np.tile([still[name] for name in names], (len(measured.time), 1))
+    q = np.tile([still[name] for name in names], (len(measured.time), 1))
     reference = None if motion is None else motion(measured.time)[0]
     without_encoder, limits = [], np.full(len(names), _SMALLEST_MOTION)
     for column, name in enumerate(names):
@@ -386,14 +386,14 @@ def positions(
         kind = next((one for one in kinds if (one, name) in measured.signals), None)
         if kind is not None:
             records = measured.signals[kind, name]
-            found[:, column] = _filled(records, measured.time, f"{name} {kind}")
+            q[:, column] = _filled(records, measured.time, f"{name} {kind}")
             spread = max(_TURNING_SPREADS * scatter(records), 2.0 * resolution(records))
             limits[column] = max(spread, _SMALLEST_MOTION)
             continue
         without_encoder.append(name)
         if motion is not None and reference is not None and name in motion.joints:
-            found[:, column] = reference[:, motion.joints.index(name)]
-    return names, found, limits, tuple(without_encoder)
+            q[:, column] = reference[:, motion.joints.index(name)]
+    return names, q, limits, tuple(without_encoder)
 
 
 def _filled(values: np.ndarray, time: np.ndarray, name: str) -> np.ndarray:
@@ -417,10 +417,15 @@ def resolution(values: np.ndarray) -> float:
     return float(steps.min()) if 0 < len(steps) <= 0.5 * len(good) else 0.0
 
 
-def pushes(force: np.ndarray, steps: float = PUSH_STEPS) -> np.ndarray:
+def quantisation(values: np.ndarray) -> float:
+    """Standard deviation of what an encoder's steps leave out, which is uniform within one."""
+    return resolution(values) / float(np.sqrt(12.0))
+
+
+def pushes(force: np.ndarray) -> np.ndarray:
     """Whole numbers by which forces on the tool (n, 3) differ, in parts of the strongest."""
     strongest = max(float(np.abs(force).max(initial=0.0)), TINY)
-    return np.asarray(np.round(steps * force / strongest)).astype(int)
+    return np.asarray(np.round(PUSH_STEPS * force / strongest)).astype(int)
 
 
 def turns(values: np.ndarray, threshold: float) -> np.ndarray:
@@ -451,7 +456,7 @@ def turns(values: np.ndarray, threshold: float) -> np.ndarray:
 def _pieces(
     time: np.ndarray,
     q: np.ndarray,
-    ways: np.ndarray,
+    directions: np.ndarray,
     stands: np.ndarray,
     size: np.ndarray,
     force: np.ndarray,
@@ -464,7 +469,7 @@ def _pieces(
     with np.errstate(invalid="ignore"):
         cells = np.floor((q - q.min(axis=0)) / size).astype(int)
     cells[stands] = -1
-    labels = np.column_stack([ways, stands[:, None], cells, pushes(force)])
+    labels = np.column_stack([directions, stands[:, None], cells, pushes(force)])
     cuts = np.flatnonzero((np.diff(labels, axis=0) != 0).any(axis=1)) + 1
     pieces = []
     for first, last in pairwise([0, *cuts, len(time)]):
@@ -481,14 +486,14 @@ def _pieces(
     return pieces
 
 
-def _rates(time: np.ndarray, q: np.ndarray, ways: np.ndarray, piece: slice) -> np.ndarray:
+def _rates(time: np.ndarray, q: np.ndarray, directions: np.ndarray, piece: slice) -> np.ndarray:
     """Mean speed and acceleration, (2, j): of a parabola through the piece and its neighbours."""
     more = (piece.stop - piece.start) // 2
-    first, last, way = piece.start, piece.stop, ways[piece.start]
-    while first > max(piece.start - more, 0) and (ways[first - 1] == way).all():
+    first, last, way = piece.start, piece.stop, directions[piece.start]
+    while first > max(piece.start - more, 0) and (directions[first - 1] == way).all():
         first -= 1
     end = min(piece.stop + more, len(time))
-    while last < end and (ways[last] == way).all():
+    while last < end and (directions[last] == way).all():
         last += 1
     t = time[first:last] - 0.5 * (time[piece.start] + time[piece.stop - 1])
     shape = np.column_stack([np.ones(len(t)), t, 0.5 * t * t])
@@ -506,16 +511,16 @@ def visits(
     names, q, limit, without_encoder = positions(mechanism, measured, motion)
     time = measured.time
     ranges = np.ptp(q, axis=0)
-    ways = np.zeros(q.shape, int)
+    directions = np.zeros(q.shape, int)
     for column in np.flatnonzero(ranges > 2.0 * limit):
-        ways[:, column] = turns(q[:, column], limit[column])
+        directions[:, column] = turns(q[:, column], limit[column])
     size = np.where(ranges > 4.0 * limit, ranges / CELLS, np.inf)
     force = np.zeros((len(time), 3))
     for axis, name in enumerate(AXES):
-        if not np.isnan(given := measured.signals.get(("force", name), force[:, axis])).all():
-            force[:, axis] = _filled(given, time, f"force {name}")
+        if not np.isnan(records := measured.signals.get(("force", name), force[:, axis])).all():
+            force[:, axis] = _filled(records, time, f"force {name}")
     stands = _standing(time, q, limit)
-    pieces = _pieces(time, q, ways, stands, size, force)
+    pieces = _pieces(time, q, directions, stands, size, force)
     if not pieces:
         raise JointplayError(
             f"{measured.source}: no stop of {STOP_S:g} s and no stretch in one direction with "
@@ -528,24 +533,24 @@ def visits(
     for i, piece in enumerate(pieces):
         owner[piece] = i
         if not stopped[i]:
-            rates[:, i] = _rates(time, q, ways, piece)
+            rates[:, i] = _rates(time, q, directions, piece)
     # The way between visits matters to hysteresis: thinned, but for the turning points.
     keep = np.zeros(len(time), bool)
     keep[:: max(len(time) // MOST_PATH, 1)] = True
-    turning = np.flatnonzero((np.diff(ways, axis=0) != 0).any(axis=1))
+    turning = np.flatnonzero((np.diff(directions, axis=0) != 0).any(axis=1))
     keep[turning] = keep[np.minimum(turning + 1, len(time) - 1)] = True
     keep[[(piece.start + piece.stop) // 2 for piece in pieces]] = True
     ends = np.array([(time[piece.start], time[piece.stop - 1]) for piece in pieces])
     at = np.array([0.5 * (begin + end) for begin, end in ends])
     near = np.abs(time[keep, None] - at[None, :]).argmin(axis=1)
     near = np.where(owner[keep] >= 0, owner[keep], near)  # a short neighbour's middle may be nearer
-    found = Visits(
+    averaged = Visits(
         names,
         ends,
         means,
         speed=rates[0],
         acceleration=rates[1],
-        direction=np.array([ways[piece.stop - 1] for piece in pieces]),
+        direction=np.array([directions[piece.stop - 1] for piece in pieces]),
         stopped=stopped,
         force=np.array([force[piece].mean(axis=0) for piece in pieces]),
         cell=places(means, stopped, size),
@@ -556,7 +561,7 @@ def visits(
         path_time=time[keep],
         without_encoder=without_encoder,
     )
-    return found, _observe(mechanism, measured, found, q, pieces)
+    return averaged, _observe(mechanism, measured, averaged, q, pieces)
 
 
 def _standing(time: np.ndarray, q: np.ndarray, limit: np.ndarray) -> np.ndarray:
@@ -613,7 +618,7 @@ def _observe(
     for column, (key, records) in enumerate(signals.items()):
         values, kind = off[key], key[0]
         spread = measured.noise.get(kind) or scatter(values)
-        floor = resolution(records) / np.sqrt(12.0)
+        floor = quantisation(records)
         noise.append(max(spread, floor))
         for i, piece in enumerate(inner if kind in READINGS else pieces):
             good = ~np.isnan(values[piece])

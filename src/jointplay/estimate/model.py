@@ -33,6 +33,7 @@ from jointplay.accuracy.poses import moving
 from jointplay.base.compiler import compiled
 from jointplay.estimate.machine import TOOL, Machine
 from jointplay.estimate.measurement import (
+    STOP_S,
     Key,
     Visits,
     configurations,
@@ -73,8 +74,6 @@ _CAGES = 6
 """Places of a cage between one element and the next that are looked at."""
 _CAGE_WANDER = 0.1
 """Part of what these differ by that is left, for cages slip: judged."""
-_SMOOTH_S = 0.15
-"""Over which the motors' paths are smoothed to find their accelerations [s]."""
 _HALVINGS = 48
 """In which the twist of a gear with bristles is found: as many bits as a number has, less some."""
 _CREEP_LOAD = 0.02
@@ -227,9 +226,9 @@ class _Rolling(_Bearing):
         self.push = self.rim = np.linalg.norm(load[:, :2], axis=1) / 2.0
         self.slips = joint.has_play and bool(joint.hinge.axial > 0.0)
         self.slides = self.kept = np.zeros(len(visits))
-        here, told = self._rests({}, load)
+        here, determined = self._rests({}, load)
         across = np.linalg.norm(load[:, :3], axis=1)
-        self.sure = told & (across > 0.0)
+        self.sure = determined & (across > 0.0)
         force = _LOAD_ERROR * across.max(initial=0.0)
         moment = _MOMENT_ERROR * np.linalg.norm(load[:, 3:5], axis=1).max(initial=0.0)
         small = np.array([force, force, 0.0, moment, moment, 0.0])
@@ -311,9 +310,9 @@ class StaticModel:
         slides = {name: mechanism.description.joints[name].slides for name in moving(mechanism)}
         names = dict.fromkeys([*mechanism.clearance, *mechanism.gears, *slides])
         rates = visits.speed, visits.acceleration
-        own, inertia, self.levers, tool = _statics(mechanism, visits.joints, q, rates, names)
+        gravity, inertia, self.levers, tool = _statics(mechanism, visits.joints, q, rates, names)
         loads = {
-            name: own[name] + np.einsum("nki,nk->ni", lever, visits.force)
+            name: gravity[name] + np.einsum("nki,nk->ni", lever, visits.force)
             for name, lever in self.levers.items()
         }
         self._bearings = {
@@ -338,7 +337,7 @@ class StaticModel:
         driven = dict.fromkeys([*machine.wound, *(name for kind, name in keys if kind == "torque")])
         about = {name: 2 if slides.get(name, False) else 5 for name in driven}
         self._inertia = {name: -inertia[name][:, axis] for name, axis in about.items()}
-        self._hold = {name: -own[name][:, axis] for name, axis in about.items()}
+        self._hold = {name: -gravity[name][:, axis] for name, axis in about.items()}
         self._pushed = {name: self.levers[name][:, :, axis] for name, axis in about.items()}
         self.wander = np.zeros((len(visits), len(keys)))
         for bearing in self._bearings.values():
@@ -366,16 +365,18 @@ class StaticModel:
 
     def _give(self, name: str) -> float:
         """Compliance of a joint that winds up, unless it is unknown [rad/(N m)]."""
-        one = self.machine.compliance(f"{name} torsional")
+        stated = self.machine.compliance(f"{name} torsional")
         gear = self.mechanism.gears.get(name)
-        if gear is None or not math.isinf(one.spread):
-            return one.nominal
+        if gear is None or not math.isinf(stated.spread):
+            return stated.nominal
         return 1.0 / Teeth(name, gear).stiffness[0]
 
     def _remembers(self, name: str) -> bool:
         """Whether a joint's gear has hysteresis, or may have some."""
         gear = self.mechanism.gears.get(name)
-        sought = any((one.joint, one.name) == (name, "hysteresis") for one in self.unknowns)
+        sought = any(
+            (unknown.joint, unknown.name) == (name, "hysteresis") for unknown in self.unknowns
+        )
         return sought or (gear is not None and gear.bristles[0] > 0.0)
 
     def _on_the_way(self, names: Sequence[str]) -> dict[str, np.ndarray]:
@@ -388,56 +389,57 @@ class StaticModel:
         visits = self.visits
         speed = acceleration = np.zeros_like(visits.path)
         if visits.path_time is not None:
-            time, width = visits.path_time, _SMOOTH_S / float(np.median(np.diff(visits.path_time)))
+            time, width = visits.path_time, STOP_S / float(np.median(np.diff(visits.path_time)))
             smooth = visits.path
             for _ in range(2):  # twice: encoders have steps
                 smooth = uniform_filter1d(smooth, max(int(width), 1), axis=0, mode="nearest")
             speed = np.gradient(smooth, time, axis=0)
             acceleration = np.gradient(speed, time, axis=0)
         q = configurations(self.mechanism, visits.joints, visits.path)
-        own, _, levers, _ = _statics(
+        gravity, _, levers, _ = _statics(
             self.mechanism, visits.joints, q, (speed, acceleration), dict.fromkeys(names)
         )
         return {
-            name: -own[name][:, 5] - np.einsum("mk,mk->m", levers[name][:, :, 5], visits.path_force)
+            name: -gravity[name][:, 5]
+            - np.einsum("mk,mk->m", levers[name][:, :, 5], visits.path_force)
             for name in names
         }
 
     def _sprung(self, name: str, way: str, mine: Mapping[str, float]) -> float:
         """Compliance of springs or of a seat: found, given, or the scenario's."""
-        one = self.machine.compliance(f"{name} {way}")
+        stated = self.machine.compliance(f"{name} {way}")
         own = self.machine.springs[name].compliances[way]
-        return mine.get(f"{way}_compliance", own if math.isinf(one.spread) else one.nominal)
+        return mine.get(f"{way}_compliance", own if math.isinf(stated.spread) else stated.nominal)
 
     def _elastic(self, loads: Mapping[str, np.ndarray], tool: np.ndarray) -> list[Elastic]:
         """Of each joint and of the structure at the tool (rotations (n, 3, 3))."""
-        found = []
+        elastic = []
         for name, load in loads.items():
             for way, axes in _AXES.items():
                 if (way == "link") != (name in self._gives) and axes == [5]:
                     continue  # of one that winds up, the torsional one is no column
                 if way in self._springs.get(name, ()):
                     continue
-                own = load[:, axes]
+                part = load[:, axes]
                 if way == "bush":
                     if name not in self._bearings or not friction_of(self._bearings[name].joint):
                         continue
-                    own = self._bearings[name].aside()
+                    part = self._bearings[name].aside()
                 if way == "torsional" and name in self._bearings:
-                    own = own - self._bearings[name].drag()[:, None]
-                moved = np.einsum("nki,ni->nk", self.levers[name][:, :, axes], own)
+                    part = part - self._bearings[name].drag()[:, None]
+                moved = np.einsum("nki,ni->nk", self.levers[name][:, :, axes], part)
                 label, effect = f"{name} {way}", tool_effect(self.keys, moved)[:, :, None]
-                found.append(Elastic(label, self.machine.compliance(label), effect))
+                elastic.append(Elastic(label, self.machine.compliance(label), effect))
         force = np.einsum("nki,nk->ni", tool, self.visits.force)
         columns = []
         for i, k in ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0)):
-            own = np.zeros_like(force)
-            own[:, i] += force[:, k]
+            part = np.zeros_like(force)
+            part[:, i] += force[:, k]
             if i != k:
-                own[:, k] += force[:, i]
-            columns.append(tool_effect(self.keys, np.einsum("nki,ni->nk", tool, own)))
-        found.append(Elastic(TOOL, self.machine.compliance(TOOL), np.stack(columns, axis=2)))
-        return found
+                part[:, k] += force[:, i]
+            columns.append(tool_effect(self.keys, np.einsum("nki,ni->nk", tool, part)))
+        elastic.append(Elastic(TOOL, self.machine.compliance(TOOL), np.stack(columns, axis=2)))
+        return elastic
 
     def predict(self, theta: np.ndarray) -> np.ndarray:
         """Means of the signals at all visits, shape (n, keys) [m, rad, N m]."""
@@ -482,16 +484,16 @@ class StaticModel:
             effect = tool_effect(self.keys, self._pushed[joint])
             if ("link", joint) in self.keys:
                 effect += signal_effect(self.keys, ("link", joint), np.ones(len(twist)))
-            ways = self.visits.direction[:, column]
-            alike = max(np.ptp(torque[ways == way]) for way in np.unique(ways))
+            directions = self.visits.direction[:, column]
+            alike = max(np.ptp(torque[directions == axis]) for axis in np.unique(directions))
             if alike > _CONSTANT_TORQUE * np.ptp(torque) or not np.ptp(place[0]):
                 place = torque, "torque", "N" if slides else "N*m"
             return twist, "m" if slides else "rad", place, effect
         bearing = self._bearings[joint]
         moved = np.einsum("nij,nj->ni", bearing.move, self._point(joint, held, *mine.items()))
-        way = np.linalg.svd(moved, full_matrices=False)[2][0]
-        effect = tool_effect(self.keys, np.tile(way, (len(moved), 1)))
-        return moved @ way, "m", place, effect
+        axis = np.linalg.svd(moved, full_matrices=False)[2][0]
+        effect = tool_effect(self.keys, np.tile(axis, (len(moved), 1)))
+        return moved @ axis, "m", place, effect
 
     def loose(self) -> np.ndarray:
         """How the tool moves with what friction may hold anywhere, shape (n, keys, columns).
@@ -515,11 +517,11 @@ class StaticModel:
     def reverses(self, joint: str) -> bool:
         """Whether what a bearing bears across, or in tilt, turns round at some place."""
         load = self._bearings[joint].load
-        for ways in (load[:, :2], load[:, 3:5]):
-            size = np.linalg.norm(ways, axis=1)
+        for loads in (load[:, :2], load[:, 3:5]):
+            size = np.linalg.norm(loads, axis=1)
             strong = size > _LEAST_RIM_LOAD * size.max(initial=0.0)
             for cell in np.unique(self.visits.cell[strong]):
-                mine = ways[strong & (self.visits.cell == cell)]
+                mine = loads[strong & (self.visits.cell == cell)]
                 if (mine @ mine.T < 0.0).any():
                     return True
         return False
@@ -532,9 +534,9 @@ class StaticModel:
     def _values(self, theta: np.ndarray) -> tuple[dict[str, dict[str, float]], float]:
         values: dict[str, dict[str, float]] = {}
         held = 0.0
-        for one, value in zip(self.unknowns, theta, strict=True):
-            if one.joint:
-                values.setdefault(one.joint, {})[one.name] = float(value)
+        for unknown, value in zip(self.unknowns, theta, strict=True):
+            if unknown.joint:
+                values.setdefault(unknown.joint, {})[unknown.name] = float(value)
             else:
                 held = float(value)
         return values, held
@@ -573,18 +575,18 @@ class StaticModel:
         load (n,) [N m]; with `rigid` there is nothing but play.
         """
         visits, gear = self.visits, self.mechanism.gears.get(name)
-        near, column, own = visits.path_near, visits.joints.index(name), self._friction(name)
+        near, column, law = visits.path_near, visits.joints.index(name), self._friction(name)
         dry = self._dry(name, mine)[near]
         if name in self._way:
             hold = self._way[name] + (more + np.zeros(len(visits)))[near]
         else:
             external = np.einsum("mk,mk->m", self._pushed[name][near], visits.path_force)
             hold = (self._hold[name] + more)[near] - external
-        hold = hold + own.viscous * visits.speed[near, column]
+        hold = hold + law.viscous * visits.speed[near, column]
         motor = visits.path[:, column]
         error = 0.0 if gear is None else gear.kinematic_error(motor)[0]
         ratio = max(
-            mine.get("stiction", 1.0 + own.excess / own.coulomb if own.coulomb else 1.0), 1.0
+            mine.get("stiction", 1.0 + law.excess / law.coulomb if law.coulomb else 1.0), 1.0
         )
         half, curve, (grip, bend) = self._law(name, mine, rigid)
         halts = np.diff(visits.stopped[near].astype(int), prepend=0) > 0
@@ -611,13 +613,15 @@ class StaticModel:
     ) -> tuple[float, Curve, tuple[float, float]]:
         """Half of the play of a joint that winds up, its torque over the twist, its bristles."""
         gear = self.mechanism.gears.get(name)
-        give = next((mine[one] for one in WOUND if one in mine), self._gives[name])
+        give = next(
+            (mine[compliance] for compliance in WOUND if compliance in mine), self._gives[name]
+        )
         if gear is None or rigid:
             half = 0.0 if gear is None else 0.5 * mine.get("gear_play", gear.play)
             give = STIFFEST if rigid else max(give, STIFFEST)
             return half, Curve.of([(1.0 / give, math.inf)]), (0.0, 1.0)
-        own = Teeth(name, gear).holding({"gear_compliance": self._gives[name], **mine})
-        return 0.5 * own.play, own.curve(), own.bristles
+        teeth = Teeth(name, gear).holding({"gear_compliance": self._gives[name], **mine})
+        return 0.5 * teeth.play, teeth.curve(), teeth.bristles
 
     def _sides(self, theta: np.ndarray) -> np.ndarray:
         """Visits at which all sides are known, (n,)."""
@@ -678,15 +682,15 @@ def _follow(
         halts: where the machine comes to a stop, (n,): how it calms down decides what friction then
             holds, until a push makes the link slide.
     """
-    link, known, way = 0.5 * (low[0] + high[0]), False, 0
+    link, known, side = 0.5 * (low[0] + high[0]), False, 0
     for i in range(len(low)):
         known &= not halts[i]
-        if link <= (low[i] if way > 0 else first[i]):
-            link, known, way = low[i], True, 1
-        elif link >= (high[i] if way < 0 else last[i]):
-            link, known, way = high[i], True, -1
+        if link <= (low[i] if side > 0 else first[i]):
+            link, known, side = low[i], True, 1
+        elif link >= (high[i] if side < 0 else last[i]):
+            link, known, side = high[i], True, -1
         elif low[i] < link < high[i]:
-            way = 0
+            side = 0
         angles[i], sure[i] = link, known
 
 
@@ -719,8 +723,8 @@ def _follow_bristles(
     link = motor[0]
     for i in range(len(motor)):
         known &= not halts[i]
-        there = motor[i] - link
-        held, _ = _bristled(law, slopes, twists, torques, last, bent, there)
+        twist = motor[i] - link
+        held, _ = _bristled(law, slopes, twists, torques, last, bent, twist)
         slides = 0
         if held >= hold[i] + (dry[i, 0] if way > 0 else dry[i, 1]):
             slides = 1
@@ -745,14 +749,14 @@ def _follow_bristles(
                     near = middle
                 else:
                     far = middle
-            there, known, way = last + side * far, True, slides
+            twist, known, way = last + side * far, True, slides
             if dry[i, 0] == 0.0:
                 way = 0
         elif abs(held - hold[i]) < dry[i, 0]:
             way = 0
-        torque[i], bent = _bristled(law, slopes, twists, torques, last, bent, there)
-        left *= math.exp(-abs(there - last) / law[2])
-        last, link = there, motor[i] - there
+        torque[i], bent = _bristled(law, slopes, twists, torques, last, bent, twist)
+        left *= math.exp(-abs(twist - last) / law[2])
+        last, link = twist, motor[i] - twist
         angles[i], sure[i] = link, known and left <= _FORGOTTEN
 
 

@@ -105,15 +105,15 @@ class Elements(Part):
     own: RollingBearing
 
     def unknowns(self, also: Collection[str]) -> Iterator[Unknown]:
-        own, preload = self.own, getattr(self.own, "preload", None)
+        bearing, preload = self.own, getattr(self.own, "preload", None)
         if preload is not None:
-            static = own.ratings()[1]
+            static = bearing.ratings()[1]
             scale = preload or 1e-3 * static
             most = max(static, 2.0 * scale)
             yield Unknown(self.joint, "preload", "N", preload, scale, most, model_error=LOAD_ERROR)
         else:
-            value, pressed = own.bought_clearance, _MOST_PRELOAD * own.d_element
-            least, most = min(-pressed, 2.0 * value), own.loosest
+            value, pressed = bearing.bought_clearance, _MOST_PRELOAD * bearing.d_element
+            least, most = min(-pressed, 2.0 * value), bearing.loosest
             yield Unknown(
                 self.joint,
                 "radial_clearance",
@@ -123,10 +123,10 @@ class Elements(Part):
                 most,
                 least=least,
             )
-        way = 2.0 * self.period
+        turn = 2.0 * self.period
         yield Unknown(
-            self.joint, "cage_angle", "rad", own.cage_angle, 0.25 * self.period,
-            own.cage_angle + way, False, least=own.cage_angle - way, model_error=0.0,
+            self.joint, "cage_angle", "rad", bearing.cage_angle, 0.25 * self.period,
+            bearing.cage_angle + turn, False, least=bearing.cage_angle - turn, model_error=0.0,
         )  # fmt: skip
         asked = "stiffness" in also
         spread = math.inf if asked else FACTOR
@@ -138,18 +138,18 @@ class Elements(Part):
         return 2.0 * math.pi / self.own.count * (1.0 + self.own.roller_elements)
 
     def holding(self, values: Mapping[str, float]) -> RollingBearing:
-        own, changes = self.own, dict[str, float]()
+        bearing, changes = self.own, dict[str, float]()
         for name in ("radial_clearance", "preload"):
             if name in values:
                 changes[name] = values[name]
         if "stiffness_factor" in values:
-            changes["element_stiffness"] = own.stiffness_of_element * values["stiffness_factor"]
-        return _changed(own, tuple(changes.items()))
+            changes["element_stiffness"] = bearing.stiffness_of_element * values["stiffness_factor"]
+        return _changed(bearing, tuple(changes.items()))
 
 
 @lru_cache(maxsize=256)
-def _changed(own: RollingBearing, changes: tuple[tuple[str, float], ...]) -> RollingBearing:
-    return replace(own, **cast(Any, dict(changes)))
+def _changed(bearing: RollingBearing, changes: tuple[tuple[str, float], ...]) -> RollingBearing:
+    return replace(bearing, **cast(Any, dict(changes)))
 
 
 class Springs(Part):
@@ -165,9 +165,11 @@ class Springs(Part):
     def compliances(self) -> dict[str, float]:
         """By way, of `SPRINGS`: of the first stiffness [m/N, rad/(N m)]."""
         diagonal = np.diag(self.elasticity.stiffness)
-        rows = {RELATIVE.index(one) for one in self.own.freedoms} & set(self.elasticity.held)
-        ways = {way: [k for k in at if k in rows] for way, at in SPRINGS.items()}
-        return {way: float(1.0 / diagonal[at].mean()) for way, at in ways.items() if at}
+        rows = {RELATIVE.index(freedom) for freedom in self.own.freedoms} & set(
+            self.elasticity.held
+        )
+        rows_of = {way: [k for k in at if k in rows] for way, at in SPRINGS.items()}
+        return {way: float(1.0 / diagonal[at].mean()) for way, at in rows_of.items() if at}
 
     def unknowns(self, also: Collection[str]) -> Iterator[Unknown]:
         for way, value in self.compliances.items():
@@ -178,13 +180,13 @@ class Springs(Part):
         """Displacements under loads (n, 6), by way, with all others zero, (n, 6) [m, rad]."""
         free = ABOUT_AXIS if self.own.springs is None else cast(Any, self.own).free
         whole = self.elasticity.sunk(loads, free)
-        held = [RELATIVE.index(one) for one in self.own.freedoms]
-        found = {}
+        held = [RELATIVE.index(freedom) for freedom in self.own.freedoms]
+        displacements = {}
         for way in self.compliances:
             at = [k for k in SPRINGS[way] if k in held]
-            found[way] = np.zeros_like(whole)
-            found[way][:, at] = whole[:, at]
-        return found
+            displacements[way] = np.zeros_like(whole)
+            displacements[way][:, at] = whole[:, at]
+        return displacements
 
     def holding(self, values: Mapping[str, float]) -> Clearance:
         softer = {
@@ -219,14 +221,14 @@ class Teeth(Part):
     @cached_property
     def stiffness(self) -> tuple[float, ...]:
         """Of the pieces of its curve [N m/rad]: K1, K2 and K3 of strain-wave gears."""
-        own = self.own
-        if isinstance(own, StrainWaveGear):
-            found = [own.stiffness_1]
-            for one in (own.stiffness_2, own.stiffness_3):
-                if one is not None:
-                    found.append(one)
-            return tuple(found)
-        return (cast(Gear | CycloidalGear | GearTrain, own).stiffness,)
+        gear = self.own
+        if isinstance(gear, StrainWaveGear):
+            pieces = [gear.stiffness_1]
+            for piece in (gear.stiffness_2, gear.stiffness_3):
+                if piece is not None:
+                    pieces.append(piece)
+            return tuple(pieces)
+        return (cast(Gear | CycloidalGear | GearTrain, gear).stiffness,)
 
     @property
     def curved(self) -> bool:
@@ -235,22 +237,22 @@ class Teeth(Part):
 
     def unknowns(self, also: Collection[str]) -> Iterator[Unknown]:
         """All but its compliance, of which `Machine` knows what is given."""
-        own, joint = self.own, self.joint
-        if own.play or isinstance(own, Gear):
-            yield Unknown(joint, "gear_play", "rad", own.play, own.play or 1e-3, 1.0)
+        gear, joint = self.own, self.joint
+        if gear.play or isinstance(gear, Gear):
+            yield Unknown(joint, "gear_play", "rad", gear.play, gear.play or 1e-3, 1.0)
         if "stiffness" in also:
-            for k, one in enumerate(self.stiffness[1:], 2):
-                value = 1.0 / one
+            for k, piece in enumerate(self.stiffness[1:], 2):
+                value = 1.0 / piece
                 name, unit = f"gear_compliance_{k}", "rad/(N*m)"
                 yield Unknown(joint, name, unit, value, value, SOFTEST * value)
-        if isinstance(own, StrainWaveGear | CycloidalGear):
-            if own.hysteresis or "hysteresis" in also:
-                value = own.hysteresis
+        if isinstance(gear, StrainWaveGear | CycloidalGear):
+            if gear.hysteresis or "hysteresis" in also:
+                value = gear.hysteresis
                 yield Unknown(
                     joint, "hysteresis", "rad", value, value or 2e-4, 0.1, model_error=0.1
                 )
-            if own.stated_lost_motion is not None:
-                value = own.stated_lost_motion
+            if gear.stated_lost_motion is not None:
+                value = gear.stated_lost_motion
                 yield Unknown(joint, "lost_motion", "rad", value, value, 0.1)
 
     def holding(self, values: Mapping[str, float]) -> Gearing:
@@ -258,28 +260,28 @@ class Teeth(Part):
         return _geared(self, tuple((name, values[name]) for name in names if name in values))
 
     def _made(self, values: Mapping[str, float]) -> Gearing:
-        own, changes = cast(Any, self.own), dict[str, Any]()
+        gear, changes = cast(Any, self.own), dict[str, Any]()
         if "gear_play" in values:
-            if isinstance(own, GearTrain):
-                own = own.with_play(values["gear_play"])
+            if isinstance(gear, GearTrain):
+                gear = gear.with_play(values["gear_play"])
             else:
                 changes["play"] = values["gear_play"]
         softer = (
             self.stiffness[0] * values["gear_compliance"] if "gear_compliance" in values else 1.0
         )
-        for k, one in enumerate(self.stiffness, 1):  # else the whole curve in proportion
-            give = values.get(f"gear_compliance_{k}", softer / one)
-            name = f"stiffness_{k}" if isinstance(own, StrainWaveGear) else "stiffness"
-            if give != 1.0 / one:
+        for k, piece in enumerate(self.stiffness, 1):  # else the whole curve in proportion
+            give = values.get(f"gear_compliance_{k}", softer / piece)
+            name = f"stiffness_{k}" if isinstance(gear, StrainWaveGear) else "stiffness"
+            if give != 1.0 / piece:
                 changes[name] = 1.0 / max(give, STIFFEST)
-        if not isinstance(own, StrainWaveGear | CycloidalGear):
-            return replace(own, **changes)
-        stated = values.get("lost_motion", own.stated_lost_motion)
+        if not isinstance(gear, StrainWaveGear | CycloidalGear):
+            return replace(gear, **changes)
+        stated = values.get("lost_motion", gear.stated_lost_motion)
         changes["hysteresis"] = 0.0
-        bare = replace(own, **changes, stated_lost_motion=None)
-        hysteresis = values.get("hysteresis", own.hysteresis)
-        if own.rated_torque is not None:
-            most = 2.0 * float(bare.curve().depth(np.array(_MOST_HYSTERESIS * own.rated_torque)))
+        bare = replace(gear, **changes, stated_lost_motion=None)
+        hysteresis = values.get("hysteresis", gear.hysteresis)
+        if gear.rated_torque is not None:
+            most = 2.0 * float(bare.curve().depth(np.array(_MOST_HYSTERESIS * gear.rated_torque)))
             hysteresis = min(hysteresis, most)
         full = replace(bare, hysteresis=hysteresis)
         if stated is None:
@@ -293,23 +295,25 @@ def _geared(part: Teeth, values: tuple[tuple[str, float], ...]) -> Gearing:
     return part._made(dict(values))
 
 
-def bearing_parts(joint: str, own: Clearance) -> list[Part]:
+def bearing_parts(joint: str, bearing: Clearance) -> list[Part]:
     """Parts of a joint with clearance or springs."""
     parts: list[Part] = []
-    if isinstance(own, RollingBearing):
-        parts.append(Elements(joint, own))
-    elif own.clearances:
-        parts.append(Journal(joint, own))
-    if own.springs is not None or (isinstance(own, RollingBearing) and own.seat is not None):
-        parts.append(Springs(joint, own))
+    if isinstance(bearing, RollingBearing):
+        parts.append(Elements(joint, bearing))
+    elif bearing.clearances:
+        parts.append(Journal(joint, bearing))
+    if bearing.springs is not None or (
+        isinstance(bearing, RollingBearing) and bearing.seat is not None
+    ):
+        parts.append(Springs(joint, bearing))
     return parts
 
 
-def with_values(joint: str, own: Clearance, values: Mapping[str, float]) -> Clearance:
+def with_values(joint: str, bearing: Clearance, values: Mapping[str, float]) -> Clearance:
     """A joint with other values of what can be unknown of it."""
-    for kind in map(type, bearing_parts(joint, own)):
-        own = kind(joint, own).holding(values)
-    return own
+    for kind in map(type, bearing_parts(joint, bearing)):
+        bearing = kind(joint, bearing).holding(values)
+    return bearing
 
 
 def springs_of(mechanism: Mechanism) -> dict[str, Springs]:
@@ -317,8 +321,8 @@ def springs_of(mechanism: Mechanism) -> dict[str, Springs]:
     hinges = {one for names in mechanism.hinges.values() for one in names}
     return {
         joint: part
-        for joint, own in mechanism.clearance.items()
-        for part in bearing_parts(joint, own)
+        for joint, bearing in mechanism.clearance.items()
+        for part in bearing_parts(joint, bearing)
         if isinstance(part, Springs) and joint not in hinges
     }
 

@@ -65,7 +65,7 @@ _TRIED = 16
 """Poses that are tried for each that is offered, until enough are free of self-collision."""
 APART = 0.1
 """Distance below which two experiments that do the same are the same, by the robot's reach."""
-_NAMED = 3
+NAMED = 3
 """Unknowns that are named as acting together with one."""
 _PRIOR = 1e-4
 """Information that unknowns have before, in their scales: next to none."""
@@ -121,34 +121,36 @@ class MeasurementPlan:
     def reason(self, number: int) -> str:
         """Why an experiment was chosen: what it adds to the information, and who gains most."""
         was, now = self.half_width[number : number + 2]
-        words = "tells most of all by itself"
+        text = "tells most of all by itself"
         if number:
-            words = f"information x {self.gains[number]:.3g} (its determinant)"
-        limits = LARGEST_SHARE * np.array([one.scale for one in self.unknowns])
-        told = [i for i, one in enumerate(self.unknowns) if one.sought and now[i] <= limits[i]]
-        if not told:
-            return words
-        best = max(told, key=lambda i: was[i] / now[i])
-        one = self.unknowns[best]
-        begin = f"+- {one.shown(was[best])}" if was[best] <= limits[best] else "unknown"
-        return f"{words}; most about {one.label}: {begin} to +- {one.shown(now[best])}"
+            text = f"information x {self.gains[number]:.3g} (its determinant)"
+        limits = LARGEST_SHARE * np.array([unknown.scale for unknown in self.unknowns])
+        known = [
+            i for i, unknown in enumerate(self.unknowns) if unknown.sought and now[i] <= limits[i]
+        ]
+        if not known:
+            return text
+        best = max(known, key=lambda i: was[i] / now[i])
+        unknown = self.unknowns[best]
+        begin = f"+- {unknown.shown(was[best])}" if was[best] <= limits[best] else "unknown"
+        return f"{text}; most about {unknown.label}: {begin} to +- {unknown.shown(now[best])}"
 
     def __str__(self) -> str:
         lines = []
         for i, experiment in enumerate(self.experiments):
             lines += [f"{i + 1:>2}. {experiment.words(self.joints)}", f"    {self.reason(i)}"]
         rows = [("unknown", "nominal", "expected 95 % interval")]
-        told = zip(self.unknowns, self.half_width[-1], self.partners, strict=True)
-        for one, half, others in told:
-            words = f"+- {one.shown(half)}"
-            if half > LARGEST_SHARE * one.scale:
-                near = "" if half > 10.0 * one.scale else f" ({words})"
-                more = f" and {len(others) - _NAMED} more" if len(others) > _NAMED else ""
-                acts = f": acts only together with {', '.join(others[:_NAMED])}{more}"
+        expected = zip(self.unknowns, self.half_width[-1], self.partners, strict=True)
+        for unknown, half, others in expected:
+            text = f"+- {unknown.shown(half)}"
+            if half > LARGEST_SHARE * unknown.scale:
+                near = "" if half > 10.0 * unknown.scale else f" ({text})"
+                more = f" and {len(others) - NAMED} more" if len(others) > NAMED else ""
+                acts = f": acts only together with {', '.join(others[:NAMED])}{more}"
                 acts = acts if others else near
-                words = f"cannot tell{acts}"
-            if one.sought:
-                rows.append((one.label, one.shown(one.nominal), words))
+                text = f"cannot tell{acts}"
+            if unknown.sought:
+                rows.append((unknown.label, unknown.shown(unknown.nominal), text))
         return "\n".join([*lines, *self.notes, str(Table.of_texts(rows)), self.basis])
 
 
@@ -212,21 +214,21 @@ def plan_measurement(
             "exceed a joint's limit of effort"
         )
     spread = {**NOISE, **(noise or {})}
-    found = informations(machine, unknowns, keys, spread, able)
+    information = informations(machine, unknowns, keys, spread, able)
     records = ", ".join(
         f"{kind} {spread[kind]:g} {SHOWN[kind]}".replace("*", " ") for kind in signals
     )
-    words = (
+    text = (
         f"statistical, from the static model at the nominal values; noise of a record: {records}; "
         f"{RECORDS} records a visit, passing at {SPEED:g} rad/s"
     )
-    return planned(mechanism, unknowns, found, able, count, words, notes)
+    return planned(mechanism, unknowns, information, able, count, text, notes)
 
 
 def planned(
     mechanism: Mechanism,
     unknowns: tuple[Unknown, ...],
-    found: Information,
+    information: Information,
     options: Sequence[Experiment],
     count: int,
     basis: str,
@@ -236,14 +238,14 @@ def planned(
     if count < 1:
         raise JointplayError(f"at least one experiment is needed, got {count}")
     alike = distances(mechanism, options) < APART
-    chosen, widths, gains = _greedy(unknowns, found, count, alike)
+    chosen, widths, gains = _greedy(unknowns, information, count, alike)
     few = f"{count} were asked for, but no more than {len(chosen)} differ"
     return MeasurementPlan(
         tuple(moving(mechanism)),
         unknowns,
         tuple(options[i] for i in chosen),
         widths,
-        _partners(unknowns, found, chosen),
+        _partners(unknowns, information, chosen),
         basis,
         gains,
         (*notes, *([few] if len(chosen) < count else [])),
@@ -257,30 +259,30 @@ def _ways(mechanism: Mechanism) -> np.ndarray:
 
 
 def free_poses(
-    mechanism: Mechanism, given: np.ndarray | None, seed: int, count: int = POSES
+    mechanism: Mechanism, chosen: np.ndarray | None, seed: int, count: int = POSES
 ) -> tuple[np.ndarray, list[str]]:
     """Configurations that, with the ways to them, hit nothing of the robot, (n, nq), and notes."""
-    shapes, names, ways = SelfCollision(mechanism), moving(mechanism), _ways(mechanism)
+    shapes, names, steps = SelfCollision(mechanism), moving(mechanism), _ways(mechanism)
     at = [mechanism.coordinate(name) for name in names]
-    if given is None:  # with room for the ways
+    if chosen is None:  # with room for the ways
         poses = over_workspace(mechanism, _TRIED * count, seed)
         low, high = joint_limits(mechanism, names)
         ends = np.isfinite(low) & np.isfinite(high) & (high > low)
         low, high = np.where(ends, low, 0.0), np.where(ends, high, 0.0)
-        shrunk = np.where(ends, 1.0 - 2.0 * ways / np.where(ends, high - low, 1.0), 1.0)
+        shrunk = np.where(ends, 1.0 - 2.0 * steps / np.where(ends, high - low, 1.0), 1.0)
         middle, motors = 0.5 * (low + high), [mechanism.motor(name) for name in names]
         poses[:, at] = poses[:, motors] = middle + shrunk * (poses[:, at] - middle)
     else:
-        poses = given
+        poses = chosen
     clear = (
         row
         for row in poses
         if not any(
-            shapes.hits(dict(zip(names, row[at] + side * ways, strict=True)))
+            shapes.hits(dict(zip(names, row[at] + side * steps, strict=True)))
             for side in (0.0, 1.0, -1.0)
         )
     )
-    free = list(islice(clear, count if given is None else None))
+    free = list(islice(clear, count if chosen is None else None))
     if not free:
         raise JointplayError(
             f"the robot hits itself at, or on the way to, each of the {len(poses)} poses tried"
@@ -296,14 +298,14 @@ def _bearable(mechanism: Mechanism, options: Sequence[Experiment]) -> list[Exper
     most = np.array([mechanism.description.joints[name].effort for name in names], float)
     frame = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     able = []
-    for one in options:
-        q = ideal.configuration(dict(zip(names, one.positions, strict=True)))
+    for experiment in options:
+        q = ideal.configuration(dict(zip(names, experiment.positions, strict=True)))
         weight = pin.computeGeneralizedGravity(model, data, q)[at]
         arms = pin.computeFrameJacobian(model, data, q, ideal.tool_frame, frame)
-        pushed = arms.reshape(6, model.nv)[:3, at].T @ np.array(one.force or np.zeros(3))
+        pushed = arms.reshape(6, model.nv)[:3, at].T @ np.array(experiment.force or np.zeros(3))
         # Of a joint without limit `most` is nan, which nothing exceeds.
         if not (np.maximum(np.abs(weight + pushed), np.abs(weight - pushed)) > most).any():
-            able.append(one)
+            able.append(experiment)
     return able
 
 
@@ -316,16 +318,19 @@ def distances(mechanism: Mechanism, options: Sequence[Experiment]) -> np.ndarray
     ideal, names = mechanism.ideal(), moving(mechanism)
     model, data = ideal.model, ideal.data
     places = []
-    for one in options:
+    for experiment in options:
         pin.framesForwardKinematics(
-            model, data, ideal.configuration(dict(zip(names, one.positions, strict=True)))
+            model, data, ideal.configuration(dict(zip(names, experiment.positions, strict=True)))
         )
         joints = [data.oMi[model.getJointId(name)].translation for name in names]  # views
         places.append(np.array([*joints, data.oMf[ideal.tool_frame].translation]))
     where = np.array(places)
     reach = np.linalg.norm(where[:, :, None] - where[:, None], axis=3).max()
     apart = np.linalg.norm(where[:, None] - where[None], axis=3).max(axis=2)
-    kinds = [(one.force is not None and tuple(map(abs, one.force)), one.passes) for one in options]
+    kinds = [
+        (experiment.force is not None and tuple(map(abs, experiment.force)), experiment.passes)
+        for experiment in options
+    ]
     same = np.array([[a == b for b in kinds] for a in kinds])
     return np.where(same, apart / max(reach, TINY), np.inf)
 
@@ -338,7 +343,7 @@ def sizes(machine: Machine, unknowns: Sequence[Unknown]) -> tuple[float, ...]:
         for label in (*ways, TOOL)
         if label.removesuffix(" torsional") not in machine.mechanism.gears
     )
-    return SIZES if soft or any(one.name in WOUND for one in unknowns) else SIZES[:1]
+    return SIZES if soft or any(unknown.name in WOUND for unknown in unknowns) else SIZES[:1]
 
 
 def experiments(
@@ -372,10 +377,10 @@ class Information:
     def of(cls, problem: LeastSquares, theta: np.ndarray, part: np.ndarray) -> Information:
         """Of the parts of any measurement, at unknowns (p,); by the part of each number, (m,)."""
         effect, m = problem.project(problem.effects(theta)), len(problem.measured)
-        parts = [effect[:m][part == one] for one in range(int(part.max()) + 1)]
+        parts = [effect[:m][part == unknown] for unknown in range(int(part.max()) + 1)]
         known = effect[m:].T @ effect[m:]
-        labels = tuple(one.label for one in problem.unknowns)
-        return cls(np.array([one.T @ one for one in parts]), known, labels)
+        labels = tuple(unknown.label for unknown in problem.unknowns)
+        return cls(np.array([unknown.T @ unknown for unknown in parts]), known, labels)
 
 
 def informations(
@@ -452,37 +457,37 @@ def offers(
     for name in mechanism.gears:
         if ("link", name) not in keys:
             sets.append(((*keys, ("link", name)), f"with an encoder on the link of {name}, "))
-    names, found = tuple(moving(mechanism)), []
-    for wanted, words in sets:
+    names, offered = tuple(moving(mechanism)), []
+    for wanted, text in sets:
         gains = informations(machine, unknowns, wanted, noise, options, theta).gains
-        told = [words + one.words(names) for one in options]
-        found += list(zip(gains, told, strict=True))
-    return found
+        texts = [text + one.words(names) for one in options]
+        offered += list(zip(gains, texts, strict=True))
+    return offered
 
 
 def _visits(mechanism: Mechanism, options: Sequence[Experiment]) -> Visits:
     """Each experiment's visits: passed this way and the other, under each push."""
-    names, ways = tuple(moving(mechanism)), _ways(mechanism)
+    names, strides = tuple(moving(mechanism)), _ways(mechanism)
     fastest = [mechanism.description.joints[name].speed or np.inf for name in names]
     rates = np.minimum(SPEED, _BRISK * np.array(fastest))
     path, owner, pushes, near = [], [], [], []
     rows: list[tuple[Any, ...]] = []
-    for number, one in enumerate(options):
-        at = np.array(one.positions)
-        given = np.zeros(3) if one.force is None else np.array(one.force)
-        forces = [part * side * given for side in (1.0, -1.0) for part in one.sizes]
-        for push in forces[: 1 if one.force is None else None]:
-            for way in (1.0, -1.0) if one.passes else (1.0,):
-                away = way * ways
+    for number, experiment in enumerate(options):
+        at = np.array(experiment.positions)
+        strongest = np.zeros(3) if experiment.force is None else np.array(experiment.force)
+        forces = [part * side * strongest for side in (1.0, -1.0) for part in experiment.sizes]
+        for push in forces[: 1 if experiment.force is None else None]:
+            for sense in (1.0, -1.0) if experiment.passes else (1.0,):
+                away = sense * strides
                 steps = [at + away, at - away, at - 0.1 * away, at]
-                if not one.passes and rows and rows[-1][-1] == number:
+                if not experiment.passes and rows and rows[-1][-1] == number:
                     steps = [at]  # it stands there already
                 path += steps
                 owner += [-1] * (len(steps) - 1) + [len(rows)]
                 near += [len(rows)] * len(steps)  # loads on the way are those at its end
                 pushes += [push] * len(steps)
-                rate = way * rates if one.passes else 0.0 * rates
-                rows.append((at, rate, way, not one.passes, push, number))
+                rate = sense * rates if experiment.passes else 0.0 * rates
+                rows.append((at, rate, sense, not experiment.passes, push, number))
     position, speed, direction, stopped, force, cell = map(np.array, zip(*rows, strict=True))
     still = np.zeros_like(position)
     return Visits(
@@ -508,24 +513,24 @@ def half_widths(unknowns: Sequence[Unknown], gain: np.ndarray) -> np.ndarray:
     By information about them and about c compliances, shape (p + c, p + c).
     """
     covariance = np.linalg.inv(gain)[: len(unknowns), : len(unknowns)]
-    scale = np.array([one.scale for one in unknowns])
+    scale = np.array([unknown.scale for unknown in unknowns])
     return np.asarray(NORMAL * np.sqrt(np.diag(covariance)) * scale)
 
 
 def _partners(
-    unknowns: Sequence[Unknown], found: Information, chosen: Sequence[int]
+    unknowns: Sequence[Unknown], information: Information, chosen: Sequence[int]
 ) -> tuple[tuple[str, ...], ...]:
-    gains, axes = np.linalg.eigh(found.before + found.gains[list(chosen)].sum(axis=0))
+    gains, axes = np.linalg.eigh(information.before + information.gains[list(chosen)].sum(axis=0))
     null = axes[:, gains < 1.0 / LARGEST_SHARE**2]
     projector = null @ null.T
     return tuple(
-        tuple(dict.fromkeys(found.labels[k] for k in partners(projector[i], i)))
+        tuple(dict.fromkeys(information.labels[k] for k in partners(projector[i], i)))
         for i in range(len(unknowns))
     )
 
 
 def _greedy(
-    unknowns: Sequence[Unknown], found: Information, count: int, alike: np.ndarray
+    unknowns: Sequence[Unknown], information: Information, count: int, alike: np.ndarray
 ) -> tuple[list[int], np.ndarray, np.ndarray]:
     """Experiments, each the best after those before and `alike` (k, k) to none of them.
 
@@ -533,21 +538,23 @@ def _greedy(
     information.
     """
     chosen: list[int] = []
-    widths, gains = [half_widths(unknowns, found.before)], []
-    left = np.ones(len(found.gains), bool)
+    widths, gains = [half_widths(unknowns, information.before)], []
+    left = np.ones(len(information.gains), bool)
     scale = np.array([one.scale for one in unknowns])
     sought = np.array([one.sought for one in unknowns])
-    total = found.before
+    total = information.before
     for _ in range(count):
         if not left.any():
             break
-        after = np.array([half_widths(unknowns, total + gain) / scale for gain in found.gains])
+        after = np.array(
+            [half_widths(unknowns, total + gain) / scale for gain in information.gains]
+        )
         # Beyond what is identified well, more of it counts for little.
         worth = np.log(np.maximum(after[:, sought], 0.02)).sum(axis=1)
         best = int(np.where(left, worth, np.inf).argmin())
         chosen.append(best)
         left &= ~alike[best]
-        was, total = total, total + found.gains[best]
+        was, total = total, total + information.gains[best]
         widths.append(half_widths(unknowns, total))
         about = np.flatnonzero(sought)[:, None], np.flatnonzero(sought)
         unsure = (np.linalg.slogdet(np.linalg.inv(one)[about])[1] for one in (was, total))

@@ -165,7 +165,7 @@ class Recording:
         return found
 
     def _maps(self) -> dict[str, _Map]:
-        found = {}
+        maps = {}
         for target, text in self.names.items():
             match = _MAP.fullmatch(text.strip())
             try:
@@ -177,8 +177,8 @@ class Recording:
                     "a recorded name must read NAME, -NAME or FACTOR*NAME, with an offset such as "
                     f"' + 90 deg' behind it, got {text!r} for {target!r}"
                 )
-            found[target] = _Map(factor, match[3], f"{match[4]}{match[5]}" if match[4] else "")
-        return found
+            maps[target] = _Map(factor, match[3], f"{match[4]}{match[5]}" if match[4] else "")
+        return maps
 
     def measurement(
         self,
@@ -207,7 +207,7 @@ class Recording:
         recorded = dict.fromkeys(name for _, values in series.values() for name in values)
         for one in maps.values():
             require_known("recorded name", one.name, recorded)
-        found: dict[Key, tuple[np.ndarray, np.ndarray]] = {}
+        signals: dict[Key, tuple[np.ndarray, np.ndarray]] = {}
         """Times of each signal's records, integers [ns], and values [SI]."""
         for source in sources:
             if source.joint and source.joint not in joints:
@@ -219,10 +219,10 @@ class Recording:
                     raise JointplayError(f"{where}: there is no {key[0]} of {key[1]!r}")
                 if np.isinf(numbers).any():
                     raise JointplayError(f"{where}: {key[1]!r} is infinite in a record")
-                if key in found:
+                if key in signals:
                     raise JointplayError(f"{self.path}: {' '.join(key)} has two sources")
-                found[key] = time, numbers
-        seconds, together = _together(str(self.path), found, notes)
+                signals[key] = time, numbers
+        seconds, together = _together(str(self.path), signals, notes)
         return Measurement(
             seconds, together, noise or {}, str(self.path), sliding_of(joints), math.inf,
             tuple(notes),
@@ -288,9 +288,9 @@ class Recording:
                     f"note: {len(found) - len(time)} of {len(found)} messages of {source.name} "
                     "have the time of another: left out"
                 )
-            kept = [found[i][2] for i in first]
-            names = dict.fromkeys(name for row in kept for name in row)
-            columns = {n: np.array([row.get(n, np.nan) for row in kept]) for n in names}
+            records = [found[i][2] for i in first]
+            names = dict.fromkeys(name for row in records for name in row)
+            columns = {n: np.array([row.get(n, np.nan) for row in records]) for n in names}
             series[source] = time, columns
         return series, notes
 
@@ -302,8 +302,8 @@ class Recording:
         try:
             info = json.loads(files.read_text(root / "meta/info.json", "LeRobot dataset"))
             features = {
-                name: one for name, one in info["features"].items()
-                if one["dtype"].startswith(("float", "int"))
+                name: feature for name, feature in info["features"].items()
+                if feature["dtype"].startswith(("float", "int"))
                 and name.startswith("observation")
             }  # fmt: skip
             for source in sources:
@@ -322,7 +322,7 @@ class Recording:
             seconds = np.array(table["timestamp"].to_pylist(), float).reshape(-1)
             if not np.isfinite(seconds).all():
                 raise JointplayError(f"{file} has frames without a timestamp")
-            time, made = np.round(seconds * _NANO).astype(np.int64), {}
+            time, series = np.round(seconds * _NANO).astype(np.int64), {}
             for source in sources:
                 known = names[source.name]
                 rows = np.array(table[source.name].to_pylist(), float).reshape(len(time), -1)
@@ -330,18 +330,18 @@ class Recording:
                     raise JointplayError(
                         f"{root}: {source.name} has {rows.shape[1]} values, and {len(known)} names"
                     )
-                made[source] = time, dict(zip(known, rows.T, strict=True))
+                series[source] = time, dict(zip(known, rows.T, strict=True))
         except JointplayError:
             raise
         except (
             *(OSError, KeyError, TypeError, AttributeError, ValueError, RecursionError),
             ArrowException,
         ) as error:
-            words = f"no {error}" if isinstance(error, KeyError) else str(error)
+            text = f"no {error}" if isinstance(error, KeyError) else str(error)
             raise JointplayError(
-                f"cannot read the LeRobot dataset {str(root)!r}: {words or type(error).__name__}"
+                f"cannot read the LeRobot dataset {str(root)!r}: {text or type(error).__name__}"
             ) from None
-        return made, [
+        return series, [
             f"note: {root.name}, episode {episode}: times are those of frames at equal distances, "
             f"{info.get('fps')} a second; the dataset does not say when each was taken"
         ]
@@ -361,9 +361,9 @@ class Recording:
             )
         episode = 0 if self.episode is None and total == 1 else self.episode
         if episode is None or not 0 <= episode < total:
-            given = "" if episode is None else f", got {episode}"
+            asked = "" if episode is None else f", got {episode}"
             raise JointplayError(
-                f"{root} has {total} episodes: name one by --episode, 0 to {total - 1}{given}"
+                f"{root} has {total} episodes: name one by --episode, 0 to {total - 1}{asked}"
             )
         if major == 2:
             place = {"episode_chunk": episode // int(info["chunks_size"]), "episode_index": episode}
@@ -397,28 +397,28 @@ class Recording:
             return _si(f"1 {unit}", goal, f"source {name!r}") if unit else 1.0
 
         targets = [joint] if joint else list(joints if kind in _JOINT_FIELDS else "xyz")
-        found: dict[Key, np.ndarray] = {}
+        signals: dict[Key, np.ndarray] = {}
         for target in targets:
-            one = self._map(source, target, recorded, maps, notes)
-            if one is None:
+            mapped = self._map(source, target, recorded, maps, notes)
+            if mapped is None:
                 continue
             slides = joints.get(target, False)
             goal = units[slides]
             try:
-                values = factor(goal) * recorded[one.name]
+                values = factor(goal) * recorded[mapped.name]
             except JointplayError:
                 factor(units[not slides])  # of a joint of the other kind: what fits neither raises
                 notes.append(
-                    f"note: {one.name} of {name} is left out: it is not in {unit}; give it a "
+                    f"note: {mapped.name} of {name} is left out: it is not in {unit}; give it a "
                     f"source of its own, '{target} {kind}={name} [{goal}]'"
                 )
                 continue
             if kind == "torque":  # power is the same in both coordinates
-                found[kind, target] = values / one.factor
+                signals[kind, target] = values / mapped.factor
             else:
-                offset = _si(one.offset, goal, f"offset of {target!r}") if one.offset else 0.0
-                found[kind, target] = one.factor * values + offset
-        if not found:
+                offset = _si(mapped.offset, goal, f"offset of {target!r}") if mapped.offset else 0.0
+                signals[kind, target] = mapped.factor * values + offset
+        if not signals:
             wanted, named = "axis", "x=NAME"
             if kind in _JOINT_FIELDS:
                 wanted, named = "joint of the robot", f"{next(iter(targets), 'JOINT')}=NAME"
@@ -426,7 +426,7 @@ class Recording:
                 f"{self.path}, {name}: none of its names is a {wanted}: {', '.join(recorded)}; "
                 f"available: {', '.join(targets)}; --map {named} says which is which"
             )
-        return found
+        return signals
 
     def _map(
         self,
@@ -439,8 +439,8 @@ class Recording:
         """What is recorded of a joint or axis; None for nothing."""
         if target in maps and maps[target].name in recorded:
             return maps[target]
-        taken = {one.name for one in maps.values()}
-        free = [name for name in recorded if name not in taken]
+        named = {one.name for one in maps.values()}
+        free = [name for name in recorded if name not in named]
         if target in free:
             fit = [target]
         elif source.kind in _JOINT_FIELDS:
@@ -476,9 +476,9 @@ def _bag_file(path: Path) -> Path:
         return path
     inside = sorted(path.glob("*.mcap"))
     if len(inside) != 1:
-        held = ", ".join(one.name for one in inside) or "none"
-        words = f"must have one file .mcap, it has {held}; `ros2 bag convert` joins them"
-        raise JointplayError(f"the bag {str(path)!r} {words}")
+        held = ", ".join(file.name for file in inside) or "none"
+        text = f"must have one file .mcap, it has {held}; `ros2 bag convert` joins them"
+        raise JointplayError(f"the bag {str(path)!r} {text}")
     return inside[0]
 
 
@@ -521,38 +521,38 @@ def _place(root: Path, episode: int, parquet: Any) -> dict[str, int]:
     raise JointplayError(f"{root}: meta/episodes says nothing of episode {episode}")
 
 
-def _si(text: str, goal: str, what: str) -> float:
+def _si(text: str, goal: str, name: str) -> float:
     """Number in SI of a text with a unit; an error names `what` it is."""
     from jointplay.base.units import convert
 
     try:
         return float(convert(text, goal))
     except ValueError as error:
-        raise JointplayError(f"{what}: {error}") from None
+        raise JointplayError(f"{name}: {error}") from None
 
 
 def _together(
-    path: str, found: Mapping[Key, tuple[np.ndarray, np.ndarray]], notes: list[str]
+    path: str, records: Mapping[Key, tuple[np.ndarray, np.ndarray]], notes: list[str]
 ) -> tuple[np.ndarray, dict[Key, np.ndarray]]:
     """All signals at all times of records, nan where they have none; times begin at zero.
 
     What is interpolated between its records (encoders, forces on the tool) must have some before
     and after: the rest is cut off.
     """
-    spans = {key: time[~np.isnan(values)][[0, -1]] for key, (time, values) in found.items()}
+    spans = {key: time[~np.isnan(values)][[0, -1]] for key, (time, values) in records.items()}
     inputs = [span for key, span in spans.items() if key[0] in _INPUTS] or list(spans.values())
     begin, end = max(first for first, _ in inputs), min(last for _, last in inputs)
     others = [span for key, span in spans.items() if key[0] not in _INPUTS] or inputs
     if begin >= end or not any(first <= end and last >= begin for first, last in others):
         start = min(first for first, _ in spans.values())
-        said = dict.fromkeys(
+        ranges = dict.fromkeys(
             f"{' '.join(key)} {(first - start) / _NANO:.6g} to {(last - start) / _NANO:.6g} s"
             for key, (first, last) in spans.items()
         )
         raise JointplayError(
-            f"{path}: the signals do not overlap in time (different clocks?): {', '.join(said)}"
+            f"{path}: the signals do not overlap in time (different clocks?): {', '.join(ranges)}"
         )
-    every = np.unique(np.concatenate([time for time, _ in found.values()]))
+    every = np.unique(np.concatenate([time for time, _ in records.values()]))
     kept = every[(every >= begin) & (every <= end)]
     lost = (every[-1] - every[0] - (kept[-1] - kept[0])) / _NANO
     if lost > 0.1:
@@ -561,7 +561,7 @@ def _together(
             "have records"
         )
     signals = {}
-    for key, (time, values) in found.items():
+    for key, (time, values) in records.items():
         signals[key] = np.full(len(kept), np.nan)
         inside = (time >= begin) & (time <= end)
         signals[key][np.searchsorted(kept, time[inside])] = values[inside]

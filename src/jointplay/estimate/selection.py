@@ -28,9 +28,13 @@ from jointplay.estimate.static_poses import StaticPoses
 from jointplay.estimate.unknowns import ROUNDING, TINY
 
 CHANCE = 0.1
-"""Probability of chance below which a gain counts, one-sided."""
+"""Probability of chance below which a gain counts, one-sided: judged. On 59 random robots
+(benchmarks/truth/calibrate.py) with 0.05 or 0.2 one play more or less is told,
+none where there is none, and as many intervals hold."""
 LEAST_GAIN = 0.01
-"""Part by which held-back errors must shrink at least (RMS)."""
+"""Part by which held-back errors must shrink at least (RMS): judged. With thousands of poses any
+cause is beyond chance; on 59 random robots between 0 and 0.02 only more or fewer offsets are told,
+and all intervals hold alike."""
 
 
 @dataclass(frozen=True)

@@ -72,18 +72,18 @@ class StaticPoses:
         shapes: dict[str, tuple[int, ...]] = {"motor": (n, j), "link": (n, j), "load": (n, j)}
         shapes |= {"position": (n, 3), "orientation": (n, 3, 3)}
         for name, shape in shapes.items():
-            if (given := getattr(self, name)) is None:
+            if (stated := getattr(self, name)) is None:
                 continue
-            values = np.asarray(given, float)
+            values = np.asarray(stated, float)
             object.__setattr__(self, name, values)
             if values.shape != shape:
                 raise self._wrong(f"{name} must have the shape {shape}, got {values.shape}")
             bad = np.argwhere(np.isinf(values) if name == "link" else ~np.isfinite(values))
             if bad.size:
                 row, *rest = bad[0]
-                what = self.joints[rest[0]] if shape == (n, j) else str(rest)
+                label = self.joints[rest[0]] if shape == (n, j) else str(rest)
                 raise self._wrong(
-                    f"{name} {what} in row {row + 1} must be finite, got {values[tuple(bad[0])]}"
+                    f"{name} {label} in row {row + 1} must be finite, got {values[tuple(bad[0])]}"
                 )
         for name in ("point", "group"):
             if (labels := getattr(self, name)) is None:
@@ -201,12 +201,12 @@ class StaticPoses:
                 return ("marker", f"{body} {axis}"), "m"
             return columns.meaning(name, joints, _JOINT_UNITS, {"tool": _TOOL_UNITS})
 
-        words = (
+        choices = (
             "JOINT (or JOINT motor), JOINT link, JOINT load, tool x (y, z, rx, ry, rz), marker "
             f"NAME x (y, z), point, group; joints: {', '.join(joints)}"
         )
         numbers, texts = columns.read(
-            path, "table of poses", known, words, ("point", "group"), gaps=("link",)
+            path, "table of poses", known, choices, ("point", "group"), gaps=("link",)
         )
 
         def block(kind: str, parts: Sequence[str], missing: float | None = None) -> np.ndarray:
@@ -218,8 +218,8 @@ class StaticPoses:
 
         names = tuple(name for name in joints if ("motor", name) in numbers)
         if not names:
-            words = f"such as 'elbow motor [rad]'; joints: {', '.join(joints) or 'none'}"
-            raise JointplayError(f"{path} has no joint positions {words}")
+            choices = f"such as 'elbow motor [rad]'; joints: {', '.join(joints) or 'none'}"
+            raise JointplayError(f"{path} has no joint positions {choices}")
         for kind, name in numbers:
             if kind in ("link", "load") and name not in names:
                 raise JointplayError(f"{path}: {name} has a {kind}, but no motor position")
@@ -282,7 +282,7 @@ def rigid_body(
     about = markers - centre[:, None]
     shape = about[0]
     for _ in range(rounds):
-        rotations = np.array([nearest_rotation(one.T @ shape) for one in about])
+        rotations = np.array([nearest_rotation(row.T @ shape) for row in about])
         shape = np.mean(about @ rotations, axis=0)
     off = about - np.einsum("nij,kj->nki", rotations, shape)
     return shape, rotations, centre, off

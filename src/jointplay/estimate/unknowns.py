@@ -234,7 +234,7 @@ class Loop:
 
 
 def listed(
-    found: Sequence[Estimate], head: str = "", vague: str = "", expected: bool = False
+    estimates: Sequence[Estimate], head: str = "", vague: str = "", expected: bool = False
 ) -> str:
     """Estimates as a table, a row for each joint and quantity, and why what cannot be told cannot.
 
@@ -242,21 +242,29 @@ def listed(
     unknowns but plays that have no interval are named in a line that begins so; with `expected`
     there is a column of what was.
     """
-    hidden = [one for one in found if vague and one.reason and not one.plays(one.joint)]
-    shown = [one for one in found if one not in hidden]
+    hidden = [
+        estimate
+        for estimate in estimates
+        if vague and estimate.reason and not estimate.plays(estimate.joint)
+    ]
+    shown = [estimate for estimate in estimates if estimate not in hidden]
     heads = [head] if head else ["joint", "quantity"]
     rows = [[*heads, *(["expected"] if expected else []), "found", "95 % interval"]]
-    for one in shown:
-        names = [one.label] if head else [one.joint or "all", one.unknown.name.replace("_", " ")]
-        before = [one.unknown.shown(one.unknown.nominal)] if expected else []
-        rows.append([*names, *before, *one.words()])
+    for estimate in shown:
+        names = (
+            [estimate.label]
+            if head
+            else [estimate.joint or "all", estimate.unknown.name.replace("_", " ")]
+        )
+        before = [estimate.unknown.shown(estimate.unknown.nominal)] if expected else []
+        rows.append([*names, *before, *estimate.words()])
     lines = [str(Table.of_texts(rows))] if shown else []
     if hidden:
-        lines.append(f"{vague}: {', '.join(one.label for one in hidden)}")
-    for one in shown:
-        if one.reason:
-            lines.append(f"{one.label}: {one.reason}")
-            lines += [f"  {one.advice}"] if one.advice else []
+        lines.append(f"{vague}: {', '.join(estimate.label for estimate in hidden)}")
+    for estimate in shown:
+        if estimate.reason:
+            lines.append(f"{estimate.label}: {estimate.reason}")
+            lines += [f"  {estimate.advice}"] if estimate.advice else []
     return "\n".join(lines)
 
 
@@ -265,9 +273,9 @@ _HEADS = (
 )
 
 
-def data(found: Sequence[Estimate]) -> Table:
+def data(estimates: Sequence[Estimate]) -> Table:
     """A row for each estimate [SI]."""
-    rows = [one.describe() for one in found]
+    rows = [estimate.describe() for estimate in estimates]
     return Table.of([(head, "") for head in _HEADS], [[row.get(k) for k in _HEADS] for row in rows])
 
 
@@ -288,20 +296,20 @@ class Answer:
 
     def describe(self) -> dict[str, Any]:
         """As plain data [SI]."""
-        rows = [one.describe() for one in self.estimates]
+        rows = [estimate.describe() for estimate in self.estimates]
         return {"unknowns": rows, "notes": list(self.notes)}
 
     def __getitem__(self, label: str) -> Estimate:
         return by_label(self.estimates, label)
 
 
-def by_label(found: Sequence[Estimate], label: str) -> Estimate:
+def by_label(estimates: Sequence[Estimate], label: str) -> Estimate:
     """The estimate of an unknown, by its label such as ``"elbow radial clearance"``.
 
     Raises:
         MissingName: there is none.
     """
-    for one in found:
-        if one.label == label:
-            return one
-    raise MissingName("unknown", label, [one.label for one in found])
+    for estimate in estimates:
+        if estimate.label == label:
+            return estimate
+    raise MissingName("unknown", label, [estimate.label for estimate in estimates])
