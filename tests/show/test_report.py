@@ -17,7 +17,7 @@ from jointplay.base.tables import Table
 from jointplay.paper import scara
 from jointplay.paper.ensembles import write_claims
 from jointplay.show import reports
-from jointplay.show.reports import sections
+from jointplay.show.reports import runs
 from jointplay.simulation.analysis.claims import CLAIM_COLUMNS, Verdict
 
 
@@ -83,9 +83,10 @@ def test_a_machine_with_gears_alone_has_no_empty_sections(tmp_path):
     done = call("report", tmp_path, "--quiet", "--no-pdf")
     assert done.returncode == 0, done.stderr
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
-    for name in ("Journal", "Impacts"):
+    for name in ("Bearings", "Impacts"):
         assert f"<h2>{name}</h2>" not in text
     assert 'id="chart-force_x"' in text  # of the ideal joint: its constraint force
+    assert "journal" not in text.partition("<script")[0].lower()
     assert "<h2>Spectrum</h2>" in text
 
 
@@ -179,10 +180,13 @@ def test_title_and_cases_are_those_of_the_scenario(tmp_path):
 
 
 def test_a_list_folds_several_points_or_none():
-    from jointplay.show.reports.html import folded
+    from jointplay.show.reports.page import page
+    from jointplay.show.reports.parts import Block, Grid, Points
 
-    assert "The other" not in folded(["a", "b", "c", "d"], "cases")
-    assert "The other 2 cases" in folded(["a", "b", "c", "d", "e"], "cases")
+    for part in (Points("abcde", "case"), Grid(["x"], [["a"]] * 5, noun="case")):
+        shown = page("t", "s", {}, [(Block("b", list), [part])])
+        assert "The other 2 cases" in shown
+        assert "The other" not in page("t", "s", {}, [(Block("b", list), [Points("abcd", "case")])])
 
 
 @pytest.mark.thorough
@@ -272,14 +276,14 @@ def test_answer_picture_and_three_charts_come_first_the_rest_is_folded(
         unfold = tab.locator("#at-a-glance summary", has_text="values are assumed")
         assert unfold.bounding_box()["y"] < 900
         unfold.press("Enter")
-        cells = tab.locator(".assumed").locator("tbody th, tbody td")
+        cells = tab.locator("#assumed").locator("tbody th, tbody td")
         assert "joints" in " ".join(cells.all_inner_texts())
         for cell in (cells.first, cells.nth(1), cells.nth(3)):
             box = cell.bounding_box()
             assert 0 <= box["x"] < box["x"] + box["width"] <= width
         unfold.press("Enter")
         names = ["Further figures", "Parameters", "Assumptions", "Audit", "Motion of the tool"]
-        names += ["Accuracy", "Journal", "Forces", "Impacts", "Spectrum"]
+        names += ["Accuracy", "Bearings", "Forces", "Impacts", "Spectrum"]
         for name, title in zip(names, seen["folded"], strict=True):
             assert title.startswith(name)
             assert len(title) > len(name) + 15  # and says what is inside
@@ -511,9 +515,9 @@ def test_a_report_reads_the_claims_that_the_study_writes(tmp_path):
         table=Table.of_texts([["a"], ["1"]]), runs=1, measures={}, plan=[], made={}
     )
     write_claims([verdict], ensembles, tmp_path)
-    head, row = sections.claim_rows(tmp_path / "claims.csv")
+    head, row = runs.claim_rows(tmp_path / "claims.csv")
     assert tuple(row) == verdict.row()
     assert tuple(head) == CLAIM_COLUMNS
     (tmp_path / "claims.csv").write_text("a,b\n")
     with pytest.raises(jp.JointplayError, match="not a claims table"):
-        sections.claim_rows(tmp_path / "claims.csv")
+        runs.claim_rows(tmp_path / "claims.csv")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
@@ -221,7 +220,7 @@ def journal_orbit(cases: Cases) -> Chart:
 
 
 def force_panels(cases: Cases, axis: str) -> list[Panel]:
-    """Force on the journal along a world axis over time, a panel a case and joint.
+    """Force in a joint along a world axis over time, a panel a case and joint.
 
     Of a case without clearance it is the force in the joints that have some in another, or in the
     first that moves.
@@ -239,7 +238,7 @@ def force_panels(cases: Cases, axis: str) -> list[Panel]:
 
 
 def joint_force(cases: Cases, axis: str) -> Chart:
-    """Force on the journal along a world axis over time, a panel a case and joint (Figures 13-15).
+    """Force in a joint along a world axis over time, a panel a case and joint (Figures 13-15).
 
     With clearance the contact force, each record showing the force at the instant since the last
     record at which its magnitude was largest; for the ideal robot the constraint force.
@@ -250,7 +249,7 @@ def joint_force(cases: Cases, axis: str) -> Chart:
             " With clearance the force of the contacts, the largest since the last record; that of "
             "the ideal joint is a constraint force: nothing touches there."
         )
-    size, title = (7.0, 1.3 + 1.7 * len(panels)), f"force on the journal along world {axis}"
+    size, title = (7.0, 1.3 + 1.7 * len(panels)), f"force in the joint along world {axis}"
     rows = [[panel] for panel in panels]
     return Chart(rows, size, title=title, note=note.strip(), same_x=True, same_y="col")
 
@@ -439,25 +438,6 @@ def _drawn(charts: Iterable[tuple[str, Chart]], pdf: bool) -> list[tuple[str, st
     return pictures
 
 
-def _states(cases: Cases) -> Iterator[Chart]:
-    """Timelines, contacts and energies of every case with clearance."""
-    for label, result, colour in coloured(cases):
-        panel = result.plot.panel
-        for joint in result.joints:
-            names, shown = ["modes", "contacts", "gaps"], "modes, forms, contacts, gaps"
-            if analysis.time_fractions(result, joint, "form"):
-                names.insert(1, "forms")
-            if analysis.rolls(result, joint):
-                shown = "loads and gaps of elements"
-            rows = [[panel(name, joint)] for name in names]
-            high = (1, 2, 2, 2)[: len(names)]
-            yield Chart(rows, (8.0, 8.0), f"{label}, {joint}: {shown}", colour, high=high)
-            both = [panel("impacts", joint), panel("tilt", joint).styled(colour=colour)]
-            title = f"{label}, {joint}: contacts by duration and peak; tilt"
-            yield Chart([both], (7.0, 4.0), title, colour)
-        yield Chart([[panel("energy")]], (7.0, 4.2), f"{label}: energy balance", colour)
-
-
 def spectrum_panels(cases: Cases, start: float | None) -> list[Panel]:
     """Spectra of the tool's acceleration by axis; runs that are too short are named so."""
     panels = []
@@ -472,28 +452,3 @@ def spectrum_panels(cases: Cases, start: float | None) -> list[Panel]:
             panel = panel.with_marks(*marks)
         panels.append(panel)
     return panels
-
-
-def spectra(cases: Cases, start: float | None = None) -> Chart:
-    """Power spectral densities of the tool's acceleration."""
-    rows = [[panel] for panel in spectrum_panels(cases, start)]
-    title = "power spectral density of the tool's acceleration"
-    return Chart(rows, (7.0, 6.5), title, key=_LEGEND_COLUMNS, same_x=True)
-
-
-def pdf(cases: Cases, start: float | None = None, look: str = "paper") -> bytes:
-    """Every figure of the cases in one PDF, vector graphics, a figure a page.
-
-    Records before `start` [s] are left out of spectra; None: before each run is judged.
-    """
-    from matplotlib.backends.backend_pdf import PdfPages  # takes long to import
-
-    from jointplay.show.plots.style import style
-
-    drawn = io.BytesIO()
-    with style(look), PdfPages(drawn) as pages:  # which embeds typefaces when it is closed
-        pages.infodict()["Title"] = f"jointplay: {', '.join(cases)}"
-        charts = (chart for _, chart in _charts(cases))
-        for chart in (*charts, *_states(cases), spectra(cases, start)):
-            pages.savefig(draw(chart, look, whole=True))
-    return drawn.getvalue()
