@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from browsing import DRAWN, UNFOLD, until
 from conftest import body, joint
+from PIL import Image
 from warm import call
 
 import jointplay as jp
@@ -175,7 +176,7 @@ def test_title_and_cases_are_those_of_the_scenario(tmp_path):
     places = [glance.index(f">{name}</span>") for name in names]
     assert places == sorted(places)
     assert 'alt="slider_crank at the start of the run; play in piston_pin"' in glance
-    assert "1 value is assumed in" in text
+    assert text.count("1 value is assumed: start at rest") == 1  # of all cases
     assert "0.2_mm" not in text
 
 
@@ -405,6 +406,33 @@ def test_a_report_fits_the_screen_light_and_dark(page, open_report, width, schem
         assert paper == seen["paper"]
         assert across > 0.85 * min(width, 1120)
         assert high >= drawn - 1.0  # what follows does not cover it
+
+
+HIDE = "() => { document.getElementById('chart-first_error').parentElement.hidden = %s; }"
+
+
+def test_a_chart_that_had_no_room_is_drawn_once_it_has_some(page, open_report):
+    tab = open_report(page, 1280)
+    tab.evaluate(HIDE % "true")
+    tab.evaluate("window.jointplayReport.show([0.2, 0.3])")  # draws what is in view
+    tab.evaluate(DRAWN)
+    tab.evaluate(HIDE % "false")
+    seen = "() => document.getElementById('chart-first_error').plots[0].across.range[0] === 0.2"
+    until(tab, seen)
+    assert tab.locator("#chart-first_error path.curve").count() == 1
+
+
+def test_a_single_case_is_named_nowhere_and_pictures_are_no_slabs_in_the_dark(
+    folder, tmp_path, open_report
+):
+    result = jp.Result.load(folder / "worn.nc")
+    reports.report({"only": result}, tmp_path / "a.html", impacts=0, pdf=False)
+    tab = open_report(tmp_path / "a.html", 1280, "dark")
+    assert "only" not in re.findall(r"\w+", tab.inner_text("header") + tab.inner_text("#glance"))
+    words = tab.locator(".key *, .plots text").all_text_contents()
+    assert not any(re.search(r"\bonly\b", word) for word in words)
+    pixels = Image.open(BytesIO(tab.locator("#at-a-glance img").screenshot())).convert("L")
+    assert np.mean(np.asarray(pixels) > 200) < 0.2
 
 
 def test_charts_and_tables_show_the_same_time(page, open_report):
