@@ -76,15 +76,15 @@ class Case:
         """
         if self.replay is None or not self.replay.windows:
             return self.result
-        kept = np.ones(len(self.result.time), bool)
+        coarse = np.ones(len(self.result.time), bool)
         parts = []
         held = {"joint_force": "joint_force_peak", "normal_force": "normal_force_peak"}
         held["gap"] = "gap_min"
         for part in self.replay.windows:
             time = part["time"].values
-            kept &= (self.result.time < time[0]) | (self.result.time > time[-1])
+            coarse &= (self.result.time < time[0]) | (self.result.time > time[-1])
             parts.append(part.assign({peak: part[name] for name, peak in held.items()}))
-        parts.append(self.result.dataset.isel(time=kept))
+        parts.append(self.result.dataset.isel(time=coarse))
         merged = xr.concat(parts[::-1], "time", data_vars="minimal", combine_attrs="override")
         merged = merged.sortby("time")
         _, first = np.unique(merged["time"].values, return_index=True)

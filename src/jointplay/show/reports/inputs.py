@@ -228,16 +228,16 @@ def _plain(value: Any) -> str:
 
 def _law(fields: dict[str, Any]) -> str:
     """A law or a material in one line: its name first, numbers in the units of its fields."""
-    given = {key: value for key, value in fields.items() if value is not None and key != "source"}
-    kind: type | None = Material if "young" in given else None
+    known = {key: value for key, value in fields.items() if value is not None and key != "source"}
+    kind: type | None = Material if "young" in known else None
     for family in filter(None, map(family_of, (NormalForceLaw, FrictionLaw, FilmLaw))):
-        if kind is None and str(given.get("law")) in family.members:
-            kind = family.member(str(given["law"])).kind
-    known = {} if kind is None else fields_of(kind)
-    name = next((str(given.pop(key)) for key in ("law", "name") if key in given), "")
+        if kind is None and str(known.get("law")) in family.members:
+            kind = family.member(str(known["law"])).kind
+    units = {} if kind is None else fields_of(kind)
+    name = next((str(known.pop(key)) for key in ("law", "name") if key in known), "")
     shown = []
-    for key, value in given.items():
-        unit = known[key].units[0] if key in known else ""
+    for key, value in known.items():
+        unit = units[key].units[0] if key in units else ""
         text = readable(value, unit) if unit and isinstance(value, float) else _plain(value)
         shown.append(f"{key.replace('_', ' ')} {text}")
     return " ".join(part for part in (name, shown and f"({', '.join(shown)})") if part)

@@ -59,14 +59,14 @@ def page(
 
 
 def _environment() -> Environment:
-    made = Environment(
+    environment = Environment(
         loader=PackageLoader("jointplay.show.reports", "page"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters |= {
+    environment.filters |= {
         "cell": text,
         "kind": lambda part: type(part).__name__,
         "anchor": lambda title: title.lower().replace(" ", "-"),
@@ -75,7 +75,7 @@ def _environment() -> Environment:
         "spoken": _spoken,
         "source": _source,
     }
-    return made
+    return environment
 
 
 def _file(name: str) -> str:
@@ -85,7 +85,9 @@ def _file(name: str) -> str:
 def _spoken(graph: Graph) -> str:
     """What a graph shows, for who cannot see it."""
     shown = dict.fromkeys(panel.title or panel.y.name for panel in graph.panels)
-    names = dict.fromkeys(getattr(mark, "name", "") for one in graph.panels for mark in one.marks)
+    names = dict.fromkeys(
+        getattr(mark, "name", "") for panel in graph.panels for mark in panel.marks
+    )
     of = ", ".join(filter(None, names))
     return f"{graph.title}: {', '.join(shown)}{f' of {of}' if of else ''}"
 

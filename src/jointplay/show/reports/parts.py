@@ -66,18 +66,18 @@ class Grid:
         """A table of rows with the same heads; with `worst` those first whose figure of this name
         is largest. A column without a word in it is left out."""
         if worst:
-            sizes = [-math.inf if one is None else float(one) for one in column(worst, rows).values]
+            sizes = [-math.inf if v is None else float(v) for v in column(worst, rows).values]
             rows = [rows[k] for k in sorted(range(len(rows)), key=lambda k: -sizes[k])]
-        shown = [column(head, rows) for head in rows[0]] if rows else []
-        return cls.of_table(Table([one for one in shown if any(map(_fills, one.values))]), left,
-                            **fields)  # fmt: skip
+        columns = [column(head, rows) for head in rows[0]]
+        filled = [cells for cells in columns if any(map(_fills, cells.values))]
+        return cls.of_table(Table(filled), left, **fields)
 
     @classmethod
     def of_table(cls, table: Table, left: int | None = None, **fields: Any) -> Grid:
         """`left`: None stands for the columns that come first and have no numbers."""
         columns = table.columns
         if left is None:
-            left = [*(any(map(_is_number, one.values)) for one in columns), True].index(True)
+            left = [*(any(map(_is_number, column.values)) for column in columns), True].index(True)
         head, *rows = zip(*map(_shown, columns), strict=True)
         return cls(head, rows, left=left, **fields)
 
@@ -87,9 +87,9 @@ class Grid:
     ) -> Grid:
         """A table with a column for each case and a row for each figure that any of them has."""
         longest = sorted(figures, key=len, reverse=True)  # gives the order
-        named = dict.fromkeys(name for one in longest for name in one)
+        named = dict.fromkeys(name for row in longest for name in row)
         columns = (column(name, figures) for name in named)
-        rows = [_shown(one) for one in columns if any(value is not None for value in one.values)]
+        rows = [_shown(cells) for cells in columns if any(v is not None for v in cells.values)]
         return cls([head, *cases], rows, **fields)
 
 
@@ -180,7 +180,7 @@ def flat(parts: Iterable[Part], unfold: bool = False) -> Iterable[Part]:
 def column(head: str, rows: Sequence[Row]) -> Column:
     """The values of this name in all rows; None in those that have none."""
     cells = (row.get(head) for row in rows)
-    known = [one if isinstance(one, tuple) else (one, "") for one in cells]
+    known = [cell if isinstance(cell, tuple) else (cell, "") for cell in cells]
     _, unit, *fine = max(known, key=lambda one: (len(one), one[1]))  # of a row that has it
     return Column(head, [value for value, *_ in known], unit, fine=any(fine))
 

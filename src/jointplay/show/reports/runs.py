@@ -187,7 +187,7 @@ def _with_error(case: Case, start: float, value: float | None, name: str) -> Cel
     certificate = case.result.certificate
     if value is None or certificate is None or start != case.result.judge_from:
         return value
-    figure = next((one for one in certificate.figures if one.name == name), None)
+    figure = next((figure for figure in certificate.figures if figure.name == name), None)
     if figure is None:
         return value
     pattern = '{} <strong class="warn">uncertain</strong>' if figure.marked else "{}"
@@ -212,7 +212,9 @@ def _picture(runs: Runs) -> Drawing | None:
         mechanism = shown.result.simulation.mechanism
         labels = {}
         for name in shown.joints:
-            machines = (one.result.simulation.mechanism for one in runs.cases if name in one.joints)
+            machines = (
+                case.result.simulation.mechanism for case in runs.cases if name in case.joints
+            )
             plays = {machine.clearance[name].play_words for machine in machines}
             labels[name] = f"{name}\nplay {plays.pop()}" if len(plays) == 1 else f"{name}: play"
         q = shown.result["q"].values[0]
@@ -350,8 +352,10 @@ def _certificates(cases: Sequence[Case]) -> Iterator[Part]:
         assert certificate is not None
         pattern = {True: '<strong class="warn">{} (!)</strong>', False: "{}"}
         headlines = certificate.headline
-        columns.append({one.name: markup(pattern[one.marked], str(one)) for one in headlines})
-        further = [one.name for one in certificate.marked if one not in headlines]
+        columns.append(
+            {figure.name: markup(pattern[figure.marked], str(figure)) for figure in headlines}
+        )
+        further = [figure.name for figure in certificate.marked if figure not in headlines]
         for label, text in (
             ("of the claims' measures above 5 %: ", ", ".join(further)),
             ("", certificate.note),
@@ -605,7 +609,9 @@ def impacts(runs: Runs) -> Iterator[Part]:
         "within it count as one. Peak forces are held between records and exact."
     )
     panels = [
-        replace(panel, marks=[replace(one, name=one.name.rpartition(", ")[0]) for one in curves])
+        replace(
+            panel, marks=[replace(curve, name=curve.name.rpartition(", ")[0]) for curve in curves]
+        )
         for panel in _of_joints(runs, "impacts", runs.recorded, start=runs.start)
         if (curves := _curves(panel))
     ]

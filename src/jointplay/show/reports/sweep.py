@@ -62,7 +62,7 @@ def glance(dataset: xr.Dataset) -> Iterator[Part]:
     if "warnings" in dataset:
         counts["runs with warnings"] = int((dataset["warnings"].values > 0).sum())
     yield Grid.of_cases("", [""], [counts])
-    yield Beside([[one] for one in _drawn([*_lines(dataset), *_samples(dataset)][:_FIRST])])
+    yield Beside([[drawing] for drawing in _drawn([*_lines(dataset), *_samples(dataset)][:_FIRST])])
     if _varied(dataset):
         yield paragraph(_BANDS)
 
