@@ -9,7 +9,7 @@ import mkdocs_gen_files
 import jointplay
 from jointplay.cli import parsers
 from jointplay.physics.contact import FILM_LAWS, FRICTION_LAWS, NORMAL_LAWS
-from jointplay.show.reports.sections import page_section
+from jointplay.show.reports.assumptions import page_section
 
 ROOT = Path(__file__).parents[2]
 COPIED = {

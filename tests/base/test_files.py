@@ -358,8 +358,8 @@ WRITERS = re.compile(
 """Calls that can write, or delete, a file."""
 
 ELSEWHERE = {
-    "in memory": "bridges/notebook bridges/table show/plots/figures show/plots/style "
-    "show/reports/sections show/reports/sweep simulation/result/netcdf simulation/checkpoint "
+    "in memory": "bridges/notebook bridges/table show/plots/style "
+    "show/reports/page show/reports/pdf simulation/result/netcdf simulation/checkpoint "
     "simulation/analysis/parts simulation/result/result",
     "text, or standard output": "bridges/trajectory cli/commands/check base/streams",
     "in temporary folders and the user's cache": "model/viewer model/meshes model/design "

@@ -28,7 +28,7 @@ from jointplay.model.vocabulary import as_option
 from jointplay.paper import run_study, scara
 from jointplay.show.player import movie
 from jointplay.show.player.server import Server
-from jointplay.show.reports.sections import claim_rows
+from jointplay.show.reports.runs import claim_rows
 from jointplay.simulation.analysis import uncertainty
 from jointplay.study import axes, courses
 from jointplay.study.nonlinear import lyapunov, observables, poincare

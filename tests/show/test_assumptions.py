@@ -1,5 +1,5 @@
 from jointplay.physics.joints import JOINT_KINDS
-from jointplay.show.reports.sections import all_assumptions, conditions
+from jointplay.show.reports.assumptions import all_assumptions, conditions
 
 
 def test_it_is_known_when_each_assumption_is_made():

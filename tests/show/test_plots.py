@@ -103,9 +103,9 @@ def test_points_of_a_bifurcation_can_be_seen(number, smallest):
 
 def test_a_run_too_short_for_a_spectrum_is_named_in_the_legend(cases):
     short = shortened(0.2e-3, 1e-3)
-    figure = draw(figures.spectra({"long": cases["0.2 mm"], "short": short}))
-    words = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert words == ["long", "short: too short for a spectrum"]
+    for panel in figures.spectrum_panels({"long": cases["0.2 mm"], "short": short}, None):
+        names = [mark.name for mark in panel.marks]
+        assert names == ["long", "short: too short for a spectrum"]
 
 
 def test_orbit_stays_near_the_clearance_circle(cases):

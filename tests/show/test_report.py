@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from browsing import DRAWN, UNFOLD, until
 from conftest import body, joint
+from PIL import Image
 from warm import call
 
 import jointplay as jp
@@ -17,7 +18,7 @@ from jointplay.base.tables import Table
 from jointplay.paper import scara
 from jointplay.paper.ensembles import write_claims
 from jointplay.show import reports
-from jointplay.show.reports import sections
+from jointplay.show.reports import runs
 from jointplay.simulation.analysis.claims import CLAIM_COLUMNS, Verdict
 
 
@@ -83,9 +84,10 @@ def test_a_machine_with_gears_alone_has_no_empty_sections(tmp_path):
     done = call("report", tmp_path, "--quiet", "--no-pdf")
     assert done.returncode == 0, done.stderr
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
-    for name in ("Journal", "Impacts"):
+    for name in ("Bearings", "Impacts"):
         assert f"<h2>{name}</h2>" not in text
     assert 'id="chart-force_x"' in text  # of the ideal joint: its constraint force
+    assert "journal" not in text.partition("<script")[0].lower()
     assert "<h2>Spectrum</h2>" in text
 
 
@@ -174,15 +176,18 @@ def test_title_and_cases_are_those_of_the_scenario(tmp_path):
     places = [glance.index(f">{name}</span>") for name in names]
     assert places == sorted(places)
     assert 'alt="slider_crank at the start of the run; play in piston_pin"' in glance
-    assert "1 value is assumed in" in text
+    assert text.count("1 value is assumed: start at rest") == 1  # of all cases
     assert "0.2_mm" not in text
 
 
 def test_a_list_folds_several_points_or_none():
-    from jointplay.show.reports.html import folded
+    from jointplay.show.reports.page import page
+    from jointplay.show.reports.parts import Block, Grid, Points
 
-    assert "The other" not in folded(["a", "b", "c", "d"], "cases")
-    assert "The other 2 cases" in folded(["a", "b", "c", "d", "e"], "cases")
+    for part in (Points("abcde", "case"), Grid(["x"], [["a"]] * 5, noun="case")):
+        shown = page("t", "s", {}, [(Block("b", list), [part])])
+        assert "The other 2 cases" in shown
+        assert "The other" not in page("t", "s", {}, [(Block("b", list), [Points("abcd", "case")])])
 
 
 @pytest.mark.thorough
@@ -272,14 +277,14 @@ def test_answer_picture_and_three_charts_come_first_the_rest_is_folded(
         unfold = tab.locator("#at-a-glance summary", has_text="values are assumed")
         assert unfold.bounding_box()["y"] < 900
         unfold.press("Enter")
-        cells = tab.locator(".assumed").locator("tbody th, tbody td")
+        cells = tab.locator("#assumed").locator("tbody th, tbody td")
         assert "joints" in " ".join(cells.all_inner_texts())
         for cell in (cells.first, cells.nth(1), cells.nth(3)):
             box = cell.bounding_box()
             assert 0 <= box["x"] < box["x"] + box["width"] <= width
         unfold.press("Enter")
         names = ["Further figures", "Parameters", "Assumptions", "Audit", "Motion of the tool"]
-        names += ["Accuracy", "Journal", "Forces", "Impacts", "Spectrum"]
+        names += ["Accuracy", "Bearings", "Forces", "Impacts", "Spectrum"]
         for name, title in zip(names, seen["folded"], strict=True):
             assert title.startswith(name)
             assert len(title) > len(name) + 15  # and says what is inside
@@ -403,6 +408,33 @@ def test_a_report_fits_the_screen_light_and_dark(page, open_report, width, schem
         assert high >= drawn - 1.0  # what follows does not cover it
 
 
+HIDE = "() => { document.getElementById('chart-first_error').parentElement.hidden = %s; }"
+
+
+def test_a_chart_that_had_no_room_is_drawn_once_it_has_some(page, open_report):
+    tab = open_report(page, 1280)
+    tab.evaluate(HIDE % "true")
+    tab.evaluate("window.jointplayReport.show([0.2, 0.3])")  # draws what is in view
+    tab.evaluate(DRAWN)
+    tab.evaluate(HIDE % "false")
+    seen = "() => document.getElementById('chart-first_error').plots[0].across.range[0] === 0.2"
+    until(tab, seen)
+    assert tab.locator("#chart-first_error path.curve").count() == 1
+
+
+def test_a_single_case_is_named_nowhere_and_pictures_are_no_slabs_in_the_dark(
+    folder, tmp_path, open_report
+):
+    result = jp.Result.load(folder / "worn.nc")
+    reports.report({"only": result}, tmp_path / "a.html", impacts=0, pdf=False)
+    tab = open_report(tmp_path / "a.html", 1280, "dark")
+    assert "only" not in re.findall(r"\w+", tab.inner_text("header") + tab.inner_text("#glance"))
+    words = tab.locator(".key *, .plots text").all_text_contents()
+    assert not any(re.search(r"\bonly\b", word) for word in words)
+    pixels = Image.open(BytesIO(tab.locator("#at-a-glance img").screenshot())).convert("L")
+    assert np.mean(np.asarray(pixels) > 200) < 0.2
+
+
 def test_charts_and_tables_show_the_same_time(page, open_report):
     tab = open_report(page, 1280)
     assert tab.evaluate("document.getElementById('chart-tool_velocity').plots[0].across.range") == [
@@ -511,9 +543,9 @@ def test_a_report_reads_the_claims_that_the_study_writes(tmp_path):
         table=Table.of_texts([["a"], ["1"]]), runs=1, measures={}, plan=[], made={}
     )
     write_claims([verdict], ensembles, tmp_path)
-    head, row = sections.claim_rows(tmp_path / "claims.csv")
+    head, row = runs.claim_rows(tmp_path / "claims.csv")
     assert tuple(row) == verdict.row()
     assert tuple(head) == CLAIM_COLUMNS
     (tmp_path / "claims.csv").write_text("a,b\n")
     with pytest.raises(jp.JointplayError, match="not a claims table"):
-        sections.claim_rows(tmp_path / "claims.csv")
+        runs.claim_rows(tmp_path / "claims.csv")

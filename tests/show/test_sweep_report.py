@@ -9,7 +9,7 @@ from sweep_scenario import SCENARIO
 
 import jointplay as jp
 from jointplay.cli import main
-from jointplay.show.reports.sweep import write as sweep_report
+from jointplay.show.reports import sweep_report
 
 AXES = """
 clearance = { key = "joints.joint_b.radial_clearance", values = [0, "0.2 mm", "1 nm"] }

@@ -31,7 +31,7 @@ _UNCOLOURED = "#c9d3df"  # of bodies of which a colouring says nothing
 _PLAY, _LOOP, _TOOL = "#d1352b", "#1f6fb4", "#222222"
 _TYPE_PT, _LINE_PT, _LETTER_PT = 8.0, 10.5, 4.8
 """Size of words, of a line of them and about that of a letter of DejaVu Sans [points]."""
-_HEIGHT_PT = 390.0  # about that of the picture within a figure of 5.5 inches
+_HEIGHT_PT = 71.0  # about that of the picture, of an inch of its figure
 _Note = tuple[np.ndarray, str, str]  # a place (3,) [m], words and their colour
 _RING_RADIUS = 0.06  # of the marks, relative to the mechanism's size (judged)
 _LONGEST_SIDE = 0.03
@@ -58,6 +58,7 @@ def picture(
     folders: Sequence[str | Path] = (),
     colours: Mapping[str, str] | None = None,
     labels: Mapping[str, str] | None = None,
+    size_in: tuple[float, float] = (8.0, 5.5),
 ) -> Figure:
     """Draw a mechanism as it stands, in parallel projection.
 
@@ -74,6 +75,7 @@ def picture(
         folders: where meshes may be, too.
         colours: of bodies, by the name of the joint that carries them, as #rrggbb.
         labels: what stands beside the marks of joints with clearance instead of their play.
+        size_in: width and height [inches].
 
     Returns:
         A figure of its own; save it with its `savefig`.
@@ -107,7 +109,7 @@ def picture(
     triangles, normals = np.concatenate(pieces), np.concatenate(sides)
     tones = [np.tile(tone, (len(piece), 1)) for tone, piece in zip(paints, pieces, strict=True)]
 
-    figure = Figure(figsize=(8.0, 5.5), layout="constrained")
+    figure = Figure(figsize=size_in, layout="constrained")
     axes: Any = figure.add_subplot(projection="3d", proj_type="ortho", computed_zorder=False)
     # Either side may be the outer one: not all mesh files wind their triangles alike.
     shade = 0.45 + 0.5 * np.abs(normals @ (_LIGHT_DIRECTION / np.linalg.norm(_LIGHT_DIRECTION)))
@@ -137,7 +139,7 @@ def picture(
     for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
         axis.set_major_locator(MaxNLocator(4))
         axis.pane.set_alpha(0.15)
-    _write(axes, notes)
+    _write(axes, notes, _HEIGHT_PT * size_in[1])
     axes.set_title(title, fontsize=11)
     if missing := [Path(name).name for name in scene.look.missing]:
         words = f"not found, simple shapes instead: {few(missing, 3)}"
@@ -205,10 +207,10 @@ def _mark(axes: Any, place: pin.SE3, radius: float, colour: str) -> np.ndarray:
     return np.asarray(line[:, 1])
 
 
-def _write(axes: Any, notes: Sequence[_Note]) -> None:
+def _write(axes: Any, notes: Sequence[_Note], height_pt: float) -> None:
     """Words beside their points, from above; what would cover others moves down, led by a line."""
     seen = axes.get_proj()
-    point = axes.viewLim.height / _HEIGHT_PT
+    point = axes.viewLim.height / height_pt
     taken: list[tuple[float, float, float, float]] = []
     flat = [(np.array(proj_transform(*at, seen)[:2], float), text, c) for at, text, c in notes]
     for at, text, colour in sorted(flat, key=lambda note: -note[0][1]):

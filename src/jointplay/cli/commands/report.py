@@ -61,7 +61,8 @@ def run(options: argparse.Namespace) -> int:
         beside = [path / "claims.csv" for path in paths if path.is_dir()]
         claims = next((path for path in beside if path.is_file()), None)
         claims = Path(options.claims) if options.claims else claims
-        reports.sections.claim_rows(claims)  # before results are loaded
+        if claims is not None:
+            reports.runs.claim_rows(claims)  # before results are loaded
         results = reports.load(paths, options.label)
         impacts = reports.IMPACTS if options.impacts is None else options.impacts
         written = reports.report(results, out, claims=claims, impacts=impacts, **shared)
@@ -70,7 +71,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _sweep(paths: list[Path], options: argparse.Namespace, shared: dict[str, Any]) -> list[Path]:
-    from jointplay.show.reports import sweep
+    from jointplay.show.reports import sweep_report
 
     if len(paths) > 1:
         raise JointplayError("a sweep gets a separate report; give only its folder")
@@ -79,4 +80,4 @@ def _sweep(paths: list[Path], options: argparse.Namespace, shared: dict[str, Any
         if getattr(options, name):
             raise JointplayError(f"--{name} is for results; {str(store)!r} is a sweep")
     default = store.parent / f"{store.name}_report.html"
-    return sweep.write(store, Path(options.out or default), **shared)
+    return sweep_report(store, Path(options.out or default), **shared)

@@ -184,7 +184,7 @@ class Panel:
         marks = []
         for mark in self.marks:
             framed = isinstance(mark, Rule | Words) or (isinstance(mark, Curve) and mark.frame)
-            known = {name: one for name, one in fields.items() if hasattr(mark, name)}
+            known = {name: value for name, value in fields.items() if hasattr(mark, name)}
             marks.append(mark if framed else replace(mark, **known))
         return replace(self, marks=marks)
 
@@ -198,7 +198,7 @@ class Panel:
 def overlaid(panels: Iterable[Panel]) -> Panel:
     """Panels over each other, with the axes and the title of the first."""
     first, *others = panels
-    return first.with_marks(*(mark for one in others for mark in one.marks))
+    return first.with_marks(*(mark for panel in others for mark in panel.marks))
 
 
 @dataclass(frozen=True)
@@ -219,7 +219,7 @@ class Chart:
 
     @property
     def panels(self) -> list[Panel]:
-        return [one for row in self.rows for one in row if one is not None]
+        return [panel for row in self.rows for panel in row if panel is not None]
 
 
 def outline(x: np.ndarray, y: np.ndarray, width: float = 1.0) -> Curve:

@@ -93,13 +93,15 @@ def _stacked(parts: np.ndarray, names: Sequence[str], **look: Any) -> list[Mark]
 def cause_bars(budget: ErrorBudget) -> Figure:
     """Each joint's part of the whole error at the worst pose, by cause."""
     at = budget.worst_pose
-    joints = list(dict.fromkeys(one.joint for one in budget.model.contributions))
+    joints = list(dict.fromkeys(contribution.joint for contribution in budget.model.contributions))
     causes = list(budget.by("cause"))
     parts, variances = budget.worst_parts[at], budget.variances
     whole = float(variances.sum()) or 1.0
     shown = np.zeros((2, len(causes), len(joints)))
-    for part, variance, one in zip(parts, variances, budget.model.contributions, strict=True):
-        cell = causes.index(one.cause), joints.index(one.joint)
+    for part, variance, contribution in zip(
+        parts, variances, budget.model.contributions, strict=True
+    ):
+        cell = causes.index(contribution.cause), joints.index(contribution.joint)
         shown[0][cell] += part
         shown[1][cell] += 100.0 * variance / whole
     axes = (
@@ -202,17 +204,17 @@ def before_and_after(judgement: Judgement) -> Figure:
         corners.append(judgement.least_gain)
     tool = judgement.compensation.simulation.mechanism.tool
     panels = []
-    for one in corners:
+    for corner in corners:
         marks: list[Mark] = [
             Curve(errors.times, np.linalg.norm(errors.values[:, :3], axis=1), name, tone)
             for errors, name, tone in (
-                (one.before, "as it was", COLOURS[1]),
-                (one.after, "corrected", COLOURS[0]),
+                (corner.before, "as it was", COLOURS[1]),
+                (corner.after, "corrected", COLOURS[0]),
             )
         ]
-        time = Axis("time", "s", low=0.0, high=float(one.before.times[-1]))
-        sizes = " to ".join(f"{1e3 * x.rms:.3g}" for x in (one.before, one.after))
-        title = f"{one.label}: RMS {sizes} mm"
+        time = Axis("time", "s", low=0.0, high=float(corner.before.times[-1]))
+        sizes = " to ".join(f"{1e3 * x.rms:.3g}" for x in (corner.before, corner.after))
+        title = f"{corner.label}: RMS {sizes} mm"
         panels.append(Panel(time, Axis(f"error of {tool!r}", "m", low=0.0), marks, title))
     return _row(panels, (4.8 * len(panels), 3.6), key=2)
 
@@ -235,16 +237,16 @@ def workspace_map(budget: PlayBudget) -> Figure:
 def allocation(allotment: Allocation) -> Figure:
     """What each joint adds in the end (pale: as it was) and costs, by cause; its size."""
     joints = list(dict.fromkeys(allotment.joints))
-    causes = list(dict.fromkeys(one.cause for one in allotment.choices))
+    causes = list(dict.fromkeys(choice.cause for choice in allotment.choices))
     shown = np.zeros((3, len(causes), len(joints)))
     sized = np.full((4, len(joints)), np.nan)
-    for one in allotment.choices:
-        cell = shown[:, causes.index(one.cause), joints.index(one.joint)]
-        cell += np.nan_to_num([one.before, one.after, one.price])
-        if not np.isnan(one.clearance):
-            sized[:2, joints.index(one.joint)] = one.clearance, one.saved
-        if not np.isnan(one.play):
-            sized[2:, joints.index(one.joint)] = np.degrees(60.0 * one.play), one.saved
+    for choice in allotment.choices:
+        cell = shown[:, causes.index(choice.cause), joints.index(choice.joint)]
+        cell += np.nan_to_num([choice.before, choice.after, choice.price])
+        if not np.isnan(choice.clearance):
+            sized[:2, joints.index(choice.joint)] = choice.clearance, choice.saved
+        if not np.isnan(choice.play):
+            sized[2:, joints.index(choice.joint)] = np.degrees(60.0 * choice.play), choice.saved
     nameless = [""] * len(causes)
     after = _stacked(shown[1], causes, shift=0.2, height=0.36)
     unit = allotment.unit
@@ -259,7 +261,7 @@ def allocation(allotment: Allocation) -> Figure:
     for values, axis in zip(sized, names, strict=True):
         if not np.isnan(values).all():
             panels.append((axis, [Bars(np.nan_to_num(values), colour=COLOURS[1])]))
-    note = "; ".join(one for one in allotment.notes if one.startswith("assumed"))
+    note = "; ".join(note for note in allotment.notes if note.startswith("assumed"))
     rows, size = Axis(rows=joints), (3.0 + 3.0 * len(panels), 1.9 + 0.42 * len(joints))
     each = [Panel(axis, rows, marks) for axis, marks in panels]
     return _row(each, size, note=note, key=len(causes), same_y=True)
@@ -276,17 +278,17 @@ _AGREEMENT = {
 
 def identification(fit: Identification) -> Figure:
     """Intervals relative to the scenario's values, predicted means over measured, with offsets."""
-    shown = [one for one in fit.estimates if one.unknown.sought]
+    shown = [estimate for estimate in fit.estimates if estimate.unknown.sought]
     marks: list[Mark] = []
-    for row, one in enumerate(shown):
-        scale = one.unknown.scale
-        if one.reason:
+    for row, estimate in enumerate(shown):
+        scale = estimate.unknown.scale
+        if estimate.reason:
             marks.append(Words(1.0, row, "cannot tell"))
             continue
-        low, high = (end / scale for end in one.interval)
-        marks += _interval(row, low, high, one.value / scale)
+        low, high = (end / scale for end in estimate.interval)
+        marks += _interval(row, low, high, estimate.value / scale)
     marks.append(Rule(1.0, "x", colour=LINE, line=":"))
-    rows = Axis(rows=[one.label for one in shown])
+    rows = Axis(rows=[estimate.label for estimate in shown])
     panels = [Panel(Axis("found / scenario", low=0.0), rows, marks)]
     for kind in dict.fromkeys(kind for kind, _ in fit.observed.keys):
         axis = _AGREEMENT.get(kind, Axis("torque", "N*m"))
@@ -327,7 +329,7 @@ def reversal_loops(loops: Sequence[Loop], estimates: Sequence[Estimate]) -> Figu
             dots: dict[str, Any] = {"line": "", "marker": "o", "size": 4.0, "hollow": not way}
             marks.append(Curve(loop.x[seen], loop.measured[seen], "", colour, opacity=0.7, **dots))
             marks.append(Curve(loop.x[fit], loop.fitted[fit], "", colour, order=3.0))
-        words = [one.words() for one in estimates if one.plays(loop.joint)]
+        words = [estimate.words() for estimate in estimates if estimate.plays(loop.joint)]
         play = [interval if value == "-" else f"play {interval}" for value, interval in words]
         x, up = (
             Axis(loop.x_name, loop.x_unit, ticks=5),
@@ -349,30 +351,30 @@ def _interval(row: int, low: float, high: float, value: float) -> list[Mark]:
 
 def calibration(fit: Calibration) -> Figure:
     """Errors in training and on held-back poses by model, each pose's error, bounds of play."""
-    known = [one for one in fit.play if not one.reason]
+    known = [play for play in fit.play if not play.reason]
     groups = ((-0.2, "training", COLOURS[0]), (0.2, "held_back", COLOURS[1]))
     steps: list[Mark] = []
     poses: list[Mark] = []
     for shift, name, colour in groups:
-        sizes = [getattr(one, name)[0] for one in fit.steps]
+        sizes = [getattr(step, name)[0] for step in fit.steps]
         label = name.replace("_", " ")
         steps.append(Bars(sizes, label, colour, shift=shift, height=0.38))
         each = np.linalg.norm(fit.step().errors[name][0], axis=1)
         poses.append(Curve(np.arange(1, len(each) + 1), each, "", colour, "", marker="o", size=2.5))
-    rows = [one.added + (" (kept)" if one.kept else "") for one in fit.steps]
+    rows = [step.added + (" (kept)" if step.kept else "") for step in fit.steps]
     panels = [
         Panel(Axis("position error (RMS)", "m"), Axis(rows=rows), steps),
         Panel(Axis("pose"), Axis("position error", "m", low=0.0), poses),
     ]
     bounds: list[Mark] = []
-    for row, one in enumerate(known):
-        if not one.bounded:
-            bounds += _interval(row, 1e3 * one.low, 1e3 * one.high, 1e3 * one.value)
+    for row, play in enumerate(known):
+        if not play.bounded:
+            bounds += _interval(row, 1e3 * play.low, 1e3 * play.high, 1e3 * play.value)
         else:
-            bounds.append(Bars([1e3 * one.upper], "", "#cccccc", height=0.5, rows=[row]))
+            bounds.append(Bars([1e3 * play.upper], "", "#cccccc", height=0.5, rows=[row]))
     if known:
         across = Axis("play [mrad or mm]\ninterval; grey: bound")
-        panels.append(Panel(across, Axis(rows=[one.joint for one in known]), bounds))
+        panels.append(Panel(across, Axis(rows=[play.joint for play in known]), bounds))
     size = (3.4 * len(panels), 1.6 + 0.3 * max(len(fit.steps), 5))
     return _row(panels, size, note=f"held back: {fit.folds}; statistical, 95 %", key=2)
 
@@ -458,7 +460,8 @@ def gains(found: GainMap) -> Figure:
     """Swings of a joint over two gains, and where play is not what makes them."""
     (first, x), (second, y) = found.first, found.second
     names = [
-        f"{one[0].upper()} gain [{UNITS[one]}]" if one in UNITS else one for one in (first, second)
+        f"{name[0].upper()} gain [{UNITS[name]}]" if name in UNITS else name
+        for name in (first, second)
     ]
     across, up = (Axis(name, log=bool(a[0] > 0.0)) for name, a in zip(names, (x, y), strict=True))
     length = "m" if found.axis.slides else "rad"
@@ -475,7 +478,7 @@ def gains(found: GainMap) -> Figure:
     marks: list[Mark] = []
     for where, name, marker, colour in kinds:
         if where.any():
-            across_at, up_at = (one[where.ravel()] for one in places)
+            across_at, up_at = (place[where.ravel()] for place in places)
             look: dict[str, Any] = {"marker": marker, "size": 3.0, "order": 4.0}
             marks.append(Curve(across_at, up_at, name, colour, "", **look))
     shown = [(size, Axis("swing", length)), (rate, Axis("frequency", "Hz"))]

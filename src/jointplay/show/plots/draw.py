@@ -85,8 +85,8 @@ def draw(chart: Chart, look: str = "screen", whole: bool = False) -> StyledFigur
 def key(figure: Figure, axes: Any, columns: int, place: Any = "outside upper center") -> None:
     """A legend of all that is named in some axes, each name once, to be read row by row."""
     named: dict[str, Any] = {}
-    for one in np.ravel(axes):
-        for handle, name in zip(*one.get_legend_handles_labels(), strict=True):
+    for panel in np.ravel(axes):
+        for handle, name in zip(*panel.get_legend_handles_labels(), strict=True):
             named.setdefault(name, handle)
     if not named:
         return
@@ -140,12 +140,12 @@ def _set_axis(axes: Axes, which: str, axis: Axis, panel: Panel) -> None:
         count = len(axis.rows)
         at = list(range(count))
         if any(isinstance(mark, Map) for mark in panel.marks) and count > _MOST_NAMED:
-            at = sorted({round(one) for one in np.linspace(0, count - 1, _MOST_NAMED)})
+            at = sorted({round(row) for row in np.linspace(0, count - 1, _MOST_NAMED)})
         drawn_axis.set_ticks(at, [axis.rows[k] for k in at])
         if which == "y" and not any(isinstance(mark, Map) for mark in panel.marks):
             axes.set_ylim(len(axis.rows) - 0.5, -0.5)
         return
-    limits = [None if one is None else factor * one for one in (axis.low, axis.high)]
+    limits = [None if limit is None else factor * limit for limit in (axis.low, axis.high)]
     if limits != [None, None]:
         getattr(axes, f"set_{which}lim")(*limits)
     if axis.log and np.isfinite(getattr(axes.dataLim, f"minpos{which}")):  # something has a place

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
@@ -73,8 +72,10 @@ def difference_panels(cases: Cases, of: str, ideals: Mapping[str, Result]) -> li
     drawn = [item for item in coloured(cases) if item[0] in ideals]
     return [
         overlaid(
-            one.plot.panel("deviation", axis, ideals[label], of=of).styled(colour=tone, name=label)
-            for label, one, tone in drawn
+            result.plot.panel("deviation", axis, ideals[label], of=of).styled(
+                colour=tone, name=label
+            )
+            for label, result, tone in drawn
         ).renamed(f"{axis} - ideal")
         for axis in (moving_axes(cases) if drawn else ())
     ]
@@ -109,7 +110,7 @@ def moving_axes(cases: Cases) -> list[str]:
     """World axes along which the tool moves in any of the cases; all, if it moves along none."""
     paths = [result["tool_position"].values for result in cases.values()]
     reach = np.max([np.nanmax(path, axis=0) - np.nanmin(path, axis=0) for path in paths], axis=0)
-    moving = [axis for axis, one in zip(AXES, reach, strict=True) if one > _STILL * reach.max()]
+    moving = [axis for axis, size in zip(AXES, reach, strict=True) if size > _STILL * reach.max()]
     return moving or list(AXES)
 
 
@@ -221,7 +222,7 @@ def journal_orbit(cases: Cases) -> Chart:
 
 
 def force_panels(cases: Cases, axis: str) -> list[Panel]:
-    """Force on the journal along a world axis over time, a panel a case and joint.
+    """Force in a joint along a world axis over time, a panel a case and joint.
 
     Of a case without clearance it is the force in the joints that have some in another, or in the
     first that moves.
@@ -239,7 +240,7 @@ def force_panels(cases: Cases, axis: str) -> list[Panel]:
 
 
 def joint_force(cases: Cases, axis: str) -> Chart:
-    """Force on the journal along a world axis over time, a panel a case and joint (Figures 13-15).
+    """Force in a joint along a world axis over time, a panel a case and joint (Figures 13-15).
 
     With clearance the contact force, each record showing the force at the instant since the last
     record at which its magnitude was largest; for the ideal robot the constraint force.
@@ -250,7 +251,7 @@ def joint_force(cases: Cases, axis: str) -> Chart:
             " With clearance the force of the contacts, the largest since the last record; that of "
             "the ideal joint is a constraint force: nothing touches there."
         )
-    size, title = (7.0, 1.3 + 1.7 * len(panels)), f"force on the journal along world {axis}"
+    size, title = (7.0, 1.3 + 1.7 * len(panels)), f"force in the joint along world {axis}"
     rows = [[panel] for panel in panels]
     return Chart(rows, size, title=title, note=note.strip(), same_x=True, same_y="col")
 
@@ -293,7 +294,7 @@ def overview(cases: Cases, known: Mapping[str, Result | None] | None = None) -> 
     single = len(every) == 1
     several = single and len(every[0][1].joints) > 1  # then colours are theirs
     if several:
-        every = [(label, one, "black") for label, one, _ in every]
+        every = [(label, result, "black") for label, result, _ in every]
     shown = [item for item in every[::-1] if item[1].joints]  # these have errors and contacts
     if not ideals:
         if known is None:
@@ -309,21 +310,21 @@ def overview(cases: Cases, known: Mapping[str, Result | None] | None = None) -> 
         for line in _skeleton(mechanism, first["q"].values[moment])
     ]
     plan = overlaid(
-        one.plot.panel("path", plane).styled(
-            colour=tone, width=1.0, name=label if has_play(one) and not single else ""
+        result.plot.panel("path", plane).styled(
+            colour=tone, width=1.0, name=label if has_play(result) and not single else ""
         )
-        for label, one, tone in every
+        for label, result, tone in every
     )
     plan = replace(plan, marks=[*bones, *plan.marks], title=f"{plane} plane, with the tool's path")
     error: Panel | None = None
     if ideals:
         error = overlaid(
-            one.plot.panel("deviation", "total", ideals[label]).styled(colour=tone)
-            for label, one, tone in every[::-1]
+            result.plot.panel("deviation", "total", ideals[label]).styled(colour=tone)
+            for label, result, tone in every[::-1]
             if label in ideals
         ).renamed("tool error")
     elif shown:
-        error = overlaid(one.plot.panel("tilt").styled(colour=tone) for _, one, tone in shown)
+        error = overlaid(result.plot.panel("tilt").styled(colour=tone) for _, result, tone in shown)
     around: dict[str, Any] = {"key": _LEGEND_COLUMNS, "wide": (1.0, 1.5)}
     if not shown:
         return Chart([[plan, error]], (9.0, 3.4), **around)
@@ -332,7 +333,7 @@ def overview(cases: Cases, known: Mapping[str, Result | None] | None = None) -> 
     ring = analysis.rolls(result, joint)
     what = "inner ring in the outer one" if ring else "journal centre in its bearing"
     title = f"contact force at {joint}"
-    forces: list[Any] = [(one, None, tone, "") for _, one, tone in shown]
+    forces: list[Any] = [(result, None, tone, "") for _, result, tone in shown]
     if several:
         tones = many(len(result.joints))
         title, colour = "contact forces", tones[0]
@@ -340,8 +341,8 @@ def overview(cases: Cases, known: Mapping[str, Result | None] | None = None) -> 
             (result, name, tone, name) for name, tone in zip(result.joints, tones, strict=True)
         ]
     force = overlaid(
-        one.plot.panel("forces", "total", name).styled(colour=tone, name=words)
-        for one, name, tone, words in forces
+        result.plot.panel("forces", "total", name).styled(colour=tone, name=label)
+        for result, name, tone, label in forces
     ).renamed("contact force")
     orbit = result.plot.panel("orbit").styled(colour=colour)
     orbit = replace(orbit, title=f"{what}, {joint}" + ("" if single else f", {label}"))
@@ -376,7 +377,7 @@ _NEEDS: dict[str, Callable[[Cases], Any]] = {
     "overview": lambda cases: any(map(has_play, cases.values())),
     "tool_path": lambda cases: not is_straight(cases),
     "bearing_loads": lambda cases: any(
-        analysis.rolls(one, joint) for one in cases.values() for joint in one.joints
+        analysis.rolls(result, joint) for result in cases.values() for joint in result.joints
     ),
 }
 
@@ -439,25 +440,6 @@ def _drawn(charts: Iterable[tuple[str, Chart]], pdf: bool) -> list[tuple[str, st
     return pictures
 
 
-def _states(cases: Cases) -> Iterator[Chart]:
-    """Timelines, contacts and energies of every case with clearance."""
-    for label, result, colour in coloured(cases):
-        panel = result.plot.panel
-        for joint in result.joints:
-            names, shown = ["modes", "contacts", "gaps"], "modes, forms, contacts, gaps"
-            if analysis.time_fractions(result, joint, "form"):
-                names.insert(1, "forms")
-            if analysis.rolls(result, joint):
-                shown = "loads and gaps of elements"
-            rows = [[panel(name, joint)] for name in names]
-            high = (1, 2, 2, 2)[: len(names)]
-            yield Chart(rows, (8.0, 8.0), f"{label}, {joint}: {shown}", colour, high=high)
-            both = [panel("impacts", joint), panel("tilt", joint).styled(colour=colour)]
-            title = f"{label}, {joint}: contacts by duration and peak; tilt"
-            yield Chart([both], (7.0, 4.0), title, colour)
-        yield Chart([[panel("energy")]], (7.0, 4.2), f"{label}: energy balance", colour)
-
-
 def spectrum_panels(cases: Cases, start: float | None) -> list[Panel]:
     """Spectra of the tool's acceleration by axis; runs that are too short are named so."""
     panels = []
@@ -465,35 +447,10 @@ def spectrum_panels(cases: Cases, start: float | None) -> list[Panel]:
         panel = Panel(Axis("frequency", "Hz", log=True), Axis(axis, "(m/s^2)^2/Hz", log=True))
         for label, result, colour in coloured(cases):
             try:
-                one = result.plot.panel("spectrum", axis, start=start)
-                marks = one.styled(colour=colour, name=label).marks
+                spectrum = result.plot.panel("spectrum", axis, start=start)
+                marks = spectrum.styled(colour=colour, name=label).marks
             except TooShort:
                 marks = [Curve([], [], f"{label}: too short for a spectrum", colour)]
             panel = panel.with_marks(*marks)
         panels.append(panel)
     return panels
-
-
-def spectra(cases: Cases, start: float | None = None) -> Chart:
-    """Power spectral densities of the tool's acceleration."""
-    rows = [[panel] for panel in spectrum_panels(cases, start)]
-    title = "power spectral density of the tool's acceleration"
-    return Chart(rows, (7.0, 6.5), title, key=_LEGEND_COLUMNS, same_x=True)
-
-
-def pdf(cases: Cases, start: float | None = None, look: str = "paper") -> bytes:
-    """Every figure of the cases in one PDF, vector graphics, a figure a page.
-
-    Records before `start` [s] are left out of spectra; None: before each run is judged.
-    """
-    from matplotlib.backends.backend_pdf import PdfPages  # takes long to import
-
-    from jointplay.show.plots.style import style
-
-    drawn = io.BytesIO()
-    with style(look), PdfPages(drawn) as pages:  # which embeds typefaces when it is closed
-        pages.infodict()["Title"] = f"jointplay: {', '.join(cases)}"
-        charts = (chart for _, chart in _charts(cases))
-        for chart in (*charts, *_states(cases), spectra(cases, start)):
-            pages.savefig(draw(chart, look, whole=True))
-    return drawn.getvalue()

@@ -204,10 +204,10 @@ class Plots:
         far = np.linalg.norm(across, axis=1)
         drawn = across * np.divide(reach, far, out=np.ones_like(far), where=far > 0.0)[:, None]
         marks = [outline(*room)]
-        for one in reversed(Mode):
-            label = f"{MODE_TERMS[one]} ({MODES[one]})"
-            x, y = drawn[mode == one].T
-            marks.append(Curve(x, y, label, _RIM_COLOURS[one], line="", marker="o", size=1.0))
+        for kind in reversed(Mode):
+            label = f"{MODE_TERMS[kind]} ({MODES[kind]})"
+            x, y = drawn[mode == kind].T
+            marks.append(Curve(x, y, label, _RIM_COLOURS[kind], line="", marker="o", size=1.0))
         edge = 1.05 * _RIM_EDGE * clearance
         title = f"{name}, nearer rim, penetration × {factor:g}"
         return Panel(*self._plane(False, low=-edge, high=edge), marks, title, equal="box")
@@ -302,7 +302,7 @@ class Plots:
         """
         name = self._joint("impacts", joint)
         dot: dict[str, Any] = {"line": "", "size": 3.5, "opacity": 0.8}
-        places = [one for one in analysis.contacts(self.result, start) if one.joint == name]
+        places = [place for place in analysis.contacts(self.result, start) if place.joint == name]
         marks = []
         for i, place in enumerate(places):
             label = f"{place.contact.replace('_', ' ')}, {len(place.peak)}"
@@ -397,8 +397,10 @@ class Plots:
             of: ``q`` [rad or m], ``v`` [rad/s or m/s] or ``drive`` [N m or N].
         """
         require_known("history of coordinates", of, _HISTORIES)
-        coordinates = (self.result[one].values for one in ("coordinate", "coordinate_unit"))
-        unit = {str(name): str(one) for name, one in zip(*coordinates, strict=True)}
+        coordinates = (
+            self.result[variable].values for variable in ("coordinate", "coordinate_unit")
+        )
+        unit = {str(name): str(of) for name, of in zip(*coordinates, strict=True)}
         if names is None:
             plain = [name for name in unit if "." not in name] or list(unit)
             names = [name for name in plain if unit[name] == "rad"] or plain
@@ -501,4 +503,4 @@ def _axes_of(axis: str | None) -> dict[str, dict[str, Any]]:
     if axis is not None and axis not in AXIS_COLOURS:
         raise MissingName("axis", axis, AXIS_COLOURS)
     names = AXES if axis is None else (axis,)
-    return {one: {"colour": AXIS_COLOURS[one], "name": "" if axis else one} for one in names}
+    return {name: {"colour": AXIS_COLOURS[name], "name": "" if axis else name} for name in names}

@@ -1,18 +1,22 @@
-"""What a report is about: results with their ideal references and their impacts step by step."""
+"""What a report is about: results, their ideal references, their impacts step by step."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from jointplay.base.errors import JointplayError
 from jointplay.base.tables import counted
-from jointplay.show.plots.figures import coloured
-from jointplay.show.reports.html import Html, markup, note
+from jointplay.show.plots import figures
+from jointplay.show.reports.html import Html, markup
+from jointplay.show.reports.parts import Grid, Row
 from jointplay.simulation import analysis
 from jointplay.simulation.analysis.replay import (
     Impact,
@@ -35,6 +39,7 @@ class Case:
     label: str
     result: Result
     colour: str
+    alone: bool = False  # whether it is the only one, so that nothing needs its name
     ideal: Result | None = None  # what its tool is measured against; itself for an ideal run
     error: xr.DataArray | None = None
     """The tool's deviation from `ideal` (time, axis) [m]; None for an ideal run."""
@@ -42,8 +47,18 @@ class Case:
     replay: Replay | None = None
     impacts: list[Impact] = field(default_factory=list)
     """The largest ones, step by step, one for each window of the replay."""
-    notes: list[Html] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
     """What the reader must know of how this case was evaluated."""
+
+    def __html__(self) -> str:
+        """Its name with a swatch of its colour."""
+        pattern = '<span class="case" style="--c:{}">{}</span>'
+        return "" if self.alone else markup(pattern, self.colour, self.label)
+
+    @property
+    def prefix(self) -> Html:
+        """What stands before a sentence on it."""
+        return Html("") if self.alone else markup("{}: ", self)
 
     @property
     def joints(self) -> list[str]:
@@ -61,58 +76,120 @@ class Case:
         """
         if self.replay is None or not self.replay.windows:
             return self.result
-        kept = np.ones(len(self.result.time), bool)
+        coarse = np.ones(len(self.result.time), bool)
         parts = []
         held = {"joint_force": "joint_force_peak", "normal_force": "normal_force_peak"}
         held["gap"] = "gap_min"
         for part in self.replay.windows:
             time = part["time"].values
-            kept &= (self.result.time < time[0]) | (self.result.time > time[-1])
+            coarse &= (self.result.time < time[0]) | (self.result.time > time[-1])
             parts.append(part.assign({peak: part[name] for name, peak in held.items()}))
-        parts.append(self.result.dataset.isel(time=kept))
+        parts.append(self.result.dataset.isel(time=coarse))
         merged = xr.concat(parts[::-1], "time", data_vars="minimal", combine_attrs="override")
         merged = merged.sortby("time")
         _, first = np.unique(merged["time"].values, return_index=True)
         return Result(merged.isel(time=first))
 
 
+@dataclass(eq=False)
+class Runs:
+    """Cases, from when on they are judged, and claims about them: what a report is about."""
+
+    cases: list[Case]
+    claims: Path | None = None
+
+    @property
+    def start(self) -> float:
+        """From when on statistics are taken [s]: not while journals fall into their bearings."""
+        latest = max(case.result.judge_from for case in self.cases)
+        return latest if min(case.duration for case in self.cases) > latest else 0.0
+
+    @property
+    def since(self) -> str:
+        """What a caption says of the time that is judged."""
+        return f"; from {self.start:g} s on" if self.start else ""
+
+    @cached_property
+    def recorded(self) -> dict[str, Result]:
+        return {case.label: case.result for case in self.cases}
+
+    @cached_property
+    def detailed(self) -> dict[str, Result]:
+        return {case.label: case.detailed() for case in self.cases}
+
+    @property
+    def ideals(self) -> dict[str, Result]:
+        """What each case with a tool error is measured against."""
+        return {
+            case.label: case.ideal
+            for case in self.cases
+            if case.error is not None and case.ideal is not None
+        }
+
+    @property
+    def joints(self) -> list[str]:
+        """All joints with clearance."""
+        return figures.joints_of(self.recorded)
+
+    @cached_property
+    def paper(self) -> bool:
+        """Whether these are runs of the paper's robot."""
+        return figures.is_paper(self.recorded)
+
+    def by_case(self, quantities: Callable[[Case], Row], head: str = "", **fields: Any) -> Grid:
+        """A table with a column for each case."""
+        return Grid.of_cases(head, self.cases, [*map(quantities, self.cases)], **fields)
+
+
 def build(results: Mapping[str, Result], say: Say) -> list[Case]:
     """Find or simulate the ideal references."""
-    cases = [Case(label, result, colour) for label, result, colour in coloured(results)]
-    given = [case for case in cases if not analysis.has_play(case.result)]
-    made: dict[str, Result] = {}
+    alone = len(results) == 1
+    cases = [Case(*case, alone) for case in figures.coloured(results)]
+    ideals = [case for case in cases if not analysis.has_play(case.result)]
+    simulated: dict[str, Result] = {}
     for case in cases:
-        if case in given:
+        if case in ideals:
             case.ideal = case.result
             continue
-        twins = (
-            other
-            for other in given
-            if analysis.is_twin(case.result, other.result) and len(other.result.time) > 1
+        twin = next(
+            (
+                ideal
+                for ideal in ideals
+                if analysis.is_twin(case.result, ideal.result) and len(ideal.result.time) > 1
+            ),
+            None,
         )
         try:
-            if (twin := next(twins, None)) is not None:
+            if twin is not None:
                 case.ideal = twin.result
-                case.notes.append(note("given-twin", repr(twin.label)))
+                case.notes.append(f"Tool errors are measured against {twin.label!r}.")
             else:
                 key = json.dumps([analysis.task(case.result), case.duration], sort_keys=True)
-                if key not in made:
+                if key not in simulated:
                     say(f"simulating the ideal mechanism that {case.label!r} is measured against")
-                    made[key] = analysis.twin(case.result)
-                case.ideal = made[key]
-                case.notes.append(note("made-twin"))
+                    simulated[key] = analysis.twin(case.result)
+                case.ideal = simulated[key]
+                case.notes.append(
+                    "Tool errors are measured against the ideal mechanism, simulated for this "
+                    "report because no ideal run with the same inputs was given."
+                )
             case.error = analysis.deviation(case.result, case.ideal)
             case.turn = analysis.deviation(case.result, case.ideal, "tool_orientation")
             simulation = case.result.simulation
-            drives = simulation.drive
-            each = drives.values() if isinstance(drives, Mapping) else [drives]
-            if simulation.motion is None or not any(drive.follows for drive in each):
-                case.notes.append(note("free"))
-            if float(case.error["time"][-1]) < case.duration:
-                case.notes.append(note("short-twin", f"{float(case.error['time'][-1]):g}"))
+            drive = simulation.drive
+            drives = drive.values() if isinstance(drive, Mapping) else [drive]
+            if simulation.motion is None or not any(drive.follows for drive in drives):
+                case.notes.append(
+                    "No drive follows a reference: the ideal mechanism moves freely, so the tool's "
+                    "difference from it is not a position error."
+                )
+            if (until := float(case.error["time"][-1])) < case.duration:
+                case.notes.append(
+                    f"The reference ends at {until:g} s; tool errors are those up to there."
+                )
         except JointplayError as error:
             case.ideal = case.error = case.turn = None
-            case.notes.append(note("no-twin", str(error)))
+            case.notes.append(f"No tool errors: the ideal mechanism cannot be simulated ({error}).")
     return cases
 
 
@@ -123,59 +200,28 @@ def follow_impacts(cases: Iterable[Case], number: int, say: Say) -> None:
             continue
         chosen = largest_impacts(case.result, number)
         if not chosen:
-            case.notes.append(note("no-contact"))
+            case.notes.append("No single steps: there is no contact in the records.")
             continue
-        step, what = case.result.audit.step, counted(len(chosen), "largest impact")
-        say(f"repeating {case.label!r}, for its {what} step by step")
+        step = case.result.audit.step
+        say(f"repeating {case.label!r}, for its {counted(len(chosen), 'largest impact')}")
         try:
             mechanism = case.result.simulation.mechanism
             if contact_names(mechanism) != [str(name) for name in case.result["contact"].values]:
                 raise JointplayError("its contacts do not match its inputs")
             repetition = replay(case.result, [window(place, i, step) for place, i in chosen])
         except JointplayError as error:
-            case.notes.append(note("no-repetition", str(error)))
+            case.notes.append(f"No single steps: the run cannot be repeated ({error}).")
             say(f"{case.label!r} cannot be repeated: {error}")
             continue
         if not repetition.faithful:
             versions = case.result.dataset.attrs.get("versions", "unknown")
-            case.notes.append(note("unfaithful", versions))
+            case.notes.append(
+                "No single steps: repeated here, the run does not match the stored one bit for bit "
+                f"(made with {versions}), and impacts magnify any difference."
+            )
             continue
         case.replay = repetition
         case.impacts = [
             follow(part, place.joint, place.contact)
             for part, (place, _) in zip(repetition.windows, chosen, strict=True)
         ]
-
-
-# How cases and their parts are named, and from when on they are judged.
-
-
-def inside_bearings(cases: Sequence[Case]) -> tuple[str, str, str]:
-    """What moves in the bearings: the section on it, the title of its orbits, a word for it."""
-    rolls = {analysis.rolls(case.result, joint) for case in cases for joint in case.joints}
-    if rolls == {True}:
-        return "Inner rings", "Inner ring's centre in the outer ring", "inner ring"
-    if rolls == {True, False}:
-        return "Journals and inner rings", "Centre in the bearing", "journal or inner ring"
-    return "Journal", "Journal centre in its bearing", "journal"
-
-
-def dark(case: Case) -> Html:
-    """The case's name with a swatch of its colour."""
-    return markup('<span class="case" style="--c:{}">{}</span>', case.colour, case.label)
-
-
-def settled(cases: Sequence[Case]) -> float:
-    """From when on statistics are taken [s]: not while journals fall into their bearings."""
-    latest = max(case.result.judge_from for case in cases)
-    return latest if min(case.duration for case in cases) > latest else 0.0
-
-
-def since(start: float) -> str:
-    """What a caption says of the time that is judged."""
-    return f"; from {start:g} s on" if start else ""
-
-
-def place_of(case: Case, joint: str, contact: str) -> Html:
-    """The case and one of a joint's contacts."""
-    return markup("{}, {}, {}", dark(case), joint, contact.replace("_", " "))

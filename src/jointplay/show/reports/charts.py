@@ -4,18 +4,13 @@ from __future__ import annotations
 
 import base64
 import gzip
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from jointplay.show.plots import figures
-from jointplay.show.plots.chart import Axis, Curve, Panel, Rule, Spans
-from jointplay.show.plots.names import PAPER
-from jointplay.show.reports.cases import Case, inside_bearings
-from jointplay.simulation import analysis
-from jointplay.simulation.result.result import AXES, Result
+from jointplay.show.plots.chart import Axis, Curve, Panel, Spans
+from jointplay.show.reports.parts import Graph
 
 # Time histories packed for the page: small, unpacked by `page/report.js`.
 
@@ -67,7 +62,6 @@ class Pack:
 _MOTION_BITS, _FORCE_BITS = 18, 13
 """Bits of the mantissa kept of motions (4e-6, relative) and of forces (6e-5)."""
 
-Chart = dict[str, Any]
 _DASHES = {"--": "6 3", ":": "1.5 3", "-.": "6 3 1.5 3"}  # as SVG has them
 
 
@@ -109,211 +103,56 @@ class Times:
         return np.unique(np.concatenate(indices))
 
 
-class Drawing:
-    """Charts in terms of a page; their series go into a `Pack`."""
+class Charts:
+    """Graphs in terms of a page; their series go into a `Pack`."""
 
-    def __init__(self, pack: Pack, times: Sequence[Times]) -> None:
-        self._pack, self._times = pack, times
+    def __init__(self, times: Sequence[Times]) -> None:
+        self.pack, self._times = Pack(), times
 
-    def chart(self, name: str, title: str, panels: Sequence[Panel], *, same: bool = False) -> Chart:
-        """A chart: panels over time or frequency below each other, others side by side.
+    def described(self, graph: Graph) -> dict[str, Any]:
+        """What `page/report.js` draws."""
 
-        `same`: whether their y axes are the same.
-        """
+        def axis(shown: Axis) -> dict[str, Any]:
+            rows = None if shown.rows is None else list(shown.rows)
+            return {"label": shown.name, "unit": shown.shown[1], "log": shown.log, "rows": rows}
 
-        def axis(one: Axis) -> dict[str, Any]:
-            rows = None if one.rows is None else list(one.rows)
-            return {"label": one.name, "unit": one.shown[1], "log": one.log, "rows": rows}
-
-        across = panels[0].x.name if panels else ""
-        drawn = [
+        panels = [
             {
                 "x": axis(panel.x),
                 "y": axis(panel.y),
                 "title": panel.title,
                 "equal": bool(panel.equal),
                 "traces": [  # without lines across, which are the page's own
-                    self._mark(one, panel) for one in panel.marks if isinstance(one, Spans | Curve)
+                    self._trace(mark, panel)
+                    for mark in panel.marks
+                    if isinstance(mark, Spans | Curve)
                 ],
             }
-            for panel in panels
+            for panel in graph.panels
         ]
-        kind = {"stacked": across in ("time", "frequency"), "time": across == "time", "same": same}
-        return {"id": name, "title": title, **kind, "panels": drawn}
+        kind = {"stacked": graph.stacked, "time": graph.across == "time", "same": graph.same}
+        return {"id": graph.name, "title": graph.title, **kind, "panels": panels}
 
-    def _mark(self, mark: Any, panel: Panel) -> dict[str, Any]:
-        look = {"name": mark.name, "color": mark.colour}
+    def _trace(self, mark: Spans | Curve, panel: Panel) -> dict[str, Any]:
+        look: dict[str, Any] = {"name": mark.name, "color": mark.colour}
         if isinstance(mark, Spans):
             owner = self._times[0]
-            for one in self._times:
-                owner = one if np.isin(mark.begin, one.time).all() else owner
-            begin, end = (self._pack.add(owner.steps(time)) for time in (mark.begin, mark.end))
+            for times in self._times:
+                owner = times if np.isin(mark.begin, times.time).all() else owner
+            begin, end = (self.pack.add(owner.steps(time)) for time in (mark.begin, mark.end))
             return {"from": begin, "to": end, "dt": owner.step, "row": mark.row, **look}
         x, y = panel.x.shown[0] * np.asarray(mark.x), panel.y.shown[0] * np.asarray(mark.y)
         look |= {"dash": _DASHES.get(mark.line), "line": bool(mark.line), "frame": mark.frame}
-        bits = (
-            EXACT
-            if panel.y.size == "large"
-            else _FORCE_BITS
-            if panel.y.unit in ("N", "")
-            else _MOTION_BITS
-        )
+        look |= {"size": mark.size}
+        bits = _FORCE_BITS if panel.y.unit in ("N", "") else _MOTION_BITS
+        bits = EXACT if panel.y.size == "large" else bits
         time = np.asarray(mark.x if panel.x.unit == "s" and mark.at is None else mark.at)
-        timed = next((one for one in self._times if time.ndim and one.has(time)), None)
+        timed = next((times for times in self._times if time.ndim and times.has(time)), None)
         if timed is None:
-            return {"x": self._pack.add(x), "y": self._pack.add(y, bits), **look}
+            return {"x": self.pack.add(x), "y": self.pack.add(y, bits), **look}
         curve, ended = mark.at is not None, np.full(len(timed.time) - len(y), np.nan)
         x, y = np.append(x, ended), np.append(y, ended)  # such as where its reference ended
         kept = timed.kept(x, y) if curve else timed.kept(y)
-        steps = self._pack.add(timed.steps(timed.time[kept]))
-        shown = {"t": steps, "dt": timed.step, "y": self._pack.add(y[kept], bits)}
-        return {**shown, **({"x": self._pack.add(x[kept], bits)} if curve else {}), **look}
-
-
-def all_charts(cases: Sequence[Case], pack: Pack, start: float) -> list[Chart]:
-    """All charts of a report, the `FIRST` ones first; their series go into `pack`."""
-    results = {case.label: case.detailed() for case in cases}
-    recorded = {case.label: case.result for case in cases}
-    ideals = {
-        case.label: case.ideal
-        for case in cases
-        if case.error is not None and case.ideal is not None
-    }
-    times = []
-    for case in cases:
-        time = results[case.label].time
-        times.append(Times(time, case.result.audit.step, np.isin(time, case.result.time)))
-    draw = Drawing(pack, times).chart
-    paper = figures.is_paper(recorded)
-    charts = _first(cases, results, start, draw)
-    axes = figures.moving_axes(results)
-    along = f" (along {' and '.join(axes)}, the others are at rest)" if len(axes) < 3 else ""
-    for of, name, word in (
-        ("tool_position", "tool_displacement", "Displacement"),
-        ("tool_velocity", "tool_velocity", "Velocity"),
-    ):
-        title = f"{word} of the tool{along}"
-        charts.append(draw(name, title, figures.tool_panels(results, of)))
-        less = figures.difference_panels(results, of, ideals)
-        charts.append(draw(f"{name}_error", f"{title}, less the ideal mechanism's", less))
-    if not figures.is_straight(results):
-        plane = figures.plane_of(recorded)
-        where = "the XOY plane" if paper and plane == "xy" else f"the {plane} plane"
-        panels = [figures.path_panel(results)]
-        charts.append(draw("tool_path", f"Path of the tool in {where}", panels))
-    _, centre, on = inside_bearings(cases)
-    orbits = [panel for panel, _ in figures.orbit_panels(results)]
-    charts.append(draw("journal_orbit", f"{centre}, with its clearance", orbits))
-    for axis in AXES:
-        title = f"Force on the {on} along world {axis}"
-        forces = figures.force_panels(results, axis)
-        charts.append(draw(f"force_{axis}", title, forces, same=True))
-    modes = [  # shares are those of records, not of steps: the table has them
-        replace(panel, y=Axis(rows=[mark.name for mark in panel.marks if isinstance(mark, Spans)]))
-        for panel in _of_joints(results, "modes", rolling=(False,))
-    ]
-    charts.append(draw("modes", f"Contact mode{' (Table 1)' if paper else ''}", modes))
-    loaded = _of_joints(results, "loaded", rolling=(True,))
-    charts.append(draw("loaded", "Balls or rollers that bear load", loaded))
-    for name, word in (("contacts", "Normal force"), ("gaps", "Gap")):
-        panels = _of_joints(results, name)
-        charts.append(draw(name, f"{word} of each contact", panels, same=True))
-    contacts = [
-        replace(panel, marks=[replace(one, name=one.name.rpartition(", ")[0]) for one in curves])
-        for panel in _of_joints(recorded, "impacts", start=start)
-        if (curves := _curves(panel))
-    ]
-    charts.append(draw("impacts", "Contacts by duration and peak force", contacts))
-    density = [
-        replace(panel, marks=curves)
-        for panel in figures.spectrum_panels(recorded, start)
-        if (curves := _curves(panel))
-    ]
-    title = "Power spectral density of the tool's acceleration"
-    charts.append(draw("spectrum", title, density))
-    for chart in charts:
-        number = PAPER.get(chart["id"].removesuffix("_error"), "") if paper else ""
-        if number:
-            title = chart["title"]
-            chart["title"] = f"Figure {int(number[3:])}: {title[0].lower()}{title[1:]}"
-    return [chart for chart in charts if chart["panels"]]
-
-
-FIRST = ("first_error", "first_orbit", "first_force")
-"""Charts that stand beside the answer, however many joints and cases there are."""
-
-_MOST_ORBITS = 3
-
-
-def _first(
-    cases: Sequence[Case], results: Mapping[str, Result], start: float, draw: Callable[..., Chart]
-) -> list[Chart]:
-    """The tool's error, and orbit and force of the joint that carries most."""
-    charts = []
-    errors = [
-        results[case.label]
-        .plot.panel("deviation", "total", case.ideal)
-        .styled(colour=case.colour, name=case.label)
-        for case in cases
-        if case.error is not None
-    ]
-    if errors:
-        over = figures.overlaid(errors).renamed("tool error")
-        charts.append(draw("first_error", "Tool error: distance from the ideal mechanism", [over]))
-    loaded = [most for case in cases if (most := strongest(case, start)) is not None]
-    if not loaded:
-        return charts
-    worst, _ = max(loaded, key=lambda most: most[1])
-    having = [case for case in cases if worst in case.joints]
-    ring = any(analysis.rolls(case.result, worst) for case in having)
-    by_force = sorted(having, key=lambda case: joint_forces(case, start)[worst])
-    shown = [
-        panel
-        for case, (panel, _) in zip(having, figures.orbit_panels(results, [worst]), strict=True)
-        if case in by_force[-_MOST_ORBITS:]
-    ]
-    several = len({joint for case in cases for joint in case.joints}) > 1
-    carries = ", which carries most" if several else ""
-    what = "Inner ring's centre in" if ring else "Journal's centre in"
-    charts.append(draw("first_orbit", f"{what} {worst}{carries}, with its clearance", shown))
-    forces = (
-        results[case.label]
-        .plot.panel("forces", "total", worst)
-        .styled(colour=case.colour, width=0.8, name=case.label)
-        for case in having
-    )
-    over = figures.overlaid(forces).renamed("contact force")
-    charts.append(draw("first_force", f"Contact force in {worst}{carries}", [over]))
-    return charts
-
-
-def strongest(case: Case, start: float) -> tuple[str, float] | None:
-    """The joint with clearance that carries most from `start` on, and its largest force [N]."""
-    return max(joint_forces(case, start).items(), key=lambda one: one[1], default=None)
-
-
-def joint_forces(case: Case, start: float) -> dict[str, float]:
-    """The largest force in each joint with clearance from `start` on [N]."""
-    if not case.joints:
-        return {}
-    forces = case.result["joint_force_peak"].values[case.result.time >= start]
-    largest = np.linalg.norm(forces, axis=2).max(axis=0, initial=0.0)
-    return dict(zip(case.joints, map(float, largest), strict=True))
-
-
-def _curves(panel: Panel) -> list[Curve]:
-    return [mark for mark in panel.marks if isinstance(mark, Curve) and len(mark.x)]
-
-
-def _of_joints(
-    results: Mapping[str, Result], name: str, rolling: Sequence[bool] = (False, True), **asked: Any
-) -> list[Panel]:
-    """A plot of each joint with clearance that is a rolling bearing, or none, as `rolling` says."""
-    panels = []
-    for label, result in results.items():
-        for joint in result.joints:
-            if analysis.rolls(result, joint) in rolling:
-                panel = result.plot.panel(name, joint, **asked)
-                marks = [mark for mark in panel.marks if not isinstance(mark, Rule)]
-                panels.append(replace(panel, title=f"{label}, {joint}", marks=marks))
-    return panels
+        steps = self.pack.add(timed.steps(timed.time[kept]))
+        shown = {"t": steps, "dt": timed.step, "y": self.pack.add(y[kept], bits)}
+        return {**shown, **({"x": self.pack.add(x[kept], bits)} if curve else {}), **look}

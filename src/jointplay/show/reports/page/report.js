@@ -131,7 +131,7 @@
     const look = { name: trace.name || panel.title, colour: tone(trace.color), dash: trace.dash, frame: trace.frame };
     if (trace.from !== undefined) return { ...look, ...bars(trace) };
     if (trace.t === undefined) {
-      return { ...look, x: series(trace.x), y: series(trace.y), ...(trace.line ? {} : { line: false }) };
+      return { ...look, x: series(trace.x), y: series(trace.y), ...(trace.line ? {} : { line: false, dots: 1.5 * trace.size }) };
     }
     const { count, ...points } = trace.x === undefined ? reduce(trace) : curve(trace);
     return { ...look, ...points, ...(count <= SINGLE || points.x.length < 3 ? { dots: 4 } : {}) };
@@ -140,7 +140,7 @@
   // The panels of a chart in their boxes, and how high all are.
   function build({ chart, zoom, hidden }, wide) {
     const { time, stacked, same, panels } = chart, count = panels.length;
-    const columns = stacked ? 1 : Math.min(count, wide < 640 ? 1 : wide < 900 ? 2 : 3); // side by side
+    const columns = stacked ? 1 : Math.min(count, wide < 420 ? 1 : wide < 900 ? 2 : 3); // side by side
     const across = wide / columns, named = panels[0].y.rows || [];
     const rowHigh = named.length ? 100 : stacked ? (count > 4 ? 150 : 175) : Math.min(400, across);
     const left = named.length ? 16 + 6.2 * Math.max(...named.join("\n").split("\n").map((one) => one.length)) : 66;
@@ -170,6 +170,7 @@
 
   function draw(host) {
     const entry = hosts.get(host), wide = host.clientWidth;
+    if (!wide) return; // it has no place yet
     Object.assign(entry, { stale: false, wide });
     const [panels, high] = build(entry, wide);
     entry.drawing.svg.style.height = `${high}px`;
@@ -234,7 +235,7 @@
   // it is unfolded or printed.
   const PAPER = 686;  // CSS px between the margins of the printed page
   function drawRest() {
-    const next = [...hosts].find(([host, entry]) => entry.stale && host.checkVisibility());
+    const next = [...hosts].find(([host, entry]) => entry.stale && host.clientWidth && host.checkVisibility());
     state.whole = !next;
     if (!next) return;
     draw(next[0]);
@@ -302,6 +303,12 @@
       for (const { target, isIntersecting } of entries) hosts.get(target).visible = isIntersecting;
       refresh();
     }, { rootMargin: "400px" });
+    const sized = new ResizeObserver((entries) => { // unfolded or turned, too
+      for (const { target } of entries) if (target.clientWidth !== hosts.get(target).wide) hosts.get(target).stale = true;
+      state.whole = false;
+      later(drawRest);
+      refresh();
+    });
     for (const chart of page.charts) {
       const host = document.getElementById("chart-" + chart.id);
       const drawing = new Chart({ "aria-hidden": "true" });
@@ -309,6 +316,7 @@
       hosts.set(host, { chart, drawing, visible: false, stale: true, zoom: {}, hidden: new Set() });
       zooming(host);
       watch.observe(host);
+      sized.observe(host);
     }
     document.getElementById("zoom").addEventListener("submit", (event) => event.preventDefault());
     const read = () => show([Number(from.value), Number(to.value)]);
@@ -331,11 +339,7 @@
     setTheme("");
     show(page.start > 0 ? [page.start, page.end] : null);
     fit();
-    window.addEventListener("resize", () => {
-      fit();
-      for (const [host, entry] of hosts) if (host.clientWidth !== entry.wide) entry.stale = true;
-      refresh();
-    });
+    window.addEventListener("resize", fit);
     window.addEventListener("beforeprint", beforePrint);
     for (const link of document.querySelectorAll("nav a")) {
       link.addEventListener("click", () => { // not every browser unfolds what a link leads to
@@ -343,7 +347,6 @@
         if (part) part.open = true;
       });
     }
-    document.addEventListener("toggle", () => { state.whole = false; later(drawRest); }, true);
     later(drawRest);
     state.ready = true;
   }

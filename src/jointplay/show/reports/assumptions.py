@@ -1,0 +1,73 @@
+"""What every reader of a report must know, from `assumptions.toml`, and in which runs it holds."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Sequence
+from functools import cache
+from importlib.resources import files
+
+from jointplay.base.tables import Table
+from jointplay.model.gear import Gear
+from jointplay.physics.joints import JOINT_KINDS
+from jointplay.show.reports.cases import Case
+from jointplay.simulation import analysis
+
+
+@cache
+def all_assumptions() -> tuple[tuple[str, str], ...]:
+    """In which runs each is made, a key of `conditions`, and its text; in the reports' order."""
+    text = (files("jointplay.show.reports") / "assumptions.toml").read_text(encoding="utf-8")
+    return tuple(
+        (when, sentence) for when, texts in tomllib.loads(text).items() for sentence in texts
+    )
+
+
+def conditions(cases: Sequence[Case]) -> dict[str, bool]:
+    """Whether each thing that assumptions are about occurs in these runs."""
+    inputs = [analysis.inputs(case.result) for case in cases]
+    machines = [run["mechanism"] for run in inputs]
+    loose = [run for case, run in zip(cases, inputs, strict=True) if case.joints]
+    joints = [joint for case in cases for joint in analysis.clearance_inputs(case.result).values()]
+    gears = [gear for machine in machines for gear in (machine.get("gears") or {}).values()]
+    kinds = {joint["kind"] for joint in joints}
+    drives = [json.dumps(run["drive"]) for run in inputs]
+    return {
+        "always": True,
+        "clearance": bool(loose),
+        "sliding": bool(kinds & analysis.SLIDING_KINDS),
+        "rolling": bool(kinds & analysis.ROLLING_KINDS),
+        "dry": any(
+            joint["kind"] in analysis.SLIDING_KINDS and not joint.get("lubricant")
+            for joint in joints
+        ),
+        "oil": any(joint.get("lubricant") for joint in joints),
+        "worn": any(joint.get("worn") for joint in joints),
+        "wearing": any(joint.get("wear_rate") for joint in joints),
+        **{kind: kind in kinds for kind in JOINT_KINDS},
+        "loops": any(machine.get("loops") for machine in machines),
+        "gears": bool(gears),
+        "refined gears": any(gear.get("kind", Gear.kind) != Gear.kind for gear in gears),
+        "computed torque": any("computed-torque" in drive for drive in drives),
+        "prescribed": any("prescribed" in drive for drive in drives),
+        "payloads": any(run.get("payloads") for run in inputs),
+        "loads": any(run.get("loads") for run in inputs),
+        "cut": any(run.get("limits") == "cut" for run in inputs),
+        "derived stiffness": any(
+            joint.get("stiffness", 0.0) is None
+            for run in loose
+            for joint in run["mechanism"]["clearance"].values()
+            if not joint.get("ideal")
+        ),
+        "centred": any(run.get("seed") is None and run.get("start") != "rest" for run in loose),
+        "rest": any(run.get("start") == "rest" for run in loose),
+        "seeded": any(run.get("seed") is not None for run in loose),
+        "balanced": any(not any(machine.get("gravity", (1,))) for machine in machines),
+        "unphysical": any(machine.get("allow_unphysical") for machine in machines),
+    }
+
+
+def page_section() -> str:
+    """The table that the documentation's site has of them."""
+    return Table.of_texts([("runs with", "assumed"), *all_assumptions()]).markdown() + "\n"
