@@ -114,25 +114,22 @@ def run(options: argparse.Namespace) -> int:
         more["offers"][COMPENSATION] = [corrected]
     elif options.trust is not None:
         raise JointplayError("--trust is of a corrected motion: give its price, --compensation")
-    amounts: dict[str, Any] = {
-        f"{name}s": numbers_by_name(getattr(options, name), f"--{name} {of}=X")
-        for name, of in (
-            ("price", "CAUSE" if whole else "CLASS"), ("weight", "JOINT"), ("limit", "CAUSE")
-        )
-    }  # fmt: skip
+    more |= {
+        "prices": numbers_by_name(options.price, f"--price {'CAUSE' if whole else 'CLASS'}=X"),
+        "weights": numbers_by_name(options.weight, "--weight JOINT=X"),
+        "limits": numbers_by_name(options.limit, "--limit CAUSE=X"),
+    }
     out.claim()
     allotment = allocate(
         posed.mechanism,
         posed.poses.q,
         target,
         turn=turn,
-        quantile=options.quantile,
         progress=not options.quiet,
         force=inputs.force_on_tool(options),
-        **amounts,
         **posed.poses.holding,
         **more,
-        **given(options, "cost", "least", "most"),
+        **given(options, "quantile", "cost", "least", "most"),
     )
     counts = whole or bought or more["offers"]
     notes = [note for note in posed.notes if counts or not note.startswith(("play:", "gears:"))]

@@ -148,8 +148,8 @@ def _place(options: argparse.Namespace, scenario: Any) -> tuple[Path, bool]:
         if not replaced:
             files.check_picture(path)
     except JointplayError as error:
-        hint = "--picture PNG chooses another, --no-picture none"
-        raise JointplayError(f"{error} ({hint})") from None
+        words = f"{error} (--picture PNG chooses another, --no-picture none)"
+        raise JointplayError(words) from None
     return path, replaced
 
 

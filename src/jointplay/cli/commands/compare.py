@@ -71,14 +71,9 @@ def _beside(options: argparse.Namespace, out: Outputs) -> int:
     from jointplay.estimate.experiment import beside_experiment
 
     shift = options.shift or "0 s"
-    comparison = beside_experiment(
-        result,
-        options.b,
-        shift=None if shift == "found" else quantity(shift, "s", "--shift"),
-        runs=options.ensemble,
-        jobs=options.jobs,
-        progress=not options.quiet,
-    )
+    late = None if shift == "found" else quantity(shift, "s", "--shift")
+    how = {"runs": options.ensemble, "jobs": options.jobs, "progress": not options.quiet}
+    comparison = beside_experiment(result, options.b, shift=late, **how)
     print(comparison)
     if out.claim() is not None:
         from jointplay.show.plots.draw import draw

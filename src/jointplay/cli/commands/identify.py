@@ -143,13 +143,11 @@ def run(options: argparse.Namespace) -> int:
 
 def _plan(options: argparse.Namespace) -> None:
     """Propose what to measure: poses and motions, where to set a dial, moves forth and back."""
-    further = {"motion": [], "dial": ["dial.csv"], "lost-motion": ["lost_motion.csv",
-        "lost_motion.gcode"]}  # fmt: skip
-    out = Outputs(options.out, ["plan.txt", *further[options.plan]])
-    if options.plan == "motion":
-        posed, known = posed_machine(options), _known(options)
-    else:
-        posed, how = _gauged(options)
+    further = {"dial": ["dial.csv"], "lost-motion": ["lost_motion.csv", "lost_motion.gcode"]}
+    out = Outputs(options.out, ["plan.txt", *further.get(options.plan, [])])
+    posed, how = (
+        (posed_machine(options), _known(options)) if options.plan == "motion" else _gauged(options)
+    )
     out.claim()
     joints = list(dict.fromkeys([*posed.mechanism.gears, *named_joints(options)]))
     push, contents = given(options, "push"), {}
@@ -160,7 +158,7 @@ def _plan(options: argparse.Namespace) -> None:
         friction = None if posed.simulation is None else posed.simulation.joint_friction
         plan = plan_measurement(
             posed.mechanism, signals=options.signal or ["tool"], count=options.count,
-            joint_friction=friction, **push, **known,
+            joint_friction=friction, **push, **how,
         )  # fmt: skip
     elif options.plan == "dial":
         from jointplay.estimate.gauge import plan_gauge
@@ -216,19 +214,14 @@ def _readings(options: argparse.Namespace, stairs: bool) -> None:
     fit: Any
     notes, further = [] if posed is None else list(posed.notes), dict[str, str]()
     if stairs:
-        from jointplay.estimate.lost_motion import axes_of_table, identify_lost_motion
+        from jointplay.estimate.lost_motion import WEIGHTLESS, axes_of_table, identify_lost_motion
 
         mechanism = axes_of_table(options.data) if posed is None else posed.mechanism
         noise = how["noise"].get("tool", how["noise"].get("link"))
         fit = identify_lost_motion(mechanism, options.data, scatter=noise, pose=how.get("pose"))
         reversals = backlash.Reversals.of(fit.mechanism, fit.plays)
         further, lost = backlash.tables_of(reversals, wanted)
-        if posed is None:
-            notes.append(
-                "note: without a robot weight is left out: where it exceeds friction, as of an "
-                "axis without counterweight, it holds the teeth to one side and no play shows"
-            )
-        notes += lost
+        notes += [*([WEIGHTLESS] if posed is None else []), *lost]
     else:
         from jointplay.estimate.gauge import identify_gauged
 

@@ -11,7 +11,7 @@ import argparse
 from pathlib import Path
 
 from jointplay.base.errors import JointplayError
-from jointplay.base.pairs import divided
+from jointplay.base.pairs import pairs
 from jointplay.cli.options import Parser
 
 WORDS = ("x", "y", "hue", "z")
@@ -30,13 +30,8 @@ def declare(parser: Parser) -> None:
 def run(options: argparse.Namespace) -> int:
     from jointplay.base import files
 
-    chosen: dict[str, str] = {}
-    for word in options.words:
-        name, value = divided(word)
-        if not value or name in chosen:
-            forms = ", ".join(f"{role}=NAME" for role in WORDS)
-            raise JointplayError(f"{word!r} must be one of {forms} or DIMENSION=VALUE, each once")
-        chosen[name] = value
+    forms = ", ".join(f"{role}=NAME" for role in WORDS)
+    chosen = pairs(options.words, f"WORDS {forms} or DIMENSION=VALUE")
     for name in ("x", "y"):
         if name not in chosen:
             raise JointplayError(f"{name}=NAME is missing")

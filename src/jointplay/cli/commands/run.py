@@ -57,6 +57,7 @@ def declare(parser: Parser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Make all cases ready, say what was assumed, run what is not done, draw, say what came out."""
     from jointplay.scenario.robot import LABEL
+    from jointplay.show import plots
     from jointplay.show.plots.names import MARK
 
     if not options.resume and not is_scenario(options):
@@ -79,8 +80,6 @@ def run(options: argparse.Namespace) -> int:
     stopped = cases.run()
     drawable = {name: result for name, result in cases.results.items() if len(result.time) > 1}
     if cases.figures and drawable:
-        from jointplay.show import plots
-
         short = len(cases.cases) == 1 and not options.figures
         plots.save(drawable, cases.out, options.pdf, cases.ideals, short)
     if options.json:
@@ -91,7 +90,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _figures(scenario: Scenario, options: argparse.Namespace) -> list[str]:
     """Names of the figures that are drawn."""
-    from jointplay.show.plots.names import file_names, is_paper_robot
+    from jointplay.show.plots import file_names, is_paper_robot
 
     if not scenario.figures or options.no_figures:
         return []

@@ -89,12 +89,8 @@ def run(options: argparse.Namespace) -> int:
     registers = [line for line in scenario.assumptions if any(mark in line for mark in marks)]
     require_one_pose(options)
     held = read_pose(simulation.mechanism, "".join(options.pose))
-    how = {
-        "longest": options.time,
-        "jobs": options.jobs,
-        "keep": Path(options.out) / RUNS if options.out else None,
-        "progress": not options.quiet,
-    }
+    how = {"longest": options.time, "jobs": options.jobs, "progress": not options.quiet}
+    how["keep"] = Path(options.out) / RUNS if options.out else None
     joints = options.of or ()
     if spans:
         machines = hunting.released(simulation, joints, held)

@@ -48,7 +48,7 @@ def run(options: argparse.Namespace) -> int:
 
     def begin(notes: Sequence[str]) -> None:
         warnings = (note for note in notes if note.startswith("warning"))  # others: single cases
-        print("\n".join([heading, *warnings]), flush=True)
+        print(heading, *warnings, sep="\n", flush=True)
 
     run_plan(
         plan,

@@ -46,9 +46,8 @@ def run(options: argparse.Namespace) -> int:
         **given(options, "blocks", "runs", "cycles_per_run", "jobs"),
         progress=not options.quiet,
     )
-    columns = [Column("cycles", life.cycles)]
-    columns += [Column(name, getattr(life, name), "m", fine=True) for name in ("deepest", "mean")]
-    print_answer(str(life), Table(columns), (), options)
+    depths = (Column(name, getattr(life, name), "m", fine=True) for name in ("deepest", "mean"))
+    print_answer(str(life), Table([Column("cycles", life.cycles), *depths]), (), options)
     if options.out:
         files.write(options.out, life.table.csv())
         print(f"profiles in {options.out}")
