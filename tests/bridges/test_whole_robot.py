@@ -326,7 +326,6 @@ def test_shapes_go_with_the_mjcf(path, tmp_path):
     ("options", "message"),
     [
         (["--all"], "in Python clearance or gears; joints: a, b, c"),
-        (["--all", *OPTIONS, "--spread", "-1"], "--spread must not be negative"),
         (["--all", *OPTIONS, "--gear", "zz=1 mrad"], "zz"),
         (["--all", *OPTIONS, "--tilt", "--format", "sdf"], "--format sdf with --tilt"),
         pytest.param(

@@ -9,6 +9,7 @@ import pytest
 from test_command_inputs import CALLS
 
 from jointplay import JointplayError
+from jointplay.accuracy.poses import read_pose
 from jointplay.cli import main, parser, parsers
 from jointplay.cli.commands import inputs
 from jointplay.cli.commands.study import hunting
@@ -25,7 +26,7 @@ MACHINES = {
     "file": (["jointplay:scara.toml", "--case", "0.2 mm"], "joint_b", "joint_a"),
 }
 """What is looked at; a joint of it that has play, unless it is taken out; and one that has none."""
-OPTIONS = {name for group in inputs.OPTIONS.values() for name, _ in group} | {
+OPTIONS = {name for group in inputs.OPTIONS.values() for name in group} | {
     flag.name for flag in inputs.FLAGS
 }
 ELSEWHERE = {"--case": "of several", "--import": "of what a file names", "--xacro": "of xacro"}
@@ -86,7 +87,7 @@ def looked_at(command, *words):
     options = parser().parse_args(words)
     if command == "study hunting":
         simulation = hunting.released(options).simulation(options.case)
-        held = inputs.positions(simulation.mechanism, "".join(options.pose))
+        held = read_pose(simulation.mechanism, "".join(options.pose))
         return json.dumps([simulation.describe(), repr(simulation.drive), held], default=str)
     if command in STANDING:
         posed = inputs.posed_machine(options, single=command == "export simulator")

@@ -520,7 +520,6 @@ def test_the_command_tells_of_the_encoders_alone(arm, tmp_path, capsys):
         (str, "--term|play knee", "'knee'"),
         (str, "--term|rail elbow", "rail ARM by LIFT"),
         (str, "--term|link-encoder elbow", "no encoder on the link's side"),
-        (str, "--folds|some", "--folds must be a number"),
         (str, "--folds|1", "folds must be a number from 2"),
         (str, "--folds|groups", "at least two are needed, got 0"),
         (str, "--scatter|0mm", "--scatter must be positive"),

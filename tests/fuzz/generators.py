@@ -34,7 +34,8 @@ import twins
 
 from jointplay import cli
 from jointplay.base.errors import JointplayError
-from jointplay.cli.commands.inputs import FLAGS, number
+from jointplay.base.pairs import number
+from jointplay.cli.commands.inputs import FLAGS
 from jointplay.model.urdf import shipped
 from jointplay.simulation.result import netcdf
 from jointplay.simulation.simulation import Simulation

@@ -29,7 +29,10 @@ for arguments in json.loads(sys.argv[1]):
     if os.fork() == 0:
         os.dup2(write, 2)
         sys.stderr = open(2, "w", 1, closefd=False)
-        status = main(arguments)
+        try:
+            status = main(arguments)
+        except SystemExit as ended:  # of the parser
+            status = ended.code
         sys.stderr.flush()
         with open("found", "w") as found:
             json.dump([status, [name for name in {slow!r} if name in sys.modules]], found)
@@ -103,7 +106,7 @@ REFUSALS = [
     (["export", "simulator", "ur5", "--joint", "j", "--out", "full"], "(j.sdf)"),
     (["study", "iso9283", "good.toml", "--out", "full"], "(iso9283.csv)"),
     (["identify", "good.toml", "--plan", "--out", "full"], "(plan.txt)"),
-    (["calibrate", "ur5", "poses.csv", "--folds", "some"], "--folds must be a number"),
+    (["calibrate", "ur5", "poses.csv", "--folds", "some"], "--folds: must be a number"),
     (["calibrate", "ur5", "poses.csv", "--scatter", "0 mm"], "--scatter must be positive"),
     (["study", "sweep", "good.toml", "--out", "swept"], "--resume"),
     (["study", "sweep", "good.toml", "--out", "full"], "a folder that holds other files"),

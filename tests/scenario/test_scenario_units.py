@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from jointplay import shipped
 from jointplay.base.errors import JointplayError
+from jointplay.base.pairs import quantity
 from jointplay.base.units import WORDS, convert, plain_number, readable
-from jointplay.cli.options import quantity
 from jointplay.scenario.reading import Scenario
 
 

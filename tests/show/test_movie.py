@@ -169,7 +169,7 @@ def test_views_differ(run, filmable, tmp_path):
         (["--movie", "a.avi"], "one of .png, .gif, .mp4, .webm, .webp"),
         (["--movie", "there.mp4"], "exists"),
         (["--movie", "a.mp4", "--size", "big"], "WIDTHxHEIGHT"),
-        (["--movie", "a.mp4", "--html", "a.html"], "one of --html and --movie"),
+        (["--movie", "a.mp4", "--html", "a.html"], "not allowed with argument"),
         (["--fps", "10"], "--fps needs --movie"),
     ],
 )

@@ -351,6 +351,17 @@ class PlayBudget(Budget):
             texts.append(f"{self.joints[i]} {mean[i]:.0f} %{spread}")
         return f"shares of the worst case: {', '.join(texts)}"
 
+    def worst_of(self, names: Sequence[str]) -> str:
+        """The range of the worst case over several poses, and which is made up as in `table`."""
+        k = self.worst_pose
+        place = ", ".join(f"{x:.3f}" for x in self.positions[k])
+        return (
+            f"worst-case error of {self.tool!r} [m{self.unit}]: least "
+            f"{1e3 * self.worst.min():.4f}, mean {1e3 * self.worst.mean():.4f}, largest "
+            f"{1e3 * self.worst.max():.4f} (pose {names[k] if names else k}, tool at {place} m), "
+            "which is made up like this:"
+        )
+
     def by_pose(self, names: Sequence[str]) -> Table:
         """A row for each pose, of these names: its worst case, and each joint's share in it."""
         columns = [Column("pose", names), Column("worst case", self.worst, self.unit)]

@@ -6,14 +6,19 @@ the positions `near` on, which choose the branch.
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from jointplay.base.errors import JointplayError, require_finite, require_known, require_whole
+from jointplay.base.files import csv_rows
+from jointplay.base.pairs import misread, name_and_number, quantity
 from jointplay.base.tables import counted
 from jointplay.model.closed_loops import ClosedLoops
 from jointplay.model.mechanism import Mechanism
@@ -137,6 +142,56 @@ def poses_of(
     if not named:
         label += " (chosen: zero, or the middle of the limits; see --pose, --motion)"
     return Poses(machine, q, "pose", label, driven=driven)
+
+
+def read_poses(mechanism: Mechanism, path: Path) -> dict[str, dict[str, float]]:
+    """Positions of joints by the name or number of a pose, of a CSV with a pose in each line.
+
+    Its header is ``<joint>,...``, or ``name,<joint>,...``; positions are in rad and m, or have a
+    unit.
+
+    Raises:
+        JointplayError: no pose, or two of one name, a column twice, or see `csv_rows`.
+    """
+    (_, header), *rows = csv_rows(path, "poses")
+    header = [cell.strip() for cell in header]
+    named = header[0] == "name"
+    if twice := [name for name, count in Counter(header).items() if count > 1]:
+        raise JointplayError(f"{path}: column {twice[0]!r} appears twice")
+    poses: dict[str, dict[str, float]] = {}
+    for number, row in rows:
+        line, cells = f"{path}, line {number}", [cell.strip() for cell in row]
+        name = cells[0] if named else str(len(poses) + 1)
+        if name in poses:
+            raise JointplayError(f"{line}: there are two poses {name!r}")
+        pairs = [*zip(header, cells, strict=True)][named:]
+        poses[name] = {
+            joint: _position(mechanism, joint, cell, f"{line}, {joint}") for joint, cell in pairs
+        }
+    if not poses:
+        raise JointplayError(f"{path} has no poses: give a line of joint positions for each")
+    return poses
+
+
+def read_pose(mechanism: Mechanism, text: str) -> dict[str, float]:
+    """Positions of joints [rad or m] in text such as ``JOINT=X,JOINT=X``."""
+    pose = {}
+    names = mechanism.description.joints
+    longest = sorted(map(re.escape, names), key=len, reverse=True)
+    ahead = f"(?=\\s*(?:{'|'.join(longest)})\\s*=)"  # a name may have commas of its own
+    for part in re.split(f",{ahead}", text) if text else ():
+        name, value = name_and_number(part.strip(), names)
+        name = name if name in names else name.strip()
+        if value is None:
+            raise misread(part, "--pose JOINT=X,JOINT=X,...")
+        pose[name] = _position(mechanism, name, value, f"--pose {name}")
+    return pose
+
+
+def _position(mechanism: Mechanism, joint: str, text: str, where: str) -> float:
+    """Position of a joint [rad or m]; errors begin with `where`."""
+    entry = mechanism.description.joints.get(joint)
+    return quantity(text, "m" if entry is not None and entry.slides else "rad", where)
 
 
 @contextmanager

@@ -74,6 +74,23 @@ def few(names: list[str], most: int = _MOST_NAMES) -> str:
     return f"{text} and {len(names) - most} more" if len(names) > most else text
 
 
+def for_json(value: Any) -> Any:
+    """Tables, arrays and named tuples as plain data; null for what is no finite number."""
+    if isinstance(value, Table):
+        value = value.records()
+    elif hasattr(value, "_asdict"):
+        value = value._asdict()
+    elif hasattr(value, "tolist"):  # of numpy
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {str(key): for_json(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple | range):
+        return [for_json(entry) for entry in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value if isinstance(value, int | str | None) else str(value)
+
+
 @dataclass(frozen=True)
 class Column:
     """A column of a `Table`: what it is called, in which unit, and its values."""

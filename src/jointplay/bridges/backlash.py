@@ -14,14 +14,14 @@ these files holds there.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from jointplay.accuracy.compensator import STILL
-from jointplay.base.errors import JointplayError
+from jointplay.base.errors import JointplayError, require_known
 from jointplay.base.files import names_for
 from jointplay.estimate.lost_motion import axis_letters
 
@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 LINES = 65
 """Lines of a table; LinuxCNC takes at most 256 a joint."""
+FILES = ("yaml", "mcap", "table")
+"""Of a corrected motion: for ROS 2, and the correction by joint, direction and load."""
 _LETTERS = "axes X, Y and Z that slide"
 _LOST = "the side a joint rests on, payload and acceleration"
 
@@ -127,6 +129,50 @@ def tables(reversals: Reversals, name: str) -> dict[str, str]:
             f"nothing to tell {name}, which knows {FORMATS[name].axes}: none of them changes sides"
         )
     return files
+
+
+def refuse_unwritten(names: Collection[str], known: Collection[str], folder: str | None) -> None:
+    """Refuse formats that are not known, or for which there is no folder."""
+    for name in names:
+        require_known("format", name, known)
+    if names and not folder:
+        raise JointplayError("--formats are written into a folder: give --out DIR, too")
+
+
+def tables_of(reversals: Reversals, names: Iterable[str]) -> tuple[dict[str, str], list[str]]:
+    """Files for several firmwares, by name; what each cannot say, or why there is none for it."""
+    contents: dict[str, str] = {}
+    notes = []
+    for name in names:
+        try:
+            contents |= tables(reversals, name)
+            notes.append(f"note: {name} cannot say {FORMATS[name].lost}")
+        except JointplayError as error:
+            notes.append(f"warning: no file for {name}: {error}")
+    return contents, notes
+
+
+def corrected_files(
+    compensation: Compensation, names: Collection[str]
+) -> tuple[dict[str, Any], list[str]]:
+    """Files of a corrected motion beside its CSV, by name, and what is lost in them.
+
+    `names`: of `FILES` and `FORMATS`.
+    """
+    from jointplay.accuracy.compensation import table_for_controllers
+    from jointplay.bridges import bag
+    from jointplay.bridges.trajectory import content, of_motion
+
+    contents: dict[str, Any] = {}
+    if "yaml" in names:
+        contents["motion.yaml"] = content(of_motion(compensation.motion), ".yaml")
+    if "mcap" in names:
+        contents["motion.mcap"] = bag.of_trajectory(of_motion(compensation.motion))
+    if "table" in names:
+        contents["table.csv"] = table_for_controllers(compensation).csv()
+    firmwares = [name for name in names if name in FORMATS]
+    further, notes = tables_of(corrected(compensation), firmwares) if firmwares else ({}, [])
+    return contents | further, notes
 
 
 def _in_unit(value: float, slides: bool) -> float:

@@ -22,10 +22,12 @@ from jointplay.bridges.reduced_mjcf import (
     find_reach,
     follow,
 )
-from jointplay.bridges.reduction import Reduction, is_own
+from jointplay.bridges.reduction import Reduction, is_own, reduce, reduce_all
 from jointplay.model.mechanism import Mechanism
 from jointplay.model.mjcf_whole import compile_text
-from jointplay.simulation.loads.drive import Servo
+from jointplay.scenario.assumptions import by_rule
+from jointplay.scenario.posed import PosedMachine
+from jointplay.simulation.loads.drive import ENCODERS, Servo
 
 BEYOND = "beyond"
 """Says in a line of `ReducedRobot.check` that what is written does not keep to what is stated."""
@@ -89,6 +91,57 @@ class ReducedRobot:
     """Half width of the ranges of what is not measured, relative."""
     plugin: str = reduced_files.PLUGIN
     """Hardware of ros2_control's tags."""
+
+    @classmethod
+    def of(
+        cls,
+        posed: PosedMachine,
+        joint: str | None,
+        formats: Collection[str],
+        tilt: bool,
+        *,
+        reversals: Mapping[str, float] | None = None,
+        progress: bool = False,
+        **options: Any,
+    ) -> tuple[ReducedRobot, list[str]]:
+        """A machine that stands, with one joint reduced, or None: all that can be.
+
+        Args:
+            posed: the machine, about whose pose joints reverse.
+            joint, formats, tilt: what is reduced, and how files have it.
+            reversals: their amplitude and period, see `reduce`.
+            progress: show a bar on standard error.
+            options: further fields.
+
+        Returns:
+            The robot; what is not reduced or was assumed, a line each.
+
+        Raises:
+            JointplayError: see `reduce`; encoders that do not all sit alike.
+        """
+        mechanism, pose, holding = posed.mechanism, posed.poses.positions(), posed.poses.holding
+        rubs = holding["joint_friction"] or {}
+        how: dict[str, Any] = {**(reversals or {}), "progress": progress}
+        notes = []
+        if joint is None:
+            reductions, refused = reduce_all(mechanism, pose, joint_friction=rubs, **how)
+            notes += [f"not reduced: {why}" for why in refused.values()]
+        else:
+            reductions = [reduce(mechanism, joint, pose, joint_friction=rubs.get(joint), **how)]
+        drives, servos = holding["drive"], {}
+        if "mjcf" in formats and not is_own(mechanism.description):
+            servos = {name: drive for name, drive in drives.items() if isinstance(drive, Servo)}
+            notes += [f"servos (MJCF): {', '.join(servos)}"] * bool(servos)
+        sides = {
+            reduction.joint: getattr(drives.get(reduction.joint), "encoder", ENCODERS[0])
+            for reduction in reductions
+        }
+        if len({*sides.values()}) > 1:
+            words = ", ".join(f"of {name} on the {side}" for name, side in sides.items())
+            raise JointplayError(f"encoders sit {words}: --encoder says where all of the file are")
+        options |= {"servos": servos, "encoder": next(iter(sides.values()), ENCODERS[0])}
+        notes += by_rule(mechanism, "rotor_inertia")
+        return cls(mechanism, reductions, pose, formats, tilt, **options), notes
 
     @property
     def tilting(self) -> list[str]:

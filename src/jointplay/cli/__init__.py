@@ -20,9 +20,8 @@ from jointplay.base.imports import extra
 from jointplay.base.modules import import_module
 from jointplay.base.signals import INTERRUPTED
 from jointplay.cli.commands import FRONT, GROUPS, KINDS
-from jointplay.cli.options import BAD_INPUT, FLAG, Parser
+from jointplay.cli.options import BAD_INPUT, FLAG, STOPPED, Parser
 
-STOPPED = 1
 SHELLS = ("bash", "zsh", "fish", "tcsh")
 """For which `completion` can be had."""
 

@@ -12,8 +12,9 @@ from collections.abc import Callable, Sequence
 from typing import Any, NoReturn
 
 from jointplay.base.errors import JointplayError, one_line
+from jointplay.base.pairs import quantity
 
-BAD_INPUT = 2
+STOPPED, BAD_INPUT = 1, 2
 ALL = "{} --help all shows every option, with more about each."
 LONG_DEFAULT = 24
 """Characters of a default that the short help shows (judged: longer ones are explanations)."""
@@ -38,22 +39,6 @@ NUMBERS: list[dict[str, Any]] = [
     {"metavar": word, "type": Number(u)} for u, word in BY_UNIT.items()
 ]
 LENGTH, MASS, TIME, ANGLE, FORCE = NUMBERS
-
-
-def quantity(text: str, unit: str, option: str = "") -> float:
-    """A number in SI units of text such as ``0.1 mm``; errors name the option."""
-    from jointplay.base.units import ask_unit, convert, plain_number
-
-    try:
-        value: float | str = plain_number(text)
-    except ValueError:
-        value = text
-    try:
-        if isinstance(value, float):
-            ask_unit(value, unit)
-        return float(convert(value, unit))
-    except ValueError as error:
-        raise JointplayError(f"{option}: {error}" if option else str(error)) from None
 
 
 def listed(text: str) -> list[str]:
@@ -84,6 +69,17 @@ SHARED: dict[str, dict[str, Any]] = {
     "--json": {
         **FLAG, "help": "print the answer as JSON alone: numbers in SI, values with their origin"
     },
+    "--xacro": {
+        **REPEATED, "metavar": "NAME:=VALUE",
+        "help": "argument of a robot that is written in xacro"
+    },
+    "--assumed": {
+        **FLAG, "help": "list what nobody gave: values, by which rule, and what another would "
+        "change"
+    },
+    "--port": {"metavar": "N", "type": int, "default": 7000, "help": "port to listen on"},
+    "--no-browser": {**FLAG, "help": "do not open a browser"},
+    "--pdf": {**FLAG, "help": "draw each figure as .pdf, too"},
     "--import": {
         **REPEATED, "metavar": "MODULE", "help": "import this module of your own, by name or file: "
         "a file that is read may name functions in it (none is imported otherwise)"
@@ -122,14 +118,6 @@ def in_short(action: argparse.Action) -> argparse.Action:
     return brief
 
 
-def _value_of(action: argparse.Action) -> str:
-    """What stands for an action's value in the line of usage."""
-    word = str(action.metavar or f"{{{','.join(map(str, action.choices or ()))}}}")
-    if isinstance(action, argparse._SubParsersAction) or action.nargs is None:
-        return word
-    return f"{word} ..." if action.nargs == "+" else f"[{word}]"
-
-
 class _Help(argparse.Action):
     """``--help``: one screen; ``--help all``: everything."""
 
@@ -161,11 +149,12 @@ class Parser(argparse.ArgumentParser):
         self.behind = {self.add_argument("-h", "--help", action=_Help, dest="help").dest}
         """Options of no group that only the long help shows."""
 
-    def share(self, *names: str) -> None:
-        """Add options that several commands have."""
+    def share(self, *names: str, group: str = "") -> None:
+        """Add options that several commands have, to a group of the help."""
         for name in names:
-            action = self.add_argument(name, **SHARED[name])
-            self.behind |= {action.dest} - {"detail"}
+            place = self.add_argument_group(group) if group else self
+            action = place.add_argument(name, **SHARED[name])
+            self.behind |= {action.dest} & {"case", "jobs", "quiet", "json", "import"}
 
     def add_argument_group(self, title: Any = None, *args: Any, **about: Any) -> Any:
         """A group of this title; the one that has it already, if there is one."""
@@ -206,8 +195,12 @@ class Parser(argparse.ArgumentParser):
         self.explain()
         asked = []
         for action in self._actions:
-            if action.required or not action.option_strings:
-                asked.append(" ".join([*action.option_strings[:1], _value_of(action)]))
+            if action.option_strings and not action.required:
+                continue
+            value = str(action.metavar or f"{{{','.join(map(str, action.choices or ()))}}}")
+            if action.nargs in ("+", "?"):
+                value = f"{value} ..." if action.nargs == "+" else f"[{value}]"
+            asked.append(" ".join([*action.option_strings[:1], value]))
         self.usage = " ".join([self.prog, *asked, "[options]"])
         if every:
             return self.format_help()

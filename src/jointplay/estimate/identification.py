@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+import math
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -11,6 +12,7 @@ import numpy as np
 
 from jointplay.accuracy.poses import moving
 from jointplay.base.errors import JointplayError, require_a, require_known
+from jointplay.base.pairs import misread, pair, quantity
 from jointplay.base.schema import shortest
 from jointplay.base.tables import Table, few
 from jointplay.base.units import told
@@ -315,6 +317,32 @@ class Identification:
             "excess": float(self.excess),
             "notes": list(self.notes),
         }
+
+
+def read_stiffness(texts: Iterable[str]) -> dict[str, tuple[float, float]]:
+    """Stiffness by label and its relative standard deviation [SI], as `identify` takes them.
+
+    `texts`: each as ``elbow=1e5 N*m/rad``, ``elbow radial=2e8 N/m +- 20 %``, ``tool=inf``.
+
+    Raises:
+        JointplayError: one that does not read so, or has a unit of another kind.
+    """
+    words = '--known-stiffness PART=X or "PART=X +- Y %", such as "elbow=1e5 N*m/rad"'
+    stiffness = {}
+    for text in texts:
+        label, value = pair(text, words)
+        value, plus, part = (side.strip() for side in value.partition("+-"))
+        if plus and not part.endswith("%"):
+            raise misread(text, words)
+        try:
+            deviation = float(part.removesuffix("%")) / 100.0 if plus else 0.0
+        except ValueError:
+            raise misread(text, words) from None
+        lengthwise = label.endswith((" radial", " axial")) or label == "tool"
+        unit, option = "N/m" if lengthwise else "N*m/rad", f"--known-stiffness {label}"
+        known = math.inf if value == "inf" else quantity(value, unit, option)
+        stiffness[label] = known, deviation
+    return stiffness
 
 
 def identify(

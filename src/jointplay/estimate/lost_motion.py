@@ -162,6 +162,12 @@ def _reads_angles(head: Sequence[str]) -> bool:
     return any(one.startswith("reading") and one.endswith(("deg]", "rad]")) for one in titles)
 
 
+WEIGHTLESS = (
+    "note: without a robot weight is left out: where it exceeds friction, as of an axis without "
+    "counterweight, it holds the teeth to one side and no play shows"
+)
+
+
 def axes_of_table(path: str | Path) -> Mechanism:
     """What stands for the machine of a table's axes where nobody has its URDF: without weight.
 

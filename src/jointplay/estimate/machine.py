@@ -379,15 +379,28 @@ def _origin(estimate: Estimate, source: str) -> Origin:
     )
 
 
-def at_ends(
-    mechanism: Mechanism, intervals: Mapping[tuple[str, str], tuple[float, float]]
-) -> tuple[Mechanism, Mechanism]:
-    """The mechanism with all plays at the lower, and at the upper ends of their intervals."""
-    ends = [
-        with_plays(mechanism, {key: both[k] for key, both in intervals.items() if key[1] in PLAYS})
+def worst_at_ends(
+    mechanism: Mechanism,
+    intervals: Mapping[tuple[str, str], tuple[float, float]],
+    *about: Any,
+    **options: Any,
+) -> list[str]:
+    """The worst case with all plays at the lower, and at the upper ends of their intervals.
+
+    `about`, `options`: what `budget` takes.
+    """
+    from jointplay.accuracy.error_budget import budget
+
+    plays = {key: ends for key, ends in intervals.items() if key[1] in PLAYS}
+    if not plays:
+        return []
+    low, high = (
+        budget(with_plays(mechanism, {key: plays[key][k] for key in plays}), *about, **options)
         for k in (0, 1)
-    ]
-    return ends[0], ends[1]
+    )
+    worst = " to ".join(f"{1e3 * float(errors.worst.max()):.4g}" for errors in (low, high))
+    ends = "with measured plays at the ends of their 95 % intervals"
+    return [f"{ends}: worst case {worst} m{getattr(low, 'unit', 'm')}"]
 
 
 def with_plays(mechanism: Mechanism, plays: Mapping[tuple[str, str], float]) -> Mechanism:

@@ -13,6 +13,7 @@ import os
 import re
 import sys
 import warnings
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
@@ -62,6 +63,14 @@ class Surface:
 
 
 Parts = tuple[Surface, ...]
+
+
+def write_meshes(folder: Path, meshes: Mapping[str, bytes]) -> None:
+    """Write files of shapes by name into `FOLDER` of the folder in which a robot's file is."""
+    if meshes:
+        (folder / FOLDER).mkdir(exist_ok=True)
+    for name, content in meshes.items():
+        files.write(folder / FOLDER / name, content, overwrite=True)
 
 
 def cache_folder() -> Path:

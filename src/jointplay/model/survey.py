@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import textwrap
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from jointplay.base.errors import JointplayError
 from jointplay.base.files import is_file
+from jointplay.base.tables import aligned
 from jointplay.model.formats import urdf_text
 from jointplay.model.inertias import ALL, impossible_inertias
 from jointplay.model.massless import massless_links, massless_motions
 from jointplay.model.mechanism import Mechanism
 from jointplay.model.robots import PREFIX, SUFFIXES, source_of
-from jointplay.model.urdf import doubts, elements, mimics, parse
+from jointplay.model.tool import choose_tool
+from jointplay.model.urdf import Description, doubts, elements, mimics, parse
+from jointplay.model.vocabulary import as_option
 from jointplay.model.xacro import Value
 
 
@@ -68,6 +73,39 @@ class Survey:
             lines = ("has no joint that moves: nothing can be simulated", *lines)
         return (self.problem, *lines) if self.problem else lines
 
+    @property
+    def brief(self) -> str:
+        """Its name, its joints by their kind, and what is not as it should be."""
+        lines = [self.name]
+        for kind in dict.fromkeys(self.moving.values()):
+            joints = [joint for joint, its in self.moving.items() if its == kind]
+            lines.append(wrapped(f"{len(joints)} {kind}: {', '.join(joints)}"))
+        return "\n".join([*lines, *(wrapped(f"! {remark}") for remark in self.remarks)])
+
+    def __str__(self) -> str:
+        """All joints with their limits, frames, tool; what is not as it should be, and options."""
+        lines = [f"{self.name}: {self.path}"]
+        if self.mechanism is None:
+            lines += [f"    {joint}  {kind}" for joint, kind in self.moving.items()]
+        else:
+            description = self.mechanism.description
+            tool, reason = choose_tool(description)
+            lines += [f"    {line}" for line in aligned(_joints(description, self.moving))]
+            lines.append(wrapped(f"frames: {', '.join(description.links)}"))
+            lines.append(wrapped(f"tool, if none is named: {tool} ({reason})"))
+            if description.held:
+                lines.append(wrapped(f"! {description.held}; --base free lets go of it"))
+        lines += [wrapped(f"! {remark}") for remark in self.remarks]
+        if self.bare:
+            lines.append(wrapped(
+                f"! links without mass: {', '.join(self.bare)}; their joints cannot have clearance "
+                "until the URDF gives the links an <inertial>; budgets need none"
+            ))  # fmt: skip
+        lines += ["    option: --allow-unphysical all"] * bool(self.unphysical)
+        if self.massless and len(self.massless) < len(self.moving):
+            lines.append(f"    option: --fix {as_option(self.massless)}")
+        return "\n".join(lines)
+
 
 def survey(place: str | Path, xacro: Mapping[str, Value] | None = None) -> Survey:
     """Load a robot, with these arguments if it is a xacro, and look at what it is made of.
@@ -107,6 +145,41 @@ def survey(place: str | Path, xacro: Mapping[str, Value] | None = None) -> Surve
         *(name, path, moving, serial, unphysical, followers, massless, problem, doubtful),
         mechanism,
     )
+
+
+def described(description: Description) -> dict[str, Any]:
+    """Joints and links as data: limits in rad or m, speeds and efforts in SI."""
+    keys = ("name", "kind", "parent", "child", "lower", "upper", "speed", "effort")
+    joints = [description.joints[name] for name in description.moving]
+    return {
+        "joints": [{key: getattr(e, key) for key in keys} | {"unit": e.unit} for e in joints],
+        "frames": list(description.links),
+    }
+
+
+def wrapped(text: str) -> str:
+    """A paragraph below a heading."""
+    return textwrap.fill(
+        text, 100, initial_indent="    ", subsequent_indent="      ", break_on_hyphens=False
+    )
+
+
+def _joints(description: Description, names: Iterable[str]) -> list[tuple[str, ...]]:
+    rows: list[tuple[str, ...]] = [
+        ("joint", "kind", "parent", "child", "position", "speed", "effort", "")
+    ]
+    for name in names:
+        entry = description.joints[name]
+        unit, force = ("m", "N") if entry.slides else ("rad", "N m")
+        position = "" if entry.lower is None else f"{entry.lower:.4g} to {entry.upper:.4g} {unit}"
+        speed = "" if entry.speed is None else f"{entry.speed:.4g} {unit}/s"
+        effort = "" if entry.effort is None else f"{entry.effort:.4g} {force}"
+        more = [] if entry.mimic is None else [f"follows {entry.mimic.formula()}"]
+        if name in description.reductions:
+            more.append(f"geared {description.reductions[name]:g} : 1")
+        ends = (entry.kind, entry.parent, entry.child)
+        rows.append((name, *ends, position, speed, effort, "; ".join(more)))
+    return rows
 
 
 def _list(names: tuple[str, ...], most: int = 4) -> str:

@@ -12,7 +12,7 @@ import glob
 import json
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ from jointplay.base import confined
 from jointplay.base.errors import JointplayError, MissingName
 from jointplay.base.files import read_text
 from jointplay.base.imports import extra
+from jointplay.base.pairs import misread
 from jointplay.model import packages
 from jointplay.model.vocabulary import BEYOND
 
@@ -222,3 +223,14 @@ def _portable(text: str, folder: Path, folders: Mapping[str, Path]) -> str:
         # Some write file:///$(find NAME).
         text = re.sub(f"(?:file:///?)?{re.escape(place)}", name, text)
     return text
+
+
+def read_arguments(texts: Iterable[str]) -> dict[str, str]:
+    """Arguments written as ``NAME:=VALUE``, by name."""
+    arguments = {}
+    for text in texts:
+        name, sign, value = text.partition(":=")
+        if not (sign and name.strip()):
+            raise misread(text, "--xacro NAME:=VALUE")
+        arguments[name.strip()] = value
+    return arguments

@@ -35,7 +35,7 @@ def decisive(scenario: Scenario, simulations: Mapping[str, Simulation]) -> list[
         scenario: what was given.
         simulations: of its cases, by label.
     """
-    every = {
+    by_case = {
         case: [
             *_robot(simulation.mechanism, tool_reason(scenario)),
             *_joints(simulation.mechanism, scenario.origins(case)),
@@ -43,11 +43,11 @@ def decisive(scenario: Scenario, simulations: Mapping[str, Simulation]) -> list[
         ]
         for case, simulation in simulations.items()
     }
-    first = next(iter(every.values()), [])
-    common = [line for line in first if all(line in lines for lines in every.values())]
-    own = [
+    first = next(iter(by_case.values()), [])
+    common = [line for line in first if all(line in lines for lines in by_case.values())]
+    of_cases = [
         f"note: case {case}: {line[6:]}" if line.startswith("note: ") else f"case {case}: {line}"
-        for case, lines in every.items()
+        for case, lines in by_case.items()
         for line in lines
         if line not in common
     ]
@@ -57,7 +57,7 @@ def decisive(scenario: Scenario, simulations: Mapping[str, Simulation]) -> list[
     )
     return [
         *(line for line in common if line not in motions),
-        *own,
+        *of_cases,
         *scenario.assumptions,
         *motions,
     ]
@@ -104,41 +104,46 @@ def notes_at_poses(
             tool = f"{mechanism.tool!r}{seen}"
             lines.append(f"note: {name} does not move {tool}, so it adds nothing to the error")
     if play and mechanism.clearance:
-        own = _joints(mechanism, scenario.origins(case), moves=False)
-        lines += [f"play: {one}" for one in own]
+        sizes = _joints(mechanism, scenario.origins(case), moves=False)
+        lines += [f"play: {one}" for one in sizes]
     lines += by_rule(mechanism, "stiffness")
     if bodies := poses.machine.payloads:
         mass = " and ".join(f"{one.mass:g} kg" for one in bodies)
         lines.append(f"payload: {mass}, in hand at all poses")
-    for driven, words in ((False, "act as at time 0"), (True, "are left out: drives hold")):
+    for driven, effect in ((False, "act as at time 0"), (True, "are left out: drives hold")):
         if names := [
             name for name, one in poses.machine.loads.items() if driven == bool(one.driven())
         ]:
-            lines.append(f"loads: {few(names)} {words}")
+            lines.append(f"loads: {few(names)} {effect}")
     lines += [*scenario.notes, *scenario.assumptions]
     return [*dict.fromkeys(lines), *([poses.loops] if poses.loops else [])]
 
 
 def tool_reason(scenario: Scenario) -> str:
     """Why a tool was chosen before the joints with play were known; empty if none was."""
-    chosen = (one for one in scenario.settings if one.assumed and one.key == ("robot", "tool"))
-    return next((one.source for one in chosen), "")
+    chosen = (
+        setting
+        for setting in scenario.settings
+        if setting.assumed and setting.key == ("robot", "tool")
+    )
+    return next((setting.source for setting in chosen), "")
 
 
-def by_rule(mechanism: Mechanism, what: str) -> list[str]:
+def by_rule(mechanism: Mechanism, quantity: str) -> list[str]:
     """What rules have for gears of which nobody gave that, a line for each number."""
-    found: dict[str, list[str]] = {}
+    by_text: dict[str, list[str]] = {}
     for (name, field), rule in mechanism.rules.items():
-        if field == what:
-            unit = fields_of(Gear)[what].units[mechanism.description.joints[name].slides]
-            found.setdefault(
+        if field == quantity:
+            unit = fields_of(Gear)[quantity].units[mechanism.description.joints[name].slides]
+            by_text.setdefault(
                 f"{readable(rule.value, unit, 3)} {rule.reason}{'; a guess' * rule.guess}", []
             ).append(name)
-    factor = f", to a factor of {SPREAD:g}" if what == "stiffness" else ""
-    option = (what if what.startswith("rotor") else f"gear-{what}").replace("_", "-")
+    factor = f", to a factor of {SPREAD:g}" if quantity == "stiffness" else ""
+    option = (quantity if quantity.startswith("rotor") else f"gear-{quantity}").replace("_", "-")
     return [
-        f"gears: {what.replace('_', ' ')} of {few(names)} {words}{factor} {ASSUMED}; see --{option}"
-        for words, names in found.items()
+        f"gears: {quantity.replace('_', ' ')} of {few(names)} {rule}{factor} {ASSUMED}; see "
+        f"--{option}"
+        for rule, names in by_text.items()
     ]
 
 
@@ -149,29 +154,29 @@ def undecided_at_rest(
 
     `loaded`: whether it bears what its drives do not know.
     """
-    origins, found = scenario.origins(case), list[str]()
+    origins, causes = scenario.origins(case), list[str]()
     for name, joint in mechanism.clearance.items():
         sizes = [key for key in ("bearing_radius", "bearing_length") if hasattr(joint, key)]
         known = given(origins, "joints", name) | ({sizes[0]} if joint.fitted and sizes else set())
         if len(sizes) == 2 and not known.issuperset(sizes):
             diameter, length = 2e3 * getattr(joint, sizes[0]), 1e3 * getattr(joint, sizes[1])
-            found.append(f"bearings of {diameter:g} x {length:g} mm")
-    if any(what == "stiffness" for _, what in mechanism.rules):
-        found.append(f"gears' stiffness by rule, to a factor of {SPREAD:g}")
+            causes.append(f"bearings of {diameter:g} x {length:g} mm")
+    if any(quantity == "stiffness" for _, quantity in mechanism.rules):
+        causes.append(f"gears' stiffness by rule, to a factor of {SPREAD:g}")
     geared = set(mechanism.gears) - given(origins, "drives")
     if geared and "encoder" not in given(origins, "drive"):
-        found.append("encoders on the motors")
+        causes.append("encoders on the motors")
     driven = "drive" in given(origins)
     if loaded and not driven and set(mechanism.joints) - given(origins, "drives"):
-        found.append(f"drives of {BANDWIDTH:g} rad/s")
-    return list(dict.fromkeys(found))
+        causes.append(f"drives of {BANDWIDTH:g} rad/s")
+    return list(dict.fromkeys(causes))
 
 
 def _robot(mechanism: Mechanism, reason: str) -> list[str]:
     reason = mechanism.tool_reason or reason
     why = f" (chosen: {reason}; --tool FRAME selects another)"
     lines = [f"tool: {mechanism.tool}{why if reason else ''}"]
-    lines += [f"link {name}: {words}" for name, words in mechanism.flexible.items()]
+    lines += [f"link {name}: {text}" for name, text in mechanism.flexible.items()]
     loose = [*mechanism.clearance, *mechanism.gears]
     if loose and set(loose).isdisjoint(mechanism.movers()):
         lines.append(
@@ -192,8 +197,8 @@ def _joints(mechanism: Mechanism, origins: Origins, moves: bool = True) -> list[
                 if moves or field != "restitution":
                     parts.append(f"{label} {text}{'' if known else f' {ASSUMED}'}".strip())
             alike.setdefault(", ".join(parts), []).append(name)
-    words = [f"{', '.join(names)}: {parts}" for parts, names in alike.items()]
-    return ["; ".join(words)] if words else []
+    lines = [f"{', '.join(names)}: {parts}" for parts, names in alike.items()]
+    return ["; ".join(lines)] if lines else []
 
 
 def _motion(simulation: Simulation, origins: Origins) -> list[str]:

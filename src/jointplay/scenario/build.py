@@ -22,7 +22,7 @@ from jointplay.base.errors import (
     require_positive,
     within,
 )
-from jointplay.base.schema import Draft, Preset, fields_of, unknown_key
+from jointplay.base.schema import Draft, fields_of, unknown_key
 from jointplay.base.tables import few
 from jointplay.base.units import Measured, ask_unit, expected, named, readable, toml_text
 from jointplay.model.beams import FlexibleLink
@@ -37,7 +37,7 @@ from jointplay.model.payload import Payload
 from jointplay.model.robots import resolve
 from jointplay.model.tool import choose_tool
 from jointplay.model.urdf import Description, JointEntry
-from jointplay.physics.joints import JOINT_WORDS, Clearance, Coordinate
+from jointplay.physics.joints import Clearance, Coordinate
 from jointplay.physics.joints.base import RoundClearance
 from jointplay.scenario.declarations import ANGLE, ANGULAR_SPEED, MOTION_SOURCES, PATHS, Model
 from jointplay.simulation.loads import Load
@@ -120,26 +120,26 @@ def of_joint(draft: Draft, path: tuple[str, ...], fitted: Callable[..., float]) 
     Raises:
         JointplayError: no such joint, or a unit of another kind; `where` has the key.
     """
-    found = dict(draft.fields)
+    values = dict(draft.fields)
     for key, value in draft.fields.items():
         units = fields_of(draft.kind)[key].units
         if len(units) == 2 and value is not None:
             each = value if isinstance(value, tuple) else (value,)
-            own = tuple(fitted(one, units, (*path, key)) for one in each)
-            found[key] = own if isinstance(value, tuple) else own[0]
-    return replace(draft, fields=found)
+            numbers = tuple(fitted(number, units, (*path, key)) for number in each)
+            values[key] = numbers if isinstance(value, tuple) else numbers[0]
+    return replace(draft, fields=values)
 
 
 def made_by_joint(table: Any, mechanism: Mechanism, *place: str) -> dict[str, Any]:
     """Objects of a table by moving joint; `place` leads to it, errors are there."""
-    found = {}
+    objects = {}
     for name, draft in drafts(table).items():
         path = (*place, name)
         require_known("moving joint", name, mechanism.joints, where=path)
-        own = of_joint(draft, path, partial(fit, mechanism, name))
+        fitted = of_joint(draft, path, partial(fit, mechanism, name))
         with within(*path):
-            found[name] = own.make()
-    return found
+            objects[name] = fitted.make()
+    return objects
 
 
 # What acts in a scenario: drives, friction, loads, payloads.
@@ -163,8 +163,8 @@ def drive_of(model: Model, mechanism: Mechanism) -> dict[str, Drive]:
                 of_joint(shared, ("drive",), partial(fit, mechanism, name))  # refuses misfits
         with within("drive"):
             common = shared.make()
-    own = made_by_joint(model.drives, mechanism, "drives")
-    return dict.fromkeys(mechanism.joints, common) | own
+    by_joint = made_by_joint(model.drives, mechanism, "drives")
+    return dict.fromkeys(mechanism.joints, common) | by_joint
 
 
 def led(
@@ -185,15 +185,15 @@ def led(
             )
     if motion is not None and not model.drives:
         return next(iter(drives.values()))
-    return {name: one for name, one in drives.items() if not one.follows or name in joints}
+    return {name: drive for name, drive in drives.items() if not drive.follows or name in joints}
 
 
 def friction_of(model: Model, mechanism: Mechanism) -> dict[str, JointFriction] | None:
     """Friction of all moving joints, where the scenario says anything of it."""
     if not model.joint_friction:
         return None
-    given = made_by_joint(model.joint_friction, mechanism, "joint_friction")
-    return urdf_friction(mechanism) | given
+    by_joint = made_by_joint(model.joint_friction, mechanism, "joint_friction")
+    return urdf_friction(mechanism) | by_joint
 
 
 def loads_of(model: Model, mechanism: Mechanism) -> dict[str, Load]:
@@ -201,9 +201,9 @@ def loads_of(model: Model, mechanism: Mechanism) -> dict[str, Load]:
     loads: dict[str, Load] = {}
     for name, draft in drafts(model.loads).items():
         joint = draft.fields.get("joint", "")
-        own = of_joint(draft, ("loads", name), partial(fit, mechanism, joint))
+        fitted = of_joint(draft, ("loads", name), partial(fit, mechanism, joint))
         with within("loads", name):
-            load = own.make()
+            load = fitted.make()
             load.site(mechanism)
             load.numbers(mechanism)
         loads[name] = load
@@ -261,21 +261,21 @@ def motion_of(
 def _as_given(
     model: Model, table: Any, mechanism: Mechanism, folder: Path, start: dict[str, float]
 ) -> Motion:
-    given = table.given()
-    sources = [key for key in MOTION_SOURCES if key in given]
+    entries = table.given()
+    sources = [key for key in MOTION_SOURCES if key in entries]
     if len(sources) != 1:
-        got = " and ".join(sources) or "none"
+        several = " and ".join(sources) or "none"
         raise JointplayError(
-            f"the motion needs one of {', '.join(MOTION_SOURCES)}; got {got}",
+            f"the motion needs one of {', '.join(MOTION_SOURCES)}; got {several}",
             where=("motion", *sources[1:2]),
         )
     (source,) = sources
     keys = (source, *MOTION_SOURCES[source])
-    for key in (key for key in given if key not in keys):
+    for key in (key for key in entries if key not in keys):
         raise JointplayError(unknown_key(key, keys) + f" (with {source})", where=("motion", key))
     if source == "file":
         with within("motion", "file"):
-            return motion_from_file(resolve(given["file"], folder), table.interpolation)
+            return motion_from_file(resolve(entries["file"], folder), table.interpolation)
     if source == "speeds":
         return _turning(model, mechanism, start)
     if table.times is None:
@@ -283,7 +283,7 @@ def _as_given(
     if source == "tool_position":
         return _cartesian(table, mechanism, start)
     columns = []
-    for name, values in given["joints"].items():
+    for name, values in entries["joints"].items():
         path = ("motion", "joints", name)
         if len(values) != len(table.times):
             raise JointplayError(
@@ -293,15 +293,15 @@ def _as_given(
         columns.append([fit(mechanism, name, value, ANGLE, path) for value in values])
     with within("motion"):
         positions = np.array(columns).reshape(len(columns), len(table.times)).T
-        return Motion(list(given["joints"]), table.times, positions, table.interpolation)
+        return Motion(list(entries["joints"]), table.times, positions, table.interpolation)
 
 
 def motion_from_file(path: Path, interpolation: str | None) -> Motion:
     """Motion of a file, which is read again only once it has changed."""
     stamp: tuple[int, ...] = ()
     with suppress(OSError, ValueError):  # which reading it puts into words
-        found = path.stat()
-        stamp = found.st_mtime_ns, found.st_size, found.st_ino
+        status = path.stat()
+        stamp = status.st_mtime_ns, status.st_size, status.st_ino
     return _read(path, interpolation, stamp)
 
 
@@ -342,7 +342,7 @@ def _cartesian(table: Any, mechanism: Mechanism, start: dict[str, float]) -> Mot
     ideal = mechanism.ideal()
     begin = {name: value for name, value in start.items() if name in ideal.coordinates}
     with within("motion"), _relocated(keys):
-        found = cartesian_path(
+        solution = cartesian_path(
             ideal,
             np.array(table.times),
             np.array(table.tool_position).reshape(-1, 3),
@@ -352,10 +352,10 @@ def _cartesian(table: Any, mechanism: Mechanism, start: dict[str, float]) -> Mot
             start=begin if ideal.loops else dict(start),
             driven=table.driven,
         )
-    for name in begin if ideal.loops else found.motion.joints:
+    for name in begin if ideal.loops else solution.motion.joints:
         start.pop(name, None)  # it has said on which branch
-    start.update(found.start)
-    return found.motion
+    start.update(solution.start)
+    return solution.motion
 
 
 # What becomes of the joints that a scenario's motion does not name.
@@ -440,7 +440,11 @@ def build(
         payloads=payloads_of(model, mechanism),
         loads=loads_of(model, mechanism),
         state={name: (start.get(name), start_speed.get(name)) for name in {**start, **start_speed}},
-        **{one.name: getattr(table, one.name) for kind, table in tables for one in fields(kind)},
+        **{
+            field.name: getattr(table, field.name)
+            for kind, table in tables
+            for field in fields(kind)
+        },
     )
     return simulation, notes
 
@@ -504,9 +508,11 @@ def _of_idle_planes(mechanism: Mechanism) -> list[str]:
                 lines.append(_idle_plane(name))
             continue
         at = mechanism.coordinates.index(Coordinate(name, "x"))
-        others = [i for i, one in enumerate(mechanism.coordinates) if one.joint != name]
-        own = np.sqrt(mass[at, at] * mass.diagonal()[others])
-        idle = np.abs(mass[at, others]) <= _NOT_COUPLED * own
+        others = [
+            i for i, coordinate in enumerate(mechanism.coordinates) if coordinate.joint != name
+        ]
+        size = np.sqrt(mass[at, at] * mass.diagonal()[others])
+        idle = np.abs(mass[at, others]) <= _NOT_COUPLED * size
         if others and idle.all() and abs(weight[at]) <= _NOT_COUPLED * mass[at, at]:
             lines.append(_idle_plane(name))
     return lines
@@ -535,14 +541,14 @@ def _moving_across(mechanism: Mechanism, name: str, q: np.ndarray) -> np.ndarray
     """Velocity of a loop's journal in its bearing by those of all coordinates (3, nv)."""
     model, data = mechanism.model, mechanism.model.createData()
     pin.computeJointJacobians(model, data, q)
-    whole, places = [], []
+    jacobians, places = [], []
     for body, place in mechanism.frames(name):
         local = pin.getJointJacobian(model, data, body, pin.ReferenceFrame.LOCAL)
         at = data.oMi[body] * place
         moving = place.toActionMatrixInverse() @ local
-        whole.append([at.rotation @ moving[:3], at.rotation @ moving[3:]])
+        jacobians.append([at.rotation @ moving[:3], at.rotation @ moving[3:]])
         places.append(at)
-    (bearing, turn), (journal, _) = whole
+    (bearing, turn), (journal, _) = jacobians
     carried = np.cross(turn.T, places[1].translation - places[0].translation).T
     across: np.ndarray = places[0].rotation.T @ (journal - bearing - carried)
     return across
@@ -550,8 +556,8 @@ def _moving_across(mechanism: Mechanism, name: str, q: np.ndarray) -> np.ndarray
 
 def _of_falling(model: Model, mechanism: Mechanism, motion: Motion | None) -> list[str]:
     """Joints of a robot with motors that nothing holds; who says that drives are free means it."""
-    given = model.drive is not None or model.drives or model.loads
-    if motion is not None or given or mechanism.loops or not any(mechanism.gravity):
+    intended = model.drive is not None or model.drives or model.loads
+    if motion is not None or intended or mechanism.loops or not any(mechanism.gravity):
         return []
     entries = mechanism.description.joints
     motors = [name for name in mechanism.joints if name in entries and entries[name].effort]
@@ -598,13 +604,13 @@ def mechanism_of(model: Model, folder: Path, built: Built) -> Mechanism:
     parts = model.loops, closing, model.joints, model.gears, model.links
     inputs = (robot, *parts, folder)
     key = (str(description.path), description.text, *map(repr, inputs))
-    made = built.pop(key, None) or _built_anew(
+    ready = built.pop(key, None) or _built_anew(
         replace(model, robot=robot), description, closing, balls
     )
-    built[key] = made
+    built[key] = ready
     if len(built) > _LAST_BUILT:
         built.popitem(last=False)
-    return made
+    return ready
 
 
 def _built_anew(
@@ -625,11 +631,13 @@ def _built_anew(
     joints = dict(balls)
     for name, draft in drafts(model.joints).items():
         with within("joints", name):
+            kind: Any = draft.kind
             if name not in description.joints and name not in loops:
-                kind: Any = draft.kind
                 able = [j.name for j in description.joints.values() if j.kind in kind.replaces]
                 raise MissingName("joint", name, [*able, *loops])
-            plain = _plain_when_ideal(draft.word, name in loops)
+            # An ideal joint of this kind is what stands there anyway: it needs no dimensions.
+            plain = not (kind.compound() or (name in loops and kind.slides()))
+            plain = plain and draft.word is not None
             if not (plain and draft.fields.get("ideal")):
                 joint = draft.make()
                 if not (plain and joint.ideal):
@@ -659,12 +667,3 @@ def _built_anew(
         )  # fmt: skip
     mechanism.tool_reason = reason
     return mechanism
-
-
-def _plain_when_ideal(kind: str | None, loop: bool) -> bool:
-    """Whether an ideal joint of this kind is what stands there anyway, and needs no dimensions."""
-    if kind is None:
-        return False
-    chosen = JOINT_WORDS[kind]
-    joint: Any = chosen.kind if isinstance(chosen, Preset) else chosen
-    return not (joint.compound() or (loop and joint.slides()))

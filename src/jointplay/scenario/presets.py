@@ -60,7 +60,6 @@ QUANTITIES = {
 }
 """What measurements call numbers of a joint; of bearings as the number is called."""
 _UNSAID = "what the file says"
-_BOTH = "a preset has either [every] or [joint]"
 _NONE = "no preset: tables such as [joint.elbow.gear] or [joint.elbow.bearing] are needed"
 LEFT_OUT = {
     "openarm": "Damiao's manuals of its motors state ratios of 9, 40 and 10, but no backlash",
@@ -179,11 +178,11 @@ class Preset:
         """
         parts: dict[str, Mapping[str, Any]] = {
             "bearing": {
-                name: shortest(Clearance, one)
-                for name, one in mechanism.clearance.items()
+                name: shortest(Clearance, value)
+                for name, value in mechanism.clearance.items()
                 if name in mechanism.description.joints
             },
-            "gear": {name: shortest(Gearing, one) for name, one in mechanism.gears.items()},
+            "gear": {name: shortest(Gearing, value) for name, value in mechanism.gears.items()},
         }
         named: dict[str, dict[str, Any]] = {}
         for some in (parts, tables):
@@ -197,12 +196,12 @@ class Preset:
     def intervals(self) -> dict[tuple[str, str], tuple[float, float]]:
         """Of what was measured on this robot, by joint and quantity as measurements call it."""
         found = {}
-        for one in self.origins:
-            if len(one.interval) != 2:
+        for origin in self.origins:
+            if len(origin.interval) != 2:
                 continue
-            joint, _, number = one.key.rpartition(".")
+            joint, _, number = origin.key.rpartition(".")
             joint, _, part = joint.rpartition(".")
-            low, high = one.interval
+            low, high = origin.interval
             name = QUANTITIES.get(f"{part}.{number}", number)
             if name.endswith("compliance") and name != number:
                 low, high = (1.0 / end if end else math.inf for end in (high, low))
@@ -213,7 +212,7 @@ class Preset:
         """Each table: whose, part, what it holds; whose is empty where a table is for many."""
         for whose, tables in [
             ("", self.every),
-            *(("", one) for one in self.ordered),
+            *(("", joint) for joint in self.ordered),
             *self.named.items(),
         ]:
             for part, table in tables.items():
@@ -222,7 +221,7 @@ class Preset:
 
     def lacks(self) -> list[str]:
         """What keeps it from being part of jointplay, a line each: numbers without origin, ..."""
-        said = {key.strip() for one in self.origins for key in one.key.split(",")}
+        explained = {key.strip() for origin in self.origins for key in origin.key.split(",")}
         lines, held = [], set()
         for whose, part, table in self._numbers():
             at = f"{whose}." if whose else ""
@@ -233,14 +232,14 @@ class Preset:
             for key in table:
                 names = {part, f"{part}.{key}", f"{at}{part}", f"{at}{part}.{key}"}
                 held |= names
-                if key != "kind" and not names & said:
+                if key != "kind" and not names & explained:
                     lines.append(f'{at}{part}.{key} has no [[origin]] with key = "{part}.{key}"')
         lines += [
-            f"{one.key}: source is empty: where was it seen, or from what estimated?"
-            for one in self.origins
-            if not one.source.strip()
+            f"{origin.key}: source is empty: where was it seen, or from what estimated?"
+            for origin in self.origins
+            if not origin.source.strip()
         ]
-        lines += [f'[[origin]]: no number has the key "{key}"' for key in sorted(said - held)]
+        lines += [f'[[origin]]: no number has the key "{key}"' for key in sorted(explained - held)]
         if not self.errors:
             lines.append(f"[preset]: errors is missing, one of {', '.join(CLASSES)}")
         if self.known == _UNSAID:
@@ -263,18 +262,18 @@ class Preset:
                 )
             for name in tables_of:
                 require_known("joint", name, holds, f"; preset {self.name!r} names it")
-            own = list(tables_of.items())
+            by_joint = list(tables_of.items())
         else:
-            turning = [name for name, one in holds.items() if one.kind in able]
+            turning = [name for name, entry in holds.items() if entry.kind in able]
             turning.sort(key=lambda name: len([*description.above(holds[name].parent)]))
             last = len(self.ordered) - 1
-            own = [(name, self.ordered[min(k, last)]) for k, name in enumerate(turning)]
-        found: dict[str, dict[str, Any]] = {}
-        for name, tables in own:
+            by_joint = [(name, self.ordered[min(k, last)]) for k, name in enumerate(turning)]
+        by_table: dict[str, dict[str, Any]] = {}
+        for name, tables in by_joint:
             for part, table in _TABLES.items():
                 if part in tables:
-                    found.setdefault(table, {})[name] = dict(tables[part])
-        return found
+                    by_table.setdefault(table, {})[name] = dict(tables[part])
+        return by_table
 
     def settings(self, description: Description) -> list[Setting]:
         parts = {table: part for part, table in _TABLES.items()}
@@ -313,20 +312,20 @@ class Preset:
         place = robot or self.robot
         if place is None:
             raise JointplayError(f"preset {self.name!r} is for any arm: give a robot")
-        own = [Setting(("robot", key), value, key) for key, value in options.items()]
-        description = description_of(robot_place(str(place)), own)
-        settings = [*self.settings(description), *own]
+        robot_settings = [Setting(("robot", key), value, key) for key, value in options.items()]
+        description = description_of(robot_place(str(place)), robot_settings)
+        settings = [*self.settings(description), *robot_settings]
         return robot_scenario(str(place), settings=settings, moves=False).mechanism()
 
     def drives(self, description: Description) -> dict[str, Drive]:
         """Drives that it knows, by joint; see `tables`."""
         tables = self.tables(description).get("drives", {})
-        return {name: read(Drive, one) for name, one in tables.items()}
+        return {name: read(Drive, table) for name, table in tables.items()}
 
     def __str__(self) -> str:
         whom = f" ({', '.join(self.robots)})" if self.robots else " (any arm)"
         lines = [f"{self.name}{whom}: {self.words}", f"    publicly known: {self.known}"]
-        return "\n".join([*lines, *(f"    {one}" for one in self.origins)])
+        return "\n".join([*lines, *(f"    {origin}" for origin in self.origins)])
 
     @property
     def text(self) -> str:
@@ -334,10 +333,10 @@ class Preset:
         head = {"words": self.words, "known": self.known, "robots": list(self.robots)}
         head |= {"robot": self.robot} if self.robot else {}
         head |= {"errors": self.errors} if self.errors else {}
-        said = [{k: v for k, v in vars(one).items() if v != ()} for one in self.origins]
-        origins = [as_toml({"origin": one}) for one in said]
+        entries = [{k: v for k, v in vars(entry).items() if v != ()} for entry in self.origins]
+        origins = [as_toml({"origin": entry}) for entry in entries]
         tables = as_toml({"preset": head, "joint": self.named})
-        return "\n".join([tables, *(one.replace("[origin]", "[[origin]]") for one in origins)])
+        return "\n".join([tables, *(entry.replace("[origin]", "[[origin]]") for entry in origins)])
 
 
 def _files() -> list[Path]:
@@ -355,19 +354,19 @@ def _known() -> dict[str, str]:
 
     Read without a check, which takes as long as the rest of a command's start.
     """
-    found: dict[str, str] = {}
+    known: dict[str, str] = {}
     for path in _files():
         data = parsed(read_text(path, "preset"), path)
-        if any(one["origin"] != ASSUMED for one in data["origin"]):
-            found |= dict.fromkeys(data["preset"].get("robots", ()), path.stem)
-    return found
+        if any(origin["origin"] != ASSUMED for origin in data["origin"]):
+            known |= dict.fromkeys(data["preset"].get("robots", ()), path.stem)
+    return known
 
 
 def _read(path: Path, name: str) -> Preset:
     text = read_text(path, "preset")
     data = parsed(text, path)
     try:
-        said: _File = make(check(_File, data), objects=False)
+        file: _File = make(check(_File, data), objects=False)
         for place, tables in _places(data):
             for part in tables.keys() & _KINDS.keys():
                 with within(*place, part):
@@ -378,14 +377,18 @@ def _read(path: Path, name: str) -> Preset:
                     except MissingKey as error:
                         if error.where:  # of a table within
                             raise
-        if bool(said.every) == bool(said.joint):
+        if bool(file.every) == bool(file.joint):
             raise JointplayError(
-                _NONE if not said.every else "either [every] or [joint] is possible"
+                _NONE if not file.every else "either [every] or [joint] is possible"
             )
     except JointplayError as error:
         raise JointplayError(f"{said_at(path, lines(text), error.where)}: {error}") from None
-    head, joint = said.preset, data.get("joint", {})
-    named = {whose: _whole(one) for whose, one in joint.items()} if isinstance(joint, dict) else {}
+    head, joint = file.preset, data.get("joint", {})
+    named = (
+        {whose: _whole(tables_of) for whose, tables_of in joint.items()}
+        if isinstance(joint, dict)
+        else {}
+    )
     return Preset(
         name,
         head.words or path.name,
@@ -393,7 +396,7 @@ def _read(path: Path, name: str) -> Preset:
         head.robots,
         head.robot,
         head.errors,
-        tuple(said.origin),
+        tuple(file.origin),
         _whole(data.get("every", {})),
         () if named else tuple(map(_whole, joint)),
         named,
@@ -412,8 +415,8 @@ def _places(data: Mapping[str, Any]) -> Iterator[tuple[tuple[str | int, ...], Ma
 def _whole(tables: Mapping[str, Any]) -> dict[str, Any]:
     """A joint's tables, a bare word as the table for which it stands."""
     return {
-        part: {"kind": one} if part in _TABLES and isinstance(one, str) else one
-        for part, one in tables.items()
+        part: {"kind": table} if part in _TABLES and isinstance(table, str) else table
+        for part, table in tables.items()
     }
 
 
@@ -456,11 +459,13 @@ def preset_of(robot: str) -> Preset:
         JointplayError: nothing is publicly known of its joints; the message has what to choose.
     """
     require_a("robot", robot, "str", "Path")
-    if own := own_preset(robot):
-        return preset(own)
+    if known := own_preset(robot):
+        return preset(known)
     name = _short(robot)
-    classes = [one.name for one in _presets().values() if name in one.robots]
-    classes += [kind for kind, one in _presets().items() if one.ordered and kind not in classes]
+    classes = [candidate.name for candidate in _presets().values() if name in candidate.robots]
+    classes += [
+        kind for kind, candidate in _presets().items() if candidate.ordered and kind not in classes
+    ]
     little = "too little" if name in LEFT_OUT else "nothing"
     why = f" ({LEFT_OUT[name]})" if name in LEFT_OUT else ""
     raise JointplayError(

@@ -152,8 +152,8 @@ def _paths(parsed: Any) -> list[Key]:
 def said_at(path: Path, known: Mapping[Key, int], place: Sequence[str | int]) -> str:
     """File, line and key of what an error is about, as its message begins."""
     line = line_of(known, place)
-    words = [str(path), *([] if line is None else [f"line {line}"])]
-    return ", ".join([*words, *([dotted(place)] if place else [])])
+    parts = [str(path), *([] if line is None else [f"line {line}"])]
+    return ", ".join([*parts, *([dotted(place)] if place else [])])
 
 
 def line_of(known: Mapping[Key, int], path: Sequence[str | int]) -> int | None:
@@ -169,14 +169,14 @@ def _syntax(message: str) -> str:
     parts = re.fullmatch(r"(.*) \(at (?:line (\d+), column (\d+)|end of document)\)", message)
     if parts is None:
         return f": {message}"
-    what, line, column = parts.groups()
+    reason, line, column = parts.groups()
     place = f", line {line}, column {column}" if line else ", end of file"
-    twice = re.match(r"Cannot (?:declare \((.*?),?\) twice|overwrite a value)", what)
+    twice = re.match(r"Cannot (?:declare \((.*?),?\) twice|overwrite a value)", reason)
     if twice:
         names = re.findall(r"'([^']*)'|\"([^\"]*)\"", twice[1] or "")
         key = dotted([a or b for a, b in names])
-        what = f"{key or 'a key'} is given twice; each may have one entry"
-    return f"{place}: {what}"
+        reason = f"{key or 'a key'} is given twice; each may have one entry"
+    return f"{place}: {reason}"
 
 
 # Settings: single keys of a scenario given on top of its file, as by ``--set KEY=VALUE``.
@@ -239,7 +239,7 @@ def with_names(settings: Iterable[Setting], names: Collection[str]) -> list[Sett
     Shells take quotes away: ``joints."joint_0.0".ideal`` comes as ``joints.joint_0.0.ideal``.
     """
     spelled = {tuple(name.split(".")): name for name in names if "." in name}
-    found = []
+    renamed = []
     for setting in settings:
         key: list[str] = []
         rest = setting.key
@@ -248,8 +248,8 @@ def with_names(settings: Iterable[Setting], names: Collection[str]) -> list[Sett
             parts = max(fits, key=len, default=rest[:1]) if key else rest[:1]
             key.append(spelled.get(parts, parts[0]))
             rest = rest[len(parts) :]
-        found.append(replace(setting, key=tuple(key)))
-    return found
+        renamed.append(replace(setting, key=tuple(key)))
+    return renamed
 
 
 def _value(text: str) -> Any:
@@ -279,8 +279,12 @@ def tree(settings: Iterable[Setting]) -> dict[str, Any]:
 
 def given_by(settings: Iterable[Setting], path: Key) -> str | None:
     """Which setting gave the key at `path`, the last one of several; None if none did."""
-    given = [one.source for one in settings if one.key and path[: len(one.key)] == one.key]
-    return given[-1] if given else None
+    sources = [
+        setting.source
+        for setting in settings
+        if setting.key and path[: len(setting.key)] == setting.key
+    ]
+    return sources[-1] if sources else None
 
 
 def setting_texts(settings: Iterable[Setting]) -> list[str]:
@@ -296,10 +300,10 @@ def as_toml(data: Mapping[str, Any]) -> str:
 
 
 def _section(path: Key, table: Mapping[str, Any], lines: list[str]) -> None:
-    own = {key: value for key, value in table.items() if not isinstance(value, Mapping)}
-    if path and (own or not table):
+    values = {key: value for key, value in table.items() if not isinstance(value, Mapping)}
+    if path and (values or not table):
         lines += ["", f"[{dotted(path)}]"]
-    lines += [f"{dotted((key,))} = {inline(value)}" for key, value in own.items()]
+    lines += [f"{dotted((key,))} = {inline(value)}" for key, value in values.items()]
     for key, value in table.items():
         if isinstance(value, Mapping):
             _section((*path, key), value, lines)
@@ -323,7 +327,7 @@ def description_of(place: str, settings: Sequence[Setting], folder: Path = Path(
     """A robot with what settings allow and hold; what else they say is read with the scenario."""
     robot = tree(settings).get("robot", {})
     names = {key: robot.get(key) for key in ("allow_unphysical", "fix")}
-    allowed, fix = (one if isinstance(one, list) else [] for one in names.values())
+    allowed, fix = (value if isinstance(value, list) else [] for value in names.values())
     arguments = robot.get("xacro")
     arguments = arguments if isinstance(arguments, dict) else {}
     from jointplay.model.fixing import with_fixed  # imports Pinocchio
@@ -389,8 +393,8 @@ class Scenario(Overview):
         require_a("text", text, "str")
         require_a("path", path, "str", "Path")
         require_a("settings", settings, "Iterable")
-        for one in settings:
-            require_a("a setting", one, "Setting")
+        for setting in settings:
+            require_a("a setting", setting, "Setting")
         self.path = Path(path)
         self.settings = tuple(settings)
         self.text = text
@@ -456,7 +460,9 @@ class Scenario(Overview):
             try:
                 ask_scales(Model, data)
             except JointplayError as error:
-                case = next((c for c, one in scenario._changes.items() if one is data), None)
+                case = next(
+                    (c for c, changes in scenario._changes.items() if changes is data), None
+                )
                 raise scenario.error(error.where, str(error), case) from None
         return scenario
 
@@ -544,7 +550,7 @@ class Scenario(Overview):
                 keys = [name for name in fields_of(Model) if name not in NOT_IN_A_CASE]
                 raise self.error(("cases", case, key), unknown_key(key, keys))
             if key in self._set and key != "title":
-                source = next(one.source for one in self.settings if one.key[0] == key)
+                source = next(setting.source for setting in self.settings if setting.key[0] == key)
                 raise JointplayError(f"{source}: settings apply to all cases; leave out the case")
         if "figures" in (changed.get("output") or {}):
             message = "figures compare all cases; give this in [output]"
@@ -559,42 +565,42 @@ class Scenario(Overview):
 
     def data(self, case: str) -> dict[str, Any]:
         """What the file says of a case, as TOML has it; see `model`."""
-        said = merge(merge(self._base, self._changes[case]), self._set)
-        if isinstance(drive := said.get("drive"), Mapping):
-            said["drive"] = {"kind": ComputedTorque.kind, **drive}
-        return merge(self._beneath(said), said)
+        table = merge(merge(self._base, self._changes[case]), self._set)
+        if isinstance(drive := table.get("drive"), Mapping):
+            table["drive"] = {"kind": ComputedTorque.kind, **drive}
+        return merge(self._beneath(table), table)
 
-    def _beneath(self, said: Mapping[str, Any]) -> dict[str, Any]:
+    def _beneath(self, table: Mapping[str, Any]) -> dict[str, Any]:
         """What the robot's own file says beyond a URDF, over which the scenario counts.
 
         A scenario that is named like its robot is made of it and has that among its settings.
         """
-        if isinstance(said.get("linkage"), Mapping):
-            return self._beneath_linkage(said)
+        if isinstance(table.get("linkage"), Mapping):
+            return self._beneath_linkage(table)
         from jointplay.model import formats
 
-        robot = said.get("robot")
+        robot = table.get("robot")
         place = robot.get("urdf") if isinstance(robot, Mapping) else None
         if not isinstance(place, str) or Path(place).name == self.path.name:
             return {}
         held = [Setting(("robot",), robot, "the scenario")]
         key = repr(robot)
         if key not in self._read:
-            found: list[Setting] = []
+            settings: list[Setting] = []
             with suppress(JointplayError):  # which is said when the robot is built
                 if formats.says_more(place, self.path.parent):
                     description = description_of(place, held, self.path.parent)
-                    found = settings_beyond(description, ideal=False)
+                    settings = settings_beyond(description, ideal=False)
                     notes = description.beyond.notes
-                    self.assumptions += [one for one in notes if one not in self.assumptions]
-            self._read[key] = found
-        drives = "motion" in said and "drive" not in said
-        return tree(one for one in self._read[key] if drives or one.key[0] != "drives")
+                    self.assumptions += [entry for entry in notes if entry not in self.assumptions]
+            self._read[key] = settings
+        drives = "motion" in table and "drive" not in table
+        return tree(entry for entry in self._read[key] if drives or entry.key[0] != "drives")
 
-    def _beneath_linkage(self, said: Mapping[str, Any]) -> dict[str, Any]:
+    def _beneath_linkage(self, table: Mapping[str, Any]) -> dict[str, Any]:
         """What who draws a linkage means: plane play, a crank that keeps its speed."""
         beneath: dict[str, Any] = {}
-        points, joints = said["linkage"].get("points"), said.get("joints")
+        points, joints = table["linkage"].get("points"), table.get("joints")
         planar = isinstance(points, Mapping) and all(
             isinstance(place, list) and len(place) == 2 for place in points.values()
         )
@@ -603,11 +609,11 @@ class Scenario(Overview):
             beneath["joints"] = {
                 name: kinds for name, joint in joints.items() if isinstance(joint, Mapping)
             }
-        if "speeds" in said.get("motion", ()) and not {"drive", "drives"} & said.keys():
+        if "speeds" in table.get("motion", ()) and not {"drive", "drives"} & table.keys():
             beneath["drive"] = {"kind": "prescribed"}
             line = 'motors keep the given speeds whatever the load: drive.kind = "prescribed"'
             self.assumptions += [line] if line not in self.assumptions else []
-        integration = said.get("integration", {})
+        integration = table.get("integration", {})
         steps = {"step", "tolerance", "integrator", "macro_step"}
         if isinstance(integration, Mapping) and not steps & integration.keys():
             beneath["integration"] = {"tolerance": TOLERANCE}
@@ -617,11 +623,14 @@ class Scenario(Overview):
         """Who gave each value of a case, by key: the file, or the last setting of it."""
         data = merge(self._base, self._changes[case])
         if Path(str(data.get("robot", {}).get("urdf"))).name == self.path.name:
-            data = {key: one for key, one in data.items() if key not in ("title", "robot")}
+            data = {key: entry for key, entry in data.items() if key not in ("title", "robot")}
         found = dict.fromkeys(_leaves(data), (FILE, self.path.name))
-        for one in (*self._read.get(repr(self.data(case).get("robot")), ()), *self.settings):
-            for key in _leaves(one.value, one.key):
-                found[key] = (one.origin, f"{one.source}: {one.why}" if one.why else one.source)
+        for entry in (*self._read.get(repr(self.data(case).get("robot")), ()), *self.settings):
+            for key in _leaves(entry.value, entry.key):
+                found[key] = (
+                    entry.origin,
+                    f"{entry.source}: {entry.why}" if entry.why else entry.source,
+                )
         return found
 
     def _table(self, value: Any, path: Key) -> Mapping[str, Any]:
@@ -653,8 +662,8 @@ class Scenario(Overview):
         if source is not None:
             return JointplayError(f"{source}: {' '.join(message.split())}", where=path)
         place = self._place(path, case)
-        own = built and self._named and place[:1] != ("cases",)
-        where = said_at(self.path, self._lines, place) + (f", case {toml_text(case)}" * own)
+        of_case = built and self._named and place[:1] != ("cases",)
+        where = said_at(self.path, self._lines, place) + (f", case {toml_text(case)}" * of_case)
         return JointplayError(f"{where}: {' '.join(message.split())}", where=path)
 
 
@@ -672,10 +681,10 @@ def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]
         if isinstance(before, str) and isinstance(value, Mapping) and key in _WORDS:
             before = {_WORDS[key]: before}
         if isinstance(before, Mapping) and isinstance(value, Mapping):
-            other = any(word in value and value[word] != before.get(word) for word in _SELECTORS)
+            replaced = any(word in value and value[word] != before.get(word) for word in _SELECTORS)
             if key == "motion" and before.keys() & MOTION_SOURCES.keys():
-                other |= bool((value.keys() & MOTION_SOURCES.keys()) - before.keys())
-            merged[key] = dict(value) if other else merge(before, value)
+                replaced |= bool((value.keys() & MOTION_SOURCES.keys()) - before.keys())
+            merged[key] = dict(value) if replaced else merge(before, value)
         else:
             merged[key] = value
     return merged
@@ -686,8 +695,8 @@ def _leaves(value: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]
     if not isinstance(value, Mapping):
         yield path
         return
-    for key, one in value.items():
-        yield from _leaves(one, (*path, key))
+    for key, item in value.items():
+        yield from _leaves(item, (*path, key))
 
 
 def _keys(table: Mapping[str, Any]) -> Iterator[str]:

@@ -66,10 +66,6 @@ MARGIN = 1.2
 mass that falls by a third on the way)."""
 
 
-def _there(place: str) -> bool:
-    return files.is_file(Path(place))
-
-
 def robot_scenario(
     place: str | None,
     joints: Sequence[str] = (),
@@ -98,30 +94,30 @@ def robot_scenario(
     if place is not None:
         require_a("place", place, "str")
     require_a("settings", settings, "Iterable")
-    own = [parse(one) if isinstance(one, str) else one for one in settings]
-    for one in own:
-        require_a("a setting", one, "Setting")
+    asked = [parse(entry) if isinstance(entry, str) else entry for entry in settings]
+    for entry in asked:
+        require_a("a setting", entry, "Setting")
     joints = require_names("joints", joints, "names")
     scara = place is None
     place = robot_place(place)
     # The robot alone: what is wrong elsewhere is said when the scenario is built.
-    description = description_of(place, own)
+    description = description_of(place, asked)
     path = description.path
-    said = tree(own)
+    asked_tables = tree(asked)
     beyond = settings_beyond(description, ideal)
-    own = with_names([*beyond, *own], description.joints)
-    given = tree(own)
+    asked = with_names([*beyond, *asked], description.joints)
+    tables = tree(asked)
     from jointplay.model.fixing import without_floating_base  # imports Pinocchio
 
-    description = without_floating_base(description, {*joints, *given.get("joints", {})})
+    description = without_floating_base(description, {*joints, *tables.get("joints", {})})
     description.require_moving()
-    gears = given.get("gears", {})
-    geared = [name for name, one in gears.items() if one.get("play", True)]
-    if beyond and len(geared) < len(gears) and "tool" not in given.get("robot", {}):
-        tool, why = choose_tool(description, {*joints, *given.get("joints", {}), *geared})
-        own.append(Setting(("robot", "tool"), tool, why, ASSUMED))
-    servos = [one for one in given.get("drives", {}).values() if one.get("kind") != "free"]
-    errs = joints or ideal or gears or servos or {"joints", "drive", "drives"} & said.keys()
+    gears = tables.get("gears", {})
+    geared = [name for name, entry in gears.items() if entry.get("play", True)]
+    if beyond and len(geared) < len(gears) and "tool" not in tables.get("robot", {}):
+        tool, why = choose_tool(description, {*joints, *tables.get("joints", {}), *geared})
+        asked.append(Setting(("robot", "tool"), tool, why, ASSUMED))
+    servos = [entry for entry in tables.get("drives", {}).values() if entry.get("kind") != "free"]
+    errs = joints or ideal or gears or servos or {"joints", "drive", "drives"} & asked_tables.keys()
     if moves and not errs:
         if not scara:
             from jointplay.scenario.presets import own_preset
@@ -129,8 +125,8 @@ def robot_scenario(
             raise nothing_has_play(description.moving, own_preset(str(place)))
         joints = (SCARA_JOINT,)
     for name in joints:
-        if name not in description.joints and name not in given.get("loops", {}):
-            wrong = one_of("joint", name, [*description.moving, *given.get("loops", {})])
+        if name not in description.joints and name not in tables.get("loops", {}):
+            wrong = one_of("joint", name, [*description.moving, *tables.get("loops", {})])
             raise JointplayError(f"--joint: {wrong}")
     assumptions = []
     chosen: list[Setting] = []
@@ -141,52 +137,54 @@ def robot_scenario(
         "title": title,
         "robot": {"urdf": place if ":" in place else str(path.resolve())},
     }
-    if scara and "motion" not in given:
+    if scara and "motion" not in tables:
         text["motion"] = {"file": SCARA_MOTION}
-    elif moves and "motion" not in given:
-        free = [name for name, one in given.get("drives", {}).items() if one.get("kind") == "free"]
-        motion, words = _there_and_back(description, free)
-        chosen.append(Setting(("motion",), motion, "the default motion", ASSUMED, words))
-        assumptions.append(words)
+    elif moves and "motion" not in tables:
+        free = [
+            name for name, entry in tables.get("drives", {}).items() if entry.get("kind") == "free"
+        ]
+        motion, note = _there_and_back(description, free)
+        chosen.append(Setting(("motion",), motion, "the default motion", ASSUMED, note))
+        assumptions.append(note)
     named = [
-        assumed_joint(name, description, given.get("joints", {}).get(name, {}), ideal)
+        assumed_joint(name, description, tables.get("joints", {}).get(name, {}), ideal)
         for name in joints
     ]
     written = "\n".join(f"{key} = {inline(value)}" for key, value in text.items())
-    scenario = Scenario(written, place, (*chosen, *named, *own), LABEL)
+    scenario = Scenario(written, place, (*chosen, *named, *asked), LABEL)
     scenario.assumptions = [*description.beyond.notes, *assumptions]
     if scara or not moves:
         return scenario
-    steps, words = _steps(scenario)
+    steps, note = _steps(scenario)
     if steps:
-        scenario = Scenario(written, place, (*chosen, *named, *own, *steps), LABEL)
-        scenario.assumptions = [*description.beyond.notes, *assumptions, words]
+        scenario = Scenario(written, place, (*chosen, *named, *asked, *steps), LABEL)
+        scenario.assumptions = [*description.beyond.notes, *assumptions, note]
     return scenario
 
 
-def kind_of_joint(name: str, description: Description, given: Mapping[str, Any]) -> str:
-    """Word for the kind of a joint: the one `given`, or what can replace that of the URDF."""
+def kind_of_joint(name: str, description: Description, table: Mapping[str, Any]) -> str:
+    """Word for the kind of a joint: that of its `table`, or what can replace that of the URDF."""
     entry = description.joints.get(name)
     kinds = [] if entry is None else replacing(entry.kind)
-    return str(given.get("kind", kinds[0] if kinds else UNNAMED_KIND.kind))
+    return str(table.get("kind", kinds[0] if kinds else UNNAMED_KIND.kind))
 
 
 def class_of_joint(word: str) -> type[Clearance]:
     """Class of the joints of a kind; of a word that is none, that which the scenario refuses."""
-    made = JOINT_WORDS.get(word, UNNAMED_KIND)
-    return made.kind if isinstance(made, Preset) else made
+    choice = JOINT_WORDS.get(word, UNNAMED_KIND)
+    return choice.kind if isinstance(choice, Preset) else choice
 
 
 def assumed_joint(
-    name: str, description: Description, given: Mapping[str, Any], ideal: bool = False
+    name: str, description: Description, known: Mapping[str, Any], ideal: bool = False
 ) -> Setting:
     """A joint that has clearance because it was named: its kind, and a size where none is given."""
-    word = kind_of_joint(name, description, given)
+    word = kind_of_joint(name, description, known)
     kind = class_of_joint(word)
     table: dict[str, Any] = {"kind": word} | ({"ideal": True} if ideal else {})
     if issubclass(kind, SlidingClearance):
         across, instead = next(iter(kind.clearance_fields.items()))
-        if across in given or not {instead, "fit"}.intersection(given):
+        if across in known or not {instead, "fit"}.intersection(known):
             table[across] = ASSUMED_CLEARANCE
     return Setting(("joints", name), table, f"--joint {name}", ASSUMED)
 
@@ -198,16 +196,16 @@ def _steps(scenario: Scenario) -> tuple[list[Setting], str]:
     if {"step", "tolerance"}.intersection(integration):
         return [], ""
     if integration.get("integrator", DEFAULT) == DEFAULT and "macro_step" not in integration:
-        words = f"steps: by their own error, tolerance {TOLERANCE:g} (--step makes them equal)"
-        return [Setting(("integration", "tolerance"), TOLERANCE, "steps chosen")], words
+        note = f"steps: by their own error, tolerance {TOLERANCE:g} (--step makes them equal)"
+        return [Setting(("integration", "tolerance"), TOLERANCE, "steps chosen")], note
     choice = step_for(scenario)
     if choice is None:
         return [], ""
     step, reason = choice
     keys = [Setting(("integration", "step"), step, "step chosen")]
     if "record_every" not in data.get("output", {}):  # records as far apart as usual
-        every = round(RecordSettings.record_every * Integration.step / step)
-        keys.append(Setting(("output", "record_every"), every, "step chosen"))
+        interval = round(RecordSettings.record_every * Integration.step / step)
+        keys.append(Setting(("output", "record_every"), interval, "step chosen"))
     return keys, f"step: {step:g} s (chosen: {reason}; --step selects another)"
 
 
@@ -256,9 +254,8 @@ def robot_place(place: str | None) -> str:
     """A robot as `robot_scenario` takes it, in the words of a scenario."""
     if place is None:
         return SCARA
-    if ":" in place or _there(place) or "/" in place or place.lower().endswith(SUFFIXES):
-        return place
-    return with_package(place)
+    named = ":" in place or "/" in place or place.lower().endswith(SUFFIXES)
+    return place if named or files.is_file(Path(place)) else with_package(place)
 
 
 def _led_by(description: Description, name: str) -> tuple[str, float, float]:
@@ -283,7 +280,7 @@ def _there_and_back(description: Description, free: Collection[str]) -> tuple[di
     for name, entry in description.joints.items():
         if entry.mimic:
             followers.setdefault(_led_by(description, name)[0], []).append(name)
-    ways = {}
+    positions = {}
     for name in list(parse(description).names)[1:]:
         entry = description.joints[name]
         if entry.mimic or name in free:  # it follows others, or what acts on it
@@ -303,14 +300,14 @@ def _there_and_back(description: Description, free: Collection[str]) -> tuple[di
         inside = ROOM * (high - low) if np.isfinite(high - low) else 0.0
         begin = float(np.clip(between(low, high), low + inside, high - inside))
         room = max(high - begin, begin - low)
-        way = min(
+        distance = min(
             SLIDE if entry.slides else SWING, PART * room, BRISK * fastest * SWING_S / STEEPEST
         )
-        end = begin + (way if high - begin >= begin - low else -way)
-        ways[name] = [begin, end, begin]
-    motion = {"times": [0.0, SWING_S, 2.0 * SWING_S], "joints": ways}
-    words = (
+        end = begin + (distance if high - begin >= begin - low else -distance)
+        positions[name] = [begin, end, begin]
+    motion = {"times": [0.0, SWING_S, 2.0 * SWING_S], "joints": positions}
+    note = (
         f"no motion given: every joint moves up to {SWING:g} rad or {SLIDE:g} m there and back in "
         f"{2.0 * SWING_S:g} s; --motion CSV or --set motion... replaces it"
     )
-    return motion, words
+    return motion, note

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import inspect
+import re
 import types
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal, Union, get_args, get_origin
 
 from jointplay.base.schema import (
@@ -12,6 +13,7 @@ from jointplay.base.schema import (
     Field,
     explanations,
     family_of,
+    fields_at,
     fields_of,
     is_word,
     names_of,
@@ -19,6 +21,8 @@ from jointplay.base.schema import (
 from jointplay.scenario.declarations import NOT_IN_A_CASE, Model
 
 CASE = "Case"
+MOST_CHOICES = 9
+"""Words that the help of a key lists (judged: those that fit two lines)."""
 _TYPES = {bool: "boolean", int: "integer", str: "string"}
 
 
@@ -29,20 +33,20 @@ def schema() -> dict[str, Any]:
     only both together must be complete. `jointplay check` tells.
     """
     tables = SchemaTables()
-    own = tables.properties(Model)
+    known = tables.properties(Model)
     definitions = tables.definitions
     definitions[CASE] = {
         "type": "object",
         "description": "What is different in this case.",
-        "properties": {key: said for key, said in own.items() if key not in NOT_IN_A_CASE},
+        "properties": {key: about for key, about in known.items() if key not in NOT_IN_A_CASE},
         "additionalProperties": False,
     }
-    own["cases"] = {
+    known["cases"] = {
         "type": "object",
         "description": "Changes of the tables above, by name; all cases are run.",
         "additionalProperties": {"$ref": f"#/$defs/{CASE}"},
     }
-    own["sweep"] = {
+    known["sweep"] = {
         "type": "object",
         "description": "Many cases: axes over keys of the tables above; see docs/sweeps.md.",
     }
@@ -52,9 +56,49 @@ def schema() -> dict[str, Any]:
         "title": "Scenario",
         "description": inspect.getdoc(Model),
         "type": "object",
-        "properties": own,
+        "properties": known,
         "additionalProperties": False,
     }
+
+
+def explain(keys: Sequence[Sequence[str]]) -> tuple[str, str, str]:
+    """What is said of keys that are given together, with choices, units and defaults.
+
+    Returns:
+        The text, the unit of a number, and what stands for a value that is none.
+    """
+    fields = list(fields_at(Model, keys[0]))
+    text = next((text for _, text in fields if text), "")
+    text = " ".join(text.split()).replace("`", "").rstrip(".")
+    text = text if re.match(r"[A-Z](\w*'s|[A-Z])", text) else text[:1].lower() + text[1:]
+    field = fields[0][0]
+    words = [word for each, _ in fields if each.choices for word in each.choices[1]]
+    choices = list(dict.fromkeys(words))
+    if choices and len(choices) < MOST_CHOICES:
+        text = f"{text}: {', '.join(choices)}" if text else ", ".join(choices)
+    elif choices:
+        text = f"{text or 'one'} of {len(choices)}, see docs/laws.md: {', '.join(choices[:3])} ..."
+    units = [unit.replace("*", " ") for unit in field.units if unit]
+    if units and "[" not in text:
+        text += f" [{' or '.join(units)}]"
+    known = [default for key in keys if (default := _default_of(key))]
+    text += f" (default {' '.join(dict.fromkeys(known))})" if known else ""
+    if is_word(field.hint):
+        return text, "", "WORD" if choices else keys[0][-1].upper()
+    return text, field.units[0], ""
+
+
+def _default_of(key: Sequence[str]) -> str:
+    """What holds for a bare robot of which a key is not given, as text; empty if nothing does."""
+    field = next((each for each, _ in fields_at(Model, key, deep=False)), None)
+    if field is None:
+        return ""
+    value, allowed = field.default, field.choices[1] if field.choices else ()
+    if isinstance(allowed, Mapping) and not isinstance(value, str):
+        value = next((word for word, stands_for in allowed.items() if stands_for == value), None)
+    if isinstance(value, float | int):
+        return f"{value:g}"
+    return value if isinstance(value, str) else ""
 
 
 class SchemaTables:
@@ -73,18 +117,18 @@ class SchemaTables:
         }
 
     def field(self, field: Field, text: str) -> dict[str, Any]:
-        said = self.of(field.hint)
+        about = self.of(field.hint)
         if field.choices is not None:
-            words = {"enum": list(field.choices[1])}
-            said = words if is_word(field.hint) else {"anyOf": [words, said]}
+            enum = {"enum": list(field.choices[1])}
+            about = enum if is_word(field.hint) else {"anyOf": [enum, about]}
         if field.units != ("",) and "[" not in text:
             text = f"{text} [{' or '.join(field.units)}]".strip()
-        return {**said, "description": text} if text else said
+        return {**about, "description": text} if text else about
 
     def of(self, kind: Any) -> dict[str, Any]:
         origin, parts = get_origin(kind), get_args(kind)
         if origin in (Union, types.UnionType):
-            several = [self.of(one) for one in parts if one is not type(None)]
+            several = [self.of(part) for part in parts if part is not type(None)]
             return several[0] if len(several) == 1 else {"anyOf": several}
         if origin is Literal:
             return {"enum": list(parts)}

@@ -31,16 +31,16 @@ def summary(scenario: Scenario, runs: Mapping[str, Run]) -> str:
         | _known_errors(errors_of(scenario.model(case), run.mechanism), run.mechanism)
         for case, run in runs.items()
     }
-    every = list(facts.values())
+    cases = list(facts.values())
     common = {
-        what: text
-        for what, text in every[0].items()
-        if all(other.get(what) == text for other in every)
+        label: text
+        for label, text in cases[0].items()
+        if all(further.get(label) == text for further in cases)
     }
     lines = [f"{scenario.path}: {scenario.title}", *fact_lines(common)]
     if len(facts) > 1:
-        for case, own in facts.items():
-            rest = {what: text for what, text in own.items() if what not in common}
+        for case, of_case in facts.items():
+            rest = {label: text for label, text in of_case.items() if label not in common}
             lines += [f"case {case}", *fact_lines(rest)]
     return "\n".join([*lines, *(f"  {note}" for note in scenario.notes)])
 
@@ -49,11 +49,11 @@ def _known_errors(errors: RobotErrors | None, mechanism: Mechanism) -> dict[str,
     """What is known of causes besides play, which `jointplay budget --whole` counts."""
     if errors is None:
         return {}
-    own = {
-        f"errors of {name}": _fields(one, joint=mechanism.description.joints[name])
-        for name, one in errors.joints.items()
+    by_joint = {
+        f"errors of {name}": _fields(joint_errors, joint=mechanism.description.joints[name])
+        for name, joint_errors in errors.joints.items()
     }
-    return {"errors": _fields(replace(errors, joints={}))} | own
+    return {"errors": _fields(replace(errors, joints={}))} | by_joint
 
 
 def _facts(run: Run) -> dict[str, str]:
@@ -66,29 +66,29 @@ def _facts(run: Run) -> dict[str, str]:
         facts[f"loop {name}"] = (
             f"{mechanism.loop_class(name).kind}, {loop.bearing_link} - {loop.journal_link}"
         )
-    facts |= {f"link {name}": words for name, words in mechanism.flexible.items()}
+    facts |= {f"link {name}": details for name, details in mechanism.flexible.items()}
     hinges = {name for its in mechanism.hinges.values() for name in its}
     step = simulation.step
     for name, joint in mechanism.clearance.items():
         if name in hinges:
             continue
         steps = contact_duration(mechanism, name, run.workspace.q) / step
-        words = f"{joint.kind}: {_fields(joint)}"
+        details = f"{joint.kind}: {_fields(joint)}"
         if isinstance(joint, RollingBearing):
-            words = f"{joint.summary}: {_fields(joint, zeros=False)}"
+            details = f"{joint.summary}: {_fields(joint, zeros=False)}"
             guessed = "; ".join(
                 f"{field.replace('_', ' ')} {text}" for field, text in joint.estimates.items()
             )
-            words += f"; estimated: {guessed}" if guessed else ""
+            details += f"; estimated: {guessed}" if guessed else ""
         hits = f"; {counted(f'{steps:.0f}', 'step')} in an impact" if joint.springs is None else ""
-        facts[f"joint {name}"] = words + hits
+        facts[f"joint {name}"] = details + hits
     if not mechanism.clearance:
         facts["joints"] = "all ideal"
     for name, gear in mechanism.gears.items():
         kind = "" if gear.kind == Gear.kind else f"{gear.kind}: "
         notes = f"; {gear.notes}" if gear.notes else ""
-        words = _fields(gear, joint=mechanism.description.joints[name])
-        facts[f"gear {name}"] = f"{kind}{words}{notes}"
+        details = _fields(gear, joint=mechanism.description.joints[name])
+        facts[f"gear {name}"] = f"{kind}{details}{notes}"
     if simulation.motion is not None:
         joints = ", ".join(simulation.motion.joints)
         facts["motion"] = f"{joints}: {simulation.motion.summary}"
@@ -96,9 +96,11 @@ def _facts(run: Run) -> dict[str, str]:
     for name, drive in settled_drives(simulation).items():
         if isinstance(drive, ComputedTorque):
             drive = replace(drive, bandwidth=drive.bandwidth or BANDWIDTH)
-        words = _fields(drive, joint=mechanism.description.joints[name])
-        drives.setdefault(f"{drive.kind}{f' ({words})' if words else ''}", []).append(name)
-    facts["drives"] = "; ".join(f"{', '.join(names)}: {words}" for words, names in drives.items())
+        details = _fields(drive, joint=mechanism.description.joints[name])
+        drives.setdefault(f"{drive.kind}{f' ({details})' if details else ''}", []).append(name)
+    facts["drives"] = "; ".join(
+        f"{', '.join(names)}: {details}" for details, names in drives.items()
+    )
     for name, losses in run.friction.items():
         if losses.coulomb or losses.viscous or losses.static:
             facts[f"friction {name}"] = _fields(losses, joint=mechanism.description.joints[name])
@@ -130,7 +132,7 @@ def _place(coordinate: float) -> float:
 
 
 def _load_fields(load: Load, mechanism: Mechanism) -> str:
-    words = []
+    parts = []
     entry = mechanism.description.joints.get(getattr(load, "joint", ""))
     slides = entry is not None and entry.slides
     description = load.describe()
@@ -140,29 +142,29 @@ def _load_fields(load: Load, mechanism: Mechanism) -> str:
         if name == "source" or value is None or not any(numbers):
             continue
         unit = field.units[slides and len(field.units) > 1]
-        words.append(f"{name.replace('_', ' ')} {_part(value, unit)}")
-    return ", ".join(words)
+        parts.append(f"{name.replace('_', ' ')} {_part(value, unit)}")
+    return ", ".join(parts)
 
 
 def _or_none(name: str, value: float | None, unit: str) -> str:
     return "" if value is None else f"{name}{readable(value, unit)}"
 
 
-def _part(one: Any, unit: str) -> str:
+def _part(value: Any, unit: str) -> str:
     """An entry of a list: a number with its unit, a word, a list, or a value with fields."""
-    if isinstance(one, tuple | list):
-        return f"({', '.join(_part(inner, unit) for inner in one)})"
-    if isinstance(one, str):
-        return one
-    return readable(one, unit) if isinstance(one, float | int) else f"[{_fields(one)}]"
+    if isinstance(value, tuple | list):
+        return f"({', '.join(_part(inner, unit) for inner in value)})"
+    if isinstance(value, str):
+        return value
+    return readable(value, unit) if isinstance(value, float | int) else f"[{_fields(value)}]"
 
 
-def _fields(thing: Any, joint: Any = None, zeros: bool = True) -> str:
+def _fields(described: Any, joint: Any = None, zeros: bool = True) -> str:
     """Fields of a value, with units; those not set left out, and without `zeros` those of zero."""
-    words = []
-    kind: Any = type(thing)
+    parts = []
+    kind: Any = type(described)
     for name, field in fields_of(kind).items():
-        value = getattr(thing, name, None)
+        value = getattr(described, name, None)
         slides = len(field.units) > 1 and joint is not None and joint.slides
         unit = field.units[slides]
         name = name.replace("_", " ")
@@ -171,16 +173,16 @@ def _fields(thing: Any, joint: Any = None, zeros: bool = True) -> str:
         if unset or name == "frame" or (value == 0 and not zeros):
             continue
         if value is True:
-            words.append(name)
+            parts.append(name)
         elif isinstance(value, float | int):
-            words.append(f"{name} {readable(value, unit)}")
+            parts.append(f"{name} {readable(value, unit)}")
         elif isinstance(value, tuple):
-            words.append(f"{name} ({', '.join(_part(one, unit) for one in value)})")
+            parts.append(f"{name} ({', '.join(_part(item, unit) for item in value)})")
         elif isinstance(value, str):
-            words.append(f"{name} {value}")
+            parts.append(f"{name} {value}")
         elif isinstance(value, Law):
             inside = _fields(value)
-            words.append(f"{name} {value.name}{f' ({inside})' if inside else ''}")
+            parts.append(f"{name} {value.name}{f' ({inside})' if inside else ''}")
         else:
-            words.append(f"{name} ({_fields(value)})")
-    return ", ".join(words)
+            parts.append(f"{name} ({_fields(value)})")
+    return ", ".join(parts)

@@ -39,6 +39,7 @@ from jointplay.simulation.simulation import Simulation
 from jointplay.study.study import Study
 
 if TYPE_CHECKING:
+    from jointplay.accuracy.allocation import Correction
     from jointplay.scenario.presets import Preset
 
 QUANTITIES = ("play", "friction", "payload", "stiffness")
@@ -105,6 +106,19 @@ def trust_of(text: str, preset: Preset | None = None) -> Trust:
                                  f"'play 30 %', got {part!r}")  # fmt: skip
         parts[name] = value
     return {**measured, **parts}
+
+
+def correction(price: float, trust: str) -> Correction:
+    """A corrected motion as `allocate` is offered it, with how far the model may be off then.
+
+    `trust`: see `trust_of`; at rest only of play and friction.
+    """
+    from jointplay.accuracy.allocation import Correction
+
+    known = trust_of(trust)
+    if strange := [name for name in known if name not in ("play", "friction")]:
+        raise JointplayError(f"--trust {strange[0]!r}: at rest only play and friction may be off")
+    return Correction(price, **{k: part for k, part in known.items() if isinstance(part, float)})
 
 
 def _part(key: str) -> tuple[str, str, str]:

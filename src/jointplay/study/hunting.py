@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from jointplay.base.errors import JointplayError, require_known, require_positive
+from jointplay.base.pairs import misread, pair
 from jointplay.base.progress import ProgressBar
 from jointplay.base.tables import Column, Table, counted, few
 from jointplay.physics.kernel import JOINT_FRICTION_SPEED
@@ -300,6 +301,23 @@ def _require_gain(one: Released, gain: str) -> None:
 
 
 Span = tuple[str, np.ndarray]
+
+
+def read_span(text: str) -> Span:
+    """A gain and its values of ``p_gain=10:400:20``, evenly by factors unless from 0."""
+    words = "--map GAIN=FROM:TO:COUNT, such as p_gain=10:400:20"
+    gain, ends = pair(text, words)
+    try:
+        first, last, number = ends.split(":")
+        low, high, count = float(first), float(last), int(number)
+    except ValueError:
+        raise misread(text, words) from None
+    if not (0.0 <= low < high < math.inf and 2 <= count <= 1000):
+        raise misread(text, words)
+    even = np.geomspace if low > 0.0 else np.linspace
+    return gain, even(low, high, count)
+
+
 """A gain and its values."""
 
 

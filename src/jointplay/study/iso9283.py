@@ -471,6 +471,14 @@ def cube_poses(centre: Sequence[float] | np.ndarray, edge: float) -> np.ndarray:
     return np.asarray(middle + 0.4 * require_positive("edge of the cube", edge, "m") * corners)
 
 
+def in_cube(simulation: Simulation, centre: Sequence[float], edge: float) -> tuple[Simulation, str]:
+    """A simulation with the motion of `cube_motion` instead of its own; its poses, as a note."""
+    motion = cube_motion(simulation.mechanism, centre, edge)
+    place = ", ".join(f"{x:g}" for x in centre)
+    note = f"poses: P1, P5, P4, P3, P2, P1 in a cube of {edge:g} m about ({place}) m"
+    return replace(simulation, motion=motion, duration=None), note
+
+
 def cube_motion(
     mechanism: Mechanism,
     centre: Sequence[float] | np.ndarray,

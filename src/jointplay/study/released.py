@@ -8,10 +8,10 @@ whole robot.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 from xml.sax.saxutils import quoteattr
 
 import pinocchio as pin
@@ -164,6 +164,18 @@ def servo_of(joint: str) -> str:
     table = 'kind="servo", voltage="12 V", p_gain="20 V/rad"'
     table += ', torque_constant="1.2 N*m/A", resistance="2.7 ohm"'
     return f"--set 'drives.{joint}={{{table}}}' with its numbers"
+
+
+def refuse_without_servo(joint: str | None, drives: Iterable[object], robot: str) -> NoReturn:
+    """Say what a robot of which no servo is given needs, to hunt.
+
+    `joint`: with a gear; `drives`: those that the preset of the robot has.
+    """
+    name = joint or "JOINT"
+    add = servo_of(name) if joint else f"--gear {name}=PLAY and {servo_of(name)}"
+    if any(isinstance(drive, Servo) for drive in drives):
+        add = f"--preset, which has the servos of {robot}"
+    raise JointplayError(f"hunting is of gears with play under servos, none is given: add {add}")
 
 
 def released(

@@ -7,15 +7,13 @@ imported there.
 
 import argparse
 import json
-import math
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from jointplay.base import files
 from jointplay.base.errors import JointplayError
-from jointplay.base.pairs import misread, name_and_number
-from jointplay.cli.options import quantity
+from jointplay.base.tables import for_json
 
 GROUPS = {
     "simulate": ("run", "study", "check", "init"),
@@ -37,6 +35,8 @@ KINDS = {
 FRONT = ("run", "study", "budget", "identify", "play", "live", "report", "export")
 """What a newcomer is shown first."""
 
+MEASURED = ("write_preset", "urdf", "mjcf")
+"""Options for files of a robot that was measured."""
 MOST_NOTES = 3
 """Lines about what was chosen and assumed that are printed without ``--detail`` (judged:
 tool, sizes and motion are those that decide most)."""
@@ -48,14 +48,14 @@ def first_notes(lines: Iterable[str], detail: bool) -> list[str]:
 
     `detail`: all of them.
     """
-    kept: list[str] = []
+    shown: list[str] = []
     left = MOST_NOTES
     for line in lines:
         heard = line.startswith(("note:", "warning:"))
         if detail or heard or left:
-            kept.append(line)
+            shown.append(line)
             left -= not (detail or heard)
-    return kept
+    return shown
 
 
 def print_answer(
@@ -78,9 +78,9 @@ def print_answer(
     if getattr(options, "json", None):
         print_json(options, {"answer": sentence, **data(), "notes": notes})
         return
-    kept = first_notes(notes, detail)
-    more = len(kept) < len(notes) or (more and not detail)
-    lines = [sentence, str(body), *kept, *([MORE] if more else [])]
+    shown = first_notes(notes, detail)
+    more = len(shown) < len(notes) or (more and not detail)
+    lines = [sentence, str(body), *shown, *([MORE] if more else [])]
     print("\n".join(filter(None, lines)))
 
 
@@ -89,24 +89,8 @@ def print_json(options: argparse.Namespace, answer: Mapping[str, Any]) -> None:
 
     Keys of tables end with the unit; values have the origin that they have in `base.origins`.
     """
-    text = json.dumps(_plain(answer), indent=1, ensure_ascii=False, allow_nan=False)
+    text = json.dumps(for_json(answer), indent=1, ensure_ascii=False, allow_nan=False)
     print(text, file=options.json)
-
-
-def _plain(value: Any) -> Any:
-    if hasattr(value, "records"):  # a table
-        return [_plain(row) for row in value.records()]
-    if hasattr(value, "_asdict"):
-        return _plain(value._asdict())
-    if isinstance(value, Mapping):
-        return {str(key): _plain(entry) for key, entry in value.items()}
-    if hasattr(value, "tolist"):  # of numpy
-        return _plain(value.tolist())
-    if isinstance(value, list | tuple | range):
-        return [_plain(entry) for entry in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value if isinstance(value, int | str | None) else str(value)
 
 
 def given(options: argparse.Namespace, *names: str) -> dict[str, Any]:
@@ -115,33 +99,11 @@ def given(options: argparse.Namespace, *names: str) -> dict[str, Any]:
     return {name: value for name, value in values.items() if value is not None}
 
 
-def numbers_by_name(
-    entries: Iterable[str], form: str, unit: str | Mapping[str, str] = ""
-) -> dict[str, float]:
-    """Numbers of a repeatable option such as ``--weight JOINT=X`` by name, in SI units.
-
-    Raises:
-        JointplayError: an entry without a number, or a number of another unit; or a name that is
-            none of those whose units are given.
-    """
-    of = "" if isinstance(unit, str) else f" with one of {', '.join(unit)}"
-    numbers = {}
-    for text in entries:
-        name, value = name_and_number(text)
-        its_unit = unit if isinstance(unit, str) else unit.get(name)
-        if value is None or its_unit is None:
-            raise misread(text, f"{form}{of}")
-        numbers[name] = quantity(value, its_unit, f"{form.partition(' ')[0]} {name}")
-    return numbers
-
-
-def vector(text: str, unit: str, option: str) -> tuple[float, float, float]:
-    """Three numbers in SI units of text such as ``0,0,0.24``; errors name the option."""
-    parts = text.split(",")
-    if len(parts) != 3:
-        raise JointplayError(f"{option} must be three numbers x,y,z [{unit}], got {text!r}")
-    x, y, z = (quantity(part.strip(), unit, option) for part in parts)
-    return x, y, z
+def typed(options: argparse.Namespace, names: Iterable[str]) -> list[str]:
+    """Those options that were given, as they are typed."""
+    values = {name: getattr(options, name, None) for name in names}
+    names_given = [name for name, value in values.items() if value not in (None, [], False)]
+    return [f"--{name.replace('_', '-')}" for name in names_given]
 
 
 class Outputs:
@@ -172,20 +134,21 @@ class Outputs:
         print(f"written to {self.folder}: {', '.join(contents)}{further}")
 
 
+def describe(name: str, answer: Any) -> dict[str, str]:
+    """Contents of files with the table and all else of an answer."""
+    text = json.dumps(answer.describe(), indent=1) + "\n"
+    return {f"{name}.csv": answer.data.csv(), f"{name}.json": text}
+
+
+def check_measured(options: argparse.Namespace, need: str) -> None:
+    """Refuse files of what is measured that exist, or for which `need` is lacking."""
+    for option in typed(options, MEASURED):
+        if options.plan:
+            raise JointplayError(f"{option} needs {need}, not --plan")
+        files.check_new(Path(getattr(options, option.strip("-").replace("-", "_"))))
+
+
 def write_preset(path: str, preset: Any) -> None:
     """Write a preset of one's own, and say how to use it."""
     files.write(Path(path), preset.text)
     print(f"written: {path}; every command takes it as --preset {path}")
-
-
-def write_robot(path: str, text: str, meshes: Mapping[str, bytes], words: str) -> None:
-    """Write a robot's file, and beside it its meshes; and say so."""
-    from jointplay.model.meshes import FOLDER
-
-    folder = Path(path).parent / FOLDER
-    files.write(Path(path), text)
-    if meshes:
-        folder.mkdir(exist_ok=True)
-    for name, content in meshes.items():
-        files.write(folder / name, content, overwrite=True)
-    print(f"written: {path}{words}")

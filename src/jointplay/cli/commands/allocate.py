@@ -8,14 +8,23 @@ docs/allocate.md.
 Example: jointplay allocate ur5 --clearance "0.1 mm" --target "0.2 mm" --workspace 200
 """
 
+from __future__ import annotations
+
 import argparse
-from contextlib import suppress
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from jointplay.base.errors import JointplayError
-from jointplay.cli.commands import Outputs, given, inputs, numbers_by_name, print_answer
-from jointplay.cli.options import FLAG, LENGTH, REPEATED, Parser, listed, quantity
+from jointplay.base.pairs import length_or_angle, numbers_by_name
+from jointplay.cli.commands import Outputs, given, inputs, print_answer, typed
+from jointplay.cli.options import FLAG, LENGTH, REPEATED, Parser, listed
+
+if TYPE_CHECKING:
+    from jointplay.scenario.posed import PosedMachine
+
+
+_OF_CLEARANCES = ("quantile", "cost", "least", "most", "verify")
+_OF_THE_WHOLE = ("causes", "by_class", "keep", "limit", "statistical")
 
 
 # fmt: off
@@ -63,11 +72,14 @@ def declare(parser: Parser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     out = Outputs(options.out, ["allocation.csv", "allocation.png"])
-    from jointplay.accuracy.allocation import allocate, is_bought
+    from jointplay.accuracy.allocation import COMPENSATION, allocate, is_bought
+    from jointplay.study.corners import correction
 
-    _require_fitting(options)
-    target, turn = _target(options.target)
     whole = options.whole is not None
+    needs = "does not go with" if whole else "needs"
+    for name in typed(options, _OF_CLEARANCES if whole else _OF_THE_WHOLE):
+        raise JointplayError(f"{name} {needs} --whole, which allocates causes of the whole error")
+    target, turn = length_or_angle(options.target, "--target")
     if options.ideal and not whole:
         raise JointplayError("--ideal leaves nothing of which the size could be sought")
     posed = inputs.posed_machine(options, inertia=False)
@@ -81,16 +93,15 @@ def run(options: argparse.Namespace) -> int:
         raise JointplayError("--verify looks at the tool's way: give a length as --target")
     if options.verify is not None and posed.motion is None:
         raise JointplayError("--verify simulates a motion: give --motion CSV or a scenario")
-    joints = [one for one in posed.mechanism.clearance.values() if one.clearances]
-    bought = [one for one in joints if is_bought(one)]
+    joints = [joint for joint in posed.mechanism.clearance.values() if joint.clearances]
+    bought = [joint for joint in joints if is_bought(joint)]
     if bought and len(bought) == len(joints) and not whole:
-        for name in (*_OF_CLEARANCES, "weight"):
-            if name == "least" and any(one.fitted for one in bought):
-                continue
-            if getattr(options, name) not in (None, []):
-                words = "bearings have classes only (--price CLASS=X), fits grades (--price IT6=X)"
-                raise JointplayError(f"--{name}: {words}")
-    more: dict[str, Any] = {}
+        fitted = any(joint.fitted for joint in bought)
+        sizes = [name for name in _OF_CLEARANCES if name != "least" or not fitted]
+        for name in typed(options, [*sizes, "weight"]):
+            words = "bearings have classes only (--price CLASS=X), fits grades (--price IT6=X)"
+            raise JointplayError(f"{name}: {words}")
+    more: dict[str, Any] = {"offers": {}}
     if whole:
         more = {
             "statistical": options.statistical,
@@ -98,46 +109,58 @@ def run(options: argparse.Namespace) -> int:
             "offers": dict.fromkeys(options.by_class or (), ()),
             **inputs.whole_errors(options, posed.scenario),
         }
-    prices = numbers_by_name(options.price, f"--price {'CAUSE' if whole else 'CLASS'}=X")
-    weights = numbers_by_name(options.weight, "--weight JOINT=X")
-    limits = numbers_by_name(options.limit, "--limit CAUSE=X")
-    offers = {**more.pop("offers", {}), **_compensation(options)}
+    if options.compensation is not None:
+        corrected = correction(options.compensation, options.trust or "")
+        more["offers"][COMPENSATION] = [corrected]
+    elif options.trust is not None:
+        raise JointplayError("--trust is of a corrected motion: give its price, --compensation")
+    more |= {
+        "prices": numbers_by_name(options.price, f"--price {'CAUSE' if whole else 'CLASS'}=X"),
+        "weights": numbers_by_name(options.weight, "--weight JOINT=X"),
+        "limits": numbers_by_name(options.limit, "--limit CAUSE=X"),
+    }
     out.claim()
     allotment = allocate(
         posed.mechanism,
         posed.poses.q,
         target,
         turn=turn,
-        quantile=options.quantile,
         progress=not options.quiet,
-        prices=prices,
-        weights=weights,
-        limits=limits,
-        offers=offers,
         force=inputs.force_on_tool(options),
         **posed.poses.holding,
         **more,
-        **given(options, "cost", "least", "most"),
+        **given(options, "quantile", "cost", "least", "most"),
     )
-    counts = whole or bought or offers
+    counts = whole or bought or more["offers"]
     notes = [note for note in posed.notes if counts or not note.startswith(("play:", "gears:"))]
     table = allotment.table()
-    first, *further = table.notes
-    shown = (first, *further[: bool(allotment.corrections)])
-    further = further[bool(allotment.corrections) :]
-    if any(one.offer for one in allotment.choices) and not options.price:
-        own = "--price CLASS=X (IT6=X, of a fit's grades)"
-        further.insert(0, f"prices of the classes are assumed; give your own with {own}")
+    above = 1 + bool(allotment.corrections)
+    shown, further = table.notes[:above], list(table.notes[above:])
+    if any(choice.offer for choice in allotment.choices) and not options.price:
+        prices = "--price CLASS=X (IT6=X, of a fit's grades)"
+        further.insert(0, f"prices of the classes are assumed; give your own with {prices}")
     notes = [f"at: {posed.poses.label}", *notes, *further]
-    body = replace(table, notes=shown)
 
     def data() -> dict[str, Any]:
         error = {f"error_{allotment.unit}": allotment.error}
         return {"choices": allotment.data(), **error, "values": posed.values}
 
-    print_answer(allotment.sentence, body, notes, options, data=data)
+    print_answer(allotment.sentence, replace(table, notes=shown), notes, options, data=data)
     if options.verify is not None:
-        _verify(options, posed, allotment)
+        from jointplay.study.courses import dynamic_error
+
+        assert posed.motion is not None
+        error = dynamic_error(
+            allotment.mechanism,
+            posed.motion,
+            posed.scenario.simulation(posed.case),
+            runs=options.verify,
+            jobs=options.jobs,
+            progress=not options.quiet,
+        )
+        peak = float(error.peak.max())
+        verdict = "keeps" if peak <= allotment.target else "exceeds"
+        print(f"{error}; {verdict} the target ({peak / allotment.target:.2f} of it)")
     if options.out:
         from jointplay.show.plots import design as plots
 
@@ -146,65 +169,10 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _compensation(options: argparse.Namespace) -> dict[str, Any]:
-    """What a corrected motion is offered for."""
-    from jointplay.accuracy.allocation import COMPENSATION, Correction
-    from jointplay.study.corners import trust_of
-
-    if options.compensation is None:
-        if options.trust is not None:
-            raise JointplayError("--trust is of a corrected motion: give its price, --compensation")
-        return {}
-    trust = trust_of(options.trust or "")
-    if strange := [name for name in trust if name not in ("play", "friction")]:
-        raise JointplayError(f"--trust {strange[0]!r}: at rest only play and friction may be off")
-    parts = {name: part for name, part in trust.items() if isinstance(part, float)}
-    return {COMPENSATION: [Correction(options.compensation, **parts)]}
-
-
-def _target(text: str) -> tuple[float, bool]:
-    """The target in m, or rad, and whether it is an angle."""
-    try:
-        return quantity(text, "m", "--target"), False
-    except JointplayError as error:
-        with suppress(JointplayError):
-            return quantity(text, "rad"), True
-        raise error from None
-
-
-def _verify(options: argparse.Namespace, posed: inputs.PosedMachine, allotment: Any) -> None:
-    from jointplay.study.courses import dynamic_error
-
-    assert posed.motion is not None
-    error = dynamic_error(
-        allotment.mechanism,
-        posed.motion,
-        posed.scenario.simulation(posed.case),
-        runs=options.verify,
-        jobs=options.jobs,
-        progress=not options.quiet,
-    )
-    peak = float(error.peak.max())
-    kept = "keeps" if peak <= allotment.target else "exceeds"
-    print(f"{error}; {kept} the target ({peak / allotment.target:.2f} of it)")
-
-
-_OF_CLEARANCES = ("quantile", "cost", "least", "most", "verify")
-_OF_THE_WHOLE = ("causes", "by_class", "keep", "limit", "statistical")
-
-
-def _require_fitting(options: argparse.Namespace) -> None:
-    """Refuse options that would be ignored, with --whole or without."""
-    alone = options.whole is None
-    for name in _OF_THE_WHOLE if alone else _OF_CLEARANCES:
-        if getattr(options, name) not in (None, [], False):
-            needs = "needs --whole" if alone else "does not go with --whole"
-            option = name.replace("_", "-")
-            raise JointplayError(f"--{option} {needs}, which allocates causes of the whole error")
-
-
-def _refuse_idle(options: argparse.Namespace, posed: inputs.PosedMachine) -> None:
+def _refuse_idle(options: argparse.Namespace, posed: PosedMachine) -> None:
     """Refuse what says nothing of how far play lets the tool go."""
+    from jointplay.scenario.posed import AT_REST, IN_MOTION
+
     why = (
         "acts on where the machine rests, and play lets the tool go as far wherever that is; "
         "--compensation and --whole count it"
@@ -214,7 +182,7 @@ def _refuse_idle(options: argparse.Namespace, posed: inputs.PosedMachine) -> Non
         raise JointplayError(f"--force {why}")
     if options.verify is not None:  # which simulates it
         return
-    inputs.refuse_idle(posed.scenario, inputs.IN_MOTION, "acts on motion; --verify simulates it")
+    posed.refuse_idle(IN_MOTION, "acts on motion; --verify simulates it")
     if alone:
-        inputs.refuse_idle(posed.scenario, inputs.AT_REST, why)
-    inputs.refuse_idle_friction(options, posed)
+        posed.refuse_idle(AT_REST, why)
+    posed.refuse_idle_friction(options.whole is not None)

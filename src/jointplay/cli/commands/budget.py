@@ -8,21 +8,13 @@ docs/budget.md explains the numbers.
 Example: jointplay budget panda --clearance "0.05 mm" --workspace 500 --out panda
 """
 
-from __future__ import annotations
-
 import argparse
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from jointplay.base.errors import JointplayError
 from jointplay.cli.commands import Outputs, inputs, print_answer
 from jointplay.cli.options import FLAG, Parser
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from jointplay.model.mechanism import Mechanism
 
 
 # fmt: off
@@ -42,75 +34,63 @@ def declare(parser: Parser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    out = Outputs(options.out, ["budget.csv" if options.whole is None else "errors.csv"])
+    whole, body = options.whole is not None, options.relative_to
+    out = Outputs(options.out, ["errors.csv" if whole else "budget.csv"])
     from jointplay.accuracy.error_budget import budget
+    from jointplay.estimate.machine import worst_at_ends
+    from jointplay.scenario.posed import IN_MOTION
 
-    if options.causes is not None and options.whole is None:
+    if options.causes is not None and not whole:
         words = f"--causes {','.join(options.causes)} selects causes of the whole error"
         raise JointplayError(f"{words}: give --whole CLASS, too")
     posed = inputs.posed_machine(options, inertia=False)
     mechanism, poses = posed.mechanism, posed.poses
-    if options.ideal and options.whole is None and not (mechanism.clearance or mechanism.gears):
+    if options.ideal and not (whole or mechanism.clearance or mechanism.gears):
         raise JointplayError("--ideal leaves nothing that has play; --whole has other causes")
-    inputs.refuse_idle(posed.scenario, inputs.IN_MOTION, "acts on motion, and nothing moves here")
-    inputs.refuse_idle_friction(options, posed)
-    body = options.relative_to
+    posed.refuse_idle(IN_MOTION, "acts on motion, and nothing moves here")
+    posed.refuse_idle_friction(whole)
     about: dict[str, Any] = {
         "force": inputs.force_on_tool(options), "relative_to": body, **poses.holding
     }  # fmt: skip
     seen = [] if body is None else [f"seen from {body!r}, in its axes"]
-    at = [f"at: {poses.label}", *seen, *posed.notes]
-    if options.whole is not None:
+    notes = [f"at: {poses.label}", *seen, *posed.notes]
+    if whole:
         out.names.append("errors.png")
-        out.claim()
         about |= inputs.whole_errors(options, posed.scenario)
-        whole = budget(mechanism, poses.q, **about)
-        table, of_class = whole.table(), f"what nobody gave is that of class {about['kind']!r}"
-        notes = [*[of_class] * bool(whole.assumed), *at, *table.notes]
-        shown = [str(replace(table, notes=())), *_at_ends(options, mechanism, poses.q, about)]
-        text = "\n".join(shown)
-        print_answer(
-            whole.sentence, text, notes, options,
-            data=lambda: {"causes": whole.data(), "values": posed.values},
-        )  # fmt: skip
-        if options.out:
-            from jointplay.show.plots.design import cause_bars
-
-            out.write({"errors.csv": whole.data().csv(), "errors.png": cause_bars(whole)})
-        return 0
-    # Figures of the robot are in the world.
-    out.names += ["bars.png", *([] if body else ["robot.png", "reach.png"])]
-    of_kind = {"motion": ["course.png"], "workspace": [] if body else ["map.png"]}
-    out.names += of_kind.get(poses.kind, [])
+    else:  # figures of the robot are in the world
+        out.names += ["bars.png", *([] if body else ["robot.png", "reach.png"])]
+        of_kind = {"motion": ["course.png"], "workspace": [] if body else ["map.png"]}
+        out.names += of_kind.get(poses.kind, [])
     out.claim()
-    errors = budget(mechanism, poses.q, **about)
-    shown = [str(errors.by_pose(poses.names))] if poses.names else []
-    if len(errors.worst) > 1:
-        k = errors.worst_pose
-        name = poses.names[k] if poses.names else k
-        place = ", ".join(f"{x:.3f}" for x in errors.positions[k])
-        shown.append(
-            f"worst-case error of {errors.tool!r} [m{errors.unit}]: least "
-            f"{1e3 * errors.worst.min():.4f}, mean {1e3 * errors.worst.mean():.4f}, "
-            f"largest {1e3 * errors.worst.max():.4f} (pose {name}, tool at {place} "
-            "m), which is made up like this:"
-        )
-    table = errors.table()
-    shown += [str(replace(table, notes=())), errors.ranking]
-    shown += filter(None, [errors.from_side_to_side])
-    shown += _at_ends(options, mechanism, poses.q, about)
-    shown += [f"cure: {one}" for one in errors.cures]
-    notes = [*at, *table.notes, errors.validity]
-    sentence = f"{errors.sentence}{posed.undecided(any(about['force']))}"
+    errors: Any = budget(mechanism, poses.q, **about)
+    table, preset = errors.table(), inputs.chosen_preset(options)
+    intervals = {} if preset is None else preset.intervals
+    shown, sentence = [str(replace(table, notes=()))], errors.sentence
+    if whole:
+        of_class = f"what nobody gave is that of class {about['kind']!r}"
+        notes = [*[of_class] * bool(errors.assumed), *notes, *table.notes]
+    else:
+        above = [str(errors.by_pose(poses.names))] if poses.names else []
+        above += [errors.worst_of(poses.names)] * (len(errors.worst) > 1)
+        shown = [*above, *shown, errors.ranking, *filter(None, [errors.from_side_to_side])]
+        notes += [*table.notes, errors.validity]
+        sentence += posed.undecided(any(about["force"]))
+    shown += worst_at_ends(mechanism, intervals, poses.q, **about)
+    shown += [] if whole else [f"cure: {cure}" for cure in errors.cures]
 
-    def found() -> dict[str, Any]:
+    def data() -> dict[str, Any]:
+        if whole:
+            return {"causes": errors.data(), "values": posed.values}
         return {"poses": errors.data(poses.names), "joints": table, "values": posed.values}
 
-    print_answer(sentence, "\n".join(shown), notes, options, data=found)
+    print_answer(sentence, "\n".join(shown), notes, options, data=data)
     if not options.out:
         return 0
     from jointplay.show.plots import design as plots
 
+    if whole:
+        out.write({"errors.csv": errors.data().csv(), "errors.png": plots.cause_bars(errors)})
+        return 0
     if options.rest_everywhere:
         errors.rest_interval  # noqa: B018  which finds the places of rest, too
     contents = {"budget.csv": errors.data(poses.names).csv(), "bars.png": plots.bars(errors)}
@@ -124,22 +104,3 @@ def run(options: argparse.Namespace) -> int:
         contents["map.png"] = plots.workspace_map(errors)
     out.write(contents)
     return 0
-
-
-def _at_ends(
-    options: argparse.Namespace, mechanism: Mechanism, q: np.ndarray, about: Mapping[str, Any]
-) -> list[str]:
-    """The worst case with plays that were measured at both ends of their intervals, in words."""
-    own = inputs.chosen_preset(options)
-    if own is None or not own.intervals:
-        return []
-    from jointplay.accuracy.error_budget import budget
-    from jointplay.estimate.machine import at_ends
-
-    ends = [budget(one, q, **about) for one in at_ends(mechanism, own.intervals)]
-    low, high = (f"{1e3 * float(errors.worst.max()):.4g}" for errors in ends)
-    unit = ends[0].unit
-    return [
-        f"with measured plays at the ends of their 95 % intervals: worst case {low} to {high} "
-        f"m{unit}"
-    ]

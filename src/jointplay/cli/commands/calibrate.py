@@ -15,30 +15,29 @@ Example: jointplay calibrate my_robot.urdf poses.csv --tool flange --out found
 from __future__ import annotations
 
 import argparse
-import json
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from jointplay.base import files
 from jointplay.base.errors import JointplayError
-from jointplay.base.tables import counted
-from jointplay.cli.commands import (
-    Outputs,
-    inputs,
-    print_answer,
-    vector,
-    write_preset,
-    write_robot,
-)
-from jointplay.cli.commands.inputs import is_scenario, scenario_of
-from jointplay.cli.options import FLAG, MASS, REPEATED, Parser, quantity
+from jointplay.base.pairs import number, quantity, vector
+from jointplay.cli import commands
+from jointplay.cli.commands import Outputs, inputs, print_answer
+from jointplay.cli.commands.inputs import robot_named, scenario_of
+from jointplay.cli.options import FLAG, MASS, REPEATED, Parser
 
 if TYPE_CHECKING:
     from jointplay.estimate import Calibration
 
 TABLES = ("calibration.csv", "calibration.json", "residuals.csv", "calibration.png")
 ENCODERS, LOOPS = "encoders.csv", "loops.png"
+
+
+def _folds(text: str) -> int | str:
+    folds = number(text)
+    if isinstance(folds, int) or folds in ("rows", "groups", "points"):
+        return folds
+    words = f"must be a number, rows, groups or points, got {text!r}"
+    raise argparse.ArgumentTypeError(words)
 
 
 # fmt: off
@@ -59,8 +58,8 @@ def declare(parser: Parser) -> None:
     add("--link", metavar="JOINT", **REPEATED, help="joint whose encoder on the link's side is "
         "read instead of the motor's")
     add = parser.add_argument_group("fit").add_argument
-    add("--folds", metavar="K", default="3", help="hold back every K-th row in turn, or each of "
-        "the: rows, groups, points")
+    add("--folds", metavar="K", type=_folds, default="3", help="hold back every K-th row in turn, "
+        "or each of the: rows, groups, points")
     add("--scatter", metavar="LENGTH[,ANGLE]", help="scatter of positions and orientations about "
         'the model, such as "2 mm, 5 mrad" (default: estimated from the residuals)')
     add = parser.add_argument_group("plan").add_argument
@@ -83,20 +82,7 @@ def run(options: argparse.Namespace) -> int:
         words = "a table of poses (CSV), or --plan to ask where to measure"
         raise JointplayError(f"give {words}{'; not both' if options.plan else ''}")
     out = Outputs(options.out, ["plan.txt"] if options.plan else [*TABLES, ENCODERS, LOOPS])
-    outputs = {name: getattr(options, name) for name in ("urdf", "mjcf", "write_preset")}
-    for name, value in outputs.items():
-        option = f"--{name.replace('_', '-')}"
-        if value is not None and options.plan:
-            raise JointplayError(f"{option} needs measured poses, not --plan")
-        if value is not None:
-            files.check_new(Path(value))
-    folds = options.folds
-    if folds not in ("rows", "groups", "points"):
-        try:
-            folds = int(folds)
-        except ValueError:
-            words = f"--folds must be a number, rows, groups or points, got {folds!r}"
-            raise JointplayError(words) from None
+    commands.check_measured(options, "measured poses")
     from jointplay.estimate.columns import is_readings
 
     if options.csv is not None and is_readings(options.csv):
@@ -118,26 +104,25 @@ def run(options: argparse.Namespace) -> int:
     payloads = []
     if options.payload is not None:
         payloads = [Payload(mechanism.tool, options.payload, centre=point)]
-    contents: dict[str, Any] = {}
-    found: list[Calibration] = []
+    about: dict[str, Any] = {"payloads": payloads, "point": point}
+    about |= {} if scatter is None else {"error": scatter}
     notes = []
     if mechanism.tool_reason:
         notes.append(f"tool: {mechanism.tool!r} (chosen: {mechanism.tool_reason}; see --tool)")
     if options.plan:
-        about: dict[str, Any] = {"payloads": payloads, "point": point}
-        if scatter is not None:
-            about["error"] = scatter
         plan = plan_calibration(mechanism, [*always, *terms], count=options.count, **about)
         print_answer("", plan, notes, options)
         if options.out:
             out.write({"plan.txt": f"{plan}\n"})
         return 0
+    contents: dict[str, Any] = {}
+    fits: list[Calibration] = []
     poses = read_poses(mechanism, options.csv)
     if poses.link is not None:
         asked = [*always, *terms] if options.term or options.always else None
-        found += encoder_differences(mechanism, poses, payloads, asked)
-        notes += ["encoders, link less motor:", *(f"{one}\n" for one in found)]
-        contents[ENCODERS] = data([row for one in found for row in one.rows]).csv(6)
+        fits += encoder_differences(mechanism, poses, payloads, asked)
+        notes += ["encoders, link less motor:", *(f"{fit}\n" for fit in fits)]
+        contents[ENCODERS] = data([row for fit in fits for row in fit.rows]).csv(6)
         poses = poses.read_by_link(*options.link)
     elif options.link:
         (joint, *_) = options.link
@@ -152,17 +137,9 @@ def run(options: argparse.Namespace) -> int:
         print("\n".join(notes))
         notes = []
     if measured:
-        fit = calibrate(
-            mechanism,
-            poses,
-            terms,
-            always=always,
-            folds=folds,
-            error=scatter,
-            payloads=payloads,
-            point=point,
-            progress=not options.quiet,
-        )
+        progress = not options.quiet
+        about |= {"always": always, "folds": options.folds, "progress": progress}
+        fit = calibrate(mechanism, poses, terms, **about)
         if options.detail:
             print(f"{fit.sentence}\n{fit}")
         else:
@@ -170,51 +147,34 @@ def run(options: argparse.Namespace) -> int:
         if options.out:
             from jointplay.show.plots.design import calibration
 
-            said = json.dumps(fit.describe(), indent=1) + "\n"
-            made = [fit.data.csv(6), said, fit.residuals.csv(6), calibration(fit)]
-            contents |= dict(zip(TABLES, made, strict=True))
-        found.append(fit)
-        for path in filter(None, (options.urdf, options.mjcf)):
-            _write_robot(fit, path, path == options.mjcf)
-        if options.write_preset is not None:
-            place = None if is_scenario(options) else str(options.place)
-            write_preset(options.write_preset, fit.preset(place))
-    elif any(value is not None for value in outputs.values()):
+            contents |= commands.describe("calibration", fit)
+            contents["calibration.csv"] = fit.data.csv(6)
+            contents |= {"residuals.csv": fit.residuals.csv(6), "calibration.png": calibration(fit)}
+        fits.append(fit)
+        _write_robot(fit, options)
+    elif commands.typed(options, commands.MEASURED):
         words = "--urdf, --mjcf and --write-preset need positions of the tool, or points"
         raise JointplayError(words)
     if options.out:
         from jointplay.show.plots.design import reversal_loops
 
         # Of a joint with two encoders these show it best.
-        loops = {loop.joint: (loop, fit.play) for fit in found[::-1] for loop in fit.loops}
+        loops = {loop.joint: (loop, fit.play) for fit in fits[::-1] for loop in fit.loops}
         if loops:
-            plays = [one for loop, play in loops.values() for one in play if one.plays(loop.joint)]
+            plays = [p for loop, play in loops.values() for p in play if p.plays(loop.joint)]
             contents[LOOPS] = reversal_loops([loop for loop, _ in loops.values()], plays)
         out.write(contents)
     return 0
 
 
-def _write_robot(fit: Calibration, path: str, mjcf: bool) -> None:
+def _write_robot(fit: Calibration, options: argparse.Namespace) -> None:
     """Write the corrected robot, and say what it has."""
-    from jointplay.bridges.own_mjcf import corrected_mjcf
-    from jointplay.bridges.urdf import to_urdf
-    from jointplay.estimate.pose_problem import CONSTANT
+    for path in filter(None, (options.urdf, options.mjcf)):
+        from jointplay.bridges.measured_robot import write_corrected
 
-    corrections = fit.corrections()
-    if not corrections:
-        raise JointplayError(
-            "nothing to put right: neither offset nor placement was kept (--always offset has it "
-            "in every model)"
-        )
-    meshes: Mapping[str, bytes] = {}
-    if mjcf:
-        text, meshes = corrected_mjcf(fit.mechanism, corrections)
-    else:
-        text = to_urdf(fit.mechanism.ideal(), corrections)
-    left = [str(term) for term in fit.kept if term.kind not in CONSTANT]
-    words = f"; not in it, as they vary with pose or load: {', '.join(left)}" if left else ""
-    put_right = f": {counted(len(corrections), 'joint')} put right"
-    write_robot(path, text, meshes, f"{put_right}{words}")
+        print(f"written: {path}{write_corrected(fit, Path(path), path == options.mjcf)}")
+    if options.write_preset is not None:
+        commands.write_preset(options.write_preset, fit.preset(robot_named(options)))
 
 
 def _scatter(text: str | None) -> tuple[float, float] | None:

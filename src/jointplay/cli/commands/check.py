@@ -21,14 +21,13 @@ from typing import TYPE_CHECKING, Any
 from jointplay.base import files
 from jointplay.base.errors import JointplayError
 from jointplay.cli.commands import inputs, print_json
-from jointplay.cli.commands.inputs import for_joints, is_scenario, scenario_of, xacro_arguments
+from jointplay.cli.commands.inputs import is_scenario, of_journals, scenario_of
 from jointplay.cli.options import FLAG, REPEATED, Parser
 from jointplay.model.robots import PREFIXES
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from jointplay.model.doctor import Diagnosis
     from jointplay.model.mechanism import Mechanism
 
 MARK = "jointplay check"
@@ -44,8 +43,10 @@ def declare(parser: Parser) -> None:
         "scenario.schema.json beside a scenario whose first line is `#:schema "
         "scenario.schema.json`, it gives editors with Taplo (Even Better TOML) completion, "
         "explanations and checks")
-    add("--picture", metavar="PNG", help="picture of the mechanism (default: beside FILE, as .png)")
-    add("--no-picture", **FLAG, help="do not draw a picture")
+    picture = parser.add_mutually_exclusive_group().add_argument
+    picture("--picture", metavar="PNG", help="picture of the mechanism (default: beside FILE, as "
+        ".png)")
+    picture("--no-picture", **FLAG, help="do not draw a picture")
     add("--write", metavar="URDF", help="of a robot alone, write it with what would be right; of "
         "xacro and MJCF as a URDF; nothing is overwritten")
     parser.share("--json")
@@ -61,45 +62,47 @@ def run(options: argparse.Namespace) -> int:
         return 0
     if options.place is None:
         raise JointplayError("the argument FILE | ROBOT is missing: what is to be checked")
-    if options.picture and options.no_picture:
-        raise JointplayError("give one of --picture and --no-picture")
-    bare = _bare(options)
-    found = _examined(options) if bare else None
-    if options.write and found is None:
+    # Whether a robot's file is named and nothing else: neither play nor a motion.
+    asked = options.joint or options.gear or options.set or of_journals(options) or options.ideal
+    named = options.preset is not None or options.motion is not None
+    bare = not (is_scenario(options) or asked or named)
+    if options.write and not bare:
         raise JointplayError("--write mends a robot's file: give one, without joints or a motion")
-    if found is not None:
-        print(found.sentence, *found.findings, sep="\n")
+    findings: list[Any] = []
+    if bare:
+        from jointplay.model.doctor import diagnose
+        from jointplay.model.xacro import read_arguments
+
+        diagnosis = diagnose(options.place, read_arguments(options.xacro))
+        findings = diagnosis.findings
+        print(diagnosis.sentence, *findings, sep="\n")
         if options.write:
             path = Path(options.write)
-            files.write(path, found.text(path))
-            left = f", refused still: {found.refused}" if found.refused else ""
+            files.write(path, diagnosis.text(path))
+            left = f", refused still: {diagnosis.refused}" if diagnosis.refused else ""
             print(f"written to {path}{left}")
-        if found.impossible:
+        if diagnosis.impossible:
             if options.json:
-                print_json(options, {"answer": found.sentence, "findings": _rows(found)})
+                print_json(options, {"answer": diagnosis.sentence, "findings": findings})
             return 1
     scenario = scenario_of(options, moves=not bare)
     place = None if options.no_picture else _place(options, scenario)
-    if bare and not _plays(mechanism := scenario.mechanism()):
-        from jointplay.cli.commands.robots import described, detail
-        from jointplay.model.survey import survey
-
-        text = detail(survey(options.place, xacro_arguments(options.xacro)))
-        if options.json:
-            parts = described(mechanism.description)
-            findings = [] if found is None else _rows(found)
-            print_json(options, {"answer": text.splitlines(), "findings": findings, **parts})
-        print(text)
-        print(*scenario.assumptions, sep="\n", end="\n" * bool(scenario.assumptions))
-        if place is not None:
-            q = mechanism.configuration({
-                name: entry.neutral
-                for name, entry in mechanism.description.joints.items()
-                if name in mechanism.joints
-            })  # fmt: skip
-            print(_drawn(*place, scenario.title, mechanism, q))
-        return 0
     if bare:
+        mechanism = scenario.mechanism()
+        if not (mechanism.clearance or mechanism.gears):
+            from jointplay.model.survey import described, survey
+
+            text = str(survey(options.place, read_arguments(options.xacro)))
+            if options.json:
+                answer = {"answer": text.splitlines(), "findings": findings}
+                print_json(options, answer | described(mechanism.description))
+            print(text, *scenario.assumptions, sep="\n")
+            if place is not None:
+                from jointplay.accuracy.poses import middle
+
+                q = mechanism.configuration(middle(mechanism))
+                print(_drawn(*place, scenario.title, mechanism, q))
+            return 0
         scenario = scenario_of(options)
     from jointplay.scenario.summary import summary  # what comes now takes long to import
 
@@ -121,26 +124,15 @@ def run(options: argparse.Namespace) -> int:
         from jointplay.study import plan_of
         from jointplay.study.sweeps import probe
 
-        made = plan_of(scenario)
-        probe(made)
-        lines.append(f"sweep: {made.summary}")
+        plan = plan_of(scenario)
+        probe(plan)
+        lines.append(f"sweep: {plan.summary}")
     if place is not None:
         first = next(iter(runs.values()))
         shown = next((run for run in runs.values() if run.mechanism.clearance), first)
         lines.append(_drawn(*place, scenario.title, shown.mechanism, shown.workspace.q))
     print("\n".join(lines))
     return 0
-
-
-def _examined(options: argparse.Namespace) -> Diagnosis:
-    """What is impossible in a robot's file."""
-    from jointplay.model.doctor import diagnose
-
-    return diagnose(options.place, xacro_arguments(options.xacro))
-
-
-def _rows(found: Diagnosis) -> list[dict[str, Any]]:
-    return [one._asdict() for one in found.findings]
 
 
 def _place(options: argparse.Namespace, scenario: Any) -> tuple[Path, bool]:
@@ -156,20 +148,9 @@ def _place(options: argparse.Namespace, scenario: Any) -> tuple[Path, bool]:
         if not replaced:
             files.check_picture(path)
     except JointplayError as error:
-        other = "--picture PNG chooses another, --no-picture none"
-        raise JointplayError(f"{error} ({other})") from None
+        words = f"{error} (--picture PNG chooses another, --no-picture none)"
+        raise JointplayError(words) from None
     return path, replaced
-
-
-def _bare(options: argparse.Namespace) -> bool:
-    """Whether a robot's file is named and nothing else: neither play nor a motion."""
-    said = options.joint or options.gear or options.set or for_joints(options)
-    named = options.preset is not None or options.motion is not None
-    return not (is_scenario(options) or said or named or options.ideal)
-
-
-def _plays(mechanism: Mechanism) -> bool:
-    return bool(mechanism.clearance or mechanism.gears)
 
 
 def _drawn(path: Path, replaced: bool, title: str, mechanism: Mechanism, q: np.ndarray) -> str:

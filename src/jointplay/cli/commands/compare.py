@@ -12,14 +12,11 @@ crank/crank.nc measured.csv --shift found --ensemble 20 --out beside
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from jointplay.base.errors import JointplayError
+from jointplay.base.pairs import quantity
 from jointplay.cli.commands import Outputs
-from jointplay.cli.options import FLAG, Parser, quantity
-
-if TYPE_CHECKING:
-    from jointplay.simulation.result.result import Result
+from jointplay.cli.options import Parser
 
 
 # fmt: off
@@ -28,7 +25,7 @@ def declare(parser: Parser) -> None:
     add("a", metavar="A", help="result file (.nc), or a folder with one")
     add("b", metavar="B", help="another one, or a measurement (.csv)")
     add("--out", metavar="DIR", help="folder for comparison.txt and the figures that compare both")
-    add("--pdf", **FLAG, help="draw each figure as .pdf, too")
+    parser.share("--pdf")
     add("--shift", metavar="TIME", help="added to the measured times; found takes what fits best "
         "(default: 0)")
     add("--ensemble", metavar="N", type=int, default=0, help="draw the band of N runs with "
@@ -48,13 +45,14 @@ def run(options: argparse.Namespace) -> int:
 
 def _results(options: argparse.Namespace, out: Outputs) -> int:
     from jointplay.show import plots
+    from jointplay.show.plots.names import load_one
     from jointplay.simulation.analysis import compare
 
     paths = [Path(options.a), Path(options.b)]
     labels = [path.stem if path.is_file() else path.name for path in paths]
     if labels[0] == labels[1]:
         labels = [str(path) for path in paths]
-    results = {label: _load(path) for label, path in zip(labels, paths, strict=True)}
+    results = {label: load_one(path) for label, path in zip(labels, paths, strict=True)}
     if len(results) < 2:
         raise JointplayError(f"{str(paths[0])!r} twice: give two results")
     folder = out.claim()
@@ -67,18 +65,15 @@ def _results(options: argparse.Namespace, out: Outputs) -> int:
 
 
 def _beside(options: argparse.Namespace, out: Outputs) -> int:
-    result = _load(Path(options.a))
+    from jointplay.show.plots.names import load_one
+
+    result = load_one(Path(options.a))
     from jointplay.estimate.experiment import beside_experiment
 
     shift = options.shift or "0 s"
-    comparison = beside_experiment(
-        result,
-        options.b,
-        shift=None if shift == "found" else quantity(shift, "s", "--shift"),
-        runs=options.ensemble,
-        jobs=options.jobs,
-        progress=not options.quiet,
-    )
+    late = None if shift == "found" else quantity(shift, "s", "--shift")
+    how = {"runs": options.ensemble, "jobs": options.jobs, "progress": not options.quiet}
+    comparison = beside_experiment(result, options.b, shift=late, **how)
     print(comparison)
     if out.claim() is not None:
         from jointplay.show.plots.draw import draw
@@ -88,15 +83,3 @@ def _beside(options: argparse.Namespace, out: Outputs) -> int:
         contents = {"comparison.txt": f"{comparison}\n", "beside.csv": comparison.csv}
         out.write(contents | {name: figure for name in out.names if name.startswith("beside.p")})
     return 0
-
-
-def _load(path: Path) -> "Result":
-    """The only result at a place."""
-    from jointplay.show import reports
-
-    results = reports.load([path], [])
-    if len(results) > 1:
-        names = ", ".join(f"{name}.nc" for name in results)
-        raise JointplayError(f"{str(path)!r} has {len(results)} results; name one: {names}")
-    (result,) = results.values()
-    return result

@@ -11,19 +11,13 @@ from __future__ import annotations
 
 import argparse
 import shlex
-from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 from jointplay.base import streams
-from jointplay.base.errors import JointplayError, MissingName, require_whole
+from jointplay.base.errors import JointplayError, require_whole
 from jointplay.cli.commands import Outputs, inputs, print_answer
 from jointplay.cli.commands.inputs import chosen_preset, simulation_of
 from jointplay.cli.options import FLAG, LENGTH, Parser, listed
-
-if TYPE_CHECKING:
-    from jointplay.accuracy.compensation import Compensation
-    from jointplay.study.corners import Judgement
 
 
 # fmt: off
@@ -57,12 +51,8 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.bridges import backlash
     from jointplay.study.corners import EXACT, IDENTIFIED, judge, learn, trust_of
 
-    wanted, known = options.formats or [], ("yaml", "mcap", "table", *backlash.FORMATS)
-    for one in wanted:
-        if one not in known:
-            raise MissingName("format", one, known)
-    if wanted and not options.out:
-        raise JointplayError("--formats are written into a folder: give --out DIR, too")
+    wanted = options.formats or []
+    backlash.refuse_unwritten(wanted, [*backlash.FILES, *backlash.FORMATS], options.out)
     preset = chosen_preset(options)
     measured = preset is not None and bool(preset.intervals)
     trust = trust_of(options.trust or (IDENTIFIED if measured else EXACT), preset)
@@ -71,79 +61,40 @@ def run(options: argparse.Namespace) -> int:
     out.claim()
     streams.release()
     progress = not options.quiet
-    found = compensate(
+    compensation = compensate(
         simulation, approach=options.approach, size=options.tool_size, progress=progress
     )
-    more = []
+    notes = []
     if options.passes:
-        found, tried = learn(found, options.passes)
-        told = ", ".join(f"{1e3 * one:.4g}" for one in tried)
-        more.append(f"RMS error by pass: {told} mm; {found.learned} kept")
-    extra = _further(found, wanted)
-    judged = judge(found, trust, jobs=options.jobs, progress=progress)
-    body = f"{found.table()}\n{judged.table()}" if options.detail else judged.table()
-    notes = [*more, *judged.notes, *found.notes, *extra.pop("", ())]
+        compensation, errors = learn(compensation, options.passes)
+        passes = ", ".join(f"{1e3 * error:.4g}" for error in errors)
+        notes.append(f"RMS error by pass: {passes} mm; {compensation.learned} kept")
+    further, lost = backlash.corrected_files(compensation, wanted)
+    judged = judge(compensation, trust, jobs=options.jobs, progress=progress)
+    body = f"{compensation.table()}\n{judged.table()}" if options.detail else judged.table()
+    notes += [*judged.notes, *compensation.notes, *lost]
     print_answer(judged.sentence, body, notes, options, more=True)
     if judged.worse and not options.write_anyway:
         where = judged.worse[0].label
         words = f"nothing written: it makes the error larger ({where}); see --write-anyway"
         raise JointplayError(words)
-    if options.out:
-        _write(out, judged, extra)
-        motions = (str(Path(options.out) / name) for name in names[:2])
-        asked = zip(("--motion", "--beside"), motions, strict=True)
-        robot = [] if options.place is None else [str(options.place)]
-        line = shlex.join(["jointplay", "run", *robot, *(word for pair in asked for word in pair)])
-        print(f"next, with the joints and drives as here: {line} --out DIR")
-        if "motion.yaml" in extra:
-            print(f"next, in ROS 2: {_published(Path(options.out) / 'motion.yaml')}")
-        else:
-            print("next, for ROS 2: --formats yaml writes a JointTrajectory, mcap a bag")
-    return 0
-
-
-def _published(file: Path) -> str:
-    """The command by which a controller is given a trajectory."""
-    topic = "/joint_trajectory_controller/joint_trajectory"
-    what = f'"$(cat {shlex.quote(str(file))})"'
-    return f"ros2 topic pub --once {topic} trajectory_msgs/msg/JointTrajectory {what}"
-
-
-def _further(found: Compensation, wanted: Sequence[str]) -> dict[str, Any]:
-    """Contents of further files by name, and under no name what their formats lose."""
-    from jointplay.accuracy.compensation import table_for_controllers
-    from jointplay.bridges import backlash, bag
-    from jointplay.bridges.trajectory import content, of_motion
-
-    contents: dict[str, Any] = {}
-    lost = []
-    for one in wanted:
-        if one == "yaml":
-            contents["motion.yaml"] = content(of_motion(found.motion), ".yaml")
-        elif one == "mcap":
-            contents["motion.mcap"] = bag.of_trajectory(of_motion(found.motion))
-        elif one == "table":
-            contents["table.csv"] = table_for_controllers(found).csv()
-        else:
-            try:
-                contents |= backlash.tables(backlash.corrected(found), one)
-                lost.append(f"note: {one} cannot say {backlash.FORMATS[one].lost}")
-            except JointplayError as error:
-                lost.append(f"warning: no file for {one}: {error}")
-    return contents | {"": lost}
-
-
-def _write(out: Outputs, judged: Judgement, extra: Mapping[str, Any]) -> None:
+    if not options.out:
+        return 0
     from jointplay.show.plots.design import before_and_after
 
-    found = judged.compensation
-    meant = found.simulation.motion
-    assert meant is not None
-    out.write({
-        "motion.csv": found.motion.csv(),
-        "original.csv": meant.csv(),
-        "compensation.csv": found.data().csv(),
-        "corners.csv": judged.table().csv(),
-        "error.png": before_and_after(judged),
-        **extra,
-    })  # fmt: skip
+    assert simulation.motion is not None
+    tables = (compensation.motion, simulation.motion, compensation.data(), judged.table())
+    contents = [*(table.csv() for table in tables), before_and_after(judged)]
+    out.write(dict(zip(names, contents, strict=True)) | further)
+    motion, original = (str(Path(options.out) / name) for name in names[:2])
+    robot = [] if options.place is None else [str(options.place)]
+    line = ["jointplay", "run", *robot, "--motion", motion, "--beside", original]
+    print(f"next, with the joints and drives as here: {shlex.join(line)} --out DIR")
+    if "motion.yaml" in further:
+        topic = "/joint_trajectory_controller/joint_trajectory"
+        text = f'"$(cat {shlex.quote(str(Path(options.out) / "motion.yaml"))})"'
+        line = ["ros2 topic pub --once", topic, "trajectory_msgs/msg/JointTrajectory", text]
+        print(f"next, in ROS 2: {' '.join(line)}")
+    else:
+        print("next, for ROS 2: --formats yaml writes a JointTrajectory, mcap a bag")
+    return 0

@@ -17,18 +17,14 @@ from functools import partial
 from jointplay.base.errors import JointplayError, require_whole
 from jointplay.cli.commands import inputs
 from jointplay.cli.commands.inputs import scenario_of
-from jointplay.cli.options import FLAG, Parser
+from jointplay.cli.options import Parser
 
 
 # fmt: off
 def declare(parser: Parser) -> None:
     inputs.declare(parser)
-    add = parser.add_argument
-    add("--assumed", **FLAG, help="list what nobody gave: values, by which rule, and what another "
-        "would change")
-    add = parser.add_argument_group("page").add_argument
-    add("--port", metavar="N", type=int, default=7000, help="port to listen on")
-    add("--no-browser", **FLAG, help="do not open a browser")
+    parser.share("--assumed")
+    parser.share("--port", "--no-browser", group="page")
 # fmt: on
 
 

@@ -20,14 +20,27 @@ from jointplay.base.signals import INTERRUPTED
 from jointplay.cli.commands import given
 from jointplay.cli.options import FLAG, REPEATED, Parser
 
+FILM = {name: name for name in ("speed", "begin", "end", "size", "view", "signal")}
+FILM["frames_per_second"] = "fps"
+"""Options of a film, by the field of `Shot`."""
+
+
+def _size(text: str) -> tuple[int, int]:
+    width, _, height = text.lower().partition("x")
+    if not (width.isdigit() and height.isdigit()):
+        raise argparse.ArgumentTypeError(f"give WIDTHxHEIGHT, such as 1280x720, got {text!r}")
+    return int(width), int(height)
+
 
 # fmt: off
 def declare(parser: Parser) -> None:
     add = parser.add_argument
     add("result", metavar="RESULT", nargs="+", help="result files (.nc)")
+    add = parser.add_mutually_exclusive_group().add_argument
     add("--html", metavar="FILE", help="write one self-contained page instead of serving it")
     add("--movie", metavar="FILE", help="write a picture (.png) or a film (.gif, .mp4, .webm, "
         ".webp) instead of serving a page")
+    add = parser.add_argument
     add("--joint", metavar="NAME", help="joint of the close-up (default: the first)")
     add("--magnify", metavar="X", type=float, help="factor of displacements in the close-up "
         "(default: one that shows the gap)")
@@ -36,16 +49,16 @@ def declare(parser: Parser) -> None:
     add("--no-ghost", **FLAG, help="do not show the ideal counterparts")
     add("--host", metavar="HOST", default="127.0.0.1", help="interface to listen on; other "
         "machines cannot reach the default")
-    add("--port", metavar="N", type=int, default=7000, help="port to listen on")
-    add("--no-browser", **FLAG, help="do not open a browser")
+    parser.share("--port", "--no-browser")
     add = parser.add_argument_group("film (--movie)").add_argument
     add("--speed", metavar="X", type=float, help="relative to real time, such as 0.01 (default: "
         "one that makes a film of 4 to 20 s)")
     add("--begin", metavar="T", type=float, help="start time [s]; for a picture, its time "
         "(default: the start; the hardest impact)")
     add("--end", metavar="T", type=float, help="end time [s] (default: the end)")
-    add("--fps", metavar="X", type=float, help="frames per second (default: 25)")
-    add("--size", metavar="WxH", help="pixels, even numbers (default: 1280x720)")
+    add("--fps", dest="frames_per_second", metavar="X", type=float, help="frames per second "
+        "(default: 25)")
+    add("--size", metavar="WxH", type=_size, help="pixels, even numbers (default: 1280x720)")
     add("--view", metavar="VIEW", help="both, robot or closeup (default: both)")
     add("--signal", metavar="NAME", help="drawn over time below the picture, such as 'tool error' "
         "or 'contact force, JOINT' (default: nothing)")
@@ -58,14 +71,16 @@ def run(options: argparse.Namespace) -> int:
     for name in options.result:  # before anything is loaded that takes time
         if not files.is_file(Path(name)):
             raise JointplayError(f"no result file {name!r}")
-    if options.html is not None and options.movie is not None:
-        raise JointplayError("give one of --html and --movie")
-    shot = _shot(options)
+    shot: Any = given(options, *FILM)
+    if shot and options.movie is None:
+        words = ", ".join(f"--{FILM[name]}" for name in shot)
+        raise JointplayError(f"{words} needs --movie FILE")
     if options.html is not None:
         files.check_new(options.html)
     elif options.movie is not None:
         from jointplay.show.player import movie
 
+        shot = movie.Shot(**shot)
         movie.check(options.movie)
     else:
         from jointplay.show.player.server import check_host
@@ -99,25 +114,6 @@ def _play(options: argparse.Namespace, shot: Any) -> None:
     else:
         shown |= {"host": options.host, "port": options.port, "browser": not options.no_browser}
         player.play(results, say=partial(print, flush=True), **shown)
-
-
-def _shot(options: argparse.Namespace) -> Any:
-    """What the film shows; None if none is wanted."""
-    chosen = given(options, "speed", "begin", "end", "size", "fps", "view", "signal")
-    if options.movie is None:
-        if chosen:
-            raise JointplayError(f"{', '.join(f'--{name}' for name in chosen)} needs --movie FILE")
-        return None
-    from jointplay.show.player.movie import Shot
-
-    if "size" in chosen:
-        width, cross, height = chosen["size"].lower().partition("x")
-        if not (cross and width.isdigit() and height.isdigit()):
-            raise JointplayError(f"--size {chosen['size']}: give WIDTHxHEIGHT, such as 1280x720")
-        chosen["size"] = (int(width), int(height))
-    if "fps" in chosen:
-        chosen["frames_per_second"] = chosen.pop("fps")
-    return Shot(**chosen)
 
 
 def _note(text: str) -> None:

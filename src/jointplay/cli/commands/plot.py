@@ -11,7 +11,7 @@ import argparse
 from pathlib import Path
 
 from jointplay.base.errors import JointplayError
-from jointplay.base.pairs import divided
+from jointplay.base.pairs import pairs
 from jointplay.cli.options import Parser
 
 WORDS = ("x", "y", "hue", "z")
@@ -30,24 +30,19 @@ def declare(parser: Parser) -> None:
 def run(options: argparse.Namespace) -> int:
     from jointplay.base import files
 
-    given: dict[str, str] = {}
-    for word in options.words:
-        name, value = divided(word)
-        if not value or name in given:
-            forms = ", ".join(f"{one}=NAME" for one in WORDS)
-            raise JointplayError(f"{word!r} must be one of {forms} or DIMENSION=VALUE, each once")
-        given[name] = value
+    forms = ", ".join(f"{role}=NAME" for role in WORDS)
+    chosen = pairs(options.words, f"WORDS {forms} or DIMENSION=VALUE")
     for name in ("x", "y"):
-        if name not in given:
+        if name not in chosen:
             raise JointplayError(f"{name}=NAME is missing")
-    roles = {name: given.pop(name) for name in WORDS if name in given}
+    roles = {name: chosen.pop(name) for name in WORDS if name in chosen}
     store = Path(options.store)
     default = f"{store.name}_{roles.get('z', roles['y'])}.png"
     out = files.check_picture(options.out or store.parent / default)
     from jointplay.show.plots.sweep import draw  # what comes now takes long to import
     from jointplay.study import open_sweep
 
-    figure = draw(open_sweep(store).dataset(), **roles, only=given)
+    figure = draw(open_sweep(store).dataset(), **roles, only=chosen)
     files.picture(out, figure)
     print(out)
     return 0

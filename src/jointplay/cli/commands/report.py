@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from jointplay.base.errors import JointplayError
+from jointplay.cli.commands import typed
 from jointplay.cli.options import FLAG, REPEATED, Parser
 
 
@@ -76,8 +77,7 @@ def _sweep(paths: list[Path], options: argparse.Namespace, shared: dict[str, Any
     if len(paths) > 1:
         raise JointplayError("a sweep gets a separate report; give only its folder")
     (store,) = paths
-    for name in ("label", "claims", "impacts"):
-        if getattr(options, name):
-            raise JointplayError(f"--{name} is for results; {str(store)!r} is a sweep")
+    for option in typed(options, ("label", "claims", "impacts")):
+        raise JointplayError(f"{option} is for results; {str(store)!r} is a sweep")
     default = store.parent / f"{store.name}_report.html"
     return sweep_report(store, Path(options.out or default), **shared)

@@ -44,7 +44,7 @@ def run(options: argparse.Namespace) -> int:
 
     started = time.perf_counter()
     progress = not options.quiet
-    found = paper.run_study(
+    study = paper.run_study(
         options.out,
         options.runs,
         options.jobs,
@@ -55,10 +55,10 @@ def run(options: argparse.Namespace) -> int:
         pdf=options.pdf,
     )
     print("\nFigures with their numerical errors, and by other methods:\n")
-    print(paper.errors_text(found.rows, found.warnings))
-    if found.verdicts:
+    print(paper.errors_text(study.rows, study.warnings))
+    if study.verdicts:
         print(f"\nThe paper's claims on {options.runs} runs each; numbers in claims.md:\n")
-        print(paper.summary(found.verdicts))
+        print(paper.summary(study.verdicts))
     print(f"\nresults in {options.out}, {time.perf_counter() - started:.0f} s")
     print(f"look at {options.out}/fig12.png, and read {options.out}/{PAGE}: all of it on one page")
     if signals.stop_requested():

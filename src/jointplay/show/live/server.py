@@ -10,9 +10,8 @@ from collections.abc import Callable, Iterator, Mapping
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from jointplay.base.errors import JointplayError, require_finite
+from jointplay.base.tables import for_json
 from jointplay.show.live.answer import look
 from jointplay.show.live.state import State
 from jointplay.show.live.workers import Workers
@@ -73,19 +72,8 @@ def page(said: Mapping[str, Any], block: bytes) -> bytes:
 
 def frame(head: Mapping[str, Any], block: bytes = b"") -> bytes:
     """A part of an answer: two lengths, plain data, bytes."""
-    text = json.dumps(plain(head), separators=(",", ":")).encode()
+    text = json.dumps(for_json(head), separators=(",", ":")).encode()
     return struct.pack("<II", len(text), len(block)) + text + block
-
-
-def plain(value: Any) -> Any:
-    """Plain data that browsers read: no number that JSON has not."""
-    if isinstance(value, Mapping):
-        return {key: plain(one) for key, one in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(one) for one in value]
-    if isinstance(value, float | np.floating):
-        return float(value) if np.isfinite(value) else None
-    return value
 
 
 def values_of(asked: Any) -> dict[str, float]:

@@ -62,6 +62,16 @@ def file_names(paper: bool, rolling: bool = True, pdf: bool = False) -> list[str
     return [f"{name}.{kind}" for name in names for kind in kinds(pdf)]
 
 
+def load_one(path: Path) -> Result:
+    """The only result at a place."""
+    results = load([path])
+    if len(results) > 1:
+        names = ", ".join(f"{name}.nc" for name in results)
+        raise JointplayError(f"{str(path)!r} has {len(results)} results; name one: {names}")
+    (result,) = results.values()
+    return result
+
+
 def load(paths: Sequence[str | Path], labels: Sequence[str] = ()) -> dict[str, Result]:
     """Read results by label; a folder stands for those in it, the ideal mechanism's first.
 

@@ -32,11 +32,7 @@ def run(options: argparse.Namespace) -> int:
 
     result = Result.load(options.result)
     path = bridges.export(
-        result,
-        options.out,
-        options.to,
-        every=options.every,
-        progress=not options.quiet,
+        result, options.out, options.to, every=options.every, progress=not options.quiet
     )
     print(f"{path}: {path.stat().st_size / 1e6:.3g} MB")
     return 0

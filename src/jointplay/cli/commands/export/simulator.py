@@ -11,8 +11,9 @@ Example: jointplay export simulator ur5 --joint elbow_joint --clearance "0.05 mm
 elbow_joint="2 arcmin" --gear-stiffness 2e4 --rotor-inertia 0.5 --out elbow
 """
 
+from __future__ import annotations
+
 import argparse
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,16 @@ from jointplay.cli.options import ANGLE, FLAG, REPEATED, TIME, Parser
 
 DONE = "joints.runs"
 """File of the joints that are done, as long as others are not."""
+
+
+def _share(text: str) -> float:
+    """A part of one: 0.2, or 20%."""
+    try:
+        part = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
+        return require_non_negative("it", part, "")
+    except ValueError:
+        words = f"must be a number or a percentage, not negative, got {text!r}"
+        raise argparse.ArgumentTypeError(words) from None
 
 
 # fmt: off
@@ -44,8 +55,8 @@ def declare(parser: Parser) -> None:
         "lost")
     add("--format", choices=("mjcf", "sdf", "urdf", "json", "usd", "proto", "py"), **REPEATED,
         help="file format; by default all")
-    add("--spread", metavar="SHARE", help="JSON: relative half width of ranges without measured "
-        "values, such as 20% (default: 0.3)")
+    add("--spread", metavar="SHARE", type=_share, help="JSON: relative half width of ranges "
+        "without measured values, such as 20% (default: 0.3)")
     add("--check", **FLAG, help="run the MJCF in MuJoCo and compare it with the full model; exit "
         "status 1 if it differs by more than is stated")
     add = parser.add_argument_group("whole robot").add_argument
@@ -57,7 +68,6 @@ def declare(parser: Parser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    spread = None if options.spread is None else _share(options.spread)
     joint = None if options.all else _joint(options)
     stem = "robot" if joint is None else files.names_for([joint], "")[0]
     formats, notes = choose(options.format, options.tilt, getattr(options, "for"))
@@ -65,16 +75,16 @@ def run(options: argparse.Namespace) -> int:
         raise JointplayError(
             "--check runs the MJCF in MuJoCo: it needs --format mjcf or --for mujoco, and mujoco"
         )
-    endings = [ending for one in formats for ending in FORMATS[one]]
+    endings = [ending for kind in formats for ending in FORMATS[kind]]
     names = [f"{stem}{ending}" for ending in endings] + ["reversals.png"] * (joint is not None)
-    from jointplay.model.meshes import FOLDER
+    from jointplay.model.meshes import FOLDER, write_meshes
 
     out = Outputs(options.out, names + [FOLDER] * bool({"mjcf", "proto"}.intersection(formats)))
     from jointplay.bridges.reduced_robot import BEYOND, ReducedRobot, refuse_without_play
-    from jointplay.bridges.reduction import is_own, reduce, reduce_all
+    from jointplay.bridges.reduction import is_own
 
     posed = inputs.posed_machine(options, single=True)
-    mechanism, pose = posed.mechanism, posed.poses.positions()
+    mechanism = posed.mechanism
     free = posed.scenario.mechanism(posed.case).free_base is not None
     if free and not is_own(mechanism.description):
         raise JointplayError(
@@ -86,25 +96,14 @@ def run(options: argparse.Namespace) -> int:
     play = [*mechanism.clearance, *mechanism.gears] if joint is None else [joint]
     refuse_without_play(mechanism, play, formats, options.tilt)
     out.claim()
+    store = Path(options.out) / DONE
     how = given(options, "amplitude", "period") | {"progress": not options.quiet}
-    rubs = posed.poses.holding["joint_friction"] or {}
-    if joint is None:
-        store = Path(options.out) / DONE
-        how |= {"jobs": options.jobs, "store": store}
-        reductions, refused = reduce_all(mechanism, pose, joint_friction=rubs, **how)
-        notes += [f"not reduced: {why}" for why in refused.values()]
-    else:
-        reductions = [reduce(mechanism, joint, pose, joint_friction=rubs.get(joint), **how)]
-    more: dict[str, Any] = {} if spread is None else {"spread": spread}
-    remade = "mjcf" in formats and not is_own(mechanism.description)
-    more |= {"servos": _servos(posed) if remade else {}}
-    if more["servos"]:
-        notes.append(f"servos (MJCF): {', '.join(more['servos'])}")
-    from jointplay.scenario.assumptions import by_rule
-
-    more |= given(options, "plugin") | {"encoder": _encoder(posed, reductions)}
-    notes += by_rule(mechanism, "rotor_inertia")
-    robot = ReducedRobot(mechanism, reductions, pose, formats, options.tilt, **more)
+    how |= {"jobs": options.jobs, "store": store} if joint is None else {}
+    robot, further = ReducedRobot.of(
+        posed, joint, formats, options.tilt, reversals=how,
+        **given(options, "plugin", "spread"),
+    )  # fmt: skip
+    notes += further
     contents: dict[str, Any] = {**robot.files(stem)}
     shown: Any = robot.table()
     if joint is not None:
@@ -115,15 +114,12 @@ def run(options: argparse.Namespace) -> int:
     if joint is not None:
         from jointplay.show.plots.design import reversals
 
-        contents["reversals.png"] = reversals(reductions[0])
+        contents["reversals.png"] = reversals(robot.reductions[0])
     body = "\n".join([str(shown), *notes, *robot.notes])
     print_answer(f"{sentence[0].upper()}{sentence[1:]}", body, posed.notes, options)
     meshes = robot.meshes
     with signals.keeping(f"the files in {options.out}"):
-        if meshes:
-            (Path(options.out) / FOLDER).mkdir()
-        for name, data in meshes.items():
-            files.write(Path(options.out) / FOLDER / name, data)
+        write_meshes(Path(options.out), meshes)
         out.write(contents)
         if joint is None:
             store.unlink()
@@ -134,21 +130,14 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _share(text: str) -> float:
-    """A part of one: 0.2, or 20%."""
-    try:
-        part = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
-    except ValueError:
-        raise JointplayError(f"--spread must be a number or a percentage, got {text!r}") from None
-    return require_non_negative("--spread", part, "")
-
-
 def _joint(options: argparse.Namespace) -> str:
     """The one joint that is named, by its gear or else by --joint; if that has no clearance of its
     own, it is no option any more.
     """
-    geared = list(dict.fromkeys(name_and_number(one)[0] for one in options.gear))
-    if not options.joint and len(geared) == 1 and geared != [inputs.ALL]:
+    from jointplay.scenario.request import ALL
+
+    geared = list(dict.fromkeys(name_and_number(text)[0] for text in options.gear))
+    if not options.joint and len(geared) == 1 and geared != [ALL]:
         return geared[0]
     if len(options.joint) != 1:
         number = len(options.joint) or "none"
@@ -160,22 +149,3 @@ def _joint(options: argparse.Namespace) -> str:
     if known and length is None and options.clearance is None:
         options.joint = []  # its play is the scenario's, or its gear's alone
     return joint
-
-
-def _encoder(posed: inputs.PosedMachine, reductions: Sequence[Any]) -> str:
-    """Where the encoders of these joints sit, if all sit alike."""
-    from jointplay.simulation.loads.drive import ENCODERS
-
-    drives = posed.poses.holding["drive"]
-    own = {one.joint: getattr(drives.get(one.joint), "encoder", ENCODERS[0]) for one in reductions}
-    if len({*own.values()}) > 1:
-        words = ", ".join(f"of {name} on the {side}" for name, side in own.items())
-        raise JointplayError(f"encoders sit {words}: --encoder says where all of the file are")
-    return next(iter(own.values()), ENCODERS[0])
-
-
-def _servos(posed: inputs.PosedMachine) -> dict[str, Any]:
-    from jointplay.simulation.loads.drive import Servo
-
-    held = posed.poses.holding["drive"].items()
-    return {name: one for name, one in held if isinstance(one, Servo)}

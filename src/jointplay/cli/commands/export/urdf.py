@@ -33,15 +33,14 @@ def run(options: argparse.Namespace) -> int:
 
     out = Path(options.out)
     files.check_new(out)
-    scenario = scenario_of(options, moves=False)
-    mechanism = scenario.mechanism(options.case)
+    mechanism = scenario_of(options, moves=False).mechanism(options.case)
     if not mechanism.clearance:
         raise JointplayError("no joint has clearance: name one with --joint NAME")
     text = to_urdf(mechanism)
     files.write(out, text)
     for name, joint in mechanism.clearance.items():
-        own = joint.drive_coordinate
-        parts = [f"{name} ({part})" if part == own else f"{name}.{part}" for part in joint.freedoms]
+        main = joint.drive_coordinate
+        parts = [f"{name} ({x})" if x == main else f"{name}.{x}" for x in joint.freedoms]
         print(f"{name}: {', '.join(parts)}")
     moved = out.parent.resolve() != mechanism.description.path.parent.resolve()
     if moved and re.search(r'<mesh[^>]*filename="(?!\w+://|/)', text):

@@ -17,7 +17,7 @@ Example: jointplay study dynamics jointplay:slider_crank.toml bifurcation --case
 import argparse
 
 from jointplay.base.errors import JointplayError
-from jointplay.cli.commands import inputs
+from jointplay.cli.commands import given, inputs
 from jointplay.cli.commands.inputs import scenario_of
 from jointplay.cli.options import REPEATED, Parser
 
@@ -55,15 +55,14 @@ def run(options: argparse.Namespace) -> int:
     processes.number_of(options.jobs)
     from jointplay.study.nonlinear import Analysis, Varied
 
-    names = ("keep", "phase", "records", "orders", "window", "threshold", "joint", "grid")
+    names = ("leave_out", "keep", "phase", "records", "orders", "window", "threshold", "joint")
     analysis = Analysis.of(
         scenario_of(options),
         options.kind,
         options.case,
         Varied.parse(options.vary) if options.vary else None,
         options.of,
-        leave_out=options.leave_out,
-        **{name: getattr(options, name) for name in names},
+        **given(options, *names, "grid"),
     )
     out, mark = files.claim(options.out, []), f"jointplay study dynamics {options.kind}"
     path = out / f"{options.kind}.png"
@@ -71,7 +70,7 @@ def run(options: argparse.Namespace) -> int:
         raise JointplayError(f"{str(path)!r} is no figure of this command; choose another folder")
     from jointplay.show.plots.nonlinear import figure
 
-    found = analysis.run(out, options.jobs, not options.quiet)
-    files.picture(path, figure(found), mark=mark)
+    outcome = analysis.run(out, options.jobs, not options.quiet)
+    files.picture(path, figure(outcome), mark=mark)
     print(f"written to {options.out}: {options.kind}.csv, {path.name}")
     return 0

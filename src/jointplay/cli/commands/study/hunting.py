@@ -14,18 +14,16 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from jointplay.base import streams
 from jointplay.base.errors import JointplayError
-from jointplay.base.pairs import misread, name_and_number, pair
+from jointplay.base.pairs import name_and_number
 from jointplay.cli.commands import Outputs, inputs, print_answer
 from jointplay.cli.commands.inputs import (
-    ALL,
-    for_joints,
     is_scenario,
+    of_journals,
     own_preset,
-    positions,
     require_one_pose,
     scenario_of,
 )
@@ -67,71 +65,59 @@ def run(options: argparse.Namespace) -> int:
     out = Outputs(options.out, ["gains.csv", "gains.png"] if options.map else ["hunting.csv"])
     if options.poses is not None and (options.map or options.gain):
         raise JointplayError("--poses is of the P gain: leave out --map and --gain")
-    spans = [_span(text) for text in options.map or ()]
+    from jointplay.study import hunting
+
+    spans = [hunting.read_span(text) for text in options.map or ()]
     if spans and len(spans) != 2:
         raise JointplayError(f"a map is over two gains: give --map twice, got {len(spans)}")
+    from jointplay.accuracy.poses import read_pose
     from jointplay.scenario.presets import preset
-    from jointplay.simulation.loads import Servo
-    from jointplay.study import hunting
-    from jointplay.study.released import servo_of
+    from jointplay.scenario.request import ALL
+    from jointplay.study.released import refuse_without_servo
 
     if options.preset is None and not (options.set or is_scenario(options)):
-        names = [name_and_number(text)[0] for text in options.gear]
-        joint = names[0] if names and names[0] != ALL else "JOINT"
-        add = servo_of(joint)
-        add = add if names else f"--gear {joint}=PLAY and {add}"
+        names = [name for name, _ in map(name_and_number, options.gear) if name != ALL]
         robot = scenario_of(options, moves=False).mechanism().description
-        own = own_preset(options)
-        servos = preset(own).drives(robot).values() if own else ()
-        if any(isinstance(one, Servo) for one in servos):
-            add = f"--preset, which has the servos of {options.place}"
-        raise JointplayError(
-            f"hunting is of gears with play under servos, none is given: add {add}"
+        known = own_preset(options)
+        drives = preset(known).drives(robot).values() if known else ()
+        refuse_without_servo(
+            next(iter(names), "JOINT" if options.gear else None), drives, options.place
         )
     scenario = released(options)
-    simulation, told = scenario.simulation(options.case), scenario.assumptions
-    words = ("note: ", " is p_gain") if options.registers else ("note: ",)
-    registers = [line for line in told if any(word in line for word in words)]
+    simulation = scenario.simulation(options.case)
+    marks = ("note: ", " is p_gain") if options.registers else ("note: ",)
+    registers = [line for line in scenario.assumptions if any(mark in line for mark in marks)]
     require_one_pose(options)
-    held = positions(simulation.mechanism, "".join(options.pose))
-    how = {
-        "longest": options.time,
-        "jobs": options.jobs,
-        "keep": Path(options.out) / RUNS if options.out else None,
-        "progress": not options.quiet,
-    }
+    held = read_pose(simulation.mechanism, "".join(options.pose))
+    how = {"longest": options.time, "jobs": options.jobs, "progress": not options.quiet}
+    how["keep"] = Path(options.out) / RUNS if options.out else None
     joints = options.of or ()
     if spans:
-        these = hunting.released(simulation, joints, held)
-        names = [axis.joint for one in these for axis in one.axes]
+        machines = hunting.released(simulation, joints, held)
+        names = [axis.joint for machine in machines for axis in machine.axes]
         if len(names) > 1:
             raise JointplayError(f"a map is of one joint: give --of, one of {', '.join(names)}")
-        out.claim()
-        streams.release()
-        found = hunting.gain_map(these[0], *spans, **how)
-        print(found.sentence)
+    out.claim()
+    streams.release()
+    if spans:
+        gain_map = hunting.gain_map(machines[0], *spans, **how)
+        print(gain_map.sentence)
         if options.out:
             from jointplay.show.plots.design import gains
 
-            out.write({"gains.csv": found.table.csv(), "gains.png": gains(found)})
+            out.write({"gains.csv": gain_map.table.csv(), "gains.png": gains(gain_map)})
         return 0
-    out.claim()
-    streams.release()
     if options.poses is not None:
         from jointplay.study import calm
 
         answers = calm.calm(simulation, joints, held, places=options.poses, **how)
-        table = calm.table(answers)
-        notes = [*(one.advice for one in answers), *registers]
-        print_answer("; ".join(one.sentence for one in answers), table, notes, options)
-        if options.out:
-            out.write({"hunting.csv": table.csv()})
-        return 0
-    all_found = hunting.hunting(simulation, joints, held, gain=options.gain, **how)
-    table = hunting.table(all_found, options.gain)
-    print_answer(
-        hunting.sentence(all_found), table, [*hunting.notes(all_found), *registers], options
-    )
+        table, notes = calm.table(answers), [answer.advice for answer in answers]
+        sentence = "; ".join(answer.sentence for answer in answers)
+    else:
+        hunts = hunting.hunting(simulation, joints, held, gain=options.gain, **how)
+        table, notes = hunting.table(hunts, options.gain), hunting.notes(hunts)
+        sentence = hunting.sentence(hunts)
+    print_answer(sentence, table, [*notes, *registers], options)
     if options.out:
         out.write({"hunting.csv": table.csv()})
     return 0
@@ -139,24 +125,7 @@ def run(options: argparse.Namespace) -> int:
 
 def released(options: argparse.Namespace) -> Scenario:
     """The machine of whose joints some are released; journals, which are held, are refused."""
-    if options.joint or (journals := for_joints(options)):
-        option = "--joint" if options.joint else journals[0].name
+    if options.joint or (journals := of_journals(options)):
+        option = "--joint" if options.joint else journals[0]
         raise JointplayError(f"{option} is of journals, which are held here: hunting is of gears")
     return scenario_of(options)
-
-
-def _span(text: str) -> tuple[str, Any]:
-    """A gain and its values."""
-    import numpy as np
-
-    words = "--map GAIN=FROM:TO:COUNT, such as p_gain=10:400:20"
-    gain, rest = pair(text, words)
-    try:
-        first, last, number = rest.split(":")
-        low, high, count = float(first), float(last), int(number)
-    except ValueError:
-        raise misread(text, words) from None
-    if not (0.0 <= low < high < float("inf") and 2 <= count <= 1000):
-        raise misread(text, words)
-    even = np.geomspace if low > 0.0 else np.linspace
-    return gain, even(low, high, count)

@@ -14,7 +14,8 @@ from typing import Any
 
 from jointplay.base import streams
 from jointplay.base.errors import JointplayError, require_positive
-from jointplay.cli.commands import Outputs, inputs, print_answer, vector
+from jointplay.base.pairs import vector
+from jointplay.cli.commands import Outputs, inputs, print_answer
 from jointplay.cli.commands.inputs import simulation_of
 from jointplay.cli.options import LENGTH, REPEATED, Parser
 
@@ -74,11 +75,8 @@ def run(options: argparse.Namespace) -> int:
         if options.detail:
             print_answer(performance.sentence, performance, (), options)
         else:
-            notes = [
-                *performance.causes,
-                f"conditions: {performance.conditions}",
-                performance.validity,
-            ]
+            conditions = f"conditions: {performance.conditions}"
+            notes = [*performance.causes, conditions, performance.validity]
             print_answer(performance.sentence, performance.brief, notes, options, more=True)
         if options.out:
             from jointplay.show.plots import design as plots
@@ -101,10 +99,6 @@ def _in_cube(options: argparse.Namespace, simulation: Any) -> tuple[Any, str]:
     for option in ("motion", "interpolation", "duration"):
         if getattr(options, option) is not None:
             raise JointplayError(f"--cube has a motion of its own: leave out --{option}")
-    from jointplay.study.iso9283 import cube_motion
+    from jointplay.study.iso9283 import in_cube
 
-    centre = vector(options.cube_centre, "m", "--cube-centre")
-    motion = cube_motion(simulation.mechanism, centre, options.cube)
-    at = ", ".join(f"{x:g}" for x in centre)
-    words = f"poses: P1, P5, P4, P3, P2, P1 in a cube of {options.cube:g} m about ({at}) m"
-    return replace(simulation, motion=motion, duration=None), words
+    return in_cube(simulation, vector(options.cube_centre, "m", "--cube-centre"), options.cube)

@@ -12,6 +12,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
+from jointplay.cli.commands import given
 from jointplay.cli.options import FLAG, Parser
 
 ALL_FAILED = 1
@@ -42,21 +43,17 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.study.outcome import FAILED
     from jointplay.study.sweep_table import table
 
-    made = plan_of(options.file)
-    words = f"{made.scenario.path}: {made.summary}"
+    plan = plan_of(options.file)
+    heading = f"{plan.scenario.path}: {plan.summary}"
 
     def begin(notes: Sequence[str]) -> None:
-        warned = [one for one in notes if one.startswith("warning")]  # others are of single cases
-        print("\n".join([words, *warned]), flush=True)
+        warnings = (note for note in notes if note.startswith("warning"))  # others: single cases
+        print(heading, *warnings, sep="\n", flush=True)
 
     run_plan(
-        made,
+        plan,
         options.out,
-        jobs=options.jobs,
-        scheduler=options.scheduler,
-        resume=options.resume,
-        extend=options.extend,
-        yes=options.yes,
+        **given(options, "jobs", "scheduler", "resume", "extend", "yes"),
         progress=not options.quiet,
         begin=None if options.quiet else begin,
     )

@@ -13,7 +13,7 @@ import argparse
 from jointplay.base import files
 from jointplay.base.signals import INTERRUPTED
 from jointplay.base.tables import Column, Table
-from jointplay.cli.commands import inputs, print_answer
+from jointplay.cli.commands import given, inputs, print_answer
 from jointplay.cli.commands.inputs import simulation_of
 from jointplay.cli.options import LENGTH, Parser
 
@@ -43,15 +43,11 @@ def run(options: argparse.Namespace) -> int:
         simulation,
         options.joint,
         options.growth,
-        blocks=options.blocks,
-        runs=options.runs,
-        cycles_per_run=options.cycles_per_run,
-        jobs=options.jobs,
+        **given(options, "blocks", "runs", "cycles_per_run", "jobs"),
         progress=not options.quiet,
     )
-    columns = [Column("cycles", life.cycles)]
-    columns += [Column(name, getattr(life, name), "m", fine=True) for name in ("deepest", "mean")]
-    print_answer(str(life), Table(columns), (), options)
+    depths = (Column(name, getattr(life, name), "m", fine=True) for name in ("deepest", "mean"))
+    print_answer(str(life), Table([Column("cycles", life.cycles), *depths]), (), options)
     if options.out:
         files.write(options.out, life.table.csv())
         print(f"profiles in {options.out}")
