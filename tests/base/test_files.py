@@ -366,6 +366,7 @@ ELSEWHERE = {
     "model/mjcf_whole "
     "show/player/movie study/case base/locks",
     "pieces whose checksums tell what is whole": "base/objects simulation/spool study/database",
+    "joints that are done, deleted once all are": "bridges/reduction cli/commands/export/simulator",
 }
 """Modules that write without `files`, by why that loses nothing."""
 

@@ -365,7 +365,8 @@ class _Profile:
         What drifts is projected out, which leaves the scale alone: for each side on which the link
         may have begun and each drift, of which the best are taken.
         """
-        weight, total, parts = (sigma / SCALE) ** 2, 0.0, []
+        weight, total = (sigma / SCALE) ** 2, 0.0
+        parts: list[tuple[np.ndarray, ...]] = []
         for (motor, reading), drifts in zip(self.setups, self._drifts, strict=True):
             read = np.isfinite(reading)
             link = links(motor, lost, STARTS if lost else np.zeros(1))
