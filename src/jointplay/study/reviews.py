@@ -42,7 +42,7 @@ def _figures(result: Result) -> Figures:
     return {
         name: (figure.value, figure.unit)
         for name, figure in measured.items()
-        if name.startswith(HEADLINE) and name not in COUNTS
+        if name.startswith(HEADLINE) and name not in COUNTS and figure.value
     }
 
 
@@ -97,8 +97,7 @@ class Convergence:
             column = [*self.values[name], self.truth[name]]
             columns.append(Column(name, column, self.units[name], digits=6))
         stated = [self.stated.get(name) for name in self.values]
-        orders = [self.order(name) for name in self.values]
-        return Table(columns, totals=[("stated error", *stated), ("order", *orders)])
+        return Table(columns, totals=[("stated error", *stated)])
 
     def __str__(self) -> str:
         lines = []
@@ -109,9 +108,11 @@ class Convergence:
             away = abs(float(self.values[name][at]) - self.truth[name])
             error = self.stated.get(name, math.nan)
             within = "within" if away <= error else "beyond"
+            order = self.order(name)
+            falls = "" if math.isnan(order) else f"; order {order:.2g}"
             lines.append(
                 f"{name}: {told(away, self.units[name], 2)} from the finest run, {within} the "
-                f"stated error {told(error, self.units[name], 2)}"
+                f"stated error {told(error, self.units[name], 2)}{falls}"
             )
         return "\n".join([*lines, "", str(self.table), *self.refused])
 
@@ -161,7 +162,7 @@ def convergence(
         FINEST * own,
         own,
         {name: unit for name, (_, unit) in truth.items()},
-        {name: np.array([one[name][0] for one in figures.values()]) for name in truth},
+        {name: np.array([one.get(name, (0.0,))[0] for one in figures.values()]) for name in truth},
         {name: value for name, (value, _) in truth.items()},
         {figure.name: figure.error for figure in stated.headline},
         tuple(refused),
@@ -183,7 +184,7 @@ class LawComparison:
         names = next(iter(self.figures.values()))
         columns = [Column("law", list(self.figures))]
         for name, (_, unit) in names.items():
-            column = [figures[name][0] for figures in self.figures.values()]
+            column = [figures.get(name, (0.0,))[0] for figures in self.figures.values()]
             columns.append(Column(name, column, unit, digits=5))
         return Table(columns)
 
@@ -293,20 +294,22 @@ def spread(
     require_whole("the number of runs", runs, 2)
     starts = [replace(simulation, seed=seed) for seed in range(runs)]
     found = ensemble(starts, jobs=jobs, keep=_figures_and_curves, progress=progress)
-    figures, curves = [one[0] for one in found], [one[2] for one in found]
-    count = min(len(one[1]) for one in found)
+    figures, curves = [run[0] for run in found], [run[2] for run in found]
+    count = min(len(run[1]) for run in found)
+    times = found[0][1][:count]
+    judged = times >= max(run[3] for run in found)  # when no journal falls any more
     return Spread(
-        {name: np.array([one[name][0] for one in figures]) for name in figures[0]},
+        {name: np.array([run.get(name, (0.0,))[0] for run in figures]) for name in figures[0]},
         {name: unit for name, (_, unit) in figures[0].items()},
-        found[0][1][:count],
-        {name: np.array([one[name][0][:count] for one in curves]) for name in curves[0]},
+        times[judged],
+        {name: np.array([run[name][0][:count][judged] for run in curves]) for name in curves[0]},
         {name: unit for name, (_, unit) in curves[0].items()},
     )
 
 
 def _figures_and_curves(
     result: Result,
-) -> tuple[Figures, np.ndarray, dict[str, tuple[np.ndarray, str]]]:
+) -> tuple[Figures, np.ndarray, dict[str, tuple[np.ndarray, str]], float]:
     error = result.completed("the run").tool_error
     curves: dict[str, tuple[np.ndarray, str]] = {}
     for name, history, unit in (
@@ -318,4 +321,4 @@ def _figures_and_curves(
     for joint in result.joints:
         force = result["joint_force"].sel(joint=joint).values
         curves[f"force in {joint}"] = np.linalg.norm(force, axis=1), "N"
-    return _figures(result), result.time, curves
+    return _figures(result), result.time, curves, result.judge_from

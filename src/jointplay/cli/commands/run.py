@@ -14,7 +14,7 @@ import argparse
 import shlex
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from jointplay.base import signals, streams
 from jointplay.base.progress import printing
@@ -22,7 +22,7 @@ from jointplay.base.signals import INTERRUPTED
 from jointplay.base.tables import Table
 from jointplay.cli.commands import MORE, first_notes, given, inputs, print_json
 from jointplay.cli.commands.inputs import is_scenario, scenario_of
-from jointplay.cli.options import FLAG, REPEATED, STOPPED, Parser
+from jointplay.cli.options import FLAG, REPEATED, STOPPED, Parser, listed
 from jointplay.study.cases import Cases, check_output_folder
 
 if TYPE_CHECKING:
@@ -49,6 +49,13 @@ def declare(parser: Parser) -> None:
     figures.add_argument("--figures", **FLAG, help="draw all figures of a single case, too: the "
         "tool's motion and path, orbits, forces")
     figures.add_argument("--no-figures", **FLAG, help="do not draw figures")
+    add = parser.add_argument_group("what reviewers ask, with a figure for print").add_argument
+    add("--converge", **FLAG, help="the headline figures over the step or tolerance, beside the "
+        "errors that are stated")
+    add("--laws", metavar="NAMES", type=listed, help="the same with these normal-force laws, "
+        "joined by commas, in all joints with clearance")
+    add("--ensemble", metavar="N", type=int, help="N perturbed starts: bands of the curves, "
+        "spread of the figures")
     parser.share("--pdf", "--assumed", group="integration and output")
     parser.share("--json", "--jobs", "--detail", "--quiet")
 # fmt: on
@@ -85,7 +92,37 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         print_json(options, cases.data())
     print(_ending(cases, options.detail))
+    if not stopped:
+        _review(cases, options)
     return _status(cases, stopped)
+
+
+def _review(cases: Cases, options: argparse.Namespace) -> None:
+    """What reviewers ask, of each case: a table, and a figure as PDF beside the result."""
+    from jointplay.base import files
+
+    asked = [name for name in ("converge", "laws", "ensemble") if getattr(options, name)]
+    if not asked:
+        return
+    from jointplay.show.plots import reviews as charts
+    from jointplay.show.plots.draw import draw
+    from jointplay.study import reviews
+
+    about = {"jobs": options.jobs, "progress": not options.quiet}
+    for name, case in cases.cases.items():
+        for review in asked:
+            if review == "converge":
+                found: Any = reviews.convergence(case.simulation, **about)
+                chart = charts.convergence(found)
+            elif review == "laws":
+                found = reviews.laws(case.simulation, options.laws, **about)
+                chart = charts.laws(found)
+            else:
+                found = reviews.spread(case.simulation, options.ensemble, **about)
+                chart = charts.spread(found)
+            path = cases.out / f"{case.path.stem}_{review}.pdf"
+            files.picture(path, draw(chart, "paper"))
+            print(f"\n{name}, {review}: {found}\n{path}")
 
 
 def _figures(scenario: Scenario, options: argparse.Namespace) -> list[str]:

@@ -1,0 +1,72 @@
+"""Charts of what reviewers ask: convergence, contact laws, the spread of perturbed starts."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from jointplay.show.plots.chart import Area, Axis, Chart, Curve, Mark, Panel
+from jointplay.show.plots.palette import COLOURS, many
+from jointplay.study.reviews import BAND, Convergence, LawComparison, Spread
+
+_WIDTH = 6.0
+"""Inches on screen: one column, 88 mm, on paper."""
+
+
+def convergence(of: Convergence) -> Chart:
+    """Relative distance of each figure from the finest run over the step, and the stated error."""
+    names = [name for name in of.values if np.nanmax(of.distance(name), initial=0.0) > 0.0]
+    marks: list[Mark] = []
+    for name, colour in zip(names, many(len(names)), strict=True):
+        distance = of.distance(name)
+        seen = distance > 0.0
+        sizes = np.array(of.sizes)
+        marks.append(Curve(sizes[seen], distance[seen], name, colour, marker="o", size=4.0))
+        stated = of.stated.get(name, np.nan) / abs(of.truth[name])
+        if np.isfinite(stated) and stated > 0.0:
+            marks.append(
+                Curve(
+                    [of.own],
+                    [stated],
+                    "",
+                    colour,
+                    "",
+                    marker="_",
+                    size=12.0,
+                    hollow=True,
+                    order=3.0,
+                )
+            )
+    unit = "s" if of.of == "step" else ""
+    ends = np.log10([min(of.sizes), max(of.sizes)])  # whole decades, whose labels have room
+    low, high = 10.0 ** np.floor(ends[0]), 10.0 ** np.ceil(ends[1])
+    across = Axis(of.of, unit, log=True, low=float(low), high=float(high))
+    up = Axis("relative distance from the finest run", log=True)
+    note = f"Dashes: the errors that the run with {of.of} {of.own:g} {unit}".rstrip() + " states."
+    return Chart([[Panel(across, up, marks)]], (_WIDTH, 4.2), note=note, key=2)
+
+
+def laws(of: LawComparison) -> Chart:
+    """The force of a joint over time by law, and below the largest of each."""
+    tones = many(len(of.curves))
+    marks: list[Mark] = [
+        Curve(*curve, law, colour, width=0.8)
+        for (law, curve), colour in zip(of.curves.items(), tones, strict=True)
+    ]
+    panel = Panel(Axis("time", "s"), Axis(f"force in {of.joint}", "N", low=0.0), marks)
+    return Chart([[panel]], (_WIDTH, 3.2), key=3)
+
+
+def spread(of: Spread) -> Chart:
+    """Each curve's band over the perturbed starts, and their mean."""
+    rows: list[list[Panel | None]] = []
+    for k, (name, curves) in enumerate(of.curves.items()):
+        low, high = np.percentile(curves, BAND, axis=0)
+        first = k == 0
+        band = f"{BAND[0]:g} to {BAND[1]:g} % of {len(curves)} starts" if first else ""
+        marks: list[Mark] = [
+            Area(of.times, low, high, band, COLOURS[1], opacity=0.3),
+            Curve(of.times, curves.mean(axis=0), "mean" if first else "", COLOURS[1], width=0.8),
+        ]
+        up = Axis(name, of.curve_units[name], low=0.0)
+        rows.append([Panel(Axis("time", "s"), up, marks)])
+    return Chart(rows, (_WIDTH, 1.0 + 1.7 * len(rows)), key=2, same_x=True)
