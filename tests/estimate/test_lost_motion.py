@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -60,6 +61,26 @@ def test_a_slip_of_the_pen_is_left_out_and_said(gantry):
     found = identify_lost_motion(gantry, stairs)
     assert found.estimates[0].value == pytest.approx(1e-4, abs=5e-6)
     assert "left out: move 5" in found.notes[0]
+
+
+def test_a_machine_that_warms_up_within_its_first_moves_has_its_first_readings_kept(gantry):
+    stairs = measured(gantry, 8e-5, scatter=1e-6)
+    warm = 1e-4 * np.exp(-np.arange(len(stairs.motor)) / 1.5)
+    found = identify_lost_motion(gantry, replace(stairs, reading=stairs.reading + warm, step=1e-6))
+    (one,) = found.estimates
+    assert one.low <= 8e-5 <= one.high
+    assert one.high - one.low < 1e-5
+    assert not any("left out" in note for note in found.notes)
+
+
+def test_a_coarse_dial_read_twice_at_a_place_tells_no_more_than_once(gantry):
+    one = measured(gantry, 8e-5)
+    reading = 1e-5 * np.round(one.reading / 1e-5)
+    step, no_step = (
+        identify_lost_motion(gantry, replace(one, reading=reading, step=size), scatter=3e-6)
+        for size in (1e-5, 0.0)
+    )
+    assert step.estimates[0].half_width > 1.2 * no_step.estimates[0].half_width
 
 
 def test_weight_beyond_friction_hides_play_and_says_on_which_side(gantry):

@@ -72,6 +72,7 @@ def robot_scenario(
     settings: Sequence[Setting | str] = (),
     ideal: bool = False,
     moves: bool = True,
+    preset: str = "",
 ) -> Scenario:
     """Scenario of one robot with clearance in some of its joints.
 
@@ -84,6 +85,7 @@ def robot_scenario(
         ideal: none has clearance; those named still say which frame is the tool.
         moves: whether a motion is chosen if none is given, and play is needed; not for who looks
             at poses only.
+        preset: the robot's own, which is named where nothing has play.
 
     Returns:
         The scenario; its `assumptions` are what was chosen that nobody gave.
@@ -120,9 +122,7 @@ def robot_scenario(
     errs = joints or ideal or gears or servos or {"joints", "drive", "drives"} & asked_tables.keys()
     if moves and not errs:
         if not scara:
-            from jointplay.scenario.presets import own_preset
-
-            raise nothing_has_play(description.moving, own_preset(str(place)))
+            raise nothing_has_play(description.moving, preset)
         joints = (SCARA_JOINT,)
     for name in joints:
         if name not in description.joints and name not in tables.get("loops", {}):
