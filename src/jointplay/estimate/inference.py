@@ -32,11 +32,10 @@ TWO_UNKNOWNS = float(chi2.ppf(CONFIDENCE, 2))
 """Fall of the cost within which friction and transition, two unknowns, may be (Wilks)."""
 SMOOTHINGS = (0.25, 1.0, 4.0)
 """Times a transition that is given, for which a bound must hold."""
-
 _HALVINGS = 5
-"""Most halvings of the steps between frictions and transitions. Measured on
-49 random robots (benchmarks/truth/calibrate.py): with none 8 of 36 intervals of play and 4 of 103
-of gear compliance missed the truth, so 1 and 1, at 4 % wider intervals."""
+"""Most halvings of the steps between frictions and transitions. Measured on 49 random robots
+(benchmarks/truth/calibrate.py): with none 8 of 36 intervals of play and 4 of 103 of gear compliance
+missed the truth, with five 1 and 1, before the table's own region was added."""
 
 
 class Inference(NamedTuple):
@@ -52,9 +51,13 @@ class Inference(NamedTuple):
 
 def infer(selection: Selection, kept: Step, candidates: Sequence[Term]) -> Inference:
     """What is known of the coefficients of the model that was kept, and of every joint's play."""
-    full, chosen = selection.fit(_full_model(selection, kept, candidates), selection.rows)
-    full = _refined(selection, full, chosen)
+    table, chosen = selection.fit(_full_model(selection, kept, candidates), selection.rows)
+    full = _refined(selection, table, chosen)
     ends, plays = _likelihood_region(selection, full)
+    # A refined best may be one of several that are nearly as good: the table's counts, too.
+    rough_ends, rough_plays = _likelihood_region(selection, table)
+    ends = np.stack([np.minimum(ends, rough_ends)[0], np.maximum(ends, rough_ends)[1]])
+    plays = {i: np.concatenate([values, rough_plays[i]]) for i, values in plays.items()}
     half, _ = half_widths(selection, full)
     coefficients, first = [], len(selection.start)
     for i, column in enumerate(full.problem.columns):
@@ -140,9 +143,13 @@ def _about(
     steps = np.array([-1.0, -0.5, 0.0, 0.5, 1.0]) / 2.0**halved
     frictions, transitions = [friction], [transition]
     if term.friction is None and selection.base.poses.measured.ordered:
-        frictions = sorted({max(friction + FRICTIONS[1] * largest * step, 0.0) for step in steps})
+        around = friction + FRICTIONS[1] * largest * steps
+        frictions = np.unique(np.clip(around, 0.0, FRICTIONS[-1] * largest)).tolist()
     if term.transition is None:
-        transitions = [transition * (TRANSITIONS[1] / TRANSITIONS[0]) ** step for step in steps]
+        around = transition * (TRANSITIONS[1] / TRANSITIONS[0]) ** steps
+        # Beyond the table play is a compliance, or a jump between two poses.
+        limits = TRANSITIONS[0] * largest, TRANSITIONS[-1] * largest
+        transitions = np.unique(np.clip(around, *limits)).tolist()
     return list(product(frictions, transitions))
 
 

@@ -40,11 +40,12 @@ _STILL_N_M = 1e-6
 [N m]."""
 
 FRICTIONS = tuple(step / 20.0 for step in range(15))
-TRANSITIONS = tuple(np.geomspace(0.02, 0.7, 10).tolist())
-"""Of play, over the largest load of the joint, where they are sought: the tables from which the
-best is chosen, which `inference` then refines. Steeper than the first transition is a jump between
-two of fifty poses, wider than the last nearly a compliance (judged). With tables half as fine, 2 of
-42 intervals of play missed instead of none of 43 (benchmarks/truth/calibrate.py, 40 robots)."""
+TRANSITIONS = (0.02, 0.03, 0.045, 0.07, 0.1, 0.15, 0.22, 0.33, 0.5, 0.7)
+"""Of play, over the largest load of the joint, where they are sought: equal steps, and factors of
+about 1.5, from which the best is chosen, which `inference` then refines. Steeper than the first
+transition is a jump between two of fifty poses, wider than the last nearly a compliance (judged).
+With tables half as fine 2 of 42 intervals of play missed instead of none of 43
+(benchmarks/truth/calibrate.py, 40 robots)."""
 _TURN_WIDTH = 2.5
 """Prior width of a placement's angles over that of its lengths: these over a reach of 0.4 m
 [rad/m]."""
