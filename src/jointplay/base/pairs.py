@@ -10,6 +10,8 @@ from typing import Any
 
 from jointplay.base.errors import JointplayError
 
+ALL = "all"
+"""Stands for all joints in the place of a name."""
 _KEY = re.compile(r"""(?:"(?:[^"\\]|\\.)*"|'[^']*'|[^="'])*""")
 _QUOTED = re.compile(r'("(?:[^"\\]|\\.)*")(?:=(.*))?')
 

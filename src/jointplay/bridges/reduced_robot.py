@@ -11,7 +11,7 @@ from typing import Any
 from jointplay.accuracy.error_budget import PlayBudget
 from jointplay.base.errors import JointplayError
 from jointplay.base.tables import Column, Table
-from jointplay.bridges import reduced_files, webots
+from jointplay.bridges import reduced_files, reduction, webots
 from jointplay.bridges.own_mjcf import OwnRobot, own_robot
 from jointplay.bridges.reduced_formats import FORMATS
 from jointplay.bridges.reduced_mjcf import (
@@ -22,7 +22,7 @@ from jointplay.bridges.reduced_mjcf import (
     find_reach,
     follow,
 )
-from jointplay.bridges.reduction import Reduction, is_own, reduce, reduce_all
+from jointplay.bridges.reduction import Reduction, is_own
 from jointplay.model.mechanism import Mechanism
 from jointplay.model.mjcf_whole import compile_text
 from jointplay.scenario.assumptions import by_rule
@@ -124,18 +124,17 @@ class ReducedRobot:
         how: dict[str, Any] = {**(reversals or {}), "progress": progress}
         notes = []
         if joint is None:
-            reductions, refused = reduce_all(mechanism, pose, joint_friction=rubs, **how)
+            reductions, refused = reduction.reduce_all(mechanism, pose, joint_friction=rubs, **how)
             notes += [f"not reduced: {why}" for why in refused.values()]
         else:
-            reductions = [reduce(mechanism, joint, pose, joint_friction=rubs.get(joint), **how)]
+            rub = rubs.get(joint)
+            reductions = [reduction.reduce(mechanism, joint, pose, joint_friction=rub, **how)]
         drives, servos = holding["drive"], {}
         if "mjcf" in formats and not is_own(mechanism.description):
             servos = {name: drive for name, drive in drives.items() if isinstance(drive, Servo)}
             notes += [f"servos (MJCF): {', '.join(servos)}"] * bool(servos)
-        sides = {
-            reduction.joint: getattr(drives.get(reduction.joint), "encoder", ENCODERS[0])
-            for reduction in reductions
-        }
+        names = [reduced.joint for reduced in reductions]
+        sides = {name: getattr(drives.get(name), "encoder", ENCODERS[0]) for name in names}
         if len({*sides.values()}) > 1:
             words = ", ".join(f"of {name} on the {side}" for name, side in sides.items())
             raise JointplayError(f"encoders sit {words}: --encoder says where all of the file are")

@@ -178,11 +178,11 @@ class Parser(argparse.ArgumentParser):
         return options, left
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
-        if isinstance(action, argparse._SubParsersAction) and value not in action.choices:
+        if action.choices is not None and value not in action.choices:
             from jointplay.base.schema import one_of  # takes long to import
 
-            self.error(one_of(str(action.metavar).lower(), value, action.choices))
-        super()._check_value(action, value)
+            name = next(iter(action.option_strings), str(action.metavar).lower())
+            self.error(one_of(name, value, action.choices))
 
     def explain(self) -> None:
         """Fill in help that takes long."""

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from jointplay.base import files
 from jointplay.base.errors import JointplayError, require_known
 from jointplay.base.origins import ASSUMED
-from jointplay.base.pairs import misread, number, numbers_by_name, quantity
+from jointplay.base.pairs import ALL, misread, number, numbers_by_name, quantity
 from jointplay.base.schema import fields_of
 from jointplay.base.tables import few
 from jointplay.model import robots
@@ -45,8 +45,6 @@ from jointplay.simulation.loads.drive import DRIVES, ComputedTorque, Servo
 if TYPE_CHECKING:
     from jointplay.scenario.presets import Preset
 
-ALL = "all"
-"""Stands for all moving joints in `Request.gears`."""
 EACH = "*"
 """Stands in a key for each joint, or each gear."""
 CLEARANCE = ("joints", EACH, "clearance")

@@ -19,7 +19,7 @@ from typing import Any
 
 from jointplay.base import files, signals
 from jointplay.base.errors import JointplayError, nothing_has_play, require_non_negative
-from jointplay.base.pairs import name_and_number
+from jointplay.base.pairs import ALL, name_and_number
 from jointplay.bridges.reduced_formats import FORMATS, choose
 from jointplay.cli.commands import Outputs, given, inputs, print_answer
 from jointplay.cli.options import ANGLE, FLAG, REPEATED, TIME, Parser
@@ -134,8 +134,6 @@ def _joint(options: argparse.Namespace) -> str:
     """The one joint that is named, by its gear or else by --joint; if that has no clearance of its
     own, it is no option any more.
     """
-    from jointplay.scenario.request import ALL
-
     geared = list(dict.fromkeys(name_and_number(text)[0] for text in options.gear))
     if not options.joint and len(geared) == 1 and geared != [ALL]:
         return geared[0]

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 from jointplay.base import streams
 from jointplay.base.errors import JointplayError
-from jointplay.base.pairs import name_and_number
+from jointplay.base.pairs import ALL, name_and_number
 from jointplay.cli.commands import Outputs, inputs, print_answer
 from jointplay.cli.commands.inputs import (
     is_scenario,
@@ -72,7 +72,6 @@ def run(options: argparse.Namespace) -> int:
         raise JointplayError(f"a map is over two gains: give --map twice, got {len(spans)}")
     from jointplay.accuracy.poses import read_pose
     from jointplay.scenario.presets import preset
-    from jointplay.scenario.request import ALL
     from jointplay.study.released import refuse_without_servo
 
     if options.preset is None and not (options.set or is_scenario(options)):
