@@ -37,7 +37,6 @@ def run(options: argparse.Namespace) -> int:
     whole, body = options.whole is not None, options.relative_to
     out = Outputs(options.out, ["errors.csv" if whole else "budget.csv"])
     from jointplay.accuracy.error_budget import budget
-    from jointplay.estimate.machine import worst_at_ends
     from jointplay.scenario.posed import IN_MOTION
 
     if options.causes is not None and not whole:
@@ -64,7 +63,6 @@ def run(options: argparse.Namespace) -> int:
     out.claim()
     errors: Any = budget(mechanism, poses.q, **about)
     table, preset = errors.table(), inputs.chosen_preset(options)
-    intervals = {} if preset is None else preset.intervals
     shown, sentence = [str(replace(table, notes=()))], errors.sentence
     if whole:
         of_class = f"what nobody gave is that of class {about['kind']!r}"
@@ -75,7 +73,10 @@ def run(options: argparse.Namespace) -> int:
         shown = [*above, *shown, errors.ranking, *filter(None, [errors.from_side_to_side])]
         notes += [*table.notes, errors.validity]
         sentence += posed.undecided(any(about["force"]))
-    shown += worst_at_ends(mechanism, intervals, poses.q, **about)
+    if preset is not None and preset.intervals:
+        from jointplay.estimate.machine import worst_at_ends  # takes long to import
+
+        shown += worst_at_ends(mechanism, preset.intervals, poses.q, **about)
     shown += [] if whole else [f"cure: {cure}" for cure in errors.cures]
 
     def data() -> dict[str, Any]:
