@@ -137,12 +137,12 @@ def with_force(
 ) -> dict[str, Load]:
     """Loads by name, with a force on the tool; refused unless it has three finite components [N].
 
-    Controllers are left out: drives hold the machine in their stead.
+    Some are `Load.left_out`, as controllers: drives hold the machine in their stead.
     """
     push = [require_finite("force on the tool", component, "N") for component in force]
     if len(push) != 3:
         raise JointplayError(f"the force on the tool must have three components, got {force!r}")
-    known = {name: load for name, load in (loads or {}).items() if not load.driven()}
+    known = {name: load for name, load in (loads or {}).items() if not load.left_out()}
     x, y, z = push
     return known | ({"force on the tool": Wrench(mechanism.tool, (x, y, z))} if any(push) else {})
 

@@ -110,11 +110,14 @@ def notes_at_poses(
     if bodies := poses.machine.payloads:
         mass = " and ".join(f"{one.mass:g} kg" for one in bodies)
         lines.append(f"payload: {mass}, in hand at all poses")
-    for driven, effect in ((False, "act as at time 0"), (True, "are left out: drives hold")):
-        if names := [
-            name for name, one in poses.machine.loads.items() if driven == bool(one.driven())
-        ]:
-            lines.append(f"loads: {few(names)} {effect}")
+    effects: dict[str, list[str]] = {}
+    for name, load in poses.machine.loads.items():
+        reason = load.left_out()
+        effects.setdefault(f"are left out: {reason}" if reason else "act as at time 0", []).append(
+            name
+        )
+    for effect, names in effects.items():
+        lines.append(f"loads: {few(names)} {effect}")
     lines += [*scenario.notes, *scenario.assumptions]
     return [*dict.fromkeys(lines), *([poses.loops] if poses.loops else [])]
 

@@ -48,6 +48,7 @@ from jointplay.simulation.loads.drive import (
     Torque,
     urdf_friction,
 )
+from jointplay.simulation.loads.gear_pair import led_by_teeth
 from jointplay.simulation.motion.cartesian import cartesian_path
 from jointplay.simulation.motion.completion import complete_motion
 from jointplay.simulation.motion.reference import Motion
@@ -362,13 +363,17 @@ def _cartesian(table: Any, mechanism: Mechanism, start: dict[str, float]) -> Mot
 
 
 def complete(
-    model: Model, mechanism: Mechanism, motion: Motion, start: dict[str, float]
+    model: Model,
+    mechanism: Mechanism,
+    motion: Motion,
+    start: dict[str, float],
+    loads: Mapping[str, Load],
 ) -> tuple[Motion, list[str]]:
     """The motion with what it does not name held, or following; takes out of `start` what it uses.
 
     Drives that follow a motion hold theirs. Joints of which other [drives], a controller in [loads]
-    or [start_speed] say something are left alone, and, where there are [drives] at all, those of
-    which [start] does: they were meant to move.
+    or [start_speed] say something, and those that teeth lead, are left alone, and, where there are
+    [drives] at all, those of which [start] does: they were meant to move.
     """
     shared: Any = model.drive
     if shared is not None and not shared.kind.follows:
@@ -376,9 +381,8 @@ def complete(
     drives: dict[str, Any] = dict(model.drives)
     following = {name for name, draft in drives.items() if draft.kind.follows}
     alone = (drives.keys() - following) | set(model.start_speed)
-    loads: dict[str, Any] = dict(model.loads)
     for load in loads.values():
-        alone |= set(load.fields.get("joints", ()))  # a controller's
+        alone |= set(load.driven()) | led_by_teeth(load, mechanism, motion)
     if drives:
         alone |= start.keys() - following
     added = complete_motion(mechanism, motion, start, alone)
@@ -411,9 +415,10 @@ def build(
         for name, value in model.start_speed.items()
     }
     motion = motion_of(model, mechanism, folder, start)
+    loads = loads_of(model, mechanism)
     notes: list[str] = []
     if motion is not None:
-        motion, notes = complete(model, mechanism, motion, start)
+        motion, notes = complete(model, mechanism, motion, start, loads)
     notes += mechanism.description.doubts
     notes += [mechanism.base_words] if mechanism.base_words else []
     notes += [*_of_zero(model, mechanism), *_of_wide_clearances(mechanism)]
@@ -438,7 +443,7 @@ def build(
         drive,
         joint_friction=friction_of(model, mechanism),
         payloads=payloads_of(model, mechanism),
-        loads=loads_of(model, mechanism),
+        loads=loads,
         state={name: (start.get(name), start_speed.get(name)) for name in {**start, **start_speed}},
         **{
             field.name: getattr(table, field.name)

@@ -96,7 +96,7 @@ def _direction(site: Site, model: pin.Model, data: pin.Data, q: np.ndarray) -> n
     """Rate at which a spring's length or angle changes per generalised velocity, shape (nv,)."""
     if site.frames is None:
         row = np.zeros(model.nv)
-        row[list(site.outputs)] = 1.0
+        row[list(site.outputs)] = site.levers or 1.0
         return row
     pin.computeJointJacobians(model, data, q)
     along = relative_pose(data, site.frames)[:3]

@@ -18,6 +18,7 @@ from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import VIRTUAL_LINK, Coordinate
 from jointplay.simulation import statics
 from jointplay.simulation.loads.drive import ComputedTorque, Drive, assign
+from jointplay.simulation.loads.gear_pair import GearPair
 from jointplay.simulation.motion.ideal import IdealMotion
 
 if TYPE_CHECKING:
@@ -225,9 +226,44 @@ def initial_state(simulation: Simulation, followed: Sequence[str]) -> InitialSta
             at = named(mechanism, name)
             q[at], v[at] = positions[0, index], velocities[0, index]
             led += at
+    held += _mesh(simulation, q, held + led, positions=True)
+    moving += _mesh(simulation, v, moving + led, positions=False)
     guessed = [i for i in held if i not in placed]
     q = loop.assemble(mechanism, q, held + led, guessed=guessed)
     return InitialState(mechanism, v, q, v, placed, held, led, moving + led)
+
+
+def _mesh(
+    simulation: Simulation, values: np.ndarray, known: Sequence[int], positions: bool
+) -> list[int]:
+    """Bring gears that mesh to where those whose coordinates are known have them.
+
+    Those of which neither is known go by their leader. `values` are changed: `positions` (nq,), or
+    velocities (nv,). Returns the coordinates that were brought.
+    """
+    mechanism, brought = simulation.mechanism, list[int]()
+    pairs = [load for load in simulation.loads.values() if isinstance(load, GearPair)]
+    meshes = [(load.joint, load.follows(mechanism)) for load in pairs]
+    while meshes:
+        settled = {*known, *brought}
+
+        def is_known(name: str, settled: set[int] = settled) -> bool:
+            return mechanism.coordinate(name) in settled
+
+        near = (k for k, (name, to) in enumerate(meshes) if is_known(name) or is_known(to.leader))
+        joint, mimic = meshes.pop(next(near, 0))
+        if is_known(joint) and is_known(mimic.leader):
+            continue
+        offset = mimic.offset if positions else 0.0
+        backwards = is_known(joint)
+        at = named(mechanism, mimic.leader if backwards else joint)
+        other = values[mechanism.coordinate(joint if backwards else mimic.leader)]
+        if backwards:
+            values[at] = (other - offset) / mimic.multiplier
+        else:
+            values[at] = mimic.multiplier * other + offset
+        brought += at
+    return brought
 
 
 def settled_drives(simulation: Simulation) -> dict[str, Drive]:

@@ -24,6 +24,7 @@ from jointplay.simulation import checkpoint
 from jointplay.simulation.initial import position_and_speed
 from jointplay.simulation.loads import Load
 from jointplay.simulation.loads.drive import Drive, JointFriction
+from jointplay.simulation.loads.gear_pair import led_by_teeth
 from jointplay.simulation.motion.completion import complete_motion
 from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.result.inputs import FILES_DRIVES, FILES_LOADS, Inputs
@@ -85,11 +86,18 @@ class Simulation(Overview, Inputs):
         if self.motion is not None and isinstance(self.drive, Drive) and self.drive.follows:
             moving = {name for name, (_, speed) in state.items() if speed is not None}
             moving |= {name for name, drive in filed.items() if not drive.follows}
+            meshing: set[str] = set()
+            for load in self.loads.values():
+                meshing |= led_by_teeth(load, self.mechanism, self.motion)
+            moving |= meshing
             places = {name: at for name, (at, _) in state.items() if at is not None}
             complete = complete_motion(self.mechanism, self.motion, places, moving)
             object.__setattr__(self, "motion", complete.motion)
             left = {name: at for name, at in state.items() if name not in complete.held}
             object.__setattr__(self, "state", left)
+            if meshing - set(complete.motion.joints):
+                drives = dict.fromkeys(complete.motion.joints, self.drive)
+                object.__setattr__(self, "drive", drives)
         if self.motion is not None and filed:
             drives = {joint: filed.get(joint, FILES_DRIVES) for joint in self.motion.joints}
             object.__setattr__(self, "drive", drives)

@@ -21,6 +21,7 @@ from jointplay.base import signals
 from jointplay.base.errors import JointplayError
 from jointplay.physics.kernel import Status
 from jointplay.physics.kernel.constants import integrator
+from jointplay.simulation.loads.gear_pair import GearPair
 from jointplay.simulation.result.audit import STEP_WARNING
 from jointplay.simulation.time_loop import LONGEST_MACRO_STEP_S
 
@@ -50,13 +51,14 @@ _UNBOUNDED = math.inf, math.inf
 def is_needed(simulation: Simulation) -> bool:
     """Whether nothing else judges the step.
 
-    The multi-rate method does, by the error of its macro steps, but for gears and where the step is
+    The multi-rate method does, by the error of its macro steps, but for teeth and where the step is
     no shorter than its macro steps, or these are given.
     """
     mechanism = simulation.mechanism
     if mechanism.clearance:
         return False
-    alone = integrator(simulation.integrator).single_rate or bool(mechanism.gears)
+    meshing = any(isinstance(load, GearPair) for load in simulation.loads.values())
+    alone = integrator(simulation.integrator).single_rate or bool(mechanism.gears) or meshing
     coarse = simulation.macro_step is not None or simulation.step > LONGEST_MACRO_STEP_S
     return alone or coarse
 

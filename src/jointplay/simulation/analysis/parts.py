@@ -16,6 +16,7 @@ from jointplay.model.gear_rules import SPREAD
 from jointplay.simulation.analysis import twins
 from jointplay.simulation.analysis.tool_error import deviation, difference, error_statistics
 from jointplay.simulation.loads.drive import Servo, assign
+from jointplay.simulation.loads.gear_pair import GearPair
 from jointplay.simulation.result.certificate import alone, shown
 from jointplay.simulation.result.result import Result
 
@@ -328,6 +329,10 @@ def _sizes(result: Result) -> str:
         if gear.play > 0.0:
             size = readable(gear.play, mechanism.description.joints[name].unit)
             geared.setdefault(size, []).append(name)
+    for name, load in result.simulation.loads.items():
+        if isinstance(load, GearPair) and load.play > 0.0:
+            size = readable(load.play, mechanism.description.joints[load.joint].unit)
+            loose.setdefault(size, []).append(name)
     for size, names in geared.items():
         loose.setdefault(size, []).extend(_geared(names))
     unsure = any(

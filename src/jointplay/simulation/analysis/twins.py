@@ -150,6 +150,8 @@ def task(result: Result) -> dict[str, Any]:
     description["state"] = _state(description)
     if description["start"] is None and has_play(result):
         description["start"] = "centred"  # nothing was to be found
+    loads = {name: load | {"play": 0.0} for name, load in _loose(description).items()}
+    description["loads"] = description["loads"] | loads
     mechanism = description["mechanism"]
     robot = {
         key: value
@@ -221,7 +223,13 @@ def _state(description: dict[str, Any]) -> dict[str, list[float | None]]:
 
 def has_play(result: Result) -> bool:
     """Whether a joint has clearance, or a gear play."""
-    return bool(result.joints or inputs(result)["mechanism"].get("gears"))
+    given = inputs(result)
+    return bool(result.joints or given["mechanism"].get("gears") or _loose(given))
+
+
+def _loose(description: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """Loads that have play: gears that mesh."""
+    return {name: load for name, load in description["loads"].items() if load.get("play")}
 
 
 def is_twin(result: Result, ideal: Result) -> bool:
@@ -362,6 +370,7 @@ def ideal_simulation(source: Simulation | Result, without: str = "elasticity") -
     return dataclasses.replace(
         simulation,
         mechanism=simulation.mechanism.without(without),
+        loads={name: load.tight() for name, load in simulation.loads.items()},
         seed=None,
         settle=None,
         judge_from=None,

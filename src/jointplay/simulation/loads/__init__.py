@@ -14,12 +14,16 @@ from jointplay.simulation.loads.drive import (
     Servo,
     Torque,
 )
+from jointplay.simulation.loads.gear_pair import GearPair
 from jointplay.simulation.loads.joint_friction import LoadedFriction
 from jointplay.simulation.loads.spring import CurveSpring, Spring, Stop, TorsionSpring
 from jointplay.simulation.loads.wrench import Wrench, WrenchFunction, WrenchOverTime
 
-_KINDS = (Spring, CurveSpring, Wrench, WrenchOverTime, WrenchFunction, TorsionSpring, Stop)
-LOADS: dict[str, type[Load]] = {load.kind: load for load in (*_KINDS, Controller, LoadedFriction)}
+_KINDS = (
+    *(Spring, CurveSpring, Wrench, WrenchOverTime, WrenchFunction, TorsionSpring, Stop),
+    *(GearPair, Controller, LoadedFriction),
+)
+LOADS: dict[str, type[Load]] = {load.kind: load for load in _KINDS}
 """Kinds of load by the word that selects them."""
 
 
@@ -34,6 +38,7 @@ __all__ = [
     "CurveSpring",
     "Drive",
     "Free",
+    "GearPair",
     "JointFriction",
     "Load",
     "LoadedFriction",

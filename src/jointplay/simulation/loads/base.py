@@ -55,6 +55,8 @@ class Site:
     """Coordinates whose positions and velocities its law reads."""
     outputs: tuple[int, ...] = ()
     """Coordinates on which it acts."""
+    levers: tuple[float, ...] = ()
+    """How fast what a spring is bent by changes with each of these; 1 if not given."""
     frames: tuple[Frame, Frame] | None = None
     """The law's wrench acts on the second, its opposite on the first."""
 
@@ -110,6 +112,14 @@ class Load(Described, ABC):
     def driven(self) -> tuple[str, ...]:
         """Joints whose actuator it is: torques that their limit of effort concerns."""
         return ()
+
+    def tight(self) -> Load:
+        """The same without play, as the ideal mechanism has it."""
+        return self
+
+    def left_out(self) -> str:
+        """Why a machine that drives hold in a pose has it not; empty if it does."""
+        return "drives hold" if self.driven() else ""
 
 
 @dataclass(frozen=True)
