@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from jointplay.base.errors import MissingName, Where, require_known
+from jointplay.base.errors import MissingName, Where, require_known, within
 from jointplay.base.schema import Described, choice, plain, quantity
 from jointplay.base.tables import Overview, counted, few
 from jointplay.base.units import readable, typeset
@@ -249,11 +249,12 @@ class Mechanism(Overview, Described, Design):
 
     def _ideal_joints(self) -> dict[str, Clearance]:
         """Those of the joints that say of what kind an ideal one is."""
-        return {
-            name: replace(joint, ideal=True)
-            for name, joint in self.given_joints.items()
-            if name in self.loops or joint.compound()
-        }
+        joints = {}
+        for name, joint in self.given_joints.items():
+            if name in self.loops or joint.compound():
+                with within("joints", name):
+                    joints[name] = replace(joint, ideal=True)
+        return joints
 
     def without(self, cause: str) -> Mechanism:
         """The same machine without one cause of its error, always the same one; maybe itself.
@@ -446,6 +447,16 @@ class Mechanism(Overview, Described, Design):
             journal = (last, pin.SE3.Identity())
         stated = self.given_joints.get(name)
         return (journal, bearing) if stated is not None and stated.exchanged else (bearing, journal)
+
+    def closing_frames(self, name: str) -> Frames:
+        """`frames`, the bearing's where the journal would be without clearance, if a curve guides
+        it: x along the curve. After `pin.forwardKinematics`.
+        """
+        (at, bearing), journal = frames = self.frames(name)
+        stated = self.given_joints.get(name)
+        centre = pose_between(self.data, frames).translation
+        guide = None if stated is None else stated.guided_at(centre)
+        return frames if guide is None else ((at, bearing * pin.SE3(*guide)), journal)
 
     def mass_matrix(self, q: np.ndarray) -> np.ndarray:
         """M(q) of eq. 22, shape (nv, nv), symmetric [kg, kg m or kg m2 by its two coordinates].

@@ -428,6 +428,14 @@ class Clearance(Described, ABC):
         swing = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), rotation[:, 2])
         return swing.toRotationMatrix().T @ rotation, place
 
+    def guided_at(self, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        """Axes (3, 3) and place (3,) [m] in the bearing frame at which the journal is closest to
+        what it would do without clearance, x along the curve that guides it; None: no curve does.
+
+        centre: of the journal in the bearing frame, (3,) [m].
+        """
+        return None
+
     @property
     def film(self) -> tuple[FilmLaw, FilmProperties] | None:
         """Film law and what it needs to know of the joint; None for a dry one."""
