@@ -74,8 +74,8 @@ def replacing(entry: str) -> list[str]:
 __all__ = [
     "IDEAL_BALL", "JOINT_KINDS", "JOINT_WORDS", "MOTOR", "RELATIVE", "UNNAMED_KIND", "VIRTUAL_LINK",
     "BallBearing", "Clearance", "CompliantJoint", "CompliantMount", "CompliantSlider", "Coordinate",
-    "CrossedRollerBearing", "CylindricalClearance", "Elasticity", "Fit", "GrooveClearance", "Material", "Outline",
-    "PrismaticClearance", "RevoluteClearance", "RollingBearing", "RoundClearance", "SeatParts",
-    "SlidingClearance", "SphericalClearance", "class_of", "hinge_of_beam", "parts_of_seat",
-    "replacing",
+    "CrossedRollerBearing", "CylindricalClearance", "Elasticity", "Fit", "GrooveClearance",
+    "Material", "Outline", "PrismaticClearance", "RevoluteClearance", "RollingBearing",
+    "RoundClearance", "SeatParts", "SlidingClearance", "SphericalClearance", "class_of",
+    "hinge_of_beam", "parts_of_seat", "replacing",
 ]  # fmt: skip

@@ -24,7 +24,7 @@ _NARROWEST = 1.97
 nine tenths of half a turn the tightest circle is as near (`Curve.narrowest`)."""
 
 
-def touch(k, pose, p, out):
+def touch(k: Any, pose: Any, p: Any, out: Any) -> None:
     """Write the gap of contact k, the pin's point of contact from its centre, and the normal.
 
     The pin's centre lies s to the left of the curve: the left wall, R_j + C from the curve, is
@@ -38,9 +38,10 @@ def touch(k, pose, p, out):
     side = p[2] if k == 0 else -p[2]
     nx, ny = side * ty, -side * tx
     gap = p[1] - side * s
-    if p[4] != 0.0 and k < p[3]:
-        gap += abs(beyond)
-    elif p[4] != 0.0:
+    if k < p[3]:
+        if p[4] != 0.0 and beyond != 0.0:
+            gap = 2.0 * p[1]
+    else:
         away = math.sqrt(s * s + beyond * beyond)
         inverse = 1.0 / away if away > 0.0 else 0.0
         nx, ny = -inverse * (beyond * tx - s * ty), -inverse * (beyond * ty + s * tx)
@@ -76,8 +77,8 @@ class GrooveClearance(SlidingClearance):
     freedoms: ClassVar[tuple[str, ...]] = ("x", "y", "yaw")
 
     points: Sequence[Sequence[float]] = quantity("m")
-    """Through which the pin's centre goes, x and y of each in the bearing frame [m]: a cubic spline,
-    two or more points; three or more of a closed curve."""
+    """Through which the pin's centre goes by a cubic spline, x and y of each in the bearing frame
+    [m]: two or more, of a closed curve three or more."""
     closed: bool = False
     """The last point is followed by the first."""
     walls: str = choice("walls", list(_SIDES), default="both")
@@ -119,8 +120,8 @@ class GrooveClearance(SlidingClearance):
         width, place = curve.narrowest(left, right)
         if width < _NARROWEST * reach:
             raise JointplayError(
-                f"the curve comes back as near as {readable(width, 'm')} at {place_words(place)}; the "
-                f"wall between needs more than {readable(2.0 * reach, 'm')}"
+                f"the curve comes back as near as {readable(width, 'm')} at {place_words(place)}; "
+                f"the wall between needs more than {readable(2.0 * reach, 'm')}"
             )
 
     @cached_property
@@ -154,6 +155,11 @@ class GrooveClearance(SlidingClearance):
             return 1.0 / (1.0 / self.pin_radius - 1.0 / reach)
         bend = self.curve.mean_curvature * (1.0 if name == "left" else -1.0)
         return 1.0 / (1.0 / self.pin_radius + bend / (1.0 - bend * reach))
+
+    @property
+    def hertz_stiffness(self) -> float:
+        """k of eq. 11 for the first wall, or the given `stiffness` [N/m^1.5]."""
+        return self.hertz(self.effective_radius(0))
 
     def contact_properties(self, contact: int) -> ContactProperties:
         radius = self.effective_radius(contact)
