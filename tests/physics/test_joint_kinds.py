@@ -44,7 +44,7 @@ def rod(**fields):
 
 def groove(**fields):
     """A slot in which the pin meets both walls and the ends, all equally stiff."""
-    points = [(-5e-4, 0.0), (3e-4, 0.0)]
+    points = [(-5e-5, 0.0), (1e-4, 0.0)]
     return jp.GrooveClearance(
         **({"points": points, "wall_clearance": PLAY, "stiffness": 1e10} | fields)
     )

@@ -237,8 +237,17 @@ class Mechanism(Overview, Described, Design):
         """Whether the base is free or held, in words; empty if nobody would ask."""
         return self.held if self.free_base is None else self.description.free_base(self.gravity)
 
+    @property
+    def has_ideal(self) -> bool:
+        """Whether all its joints can be without clearance."""
+        return all(joint.has_ideal for joint in self.given_joints.values())
+
     def ideal(self) -> Mechanism:
-        """Its links alone, without clearance and gears, always the same one; maybe itself."""
+        """Its links alone, without clearance and gears, always the same one; maybe itself.
+
+        Raises:
+            JointplayError: a joint has no ideal form (`has_ideal`).
+        """
         return self._ideal
 
     @cached_property

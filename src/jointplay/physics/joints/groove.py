@@ -72,6 +72,7 @@ class GrooveClearance(SlidingClearance):
     kind: ClassVar[str] = "groove"
     replaces: ClassVar[tuple[str, ...]] = ("floating",)
     ideal_freedoms: ClassVar[tuple[str, ...]] = ("x", "yaw")
+    has_ideal: ClassVar[bool] = False
     clearance_fields: ClassVar[Mapping[str, str | None]] = {"wall_clearance": None}
     touch: ClassVar[Callable[..., Any]] = staticmethod(touch)
     freedoms: ClassVar[tuple[str, ...]] = ("x", "y", "yaw")
