@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from jointplay.base.errors import MissingName, Where, require_known, within
+from jointplay.base.errors import JointplayError, MissingName, Where, require_known
 from jointplay.base.schema import Described, choice, plain, quantity
 from jointplay.base.tables import Overview, counted, few
 from jointplay.base.units import readable, typeset
@@ -238,15 +238,15 @@ class Mechanism(Overview, Described, Design):
         return self.held if self.free_base is None else self.description.free_base(self.gravity)
 
     @property
-    def has_ideal(self) -> bool:
-        """Whether all its joints can be without clearance."""
-        return all(joint.has_ideal for joint in self.given_joints.values())
+    def runs_ideal(self) -> bool:
+        """Whether it can be simulated without clearance."""
+        return all(joint.runs_ideal for joint in self.given_joints.values())
 
     def ideal(self) -> Mechanism:
         """Its links alone, without clearance and gears, always the same one; maybe itself.
 
         Raises:
-            JointplayError: a joint has no ideal form (`has_ideal`).
+            JointplayError: a joint of the tree is a groove.
         """
         return self._ideal
 
@@ -258,12 +258,11 @@ class Mechanism(Overview, Described, Design):
 
     def _ideal_joints(self) -> dict[str, Clearance]:
         """Those of the joints that say of what kind an ideal one is."""
-        joints = {}
-        for name, joint in self.given_joints.items():
-            if name in self.loops or joint.compound():
-                with within("joints", name):
-                    joints[name] = replace(joint, ideal=True)
-        return joints
+        return {
+            name: replace(joint, ideal=True)
+            for name, joint in self.given_joints.items()
+            if name in self.loops or joint.compound()
+        }
 
     def without(self, cause: str) -> Mechanism:
         """The same machine without one cause of its error, always the same one; maybe itself.
@@ -542,11 +541,20 @@ class Mechanism(Overview, Described, Design):
         A ball needs its centre held; a revolute joint a second point on its axis, unless the
         mechanism keeps the axes parallel by itself (as planar ones do). q is assembled; `frequency`
         [rad/s] that of Baumgarte's stabilisation, critically damped.
+
+        Raises:
+            JointplayError: a loop of a kind that cannot be simulated without clearance.
         """
         constraints = []
         for name in self.loops:
             if name in self.clearance:
                 continue
+            if not self.loop_class(name).runs_ideal:
+                raise JointplayError(
+                    f"a {self.loop_class(name).kind} joint without clearance cannot be simulated: "
+                    "give it some",
+                    where=("joints", name),
+                )
             bearing, journal = self.frames(name)
             points = [np.zeros(3)]
             if self.loop_class(name).holds_axis():

@@ -9,7 +9,7 @@ from scipy.special import ellipk
 
 import jointplay as jp
 from jointplay.base.errors import JointplayError
-from jointplay.model.loop import Loop, misfit
+from jointplay.model.loop import Loop, assemble, misfit
 from jointplay.physics.geometry import touch
 from jointplay.physics.geometry.curve import Curve, nearest_on_curve
 
@@ -236,7 +236,6 @@ def test_follower_is_put_on_its_cam_and_starts_at_its_speed():
         ({"points": [(0, 0), (0.01, 0), (0.01, 0.01)]}, "radius of 2.35702 mm at (10 mm, 0 m)"),
         ({"points": circle(0.0052), "closed": True, "pin_radius": 5.2e-3}, "bends with a radius"),
         ({"points": [*circle(0.1), (0.1, 0.0)], "closed": True}, "leave out the last point"),
-        ({"points": [(0, 0), (0.1, 0)], "wall_clearance": 0.0}, "has no ideal form"),
         ({"points": [(0, 0), (0.1, 0)], "walls": "middle"}, "walls"),
         ({"points": [(0, 0), (0.1, 0)], "fit": "10H7/g6"}, "has no fit"),
         ({"points": [(0, 0, 0), (0.1, 0, 0)]}, "two coordinates each"),
@@ -268,7 +267,35 @@ def test_outside_of_a_disc_smaller_than_the_roller_is_a_cam_all_the_same():
     assert socket.effective_radius(0) == pytest.approx(1.0 / (1.0 / 5e-3 - 1.0 / 6.1e-3), rel=1e-4)
 
 
-def test_ideal_mechanism_with_a_groove_is_refused_by_its_name():
-    with pytest.raises(JointplayError, match="no ideal form") as error:
-        cam_and_follower().ideal()
-    assert error.value.where == ("joints", "lobe", "wall_clearance")
+def test_budget_of_a_cam_is_its_clearance_over_the_cosine_of_the_pressure_angle():
+    robot = cam_and_follower()
+    angle = np.array([0.0, 0.7, 2.0, 3.5])
+    poses = [assemble(robot, np.array([a, 0.01]), [robot.coordinate("O")]) for a in angle]
+    budget = jp.budget(robot, poses, driven=["O"])
+    cosine = np.sqrt(1.0 - (0.01 / 0.035 * np.cos(angle)) ** 2)
+    assert budget.worst == pytest.approx(PLAY / cosine, rel=1e-4)
+
+
+def test_computed_torque_turns_a_cam_as_its_follower_demands():
+    """At constant speed its torque is the follower's power over the cam's speed."""
+    robot, speed = cam_and_follower(friction=SMOOTH), 4.0 * np.pi
+    motion = jp.Motion(["O"], [0, 0.2], [[0.3], [0.3 + 0.2 * speed]], "constant-speed")
+    run = jp.simulate(robot, motion, step=1e-5, joint_friction={}, estimate=False)
+    a, e, rho = run["q"].values[:, robot.coordinate("O")], 0.01, 0.035 - PLAY
+    root = np.sqrt(rho**2 - (e * np.cos(a)) ** 2)
+    slope = e * np.cos(a) + e**2 * np.sin(a) * np.cos(a) / root
+    force = 0.2 * (9.81 + np.gradient(slope, a) * speed**2)
+    torque = run["drive"].values[:, robot.coordinate("O")]
+    assert np.abs(torque - force * slope)[50:-50].max() < 1e-3 * np.abs(torque).max()
+
+
+def test_groove_without_clearance_is_refused_where_it_cannot_be_had(urdf):
+    robot = cam_and_follower().ideal()
+    assert not robot.clearance
+    with pytest.raises(JointplayError, match="without clearance cannot be simulated") as error:
+        jp.simulate(robot, None, duration=0.01, **FREE)
+    assert error.value.where == ("joints", "lobe")
+    path = urdf(body("bead", 0.1), joint("pin", "base", "bead", "floating"))
+    slot = jp.GrooveClearance(points=[(0, 0), (0.1, 0)], wall_clearance=0.0)
+    with pytest.raises(JointplayError, match="can only close a loop"):
+        jp.Mechanism(path, {"pin": slot})

@@ -199,8 +199,8 @@ class Clearance(Described, ABC):
     """Types of URDF joint that this kind can take the place of."""
     ideal_freedoms: ClassVar[tuple[str, ...]]
     """Those of `VIRTUAL_LINK` that the joint has without clearance."""
-    has_ideal: ClassVar[bool] = True
-    """Whether a mechanism can have it without clearance."""
+    runs_ideal: ClassVar[bool] = True
+    """Whether a mechanism that has it without clearance can be simulated."""
     clearance_fields: ClassVar[Mapping[str, str | None]]
     """Fields that are clearances, first that across x; what the journal measures instead of each.
 

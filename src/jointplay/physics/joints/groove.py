@@ -61,18 +61,18 @@ class GrooveClearance(SlidingClearance):
     goes on straight beyond its ends. A roller is a body of its own: put it on a pin, or leave
     friction out.
 
-    Pin and body move in one plane: x, y and yaw are free between them. The joint has no ideal form,
-    so that nothing that needs a mechanism without play can be had, such as the tool's error.
+    Pin and body move in one plane: x, y and yaw are free between them. Without clearance it closes
+    loops for budgets and drives, but cannot be simulated: a run with it has no tool error.
 
     Raises:
         JointplayError: a curve that crosses itself, bends or comes back more sharply than its walls
-            allow, or has too few points; clearance 0, or `ideal`.
+            allow, or has too few points.
     """
 
     kind: ClassVar[str] = "groove"
     replaces: ClassVar[tuple[str, ...]] = ("floating",)
     ideal_freedoms: ClassVar[tuple[str, ...]] = ("x", "yaw")
-    has_ideal: ClassVar[bool] = False
+    runs_ideal: ClassVar[bool] = False
     clearance_fields: ClassVar[Mapping[str, str | None]] = {"wall_clearance": None}
     touch: ClassVar[Callable[..., Any]] = staticmethod(touch)
     freedoms: ClassVar[tuple[str, ...]] = ("x", "y", "yaw")
@@ -95,11 +95,6 @@ class GrooveClearance(SlidingClearance):
     def __post_init__(self) -> None:
         super().__post_init__()
         self.refuse_line_contact()
-        if self.ideal:
-            raise JointplayError(
-                "a pin in a groove has no ideal form, only one with a wall_clearance above 0",
-                where=("wall_clearance",),
-            )
         with within("points"):
             self._check_curve()
 
