@@ -47,6 +47,7 @@ from .physics.joints import CrossedRollerBearing as CrossedRollerBearing
 from .physics.joints import CylindricalClearance as CylindricalClearance
 from .physics.joints import Elasticity as Elasticity
 from .physics.joints import Fit as Fit
+from .physics.joints import GrooveClearance as GrooveClearance
 from .physics.joints import Material as Material
 from .physics.joints import PrismaticClearance as PrismaticClearance
 from .physics.joints import RevoluteClearance as RevoluteClearance

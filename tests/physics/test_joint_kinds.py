@@ -42,6 +42,14 @@ def rod(**fields):
     return CylindricalClearance(**({"radial_clearance": PLAY} | fields))
 
 
+def groove(**fields):
+    """A slot in which the pin meets both walls and the ends, all equally stiff."""
+    points = [(-5e-5, 0.0), (1e-4, 0.0)]
+    return jp.GrooveClearance(
+        **({"points": points, "wall_clearance": PLAY, "stiffness": 1e10} | fields)
+    )
+
+
 KINDS = {
     "full": revolute,
     "tilt locked": lambda **f: revolute(lock_tilt=True, **f),
@@ -57,12 +65,15 @@ KINDS = {
     "exchanged slider": lambda **f: slider(exchanged=True, **f),
     "rod": rod,
     "exchanged rod": lambda **f: rod(exchanged=True, **f),
+    "groove": groove,
+    "exchanged groove": lambda **f: groove(exchanged=True, **f),
 }
 TYPES = {
     "revolute": "revolute",
     "spherical": "floating",
     "prismatic": "prismatic",
     "cylindrical": "floating",
+    "groove": "floating",
 }
 kinds = pytest.mark.parametrize("make", KINDS.values(), ids=KINDS.keys())
 

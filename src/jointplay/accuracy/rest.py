@@ -35,6 +35,7 @@ from jointplay.accuracy.jacobians import (
     tool_place,
 )
 from jointplay.model.closed_loops import ClosedLoops
+from jointplay.model.frames import pose_between
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import RELATIVE, Clearance
 from jointplay.physics.joints.bearings import RollingBearing
@@ -294,7 +295,7 @@ class RestPositions:
             solution: np.ndarray = np.linalg.lstsq(columns, q_rest - q, rcond=1e-9)[0]
             return solution
         pin.forwardKinematics(mechanism.model, mechanism.data, q_rest)
-        moved = mechanism.journal_pose(name)
+        moved = pose_between(mechanism.data, mechanism.closing_frames(name))
         xi = np.concatenate([moved.translation, pin.log3(moved.rotation)])
         joint = mechanism.clearance[name]
         return np.where([part in joint.ideal_freedoms for part in RELATIVE], 0.0, xi)

@@ -264,6 +264,12 @@ def _check_joint(
                 "and leave the slider in the URDF"
             )
         return
+    if joint.ideal and not joint.runs_ideal:
+        raise JointplayError(
+            f"a {joint.kind} joint without clearance can only close a loop, and {name!r} is "
+            "a joint of the tree: give it clearance, or make it a loop",
+            where=("joints", name),
+        )
     choices = [j.name for j in description.joints.values() if j.kind in joint.replaces]
     entry = description.joints.get(name)
     kinds = " or ".join(joint.replaces)

@@ -137,10 +137,10 @@ class Closure(NamedTuple):
 
 
 def closures(mechanism: Mechanism, loops: Collection[str] | None = None) -> list[Closure]:
-    """All `loops` (None: every one) and all locks."""
+    """All `loops` (None: every one) and all locks, after `pin.forwardKinematics`."""
     names = mechanism.loops if loops is None else loops
     kinds = {name: mechanism.loop_class(name).held() for name in names}
-    held = [Closure(name, mechanism.frames(name), rows) for name, rows in kinds.items()]
+    held = [Closure(name, mechanism.closing_frames(name), rows) for name, rows in kinds.items()]
     rigid = [*range(6)]
     return held + [Closure(locked(n), pair, rigid) for n, pair in mechanism.locks.items()]
 
@@ -338,8 +338,8 @@ def _wanted(
     """`misfit` from where journals shall be."""
     parts = misfit(mechanism, q)
     for name, offset in offsets.items():
-        size = 2 if mechanism.loop_class(name).slides() else 3
-        parts[name][:size] -= offset[:size]
+        across = [row for row in mechanism.loop_class(name).held() if row < 3]
+        parts[name][: len(across)] -= offset[across]
     return parts
 
 
@@ -430,6 +430,7 @@ def closing_rows(
     Relative velocities of journal and bearing that are zero while the loops stay closed, journals
     resting in their bearings.
     """
+    pin.forwardKinematics(mechanism.model, mechanism.data, q)
     rows = [mechanism.motion(c.frames, q)[c.rows] for c in closures(mechanism, loops)]
     return np.concatenate([np.zeros((0, mechanism.model.nv)), *rows])
 

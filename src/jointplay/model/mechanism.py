@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from jointplay.base.errors import MissingName, Where, require_known
+from jointplay.base.errors import JointplayError, MissingName, Where, require_known
 from jointplay.base.schema import Described, choice, plain, quantity
 from jointplay.base.tables import Overview, counted, few
 from jointplay.base.units import readable, typeset
@@ -237,8 +237,17 @@ class Mechanism(Overview, Described, Design):
         """Whether the base is free or held, in words; empty if nobody would ask."""
         return self.held if self.free_base is None else self.description.free_base(self.gravity)
 
+    @property
+    def runs_ideal(self) -> bool:
+        """Whether it can be simulated without clearance."""
+        return all(joint.runs_ideal for joint in self.given_joints.values())
+
     def ideal(self) -> Mechanism:
-        """Its links alone, without clearance and gears, always the same one; maybe itself."""
+        """Its links alone, without clearance and gears, always the same one; maybe itself.
+
+        Raises:
+            JointplayError: a joint of the tree is a groove.
+        """
         return self._ideal
 
     @cached_property
@@ -447,6 +456,16 @@ class Mechanism(Overview, Described, Design):
         stated = self.given_joints.get(name)
         return (journal, bearing) if stated is not None and stated.exchanged else (bearing, journal)
 
+    def closing_frames(self, name: str) -> Frames:
+        """`frames`, the bearing's where the journal would be without clearance, if a curve guides
+        it: x along the curve. After `pin.forwardKinematics`.
+        """
+        (at, bearing), journal = frames = self.frames(name)
+        stated = self.given_joints.get(name)
+        centre = pose_between(self.data, frames).translation
+        guide = None if stated is None else stated.guided_at(centre)
+        return frames if guide is None else ((at, bearing * pin.SE3(*guide)), journal)
+
     def mass_matrix(self, q: np.ndarray) -> np.ndarray:
         """M(q) of eq. 22, shape (nv, nv), symmetric [kg, kg m or kg m2 by its two coordinates].
 
@@ -522,11 +541,20 @@ class Mechanism(Overview, Described, Design):
         A ball needs its centre held; a revolute joint a second point on its axis, unless the
         mechanism keeps the axes parallel by itself (as planar ones do). q is assembled; `frequency`
         [rad/s] that of Baumgarte's stabilisation, critically damped.
+
+        Raises:
+            JointplayError: a loop of a kind that cannot be simulated without clearance.
         """
         constraints = []
         for name in self.loops:
             if name in self.clearance:
                 continue
+            if not self.loop_class(name).runs_ideal:
+                raise JointplayError(
+                    f"a {self.loop_class(name).kind} joint without clearance cannot be simulated: "
+                    "give it some",
+                    where=("joints", name),
+                )
             bearing, journal = self.frames(name)
             points = [np.zeros(3)]
             if self.loop_class(name).holds_axis():

@@ -136,7 +136,7 @@ class InitialState:
         flying, fastest = {}, loop.NO_SPEED * float(np.abs(self.v).max(initial=0.0))
         for name, joint in mechanism.clearance.items() if mechanism.loops else ():
             bearing = mechanism.frames(name)[0]
-            moved = mechanism.relative_jacobian(name, self.q) @ self.v
+            moved = mechanism.motion(mechanism.closing_frames(name), self.q) @ self.v
             turning = joint.arm(mechanism.journal_pose(name).translation) * moved[3:]
             carried = mechanism.motion((WORLD_FRAME, bearing), self.q)[:3] @ self.v
             along = moved[[row for row in range(3) if row not in joint.held()]]

@@ -30,6 +30,7 @@ from jointplay.physics.joints.compliance import (
 from jointplay.physics.joints.cylindrical import CylindricalClearance
 from jointplay.physics.joints.elasticity import Elasticity
 from jointplay.physics.joints.fits import Fit
+from jointplay.physics.joints.groove import GrooveClearance
 from jointplay.physics.joints.prismatic import PrismaticClearance
 from jointplay.physics.joints.revolute import RevoluteClearance
 from jointplay.physics.joints.spherical import IDEAL_BALL, SphericalClearance
@@ -38,7 +39,8 @@ JOINT_KINDS: dict[str, type[Clearance]] = {
     kind.kind: kind
     for kind in (
         *(RevoluteClearance, SphericalClearance, PrismaticClearance, CylindricalClearance),
-        *(BallBearing, CrossedRollerBearing, CompliantJoint, CompliantSlider, CompliantMount),
+        *(GrooveClearance, BallBearing, CrossedRollerBearing),
+        *(CompliantJoint, CompliantSlider, CompliantMount),
     )
 }
 
@@ -72,8 +74,8 @@ def replacing(entry: str) -> list[str]:
 __all__ = [
     "IDEAL_BALL", "JOINT_KINDS", "JOINT_WORDS", "MOTOR", "RELATIVE", "UNNAMED_KIND", "VIRTUAL_LINK",
     "BallBearing", "Clearance", "CompliantJoint", "CompliantMount", "CompliantSlider", "Coordinate",
-    "CrossedRollerBearing", "CylindricalClearance", "Elasticity", "Fit", "Material", "Outline",
-    "PrismaticClearance", "RevoluteClearance", "RollingBearing", "RoundClearance", "SeatParts",
-    "SlidingClearance", "SphericalClearance", "class_of", "hinge_of_beam", "parts_of_seat",
-    "replacing",
+    "CrossedRollerBearing", "CylindricalClearance", "Elasticity", "Fit", "GrooveClearance",
+    "Material", "Outline", "PrismaticClearance", "RevoluteClearance", "RollingBearing",
+    "RoundClearance", "SeatParts", "SlidingClearance", "SphericalClearance", "class_of",
+    "hinge_of_beam", "parts_of_seat", "replacing",
 ]  # fmt: skip

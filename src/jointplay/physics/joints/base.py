@@ -199,6 +199,8 @@ class Clearance(Described, ABC):
     """Types of URDF joint that this kind can take the place of."""
     ideal_freedoms: ClassVar[tuple[str, ...]]
     """Those of `VIRTUAL_LINK` that the joint has without clearance."""
+    runs_ideal: ClassVar[bool] = True
+    """Whether a mechanism that has it without clearance can be simulated."""
     clearance_fields: ClassVar[Mapping[str, str | None]]
     """Fields that are clearances, first that across x; what the journal measures instead of each.
 
@@ -427,6 +429,14 @@ class Clearance(Described, ABC):
 
         swing = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), rotation[:, 2])
         return swing.toRotationMatrix().T @ rotation, place
+
+    def guided_at(self, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        """Axes (3, 3) and place (3,) [m] in the bearing frame at which the journal is closest to
+        what it would do without clearance, x along the curve that guides it; None: no curve does.
+
+        centre: of the journal in the bearing frame, (3,) [m].
+        """
+        return None
 
     @property
     def film(self) -> tuple[FilmLaw, FilmProperties] | None:

@@ -303,6 +303,8 @@ def sizes_are_given(result: Result) -> bool:
 
 def has_both(mechanism: Mechanism) -> bool:
     """Whether there is play as well as elasticity, which a run without play tells apart."""
+    if not mechanism.runs_ideal:
+        return False
     still = mechanism.without("play")
     return still is not mechanism and still is not mechanism.without("elasticity")
 

@@ -101,9 +101,9 @@ def _beside_loops(
     """Add the joints that mimic others where loops determine neither; where the leader follows from
     the loops, these are closed along the motion.
     """
-    ideal = mechanism.ideal()
-    if not any(ideal.description.joints[name].mimic for name in missing):
+    if not any(mechanism.description.joints[name].mimic for name in missing):
         return CompleteMotion(motion, {}, {})
+    ideal = mechanism.ideal()
     q = np.zeros(ideal.model.nq)
     begins = dict(zip(motion.joints, motion(np.zeros(1))[0][0], strict=True))
     held = [name for name in {**start, **begins} if name in ideal.coordinates]

@@ -1,0 +1,252 @@
+"""A plane curve through points, and where it is nearest to a point.
+
+The curve is the cubic spline through its points, its parameter the length of the chords between
+them: periodic if it is closed, else natural, so that beyond its ends it goes on straight without a
+jump of curvature. `Curve.numbers` writes it down for `nearest_on_curve`, in pieces so short that
+each node's neighbourhood has one nearest point.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from jointplay.base.compiler import compiled
+from jointplay.base.errors import JointplayError
+from jointplay.base.units import readable
+
+_TURN = 0.25
+"""Most that a piece turns [rad]: its circle is then 0.8 % of its length off its chord (judged)."""
+_PIECE = 10
+"""Numbers of a piece: its end's parameter, its length, four coefficients of x and of y."""
+_SAMPLES = 32
+"""Places on each interval between points at which its turning is looked at (judged); where there
+are many points fewer,"""
+_MOST_SAMPLES = 2000
+"""about so many in all (judged)."""
+_LONGER = 1.05
+"""By which a piece may be longer than its largest speed at `_SAMPLES` places says (judged)."""
+MOST_PIECES = 5000
+"""Pieces that are searched in each step; a finer curve is refused."""
+
+
+class Curve:
+    """The curve through points (n, 2) [m].
+
+    Raises:
+        JointplayError: too few points, two next to each other in one place, a curve that crosses
+            itself; the message names the place.
+    """
+
+    def __init__(self, points: Sequence[Sequence[float]], closed: bool) -> None:
+        places = np.array(points, float)
+        least = 3 if closed else 2
+        form = "closed" if closed else "open"
+        if len(places) < least:
+            raise JointplayError(
+                f"{form} curve through {len(places)} points: it needs {least} or more"
+            )
+        if closed and np.array_equal(places[0], places[-1]):
+            raise JointplayError(
+                "a closed curve comes back by itself: leave out the last point, which repeats the "
+                "first"
+            )
+        path = np.vstack([places, places[:1]]) if closed else places
+        chords = np.linalg.norm(np.diff(path, axis=0), axis=1)
+        same = int(np.argmin(chords))
+        if chords[same] <= 1e-9 * chords.sum():
+            raise JointplayError(
+                f"points {same + 1} and {(same + 1) % len(places) + 1} are in one place, "
+                f"{place_words(path[same])}"
+            )
+        from scipy.interpolate import CubicSpline  # takes long to import
+
+        self.closed = closed
+        self.parameters = np.concatenate([[0.0], np.cumsum(chords)])
+        kind = "periodic" if closed else "natural"
+        self.spline = CubicSpline(self.parameters, path, bc_type=kind)
+        self._refuse_crossing()
+
+    def at(self, parameter: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Places, unit tangents (n, 2) and curvatures (n,), positive to the left [m, 1/m]."""
+        first, second = self.spline(parameter, 1), self.spline(parameter, 2)
+        speed = np.linalg.norm(first, axis=1)
+        turn = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
+        return self.spline(parameter), first / speed[:, None], turn / speed**3
+
+    @cached_property
+    def dense(self) -> np.ndarray:
+        """Parameters of many places, up to `_SAMPLES` on each interval between points."""
+        each = min(max(_MOST_SAMPLES // len(self.parameters), 4), _SAMPLES)
+        pieces = [np.linspace(a, b, each, endpoint=False) for a, b in pairwise(self.parameters)]
+        return np.concatenate([*pieces, self.parameters[-1:]])
+
+    @property
+    def length(self) -> float:
+        """[m]."""
+        speed = np.linalg.norm(self.spline(self.dense, 1), axis=1)
+        return float(np.trapezoid(speed, self.dense))
+
+    @property
+    def mean_curvature(self) -> float:
+        """Its turning, positive to the left, over its length [1/m]."""
+        _, tangents, _ = self.at(self.dense)
+        heading = np.unwrap(np.arctan2(tangents[:, 1], tangents[:, 0]))
+        return float(heading[-1] - heading[0]) / self.length
+
+    def sharpest(self) -> tuple[float, float, np.ndarray, np.ndarray]:
+        """Largest curvature to the left and to the right [1/m], and where (2) each."""
+        places, _, bend = self.at(self.dense)
+        left, right = int(np.argmax(bend)), int(np.argmin(bend))
+        return float(bend[left]), float(-bend[right]), places[left], places[right]
+
+    def narrowest(self, left: bool, right: bool) -> tuple[float, np.ndarray]:
+        """Least distance of two places where the curve comes back beside itself, and where (2).
+
+        It has turned back by then, by nine tenths of half a turn. With `left` or `right` alone
+        what lies on the other side does not count. Infinite if it does not come back.
+        """
+        places, tangents, _ = self.at(self.dense)
+        heading = np.unwrap(np.arctan2(tangents[:, 1], tangents[:, 0]))
+        turned = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(heading)))])
+        apart = np.abs(turned[:, None] - turned[None, :])
+        if self.closed:
+            apart = np.minimum(apart, turned[-1] - apart)
+        between = places[None, :] - places[:, None]
+        side = tangents[:, None, 0] * between[..., 1] - tangents[:, None, 1] * between[..., 0]
+        distance = np.linalg.norm(between, axis=2)
+        counts = (apart > 0.9 * math.pi) & ((left & (side > 0.0)) | (right & (side < 0.0)))
+        distance[~counts] = math.inf
+        i = int(np.argmin(distance.min(axis=1)))
+        return float(distance[i].min()), places[i]
+
+    def _refuse_crossing(self) -> None:
+        line = self.spline(self.dense)
+        start, step = line[:-1], np.diff(line, axis=0)
+        count = len(start)
+        for i in range(count - 2):
+            others = slice(i + 2, count - 1 if self.closed and i == 0 else count)
+            between = start[others] - start[i]
+            cross = step[i, 0] * step[others, 1] - step[i, 1] * step[others, 0]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                mine = (between[:, 0] * step[others, 1] - between[:, 1] * step[others, 0]) / cross
+                theirs = (between[:, 0] * step[i, 1] - between[:, 1] * step[i, 0]) / cross
+            hit = (mine >= 0.0) & (mine <= 1.0) & (theirs >= 0.0) & (theirs <= 1.0)
+            if hit.any():
+                where = start[i] + mine[int(np.argmax(hit))] * step[i]
+                raise JointplayError(f"the curve crosses itself at {place_words(where)}")
+
+    def numbers(self, longest: float) -> tuple[float, ...]:
+        """What `nearest_on_curve` takes, no piece longer than `longest` [m].
+
+        Number of nodes, 1 if it is closed; x and y of the nodes; then the pieces between them,
+        `_PIECE` numbers each.
+
+        Raises:
+            JointplayError: more than `MOST_PIECES`.
+        """
+        cuts: list[float] = []
+        lengths: list[float] = []
+        for a, b in pairwise(self.parameters):
+            at = np.linspace(a, b, _SAMPLES + 1)
+            places, tangents, _ = self.at(at)
+            heading = np.unwrap(np.arctan2(tangents[:, 1], tangents[:, 0]))
+            turning = float(np.abs(np.diff(heading)).sum())
+            size = float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
+            count = max(math.ceil(turning / _TURN), math.ceil(size / longest), 1)
+            fastest = float(np.linalg.norm(self.spline(at, 1), axis=1).max())
+            lengths += [_LONGER * fastest * (b - a) / count] * count
+            cuts += np.linspace(a, b, count, endpoint=False).tolist()
+        if len(cuts) > MOST_PIECES:
+            raise JointplayError(
+                f"the curve is {readable(self.length, 'm')} long, and its groove so narrow that it "
+                f"would be searched in {len(cuts)} pieces; at most {MOST_PIECES} are allowed"
+            )
+        ends = np.array([*cuts, self.parameters[-1]])
+        low = ends[:-1]
+        taylor = np.array([self.spline(low, k) / math.factorial(k) for k in range(4)])
+        parts = np.diff(ends), np.array(lengths), *taylor[:, :, 0].copy(), *taylor[:, :, 1].copy()
+        pieces = np.column_stack(parts)
+        nodes = self.spline(low if self.closed else ends)
+        head = [float(len(nodes)), float(self.closed)]
+        return *head, *nodes.ravel().tolist(), *pieces.ravel().tolist()
+
+
+def place_words(point: np.ndarray) -> str:
+    """A place in words."""
+    return f"({readable(float(point[0]), 'm')}, {readable(float(point[1]), 'm')})"
+
+
+@compiled
+def _nearest_on_piece(d, at, px, py):
+    """Place (2) on a piece that is nearest to (px, py), the curve's derivative there (2), and u.
+
+    (P(u) - p).P'(u) = 0 by Newton's method, which bisection keeps on the piece.
+    """
+    h = d[at]
+    x0, x1, x2, x3 = d[at + 2], d[at + 3], d[at + 4], d[at + 5]
+    y0, y1, y2, y3 = d[at + 6], d[at + 7], d[at + 8], d[at + 9]
+    low, high = 0.0, h
+    u = min(max(((px - x0) * x1 + (py - y0) * y1) / (x1 * x1 + y1 * y1), 0.0), h)
+    x, y, tx, ty = x0, y0, x1, y1
+    for _ in range(60):
+        x = x0 + u * (x1 + u * (x2 + u * x3))
+        y = y0 + u * (y1 + u * (y2 + u * y3))
+        tx = x1 + u * (2.0 * x2 + 3.0 * u * x3)
+        ty = y1 + u * (2.0 * y2 + 3.0 * u * y3)
+        first = (x - px) * tx + (y - py) * ty
+        if first > 0.0:
+            high = u
+        else:
+            low = u
+        bend = (x - px) * (2.0 * x2 + 6.0 * u * x3) + (y - py) * (2.0 * y2 + 6.0 * u * y3)
+        second = tx * tx + ty * ty + bend
+        step = -first / second if second > 0.0 else -math.copysign(h, first)
+        then = min(max(u + step, 0.0), h)
+        if not low <= then <= high:
+            then = 0.5 * (low + high)
+        if abs(then - u) < 1e-15 * h:
+            break
+        u = then
+    return x, y, tx, ty, u
+
+
+@compiled
+def nearest_on_curve(d, at, px, py):
+    """Where the curve, whose numbers (`Curve.numbers`) begin at d[at], is nearest to (px, py).
+
+    The nearest node first; then every piece that begins so near that it can come nearer.
+
+    Returns the signed distance, positive where the point is left of the curve [m], the unit
+    direction of the curve there (2), and how far beyond an end of an open curve the point lies,
+    negative before its first point [m]. The distance is then that from the tangent at the end.
+    """
+    n, closed = int(d[at]), d[at + 1] != 0.0
+    count = n if closed else n - 1
+    nodes, pieces = at + 2, at + 2 + 2 * n
+    nearest = 1e300
+    for i in range(n):
+        dx, dy = d[nodes + 2 * i] - px, d[nodes + 2 * i + 1] - py
+        nearest = min(nearest, dx * dx + dy * dy)
+    limit = math.sqrt(nearest)
+    best, bx, by, tx, ty, end = 1e300, 0.0, 0.0, 1.0, 0.0, False
+    for i in range(count):
+        piece = pieces + _PIECE * i
+        dx, dy = d[nodes + 2 * i] - px, d[nodes + 2 * i + 1] - py
+        reach = limit + d[piece + 1]
+        if dx * dx + dy * dy > reach * reach:
+            continue
+        x, y, sx, sy, u = _nearest_on_piece(d, piece, px, py)
+        square = (x - px) * (x - px) + (y - py) * (y - py)
+        if square < best:
+            best, bx, by, tx, ty = square, x, y, sx, sy
+            limit = min(limit, math.sqrt(square))
+            end = not closed and ((i == 0 and u == 0.0) or (i == count - 1 and u == d[piece]))
+    inverse = 1.0 / math.sqrt(tx * tx + ty * ty)
+    tx, ty = inverse * tx, inverse * ty
+    beyond = tx * (px - bx) + ty * (py - by) if end else 0.0
+    return tx * (py - by) - ty * (px - bx), tx, ty, beyond
