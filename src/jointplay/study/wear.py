@@ -221,7 +221,7 @@ class WearLife:
 
     @property
     def table(self) -> Table:
-        azimuths, parts = self.profiles.shape[3], self.profiles.any(axis=(0, 2, 3))
+        azimuths, parts = self.profiles.shape[3], self.profiles.max(axis=(0, 2, 3)) > 0.0
         rows = [
             (
                 block, self.cycles[block], WEARING_PARTS[part], "AB"[end],
@@ -346,7 +346,8 @@ def wear(
                     f"the journal of {joint!r} does not slide under load: its clearance does not "
                     "grow"
                 )
-            if cycles is not None:
+            if growth is None:
+                assert cycles is not None
                 count = cycles / blocks
             else:
                 own = {joint: worn[joint]}
