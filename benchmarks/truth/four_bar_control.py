@@ -24,7 +24,6 @@ Writes four_bar_control.txt and four_bar_control.png.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -106,7 +105,7 @@ def controller(time, q, v, p, out):
     out[0] = inertia * wanted + half * speed * (aim - p[1] * e) + weight - p[0] * (de + p[1] * e)
 
 
-def machine(corrected: bool, clearance: float = CLEARANCE_M) -> jp.Simulation:
+def machine(corrected: bool, duration: float, clearance: float = CLEARANCE_M) -> jp.Simulation:
     """The four-bar, all journals centred, at rest."""
     bearing = jp.RevoluteClearance.planar(
         bearing_radius=JOURNAL_M + clearance,
@@ -128,7 +127,7 @@ def machine(corrected: bool, clearance: float = CLEARANCE_M) -> jp.Simulation:
         mechanism,
         drive="free",
         loads={"controller": law},
-        duration=1.0,
+        duration=duration,
         step=5e-6,
         start="centred",
         state={
@@ -177,10 +176,10 @@ def main() -> None:
     out = folder_of(options, "four_bar_control", DOCS)
     laws = {"controller as in the example": False, "controller as it should be": True}
     results = {
-        words: replace(made, duration=QUICK_S if options.quick else made.duration)
+        words: machine(corrected, QUICK_S if options.quick else 1.0)
         .run(progress=True, estimate=False)
         .completed()
-        for words, made in ((w, machine(corrected)) for w, corrected in laws.items())
+        for words, corrected in laws.items()
     }
     differences = [
         np.column_stack(crank(result)) - np.array(REFERENCE)[:, 1:] for result in results.values()

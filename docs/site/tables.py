@@ -14,6 +14,7 @@ HEADS = {
     "numerics": "Numerics",
     "literature": "Literature",
     "outside": "Other codes",
+    "public": "Public benchmarks",
     "reproducibility": "Reproducibility",
 }
 """Sections of the validation, in the order of the page."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from matplotlib.figure import Figure
 
 SECTIONS = (
-    "theory", "impacts", "oil", "numerics", "literature", "outside", "reproducibility"
+    "theory", "impacts", "oil", "numerics", "literature", "outside", "public", "reproducibility"
 )  # fmt: skip
 """Modules with cases, in the order of the page."""
 ORIGINS = (

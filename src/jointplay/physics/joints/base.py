@@ -167,20 +167,25 @@ class Hinge:
     """How far it can go along the axis, either way [m]; zero where it cannot or nothing ends it."""
 
 
-@dataclass(frozen=True)
-class BoreWear:
-    """How a bore wears, by contact from the first on: one for the whole journal, or one an end."""
+WEARING_PARTS = "bore", "journal"
+"""In this order wherever wear is by part."""
 
-    rate: float
-    """Specific wear rate K/H [m^3/(N m)]."""
+
+@dataclass(frozen=True)
+class Wear:
+    """How a bore and its journal wear, by contact from the first on: one for the whole journal, or
+    one an end."""
+
+    rates: tuple[float, float]
+    """Specific wear rates K/H of bore and journal; zero: it does not wear [m^3/(N m)]."""
     radius: float
     """Of the bore [m]."""
     journal_radius: float
     """[m]."""
     widths: tuple[float, ...]
-    """Length of the bore that each contact wears [m]."""
+    """Length that each contact wears [m]."""
     profile: np.ndarray | None
-    """Depth so far by contact, at equal azimuths from the bearing's x axis, (contacts, n) [m]."""
+    """Depth of the bore so far by contact, at equal azimuths from its x axis, (contacts, n) [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -449,12 +454,12 @@ class Clearance(Described, ABC):
         return None
 
     @property
-    def wear(self) -> BoreWear | None:
-        """How the bearing wears; None: wear is not computed."""
+    def wear(self) -> Wear | None:
+        """How it wears; None: wear is not computed."""
         return None
 
     def with_worn(self, profile: np.ndarray) -> Self:
-        """The joint with a bore worn so, of a kind that can wear; see `BoreWear`."""
+        """The joint with a bore worn so, of a kind that can wear; see `Wear`."""
         raise JointplayError(f"the bearing of a {self.kind} joint cannot be worn")
 
     def with_friction(self, law: FrictionLaw) -> Self:

@@ -62,7 +62,11 @@ class RevoluteClearance(base.RoundClearance):
     lubricant: FilmLaw | None = None
     """Oil between journal and bore; None for a dry joint. End walls stay dry."""
     wear_rate: float | None = quantity("m^3/(N*m)", default=None, above=0.0, label="wear rate")
-    """Specific wear rate of the bearing K/H [m^3/(N m)]; None: wear is not reckoned (`wear`)."""
+    """Specific wear rate of the bearing K/H [m^3/(N m)]; None: it does not wear (`wear`)."""
+    journal_wear_rate: float | None = quantity(
+        "m^3/(N*m)", default=None, above=0.0, label="wear rate of the journal"
+    )
+    """The same of the journal."""
     worn: Sequence[float] | Sequence[Sequence[float]] | None = quantity("m", default=None)
     """How deep the bore is worn at equal azimuths from the bearing's x axis [m].
 
@@ -207,11 +211,12 @@ class RevoluteClearance(base.RoundClearance):
         return base.Hinge(self.rj, self.lj, not self.lock_tilt, self.cr, axial)
 
     @property
-    def wear(self) -> base.BoreWear | None:
-        if self.wear_rate is None:
+    def wear(self) -> base.Wear | None:
+        rates = self.wear_rate or 0.0, self.journal_wear_rate or 0.0
+        if not any(rates):
             return None
         profile = None if self.worn is None else np.array(self.worn)
-        return base.BoreWear(self.wear_rate, self.ri, self.rj, self._worn_widths, profile)
+        return base.Wear(rates, self.ri, self.rj, self._worn_widths, profile)
 
     def with_worn(self, profile: np.ndarray) -> Self:
         return replace(self, worn=profile.tolist())

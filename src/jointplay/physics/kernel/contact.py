@@ -452,7 +452,11 @@ def commit_contacts(run, j, joint, duration, ahead):
         if joint.bristles != 0:
             _keep_bristle(run, joint, contact, ahead)
         if k < joint.wearing:
-            _count_sliding(joint, k, get_vector(contact.direction, 0), impulse * contact.speed)
+            n, pose, work = contact.direction, joint.pose, impulse * contact.speed
+            x = pose[3] * n[0] + pose[6] * n[1] + pose[9] * n[2]
+            y = pose[4] * n[0] + pose[7] * n[1] + pose[10] * n[2]
+            _count_sliding(joint, 0, k, n[0], n[1], work)
+            _count_sliding(joint, 1, k, x, y, work)
     force = get_vector(joint.mean_force, 0) if averaged else get_vector(joint.wrench, 0)
     set_vector(joint.impulse, 0, add_scaled(get_vector(joint.impulse, 0), duration, force))
     square = dot(force, force)
@@ -476,12 +480,16 @@ def _end_contact(contact):
 
 
 @compiled
-def _count_sliding(joint, k, direction, work):
-    """Add normal force times sliding distance to the two azimuths beside the contact's place."""
+def _count_sliding(joint, part, k, x, y, work):
+    """Add normal force times sliding distance to the two azimuths beside the contact's place.
+
+    Of the bore (part 0) or the journal (1), in whose axes the direction from the bearing into the
+    journal is (x, y).
+    """
     counted = joint.sliding_work
-    place = math.atan2(-direction[1], -direction[0]) * (AZIMUTHS / (2.0 * math.pi))
+    place = math.atan2(-y, -x) * (AZIMUTHS / (2.0 * math.pi))
     lower = math.floor(place)
-    part = place - lower
+    beyond = place - lower
     at = int(lower) % AZIMUTHS
-    counted[k, at] += (1.0 - part) * work
-    counted[k, (at + 1) % AZIMUTHS] += part * work
+    counted[part, k, at] += (1.0 - beyond) * work
+    counted[part, k, (at + 1) % AZIMUTHS] += beyond * work

@@ -141,7 +141,7 @@ JOINT = _record(
     element_part=_ADDRESS,
     # Arrays.
     **_BETWEEN_FRAMES,
-    sliding_work=_floats("wearing", AZIMUTHS),
+    sliding_work=_floats(2, "wearing", AZIMUTHS),  # of the bore, of the journal
     # What it is.
     resultant=_INT,  # whether a law answers for all of it (`rolling`)
     bristles=_INT,

@@ -135,7 +135,7 @@ class Workspace:
         if loads:
             self._set(load_part=apart("load"))
         self.sliding_work: list[np.ndarray] = []
-        """For each joint, normal force x sliding distance by contact and azimuth [N m]."""
+        """For each joint, normal force x sliding distance by part, contact and azimuth [N m]."""
         for index, load in enumerate(loads):
             self._write_load(index, load, data)
         for j, site in enumerate(sites):
@@ -268,7 +268,7 @@ class Workspace:
         self.contacts["parameters"][j, : len(site.parameters)] = site.parameters
         if site.holds:
             self.contacts["steps"][j] = 1.0  # it never begins
-        self.sliding_work.append(np.zeros((joint["wearing"], AZIMUTHS)))
+        self.sliding_work.append(np.zeros((2, joint["wearing"], AZIMUTHS)))
         if site.carriers is None:
             support, signs = joint["first"] + np.arange(6), np.ones(6, np.int64)
         else:

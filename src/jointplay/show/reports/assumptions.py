@@ -44,7 +44,9 @@ def conditions(cases: Sequence[Case]) -> dict[str, bool]:
         ),
         "oil": any(joint.get("lubricant") for joint in joints),
         "worn": any(joint.get("worn") for joint in joints),
-        "wearing": any(joint.get("wear_rate") for joint in joints),
+        "wearing": any(
+            joint.get("wear_rate") or joint.get("journal_wear_rate") for joint in joints
+        ),
         **{kind: kind in kinds for kind in JOINT_KINDS},
         "loops": any(machine.get("loops") for machine in machines),
         "gears": bool(gears),

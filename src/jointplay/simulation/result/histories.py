@@ -13,6 +13,7 @@ from jointplay.base.origins import to_text
 from jointplay.model.loop import locked
 from jointplay.model.tree import Tree
 from jointplay.physics.geometry import Form, Mode
+from jointplay.physics.joints.base import WEARING_PARTS
 from jointplay.physics.kernel import AZIMUTHS, Status
 from jointplay.physics.kernel.workspace import Workspace
 from jointplay.simulation.result import variables
@@ -202,17 +203,20 @@ class HistoryBuilder:
         import xarray as xr  # takes long to import
 
         names = variables.contact_names(self._mechanism)
-        work = np.full((len(joints), len(names), AZIMUTHS), np.nan)  # where there is no contact
+        # NaN where there is no contact
+        work = np.full((len(joints), 2, len(names), AZIMUTHS), np.nan)
         for j, joint in enumerate(joints):
-            for k, counted in enumerate(self._run.workspace.sliding_work[j]):
-                work[j, names.index(joint.contacts[k])] = counted
+            counted = self._run.workspace.sliding_work[j]
+            for k in range(counted.shape[1]):
+                work[j, :, names.index(joint.contacts[k])] = counted[:, k]
         azimuths = 2.0 * np.pi * np.arange(AZIMUTHS) / AZIMUTHS
-        text = "around the bore, from the bearing's x axis"
+        text = "around bore or journal, from its own x axis"
         about = ("azimuth", azimuths, {"units": "rad", "long_name": text})
         text = "normal force times sliding distance over the whole run"
         attributes = {"units": "N m", "long_name": text}
-        dims = ("joint", "contact", "azimuth")
-        return {"sliding_work": xr.DataArray(work, {"azimuth": about}, dims, attrs=attributes)}
+        dims = ("joint", "part", "contact", "azimuth")
+        coordinates = {"part": list(WEARING_PARTS), "azimuth": about}
+        return {"sliding_work": xr.DataArray(work, coordinates, dims, attrs=attributes)}
 
     def audit(self) -> Audit:
         return self._auditor.audit(self._run.workspace, self._run.rest, self._run.judging.unjudged)

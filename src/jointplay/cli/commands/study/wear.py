@@ -1,8 +1,9 @@
 """`jointplay study wear`: how many cycles it takes a clearance to grow.
 
-Estimate how many cycles of a scenario wear the bore of a joint by a given depth: Archard's law,
-extrapolated over blocks of equal cycles; the bore's shape is updated between blocks. The joint
-needs a clearance and a wear_rate, here or in the scenario: --set
+Estimate how many cycles of a scenario wear a joint by a given depth (--growth), or how worn its
+bore and journal are after so many (--cycles): Archard's law, extrapolated over blocks of equal
+cycles; the shape is updated between blocks. The joint needs a clearance and a wear_rate of its
+bore, a journal_wear_rate, or both, here or in the scenario: --set
 joints.NAME.radial_clearance="0.05 mm" --set joints.NAME.wear_rate="1e-5 mm^3/(N*m)". One run is one
 cycle of the motion; BLOCKS x RUNS of them are simulated, one block after the other.
 Begin with --blocks 1. docs/wear.md explains the numbers.
@@ -27,7 +28,9 @@ def declare(parser: Parser) -> None:
         "if there are several")
     add("--cycles-per-run", metavar="X", type=float, default=1, help="cycles in one run")
     add("--joint", metavar="NAME", required=True, help="the joint whose wear is estimated")
-    add("--growth", **LENGTH, required=True, help="growth of its clearance")
+    asked = parser.add_mutually_exclusive_group(required=True)
+    asked.add_argument("--growth", **LENGTH, help="growth of its clearance")
+    asked.add_argument("--cycles", metavar="N", type=float, help="cycles done")
     add("--out", metavar="CSV", help="file for the cycles and depths after each block")
     parser.share("--jobs", "--detail", "--quiet")
 # fmt: on
@@ -43,11 +46,13 @@ def run(options: argparse.Namespace) -> int:
         simulation,
         options.joint,
         options.growth,
-        **given(options, "blocks", "runs", "cycles_per_run", "jobs"),
+        **given(options, "cycles", "blocks", "runs", "cycles_per_run", "jobs"),
         progress=not options.quiet,
     )
-    depths = (Column(name, getattr(life, name), "m", fine=True) for name in ("deepest", "mean"))
-    print_answer(str(life), Table([Column("cycles", life.cycles), *depths]), (), options)
+    columns = [Column("cycles", life.cycles)]
+    names = ("deepest", "mean", *(("bore", "journal") if life.both else ()))
+    columns += [Column(name, getattr(life, name), "m", fine=True) for name in names]
+    print_answer(str(life), Table(columns), (), options)
     if options.out:
         files.write(options.out, life.table.csv())
         print(f"profiles in {options.out}")
