@@ -32,6 +32,8 @@ from jointplay.physics.joints import IDEAL_BALL, Clearance
 
 _DIGITS = 15
 """Decimals of differences of places [m], so that 0.17 - 0.05 is 0.12."""
+_REACH = 10.0
+"""Limits of sliders, of the drawing's size: farther than a linkage of this size goes."""
 _LINE, _PIVOT = 0.02, 0.04
 """Radius of a link's lines, and of pivots on the ground, in pictures; of the drawing's size."""
 
@@ -91,7 +93,7 @@ def tree_of(linkage: Linkage, play: Collection[str] = ()) -> Tree:
         put(joint, "parent", link=edge.bearing)
         put(joint, "child", link=edge.journal)
         if edge.kind == SLIDE:
-            put(joint, "limit", lower=-linkage.size, upper=linkage.size, effort=0.0, velocity=0.0)
+            put(joint, "limit", lower=-reach, upper=reach, effort=0.0, velocity=0.0)
         put(joint, "axis", xyz=edge.axis / np.linalg.norm(edge.axis))
     for name, link in linkage.links.items():
         _put_link(linkage, root, name, link, origins[name])

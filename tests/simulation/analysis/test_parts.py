@@ -146,7 +146,7 @@ def test_a_tool_that_stands_has_its_angle_said():
     made = case.simulation("0.2 mm", {"integration": {"duration": "50 ms"}}).run(**QUIET)
     line = str(made.tool_error)
     assert line.startswith("Play of 0.2 mm in rocker_end turns 'rocker' by up to ")
-    assert "its origin cannot move: --tool FRAME" in line
+    assert "and leaves its origin in place" in line
 
 
 def test_a_corrected_motion_is_judged_by_the_one_that_was_meant(arm, tmp_path, capsys):
@@ -196,3 +196,43 @@ def test_servos_of_a_machine_without_play_are_told_from_where_the_motion_sends_t
     (line,) = headline(result, None)
     assert line.endswith(": servos")
     assert f"is up to {1e3 * farthest:.3g} mm from where it was sent" in line
+
+
+def test_a_loose_pin_is_judged_beside_the_ideal_one_and_by_the_turn():
+    """The ideal pin's force by Newton and Euler, written anew, of a slider-crank at 600 rpm."""
+    r, rod, sliding, mass, speed, g = 0.05, 0.12, 0.14, 0.21, 20 * np.pi, 9.81
+    linkage = jp.Linkage(
+        points={"O": (0, 0), "A": (r, 0), "B": (r + rod, 0)},
+        ground=["O"],
+        links={
+            "crank": jp.LinkageLink(["O", "A"], mass=0.3),
+            "rod": jp.LinkageLink(["A", "B"], mass=mass, inertia=2.5e-4),
+            "slider": jp.LinkageLink(["B"], mass=sliding),
+        },
+        sliders={"guide": jp.LinkageSlider("slider", (1, 0))},
+    )
+    pin = jp.RevoluteClearance.planar(radial_clearance=1e-4)
+    turns = jp.Motion(["O"], [0, 0.2], [[0], [0.2 * speed]], "constant-speed")
+    result = jp.simulate(
+        jp.Mechanism(linkage, {"B": pin}), turns, drive={"O": jp.loads.Prescribed()}
+    )
+    time = np.linspace(0, 0.2, 8001)
+    angle = speed * time
+    place = r * np.cos(angle) + np.sqrt(rod**2 - (r * np.sin(angle)) ** 2)
+    lean = np.arctan2(-r * np.sin(angle), place - r * np.cos(angle))
+
+    def twice(values):
+        return np.gradient(np.gradient(values, time, edge_order=2), time, edge_order=2)
+
+    half = 0.5 * rod * np.array([np.cos(lean), np.sin(lean)])
+    middle = r * np.array([np.cos(angle), np.sin(angle)]) + half
+    push = mass * np.array([twice(middle[0]), twice(middle[1]) + g])
+    along = -sliding * twice(place)
+    moment = 2.5e-4 * twice(lean) + half[0] * push[1] - half[1] * push[0]
+    across = (moment + 2.0 * half[1] * along) / (2.0 * half[0])
+    ideal = np.hypot(along, across)[20:-20].max()
+    line = result.summary()
+    said = float(re.search(r"\(ideal ([\d.]+) N\)", line)[1])
+    assert said == pytest.approx(ideal, rel=2e-3)
+    count, a_turn = re.search(r"rattle: ([\d.]+) impacts? a second, ([\d.]+) a turn", line).groups()
+    assert float(a_turn) == pytest.approx(float(count) / 10.0, rel=1e-2)

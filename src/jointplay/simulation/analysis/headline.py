@@ -341,7 +341,7 @@ def headline(result: Result, ideal: Result | None, detail: bool = False) -> list
         if bearings := [joint for joint in result.joints if joint not in hinged]:
             fall = result.audit.start == "centred" and not start
             note = ", judged from the start, with the fall of the journals" if fall else ""
-            lines.append(_forces(result, bearings, since, detail) + note)
+            lines.append(_forces(result, ideal, bearings, since, detail) + note)
         lines += _bearings(result, since)
         with suppress(JointplayError):  # too few records
             noise = rattle(result, ideal)
@@ -441,7 +441,9 @@ def _at_stops(result: Result, error: xr.DataArray) -> list[str]:
     return [f"at its stops: {listed}"]
 
 
-def _forces(result: Result, joints: list[str], since: str, detail: bool) -> str:
+def _forces(
+    result: Result, ideal: Result | None, joints: list[str], since: str, detail: bool
+) -> str:
     forces = result.forces
     forces = forces.sel(time=forces["time"] >= result.judge_from)
     parts: list[str] = []
@@ -449,8 +451,20 @@ def _forces(result: Result, joints: list[str], since: str, detail: bool) -> str:
         sizes = forces.sel(joint=joint).values
         at = float(forces["time"][int(sizes.argmax())])
         peak = peak_force(result, joint, float(sizes.max()), detail)
+        peak += _ideal_force(ideal, joint, result.judge_from)
         parts.append(f"in {joint}{'' if parts else since} {peak} at t = {at:.4g} s")
     return f"peak force {few(parts)}"
+
+
+def _ideal_force(ideal: Result | None, joint: str, start: float) -> str:
+    """The largest force in the same pin of the ideal linkage, where it is known, in brackets."""
+    if ideal is None or "reaction_force" not in ideal.dataset:
+        return ""
+    forces = ideal["reaction_force"].sel(time=ideal.time >= start)
+    if joint not in forces["moving_joint"].values:
+        return ""
+    largest = float(np.linalg.norm(forces.sel(moving_joint=joint).values, axis=1).max())
+    return f" (ideal {alone(largest)} N)"
 
 
 def peak_force(result: Result, joint: str, largest: float, detail: bool = False) -> str:

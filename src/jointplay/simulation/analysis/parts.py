@@ -219,8 +219,7 @@ class ToolError:
         turned = f"by up to {peak_turn}, RMS {rms_turn}"
         when = f"{since} (at t = {_time_of_peak(self.reported):.4g} s), RMS {rms}"
         if self._stands:
-            line = f"{cause(result)} turns {tool!r} {turned}{since}; its origin cannot move: "
-            line += "--tool FRAME selects a point that does"
+            line = f"{cause(result)} turns {tool!r} {turned}{since}, and leaves its origin in place"
         elif "left" in causes:
             line = f"The tool {tool!r} is up to {peak} from where the ideal mechanism's is on the "
             line += f"motion as it was meant{when}, and turned {turned}"
@@ -286,9 +285,8 @@ class ToolError:
 
     @property
     def _stands(self) -> bool:
-        """Whether the tool turns about its origin, which cannot move."""
-        path = np.ptp(self.ideal["tool_position"].values, axis=0).max()
-        return bool(max(_peak(self.vector), path) < STANDS_M < self.peak_turn)
+        """Whether the tool's origin stays where it should be, while the tool turns about it."""
+        return bool(_peak(self.vector) < STANDS_M < self.peak_turn)
 
     def __str__(self) -> str:
         return self.sentence()

@@ -263,8 +263,8 @@ def tool_motion(
     """A twin's run, of which only the tool's motion is kept, and what is `also` asked for; of a
     free base that of all bodies.
 
-    Neither the forces in its joints are found, nor how far it is off because of its step. It is
-    interrupted as soon as `stop` says so.
+    Forces in its joints are found of linkages alone, and not how far it is off because of its step.
+    It is interrupted as soon as `stop` says so.
     """
     from jointplay.simulation.run import Run  # takes long to import
 
@@ -276,6 +276,8 @@ def tool_motion(
         status = run.run_to_end(progress)
         # Seen from a free base it needs all velocities.
         more = ("q", "v") if simulation.mechanism.free_base is not None else ()
+        if simulation.mechanism.loops:  # beside which the forces of loose pins are judged
+            more = (*more, "reaction_force")
         motion = run.result(status, only=(*TOOL_MOTIONS, *also, *more))
         if status != Status.COMPLETED or motion.dataset.nbytes > _LARGE_BYTES:
             return motion

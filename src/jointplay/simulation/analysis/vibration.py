@@ -137,6 +137,8 @@ class Rattle:
     lost: float
     """Energy lost normal to the surfaces, which impacts turn into sound and heat [J]."""
     bands: tuple[Band, ...]
+    turns: float | None = None
+    """Of a crank at constant speed in that time; None where no single one turns."""
     against_ideal: bool = False
     """Whether it is that of the difference from the ideal twin, or that of the whole motion."""
 
@@ -159,6 +161,8 @@ class Rattle:
     def impacts_words(self) -> str:
         """How often and how hard contacts begin, without the tool's vibration."""
         text = f"rattle: {counted(_three(self.rate), 'impact')} a second"
+        if self.turns:
+            text += f", {_three(self.impacts / self.turns)} a turn,"
         if self.impacts:
             text += f" of {_three(self.energy, 'J')} each, {_three(self.power, 'W')}"
         return text
@@ -198,8 +202,21 @@ def rattle(result: Result, ideal: Result | None = None) -> Rattle:
         result.audit.impacts if impacts is None else impacts,
         float(lost[-1] - lost[0]),
         _bands(result, ideal),
+        _turns(result, float(time[0]), float(time[-1])),
         ideal is not None,
     )
+
+
+def _turns(result: Result, begin: float, end: float) -> float | None:
+    """Turns of the only joint that is led, at constant speed, between two times [s]."""
+    motion, entries = result.simulation.motion, result.simulation.mechanism.description.joints
+    if motion is None or motion.interpolation != "constant-speed" or len(motion.joints) != 1:
+        return None
+    entry = entries.get(motion.joints[0])
+    if entry is None or entry.slides:
+        return None
+    first, last = motion(np.array([begin, end]))[0][:, 0]
+    return abs(float(last - first)) / (2.0 * np.pi) or None
 
 
 def _bands(result: Result, ideal: Result | None) -> tuple[Band, ...]:
