@@ -92,7 +92,8 @@ def tree_of(linkage: Linkage, play: Collection[str] = ()) -> Tree:
         joint.append(origin_of(pin.SE3(np.eye(3), place.round(_DIGITS))))
         put(joint, "parent", link=edge.bearing)
         put(joint, "child", link=edge.journal)
-        if edge.kind == SLIDE:
+        if edge.kind == SLIDE:  # of a URDF it must have limits
+            reach = _REACH * linkage.size
             put(joint, "limit", lower=-reach, upper=reach, effort=0.0, velocity=0.0)
         put(joint, "axis", xyz=edge.axis / np.linalg.norm(edge.axis))
     for name, link in linkage.links.items():
