@@ -359,7 +359,7 @@ WRITERS = re.compile(
 
 ELSEWHERE = {
     "in memory": "bridges/notebook bridges/table show/plots/style "
-    "show/reports/page show/reports/pdf simulation/result/netcdf simulation/checkpoint "
+    "show/reports/template show/reports/pdf simulation/result/netcdf simulation/checkpoint "
     "simulation/analysis/parts simulation/result/result",
     "text, or standard output": "bridges/trajectory cli/commands/check base/streams",
     "in temporary folders and the user's cache": "model/viewer model/meshes model/design "

@@ -162,7 +162,7 @@ def test_figures_of_sweeps_are_drawn(words, done, tmp_path, capsys):
         (["x=clearence", "y=peak_force"], "no dimension 'clearence'"),
         (["x=clearance", "y=peek_force"], "no measure 'peek_force'"),
         (["x=clearance"], "y=NAME is missing"),
-        (["clearance", "y=peak_force"], "must be one of"),
+        (["clearance", "y=peak_force"], "WORDS must read x=NAME"),
         (["x=clearance", "y=peak_force", "hue=clearance"], "no dimension for hue"),
         (["x=clearance", "y=peak_force", "speed=1"], "no dimension 'speed'"),
     ],

@@ -813,7 +813,8 @@ def budget(
         relative_to=relative_to,
     )  # fmt: skip
     unit, half = "m", half_sphere()
-    if model.farthest().size.max() <= NOWHERE * model.farthest(turn=True).size.max():
+    turned = model.farthest(turn=True).size.max()
+    if turned > 0.0 and model.farthest().size.max() <= NOWHERE * turned:
         unit, model = "rad", model.turning
     states = model.along(np.broadcast_to(half, (len(q), *half.shape)))
     worst = model.farthest(start=half[states.value.sum(axis=0).argmax(axis=1)])

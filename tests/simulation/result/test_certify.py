@@ -19,7 +19,7 @@ from jointplay.base import processes
 from jointplay.paper import scara
 from jointplay.physics.kernel import Status
 from jointplay.show.reports import cases, runs
-from jointplay.show.reports.page import page as html
+from jointplay.show.reports.template import page as html
 from jointplay.simulation.analysis import twins
 from jointplay.simulation.analysis.headline import (
     STRETCHES,

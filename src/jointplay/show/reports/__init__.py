@@ -20,7 +20,7 @@ from jointplay.show.reports import runs, sweep
 from jointplay.show.reports.cases import Runs, Say, build, follow_impacts
 from jointplay.show.reports.charts import Times
 from jointplay.show.reports.html import Html, joined, markup
-from jointplay.show.reports.page import page
+from jointplay.show.reports.template import page
 from jointplay.show.reports.parts import Block
 from jointplay.show.reports.pdf import pdf as draw_pdf
 from jointplay.simulation.result.result import Result
