@@ -201,4 +201,4 @@ def test_the_command_names_the_simulators_it_knows(path, tmp_path, capsys):
         main(["export", "simulator", str(path), *OPTIONS, "--for", "unity", "--out", str(tmp_path)])
     told = capsys.readouterr().err
     assert '"unity"' in told
-    assert "'mujoco', 'newton', 'genesis', 'gazebo', 'isaac'" in told
+    assert "mujoco, newton, genesis, gazebo, webots, isaac" in told

@@ -260,7 +260,7 @@ def test_the_command_writes_all_formats(path, tmp_path, capsys):
     assert "within the stated" in text
     assert "j turns freely by 3.49" in text
     formats = {one.suffix for one in out.iterdir()}
-    assert formats == {".xml", ".sdf", ".urdf", ".yaml", ".json", ".png", ".usda", ".py"}
+    assert formats == {".xml", ".sdf", ".urdf", ".yaml", ".json", ".png", ".usda", ".py", ".proto"}
     assert "j by its actuator: link's angle off by up to" in text
 
 

@@ -330,7 +330,7 @@ def test_shapes_go_with_the_mjcf(path, tmp_path):
         (["--all", *OPTIONS, "--tilt", "--format", "sdf"], "--format sdf with --tilt"),
         pytest.param(
             ["--all", "--joint", "a=0.1 mm"],
-            "mjcf, sdf, urdf, usd, py would have no play",
+            "mjcf, sdf, urdf, usd, proto, py would have no play",
             marks=EVERY_FORMAT,
         ),
         pytest.param(
@@ -340,7 +340,7 @@ def test_shapes_go_with_the_mjcf(path, tmp_path):
         ),
         pytest.param(
             ["--joint", "a=0.1 mm"],
-            "mjcf, sdf, urdf, usd, py would have no play: the clearance of a",
+            "mjcf, sdf, urdf, usd, proto, py would have no play: the clearance of a",
             marks=EVERY_FORMAT,
         ),
         (["--clearance", "0.1 mm"], "got none; --all reduces every one"),
@@ -358,14 +358,14 @@ def test_a_missing_package_leaves_its_format_out_and_says_how_to_get_it(
     import importlib.util
 
     real = importlib.util.find_spec
-    hidden = ("mujoco", "newton_usd_schemas")
+    hidden = ("mujoco", "newton_usd_schemas", "urdf2webots")
     monkeypatch.setattr(
         importlib.util, "find_spec", lambda name, *a: None if name in hidden else real(name, *a)
     )
     order = ["export", "simulator", str(path), "--all", *OPTIONS]
     assert main([*order, "--out", str(tmp_path / "o")]) == 0
     said = capsys.readouterr().out
-    assert said.count("pip install '.[simulators]'") == 2
+    assert said.count("pip install '.[simulators]'") == 3
     names = {one.name for one in (tmp_path / "o").iterdir()}
     parts = {f"robot.{ending}" for ending in ("sdf", "urdf", "yaml", "json")}
     assert names == {*parts, "robot_dead_band.py"}

@@ -812,7 +812,7 @@ def budget(
         mechanism, q, loads=acting, second_order=second_order, driven=driven, loops=True,
         relative_to=relative_to,
     )  # fmt: skip
-    unit, half = "m", half_sphere()
+    unit, half, of_places = "m", half_sphere(), model
     turned = model.farthest(turn=True).size.max()
     if turned > 0.0 and model.farthest().size.max() <= NOWHERE * turned:
         unit, model = "rad", model.turning
@@ -838,10 +838,20 @@ def budget(
         more = _second_order(model, outwards)
     push = np.array(force, float)
     rest = RestPositions(
-        mechanism, q, middle, push, acting, driven, friction, drives, losses, more, relative_to
+        mechanism,
+        q,
+        of_places.middle,
+        push,
+        acting,
+        driven,
+        friction,
+        drives,
+        losses,
+        more,
+        relative_to,
     )
     if rest.regulated and not mechanism.loops:  # their links are held still
-        rest = replace(rest, second_order=_second_order(rest.unregulated(model), outwards))
+        rest = replace(rest, second_order=_second_order(rest.unregulated(of_places), outwards))
     seen = driven, relative_to, _positions(mechanism, q, relative_to)
     return PlayBudget(mechanism, q, model, push, *seen, worst, rest, more, rms, rms_parts, unit)
 
