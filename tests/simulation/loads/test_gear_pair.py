@@ -9,19 +9,22 @@ from machines import NO_GRAVITY, QUIET
 from scipy.integrate import solve_ivp
 
 import jointplay as jp
+from jointplay.cli import main
 from jointplay.simulation.loads import Controller, GearPair
 
 ONE, TWO = 0.02, 0.05  # moments of inertia [kg m^2]
 
 
-def discs(urdf, *more, kind="continuous", mimic=""):
-    path = urdf(
+def file_of_discs(urdf, kind="continuous", mimic=""):
+    return urdf(
         *(body("one", 1.0, inertia=ONE), body("two", 1.0, inertia=TWO)),
         joint("a", "base", "one", "continuous"),
         joint("b", "base", "two", kind, at="0.15 0 0").replace("<limit", f"{mimic}<limit"),
-        *more,
     )
-    return jp.Mechanism(path, gravity=NO_GRAVITY)
+
+
+def discs(urdf, **options):
+    return jp.Mechanism(file_of_discs(urdf, **options), gravity=NO_GRAVITY)
 
 
 def push(time, q, v, p, out):
@@ -187,3 +190,34 @@ def test_gears_that_cannot_mesh_are_refused(urdf, fields, words):
             loads={"m": GearPair("b", stiffness=1e3, **fields)},
             **QUIET,
         )
+
+
+SCENARIO = """
+[robot]
+urdf = "robot.urdf"
+gravity = "balanced"
+tool = "two"
+[motion]
+times = [0, "0.2 s", "0.4 s"]
+joints.a = ["10 deg", "90 deg", "10 deg"]
+[loads.mesh]
+kind = "gear-pair"
+joint = "b"
+leader = "a"
+ratio = -0.5
+play = "0.5 deg"
+stiffness = "2000 N*m/rad"
+damping = "1 N*m*s/rad"
+centre_distance = "150 mm"
+"""
+
+
+def test_a_file_says_what_play_of_teeth_does(urdf, tmp_path, capsys):
+    path = file_of_discs(urdf)
+    scenario = tmp_path / "pair.toml"
+    scenario.write_text(SCENARIO.replace("robot.urdf", str(path)), encoding="utf-8")
+    assert main(["run", str(scenario), "--out", str(tmp_path / "out")]) == 0
+    assert "Play of 0.5 deg in mesh turns 'two' by up to" in capsys.readouterr().out
+    assert main(["budget", str(scenario), "--gear", "b=0.1 deg"]) == 0
+    said = capsys.readouterr()
+    assert "both joints of a gear pair, so its play does not count" in said.out + said.err
