@@ -1,6 +1,7 @@
 """Gears that mesh: against Modelica's law integrated by scipy, conservation, and a rigid ratio."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -192,6 +193,7 @@ def test_gears_that_cannot_mesh_are_refused(urdf, fields, words):
         )
 
 
+DOCS = Path(__file__).parents[3] / "docs" / "drives.md"
 SCENARIO = """
 [robot]
 urdf = "robot.urdf"
@@ -200,24 +202,26 @@ tool = "two"
 [motion]
 times = [0, "0.2 s", "0.4 s"]
 joints.a = ["10 deg", "90 deg", "10 deg"]
-[loads.mesh]
-kind = "gear-pair"
-joint = "b"
-leader = "a"
-ratio = -0.5
-play = "0.5 deg"
-stiffness = "2000 N*m/rad"
-damping = "1 N*m*s/rad"
-centre_distance = "150 mm"
 """
 
 
-def test_a_file_says_what_play_of_teeth_does(urdf, tmp_path, capsys):
-    path = file_of_discs(urdf)
-    scenario = tmp_path / "pair.toml"
-    scenario.write_text(SCENARIO.replace("robot.urdf", str(path)), encoding="utf-8")
-    assert main(["run", str(scenario), "--out", str(tmp_path / "out")]) == 0
+@pytest.fixture
+def scenario(urdf, tmp_path):
+    page = DOCS.read_text(encoding="utf-8")
+    (pair,) = re.findall(r"```toml\n(\[loads.mesh\].*?)```", page, re.DOTALL)
+    pair = pair.replace('"wheel"', '"b"').replace('"pinion"', '"a"')
+    text = SCENARIO.replace("robot.urdf", str(file_of_discs(urdf))) + pair
+    (tmp_path / "pair.toml").write_text(text, encoding="utf-8")
+    return str(tmp_path / "pair.toml")
+
+
+@pytest.mark.thorough
+def test_a_run_says_what_play_of_teeth_does(scenario, tmp_path, capsys):
+    assert main(["run", scenario, "--out", str(tmp_path / "out")]) == 0
     assert "Play of 0.5 deg in mesh turns 'two' by up to" in capsys.readouterr().out
-    assert main(["budget", str(scenario), "--gear", "b=0.1 deg"]) == 0
+
+
+def test_a_budget_says_that_it_leaves_pairs_out(scenario, capsys):
+    assert main(["budget", scenario, "--gear", "b=0.1 deg"]) == 0
     said = capsys.readouterr()
     assert "both joints of a gear pair, so its play does not count" in said.out + said.err
