@@ -11,7 +11,9 @@ TEXT = (Path(__file__).parents[3] / "docs" / "drives.md").read_text(encoding="ut
 
 
 def test_the_scenario_can_be_run():
-    (block,) = (one for one in re.findall(r"```toml\n(.*?)```", TEXT, re.S) if "[loads." in one)
+    (block,) = (
+        one for one in re.findall(r"```toml\n(.*?)```", TEXT, re.S) if "[loads.cable]" in one
+    )
     scenario = jp.Scenario(block, jp.shipped("scara.urdf").parent / "docs.toml")
     (case,) = scenario.cases
     simulation = scenario.simulation(case)

@@ -1,6 +1,7 @@
 """Gears that mesh: against Modelica's law integrated by scipy, conservation, and a rigid ratio."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,19 +10,22 @@ from machines import NO_GRAVITY, QUIET
 from scipy.integrate import solve_ivp
 
 import jointplay as jp
+from jointplay.cli import main
 from jointplay.simulation.loads import Controller, GearPair
 
 ONE, TWO = 0.02, 0.05  # moments of inertia [kg m^2]
 
 
-def discs(urdf, *more, kind="continuous", mimic=""):
-    path = urdf(
+def file_of_discs(urdf, kind="continuous", mimic=""):
+    return urdf(
         *(body("one", 1.0, inertia=ONE), body("two", 1.0, inertia=TWO)),
         joint("a", "base", "one", "continuous"),
         joint("b", "base", "two", kind, at="0.15 0 0").replace("<limit", f"{mimic}<limit"),
-        *more,
     )
-    return jp.Mechanism(path, gravity=NO_GRAVITY)
+
+
+def discs(urdf, **options):
+    return jp.Mechanism(file_of_discs(urdf, **options), gravity=NO_GRAVITY)
 
 
 def push(time, q, v, p, out):
@@ -187,3 +191,37 @@ def test_gears_that_cannot_mesh_are_refused(urdf, fields, words):
             loads={"m": GearPair("b", stiffness=1e3, **fields)},
             **QUIET,
         )
+
+
+DOCS = Path(__file__).parents[3] / "docs" / "drives.md"
+SCENARIO = """
+[robot]
+urdf = "robot.urdf"
+gravity = "balanced"
+tool = "two"
+[motion]
+times = [0, "0.2 s", "0.4 s"]
+joints.a = ["10 deg", "90 deg", "10 deg"]
+"""
+
+
+@pytest.fixture
+def scenario(urdf, tmp_path):
+    page = DOCS.read_text(encoding="utf-8")
+    (pair,) = re.findall(r"```toml\n(\[loads.mesh\].*?)```", page, re.DOTALL)
+    pair = pair.replace('"wheel"', '"b"').replace('"pinion"', '"a"')
+    text = SCENARIO.replace("robot.urdf", str(file_of_discs(urdf))) + pair
+    (tmp_path / "pair.toml").write_text(text, encoding="utf-8")
+    return str(tmp_path / "pair.toml")
+
+
+@pytest.mark.thorough
+def test_a_run_says_what_play_of_teeth_does(scenario, tmp_path, capsys):
+    assert main(["run", scenario, "--out", str(tmp_path / "out")]) == 0
+    assert "Play of 0.5 deg in mesh turns 'two' by up to" in capsys.readouterr().out
+
+
+def test_a_budget_says_that_it_leaves_pairs_out(scenario, capsys):
+    assert main(["budget", scenario, "--gear", "b=0.1 deg"]) == 0
+    said = capsys.readouterr()
+    assert "both joints of a gear pair, so its play does not count" in said.out + said.err
