@@ -66,7 +66,7 @@ class RevoluteClearance(base.RoundClearance):
     journal_wear_rate: float | None = quantity(
         "m^3/(N*m)", default=None, above=0.0, label="wear rate of the journal"
     )
-    """The same of the journal."""
+    """Specific wear rate of the journal K/H [m^3/(N m)]; None: it does not wear."""
     worn: Sequence[float] | Sequence[Sequence[float]] | None = quantity("m", default=None)
     """How deep the bore is worn at equal azimuths from the bearing's x axis [m].
 
