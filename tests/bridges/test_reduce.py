@@ -247,7 +247,7 @@ def test_reductions_refuse_what_cannot_be(path, options, message):
         reduce(mechanism, **options)
 
 
-@pytest.mark.needs("mujoco", "pxr", "newton_usd_schemas")
+@pytest.mark.needs("mujoco", "pxr", "newton_usd_schemas", "urdf2webots")
 def test_the_command_writes_all_formats(path, tmp_path, capsys):
     out = tmp_path / "out"
     options = ["--joint", "j", "--clearance", "0.1 mm", "--gear", "j=0.2 deg"]

@@ -25,7 +25,7 @@ from jointplay.simulation.run import Run
 from jointplay.study.runs import Runs
 
 PLAYS = {"a": 6e-3, "b": 4e-3}
-EVERY_FORMAT = pytest.mark.needs("mujoco", "pxr", "newton_usd_schemas")
+EVERY_FORMAT = pytest.mark.needs("mujoco", "pxr", "newton_usd_schemas", "urdf2webots")
 
 
 @pytest.fixture(scope="module")

@@ -181,8 +181,8 @@ def test_title_and_cases_are_those_of_the_scenario(tmp_path):
 
 
 def test_a_list_folds_several_points_or_none():
-    from jointplay.show.reports.template import page
     from jointplay.show.reports.parts import Block, Grid, Points
+    from jointplay.show.reports.template import page
 
     for part in (Points("abcde", "case"), Grid(["x"], [["a"]] * 5, noun="case")):
         shown = page("t", "s", {}, [(Block("b", list), [part])])

@@ -20,9 +20,9 @@ from jointplay.show.reports import runs, sweep
 from jointplay.show.reports.cases import Runs, Say, build, follow_impacts
 from jointplay.show.reports.charts import Times
 from jointplay.show.reports.html import Html, joined, markup
-from jointplay.show.reports.template import page
 from jointplay.show.reports.parts import Block
 from jointplay.show.reports.pdf import pdf as draw_pdf
+from jointplay.show.reports.template import page
 from jointplay.simulation.result.result import Result
 from jointplay.simulation.result.stored import versions
 from jointplay.study import open_sweep
