@@ -80,7 +80,9 @@ class Drawing:
         }
         pins = {}
         for point, place in self.points.items():
-            there: list[str | None] = [n for n, (points, _) in self.links.items() if point in points]
+            there: list[str | None] = [
+                n for n, (points, _) in self.links.items() if point in points
+            ]
             first, *others = [None, *there] if point in self.ground else there
             for link in others:
                 name = point if len(others) == 1 else f"{point}_{link}"
@@ -480,17 +482,25 @@ def spatial(compared: Compared, poses: int) -> None:
 
     def energy(time: np.ndarray) -> np.ndarray:
         h = 1e-4
+
         def ends(at: np.ndarray) -> np.ndarray:
             turn, swing = speed * at, rocker(speed * at)
             still = np.zeros_like(at)
             near = crank * np.array([np.cos(turn), np.sin(turn), still])
-            return np.array([near, [axis + still, arm * np.cos(swing),
-                                    height + arm * np.sin(swing)]])
-        def rate(at): 
-            return (8 * (ends(at + h) - ends(at - h)) - ends(at + 2 * h) + ends(at - 2 * h)) / (12 * h)
+            return np.array(
+                [near, [axis + still, arm * np.cos(swing), height + arm * np.sin(swing)]]
+            )
+
+        def rate(at):
+            return (8 * (ends(at + h) - ends(at - h)) - ends(at + 2 * h) + ends(at - 2 * h)) / (
+                12 * h
+            )
+
         (a, b), (va, vb) = ends(time), rate(time)
-        thick = {n: masses[n] / (7800 * l) / math.pi / 4 for n, l in
-                 {"rod": length, "rocker": arm}.items()}
+        thick = {
+            n: masses[n] / (7800 * l) / math.pi / 4
+            for n, l in {"rod": length, "rocker": arm}.items()
+        }
         along = np.sum((va - vb) ** 2, axis=0)
         rod = np.sum(va * va + va * vb + vb * vb, axis=0) / 3 + thick["rod"] * along / length**2
         swing = np.sum(vb * vb, axis=0) * (1 / 3 + thick["rocker"] / arm**2)
@@ -584,9 +594,7 @@ def main() -> None:
             [row["linkage"], row["what"], f"{row['largest']:.4g}", f"{row['difference']:.1e}",
              row["by"]]
         )  # fmt: skip
-    benchmark.finish(
-        ["linkage", "figure", "largest", "difference over largest", "by"], table, rows
-    )
+    benchmark.finish(["linkage", "figure", "largest", "difference over largest", "by"], table, rows)
     worst = 100 * max(row["difference"] for row in rows)
     models = len({row["linkage"] for row in rows})
     print(f"models {models}, compared with others' numbers {len(rows)}, worst {worst:.2g} %")

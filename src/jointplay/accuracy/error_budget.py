@@ -13,6 +13,7 @@ from functools import cached_property
 from typing import overload
 
 import numpy as np
+import pinocchio as pin
 
 from jointplay.accuracy.causes import GIVEN, RULED, Cause, cause_model, given_and_assumed, named
 from jointplay.accuracy.cures import Cure, cures
@@ -814,7 +815,8 @@ def budget(
     )  # fmt: skip
     unit, half, of_places = "m", half_sphere(), model
     turned = model.farthest(turn=True).size.max()
-    if turned > 0.0 and model.farthest().size.max() <= NOWHERE * turned:
+    nowhere = model.farthest().size.max() <= NOWHERE * turned
+    if turned > 0.0 and (nowhere or (relative_to is None and _turns_alone(mechanism, q))):
         unit, model = "rad", model.turning
     states = model.along(np.broadcast_to(half, (len(q), *half.shape)))
     worst = model.farthest(start=half[states.value.sum(axis=0).argmax(axis=1)])
@@ -882,6 +884,26 @@ def holding_drives(
 def _positions(mechanism: Mechanism, q: np.ndarray, relative_to: str | None) -> np.ndarray:
     """Of the tool at configurations (n, nq), (n, 3) [m]."""
     return np.array([tool_place(mechanism, row, relative_to).translation for row in q])
+
+
+def _turns_alone(mechanism: Mechanism, q: np.ndarray) -> bool:
+    """Whether the ideal tool turns, and its origin stands whatever moves: the rocker of a linkage.
+
+    With play in its pivot the origin moves as well, and the output is an angle all the same.
+    """
+    if not mechanism.loops:
+        return False
+    ideal = mechanism.ideal()
+    row = np.zeros(ideal.model.nq)
+    for k, coordinate in enumerate(ideal.coordinates):
+        if coordinate in mechanism.coordinates:
+            row[k] = q[0, mechanism.coordinates.index(coordinate)]
+    frame = frame_index(ideal.model, ideal.tool)
+    jacobian = pin.computeFrameJacobian(
+        ideal.model, ideal.model.createData(), row, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    )
+    size = np.abs(jacobian[3:]).max(initial=0.0)
+    return bool(size > 0.0 and np.abs(jacobian[:3]).max(initial=0.0) <= NOWHERE * size)
 
 
 def _carries(mechanism: Mechanism, body: str) -> bool:

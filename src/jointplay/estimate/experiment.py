@@ -271,6 +271,10 @@ def _read(path: Path, known: dict[str, Curve]) -> tuple[np.ndarray, dict[str, np
     times = numbers.pop(("time", ""), None)
     if times is None:
         raise JointplayError(f"{path}: there is no column 'time [s]'")
+    for (_, name), column in [(("", "time"), times), *numbers.items()]:
+        if not np.isfinite(column).all():
+            at = int(np.flatnonzero(~np.isfinite(column))[0]) + 1
+            raise JointplayError(f"{path}: {name!r} has no number in row {at}; leave such rows out")
     if not numbers:
         raise JointplayError(f"{path}: there is no column beside the time; there may be {words}")
     if (np.diff(times) <= 0.0).any():

@@ -19,6 +19,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.base.errors import JointplayError
+from jointplay.base.units import readable
 from jointplay.model.frames import motion_between
 from jointplay.model.loop import (
     ANGLE_ARM_M,
@@ -105,7 +106,10 @@ class ClosedLoops:
     def stands(self, q: np.ndarray, at: int, count: int) -> str:
         """Where the driven joints stand at `q` (nq,), number `at` of several, in words."""
         place = self.mechanism.coordinate
-        values = ", ".join(f"{name} {q[place(name)]:.6g}" for name in self.driven)
+        entries = self.mechanism.description.joints
+        values = ", ".join(
+            f"{name} {readable(q[place(name)], entries[name].unit, 4)}" for name in self.driven
+        )
         pose = f" (pose {at + 1} of {count})" if count > 1 else ""
         return (values or "no joint driven") + pose
 

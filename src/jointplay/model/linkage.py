@@ -196,7 +196,9 @@ class Linkage(Described):
             require_known("link", slider.on, [GROUND, *self.links], where=("sliders", name, "on"))
             self.vector(slider.along, "sliders", name, "along")
         if self.output:
-            require_known("output", self.output, [*self.links, *self.traced], where=("output",))
+            require_known("output", self.output, [*self.links, *self.carried], where=("output",))
+        if not self.ground and all(slider.on != GROUND for slider in self.sliders.values()):
+            raise JointplayError("nothing stands still: name a point that does", ("ground",))
         names = [edge.name for edge in self.edges]
         twice = next((name for name in names if names.count(name) > 1), None)
         if twice is not None:
@@ -217,20 +219,24 @@ class Linkage(Described):
         return self.vector(self.points[point], "points", point)
 
     @property
-    def traced(self) -> dict[str, str]:
-        """Points of one link alone, at which nothing is hinged, with the link."""
-        carriers = {
-            point: [name for name, link in self.links.items() if point in link.points]
-            for point in self.points
-            if point not in (*self.ground, *self.links, GROUND)
-        }
-        sliders = {slider.link for slider in self.sliders.values()}
-        return {
-            point: names[0]
-            for point, names in carriers.items()
-            if len(names) == 1
-            and not (names[0] in sliders and len(self.links[names[0]].points) == 1)
-        }
+    def carried(self) -> dict[str, str]:
+        """Points that move, which are frames of its tree, with the first link that has each."""
+        frames = {}
+        for point in self.points:
+            links = [name for name, link in self.links.items() if point in link.points]
+            if links and point not in (*self.ground, *self.links, GROUND):
+                frames[point] = links[0]
+        return frames
+
+    @property
+    def traced(self) -> list[str]:
+        """Points of a link of several that it shares with none: a coupler's."""
+        shared = [point for link in self.links.values() for point in link.points]
+        return [
+            point
+            for point, link in self.carried.items()
+            if shared.count(point) == 1 and len(self.links[link].points) > 1
+        ]
 
     @property
     def tool(self) -> str:

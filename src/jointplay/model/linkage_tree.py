@@ -141,7 +141,7 @@ def _put_points(linkage: Linkage, root: Element, origins: Mapping[str, np.ndarra
         picture = put(ground, "visual")
         picture.append(origin_of(pin.SE3(np.eye(3), linkage.place(point))))
         put(put(picture, "geometry"), "sphere", radius=_PIVOT * linkage.size)
-    for point, link in linkage.traced.items():
+    for point, link in linkage.carried.items():
         put(root, "link", name=point)
         at = pin.SE3(np.eye(3), (linkage.place(point) - origins[link]).round(_DIGITS))
         put_fixed(root, f"{point}_of_{link}", link, point, at)

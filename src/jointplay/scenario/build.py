@@ -45,6 +45,7 @@ from jointplay.simulation.loads.drive import (
     ComputedTorque,
     Drive,
     JointFriction,
+    Prescribed,
     Torque,
     urdf_friction,
 )
@@ -423,9 +424,11 @@ def build(
     notes += [mechanism.base_words] if mechanism.base_words else []
     notes += [*_of_zero(model, mechanism), *_of_wide_clearances(mechanism)]
     notes += _of_idle_planes(mechanism)
-    if model.linkage is not None:
-        notes += _of_reach(mechanism, motion, start)
     drives = drive_of(model, mechanism)
+    if model.linkage is not None:
+        notes += _of_reach(mechanism, motion, start, drives)
+        if motion is None and not (model.drive or model.drives or model.loads):
+            notes.append("nothing drives the linkage: [motion] speeds turns a crank")
     if still:
         drive: Drive | Mapping[str, Drive] = drives
     else:
@@ -523,13 +526,27 @@ def _of_idle_planes(mechanism: Mechanism) -> list[str]:
     return lines
 
 
-def _of_reach(mechanism: Mechanism, motion: Motion | None, start: Mapping[str, float]) -> list[str]:
-    """Where along the motion loops cannot be closed, as past a dead point."""
+def _of_reach(
+    mechanism: Mechanism,
+    motion: Motion | None,
+    start: Mapping[str, float],
+    drives: Mapping[str, Drive],
+) -> list[str]:
+    """Where along the motion loops cannot be closed, as past a dead point.
+
+    Raises:
+        JointplayError: a prescribed motion, which nothing could follow.
+    """
     if motion is None or not mechanism.loops:
         return []
     try:
         along_motion(mechanism, motion, near=start)
     except JointplayError as error:
+        if any(isinstance(drives.get(name), Prescribed) for name in motion.joints):
+            raise JointplayError(
+                f"{error}, and a prescribed drive gives way to nothing",
+                where=("motion",),
+            ) from None
         return [f"warning: {error}; a machine that is driven on breaks there"]
     return []
 

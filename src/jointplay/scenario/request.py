@@ -168,7 +168,10 @@ class Request:
     def description(self) -> Description:
         if self.file is None:
             return description_of(robot_place(self.place), self.settings)
-        robot = self.file.model(self.case or self.file.cases[0]).robot
+        case = self.case or self.file.cases[0]
+        robot = self.file.model(case).robot
+        if not robot.urdf:  # a linkage
+            return self.file.mechanism(case).description
         return description_of(robot.urdf, self.settings, self.file.path.parent)
 
     @cached_property

@@ -202,6 +202,20 @@ class LawComparison:
         )
 
 
+def require_laws(names: Sequence[str]) -> None:
+    """Refuse names that `laws` cannot compare; see there for errors."""
+    if len(dict.fromkeys(names)) < 2:
+        raise JointplayError(f"give two laws or more, got {', '.join(names) or 'none'}")
+    for name in names:
+        require_known("normal-force law", name, NORMAL_LAWS)
+        try:
+            NORMAL_LAWS[name]()
+        except (TypeError, JointplayError):
+            raise JointplayError(
+                f"law {name!r} has parameters that must be given: run it as a case of a scenario"
+            ) from None
+
+
 def laws(
     simulation: Simulation,
     names: Sequence[str],
@@ -216,21 +230,14 @@ def laws(
         JointplayError: fewer than two laws, one that does not fit a joint, or needs parameters; no
             joint has clearance; a run that did not complete.
     """
-    if len(dict.fromkeys(names)) < 2:
-        raise JointplayError(f"give two laws or more, got {', '.join(names) or 'none'}")
+    require_laws(names)
     mechanism = simulation.mechanism
     joints = [name for name, joint in mechanism.clearance.items() if hasattr(joint, "normal")]
     if not joints:
         raise JointplayError("no joint has a contact whose law could be another")
     runs = {}
     for name in dict.fromkeys(names):
-        require_known("normal-force law", name, NORMAL_LAWS)
-        try:
-            law = NORMAL_LAWS[name]()
-        except TypeError:
-            raise JointplayError(
-                f"law {name!r} has parameters that must be given: run it as a case of a scenario"
-            ) from None
+        law = NORMAL_LAWS[name]()
         other = {joint: replace(mechanism.clearance[joint], normal=law) for joint in joints}
         runs[name] = replace(
             simulation, mechanism=mechanism.with_clearance(mechanism.given_joints | other)
@@ -271,7 +278,7 @@ class Spread:
             factor, unit = displayed(self.units[name])
             low, high = np.percentile(values, BAND)
             row = [values.mean(), values.std(ddof=1), low, high]
-            rows.append([f"{name} [{unit}]", *(factor * value for value in row)])
+            rows.append([f"{name} [{unit}]", *(f"{factor * value:.5g}" for value in row)])
         heads = ("figure", "mean", "standard deviation", f"{BAND[0]:g} %", f"{BAND[1]:g} %")
         columns = zip(*rows, strict=True)
         return Table(
@@ -280,7 +287,11 @@ class Spread:
 
     def __str__(self) -> str:
         count = len(next(iter(self.figures.values())))
-        return f"{count} perturbed starts\n\n{self.table}"
+        since = float(self.times[0])
+        return (
+            f"{count} perturbed starts, judged from {since:.4g} s on, when no journal falls any "
+            f"more\n\n{self.table}"
+        )
 
 
 def spread(

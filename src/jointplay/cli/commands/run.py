@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jointplay.base import signals, streams
+from jointplay.base.errors import require_whole
 from jointplay.base.progress import printing
 from jointplay.base.signals import INTERRUPTED
 from jointplay.base.tables import Table
@@ -67,6 +68,13 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.show import plots
     from jointplay.show.plots.names import MARK
 
+    if options.laws is not None or options.ensemble is not None:
+        from jointplay.study.reviews import require_laws
+
+        if options.laws is not None:
+            require_laws(options.laws)
+        if options.ensemble is not None:
+            require_whole("--ensemble", options.ensemble, 2)
     if not options.resume and not is_scenario(options):
         check_output_folder(Path(options.out), [f"{LABEL}.nc"])
     scenario = scenario_of(options)

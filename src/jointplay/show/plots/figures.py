@@ -275,7 +275,12 @@ def _skeleton(mechanism: Mechanism, q: np.ndarray) -> list[np.ndarray]:
 
 def plane_of(cases: Cases) -> str:
     """The paper's XOY plane, or where the tool hardly moves in it the plane in which it does."""
-    reach = np.ptp(np.concatenate([r["tool_position"].values for r in cases.values()]), axis=0)
+    places = [result["tool_position"].values for result in cases.values()]
+    if is_straight(cases):  # its machine says in which plane, as that of a slider-crank
+        first = next(iter(cases.values()))
+        for moment in (0, len(first.time) // 3, len(first.time) // 2):
+            places += _skeleton(first.simulation.mechanism, first["q"].values[moment])
+    reach = np.ptp(np.concatenate(places), axis=0)
     if min(reach[:2]) >= 0.01 * reach.max() or reach[2] <= min(reach[:2]):
         return "xy"
     return "xz" if reach[0] >= reach[1] else "yz"

@@ -219,7 +219,11 @@ class ToolError:
         turned = f"by up to {peak_turn}, RMS {rms_turn}"
         when = f"{since} (at t = {_time_of_peak(self.reported):.4g} s), RMS {rms}"
         if self._stands:
-            line = f"{cause(result)} turns {tool!r} {turned}{since}, and leaves its origin in place"
+            line = f"{cause(result)} turns {tool!r} {turned}{since}, and "
+            shifted = _peak(self.vector) >= STANDS_M
+            line += (
+                f"shifts its origin by up to {peak}" if shifted else "leaves its origin in place"
+            )
         elif "left" in causes:
             line = f"The tool {tool!r} is up to {peak} from where the ideal mechanism's is on the "
             line += f"motion as it was meant{when}, and turned {turned}"
@@ -285,8 +289,13 @@ class ToolError:
 
     @property
     def _stands(self) -> bool:
-        """Whether the tool's origin stays where it should be, while the tool turns about it."""
-        return bool(_peak(self.vector) < STANDS_M < self.peak_turn)
+        """Whether what counts is an angle: the ideal tool turns about its origin, which stands, or
+        play moves the origin nowhere.
+        """
+        path = np.ptp(self.ideal["tool_position"].values, axis=0).max()
+        turns = np.ptp(self.ideal["tool_orientation"].values, axis=0).max() > STANDS_M
+        stands = _peak(self.vector) < STANDS_M or (path < STANDS_M and turns)
+        return bool(stands and self.peak_turn > STANDS_M)
 
     def __str__(self) -> str:
         return self.sentence()
