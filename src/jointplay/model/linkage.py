@@ -139,8 +139,9 @@ class Linkage(Described):
     balls: tuple[str, ...] = ()
     """Of a spatial linkage: points with a ball instead of a pin."""
     output: str = ""
-    """Link or point whose error is reported; if not given, the last of the links that turn or slide
-    on the ground, where there are several, else the last point that one link has for itself."""
+    """Link or point whose error is reported, a pin's with the last of its links; if not given, the
+    last of the links that turn or slide on the ground, where there are several, else the last point
+    that one link has for itself."""
     plane: str = choice("plane", list(PLANES), default="vertical")
     """How the drawing of a planar linkage lies: ``vertical`` (y up, against gravity) or
     ``horizontal``; a spatial one has its z up."""
@@ -196,7 +197,8 @@ class Linkage(Described):
             require_known("link", slider.on, [GROUND, *self.links], where=("sliders", name, "on"))
             self.vector(slider.along, "sliders", name, "along")
         if self.output:
-            require_known("output", self.output, [*self.links, *self.traced], where=("output",))
+            moving = [p for p in self.points if p not in self.ground and self.carriers(p)]
+            require_known("output", self.output, [*self.links, *moving], where=("output",))
         names = [edge.name for edge in self.edges]
         twice = next((name for name in names if names.count(name) > 1), None)
         if twice is not None:
@@ -216,11 +218,15 @@ class Linkage(Described):
     def place(self, point: str) -> np.ndarray:
         return self.vector(self.points[point], "points", point)
 
+    def carriers(self, point: str) -> list[str]:
+        """Links that have the point."""
+        return [name for name, link in self.links.items() if point in link.points]
+
     @property
     def traced(self) -> dict[str, str]:
         """Points of one link alone, at which nothing is hinged, with the link."""
         carriers = {
-            point: [name for name, link in self.links.items() if point in link.points]
+            point: self.carriers(point)
             for point in self.points
             if point not in (*self.ground, *self.links, GROUND)
         }
@@ -233,8 +239,18 @@ class Linkage(Described):
         }
 
     @property
+    def frames(self) -> dict[str, tuple[str, str]]:
+        """Frames to look at, each a point of a link: those traced, and an output that is a pin."""
+        frames = {point: (point, link) for point, link in self.traced.items()}
+        if self.output and self.tool not in (*self.links, *frames):
+            frames[self.tool] = (self.output, self.carriers(self.output)[-1])
+        return frames
+
+    @property
     def tool(self) -> str:
-        """Frame of the output."""
+        """Frame of the output; of a pin, which has one on each link, that of the last of these."""
+        if self.output in self.points and self.output not in (*self.links, *self.traced):
+            return f"{self.output}_of_{self.carriers(self.output)[-1]}"
         if self.output:
             return self.output
         moved = (edge for edge in self.edges if edge.bearing == GROUND)

@@ -135,16 +135,16 @@ def _put_link(
 
 
 def _put_points(linkage: Linkage, root: Element, origins: Mapping[str, np.ndarray]) -> None:
-    """Pivots on the ground in its picture; points of one link alone as frames to look at."""
+    """Pivots on the ground in its picture, and frames to look at."""
     ground = next(link for link in root.findall("link") if link.get("name") == GROUND)
     for point in linkage.ground:
         picture = put(ground, "visual")
         picture.append(origin_of(pin.SE3(np.eye(3), linkage.place(point))))
         put(put(picture, "geometry"), "sphere", radius=_PIVOT * linkage.size)
-    for point, link in linkage.traced.items():
-        put(root, "link", name=point)
+    for frame, (point, link) in linkage.frames.items():
+        put(root, "link", name=frame)
         at = pin.SE3(np.eye(3), (linkage.place(point) - origins[link]).round(_DIGITS))
-        put_fixed(root, f"{point}_of_{link}", link, point, at)
+        put_fixed(root, f"{frame}_fixed", link, frame, at)
 
 
 def inertia_of(linkage: Linkage, link: str) -> pin.Inertia:
