@@ -19,7 +19,7 @@ import numpy as np
 from common import Benchmark
 from scipy.integrate import solve_ivp
 from scipy.optimize import minimize_scalar
-from truth.plane_bodies import GRAVITY, Body, Plane
+from truth.plane_bodies import GRAVITY, STEEL, Body, Plane
 from truth.validation.data import read
 
 import jointplay as jp
@@ -81,7 +81,7 @@ class Drawing:
         }
         pins = {}
         for point, place in self.points.items():
-            there: list[str | None] = [n for n, (points, _) in self.links.items() if point in points]
+            there = [name for name, (points, _) in self.links.items() if point in points]
             first, *others = [None, *there] if point in self.ground else there
             for link in others:
                 name = point if len(others) == 1 else f"{point}_{link}"
@@ -285,7 +285,7 @@ DRAWINGS = {
     "elliptic trammel": Drawing(
         {"A": 0.16, "B": 0.12j, "P": 0.04 + 0.09j}, (),
         {"across": ("A", 0.2), "up": ("B", 0.2), "bar": ("APB", 0.3)},
-        {"row": -0.5}, 0.6, "B", "P", trammel,
+        {"row": -0.2}, 0.6, "B", "P", trammel,
         {"row": ("across", 1, "ground"), "column": ("up", 1j, "ground")},
     ),
     "toggle press": Drawing(
@@ -483,19 +483,27 @@ def spatial(compared: Compared, poses: int) -> None:
     ours = result["q"].values[:, model.coordinate("C")]
     compared.add("output", ours, found, "closed form", float(np.ptp(found)))
 
+    h = 1e-4  # s, of differences of the fourth order
+
     def energy(time: np.ndarray) -> np.ndarray:
-        h = 1e-4
         def ends(at: np.ndarray) -> np.ndarray:
             turn, swing = speed * at, rocker(speed * at)
             still = np.zeros_like(at)
             near = crank * np.array([np.cos(turn), np.sin(turn), still])
-            return np.array([near, [axis + still, arm * np.cos(swing),
-                                    height + arm * np.sin(swing)]])
-        def rate(at): 
-            return (8 * (ends(at + h) - ends(at - h)) - ends(at + 2 * h) + ends(at - 2 * h)) / (12 * h)
+            return np.array(
+                [near, [axis + still, arm * np.cos(swing), height + arm * np.sin(swing)]]
+            )
+
+        def rate(at: np.ndarray) -> np.ndarray:
+            return (8 * (ends(at + h) - ends(at - h)) - ends(at + 2 * h) + ends(at - 2 * h)) / (
+                12 * h
+            )
+
         (a, b), (va, vb) = ends(time), rate(time)
-        thick = {n: masses[n] / (7800 * l) / math.pi / 4 for n, l in
-                 {"rod": length, "rocker": arm}.items()}
+        thick = {
+            n: masses[n] / (STEEL * size) / math.pi / 4
+            for n, size in {"rod": length, "rocker": arm}.items()
+        }
         along = np.sum((va - vb) ** 2, axis=0)
         rod = np.sum(va * va + va * vb + vb * vb, axis=0) / 3 + thick["rod"] * along / length**2
         swing = np.sum(vb * vb, axis=0) * (1 / 3 + thick["rocker"] / arm**2)
@@ -503,7 +511,6 @@ def spatial(compared: Compared, poses: int) -> None:
         up = masses["rod"] * (a[2] + b[2]) / 2 + masses["rocker"] * (b[2] + height) / 2
         return kinetic + GRAVITY * up
 
-    h = 1e-4
     t = result.time
     power = (8 * (energy(t + h) - energy(t - h)) - energy(t + 2 * h) + energy(t - 2 * h)) / (12 * h)
     ours = result["drive"].values[:, model.coordinate("O")]
@@ -533,7 +540,7 @@ def double_four_bar(compared: Compared) -> None:
     )  # fmt: skip
     begin = float(np.angle(points["A"]))
     # Three rods turn (1/3 kg m^2 each and half a metre), two move along with their ends.
-    slim = 1 / 3 + 1 / (7800 * 4 * math.pi)
+    slim = 1 / 3 + 1 / (STEEL * 4 * math.pi)
     solved = solve_ivp(
         lambda _, s: [s[1], -3.5 * GRAVITY * np.cos(s[0]) / (3 * slim + 2)], (0, 1.0), [begin, 0.0],
         "DOP853", result.time, rtol=1e-12, atol=1e-12,
@@ -568,7 +575,7 @@ def main() -> None:
     if args.quick:
         names = [name for name in names if name in QUICK]
     poses = 3 if args.quick else POSES
-    table, rows = [], []
+    rows = []
     for name in ProgressBar([n for n in names if args.only in n], "linkages", unit="linkage"):
         compared = Compared()
         if name == "RSSR":
@@ -584,14 +591,17 @@ def main() -> None:
             clearance, until = WITH_PLAY[name]
             run_with_play(DRAWINGS[name], compared, clearance, until / (4 if args.quick else 1))
         rows += [{"linkage": name} | row for row in compared.rows]
-    for row in rows:
-        table.append(
-            [row["linkage"], row["what"], f"{row['largest']:.4g}", f"{row['difference']:.1e}",
-             row["by"]]
-        )  # fmt: skip
-    benchmark.finish(
-        ["linkage", "figure", "largest", "difference over largest", "by"], table, rows
-    )
+    table = [
+        [
+            row["linkage"],
+            row["what"],
+            f"{row['largest']:.4g}",
+            f"{row['difference']:.1e}",
+            row["by"],
+        ]
+        for row in rows
+    ]
+    benchmark.finish(["linkage", "figure", "largest", "difference over largest", "by"], table, rows)
     worst = 100 * max(row["difference"] for row in rows)
     models = len({row["linkage"] for row in rows})
     print(f"models {models}, compared with others' numbers {len(rows)}, worst {worst:.2g} %")

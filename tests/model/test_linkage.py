@@ -191,3 +191,42 @@ def test_a_crank_that_cannot_turn_all_the_way_is_said_to_be():
     scenario = Scenario(text.replace('A = ["40 mm", 0]', 'A = ["90 mm", 0]'), "crank.toml")
     scenario.simulation()
     assert "cannot be closed with O" in " ".join(scenario.notes)
+
+
+def test_a_pin_can_be_the_output_and_is_the_point_of_the_last_link_there():
+    """The pen of a five-bar is where its two arms meet."""
+    drawn = jp.Linkage(
+        points={"O": (0, 0), "A": (-0.08, 0.1), "P": (0.06, 0.24), "B": (0.2, 0.1), "C": (0.12, 0)},
+        ground=["O", "C"],
+        links={
+            name: jp.LinkageLink(tuple(ends), mass=0.1)
+            for name, ends in {"left": "OA", "right": "CB", "one": "AP", "other": "PB"}.items()
+        },
+        output="P",
+    )
+    mechanism = jp.Mechanism(drawn)
+    assert mechanism.tool == "P_of_other"
+    result = jp.simulate(
+        mechanism,
+        jp.Motion(["O", "C"], [0, 0.1], [[0, 0], [0.1, 0.1]], "constant-speed"),
+        duration=1e-3,
+        estimate=False,
+    )
+    np.testing.assert_allclose(result["tool_position"].values[0], (0.06, 0, 0.24), atol=1e-12)
+
+
+def test_a_slider_goes_as_far_as_it_is_driven():
+    """A cart ten times as far as its drawing is wide."""
+    drawn = jp.Linkage(
+        points={"A": (0, 0), "B": (0, -0.05)},
+        ground=[],
+        links={
+            "cart": jp.LinkageLink(["A"], mass=1.0),
+            "bob": jp.LinkageLink(["A", "B"], mass=0.1),
+        },
+        sliders={"rail": jp.LinkageSlider("cart", (1, 0))},
+    )
+    motion = jp.Motion(["rail"], [0, 0.1], [[0], [0.5]], "constant-speed")
+    drives = {"rail": jp.loads.Prescribed(), "A": jp.loads.Free()}
+    result = jp.simulate(jp.Mechanism(drawn), motion, drive=drives, estimate=False)
+    assert result["q"].values[-1, 0] == pytest.approx(0.5, abs=1e-6)
