@@ -285,7 +285,7 @@ DRAWINGS = {
     "elliptic trammel": Drawing(
         {"A": 0.16, "B": 0.12j, "P": 0.04 + 0.09j}, (),
         {"across": ("A", 0.2), "up": ("B", 0.2), "bar": ("APB", 0.3)},
-        {"row": -0.2}, 0.6, "B", "P", trammel,
+        {"row": -0.5}, 0.6, "B", "P", trammel,
         {"row": ("across", 1, "ground"), "column": ("up", 1j, "ground")},
     ),
     "toggle press": Drawing(
