@@ -589,7 +589,7 @@ def main() -> None:
             exudyn(compared, 3e-4 if args.quick else 1e-3)
         if name in WITH_PLAY:
             clearance, until = WITH_PLAY[name]
-            run_with_play(DRAWINGS[name], compared, clearance, until / (4 if args.quick else 1))
+            run_with_play(DRAWINGS[name], compared, clearance, until)
         rows += [{"linkage": name} | row for row in compared.rows]
     table = [
         [
