@@ -194,3 +194,48 @@ def test_a_crank_that_cannot_turn_all_the_way_is_said_to_be():
     scenario = Scenario(f'drive.kind = "computed-torque"\n{text}', "crank.toml")
     scenario.simulation()
     assert "cannot be closed with O" in " ".join(scenario.notes)
+
+
+def test_a_pin_can_be_the_output_and_is_the_point_of_the_first_link_there():
+    """The pen of a five-bar is where its two arms meet."""
+    drawn = jp.Linkage(
+        points={"O": (0, 0), "A": (-0.08, 0.1), "P": (0.06, 0.24), "B": (0.2, 0.1), "C": (0.12, 0)},
+        ground=["O", "C"],
+        links={
+            name: jp.LinkageLink(tuple(ends), mass=0.1)
+            for name, ends in {"left": "OA", "right": "CB", "one": "AP", "other": "PB"}.items()
+        },
+        output="P",
+    )
+    mechanism = jp.Mechanism(drawn)
+    assert mechanism.tool == "P"
+    result = jp.simulate(
+        mechanism,
+        jp.Motion(["O", "C"], [0, 0.1], [[0, 0], [0.1, 0.1]], "constant-speed"),
+        duration=1e-3,
+        estimate=False,
+    )
+    np.testing.assert_allclose(result["tool_position"].values[0], (0.06, 0, 0.24), atol=1e-12)
+
+
+def test_what_a_slider_drives_is_followed_in_steps_that_suit_its_lengths():
+    """An elliptic trammel of 200 mm, driven along one of its lines past the middle."""
+    drawn = jp.Linkage(
+        points={"A": (0.16, 0), "B": (0, 0.12)},
+        ground=[],
+        links={
+            "across": jp.LinkageLink(["A"], mass=0.2),
+            "up": jp.LinkageLink(["B"], mass=0.2),
+            "bar": jp.LinkageLink(["A", "B"], mass=0.3),
+        },
+        sliders={
+            "row": jp.LinkageSlider("across", (1, 0)),
+            "column": jp.LinkageSlider("up", (0, 1)),
+        },
+    )
+    mechanism = jp.Mechanism(drawn)
+    motion = jp.Motion(["row"], [0, 1], [[0], [-0.3]], "constant-speed")
+    q = along_motion(mechanism, motion, 9)
+    across, up = (q[:, mechanism.coordinate(name)] for name in ("row", "column"))
+    np.testing.assert_allclose(np.hypot(0.16 + across, 0.12 + up), 0.2, atol=1e-9)
+    assert (0.12 + up).min() > 0.1  # it stays on its side

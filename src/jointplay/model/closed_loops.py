@@ -36,8 +36,8 @@ from jointplay.model.mechanism import Mechanism
 from jointplay.model.urdf import Mimic
 
 _STEP = 0.05
-"""Of the driven joints, from one closed configuration to the next [rad or m]: so short that no
-Newton step leaps to another branch (judged)."""
+"""Of the driven joints, from one closed configuration to the next [rad, or of what slides
+`ANGLE_ARM_M`]: so short that no Newton step leaps to another branch (judged)."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +83,11 @@ class ClosedLoops:
         held = {mechanism.coordinate(name) for name in self.driven}
         self.passive = np.array([i for i in inside if i not in held], int)
         self._standing = np.setdiff1d(np.arange(mechanism.model.nq), self.passive)
+        described = mechanism.description.joints
+        self._steps = np.full(mechanism.model.nq, _STEP)
+        for name in self.driven:
+            if name in described and described[name].slides:
+                self._steps[mechanism.coordinate(name)] *= ANGLE_ARM_M
 
     def _determining(self, q: np.ndarray, inside: Sequence[int]) -> tuple[str, ...]:
         """The joints nearest to the base that determine the other coordinates inside the loops."""
@@ -170,7 +175,9 @@ class ClosedLoops:
                 near = self.close(closest(self.mechanism, goal, self.passive, {}))
             return near
         distance = (goal - begin)[self._standing]
-        count = max(int(np.ceil(np.abs(distance).max(initial=0.0) / _STEP)), 1)
+        count = max(
+            int(np.ceil(np.abs(distance / self._steps[self._standing]).max(initial=0.0))), 1
+        )
         q: np.ndarray | None = begin
         for part in range(1, count + 1):
             assert q is not None
