@@ -335,24 +335,24 @@ def wear(
             machine = with_worn(simulation, worn)
             try:
                 depths = Study([replace(machine, seed=s) for s in seeds], measure).run(jobs, bar)
+                mean = {
+                    name: np.mean([run[name] for run in depths], axis=0) / cycles_per_run
+                    for name in worn
+                }
+                if mean[joint].max() <= 0.0:
+                    raise JointplayError(
+                        f"the journal of {joint!r} does not slide under load: its clearance does "
+                        "not grow"
+                    )
+                if growth is None:
+                    assert cycles is not None
+                    count = cycles / blocks
+                else:
+                    own = {joint: worn[joint]}
+                    count = _count(simulation, own, mean, begun, growth * block / blocks)
+                worn = _ground_all(simulation, worn, mean, count)
             except KeyboardInterrupt:
                 break
-            mean = {
-                name: np.mean([run[name] for run in depths], axis=0) / cycles_per_run
-                for name in worn
-            }
-            if mean[joint].max() <= 0.0:
-                raise JointplayError(
-                    f"the journal of {joint!r} does not slide under load: its clearance does not "
-                    "grow"
-                )
-            if growth is None:
-                assert cycles is not None
-                count = cycles / blocks
-            else:
-                own = {joint: worn[joint]}
-                count = _count(simulation, own, mean, begun, growth * block / blocks)
-            worn = _ground_all(simulation, worn, mean, count)
             totals = np.array([depth[joint].sum() for depth in depths])
             done.append(done[-1] + count)
             scatter.append(standard_error(totals) / totals.mean())
