@@ -17,6 +17,7 @@ from jointplay.simulation import spool
 from jointplay.simulation.analysis import twins
 from jointplay.simulation.analysis.bearings import bearing_life, rolling_bearings
 from jointplay.simulation.analysis.claims import can_be_measured, measure
+from jointplay.simulation.analysis.end_stops import struck_stops
 from jointplay.simulation.analysis.parts import (
     ToolError,
     drives_alone,
@@ -346,6 +347,7 @@ def headline(result: Result, ideal: Result | None, detail: bool = False) -> list
         with suppress(JointplayError):  # too few records
             noise = rattle(result, ideal)
             lines.append(f"{noise if detail else noise.impacts_words}{since}")
+    lines += [f"{stop}{since}" for stop in struck_stops(result)]
     simulated = float(result.time[-1]) if len(result.time) else 0.0
     wall = float(result.dataset.attrs.get("wall_time_s", 0.0))
     if detail and wall > 0.0:
