@@ -1,9 +1,8 @@
 """Plane linkages in absolute coordinates, apart from the package: what `linkages` compares with.
 
 Each body has three coordinates: where the drawing's origin has moved with it (a complex number) and
-its angle. Pins, slides and drives are constraints between bodies (E. J. Haug, Computer Aided
-Kinematics and Dynamics of Mechanical Systems, Allyn and Bacon, 1989): Newton's method finds places,
-one linear system accelerations and Lagrange's multipliers, which are forces of pins and moments of
+its angle. Pins, slides and drives are constraints between bodies: Newton's method finds places, one
+linear system accelerations and Lagrange's multipliers, which are forces of pins and moments of
 drives. No tree, no loops, nothing of the package.
 """
 

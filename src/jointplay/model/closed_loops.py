@@ -113,7 +113,7 @@ class ClosedLoops:
         place = self.mechanism.coordinate
         entries = self.mechanism.description.joints
         values = ", ".join(
-            f"{name} {readable(q[place(name)], entries[name].unit, 4)}" for name in self.driven
+            f"{name} {readable(q[place(name)], entries[name].unit)}" for name in self.driven
         )
         pose = f" (pose {at + 1} of {count})" if count > 1 else ""
         return (values or "no joint driven") + pose

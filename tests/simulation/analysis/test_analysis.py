@@ -71,7 +71,7 @@ def test_the_sentence_names_the_play_that_there_is_or_else_what_gives_way(pair):
             hinges={},
             description=loose.simulation.mechanism.description,
         )
-        simulation = SimpleNamespace(mechanism=mechanism)
+        simulation = SimpleNamespace(mechanism=mechanism, loads={})
         return parts.cause(SimpleNamespace(joints=[], simulation=simulation, values=[]))
 
     clearance = loose.simulation.mechanism.clearance

@@ -9,6 +9,7 @@ from jointplay.base.errors import JointplayError
 from jointplay.scenario import Scenario
 from jointplay.scenario.build import complete
 from jointplay.scenario.reading import parse
+from jointplay.simulation.loads.controller import Controller
 from jointplay.simulation.motion.completion import complete_motion
 
 
@@ -108,12 +109,16 @@ def test_a_joint_with_a_speed_at_the_start_is_not_held(arm):
         scenario(arm, "start_speed.b=1").ready_run()
 
 
+def idle(time, q, v, p):
+    return [0.0]
+
+
 def test_a_joint_with_a_controller_is_not_held(arm):
-    model = scenario(
-        arm, "loads.pid.kind=controller", 'loads.pid.joints=["b"]', "loads.pid.function=mine:pid"
-    ).model("s")
+    model = scenario(arm).model("s")
     motion = Motion(["a"], [0.0, 1.0], [[0.0], [1.0]])
-    assert complete(model, Mechanism(arm), motion, {})[0].joints == ("a",)
+    loads = {"pid": Controller(("b",), idle, period=1e-3)}
+    whole, _ = complete(model, Mechanism(arm), motion, {}, loads)
+    assert whole.joints == ("a", "c", "d")
 
 
 @pytest.mark.parametrize("name", ["slider_crank", "four_bar"])

@@ -453,7 +453,8 @@ def _forces(
         sizes = forces.sel(joint=joint).values
         at = float(forces["time"][int(sizes.argmax())])
         peak = peak_force(result, joint, float(sizes.max()), detail)
-        peak += _ideal_force(ideal, joint, result.judge_from)
+        if result.simulation.mechanism.loops:
+            peak += _ideal_force(ideal, joint, result.judge_from)
         parts.append(f"in {joint}{'' if parts else since} {peak} at t = {at:.4g} s")
     return f"peak force {few(parts)}"
 
