@@ -149,6 +149,16 @@ def test_a_tool_that_stands_has_its_angle_said():
     assert "and leaves its origin in place" in line
 
 
+def test_a_tool_that_no_play_moves_is_said_so_and_the_output_proposed():
+    case = jp.Scenario.load("jointplay:four_bar.toml")
+    changes = {"integration": {"duration": "20 ms"}, "robot": {"tool": "crank"}}
+    made = case.simulation("0.2 mm", changes).run(**QUIET)
+    line = str(made.tool_error)
+    assert line.startswith("Play of 0.2 mm in rocker_end does not move the tool 'crank'")
+    assert "--tool rocker" in line
+    assert " mm off" not in line
+
+
 def test_a_corrected_motion_is_judged_by_the_one_that_was_meant(arm, tmp_path, capsys):
     """The correction of a hand that knows better: what is left is what it was made of."""
     lift = [[0.0], [0.1], [0.0]]

@@ -218,7 +218,9 @@ class ToolError:
         since = since_words(result)
         turned = f"by up to {peak_turn}, RMS {rms_turn}"
         when = f"{since} (at t = {_time_of_peak(self.reported):.4g} s), RMS {rms}"
-        if self._stands:
+        if max(_peak(self.reported), self.peak_turn) < STANDS_M and "left" not in causes:
+            line = f"{cause(result)} does not move the tool {tool!r}{self._outputs}"
+        elif self._stands:
             line = f"{cause(result)} turns {tool!r} {turned}{since}, and "
             shifted = _peak(self.vector) >= STANDS_M
             line += (
@@ -243,6 +245,25 @@ class ToolError:
             parts = parts if "drive" in causes else parts[::-1]
             line = f"The tool {tool!r} is up to {peak} {where}{when}: {', '.join(parts)}"
         return f"{line}{_assumptions(result)}{ended_words(result, self.vector)}"
+
+    @property
+    def _outputs(self) -> str:
+        """Of a linkage: links that turn or slide on the ground and are not led, as tools."""
+        simulation = self._result.simulation
+        mechanism, led = simulation.mechanism, simulation.motion
+        entries = mechanism.description.joints
+        if not mechanism.loops:
+            return ""
+        names = [
+            entries[name].child
+            for name in mechanism.joints
+            if not (led is not None and name in led.joints)
+            and all(
+                above.kind == "fixed" for above in mechanism.description.above(entries[name].parent)
+            )
+        ]
+        names = [name for name in names if name != mechanism.tool]
+        return f"; what moves on the ground: --tool {' or '.join(names)}" if names else ""
 
     def _part(self, name: str) -> str:
         """A cause with its largest value and its RMS."""
