@@ -161,7 +161,7 @@ class Rattle:
     def impacts_words(self) -> str:
         """How often and how hard contacts begin, without the tool's vibration."""
         text = f"rattle: {counted(_three(self.rate), 'impact')} a second"
-        if self.turns:
+        if self.turns and self.impacts:
             text += f", {_three(self.impacts / self.turns)} a turn,"
         if self.impacts:
             text += f" of {_three(self.energy, 'J')} each, {_three(self.power, 'W')}"
