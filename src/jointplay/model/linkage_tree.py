@@ -99,7 +99,7 @@ def tree_of(linkage: Linkage, play: Collection[str] = ()) -> Tree:
     for name, link in linkage.links.items():
         _put_link(linkage, root, name, link, origins[name])
     _put_points(linkage, root, origins)
-    path = Path("linkage.urdf")
+    path = Path("linkage")
     balls = [edge.name for edge in linkage.edges if edge.kind == BALL]
     return Tree(
         urdf.parse(document(root), path),
