@@ -276,7 +276,8 @@ def _skeleton(mechanism: Mechanism, q: np.ndarray) -> list[np.ndarray]:
 def plane_of(cases: Cases) -> str:
     """The paper's XOY plane, or where the tool hardly moves in it the plane in which it does."""
     places = [result["tool_position"].values for result in cases.values()]
-    if is_straight(cases):  # its machine says in which plane, as that of a slider-crank
+    path = np.sort(np.ptp(np.concatenate(places), axis=0))
+    if path[1] <= 0.01 * path[2]:  # a point, or a line: its machine says in which plane
         first = next(iter(cases.values()))
         for moment in (0, len(first.time) // 3, len(first.time) // 2):
             places += _skeleton(first.simulation.mechanism, first["q"].values[moment])
@@ -323,11 +324,15 @@ def overview(cases: Cases, known: Mapping[str, Result | None] | None = None) -> 
     plan = replace(plan, marks=[*bones, *plan.marks], title=f"{plane} plane, with the tool's path")
     error: Panel | None = None
     if ideals:
+        seen = [
+            (result, ideals[name], tone) for name, result, tone in every[::-1] if name in ideals
+        ]
+        angle = all(analysis.ToolError(result, ideal).is_angle for result, ideal, _ in seen)
+        of, name = ("tool_orientation", "turn") if angle else ("tool_position", "error")
         error = overlaid(
-            result.plot.panel("deviation", "total", ideals[label]).styled(colour=tone)
-            for label, result, tone in every[::-1]
-            if label in ideals
-        ).renamed("tool error")
+            result.plot.panel("deviation", "total", ideal, of=of).styled(colour=tone)
+            for result, ideal, tone in seen
+        ).renamed(f"tool {name}")
     elif shown:
         error = overlaid(result.plot.panel("tilt").styled(colour=tone) for _, result, tone in shown)
     around: dict[str, Any] = {"key": _LEGEND_COLUMNS, "wide": (1.0, 1.5)}

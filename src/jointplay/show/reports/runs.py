@@ -43,6 +43,7 @@ from jointplay.simulation import analysis
 from jointplay.simulation.analysis.bearings import Contacts
 from jointplay.simulation.analysis.claims import CLAIM_COLUMNS, can_be_measured, measure
 from jointplay.simulation.analysis.headline import headline
+from jointplay.simulation.analysis.parts import ToolError
 from jointplay.simulation.result.certificate import MARKED
 from jointplay.simulation.result.result import AXES, Result
 
@@ -73,16 +74,20 @@ def glance(runs: Runs) -> Iterator[Part]:
     picture = _picture(runs)
     yield Beside([narrow, [picture]] if picture else [narrow])
     yield from notes if len(runs.cases) > 1 else ()
+    judged = [case for case in runs.cases if case.error is not None]
+    results = [(runs.detailed[case.label], case.ideal) for case in judged]
+    angle = all(ToolError(result, ideal).is_angle for result, ideal in results if ideal is not None)
+    of = f"tool_{'orientation' if angle else 'position'}"
     errors = [
         runs.detailed[case.label]
-        .plot.panel("deviation", "total", case.ideal)
+        .plot.panel("deviation", "total", case.ideal, of=of)
         .styled(colour=case.colour, name=case.label)
-        for case in runs.cases
-        if case.error is not None
+        for case in judged
     ]
     if errors:
-        panel = figures.overlaid(errors).renamed("tool error")
+        panel = figures.overlaid(errors).renamed("tool turn" if angle else "tool error")
         title = "Tool error: distance from the ideal mechanism"
+        title = "Turn of the tool against the ideal mechanism" if angle else title
         yield from _graph(runs, "first_error", title, [panel])
     else:
         panels = figures.tool_panels(runs.detailed, "tool_position")

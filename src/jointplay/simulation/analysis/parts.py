@@ -220,7 +220,7 @@ class ToolError:
         when = f"{since} (at t = {_time_of_peak(self.reported):.4g} s), RMS {rms}"
         if max(_peak(self.reported), self.peak_turn) < STANDS_M and "left" not in causes:
             line = f"{cause(result)} does not move the tool {tool!r}{self._outputs}"
-        elif self._stands:
+        elif self.is_angle:
             line = f"{cause(result)} turns {tool!r} {turned}{since}, and "
             shifted = _peak(self.vector) >= STANDS_M
             line += (
@@ -290,7 +290,7 @@ class ToolError:
     def further(self) -> list[str]:
         """What the sentence leaves out: the parts at the peak, which add up, and the turn."""
         causes, error = self._causes, self.reported
-        if self._stands or len(causes) == 1 or _peak(error) == 0.0:
+        if self.is_angle or len(causes) == 1 or _peak(error) == 0.0:
             return []
         lines = []
         if len(known := self._known) > 1:
@@ -309,7 +309,7 @@ class ToolError:
         return lines
 
     @property
-    def _stands(self) -> bool:
+    def is_angle(self) -> bool:
         """Whether what counts is an angle: the ideal tool turns about its origin, which stands, or
         play moves the origin nowhere.
         """
