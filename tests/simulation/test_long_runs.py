@@ -15,7 +15,6 @@ from warm import PYTHON, end, start, until
 
 import jointplay as jp
 from jointplay import cli
-from jointplay.cli.commands import run
 from jointplay.paper import scara
 from jointplay.physics.kernel import Status
 from jointplay.simulation import spool
@@ -23,6 +22,7 @@ from jointplay.simulation.analysis import headline
 from jointplay.simulation.loads import ComputedTorque, drive_tables
 from jointplay.simulation.result import audit, netcdf
 from jointplay.simulation.working_files import working_paths
+from jointplay.study import cases
 
 
 @pytest.fixture
@@ -190,7 +190,7 @@ def test_size_and_idle_time_are_said_before_a_run(tmp_path, monkeypatch, capsys)
     assert "stands still" not in said  # a quarter of a second
     assert "GB on disk" not in said
     monkeypatch.setattr(spool, "MOST_BYTES", 1 << 20)
-    monkeypatch.setattr(run, "IDLE_S", 0.1)
+    monkeypatch.setattr(cases, "IDLE_S", 0.1)
     assert cli.main([*command, str(tmp_path / "long")]) == 0
     said = capsys.readouterr().err
     assert (

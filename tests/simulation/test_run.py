@@ -502,7 +502,7 @@ def test_no_number_of_a_checkpoint_leads_compiled_code_astray(arm, tmp_path):
         except jp.JointplayError:
             refused += 1
             continue
-        for name in ("nv", "nj", "width", "every", "longest", "rows"):
+        for name in ("nv", "nj", "width", "record_every", "longest", "rows"):
             assert again.workspace.run[name][0] == run.workspace.run[name][0], name
         taken += 1
         if again.workspace.run["solves"][0] == run.workspace.run["solves"][0]:

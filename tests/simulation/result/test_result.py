@@ -94,7 +94,7 @@ def test_a_result_of_another_format_is_refused_with_both_formats(result, tmp_pat
 @pytest.mark.thorough
 def test_orientations_of_another_convention_are_refused(result, tmp_path):
     swapped = Result(result.dataset.assign_coords(quaternion=["x", "y", "z", "w"]))
-    with pytest.raises(JointplayError, match=r"quaternions are \['x', 'y', 'z', 'w'\], not w, x"):
+    with pytest.raises(JointplayError, match=r"it has \['x', 'y', 'z', 'w'\], not w, x"):
         Result.load(swapped.save(tmp_path / "swapped.nc"))
     turned = result.dataset.copy()
     turned["tool_orientation"] = turned["tool_orientation"].T

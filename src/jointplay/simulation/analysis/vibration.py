@@ -197,7 +197,7 @@ def rattle(result: Result, ideal: Result | None = None) -> Rattle:
     judged = result.audit.judged_impacts
     impacts = result.audit.impacts if judged is None else judged
     if not start:  # what touches from the beginning, as at rest, strikes nothing
-        impacts = max(impacts - int((result["gap"].values[0] < 0.0).sum()), 0)
+        impacts = max(impacts - int((result["normal_force_peak"].values[0] > 0.0).sum()), 0)
     lost = result["normal_dissipation"].values[result.time >= start]
     return Rattle(
         start,
