@@ -143,6 +143,8 @@ def test_every_linkage_to_start_from_can_be_put_together_and_turns(name):
     scenario = Scenario.load(LINKAGES[name])
     simulation = scenario.simulation()
     assert not scenario.notes
+    rods = any("inertia of" in line for line in scenario.assumptions)
+    assert rods == ("mass" in LINKAGES[name].read_text(encoding="utf-8"))
     assert np.ptp(along_motion(simulation.mechanism, simulation.motion), axis=0).all()
 
 
@@ -239,3 +241,27 @@ def test_what_a_slider_drives_is_followed_in_steps_that_suit_its_lengths():
     across, up = (q[:, mechanism.coordinate(name)] for name in ("row", "column"))
     np.testing.assert_allclose(np.hypot(0.16 + across, 0.12 + up), 0.2, atol=1e-9)
     assert (0.12 + up).min() > 0.1  # it stays on its side
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("B = [", "Q = [1, 1], B = [", "linkage.points.Q: no link has the point 'Q'"),
+        (
+            CRANK_LINK,
+            f'{CRANK_LINK[:-2]}, section = "rod 5 mm" }}',
+            "a mass or a section, not both",
+        ),
+    ],
+)
+def test_what_would_be_left_out_in_silence_is_refused(old, new, said):
+    text = LINKAGES["slider-crank"].read_text(encoding="utf-8")
+    assert old in text
+    with pytest.raises(jp.JointplayError, match=said):
+        Scenario(text.replace(old, new), "crank.toml").simulation()
+
+
+def test_an_axis_without_direction_is_refused():
+    text = LINKAGES["spatial"].read_text(encoding="utf-8").replace("C = [1, 0, 0]", "C = [0, 0, 0]")
+    with pytest.raises(jp.JointplayError, match=r"linkage.axes.C: an axis without a direction"):
+        Scenario(text, "spatial.toml").simulation()

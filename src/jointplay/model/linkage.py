@@ -45,9 +45,10 @@ _APART_M = 1e-9
 class LinkageLink(Described):
     """A rigid link through points, its mass spread evenly along the lines between them.
 
-    Through three points or more the lines are closed. A link at a single point, such as a slider,
-    is a cube. Where nobody says how thick it is, it is of steel, as thick as its mass demands; of
-    planar motion that decides nothing.
+    Through three points or more the lines are closed. They are round rods with the area of the
+    section or, where a mass is given, of steel and as thick as that demands: that adds r^2/4 to the
+    L^2/12 of a thin rod, much for a short heavy crank. A link at a single point, such as a slider,
+    is a cube.
 
     Raises:
         JointplayError: no points, neither mass nor section, a number that cannot be.
@@ -77,6 +78,8 @@ class LinkageLink(Described):
             raise JointplayError("the material of a link needs a density", ("material",))
         if self.section is not None:
             section(self.section)
+        if self.mass is not None and self.section is not None:
+            raise JointplayError("give a mass or a section, not both", ("section",))
         if self.mass is None and (self.section is None or len(self.points) == 1):
             way = "a mass" if len(self.points) == 1 else "a mass, or a section"
             raise JointplayError(f"a link needs {way}", ("mass",))
@@ -183,6 +186,13 @@ class Linkage(Described):
         for key in ("ground", "axes", "balls"):
             for name in getattr(self, key):
                 require_known("point", name, self.points, where=(key,))
+        for name, axis in self.axes.items():
+            if not np.any(self.vector(axis, "axes", name)):
+                raise JointplayError("an axis without a direction", ("axes", name))
+        used = {point for link in self.links.values() for point in link.points}
+        idle = next((point for point in self.points if point not in used), None)
+        if idle is not None:
+            raise JointplayError(f"no link has the point {idle!r}", ("points", idle))
         for name, link in self.links.items():
             if name == GROUND:
                 raise JointplayError(
@@ -264,7 +274,7 @@ class Linkage(Described):
             carrier, *others = [
                 *([GROUND] if point in self.ground else []),
                 *(name for name, link in self.links.items() if point in link.points),
-            ] or [GROUND]
+            ]
             axis = self.vector(self.axes[point], "axes", point) if point in self.axes else (0, 0, 1)
             for link in others:
                 joints.append(

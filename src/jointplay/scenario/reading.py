@@ -611,13 +611,28 @@ class Scenario(Overview):
             }
         if "speeds" in table.get("motion", ()) and not {"drive", "drives"} & table.keys():
             beneath["drive"] = {"kind": "prescribed"}
-            line = 'motors keep the given speeds whatever the load: drive.kind = "prescribed"'
-            self.assumptions += [line] if line not in self.assumptions else []
+            self._assume('motors keep the given speeds: drive.kind = "prescribed"')
+        links = table["linkage"].get("links")
+        rods = [
+            name
+            for name, link in (links.items() if isinstance(links, Mapping) else ())
+            if isinstance(link, Mapping)
+            and len(link.get("points", ())) > 1
+            and not {"inertia", "section"} & link.keys()
+        ]
+        if rods:
+            self._assume(
+                f"inertia of {few(rods)}: of round steel rods (linkage.links.NAME.inertia)"
+            )
         integration = table.get("integration", {})
         steps = {"step", "tolerance", "integrator", "macro_step"}
         if isinstance(integration, Mapping) and not steps & integration.keys():
             beneath["integration"] = {"tolerance": TOLERANCE}
         return beneath
+
+    def _assume(self, line: str) -> None:
+        if line not in self.assumptions:
+            self.assumptions.append(line)
 
     def origins(self, case: str) -> dict[tuple[str, ...], tuple[str, str]]:
         """Who gave each value of a case, by key: the file, or the last setting of it."""
