@@ -144,7 +144,7 @@ def test_every_linkage_to_start_from_can_be_put_together_and_turns(name):
     simulation = scenario.simulation()
     assert not scenario.notes
     rods = any("inertia of" in line for line in scenario.assumptions)
-    assert rods == ("mass" in LINKAGES[name].read_text(encoding="utf-8"))
+    assert rods == (name not in ("spatial", "cam"))  # with sections; with links at one point
     assert np.ptp(along_motion(simulation.mechanism, simulation.motion), axis=0).all()
 
 
