@@ -152,10 +152,23 @@ def test_a_glance_shows_errors_and_marks_uncertain_figures(folder, tmp_path, err
     result.certificate = Certificate((figure,), ("a further run",))
     reports.report({"0.2 mm": result}, tmp_path / "a.html", impacts=0, pdf=False)
     text = (tmp_path / "a.html").read_text(encoding="utf-8")
-    seen = text[text.index('id="glance"') : text.index("<h2>Further figures")]
+    seen = text[text.index('id="glance"') : text.index("<h2>Parameters")]
     assert f"± {error:.0f}" in seen
     assert (">uncertain</strong>" in seen) == marked
     assert ("compare designs" in seen) == marked
+
+
+@pytest.mark.thorough
+def test_the_error_of_servos_is_the_same_in_sentence_and_table(tmp_path):
+    done = call("run", "so101", "--preset", "--out", tmp_path, "--quiet", "--no-figures",
+                "--duration", "0.2 s")  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    reports.report({"so101": jp.Result.load(tmp_path / "result.nc")}, tmp_path / "a.html",
+                   pdf=False)  # fmt: skip
+    text = (tmp_path / "a.html").read_text(encoding="utf-8")
+    told = re.search(r"up to ([\d.]+) mm from where it was sent", text)
+    shown = re.search(r"tool from where it was sent, peak \[mm\]</th><td[^>]*>([\d.]+)<", text)
+    assert float(told[1]) == float(shown[1])
 
 
 @pytest.mark.thorough
@@ -171,7 +184,7 @@ def test_title_and_cases_are_those_of_the_scenario(tmp_path):
     assert done.returncode == 0, done.stderr
     text = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert "<h1>Mine: " in text
-    glance = text[text.index('id="glance"') : text.index("<h2>Further figures")]
+    glance = text[text.index('id="glance"') : text.index("<h2>Parameters")]
     names = ["ideal", "0.05 mm", "0.1 mm", "0.2 mm", "0.5 mm"]
     places = [glance.index(f">{name}</span>") for name in names]
     assert places == sorted(places)
@@ -283,7 +296,7 @@ def test_answer_picture_and_three_charts_come_first_the_rest_is_folded(
             box = cell.bounding_box()
             assert 0 <= box["x"] < box["x"] + box["width"] <= width
         unfold.press("Enter")
-        names = ["Further figures", "Parameters", "Assumptions", "Audit", "Motion of the tool"]
+        names = ["Parameters", "Assumptions", "Audit", "Motion of the tool"]
         names += ["Accuracy", "Bearings", "Forces", "Impacts", "Spectrum"]
         for name, title in zip(names, seen["folded"], strict=True):
             assert title.startswith(name)

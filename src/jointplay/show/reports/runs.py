@@ -68,7 +68,7 @@ def glance(runs: Runs) -> Iterator[Part]:
     yield from _assumed_values(runs)
     caption = "Tool errors are against the ideal machine with the same drives, whose own errors "
     caption += f"they leave out{f'; figures from {runs.start:g} s on' if runs.start else ''}"
-    grid = runs.by_case(lambda case: _figures(runs, case)[0], caption=caption, name="glance")
+    grid = runs.by_case(lambda case: _figures(runs, case), caption=caption, name="glance")
     notes = [Points(_warnings(runs), "warning"), *_doubts(runs)]
     narrow = [grid, *notes] if len(runs.cases) == 1 else [grid]
     picture = _picture(runs)
@@ -86,7 +86,7 @@ def glance(runs: Runs) -> Iterator[Part]:
     ]
     if errors:
         panel = figures.overlaid(errors).renamed("tool turn" if angle else "tool error")
-        title = "Tool error: distance from the ideal mechanism"
+        title = "Tool error: distance from the ideal mechanism with the same drives"
         title = "Turn of the tool against the ideal mechanism" if angle else title
         yield from _graph(runs, "first_error", title, [panel])
     else:
@@ -139,10 +139,11 @@ def _assumed_values(runs: Runs) -> Iterator[Fold]:
         yield Fold(summary, [Grid.of_table(table, name="assumed")])
 
 
-def _figures(runs: Runs, case: Case) -> tuple[Row, Row]:
-    """The figures of a case: those told at a glance, and the others; None where one is unknown."""
+def _figures(runs: Runs, case: Case) -> Row:
+    """The figures of a case at a glance; None where one is unknown."""
     start, audit = runs.start, case.result.audit
-    rms = peak = turn = turn_rms = at_stops = impacts = force = penetration = None
+    rms = peak = turn = turn_rms = at_stops = impacts = force = energy = None
+    sent: dict[str, Any] = {}
     joint = ""
     if case.error is not None and float(case.error["time"][-1]) >= start:
         accuracy = analysis.error_statistics(case.error, start)
@@ -150,41 +151,53 @@ def _figures(runs: Runs, case: Case) -> tuple[Row, Row]:
         ends = [stop.end for stop in _stops(case)[0] if stop.at_rest and stop.end > 0.0]
         errors = [float(analysis.error_at(case.error, end)[3]) for end in ends]
         at_stops = max(errors, default=None)
+        sent = _against(runs, case)
     if case.turn is not None and float(case.turn["time"][-1]) >= start:
         rotation = analysis.error_statistics(case.turn, start)
         turn_rms, turn = rotation.rms[3], rotation.peak[3]
     if forces := _joint_forces(case, start):
         joint, force = max(forces.items(), key=lambda item: item[1])
-        penetration = audit.largest_penetration
         impacts = audit.impacts if audit.judged_impacts is None else audit.judged_impacts
-    vibration: dict[str, Any] = {}
-    if case.joints and start == case.result.judge_from:
-        with suppress(JointplayError):  # too few records
-            rattle = analysis.rattle(case.result, case.ideal)
-            vibration["energy lost per impact"] = rattle.energy, "J", True
-            for band in rattle.bands:
-                vibration[f"tool acceleration, {band.range}, RMS"] = band.rms, "m/s^2"
+    if (rattle := _rattle(runs, case)) is not None:
+        energy = rattle.energy
     at = f", {joint}" if len(case.joints) > 1 else ""
 
     def known(value: float | None, name: str) -> Any:
         return _with_error(case, start, value, name)
 
-    first = {
+    return {
         "ended": case.result.status.name.lower().replace("_", " "),
+        **sent,
         "tool error, peak": (known(peak, "peak tool error"), "m"),
         "tool error, RMS": (known(rms, "RMS tool error"), "m"),
         "turn of the tool, peak": (known(turn, "peak tool turn"), "rad"),
+        "turn of the tool, RMS": (known(turn_rms, "RMS tool turn"), "rad"),
         "tool error at stops, largest": (at_stops, "m"),
         "force at the joint, peak": (known(force, f"peak joint force{at}"), "N"),
         "impacts": known(impacts, "impacts"),
+        "energy lost per impact": (energy, "J", True),
         "warnings": len(audit.warnings),
     }
-    return first, {
-        "turn of the tool, RMS": (known(turn_rms, "RMS tool turn"), "rad"),
-        **vibration,
-        "penetration, largest": (penetration, "m", True),
-        "energy residual, of what is exchanged": (audit.relative_energy_residual, "1"),
-    }
+
+
+def _against(runs: Runs, case: Case) -> Row:
+    """What the sentence begins with, where that is not the error against the ideal mechanism."""
+    if case.ideal is None or not analysis.has_play(case.result):
+        return {}
+    with suppress(JointplayError):  # a law of the user's own that may not be imported
+        error = ToolError(case.result, case.ideal)
+        if error.reported is not error.vector:
+            statistics = analysis.error_statistics(error.reported, runs.start)
+            figures_ = (("peak", statistics.peak), ("RMS", statistics.rms))
+            return {f"tool {error.against}, {how}": (v[3], "m") for how, v in figures_}
+    return {}
+
+
+def _rattle(runs: Runs, case: Case) -> analysis.Rattle | None:
+    if case.joints and runs.start == case.result.judge_from:
+        with suppress(JointplayError):  # too few records
+            return analysis.rattle(case.result, case.ideal)
+    return None
 
 
 def _with_error(case: Case, start: float, value: float | None, name: str) -> Cell:
@@ -278,14 +291,6 @@ def _doubts(runs: Runs) -> Iterator[Part]:
             f"{100.0 * MARKED:g}",
         )
         yield Fold(summary, [Points(unsure)])
-
-
-@block(BLOCKS, "Further figures")
-def further(runs: Runs) -> Iterator[Part]:
-    """Turn, vibration by bands, energy lost, penetration, energy balance."""
-    start = runs.start
-    caption = f"Figures from {start:g} s on, the penetration's of the whole run" if start else ""
-    yield runs.by_case(lambda case: _figures(runs, case)[1], caption=caption)
 
 
 block(BLOCKS, "Parameters")(parameters)
@@ -712,6 +717,10 @@ def spectrum(runs: Runs) -> Iterator[Part]:
         for axis, column in zip(AXES, values.T, strict=False):
             strongest = float(frequency[above][column[above].argmax()]) if above.any() else None
             row[f"strongest above 20 Hz, {axis}"] = strongest, "Hz"
+        if (rattle := _rattle(runs, case)) is not None:
+            less = ", less the ideal mechanism's" if rattle.against_ideal else ""
+            for band in rattle.bands:
+                row[f"RMS, {band.range}{less}"] = band.rms, "m/s^2"
         row["sampled at"] = density.attrs["sampling_frequency_hz"], "Hz"
         row["window"] = density.attrs["window_s"], "s"
         rows.append(row | {"windows": density.attrs["windows"]})

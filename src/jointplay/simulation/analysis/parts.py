@@ -184,6 +184,12 @@ class ToolError:
         return error if error is self.vector else error.assign_attrs(self.vector.attrs)
 
     @property
+    def against(self) -> str:
+        """What `reported` is measured against, as the sentence says it."""
+        where = "from where it was sent" if "drive" in self._causes else "off"
+        return f"{where}, elasticity aside" if self._guessed else where
+
+    @property
     def _is_exact(self) -> bool:
         """Whether all was given that decides its size."""
         return sizes_are_given(self._result) and self.reported is self.vector
@@ -239,11 +245,9 @@ class ToolError:
                 line = f"{cause(result)} puts the tool {tool!r} up to {peak} off{when}"
             line += f"; {self._elasticity()}"
         else:
-            where = "from where it was sent" if "drive" in causes else "off"
-            where += ", elasticity aside" if self._guessed else ""
             parts = list(map(self._part, causes))
             parts = parts if "drive" in causes else parts[::-1]
-            line = f"The tool {tool!r} is up to {peak} {where}{when}: {', '.join(parts)}"
+            line = f"The tool {tool!r} is up to {peak} {self.against}{when}: {', '.join(parts)}"
         return f"{line}{_assumptions(result)}{ended_words(result, self.vector)}"
 
     @property
