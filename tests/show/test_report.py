@@ -54,6 +54,8 @@ def test_page_has_its_sections_and_no_addresses(page):
     assert "young 207 GPa" in text
     for name in ("At a glance", "Parameters", "Assumptions", "Audit", "Accuracy", "Impacts"):
         assert f"<h2>{name}</h2>" in text
+    for chart in ("energy", "modes", "forms"):
+        assert f'id="chart-{chart}"' in text
     assert "default-src 'none'" in text
     assert "worn" in text
     assert page.stat().st_size < 15e6

@@ -68,7 +68,7 @@ class Grid:
         if worst:
             sizes = [-math.inf if v is None else float(v) for v in column(worst, rows).values]
             rows = [rows[k] for k in sorted(range(len(rows)), key=lambda k: -sizes[k])]
-        columns = [column(head, rows) for head in max(rows, key=len)]
+        columns = [column(head, rows) for head in rows[0]]
         filled = [cells for cells in columns if any(map(_fills, cells.values))]
         return cls.of_table(Table(filled), left, **fields)
 

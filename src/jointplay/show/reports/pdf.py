@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import textwrap
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 from matplotlib.backends.backend_pdf import PdfPages
@@ -108,11 +109,10 @@ def _write_table(axes: Any, grid: Grid, high: float) -> None:
 
 
 def _shaded(graph: Graph, start: float) -> tuple[Graph, list[Panel]]:
-    """A graph, and its panels, in which what is not judged is grey."""
+    """A graph, and its panels, in which what is not judged is grey; one key names all curves."""
     grey = [Rule(0.0, "x", colour=GREY, width=0.0, end=start)] if start else []
-    return graph, [
-        panel.with_marks(*grey) if graph.across == "time" else panel for panel in graph.panels
-    ]
+    marks = grey if graph.across == "time" else []
+    return graph, [replace(panel, columns=0).with_marks(*marks) for panel in graph.panels]
 
 
 def _graph_page(graph: Graph, start: float) -> Figure:
@@ -124,5 +124,5 @@ def _graph_page(graph: Graph, start: float) -> Figure:
     ]
     size = (7.0, 1.3 + 1.6 * len(rows)) if graph.stacked else (4.3 * across, 0.8 + 4.1 * len(rows))
     same: Any = "col" if graph.same else False
-    chart = Chart(rows, size, graph.title, key=_NAMES, same_x=graph.stacked, same_y=same)
-    return draw(chart)
+    look: Any = {"key": _NAMES, "key_at": "outside lower center", "same_y": same}
+    return draw(Chart(rows, size, graph.title, same_x=graph.stacked, **look))

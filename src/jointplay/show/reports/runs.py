@@ -5,9 +5,10 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -143,7 +144,7 @@ def _figures(runs: Runs, case: Case) -> Row:
     """The figures of a case at a glance; None where one is unknown."""
     start, audit = runs.start, case.result.audit
     rms = peak = turn = turn_rms = at_stops = impacts = force = energy = None
-    sent: dict[str, Any] = {}
+    sent: Row = {}
     joint = ""
     if case.error is not None and float(case.error["time"][-1]) >= start:
         accuracy = analysis.error_statistics(case.error, start)
@@ -318,6 +319,11 @@ def audits(runs: Runs) -> Iterator[Part]:
     """Energy, steps, contacts and numerical errors of each run, by its own judgement."""
     yield runs.by_case(_audit, "of the run", name="audit-table")
     yield Points(_warnings(runs) or ["No run has warnings."])
+    panels = [
+        replace(case.result.plot.panel("energy"), title="" if case.alone else case.label)
+        for case in runs.cases
+    ]
+    yield from _graph(runs, "energy", "Energy balance", panels)
     certified = [case for case in runs.cases if case.result.certificate is not None]
     if certified:
         yield from _certificates(certified)
@@ -476,7 +482,7 @@ def _stops(case: Case) -> tuple[list[analysis.Stop], str]:
 
 @block(BLOCKS, "Bearings")
 def bearings(runs: Runs) -> Iterator[Part]:
-    """Orbit of each joint, contact modes, loads and life of rolling bearings."""
+    """Orbit of each joint, contact modes and forms, loads and life of rolling bearings."""
     if not runs.joints:
         return
     orbits = [panel for panel, _ in figures.orbit_panels(runs.detailed)]
@@ -485,17 +491,26 @@ def bearings(runs: Runs) -> Iterator[Part]:
     yield from _graph(runs, "rims", "Centre of the rim that is nearer to the bore: as far inside "
                       "the circle as its gap is wide, penetration as far outside, magnified",
                       rims)  # fmt: skip
-    modes = [  # shares are those of records, not of steps: the table has them
-        replace(panel, y=Axis(rows=[mark.name for mark in panel.marks if isinstance(mark, Spans)]))
-        for panel in _of_joints(runs, "modes", rolling=(False,))
-    ]
-    yield from _graph(runs, "modes", f"Contact mode{' (Table 1)' if runs.paper else ''}", modes)
+    for kind, place in (("mode", "Table 1"), ("form", "Figure 2")):
+        panels = _of_joints(runs, f"{kind}s", where=partial(_has_shares, kind=kind))
+        timelines = []
+        for panel in panels:
+            rows = [mark for mark in panel.marks if isinstance(mark, Spans)]
+            # Shares are those of records, not of steps: the table has them.
+            axis = Axis(rows=[row.name.partition(", ")[0] for row in rows])
+            timelines.append(replace(panel, y=axis, marks=[replace(row, name="") for row in rows]))
+        title = f"Contact {kind}{f' ({place})' if runs.paper else ''}"
+        yield from _graph(runs, f"{kind}s", title, timelines)
     yield from _shares(runs)
     tilt = _of_joints(runs, "tilt")
     yield from _graph(runs, "tilt", "Angle between the axes of journal and bearing", tilt)
-    loaded = _of_joints(runs, "loaded", rolling=(True,))
+    loaded = _of_joints(runs, "loaded", where=analysis.rolls)
     yield from _graph(runs, "loaded", "Balls or rollers that bear load", loaded)
     yield from _lives(runs)
+
+
+def _has_shares(result: Result, joint: str, kind: str) -> bool:
+    return not analysis.rolls(result, joint) and bool(analysis.time_fractions(result, joint, kind))
 
 
 def _shares(runs: Runs) -> Iterator[Part]:
@@ -692,7 +707,7 @@ def _place(case: Case, joint: str, contact: str) -> Html:
 
 @block(BLOCKS, "Spectrum")
 def spectrum(runs: Runs) -> Iterator[Part]:
-    """The tool's acceleration by frequency."""
+    """The tool's acceleration by frequency, and in bands."""
     panels = [
         replace(panel, marks=curves)
         for panel in figures.spectrum_panels(runs.recorded, runs.start)
@@ -717,15 +732,16 @@ def spectrum(runs: Runs) -> Iterator[Part]:
         for axis, column in zip(AXES, values.T, strict=False):
             strongest = float(frequency[above][column[above].argmax()]) if above.any() else None
             row[f"strongest above 20 Hz, {axis}"] = strongest, "Hz"
-        if (rattle := _rattle(runs, case)) is not None:
-            less = ", less the ideal mechanism's" if rattle.against_ideal else ""
-            for band in rattle.bands:
-                row[f"RMS, {band.range}{less}"] = band.rms, "m/s^2"
         row["sampled at"] = density.attrs["sampling_frequency_hz"], "Hz"
         row["window"] = density.attrs["window_s"], "s"
         rows.append(row | {"windows": density.attrs["windows"]})
     if rows:
         yield Grid.of_rows(rows)
+    if bands := {case: rattle.bands for case in runs.cases if (rattle := _rattle(runs, case))}:
+        columns = [{band.range: (band.rms, "m/s^2") for band in known} for known in bands.values()]
+        yield Grid.of_cases("tool's acceleration, RMS", [*bands], columns, caption=(
+            "Less the ideal mechanism's, where that is known"
+        ))  # fmt: skip
     yield paragraph(
         "Power spectral density of the tool's acceleration, world axes, by Welch's method: "
         "one-sided, Hann windows that overlap by half, each less its mean. The acceleration is the "
@@ -824,14 +840,14 @@ def _of_joints(
     runs: Runs,
     name: str,
     results: Mapping[str, Result] | None = None,
-    rolling: Sequence[bool] = (False, True),
+    where: Callable[[Result, str], bool] = lambda *_: True,
     **asked: Any,
 ) -> list[Panel]:
-    """A plot of each joint with clearance that is a rolling bearing, or none, as `rolling` says."""
+    """A plot of each joint with clearance, or of those that `where` chooses."""
     panels = []
     for label, result in (results or runs.detailed).items():
         for joint in result.joints:
-            if analysis.rolls(result, joint) in rolling:
+            if where(result, joint):
                 panel = result.plot.panel(name, joint, **asked)
                 marks = [mark for mark in panel.marks if not isinstance(mark, Rule)]
                 panels.append(replace(panel, title=f"{label}, {joint}", marks=marks))
