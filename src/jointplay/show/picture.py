@@ -43,6 +43,7 @@ too small to be seen is left out (judged)."""
 _SMALLEST_DETAIL = 1.0 / 300.0
 """That is drawn, relative to the mechanism's size: some two pixels."""
 _FARTHEST_M = 1e6  # from the origin; shapes that reach farther are mistakes of scale (judged)
+_MOST_NUMBERS = 10.0  # along an axis as long as the longest, if there were room for all (judged)
 _FLAT_HEIGHT = 0.4
 """Relative to the largest extent: a mechanism that is less high is seen from further above. The
 shipped linkages have 0.09 to 0.18, a UR5 that lies stretched out 0.22, the others 0.5 and more."""
@@ -136,8 +137,10 @@ def picture(
     axes.view_init(azim=view[0], elev=view[1])
     axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
     axes.tick_params(labelsize=7)
-    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
-        axis.set_major_locator(MaxNLocator(4))
+    shares = (high - low) / float((high - low).max())
+    for axis, share in zip((axes.xaxis, axes.yaxis, axes.zaxis), shares, strict=True):
+        # Numbers along a short side would cover each other.
+        axis.set_major_locator(MaxNLocator(int(np.clip(_MOST_NUMBERS * share, 1, 4))))
         axis.pane.set_alpha(0.15)
     _write(axes, notes, _HEIGHT_PT * size_in[1])
     axes.set_title(title, fontsize=11)

@@ -44,7 +44,7 @@ from jointplay.simulation import analysis
 from jointplay.simulation.analysis.bearings import Contacts
 from jointplay.simulation.analysis.claims import CLAIM_COLUMNS, can_be_measured, measure
 from jointplay.simulation.analysis.headline import headline
-from jointplay.simulation.analysis.parts import ToolError
+from jointplay.simulation.analysis.parts import DECISIVE, ToolError
 from jointplay.simulation.result.certificate import MARKED
 from jointplay.simulation.result.result import AXES, Result
 
@@ -122,7 +122,7 @@ def _heaviest(runs: Runs) -> Iterator[Part]:
 
 
 def _assumed_values(runs: Runs) -> Iterator[Fold]:
-    """What nobody gave: the first values in sight, all with their effects to unfold."""
+    """What nobody gave: values that decide in sight, all with their effects to unfold."""
     tables: dict[str, tuple[Table, list[Case]]] = {}
     for case in runs.cases:
         table = case.result.assumed
@@ -131,8 +131,14 @@ def _assumed_values(runs: Runs) -> Iterator[Fold]:
         keys, values = (column.values for column in table.columns[:2])
         if not len(keys):
             continue
-        named = [f"{key.rpartition('.')[2].replace('_', ' ')} {value}"
-                 for key, value in zip(keys, values, strict=True)]  # fmt: skip
+        decisive: list[str] = []
+        others: list[str] = []
+        for key, value in zip(keys, values, strict=True):
+            name = key.rpartition(".")[2]
+            kind = f"{key.partition('.')[0].removesuffix('s')} " if name == "kind" else ""
+            known = decisive if name in ("motion", *DECISIVE) else others
+            known.append(f"{kind}{name.replace('_', ' ')} {value}")
+        named = decisive + others
         number = f"{len(named)} value{'s are' if len(named) > 1 else ' is'} assumed"
         of = Html(" in ") + joined(map(markup, ["{}"] * len(cases), cases), ", ")
         of = of if len(cases) < len(runs.cases) else Html("")
@@ -160,7 +166,7 @@ def _figures(runs: Runs, case: Case) -> Row:
         joint, force = max(forces.items(), key=lambda item: item[1])
         impacts = audit.impacts if audit.judged_impacts is None else audit.judged_impacts
     if (rattle := _rattle(runs, case)) is not None:
-        energy = rattle.energy
+        energy = rattle.energy or None
     at = f", {joint}" if len(case.joints) > 1 else ""
 
     def known(value: float | None, name: str) -> Any:
