@@ -171,6 +171,7 @@ def test_the_error_of_servos_is_the_same_in_sentence_and_table(tmp_path):
     told = re.search(r"up to ([\d.]+) mm from where it was sent", text)
     shown = re.search(r"tool from where it was sent, peak \[mm\]</th><td[^>]*>([\d.]+)<", text)
     assert float(told[1]) == float(shown[1])
+    assert '"name":"from where it was sent"' in text  # a curve of the first chart
 
 
 @pytest.mark.thorough

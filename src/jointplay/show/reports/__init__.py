@@ -82,10 +82,11 @@ def report(
     ]
     robots = ", ".join(dict.fromkeys(robot_of(case.result) for case in cases))
     swatches = (markup("{}", case) for case in cases)
-    names = joined([markup("{}", robots), *swatches], Html(" &ensp; "))
+    title = title or title_of(results)
+    robot = [markup("{}", robots)] if robots != title else []
+    names = joined([*robot, *swatches], Html(" &ensp; "))
     end = max(case.duration for case in cases)
     show = partial(page, subject=names, versions=versions(), times=times, end=end)
-    title = title or title_of(results)
     return _write(targets, title, runs.BLOCKS, subject, show, subject.start, say)
 
 

@@ -85,6 +85,12 @@ def glance(runs: Runs) -> Iterator[Part]:
         .styled(colour=case.colour, name=case.label)
         for case in judged
     ]
+    for k, case in enumerate(judged):
+        if not angle and (off := _sent(case)) is not None:
+            size = np.linalg.norm(off.reported.values, axis=1)
+            name = off.against if case.alone else f"{case.label}, {off.against}"
+            curve = Curve(off.reported["time"].values, size, name, case.colour, line="--")
+            errors[k] = errors[k].with_marks(curve)
     if errors:
         panel = figures.overlaid(errors).renamed("tool turn" if angle else "tool error")
         title = "Tool error: distance from the ideal mechanism with the same drives"
@@ -150,7 +156,7 @@ def _figures(runs: Runs, case: Case) -> Row:
     """The figures of a case at a glance; None where one is unknown."""
     start, audit = runs.start, case.result.audit
     rms = peak = turn = turn_rms = at_stops = impacts = force = energy = None
-    sent: Row = {}
+    sent: dict[str, Any] = {}
     joint = ""
     if case.error is not None and float(case.error["time"][-1]) >= start:
         accuracy = analysis.error_statistics(case.error, start)
@@ -158,7 +164,10 @@ def _figures(runs: Runs, case: Case) -> Row:
         ends = [stop.end for stop in _stops(case)[0] if stop.at_rest and stop.end > 0.0]
         errors = [float(analysis.error_at(case.error, end)[3]) for end in ends]
         at_stops = max(errors, default=None)
-        sent = _against(runs, case)
+        if (off := _sent(case)) is not None:
+            known_off = analysis.error_statistics(off.reported, start)
+            sent[f"tool {off.against}, peak"] = known_off.peak[3], "m"
+            sent[f"tool {off.against}, RMS"] = known_off.rms[3], "m"
     if case.turn is not None and float(case.turn["time"][-1]) >= start:
         rotation = analysis.error_statistics(case.turn, start)
         turn_rms, turn = rotation.rms[3], rotation.peak[3]
@@ -187,17 +196,13 @@ def _figures(runs: Runs, case: Case) -> Row:
     }
 
 
-def _against(runs: Runs, case: Case) -> Row:
-    """What the sentence begins with, where that is not the error against the ideal mechanism."""
-    if case.ideal is None or not analysis.has_play(case.result):
-        return {}
-    with suppress(JointplayError):  # a law of the user's own that may not be imported
-        error = ToolError(case.result, case.ideal)
-        if error.reported is not error.vector:
-            statistics = analysis.error_statistics(error.reported, runs.start)
-            figures_ = (("peak", statistics.peak), ("RMS", statistics.rms))
-            return {f"tool {error.against}, {how}": (v[3], "m") for how, v in figures_}
-    return {}
+def _sent(case: Case) -> ToolError | None:
+    """The error of a case whose sentence begins with another than that against the ideal tool."""
+    if case.error is not None and case.ideal is not None and analysis.has_play(case.result):
+        with suppress(JointplayError):  # a law of the user's own that may not be imported
+            error = ToolError(case.result, case.ideal)
+            return None if error.reported is error.vector else error
+    return None
 
 
 def _rattle(runs: Runs, case: Case) -> analysis.Rattle | None:
@@ -384,7 +389,7 @@ def _certificates(cases: Sequence[Case]) -> Iterator[Part]:
             ("further runs: ", "; ".join(certificate.runs)),
         ):
             points += [markup("{}{}{}.", case.prefix, label, text)] if text else []
-    yield Grid.of_cases("figure", cases, columns, name="certificates")
+    yield Grid.of_cases("figure", cases, columns)
     yield Points(points)
 
 
@@ -468,7 +473,7 @@ def accuracy(runs: Runs) -> Iterator[Part]:
     if at_stops:
         named = sum(1 for head in ("case", "reference", "moment") if head != "case" or
                     not runs.cases[0].alone)  # fmt: skip
-        yield Grid.of_rows(at_stops, left=named, name="stops", caption=(
+        yield Grid.of_rows(at_stops, left=named, caption=(
             "Tool error at the waypoints of the reference motion. The tool picks and places while "
             "the reference dwells: the end of a dwell (bold) is what matters to the process"
         ))  # fmt: skip
@@ -588,7 +593,7 @@ def _lives(runs: Runs) -> Iterator[Part]:
     if not rows:
         return
     yield Html("<h3>Rolling bearings</h3>")
-    yield Grid.of_rows(rows, "largest element load", 1, name="bearings", noun="bearing")
+    yield Grid.of_rows(rows, "largest element load", 1, noun="bearing")
     note = (
         "Loads are those of single balls or rollers; at C0 that of the most loaded one under the "
         "basic static load rating. L10: basic reference rating life (ISO/TS 16281, a factor a_ISO "

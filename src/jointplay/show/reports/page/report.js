@@ -141,8 +141,8 @@
   function build({ chart, zoom, hidden }, wide) {
     const { time, stacked, same, panels } = chart, count = panels.length;
     const columns = stacked ? 1 : Math.min(count, wide < 420 ? 1 : wide < 900 ? 2 : 3); // side by side
-    const across = wide / columns, named = panels[0].y.rows || [];
-    const rowHigh = named.length ? 100 : stacked ? (count > 4 ? 150 : 175) : Math.min(400, across);
+    const across = wide / columns, named = panels.flatMap((panel) => panel.y.rows || []);
+    const rowHigh = named.length ? 40 + 20 * Math.max(...panels.map((panel) => panel.y.rows.length)) : stacked ? (count > 4 ? 150 : 175) : Math.min(400, across);
     const left = named.length ? 16 + 6.2 * Math.max(...named.join("\n").split("\n").map((one) => one.length)) : 66;
     const above = panels.some((panel) => panel.title) ? 22 : 8;
     const made = panels.map((panel, i) => {
