@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -18,6 +19,7 @@ from jointplay.show.plots import figures
 from jointplay.show.reports.html import Html, markup
 from jointplay.show.reports.parts import Grid, Row
 from jointplay.simulation import analysis
+from jointplay.simulation.analysis.parts import ToolError
 from jointplay.simulation.analysis.replay import (
     Impact,
     Replay,
@@ -59,6 +61,15 @@ class Case:
     def prefix(self) -> Html:
         """What stands before a sentence on it."""
         return Html("") if self.alone else markup("{}: ", self)
+
+    @cached_property
+    def sent(self) -> ToolError | None:
+        """Its error if what the sentence begins with is not that against `ideal`."""
+        if self.error is not None and self.ideal is not None and analysis.has_play(self.result):
+            with suppress(JointplayError):  # a law of the user's own that may not be imported
+                error = ToolError(self.result, self.ideal)
+                return None if error.reported is error.vector else error
+        return None
 
     @property
     def joints(self) -> list[str]:

@@ -76,8 +76,7 @@ def glance(runs: Runs) -> Iterator[Part]:
     yield Beside([narrow, [picture]] if picture else [narrow])
     yield from notes if len(runs.cases) > 1 else ()
     judged = [case for case in runs.cases if case.error is not None]
-    results = [(runs.detailed[case.label], case.ideal) for case in judged]
-    angle = all(ToolError(result, ideal).is_angle for result, ideal in results if ideal is not None)
+    angle = all(ToolError(case.result, case.ideal).is_angle for case in judged if case.ideal)
     of = f"tool_{'orientation' if angle else 'position'}"
     errors = [
         runs.detailed[case.label]
@@ -86,7 +85,7 @@ def glance(runs: Runs) -> Iterator[Part]:
         for case in judged
     ]
     for k, case in enumerate(judged):
-        if not angle and (off := _sent(case)) is not None:
+        if not angle and (off := case.sent) is not None:
             size = np.linalg.norm(off.reported.values, axis=1)
             name = off.against if case.alone else f"{case.label}, {off.against}"
             curve = Curve(off.reported["time"].values, size, name, case.colour, line="--")
@@ -164,7 +163,7 @@ def _figures(runs: Runs, case: Case) -> Row:
         ends = [stop.end for stop in _stops(case)[0] if stop.at_rest and stop.end > 0.0]
         errors = [float(analysis.error_at(case.error, end)[3]) for end in ends]
         at_stops = max(errors, default=None)
-        if (off := _sent(case)) is not None:
+        if (off := case.sent) is not None:
             known_off = analysis.error_statistics(off.reported, start)
             sent[f"tool {off.against}, peak"] = known_off.peak[3], "m"
             sent[f"tool {off.against}, RMS"] = known_off.rms[3], "m"
@@ -194,15 +193,6 @@ def _figures(runs: Runs, case: Case) -> Row:
         "energy lost per impact": (energy, "J", True),
         "warnings": len(audit.warnings),
     }
-
-
-def _sent(case: Case) -> ToolError | None:
-    """The error of a case whose sentence begins with another than that against the ideal tool."""
-    if case.error is not None and case.ideal is not None and analysis.has_play(case.result):
-        with suppress(JointplayError):  # a law of the user's own that may not be imported
-            error = ToolError(case.result, case.ideal)
-            return None if error.reported is error.vector else error
-    return None
 
 
 def _rattle(runs: Runs, case: Case) -> analysis.Rattle | None:
