@@ -107,7 +107,6 @@ def test_csv_reads_back_bit_for_bit_with_units_in_its_header(result, tmp_path):
     assert np.array_equal(read, result.to_dataframe().to_numpy())
 
 
-@pytest.mark.needs("pyarrow")
 def test_matlab_reads_every_column_and_its_unit(result, tmp_path):
     from scipy.io import loadmat
 
@@ -120,6 +119,7 @@ def test_matlab_reads_every_column_and_its_unit(result, tmp_path):
     assert read["message"] == result.message
 
 
+@pytest.mark.needs("pyarrow")
 def test_parquet_reads_back_with_units_and_types(result, tmp_path):
     import pyarrow.parquet as pq
 
