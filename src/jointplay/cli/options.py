@@ -77,6 +77,10 @@ SHARED: dict[str, dict[str, Any]] = {
         **FLAG, "help": "list what nobody gave: values, by which rule, and what another would "
         "change"
     },
+    "--write-preset": {
+        "metavar": "FILE", "help": "write the robot's joints with what was found, for --preset "
+        "FILE of every command"
+    },
     "--port": {"metavar": "N", "type": int, "default": 7000, "help": "port to listen on"},
     "--no-browser": {**FLAG, "help": "do not open a browser"},
     "--pdf": {**FLAG, "help": "draw each figure as .pdf, too"},

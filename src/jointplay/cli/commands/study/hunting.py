@@ -117,8 +117,7 @@ def run(options: argparse.Namespace) -> int:
         table, notes = hunting.table(hunts, options.gain), hunting.notes(hunts)
         sentence = hunting.sentence(hunts)
     print_answer(sentence, table, [*notes, *registers], options)
-    if options.out:
-        out.write({"hunting.csv": table.csv()})
+    out.write({"hunting.csv": table.csv()})
     return 0
 
 
