@@ -101,7 +101,7 @@ FRONT = (
 def full_help(action: argparse.Action) -> str:
     """What is said of an option, with its unit, its default and whether it can be repeated."""
     text = (action.help or "").replace("%", "%%")
-    if isinstance(action.type, Number):
+    if isinstance(action.type, Number) and action.type.unit:
         text = re.sub(r"(?= \(default|$)", f" [{action.type.unit}]", text, count=1)
     if isinstance(action.default, int | float | str) and not isinstance(action.default, bool):
         text += f" (default {action.default})"

@@ -10,11 +10,8 @@ Example: jointplay study hunting so101 --preset --of elbow_flex
 --set 'drives.elbow_flex.encoder="link"'
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from jointplay.base import streams
 from jointplay.base.errors import JointplayError
@@ -28,9 +25,6 @@ from jointplay.cli.commands.inputs import (
     scenario_of,
 )
 from jointplay.cli.options import REPEATED, TIME, Parser
-
-if TYPE_CHECKING:
-    from jointplay.scenario import Scenario
 
 RUNS = "hunting.runs"
 """What is kept of runs, in the folder of --out."""
@@ -82,7 +76,10 @@ def run(options: argparse.Namespace) -> int:
         refuse_without_servo(
             next(iter(names), "JOINT" if options.gear else None), drives, options.place
         )
-    scenario = released(options)
+    if options.joint or (journals := of_journals(options)):
+        option = "--joint" if options.joint else journals[0]
+        raise JointplayError(f"{option} is of journals, which are held here: hunting is of gears")
+    scenario = scenario_of(options)
     simulation = scenario.simulation(options.case)
     marks = ("note: ", " is p_gain") if options.registers else ("note: ",)
     registers = [line for line in scenario.assumptions if any(mark in line for mark in marks)]
@@ -119,11 +116,3 @@ def run(options: argparse.Namespace) -> int:
     print_answer(sentence, table, [*notes, *registers], options)
     out.write({"hunting.csv": table.csv()})
     return 0
-
-
-def released(options: argparse.Namespace) -> Scenario:
-    """The machine of whose joints some are released; journals, which are held, are refused."""
-    if options.joint or (journals := of_journals(options)):
-        option = "--joint" if options.joint else journals[0]
-        raise JointplayError(f"{option} is of journals, which are held here: hunting is of gears")
-    return scenario_of(options)
