@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from jointplay.base import files
-from jointplay.base.errors import JointplayError, nothing_has_play, require_a, require_names
+from jointplay.base.errors import JointplayError, NothingHasPlay, require_a, require_names
 from jointplay.base.origins import ASSUMED
 from jointplay.base.schema import Preset, one_of
 from jointplay.base.tables import few
@@ -72,7 +72,6 @@ def robot_scenario(
     settings: Sequence[Setting | str] = (),
     ideal: bool = False,
     moves: bool = True,
-    preset: str = "",
 ) -> Scenario:
     """Scenario of one robot with clearance in some of its joints.
 
@@ -85,7 +84,6 @@ def robot_scenario(
         ideal: none has clearance; those named still say which frame is the tool.
         moves: whether a motion is chosen if none is given, and play is needed; not for who looks
             at poses only.
-        preset: the robot's own, which is named where nothing has play.
 
     Returns:
         The scenario; its `assumptions` are what was chosen that nobody gave.
@@ -122,7 +120,7 @@ def robot_scenario(
     errs = joints or ideal or gears or servos or {"joints", "drive", "drives"} & asked_tables.keys()
     if moves and not errs:
         if not scara:
-            raise nothing_has_play(description.moving, preset)
+            raise NothingHasPlay(description.moving)
         joints = (SCARA_JOINT,)
     for name in joints:
         if name not in description.joints and name not in tables.get("loops", {}):

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from jointplay.base import files, signals
-from jointplay.base.errors import JointplayError, nothing_has_play, require_non_negative
+from jointplay.base.errors import JointplayError, NothingHasPlay, require_non_negative
 from jointplay.base.pairs import ALL, name_and_number
 from jointplay.bridges.reduced_formats import FORMATS, choose
 from jointplay.cli.commands import Outputs, given, inputs, print_answer
@@ -83,7 +83,7 @@ def run(options: argparse.Namespace) -> int:
             "joint, or add <freejoint/> to the MJCF's first body"
         )
     if not (joint is None or options.joint or posed.of_file or joint in mechanism.gears):
-        raise nothing_has_play(mechanism.joints)
+        raise NothingHasPlay(mechanism.joints)
     play = [*mechanism.clearance, *mechanism.gears] if joint is None else [joint]
     refuse_without_play(mechanism, play, formats, options.tilt)
     out.claim()

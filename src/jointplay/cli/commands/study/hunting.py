@@ -17,13 +17,7 @@ from jointplay.base import streams
 from jointplay.base.errors import JointplayError
 from jointplay.base.pairs import ALL, name_and_number
 from jointplay.cli.commands import Outputs, inputs, print_answer
-from jointplay.cli.commands.inputs import (
-    is_scenario,
-    of_journals,
-    own_preset,
-    require_one_pose,
-    scenario_of,
-)
+from jointplay.cli.commands.inputs import is_scenario, of_journals, own_preset, pose_of, scenario_of
 from jointplay.cli.options import REPEATED, TIME, Parser
 
 RUNS = "hunting.runs"
@@ -83,13 +77,11 @@ def run(options: argparse.Namespace) -> int:
     simulation = scenario.simulation(options.case)
     marks = ("note: ", " is p_gain") if options.registers else ("note: ",)
     registers = [line for line in scenario.assumptions if any(mark in line for mark in marks)]
-    require_one_pose(options)
-    held = read_pose(simulation.mechanism, "".join(options.pose))
+    held = read_pose(simulation.mechanism, pose_of(options))
     how = {"longest": options.time, "jobs": options.jobs, "progress": not options.quiet}
     how["keep"] = Path(options.out) / RUNS if options.out else None
-    joints = options.of or ()
     if spans:
-        machines = hunting.released(simulation, joints, held)
+        machines = hunting.released(simulation, options.of, held)
         names = [axis.joint for machine in machines for axis in machine.axes]
         if len(names) > 1:
             raise JointplayError(f"a map is of one joint: give --of, one of {', '.join(names)}")
@@ -106,11 +98,11 @@ def run(options: argparse.Namespace) -> int:
     if options.poses is not None:
         from jointplay.study import calm
 
-        answers = calm.calm(simulation, joints, held, places=options.poses, **how)
+        answers = calm.calm(simulation, options.of, held, places=options.poses, **how)
         table, notes = calm.table(answers), [answer.advice for answer in answers]
         sentence = "; ".join(answer.sentence for answer in answers)
     else:
-        hunts = hunting.hunting(simulation, joints, held, gain=options.gain, **how)
+        hunts = hunting.hunting(simulation, options.of, held, gain=options.gain, **how)
         table, notes = hunting.table(hunts, options.gain), hunting.notes(hunts)
         sentence = hunting.sentence(hunts)
     print_answer(sentence, table, [*notes, *registers], options)
