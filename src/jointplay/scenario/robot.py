@@ -26,6 +26,7 @@ from jointplay.physics.joints import (
 )
 from jointplay.physics.kernel.constants import DEFAULT
 from jointplay.scenario.reading import (
+    BY_ERROR,
     TOLERANCE,
     Scenario,
     Setting,
@@ -194,8 +195,7 @@ def _steps(scenario: Scenario) -> tuple[list[Setting], str]:
     if {"step", "tolerance"}.intersection(integration):
         return [], ""
     if integration.get("integrator", DEFAULT) == DEFAULT and "macro_step" not in integration:
-        note = f"steps: by their own error, tolerance {TOLERANCE:g} (--step makes them equal)"
-        return [Setting(("integration", "tolerance"), TOLERANCE, "steps chosen")], note
+        return [Setting(("integration", "tolerance"), TOLERANCE, "steps chosen")], BY_ERROR
     choice = step_for(scenario)
     if choice is None:
         return [], ""
