@@ -593,8 +593,8 @@ class Scenario(Overview):
                 if formats.says_more(place, self.path.parent):
                     description = description_of(place, held, self.path.parent)
                     settings = settings_beyond(description, ideal=False)
-                    notes = description.beyond.notes
-                    self.assumptions += [entry for entry in notes if entry not in self.assumptions]
+                    for note in description.beyond.notes:
+                        self._assume(note)
             self._read[key] = settings
         drives = "motion" in table and "drive" not in table
         return tree(entry for entry in self._read[key] if drives or entry.key[0] != "drives")
