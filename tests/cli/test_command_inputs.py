@@ -227,6 +227,24 @@ def test_what_others_call_play_is_asked_for_by_its_key(capsys):
     )
 
 
+WITHOUT_PLAY = ["run --out o", "study iso9283", "budget", "identify --plan"]
+WITHOUT_PLAY += ["export simulator --all --out o"]
+
+
+@pytest.mark.parametrize("line", WITHOUT_PLAY)
+def test_a_robot_without_play_is_told_of_its_preset_by_each_command(
+    line, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    words = line.split()
+    kind = [words.pop(0)] + ([words.pop(0)] if words and words[0].isidentifier() else [])
+    assert main([*kind, "so101", *words]) == 2
+    assert "give --preset (what is publicly known of so101)" in capsys.readouterr().err
+    assert main([*kind, "ur5", *words]) == 2
+    said = capsys.readouterr().err
+    assert "nothing has play: give --clearance" in said  # of which no preset is known
+
+
 def test_without_clearance_no_journal_of_a_preset_or_of_a_key_has_any():
     words = ["--preset", "ur-like", "--set", "joints.elbow_joint.radial_clearance=0.05 mm"]
     loose = read("run", "ur5", *words, "--out", "o").mechanism()

@@ -45,6 +45,9 @@ def test_a_linkage_to_start_from_runs_as_it_stands(tmp_path):
     assert done.returncode == 0, done.stderr
     assert "crank: Play of 0.1 mm in B puts the tool 'slider' up to 0.110 mm off" in done.stdout
     assert "warning" not in done.stdout
+    said = call("check", "crank.toml", "--no-picture", cwd=tmp_path).stdout
+    for assumed in ("motors keep the given speeds", "B: play in the plane", "steps: by"):
+        assert assumed in said
     wrong = call("init", "--linkage", "slider", cwd=tmp_path)
     assert wrong.returncode == 2
     assert "four-bar" in wrong.stderr

@@ -380,8 +380,3 @@ def test_the_command_refuses_conditions_that_cannot_be(arm, capsys, more, says):
         order += ["--duration", "0.1"]
     assert main([*order, *more]) == 2
     assert says in capsys.readouterr().err
-
-
-def test_a_robot_without_play_is_told_of_its_preset(capsys):
-    assert main(["study", "iso9283", "so101"]) == 2
-    assert "give --preset (what is publicly known of so101)" in capsys.readouterr().err

@@ -32,6 +32,9 @@ def test_a_run_of_equal_steps_converges_and_states_its_error(simulation):
     assert away <= found.stated["RMS tool error"]
     assert "within the stated error" in str(found)
     assert "stated error" in str(found.table)
+    heads, *rows = str(found.table).splitlines()
+    assert heads.startswith("step [µs]")
+    assert float(rows[-2].split()[0]) == pytest.approx(1e6 * found.finest, rel=1e-3)
 
 
 def test_laws_differ_by_what_they_dissipate(simulation):

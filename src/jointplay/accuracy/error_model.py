@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jointplay.accuracy import jacobians, loop_play
-from jointplay.base.errors import JointplayError, nothing_has_play, require_whole
+from jointplay.base.errors import JointplayError, NothingHasPlay, require_whole
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints.fits import Fit
 from jointplay.physics.joints.play import DRAWS, Cone, Cones, JournalPlay, Play, Support
@@ -560,7 +560,7 @@ def play_model(
             "loops; jointplay budget, allocate and run accept them"
         )
     if not mechanism.clearance and not mechanism.gears:
-        raise nothing_has_play([*mechanism.joints, *mechanism.loops])
+        raise NothingHasPlay([*mechanism.joints, *mechanism.loops])
     q = jacobians.configurations(mechanism, poses, driven)
     for name in {name + jacobians.GEAR for name in mechanism.gears} & set(mechanism.clearance):
         raise JointplayError(f"the joint {name!r} has the same name as the gear of another joint")

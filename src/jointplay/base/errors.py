@@ -102,17 +102,25 @@ class MissingName(JointplayError):
         return MissingName, (*self._parts, self.where)
 
 
-def nothing_has_play(joints: Iterable[str], preset: str = "") -> JointplayError:
+class NothingHasPlay(JointplayError):
     """What is asked for is about play, and there is none; `joints` could have some.
 
     `preset`: the robot's own, if it has one.
     """
-    public = f"--preset (what is publicly known of {preset}), " * bool(preset)
-    return JointplayError(
-        f'nothing has play: give {public}--clearance "0.1 mm" (all joints that move the tool), '
-        '--joint NAME="0.1 mm" or --gear NAME="2 arcmin", in Python clearance or gears; joints: '
-        + (", ".join(joints) or "none")
-    )
+
+    def __init__(self, joints: Iterable[str], preset: str = "", where: Where = ()) -> None:
+        self.joints = tuple(joints)
+        public = f"--preset (what is publicly known of {preset}), " * bool(preset)
+        super().__init__(
+            f'nothing has play: give {public}--clearance "0.1 mm" (all joints that move the tool), '
+            '--joint NAME="0.1 mm" or --gear NAME="2 arcmin", in Python clearance or gears; '
+            f"joints: {', '.join(self.joints) or 'none'}",
+            where,
+        )
+        self._preset = preset
+
+    def __reduce__(self) -> tuple[type, tuple[object, ...]]:
+        return NothingHasPlay, (self.joints, self._preset, self.where)
 
 
 def require_known(

@@ -39,7 +39,7 @@ from jointplay.accuracy.poses import moving
 from jointplay.base.compiler import compiled
 from jointplay.base.errors import (
     JointplayError,
-    nothing_has_play,
+    NothingHasPlay,
     require_a,
     require_known,
     require_positive,
@@ -288,7 +288,7 @@ def reduce_all(
     """
     names = _with_play(mechanism)
     if not names:
-        raise nothing_has_play(mechanism.joints)
+        raise NothingHasPlay(mechanism.joints)
     refused = {name: why for name in names if (why := _no_hinge(mechanism, name))}
     able = {name: name for name in names if name not in refused}
     rubs = dict(joint_friction or {})

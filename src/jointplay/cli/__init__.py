@@ -15,7 +15,7 @@ from types import ModuleType
 from typing import Any
 
 from jointplay.base import signals, streams
-from jointplay.base.errors import JointplayError, one_line
+from jointplay.base.errors import JointplayError, NothingHasPlay, one_line
 from jointplay.base.imports import extra
 from jointplay.base.modules import import_module
 from jointplay.base.signals import INTERRUPTED
@@ -197,6 +197,10 @@ def _command(parser: Parser, options: argparse.Namespace) -> int:
             options.json = sys.stdout  # on which nothing else is to stand
             with redirect_stdout(io.StringIO()):
                 return int(module.run(options))
+    except NothingHasPlay as error:
+        from jointplay.cli.commands.inputs import own_preset
+
+        return _refuse(options, str(NothingHasPlay(error.joints, own_preset(options))))
     except JointplayError as error:
         return _refuse(options, str(error))
     except KeyboardInterrupt as error:

@@ -77,6 +77,10 @@ SHARED: dict[str, dict[str, Any]] = {
         **FLAG, "help": "list what nobody gave: values, by which rule, and what another would "
         "change"
     },
+    "--write-preset": {
+        "metavar": "FILE", "help": "write the robot's joints with what was found, for --preset "
+        "FILE of every command"
+    },
     "--port": {"metavar": "N", "type": int, "default": 7000, "help": "port to listen on"},
     "--no-browser": {**FLAG, "help": "do not open a browser"},
     "--pdf": {**FLAG, "help": "draw each figure as .pdf, too"},
@@ -97,7 +101,7 @@ FRONT = (
 def full_help(action: argparse.Action) -> str:
     """What is said of an option, with its unit, its default and whether it can be repeated."""
     text = (action.help or "").replace("%", "%%")
-    if isinstance(action.type, Number):
+    if isinstance(action.type, Number) and action.type.unit:
         text = re.sub(r"(?= \(default|$)", f" [{action.type.unit}]", text, count=1)
     if isinstance(action.default, int | float | str) and not isinstance(action.default, bool):
         text += f" (default {action.default})"

@@ -15,7 +15,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from jointplay.base.errors import JointplayError, nothing_has_play, require_known
+from jointplay.base.errors import JointplayError, NothingHasPlay, require_known
 from jointplay.estimate import parts
 from jointplay.estimate.unknowns import PLAYS, Estimate, Unknown
 from jointplay.model.mechanism import Mechanism
@@ -164,7 +164,7 @@ class Machine:
     def _require_play(self) -> None:
         mechanism = self.mechanism
         if not mechanism.clearance and not mechanism.gears:
-            raise nothing_has_play(mechanism.joints)
+            raise NothingHasPlay(mechanism.joints)
         sliding = [n for n in mechanism.gears if mechanism.description.joints[n].slides]
         if sliding:
             raise JointplayError(

@@ -13,10 +13,10 @@ import json
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from html import escape
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
-from xml.sax.saxutils import escape
 
 from jointplay.base import confined
 from jointplay.base.errors import JointplayError, MissingName
@@ -211,7 +211,7 @@ def _saying(text: str, notes: Sequence[str]) -> str:
     """A URDF with words that come to its doubts (`urdf.doubts`)."""
     if not notes:
         return text
-    inside = escape(json.dumps({"doubts": notes}))
+    inside = escape(json.dumps({"doubts": notes}), quote=False)
     head, end, tail = text.rpartition("</robot>")
     return f"{head}<{BEYOND}>{inside}</{BEYOND}>{end}{tail}" if end else text
 

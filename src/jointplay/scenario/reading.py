@@ -355,6 +355,8 @@ def settings_beyond(description: Description, ideal: bool) -> list[Setting]:
 TOLERANCE = 1e-3
 """Tolerance of the steps of a machine of which nothing else is said: on random robots as good as
 equal steps of 10 us, at two thirds of their cost (docs/integrators.md)."""
+BY_ERROR = f"steps: by their own error, tolerance {TOLERANCE:g} (--step makes them equal)"
+"""How that is told."""
 _SELECTORS = ("kind", "law")
 _TABLES = {
     **{one.name: "integration" for one in fields(IntegrationTable)},
@@ -591,8 +593,8 @@ class Scenario(Overview):
                 if formats.says_more(place, self.path.parent):
                     description = description_of(place, held, self.path.parent)
                     settings = settings_beyond(description, ideal=False)
-                    notes = description.beyond.notes
-                    self.assumptions += [entry for entry in notes if entry not in self.assumptions]
+                    for note in description.beyond.notes:
+                        self._assume(note)
             self._read[key] = settings
         drives = "motion" in table and "drive" not in table
         return tree(entry for entry in self._read[key] if drives or entry.key[0] != "drives")
@@ -600,6 +602,9 @@ class Scenario(Overview):
     def _beneath_linkage(self, table: Mapping[str, Any]) -> dict[str, Any]:
         """What who draws a linkage means: plane play, a crank that keeps its speed."""
         beneath: dict[str, Any] = {}
+        if "speeds" in table.get("motion", ()) and not {"drive", "drives"} & table.keys():
+            beneath["drive"] = {"kind": "prescribed"}
+            self._assume('motors keep the given speeds: drive.kind = "prescribed"')
         points, joints = table["linkage"].get("points"), table.get("joints")
         planar = isinstance(points, Mapping) and all(
             isinstance(place, list) and len(place) == 2 for place in points.values()
@@ -607,11 +612,12 @@ class Scenario(Overview):
         if planar and isinstance(joints, Mapping):
             kinds = {"kind": "planar"}
             beneath["joints"] = {
-                name: kinds for name, joint in joints.items() if isinstance(joint, Mapping)
+                name: kinds
+                for name, joint in joints.items()
+                if isinstance(joint, Mapping) and "kind" not in joint
             }
-        if "speeds" in table.get("motion", ()) and not {"drive", "drives"} & table.keys():
-            beneath["drive"] = {"kind": "prescribed"}
-            self._assume('motors keep the given speeds: drive.kind = "prescribed"')
+            if plane := [*beneath["joints"]]:
+                self._assume(f'{few(plane)}: play in the plane, no tilt: kind = "planar"')
         links = table["linkage"].get("links")
         rods = [
             name
@@ -628,6 +634,7 @@ class Scenario(Overview):
         steps = {"step", "tolerance", "integrator", "macro_step"}
         if isinstance(integration, Mapping) and not steps & integration.keys():
             beneath["integration"] = {"tolerance": TOLERANCE}
+            self._assume(BY_ERROR)
         return beneath
 
     def _assume(self, line: str) -> None:

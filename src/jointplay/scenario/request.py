@@ -149,10 +149,7 @@ class Request:
             settings += [Setting(("joints", name, "ideal"), True, "--ideal") for name in loose]
         settings += [*self._other_settings(known), *self._chosen_tool, *self.settings]
         if self.file is None:
-            from jointplay.scenario.presets import own_preset
-
-            public = own_preset(str(self.place))
-            scenario = robot_scenario(self.place, names, settings, self.ideal, moves, preset=public)
+            scenario = robot_scenario(self.place, names, settings, self.ideal, moves)
         else:
             scenario = Scenario.load(str(self.place), settings)
         scenario.assumptions += dict.fromkeys(self._of_registers)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from jointplay.base import files
-from jointplay.base.errors import JointplayError, nothing_has_play, require_a, require_names
+from jointplay.base.errors import JointplayError, NothingHasPlay, require_a, require_names
 from jointplay.base.origins import ASSUMED
 from jointplay.base.schema import Preset, one_of
 from jointplay.base.tables import few
@@ -26,6 +26,7 @@ from jointplay.physics.joints import (
 )
 from jointplay.physics.kernel.constants import DEFAULT
 from jointplay.scenario.reading import (
+    BY_ERROR,
     TOLERANCE,
     Scenario,
     Setting,
@@ -72,7 +73,6 @@ def robot_scenario(
     settings: Sequence[Setting | str] = (),
     ideal: bool = False,
     moves: bool = True,
-    preset: str = "",
 ) -> Scenario:
     """Scenario of one robot with clearance in some of its joints.
 
@@ -85,7 +85,6 @@ def robot_scenario(
         ideal: none has clearance; those named still say which frame is the tool.
         moves: whether a motion is chosen if none is given, and play is needed; not for who looks
             at poses only.
-        preset: the robot's own, which is named where nothing has play.
 
     Returns:
         The scenario; its `assumptions` are what was chosen that nobody gave.
@@ -122,7 +121,7 @@ def robot_scenario(
     errs = joints or ideal or gears or servos or {"joints", "drive", "drives"} & asked_tables.keys()
     if moves and not errs:
         if not scara:
-            raise nothing_has_play(description.moving, preset)
+            raise NothingHasPlay(description.moving)
         joints = (SCARA_JOINT,)
     for name in joints:
         if name not in description.joints and name not in tables.get("loops", {}):
@@ -196,8 +195,7 @@ def _steps(scenario: Scenario) -> tuple[list[Setting], str]:
     if {"step", "tolerance"}.intersection(integration):
         return [], ""
     if integration.get("integrator", DEFAULT) == DEFAULT and "macro_step" not in integration:
-        note = f"steps: by their own error, tolerance {TOLERANCE:g} (--step makes them equal)"
-        return [Setting(("integration", "tolerance"), TOLERANCE, "steps chosen")], note
+        return [Setting(("integration", "tolerance"), TOLERANCE, "steps chosen")], BY_ERROR
     choice = step_for(scenario)
     if choice is None:
         return [], ""

@@ -91,8 +91,8 @@ class Convergence:
 
     @property
     def table(self) -> Table:
-        unit = "s" if self.of == "step" else ""
-        columns = [Column(self.of, [*self.sizes, self.finest], unit, digits=3)]
+        scale, unit = (1e6, "µs") if self.of == "step" else (1.0, "")
+        columns = [Column(self.of, [scale * x for x in (*self.sizes, self.finest)], unit)]
         for name in self.values:
             column = [*self.values[name], self.truth[name]]
             columns.append(Column(name, column, self.units[name], digits=6))

@@ -127,7 +127,8 @@ class Outputs:
 
         `further` is what else the line says.
         """
-        assert self.folder is not None
+        if self.folder is None:
+            return
         for name, content in contents.items():
             put = files.write if isinstance(content, str | bytes) else files.picture
             put(Path(self.folder) / name, content)

@@ -45,6 +45,7 @@ def declare(parser: Parser) -> None:
     inputs.declare(parser, "robot", required=True)
     add = parser.add_argument
     add("csv", metavar="CSV", nargs="?", help="table of the poses")
+    add("--out", metavar="DIR", help="folder for the tables (CSV, JSON) and the figure")
     add = parser.add_argument_group("robot").add_argument
     add("--point", metavar="X,Y,Z", help="nominal place of the measured point in the tool's frame, "
         'such as "0,0,0.24" [m]')
@@ -65,14 +66,12 @@ def declare(parser: Parser) -> None:
     add = parser.add_argument_group("plan").add_argument
     add("--plan", **FLAG, help="propose in which poses to measure")
     add("--count", metavar="N", type=int, default=20, help="number of poses to choose")
-    add("--out", metavar="DIR", help="folder for the tables (CSV, JSON) and the figure")
     add = parser.add_argument_group("corrected robot").add_argument
     add("--urdf", metavar="FILE", help="write the robot's URDF with joints where the kept model "
         "has them")
     add("--mjcf", metavar="FILE", help="write it as MJCF; of a robot that was read of one, that "
         "one with bodies put right")
-    add("--write-preset", metavar="FILE", help="write play and stiffness found, for --preset FILE "
-        "of every command")
+    parser.share("--write-preset", group="corrected robot")
     parser.share("--detail", "--quiet")
 # fmt: on
 
@@ -112,8 +111,7 @@ def run(options: argparse.Namespace) -> int:
     if options.plan:
         plan = plan_calibration(mechanism, [*always, *terms], count=options.count, **about)
         print_answer("", plan, notes, options)
-        if options.out:
-            out.write({"plan.txt": f"{plan}\n"})
+        out.write({"plan.txt": f"{plan}\n"})
         return 0
     contents: dict[str, Any] = {}
     fits: list[Calibration] = []

@@ -38,7 +38,7 @@ MARK = "jointplay check"
 def declare(parser: Parser) -> None:
     inputs.declare(parser)
     add = parser.add_argument
-    add("--case", metavar="NAME", **REPEATED, help="run only this case of FILE")
+    add("--case", metavar="NAME", **REPEATED, help="check only this case of FILE")
     add("--schema", **FLAG, help="print the JSON schema of scenario files instead: saved as "
         "scenario.schema.json beside a scenario whose first line is `#:schema "
         "scenario.schema.json`, it gives editors with Taplo (Even Better TOML) completion, "

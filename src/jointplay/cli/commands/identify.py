@@ -49,6 +49,7 @@ def declare(parser: Parser) -> None:
     add = parser.add_argument
     add("data", metavar="DATA", nargs="?", help="measurement: CSV with columns such as 'time [s]', "
         "'tool x [mm]'; ROS 2 bag (.mcap or its folder); folder of a LeRobot dataset")
+    add("--out", metavar="DIR", help="folder for the tables (CSV, JSON) and the figure")
     add = parser.add_argument_group("measurement").add_argument
     add("--against", metavar="OLD", help="earlier measurement of the same machine: states how each "
         "play has changed, both compared as one")
@@ -72,8 +73,8 @@ def declare(parser: Parser) -> None:
     add("--lag", metavar="TIME|inf", help="about how late readings of the tool, and of links, may "
         "be behind the motors' encoders [s]; 0: simultaneous, inf: unknown (default: 0, of bags "
         "and datasets inf)")
-    add("--pose", **REPEATED, metavar="JOINT=X,...", help="readings of a dial gauge: pose in which "
-        "they were taken")
+    add("--pose", **REPEATED, metavar="JOINT=X,...", help="pose in which readings of a dial gauge "
+        "were taken")
     add = parser.add_argument_group("bags and datasets").add_argument
     add("--source", metavar="SIGNAL=TOPIC", **REPEATED, help="topic of a bag that has a signal, or "
         'feature of a dataset and its unit: "motor=/joint_states", "tool=/tracker/pose", '
@@ -93,9 +94,8 @@ def declare(parser: Parser) -> None:
         "measured besides the motors' encoders; by default tool")
     add("--count", metavar="N", type=int, default=6, help="number of experiments to choose")
     add("--push", **FORCE, help="force with which the tool can be pushed; 0: none (default: 20)")
-    add("--out", metavar="DIR", help="folder for the tables (CSV, JSON) and the figure")
-    add("--write-preset", metavar="FILE", help="write the robot's joints with what was identified, "
-        "for --preset FILE of every command")
+    parser.share("--write-preset", group="measured robot")
+    add = parser.add_argument_group("measured robot").add_argument
     add("--formats", type=listed, metavar="LIST", help="lost motion, for firmware, in DIR: marlin, "
         "linuxcnc, grblhal, klipper, smoothieware")
     add("--urdf", metavar="FILE", help="write its URDF with the clearance of bearings as chains of "
@@ -171,8 +171,7 @@ def _plan(options: argparse.Namespace) -> None:
         plan = plan_lost_motion(posed.mechanism, joints)
         contents = {"lost_motion.csv": plan.csv(), "lost_motion.gcode": plan.gcode()}
     print_answer("", plan, posed.notes, options, data=lambda: {"plan": f"{plan}".splitlines()})
-    if options.out:
-        out.write({"plan.txt": f"{plan}\n", **contents})
+    out.write({"plan.txt": f"{plan}\n", **contents})
 
 
 def _motion(options: argparse.Namespace) -> None:
@@ -288,8 +287,7 @@ def _changes(options: argparse.Namespace) -> None:
     print_answer(
         changed.sentence, replace(changed, notes=()), notes, options, data=changed.describe
     )
-    if options.out:
-        out.write(commands.describe("changes", changed))
+    out.write(commands.describe("changes", changed))
 
 
 def _known(options: argparse.Namespace) -> dict[str, Any]:

@@ -338,14 +338,16 @@ def posed_machine(
     request = request_of(options, inertia)
     scenario = _scenario(options, request, moves=False)
     if single:
-        require_one_pose(options)
+        pose_of(options)
     poses, file, number = (getattr(options, n, None) for n in ("pose", "poses", "workspace"))
     return PosedMachine.of(request, scenario, poses or (), file, number, single)
 
 
-def require_one_pose(options: argparse.Namespace) -> None:
+def pose_of(options: argparse.Namespace) -> str:
+    """What --pose says, where it may be given once."""
     if len(options.pose) > 1:
         raise JointplayError(f"give --pose once, got {len(options.pose)}")
+    return "".join(options.pose)
 
 
 def force_on_tool(options: argparse.Namespace) -> tuple[float, float, float]:

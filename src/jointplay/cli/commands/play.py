@@ -9,14 +9,12 @@ jointplay[movie] and Chromium, but neither a screen nor a graphics card.
 """
 
 import argparse
-import sys
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from jointplay.base import files, streams
 from jointplay.base.errors import JointplayError, require_whole
-from jointplay.base.signals import INTERRUPTED
 from jointplay.cli.commands import given
 from jointplay.cli.options import FLAG, REPEATED, Parser
 
@@ -86,15 +84,6 @@ def run(options: argparse.Namespace) -> int:
         from jointplay.show.player.server import check_host
 
         check_host(options.host)
-    try:
-        _play(options, shot)
-    except KeyboardInterrupt:  # while preparing; what is served ends with 0
-        print(file=sys.stderr)
-        return INTERRUPTED
-    return 0
-
-
-def _play(options: argparse.Namespace, shot: Any) -> None:
     from jointplay.show import player
     from jointplay.show.plots.names import load
 
@@ -114,6 +103,7 @@ def _play(options: argparse.Namespace, shot: Any) -> None:
     else:
         shown |= {"host": options.host, "port": options.port, "browser": not options.no_browser}
         player.play(results, say=partial(print, flush=True), **shown)
+    return 0
 
 
 def _note(text: str) -> None:

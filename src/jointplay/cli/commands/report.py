@@ -35,8 +35,7 @@ def declare(parser: Parser) -> None:
     add("--impacts", metavar="N", type=int, help="impacts of each run to show step by step; with "
         "0, no run is repeated (default: 5)")
     add("--no-pdf", **FLAG, help="write the page only")
-    add("--quiet", **FLAG, help="do not report progress")
-    parser.share("--import")
+    parser.share("--quiet", "--import")
 # fmt: on
 
 

@@ -14,7 +14,7 @@ import argparse
 import shlex
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from jointplay.base import signals, streams
 from jointplay.base.errors import require_whole
@@ -68,13 +68,12 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.show import plots
     from jointplay.show.plots.names import MARK
 
-    if options.laws is not None or options.ensemble is not None:
+    if options.ensemble is not None:
+        require_whole("--ensemble", options.ensemble, 2)
+    if options.laws is not None:
         from jointplay.study.reviews import require_laws
 
-        if options.laws is not None:
-            require_laws(options.laws)
-        if options.ensemble is not None:
-            require_whole("--ensemble", options.ensemble, 2)
+        require_laws(options.laws)
     if not options.resume and not is_scenario(options):
         check_output_folder(Path(options.out), [f"{LABEL}.nc"])
     scenario = scenario_of(options)
@@ -112,25 +111,15 @@ def _review(cases: Cases, options: argparse.Namespace) -> None:
     asked = [name for name in ("converge", "laws", "ensemble") if getattr(options, name)]
     if not asked:
         return
-    from jointplay.show.plots import reviews as charts
-    from jointplay.show.plots.draw import draw
-    from jointplay.study import reviews
+    from jointplay.show.plots.reviews import review
 
-    about = {"jobs": options.jobs, "progress": not options.quiet}
+    how = {"jobs": options.jobs, "progress": not options.quiet}
     for name, case in cases.cases.items():
-        for review in asked:
-            if review == "converge":
-                found: Any = reviews.convergence(case.simulation, **about)
-                chart = charts.convergence(found)
-            elif review == "laws":
-                found = reviews.laws(case.simulation, options.laws, **about)
-                chart = charts.laws(found)
-            else:
-                found = reviews.spread(case.simulation, options.ensemble, **about)
-                chart = charts.spread(found)
-            path = cases.out / f"{case.path.stem}_{review}.pdf"
-            files.picture(path, draw(chart, "paper"))
-            print(f"\n{name}, {review}: {found}\n{path}")
+        for kind in asked:
+            answer, figure = review(kind, case.simulation, getattr(options, kind), **how)
+            path = cases.out / f"{case.path.stem}_{kind}.pdf"
+            files.picture(path, figure)
+            print(f"\n{name}, {kind}: {answer}\n{path}")
 
 
 def _figures(scenario: Scenario, options: argparse.Namespace) -> list[str]:
@@ -214,20 +203,17 @@ def _status(cases: Cases, stopped: bool) -> int:
         if cases.cases[name].errors and result.status == Status.COMPLETED and not result.certificate
     ]
     bare = [name for name in unjudged if cases.cases[name].errors == "certify"]
+    lacking = f"without numerical errors: {', '.join(unjudged)}"
     interrupted = any(result.status == Status.INTERRUPTED for result in results.values())
     if interrupted or (stopped and missing + bare):
         present = ", ".join(cases.cases[name].path.name for name in results)
         note = f"; there is {present}" if present else ""
-        note += f"; without numerical errors: {', '.join(unjudged)}" if unjudged else ""
+        note += f"; {lacking}" if unjudged else ""
         note = f"; no result of: {', '.join(missing)}" if missing else note
         print(f"interrupted{note}; the same command with --resume continues", file=sys.stderr)
         return INTERRUPTED
     if stopped:
         print(signals.SAVED, file=sys.stderr)
         if unjudged:
-            print(
-                f"without numerical errors: {', '.join(unjudged)}; the same command with "
-                "--resume finds them",
-                file=sys.stderr,
-            )
+            print(f"{lacking}; the same command with --resume finds them", file=sys.stderr)
     return 0 if all(r.status == Status.COMPLETED for r in results.values()) else STOPPED

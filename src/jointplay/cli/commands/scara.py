@@ -15,7 +15,7 @@ import sys
 import time
 
 from jointplay.base import signals
-from jointplay.cli.options import FLAG, Parser
+from jointplay.cli.options import Parser
 
 
 # fmt: off
@@ -28,10 +28,9 @@ def declare(parser: Parser) -> None:
         "three cases: consistent, or as-printed, which no rigid body can have")
     add("--integrator", choices=("multi-rate", "semi-implicit-euler", "rk4"), default="multi-rate",
         help="of all runs; semi-implicit-euler is explicit, with the paper's fixed step of 10 us")
-    add("--pdf", **FLAG, help="draw each figure as .pdf, too")
     add("--runs", metavar="N", type=int, default=8, help="perturbed runs for each clearance and "
         "condition; 0 skips the claims")
-    parser.share("--jobs", "--quiet")
+    parser.share("--pdf", "--jobs", "--quiet")
 # fmt: on
 
 

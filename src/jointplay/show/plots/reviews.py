@@ -2,14 +2,44 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from jointplay.show.plots.chart import Area, Axis, Chart, Curve, Mark, Panel
+from jointplay.show.plots.draw import draw
 from jointplay.show.plots.palette import COLOURS, many
+from jointplay.show.plots.style import StyledFigure
+from jointplay.simulation.simulation import Simulation
+from jointplay.study import reviews
 from jointplay.study.reviews import BAND, Convergence, LawComparison, Spread
 
 _WIDTH = 6.0
 """Inches on screen: one column, 88 mm, on paper."""
+
+
+def review(
+    kind: str, simulation: Simulation, asked: Any, **how: Any
+) -> tuple[Convergence | LawComparison | Spread, StyledFigure]:
+    """What reviewers ask of a run, and its figure for print.
+
+    Args:
+        kind: ``converge``, ``laws`` or ``ensemble``.
+        simulation: the run.
+        asked: names of the laws, or number of perturbed starts.
+        how: jobs and progress, as functions of `study.reviews` have them.
+
+    Raises:
+        JointplayError: see there.
+    """
+    if kind == "converge":
+        steps = reviews.convergence(simulation, **how)
+        return steps, draw(convergence(steps), "paper")
+    if kind == "laws":
+        compared = reviews.laws(simulation, asked, **how)
+        return compared, draw(laws(compared), "paper")
+    starts = reviews.spread(simulation, asked, **how)
+    return starts, draw(spread(starts), "paper")
 
 
 def convergence(of: Convergence) -> Chart:

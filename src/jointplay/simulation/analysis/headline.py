@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from jointplay.base.errors import JointplayError, nothing_has_play
+from jointplay.base.errors import JointplayError, NothingHasPlay
 from jointplay.base.tables import counted, few
 from jointplay.physics.kernel import Status
 from jointplay.simulation import spool
@@ -378,7 +378,7 @@ def tool_error(result: Result) -> ToolError:
         JointplayError: the result has no play, or its ideal mechanism cannot be simulated.
     """
     if not twins.has_play(result):
-        raise nothing_has_play(result.simulation.mechanism.joints)
+        raise NothingHasPlay(result.simulation.mechanism.joints)
     return ToolError(result, twins.tool_motion(twins.ideal_simulation(result)))
 
 

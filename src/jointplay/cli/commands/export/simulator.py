@@ -18,24 +18,14 @@ from pathlib import Path
 from typing import Any
 
 from jointplay.base import files, signals
-from jointplay.base.errors import JointplayError, nothing_has_play, require_non_negative
+from jointplay.base.errors import JointplayError, NothingHasPlay, require_non_negative
 from jointplay.base.pairs import ALL, name_and_number
 from jointplay.bridges.reduced_formats import FORMATS, choose
 from jointplay.cli.commands import Outputs, given, inputs, print_answer
-from jointplay.cli.options import ANGLE, FLAG, REPEATED, TIME, Parser
+from jointplay.cli.options import ANGLE, FLAG, REPEATED, TIME, Number, Parser
 
 DONE = "joints.runs"
 """File of the joints that are done, as long as others are not."""
-
-
-def _share(text: str) -> float:
-    """A part of one: 0.2, or 20%."""
-    try:
-        part = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
-        return require_non_negative("it", part, "")
-    except ValueError:
-        words = f"must be a number or a percentage, not negative, got {text!r}"
-        raise argparse.ArgumentTypeError(words) from None
 
 
 # fmt: off
@@ -55,7 +45,7 @@ def declare(parser: Parser) -> None:
         "lost")
     add("--format", choices=("mjcf", "sdf", "urdf", "json", "usd", "proto", "py"), **REPEATED,
         help="file format; by default all")
-    add("--spread", metavar="SHARE", type=_share, help="JSON: relative half width of ranges "
+    add("--spread", metavar="SHARE", type=Number(""), help="JSON: relative half width of ranges "
         "without measured values, such as 20% (default: 0.3)")
     add("--check", **FLAG, help="run the MJCF in MuJoCo and compare it with the full model; exit "
         "status 1 if it differs by more than is stated")
@@ -68,6 +58,7 @@ def declare(parser: Parser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
+    require_non_negative("--spread", options.spread or 0.0, "")
     joint = None if options.all else _joint(options)
     stem = "robot" if joint is None else files.names_for([joint], "")[0]
     formats, notes = choose(options.format, options.tilt, getattr(options, "for"))
@@ -92,7 +83,7 @@ def run(options: argparse.Namespace) -> int:
             "joint, or add <freejoint/> to the MJCF's first body"
         )
     if not (joint is None or options.joint or posed.of_file or joint in mechanism.gears):
-        raise nothing_has_play(mechanism.joints)
+        raise NothingHasPlay(mechanism.joints)
     play = [*mechanism.clearance, *mechanism.gears] if joint is None else [joint]
     refuse_without_play(mechanism, play, formats, options.tilt)
     out.claim()

@@ -10,27 +10,15 @@ Example: jointplay study hunting so101 --preset --of elbow_flex
 --set 'drives.elbow_flex.encoder="link"'
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from jointplay.base import streams
 from jointplay.base.errors import JointplayError
 from jointplay.base.pairs import ALL, name_and_number
 from jointplay.cli.commands import Outputs, inputs, print_answer
-from jointplay.cli.commands.inputs import (
-    is_scenario,
-    of_journals,
-    own_preset,
-    require_one_pose,
-    scenario_of,
-)
+from jointplay.cli.commands.inputs import is_scenario, of_journals, own_preset, pose_of, scenario_of
 from jointplay.cli.options import REPEATED, TIME, Parser
-
-if TYPE_CHECKING:
-    from jointplay.scenario import Scenario
 
 RUNS = "hunting.runs"
 """What is kept of runs, in the folder of --out."""
@@ -82,17 +70,18 @@ def run(options: argparse.Namespace) -> int:
         refuse_without_servo(
             next(iter(names), "JOINT" if options.gear else None), drives, options.place
         )
-    scenario = released(options)
+    if options.joint or (journals := of_journals(options)):
+        option = "--joint" if options.joint else journals[0]
+        raise JointplayError(f"{option} is of journals, which are held here: hunting is of gears")
+    scenario = scenario_of(options)
     simulation = scenario.simulation(options.case)
     marks = ("note: ", " is p_gain") if options.registers else ("note: ",)
     registers = [line for line in scenario.assumptions if any(mark in line for mark in marks)]
-    require_one_pose(options)
-    held = read_pose(simulation.mechanism, "".join(options.pose))
+    held = read_pose(simulation.mechanism, pose_of(options))
     how = {"longest": options.time, "jobs": options.jobs, "progress": not options.quiet}
     how["keep"] = Path(options.out) / RUNS if options.out else None
-    joints = options.of or ()
     if spans:
-        machines = hunting.released(simulation, joints, held)
+        machines = hunting.released(simulation, options.of, held)
         names = [axis.joint for machine in machines for axis in machine.axes]
         if len(names) > 1:
             raise JointplayError(f"a map is of one joint: give --of, one of {', '.join(names)}")
@@ -109,22 +98,13 @@ def run(options: argparse.Namespace) -> int:
     if options.poses is not None:
         from jointplay.study import calm
 
-        answers = calm.calm(simulation, joints, held, places=options.poses, **how)
+        answers = calm.calm(simulation, options.of, held, places=options.poses, **how)
         table, notes = calm.table(answers), [answer.advice for answer in answers]
         sentence = "; ".join(answer.sentence for answer in answers)
     else:
-        hunts = hunting.hunting(simulation, joints, held, gain=options.gain, **how)
+        hunts = hunting.hunting(simulation, options.of, held, gain=options.gain, **how)
         table, notes = hunting.table(hunts, options.gain), hunting.notes(hunts)
         sentence = hunting.sentence(hunts)
     print_answer(sentence, table, [*notes, *registers], options)
-    if options.out:
-        out.write({"hunting.csv": table.csv()})
+    out.write({"hunting.csv": table.csv()})
     return 0
-
-
-def released(options: argparse.Namespace) -> Scenario:
-    """The machine of whose joints some are released; journals, which are held, are refused."""
-    if options.joint or (journals := of_journals(options)):
-        option = "--joint" if options.joint else journals[0]
-        raise JointplayError(f"{option} is of journals, which are held here: hunting is of gears")
-    return scenario_of(options)

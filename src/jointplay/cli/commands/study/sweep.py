@@ -13,9 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from jointplay.cli.commands import given
-from jointplay.cli.options import FLAG, Parser
-
-ALL_FAILED = 1
+from jointplay.cli.options import FLAG, STOPPED, Parser
 
 
 # fmt: off
@@ -60,4 +58,4 @@ def run(options: argparse.Namespace) -> int:
     dataset = open_sweep(options.out).dataset()
     print(table(dataset, options.rows))
     print(f"\nresults in {options.out}")
-    return ALL_FAILED if bool((dataset["status"] == FAILED).all()) else 0
+    return STOPPED if bool((dataset["status"] == FAILED).all()) else 0
