@@ -95,4 +95,6 @@ def run(options: argparse.Namespace) -> int:
         text = f'"$(cat {shlex.quote(str(Path(options.out) / "motion.yaml"))})"'
         line = ["ros2 topic pub --once", topic, "trajectory_msgs/msg/JointTrajectory", text]
         print(f"next, in ROS 2: {' '.join(line)}")
+    else:
+        print("next, for ROS 2: --formats yaml writes a JointTrajectory, mcap a bag")
     return 0
