@@ -531,6 +531,9 @@ def test_the_command_writes_what_improves_and_refuses_what_it_cannot_do(level, t
     done = run("--out", out, "--trust", "play 30 %", "--formats", "yaml,table")
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("In simulation the corrected motion takes the RMS error")
+    beside = f"--motion {out / 'motion.csv'} --beside {out / 'original.csv'} --out DIR"
+    assert beside in done.stdout
+    assert "next, in ROS 2: ros2 topic pub --once" in done.stdout
     assert {one.name for one in out.iterdir()} == {
         *("motion.csv", "original.csv", "compensation.csv", "corners.csv", "error.png"),
         *("motion.yaml", "table.csv"),
@@ -552,7 +555,7 @@ def test_the_command_writes_what_improves_and_refuses_what_it_cannot_do(level, t
 
 
 @pytest.mark.thorough
-def test_what_makes_the_error_larger_is_said_and_not_written(level, tmp_path, monkeypatch):
+def test_what_makes_the_error_larger_is_said_and_not_written(level, tmp_path, monkeypatch, capsys):
     from jointplay.cli import main
 
     motion = tmp_path / "m.csv"
@@ -573,6 +576,7 @@ def test_what_makes_the_error_larger_is_said_and_not_written(level, tmp_path, mo
     assert main([*command, str(tmp_path / "a")]) != 0
     assert not (tmp_path / "a" / "motion.csv").exists()
     assert main([*command, str(tmp_path / "b"), "--write-anyway"]) == 0
+    assert "next, for ROS 2: --formats yaml" in capsys.readouterr().out
     assert (tmp_path / "b" / "motion.csv").exists()
 
 
