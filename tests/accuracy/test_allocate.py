@@ -158,9 +158,10 @@ def test_clearances_and_plays_of_gears_are_allocated_together(three):
 def test_the_command_names_the_gears_and_their_plays(capsys):
     order = ["allocate", "ur5", "--target", "0.2 mm", "--gear", "elbow_joint=1 mrad"]
     assert main(order) == 0
-    first = capsys.readouterr().out.splitlines()[0]
+    first, *rest = capsys.readouterr().out.splitlines()
     assert first.startswith("These are the cheapest plays of gears that keep the tool 'tool0'")
     assert first.endswith("arcmin in elbow_joint")
+    assert "note: play alone counts: gears giving way and servos' sag add to it (--whole)" in rest
 
 
 @pytest.mark.parametrize(

@@ -106,6 +106,7 @@ def test_a_lag_along_the_path_is_no_error_of_the_path():
     found = figures(cycles(errors), course(), there_and_back())
     assert list(found.path) == ["AT_p", "RT_p"]  # nobody recorded the orientation
     assert [one.value for one in found.path.values()] == pytest.approx([0.0, 0.0], abs=1e-15)
+    assert "never leaves its path (AT, which counts no error along it)" in found.sentence
     assert found.poses[0].figures["AP_p"].value == pytest.approx(3e-4)
 
 

@@ -911,9 +911,11 @@ class _Search:
     def notes(self) -> list[str]:
         """What was given and assumed of causes, prices and limits, and which plays stay."""
         if self.causes is None:
-            arcmin = any(name.endswith(GEAR) and self._turns(name) for name, _ in self.keys)
-            units = " and plays in arcmin" if arcmin else ""
-            return [f"price of clearances in mm{units}: {self.sizes.cost}"] if self.keys else []
+            gears = [name for name, _ in self.keys if name.endswith(GEAR)]
+            units = " and plays in arcmin" if any(map(self._turns, gears)) else ""
+            prices = [f"price of clearances in mm{units}: {self.sizes.cost}"] if self.keys else []
+            alone = "note: play alone counts: gears giving way and servos' sag add to it (--whole)"
+            return [*prices, alone] if gears else prices
         given, assumed = given_and_assumed(self.first)
         notes = [*(f"given: {line}" for line in given), *(f"assumed: {line}" for line in assumed)]
         causes = list(dict.fromkeys(cause for _, cause in self.keys))

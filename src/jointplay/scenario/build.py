@@ -432,7 +432,7 @@ def build(
     if still:
         drive: Drive | Mapping[str, Drive] = drives
     else:
-        notes += _of_falling(model, mechanism, motion)
+        notes += _of_falling(model, mechanism, motion, drives)
         drive = led(model, drives, motion)
     errors_of(model, mechanism)  # which no run needs, but what cannot be is said
     tables = (
@@ -576,21 +576,31 @@ def _moving_across(mechanism: Mechanism, name: str, q: np.ndarray) -> np.ndarray
     return across
 
 
-def _of_falling(model: Model, mechanism: Mechanism, motion: Motion | None) -> list[str]:
+def _of_falling(
+    model: Model, mechanism: Mechanism, motion: Motion | None, drives: Mapping[str, Drive]
+) -> list[str]:
     """Joints of a robot with motors that nothing holds; who says that drives are free means it."""
-    intended = model.drive is not None or model.drives or model.loads
+    intended = model.drives or model.loads
     if motion is not None or intended or mechanism.loops or not any(mechanism.gravity):
         return []
     entries = mechanism.description.joints
-    motors = [name for name in mechanism.joints if name in entries and entries[name].effort]
+    filed = mechanism.description.beyond.tables.get("drives", {})
+    driven = [name for name in filed if filed[name]["kind"] != "free"]
+    driven = [*mechanism.joints] if model.drive is not None else driven
+    motors = [
+        name
+        for name in mechanism.joints
+        if name in entries and drives[name].follows and (entries[name].effort or name in driven)
+    ]
     q = mechanism.configuration(dict.fromkeys(motors, _TURNED))
     weight = pin.computeGeneralizedGravity(mechanism.model, mechanism.model.createData(), q)
     moved = {name: abs(weight[mechanism.coordinate(name)]) for name in motors}
     falling = [name for name, effort in moved.items() if effort > _WEIGHTLESS]
     if not falling:
         return []
+    idle = "no motion, without which drives do nothing" if driven else "no motion and no drive"
     return [
-        f"warning: no motion and no drive: the arm falls ({few(falling)}); give [motion], or "
+        f"warning: {idle}: the arm falls ({few(falling)}); give [motion], or "
         '[drives] NAME = "free" if that is meant'
     ]
 

@@ -323,10 +323,11 @@ class Iso9283:
                 parts.append(self._repeats)
             elif having:
                 head, worst = max(having, key=lambda one: one[1])
-                kind = symbol.partition("_")[0]
-                parts.append(
-                    f"{words} {readable(worst, 'm', 3)} ({kind}, {head.partition(',')[0]})"
-                )
+                kind, of = symbol.partition("_")[0], head.partition(",")[0]
+                if symbol == "AT_p" and worst < NOTHING:
+                    parts.append(f"never leaves its path ({kind}, which counts no error along it)")
+                else:
+                    parts.append(f"{words} {readable(worst, 'm', 3)} ({kind}, {of})")
         return f"The tool {', '.join(parts)}" if parts else "The tool neither stops nor moves"
 
     @property

@@ -66,6 +66,12 @@ def test_what_cannot_be_compared_is_refused(folder, tmp_path):
     done = call("compare", folder, folder / "ideal.nc")
     assert done.returncode == 2
     assert "has 3 results; name one: ideal.nc, loose.nc, tight.nc" in done.stderr
+    for one in ("ideal", "tight"):
+        result = jp.Result.load(folder / f"{one}.nc")
+        result.dataset.attrs["case"] = {"ideal": "ideal", "tight": "0.2 mm"}[one]
+        result.save(tmp_path / f"{one}.nc")
+    done = call("compare", tmp_path, folder / "ideal.nc")
+    assert "has 2 results; name one: ideal.nc, tight.nc" in done.stderr
     done = call("compare", folder / "ideal.nc", folder / "ideal.nc")
     assert "twice: give two results" in done.stderr
     done = call("compare", folder / "ideal.nc", tmp_path / "no.nc")

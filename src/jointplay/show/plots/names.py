@@ -66,8 +66,8 @@ def load_one(path: Path) -> Result:
     """The only result at a place."""
     results = load([path])
     if len(results) > 1:
-        names = ", ".join(f"{name}.nc" for name in results)
-        raise JointplayError(f"{str(path)!r} has {len(results)} results; name one: {names}")
+        files = ", ".join(file.name for file in _files_in(path))
+        raise JointplayError(f"{str(path)!r} has {len(results)} results; name one: {files}")
     (result,) = results.values()
     return result
 
@@ -86,7 +86,7 @@ def load(paths: Sequence[str | Path], labels: Sequence[str] = ()) -> dict[str, R
 
     files: list[Path] = []
     for path in map(Path, paths):
-        inside = sorted(path.glob("*.nc"), key=_place_in_folder) if path.is_dir() else [path]
+        inside = _files_in(path) if path.is_dir() else [path]
         if not inside:
             raise JointplayError(f"the folder {str(path)!r} holds no results (*.nc)")
         files += inside
@@ -113,6 +113,11 @@ def load(paths: Sequence[str | Path], labels: Sequence[str] = ()) -> dict[str, R
     ]
     names = next(one for one in choices if one and len(set(one)) == len(files))
     return dict(zip(names, results, strict=True))
+
+
+def _files_in(folder: Path) -> list[Path]:
+    """Files of results in a folder, in the order of their cases."""
+    return sorted(folder.glob("*.nc"), key=_place_in_folder)
 
 
 def _place_in_folder(file: Path) -> tuple[bool, list[tuple[float, str]]]:
