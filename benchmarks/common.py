@@ -112,7 +112,7 @@ def measure(case: Case, seed: int | None, **options: Any) -> dict[str, float]:
         "deviation_max_mm": float(away.max()),
         "peak_force_N": float(np.linalg.norm(result[force].sel(at).values[judged], axis=1).max()),
         "peak_contact_N": 0.0 if case.ideal else float(result["normal_force_peak"][judged].max()),
-        "impacts": audit.judged_impacts or 0,
+        "impacts": audit.judged_impacts,
         "normal_loss_J": lost["normal_dissipation"],
         "friction_loss_J": lost["friction_dissipation"],
         "energy_residual_J": audit.energy_residual,

@@ -372,7 +372,7 @@ def measure(trial, seed):
     size = np.linalg.norm(force, axis=1)
     lost = sum(result[f"{kind}_dissipation"].values for kind in ("normal", "friction", "film"))
     lost = float(np.ptp(lost[judged]))
-    peak, met = float(size[judged].max()), float(audit.judged_impacts or 0)
+    peak, met = float(size[judged].max()), float(audit.judged_impacts)
     if trial.mechanism == SCARA:
         tool = result["tool_position"].values
         away = 1e3 * np.linalg.norm((tool - ideal_tool(False)[: len(tool)])[judged], axis=1)

@@ -71,6 +71,16 @@ def test_a_shift_is_found_and_noise_is_what_is_left(result, measured):
     assert "--shift found" in str(given)
 
 
+def test_a_constant_that_was_measured_too_decides_no_shift(result, measured):
+    head, *rows = measured.read_text().splitlines()
+    lines = [f"{head},O speed [rad/s]", *(f"{row},60.1" for row in rows)]
+    measured.write_text("\n".join(lines))
+    found = beside_experiment(result, measured, shift=None)
+    assert found.shift == pytest.approx(LATE, abs=2e-5)
+    assert "nan" not in str(found).partition("\n\n")[0]
+    assert "O speed: computed and measured differ by 0.1 rad/s RMS; the run's" in str(found)
+
+
 def test_an_ensemble_has_a_band_in_which_the_run_lies(result, measured):
     found = beside_experiment(result, measured, shift=LATE, runs=8, jobs=1)
     force = found.curves[1]

@@ -14,8 +14,10 @@ import jointplay as jp
 from jointplay.base.pairs import name_and_number
 from jointplay.physics.kernel import Status
 from jointplay.scenario.reading import dotted, parse
+from jointplay.simulation.analysis.vibration import rattle
 from jointplay.simulation.working_files import CHECKPOINT
 from jointplay.study.keys import path_of
+from jointplay.study.measures import measure
 
 
 @pytest.fixture
@@ -368,6 +370,21 @@ def falling(urdf, restitution, **options):
     robot = jp.Mechanism(path, {"pin": bearing}, gravity=(0.0, -9.81, 0.0))
     motion = jp.Motion(["pin"], [0.0, 1.0], [[0.0], [0.0]])
     return jp.Simulation(robot, motion, start="centred", **options)
+
+
+@pytest.mark.parametrize(
+    "options", [{}, {"integrator": "semi-implicit-euler"}, {"integrator": "rk4"}]
+)
+def test_what_touches_when_a_run_begins_strikes_nothing(urdf, tmp_path, options):
+    """Nor when the run is resumed: sentence, certificate and studies have one count."""
+    lies = dataclasses.replace(falling(urdf, 0.5, duration=0.01, **options), start="rest")
+    run = jp.Run(lies)
+    run.advance(10)
+    checkpoint = run.checkpoint(tmp_path / "half.ckpt")
+    for result in (lies.run(estimate=False), jp.Simulation.resume(checkpoint).finish()):
+        assert result.audit.impacts > 0
+        assert result.audit.judged_impacts == rattle(result).impacts == 0
+        assert measure(result, None, result.joints)["impacts"] == 0.0
 
 
 @pytest.mark.parametrize("restitution", [0.3, 0.6, 0.9])

@@ -25,7 +25,7 @@ from jointplay.accuracy.causes import (
 )
 from jointplay.accuracy.cheapest import COSTS, Error, Key, Problem, Sizes
 from jointplay.accuracy.cures import KNOWN
-from jointplay.accuracy.error_budget import NOWHERE, budget, holding_drives
+from jointplay.accuracy.error_budget import budget, holding_drives
 from jointplay.accuracy.error_model import Contribution, ErrorModel, play_model
 from jointplay.accuracy.jacobians import GEAR, configurations, with_force
 from jointplay.accuracy.robot_errors import RobotErrors
@@ -42,6 +42,7 @@ from jointplay.base.errors import (
 from jointplay.base.progress import ProgressBar
 from jointplay.base.tables import Column, Table, few
 from jointplay.base.units import readable
+from jointplay.model.closed_loops import NOWHERE
 from jointplay.model.mechanism import Mechanism
 from jointplay.model.payload import Payload
 from jointplay.physics.joints import Clearance, RollingBearing

@@ -13,11 +13,17 @@ from functools import cached_property
 from typing import overload
 
 import numpy as np
-import pinocchio as pin
 
 from jointplay.accuracy.causes import GIVEN, RULED, Cause, cause_model, given_and_assumed, named
 from jointplay.accuracy.cures import Cure, cures
-from jointplay.accuracy.error_model import ErrorModel, Farthest, covering, half_sphere, play_model
+from jointplay.accuracy.error_model import (
+    ErrorModel,
+    Farthest,
+    States,
+    covering,
+    half_sphere,
+    play_model,
+)
 from jointplay.accuracy.jacobians import (
     carrying,
     check_body,
@@ -32,7 +38,7 @@ from jointplay.accuracy.robot_errors import RobotErrors
 from jointplay.base.errors import JointplayError, require_a, require_finite, require_known
 from jointplay.base.tables import Column, Table, few
 from jointplay.base.units import readable
-from jointplay.model.closed_loops import ClosedLoops
+from jointplay.model.closed_loops import NOWHERE, ClosedLoops, turns_in_place
 from jointplay.model.mechanism import Mechanism, frame_index
 from jointplay.model.payload import Payload
 from jointplay.simulation.loads import Load
@@ -51,8 +57,6 @@ _ON_ARCS = 0.02
 of its three digits (judged)."""
 _MENTIONED = 0.01
 """Part of the error at rest that a cause has to be named for it."""
-NOWHERE = 1e-9
-"""Way of the tool's origin by a turn of the tool of 1 rad that is rounding [m]."""
 _DECIDES = 0.5
 """Part of the error at rest by which friction decides it, if it can shift the tool so far."""
 _LOOPS_AGREE = 0.25
@@ -117,10 +121,10 @@ class Budget(ABC):
         """What each contribution adds to `worst`, shape (n, k)."""
         return self.farthest.parts.T
 
-    @cached_property
+    @property
     def turns(self) -> Farthest:
         """Largest rotation of the tool at each pose."""
-        return self.model.farthest(turn=True)
+        return self.model.turned
 
     @property
     def worst_turn(self) -> np.ndarray:
@@ -814,12 +818,12 @@ def budget(
         relative_to=relative_to,
     )  # fmt: skip
     unit, half, of_places = "m", half_sphere(), model
-    turned = model.farthest(turn=True).size.max()
-    nowhere = model.farthest().size.max() <= NOWHERE * turned
-    if turned > 0.0 and (nowhere or (relative_to is None and _turns_alone(mechanism, q))):
+    turned = model.turned.size.max()
+    states, worst = _worst(model, half)
+    nowhere = worst.size.max() <= NOWHERE * turned
+    if turned > 0.0 and (nowhere or (relative_to is None and turns_in_place(mechanism, q[0]))):
         unit, model = "rad", model.turning
-    states = model.along(np.broadcast_to(half, (len(q), *half.shape)))
-    worst = model.farthest(start=half[states.value.sum(axis=0).argmax(axis=1)])
+        states, worst = _worst(model, half)
     # The states that a load of random direction brings about are those just found, and in the
     # middle of what fits allow; parts at random add their variance, which is of the first order.
     middle, varies = model.middle, np.array([c.looseness for c in model.contributions])
@@ -858,6 +862,12 @@ def budget(
     return PlayBudget(mechanism, q, model, push, *seen, worst, rest, more, rms, rms_parts, unit)
 
 
+def _worst(model: ErrorModel, directions: np.ndarray) -> tuple[States, Farthest]:
+    """States along directions (m, 3) at all poses, and the farthest, sought from the best one."""
+    states = model.along(np.broadcast_to(directions, (model.poses, *directions.shape)))
+    return states, model.farthest(start=directions[states.value.sum(axis=0).argmax(axis=1)])
+
+
 def holding_drives(
     mechanism: Mechanism, drive: Drive | Mapping[str, Drive] | None
 ) -> dict[str, Drive]:
@@ -884,26 +894,6 @@ def holding_drives(
 def _positions(mechanism: Mechanism, q: np.ndarray, relative_to: str | None) -> np.ndarray:
     """Of the tool at configurations (n, nq), (n, 3) [m]."""
     return np.array([tool_place(mechanism, row, relative_to).translation for row in q])
-
-
-def _turns_alone(mechanism: Mechanism, q: np.ndarray) -> bool:
-    """Whether the ideal tool turns, and its origin stands whatever moves: the rocker of a linkage.
-
-    With play in its pivot the origin moves as well, and the output is an angle all the same.
-    """
-    if not mechanism.loops:
-        return False
-    ideal = mechanism.ideal()
-    row = np.zeros(ideal.model.nq)
-    for k, coordinate in enumerate(ideal.coordinates):
-        if coordinate in mechanism.coordinates:
-            row[k] = q[0, mechanism.coordinates.index(coordinate)]
-    frame = frame_index(ideal.model, ideal.tool)
-    jacobian = pin.computeFrameJacobian(
-        ideal.model, ideal.model.createData(), row, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-    )
-    size = np.abs(jacobian[3:]).max(initial=0.0)
-    return bool(size > 0.0 and np.abs(jacobian[:3]).max(initial=0.0) <= NOWHERE * size)
 
 
 def _carries(mechanism: Mechanism, body: str) -> bool:

@@ -368,6 +368,11 @@ class ErrorModel:
         parts = self.along(d[:, None], turn).value[:, :, 0]
         return Farthest(parts.sum(axis=0), d, parts)
 
+    @cached_property
+    def turned(self) -> Farthest:
+        """Largest rotation of the tool."""
+        return self.farthest(turn=True)
+
     def climb(self, d: np.ndarray, turn: bool = False) -> np.ndarray:
         """Directions (n, 3) in which the tool gets no less far than along directions `d`.
 

@@ -119,8 +119,9 @@ class MeasuredCurve:
 
     @property
     def relative(self) -> float:
-        """RMS difference over the RMS of what was measured about its mean."""
-        return self.rms / float(np.std(self.measured)) if np.std(self.measured) else math.nan
+        """RMS difference over the RMS of what was measured about its mean; nan of a constant."""
+        spread = float(np.std(self.measured)) if np.ptp(self.measured) > 0.0 else math.nan
+        return self.rms / spread
 
     @property
     def inside(self) -> float:
@@ -184,12 +185,14 @@ class ExperimentComparison:
         return "\n".join([",".join(names), *rows, ""])
 
     def __str__(self) -> str:
-        lines = [
-            f"{curve.name}: computed and measured differ by {told(curve.rms, curve.unit)} RMS, "
-            f"{100.0 * curve.relative:.3g} % of what was measured; the run's own error is "
-            f"{told(curve.own_error, curve.unit, 2)}"
-            for curve in self.curves
-        ]
+        lines = []
+        for curve in self.curves:
+            part = f", {100.0 * curve.relative:.3g} % of what was measured"
+            lines.append(
+                f"{curve.name}: computed and measured differ by {told(curve.rms, curve.unit)} RMS"
+                f"{'' if math.isnan(curve.relative) else part}; the run's own error is "
+                f"{told(curve.own_error, curve.unit, 2)}"
+            )
         how = "found, as it fits best" if self.found else "as given"
         lines.append(f"measured times are shifted by {readable(self.shift, 's', 4)} ({how})")
         if self.left_out:
@@ -296,7 +299,8 @@ def _misfit(
         if 2 * np.count_nonzero(within) < len(times):
             return math.inf
         apart = np.interp(at[within], own_times, values) - column[within]
-        total += float(np.mean(apart**2) / max(np.var(column), 1e-300))
+        if np.ptp(column) > 0.0:  # what stays the same tells no time
+            total += float(np.mean(apart**2) / np.var(column))
     return total
 
 

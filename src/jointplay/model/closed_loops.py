@@ -32,12 +32,14 @@ from jointplay.model.loop import (
     openings,
     own_coordinates,
 )
-from jointplay.model.mechanism import Mechanism
+from jointplay.model.mechanism import Mechanism, frame_index
 from jointplay.model.urdf import Mimic
 
 _STEP = 0.05
 """Of the driven joints, from one closed configuration to the next [rad, or of what slides
 `ANGLE_ARM_M`]: so short that no Newton step leaps to another branch (judged)."""
+NOWHERE = 1e-9
+"""Way of the tool's origin by a turn of the tool of 1 rad that is rounding [m]."""
 
 
 @dataclass(frozen=True)
@@ -275,6 +277,27 @@ def followed_mimics(
             rank = held
         followed[name], rows = mimic, more
     return followed
+
+
+def turns_in_place(mechanism: Mechanism, q: np.ndarray) -> bool:
+    """Whether the ideal tool turns, and its origin stands whatever moves: the rocker of a linkage.
+
+    With play in its pivot the origin moves as well, and the output is an angle all the same.
+    `q`: a configuration of the mechanism, (nq,).
+    """
+    if not mechanism.loops:
+        return False
+    ideal = mechanism.ideal()
+    row = np.zeros(ideal.model.nq)
+    for k, coordinate in enumerate(ideal.coordinates):
+        if coordinate in mechanism.coordinates:
+            row[k] = q[mechanism.coordinates.index(coordinate)]
+    frame = frame_index(ideal.model, ideal.tool)
+    jacobian = pin.computeFrameJacobian(
+        ideal.model, ideal.model.createData(), row, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    )
+    size = np.abs(jacobian[3:]).max(initial=0.0)
+    return bool(size > 0.0 and np.abs(jacobian[:3]).max(initial=0.0) <= NOWHERE * size)
 
 
 def mimic_row(mechanism: Mechanism, name: str, mimic: Mimic) -> np.ndarray:

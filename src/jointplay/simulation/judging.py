@@ -26,7 +26,7 @@ class Judging:
 
     Attributes:
         start: the same; 0 until contacts have settled.
-        unjudged: contact statistics then; None: at the start, or it has not come to that.
+        unjudged: contact statistics then; None: it has not come to that.
     """
 
     def __init__(self, mechanism: Mechanism, step: float, start: float | None) -> None:
@@ -48,6 +48,15 @@ class Judging:
         """Step after `step` at or after which the run shall look; infinite: never again."""
         begins = self._first_step if step < self._first_step else math.inf
         return min(begins, self._next_look if self._waits else math.inf)
+
+    def begin(self, workspace: Workspace) -> None:
+        """Look at the state in which the run begins: what touches there, as at rest, strikes none.
+
+        What touches counts with the first step as a contact that begins.
+        """
+        if workspace.steps == self._first_step == 0:
+            touching = workspace.contacts["touching"].astype(float)
+            self.unjudged = workspace.contact_statistics() | {"onsets": touching}
 
     def look(self, workspace: Workspace) -> None:
         """Look at the state at the end of a stretch."""

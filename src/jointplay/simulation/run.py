@@ -431,6 +431,7 @@ class Run:
             )
         self._events.apply_due_events(self.workspace)
         self._watch.start(self._loop)
+        self.judging.begin(self.workspace)
         self._begun = True
         self._left = self._state()
 

@@ -110,8 +110,8 @@ def measure(
     judged = result.time >= start
     measures |= dict(_forces(result, joints, judged))
     audit = result.audit
-    measures["impacts"] = float(audit.judged_impacts or 0)
-    measures["impulse"] = audit.judged_impulse or 0.0
+    measures["impacts"] = float(audit.judged_impacts)
+    measures["impulse"] = audit.judged_impulse
     recorded = result.dataset.variables
     losses = {name: float(_since(result, name, judged)) for name in LOSSES if name in recorded}
     measures["dissipated_energy"] = sum(losses.values())

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from conftest import body, joint
+from conftest import ARM_WITH_HAND, body, joint
 
 import jointplay as jp
 from jointplay import analysis
@@ -147,6 +147,15 @@ def test_a_tool_that_stands_has_its_angle_said():
     line = str(made.tool_error)
     assert line.startswith("Play of 0.2 mm in rocker_end turns 'rocker' by up to ")
     assert "and leaves its origin in place" in line
+
+
+def test_a_tool_that_stands_because_only_its_own_joint_moves_has_its_distance_said(tmp_path):
+    (path := tmp_path / "arm.urdf").write_text(ARM_WITH_HAND)
+    loose = jp.RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4)
+    robot = jp.Mechanism(path, {"j": loose}, tool="hand")
+    motion = jp.Motion(["k"], [0.0, 0.02], [[0.0], [0.1]])
+    made = jp.simulate(robot, motion, drive="prescribed", duration=0.02, estimate=False)
+    assert str(made.tool_error).startswith("Play of 0.1 mm in j puts the tool 'hand' up to ")
 
 
 def test_a_tool_that_no_play_moves_is_said_so_and_the_output_proposed():

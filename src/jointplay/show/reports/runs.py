@@ -172,7 +172,7 @@ def _figures(runs: Runs, case: Case) -> Row:
         turn_rms, turn = rotation.rms[3], rotation.peak[3]
     if forces := _joint_forces(case, start):
         joint, force = max(forces.items(), key=lambda item: item[1])
-        impacts = audit.impacts if audit.judged_impacts is None else audit.judged_impacts
+        impacts = audit.judged_impacts
     if (rattle := _rattle(runs, case)) is not None:
         energy = rattle.energy or None
     at = f", {joint}" if len(case.joints) > 1 else ""

@@ -81,7 +81,7 @@ def measure(result: Result, ideal: Result) -> Measures:
         [np.abs(np.diff(away[turn, axis])) for axis, turn in enumerate(turns)] + [np.zeros(0)]
     )
     audit = result.audit
-    begun, impulse = audit.judged_impacts or 0, audit.judged_impulse or 0.0
+    begun, impulse = audit.judged_impacts, audit.judged_impulse
     return {
         "deviation_mm": 1e3 * _rms(away - away.mean(axis=0)),
         "path_mm": 1e3 * _rms(distance[:, None]),

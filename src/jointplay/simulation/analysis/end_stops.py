@@ -60,13 +60,8 @@ def struck_stops(result: Result) -> list[StruckStop]:
     for name, load in result.simulation.loads.items():
         if not isinstance(load, Stop) or len(time) < 2:
             continue
-        k = mechanism.coordinate(load.joint)
-        q, v = (result[of].values[judged, k] for of in ("q", "v"))
-        lower, upper = load.ends(mechanism)
-        depth = np.maximum(lower - q, q - upper)
-        rate = np.where(lower - q > q - upper, -v, v)
-        pressed = depth > 0.0
-        push = np.where(pressed, load.stiffness * depth + load.damping * rate, 0.0)
+        push = np.abs(result["load_record"].sel(load_part=f"{name}.torque").values[judged])
+        pressed = push > 0.0
         edges = np.diff(pressed.astype(int), prepend=0, append=0)
         begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
         at = int(push.argmax())

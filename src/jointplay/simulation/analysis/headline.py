@@ -215,10 +215,10 @@ class Headline:
             self._work.append(part["load_work"].values[judged][ends])
         self._seen += int(np.count_nonzero(judged))
 
-    def measured(self, impacts: int | None) -> dict[str, Measured]:
+    def measured(self, impacts: int) -> dict[str, Measured]:
         figures = {name: history.measured() for name, history in self._histories.items()}
         if self._play:
-            figures["impacts"] = Measured(float(impacts or 0), "", np.empty(0))
+            figures["impacts"] = Measured(float(impacts), "", np.empty(0))
         lost = np.concatenate(self._lost)
         if self._work:
             work = np.concatenate(self._work)

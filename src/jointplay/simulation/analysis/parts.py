@@ -12,6 +12,7 @@ from jointplay.base.errors import JointplayError
 from jointplay.base.origins import GUESSED, Value
 from jointplay.base.tables import few
 from jointplay.base.units import readable
+from jointplay.model.closed_loops import turns_in_place
 from jointplay.model.gear_rules import SPREAD
 from jointplay.simulation.analysis import twins
 from jointplay.simulation.analysis.tool_error import deviation, difference, error_statistics
@@ -314,13 +315,11 @@ class ToolError:
 
     @property
     def is_angle(self) -> bool:
-        """Whether what counts is an angle: the ideal tool turns about its origin, which stands, or
-        play moves the origin nowhere.
-        """
-        path = np.ptp(self.ideal["tool_position"].values, axis=0).max()
-        turns = np.ptp(self.ideal["tool_orientation"].values, axis=0).max() > STANDS_M
-        stands = _peak(self.vector) < STANDS_M or (path < STANDS_M and turns)
-        return bool(stands and self.peak_turn > STANDS_M)
+        """Whether an angle is what counts: of a rocker, or where play moves the origin nowhere."""
+        if self.peak_turn <= STANDS_M:
+            return False
+        mechanism = self._result.simulation.mechanism
+        return _peak(self.vector) < STANDS_M or turns_in_place(mechanism, self._result.q[0])
 
     def __str__(self) -> str:
         return self.sentence()

@@ -194,15 +194,11 @@ def rattle(result: Result, ideal: Result | None = None) -> Rattle:
     time = result.time[result.time >= start]
     if len(time) < 2:
         raise JointplayError(f"fewer than two records from {start:g} s on")
-    judged = result.audit.judged_impacts
-    impacts = result.audit.impacts if judged is None else judged
-    if not start:  # what touches from the beginning, as at rest, strikes nothing
-        impacts = max(impacts - int((result["normal_force_peak"].values[0] > 0.0).sum()), 0)
     lost = result["normal_dissipation"].values[result.time >= start]
     return Rattle(
         start,
         float(time[-1] - time[0]),
-        impacts,
+        result.audit.judged_impacts,
         float(lost[-1] - lost[0]),
         _bands(result, ideal),
         _turns(result, float(time[0]), float(time[-1])),

@@ -119,9 +119,9 @@ class Audit(Described):
     """Largest force of a joint there [N]."""
     judged_from: float = _figure("s", default=0.0)
     """When figures begin to be judged [s]."""
-    judged_impacts: int | None = None
-    """Contacts that began from then on."""
-    judged_impulse: float | None = _figure("N*s", default=None)
+    judged_impacts: int = 0
+    """Contacts that began from then on; not those of what touches when the run begins."""
+    judged_impulse: float = _figure("N*s", default=0.0)
     """Their normal impulse, with that of contacts that lasted [N s]."""
     peak_force: float | None = _figure("N", default=None)
     """Largest force of a joint from then on [N]; None without clearance."""
@@ -452,8 +452,7 @@ class Auditor:
         Args:
             workspace: the run's.
             rest: where the search for the place of rest ended; None: there was none.
-            unjudged: its contact statistics when judging began; None: at the start, or it never
-                did.
+            unjudged: its contact statistics when judging began; None: it never did.
         """
         mechanism, simulation = self._mechanism, self._simulation
         statistics = workspace.contact_statistics()
