@@ -86,7 +86,8 @@ def looked_at(command, *words):
         return answer.getvalue()
     options = parser().parse_args(words)
     if command == "study hunting":
-        simulation = hunting.released(options).simulation(options.case)
+        hunting.refuse_journals(options)
+        simulation = inputs.scenario_of(options).simulation(options.case)
         held = read_pose(simulation.mechanism, "".join(options.pose))
         return json.dumps([simulation.describe(), repr(simulation.drive), held], default=str)
     if command in STANDING:

@@ -41,8 +41,10 @@ SERVO_IN_MJCF = """<mujoco><worldbody><body name="arm"><joint name="hinge" axis=
     [
         ("example-robot-data:ur5", SERVO, True),
         ("example-robot-data:ur5", "[drive]\nkind = 'free'\n", False),
-        ("arm.xml", "", True),
-        ("arm.xml", "[drives]\nhinge = 'free'\n", False),
+        pytest.param("arm.xml", "", True, marks=pytest.mark.needs("mujoco")),
+        pytest.param(
+            "arm.xml", "[drives]\nhinge = 'free'\n", False, marks=pytest.mark.needs("mujoco")
+        ),
     ],
 )
 def test_a_drive_that_follows_no_motion_is_said_to_do_nothing(

@@ -43,6 +43,10 @@ part = st.floats(-0.1, 1.1)
 where = st.tuples(part, part)
 
 
+def test_a_line_bent_by_less_than_roundoff_does_not_cross_itself():
+    Curve(wavy([2.2250738585e-313, *[0.0] * 7], closed=False), closed=False)
+
+
 @settings(max_examples=60, deadline=None)
 @given(numbers=waves, closed=st.booleans(), places=st.lists(where, min_size=8, max_size=8))
 def test_distance_is_the_least_of_all_of_the_curve(numbers, closed, places):

@@ -65,11 +65,10 @@ def _results(options: argparse.Namespace, out: Outputs) -> int:
 
 
 def _beside(options: argparse.Namespace, out: Outputs) -> int:
+    from jointplay.estimate.experiment import beside_experiment
     from jointplay.show.plots.names import load_one
 
     result = load_one(Path(options.a))
-    from jointplay.estimate.experiment import beside_experiment
-
     shift = options.shift or "0 s"
     late = None if shift == "found" else quantity(shift, "s", "--shift")
     how = {"runs": options.ensemble, "jobs": options.jobs, "progress": not options.quiet}

@@ -132,7 +132,10 @@ class Curve:
             others = slice(i + 2, count - 1 if self.closed and i == 0 else count)
             between = start[others] - start[i]
             cross = step[i, 0] * step[others, 1] - step[i, 1] * step[others, 0]
-            with np.errstate(divide="ignore", invalid="ignore"):
+            # Of parallel steps roundoff is left, 1e-16 of their lengths; they cross nowhere.
+            lengths = np.linalg.norm(step[others], axis=1) * np.linalg.norm(step[i])
+            cross[np.abs(cross) <= 1e-14 * lengths] = np.nan
+            with np.errstate(invalid="ignore"):
                 mine = (between[:, 0] * step[others, 1] - between[:, 1] * step[others, 0]) / cross
                 theirs = (between[:, 0] * step[i, 1] - between[:, 1] * step[i, 0]) / cross
             hit = (mine >= 0.0) & (mine <= 1.0) & (theirs >= 0.0) & (theirs <= 1.0)

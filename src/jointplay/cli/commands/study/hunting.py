@@ -49,6 +49,11 @@ def declare(parser: Parser) -> None:
 # fmt: on
 
 
+def refuse_journals(options: argparse.Namespace) -> None:
+    for option in (["--joint"] if options.joint else []) + of_journals(options):
+        raise JointplayError(f"{option} is of journals, which are held here: hunting is of gears")
+
+
 def run(options: argparse.Namespace) -> int:
     out = Outputs(options.out, ["gains.csv", "gains.png"] if options.map else ["hunting.csv"])
     if options.poses is not None and (options.map or options.gain):
@@ -70,9 +75,7 @@ def run(options: argparse.Namespace) -> int:
         refuse_without_servo(
             next(iter(names), "JOINT" if options.gear else None), drives, options.place
         )
-    if options.joint or (journals := of_journals(options)):
-        option = "--joint" if options.joint else journals[0]
-        raise JointplayError(f"{option} is of journals, which are held here: hunting is of gears")
+    refuse_journals(options)
     scenario = scenario_of(options)
     simulation = scenario.simulation(options.case)
     marks = ("note: ", " is p_gain") if options.registers else ("note: ",)
