@@ -85,11 +85,11 @@ def predicted(axis: Axis, motions: int = 2000) -> Swing:
         ratio = _ratio_of(np.clip(gain.real, 1e-9, 1.0 - 1e-9))
         speed = w * np.abs(half / ratio * per_torque / (per_torque + 1.0 / link))
         damper = 0.5 * (damper + dry / np.hypot(0.25 * math.pi * speed, creeps))
-    at = np.flatnonzero((gain.imag[1:] > 0.0) != (gain.imag[:-1] > 0.0))
-    at = at[(gain.real[at] > 1e-9) & (gain.real[at] < 1.0)]
-    if not len(at):
+    crossings = np.flatnonzero((gain.imag[1:] > 0.0) != (gain.imag[:-1] > 0.0))
+    crossings = crossings[(gain.real[crossings] > 1e-9) & (gain.real[crossings] < 1.0)]
+    if not len(crossings):
         return QUIET
-    best = at[np.argmax(half / ratio[at])]
+    best = crossings[np.argmax(half / ratio[crossings])]
     twist = half / ratio[best]
     share = np.abs((1.0 / link) / (per_torque + 1.0 / link))[best]
     return Swing(True, float(twist * share), float(w[best] / (2.0 * math.pi)), float(twist))
