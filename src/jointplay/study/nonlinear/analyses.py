@@ -169,7 +169,7 @@ class Analysis:
     ) -> np.ndarray:
         """Numbers for each key, found or read; failures are said."""
         table = folder / f"{self.kind}.csv"
-        inputs = {"kind": self.kind, **self.study.asked()}
+        inputs = {"kind": self.kind, **self.study.inputs()}
         numbers, computed, failures = rows(table, inputs, columns, work, keys, jobs, progress)
         say(f"{computed} of {len(keys)} runs computed now, {len(keys) - computed} earlier")
         failed = [key for key in keys if key in failures]
