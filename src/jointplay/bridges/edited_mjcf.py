@@ -30,7 +30,7 @@ from jointplay.model.mjcf_whole import compile_file, compile_text
 from jointplay.model.urdf import parse
 
 _DEEPEST = 20
-"""Files that may include each other, one in the other."""
+"""Files that may include each other, one in the other (judged: more is a circle)."""
 _PLAIN = {
     **dict.fromkeys(("limited", "actuatorfrclimited"), "false"),
     **dict.fromkeys(("armature", "damping", "frictionloss", "stiffness", "ref", "springref"), "0"),

@@ -36,7 +36,8 @@ from jointplay.simulation.loads.drive import Servo
 _STIFF = np.array([0.99, 0.9999, 1e-6])
 """MuJoCo's impedance of the bore: as stiff as it bears."""
 _PRESCRIBED = 1e6
-"""Inertia of what moves as prescribed, when models are compared [kg m^2]."""
+"""Inertia of what moves as prescribed, when models are compared [kg m^2]: of an arm of 3 kg 1e4
+gives the same reach within 1e-3, 1e8 one 1 % larger."""
 _MOST_IN_STL = 200_000
 """Triangles of an STL that MuJoCo reads (its error message says so); of an OBJ any number."""
 _COMPILER = {
@@ -416,7 +417,9 @@ def play_hinge(model: Any, joint: str) -> str | None:
 
 
 _PUSH_N, _CROSSING_S = 100.0, 0.05
-"""Force by which MuJoCo's tool is pushed, and time in which journals tilt from side to side."""
+"""Force by which MuJoCo's tool is pushed [N], and time in which journals tilt to the other side:
+with 10 N an arm's reach is the same within 1e-3, with 0.025 or 0.2 s within 6e-3; 1000 N press the
+rims into the bore."""
 
 
 def find_reach(written: Any, tool: str, pose: Mapping[str, float], direction: np.ndarray) -> float:

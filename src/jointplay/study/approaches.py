@@ -36,12 +36,12 @@ PRESLIDING, RIGID_PRESLIDING = 0.02, 1e-4
 or m (judged: small against what friction leaves)."""
 
 APPROACH_FACTOR = 3.0
-"""How far aside a joint turns round, in all that play, dead band and friction may leave (judged);
-at least `LEAST` [rad or m]."""
+"""How far beside a stop a joint turns round, in all that play, dead band and friction may leave
+(judged); at least `LEAST_APPROACH` [rad or m]."""
 LEAST_APPROACH = 2e-3
 
 APPROACH_S, DWELL_S = 0.25, 0.5
-"""Time of the last way to a stop, and of the stop, as in `cube_motion` [s]."""
+"""Time of the last motion to a stop (judged), and of the stop, as in `cube_motion` [s]."""
 
 REST_S = 1.0
 """Rest before a path, in which teeth fall to their sides and come to rest (judged: those of an AR4
@@ -178,12 +178,8 @@ class Approaches:
         robot, joints = self.simulation.mechanism, self._motion.joints
         bodies = loaded(robot.model, self.simulation.payloads, 0.0)
         data, columns = bodies.createData(), [robot.coordinate(name) for name in joints]
-        torques = np.array([
-            pin.computeGeneralizedGravity(
-                bodies, data, robot.configuration(dict(zip(joints, target.tolist(), strict=True)))
-            )[columns]
-            for target in self.targets
-        ])  # fmt: skip
+        q = [robot.configuration(dict(zip(joints, t.tolist(), strict=True))) for t in self.targets]
+        torques = np.array([pin.computeGeneralizedGravity(bodies, data, x)[columns] for x in q])
         losses, pressed = joint_friction(self.simulation), []
         for name, torque in zip(joints, torques.T, strict=True):
             loss, gear = losses.get(name, JointFriction()), robot.gears.get(name)

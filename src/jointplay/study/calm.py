@@ -166,7 +166,7 @@ def calm(
                 raise JointplayError(f"{axis.joint!r} has no limits: give them in the URDF")
             low, high = -math.pi, math.pi
         postures = [
-            Position(value, _axis_at(simulation, axis.joint, pose, value))
+            Position(value, _axis(simulation, axis.joint, pose, value))
             for value in np.linspace(low, high, positions).tolist()
         ]
         results.append(Calm(axis.joint, postures))
@@ -177,10 +177,8 @@ def calm(
     return results
 
 
-def _axis_at(
-    simulation: Simulation, joint: str, pose: Mapping[str, float] | None, value: float
-) -> Axis:
-    (axis,) = released(simulation, [joint], dict(pose or {}) | {joint: value})
+def _axis(simulation: Simulation, joint: str, pose: Mapping[str, float] | None, q: float) -> Axis:
+    (axis,) = released(simulation, [joint], dict(pose or {}) | {joint: q})
     assert isinstance(axis, Axis)
     return axis
 
@@ -280,7 +278,7 @@ def _edges(
         halving = search(bar)
         for _ in range(HALVINGS):
             middles = [0.5 * sum(bracket) for _, bracket, _ in brackets]
-            axes = [_axis_at(simulation, joint.joint, pose, middle)
+            axes = [_axis(simulation, joint.joint, pose, middle)
                     for (joint, _, _), middle in zip(brackets, middles, strict=True)]  # fmt: skip
             swings = halving.axis_swings(axes, True)
             for (_, bracket, calm), middle, swing in zip(brackets, middles, swings, strict=True):

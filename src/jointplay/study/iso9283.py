@@ -51,17 +51,20 @@ TITLES = {
 }
 """Clause and title of the figures, by their symbols without suffix."""
 CONFIDENCE = 0.95
+"""Of the intervals (a convention)."""
 RESAMPLES = 999
-"""Resamples of the bootstrap."""
+"""Of the bootstrap: with 9999 the bounds of an RP move by up to 2 % of 30 cycles, 8 % of 10."""
 LEAST_CYCLES = 3
 """With fewer, nothing can be said of the scatter."""
 PATH_POINTS = 100
-"""Most points along the path at which AT and RT are calculated."""
+"""Most points along the path at which AT and RT are calculated (judged: of errors that bend ten
+times in a path they find the largest 2 % too small, 1000 points 0.3 %)."""
 NO_SCATTER = 1e-7
 """Scatter below which nothing differs from cycle to cycle [m]: no instrument shows it, and runs of
 another step differ by more."""
 _MOVING = 0.02
-"""Part of its greatest speed above which the commanded tool is on a path."""
+"""Part of its greatest speed above which the commanded tool is on a path (judged: a slower one has
+hardly a direction, and its error is a stop's)."""
 Figures = Mapping[str, IntervalEstimate]
 """Figures by symbol [m]; those with the suffix a, b or c are rotations about x, y and z [rad]."""
 Statistic = Callable[[np.ndarray], np.ndarray]
@@ -267,15 +270,10 @@ class Iso9283:
     """What differs from cycle to cycle, and what is left out."""
 
     @property
-    def without_scatter(self) -> bool:
-        """Whether no stop differs from cycle to cycle."""
-        poses = [pose for group in (self.poses, *self.approaches.values()) for pose in group]
-        return bool(poses) and all(pose.figures["RP_l"].value < NO_SCATTER for pose in poses)
-
-    @property
     def _repeatability_phrase(self) -> str:
         """How well it comes back to the worst of its stops."""
-        if self.without_scatter:
+        stops = chain(self.poses, *self.approaches.values())
+        if all(stop.figures["RP_l"].value < NO_SCATTER for stop in stops):
             return "comes back to each stop alike: nothing differs there from cycle to cycle"
         worst = max(self.poses, key=lambda pose: pose.figures["RP_l"].value)
         k, sizes = self.poses.index(worst), dict[str, str]()
@@ -305,14 +303,6 @@ class Iso9283:
         poses = [(pose.head, pose.figures, f"{pose.time:.6g}") for pose in self.poses]
         path = [(f"path, {self.cycles.path} cycles", self.path, "")] if self.path else []
         return [*poses, *path]
-
-    @property
-    def _further_parts(self) -> list[tuple[str, Figures, str]]:
-        """Each pose as in `_parts`, by the other approaches."""
-        return [
-            (f"{pose.head}, {approach}", pose.figures, f"{pose.time:.6g}")
-            for approach, poses in self.approaches.items() if approach != ANY_SIDE for pose in poses
-        ]  # fmt: skip
 
     @property
     def sentence(self) -> str:
@@ -350,8 +340,10 @@ class Iso9283:
     def __str__(self) -> str:
         """All figures as text [mm, mrad]."""
         lines = [f"conditions: {self.conditions}"] if self.conditions else []
-        parts = [*self._parts, *self._further_parts]
-        lines += [_text(head, estimates) for head, estimates, _ in parts]
+        lines += [_text(head, estimates) for head, estimates, _ in self._parts]
+        for approach, poses in self.approaches.items():
+            if approach != ANY_SIDE:
+                lines += [_text(f"{pose.head}, {approach}", pose.figures) for pose in poses]
         lines += self.causes
         if not self.poses:
             lines.append(f"no stop from {self.since:g} s on: no pose figures")

@@ -211,12 +211,10 @@ def workers_for(
     return Pool(partial(run_case, job(plan)), number, lost=_lost, small=True)
 
 
-def _run_all(
-    store: SweepStore, workers: Workers[Case, Outcome], count: int, progress: bool
-) -> None:
+def _run_all(store: SweepStore, workers: Workers[Case, Outcome], runs: int, progress: bool) -> None:
     plan = store.plan
     bar = ProgressBar(
-        total=plan.count, initial=plan.count - count, disable=not progress, unit="cases"
+        total=plan.count, initial=plan.count - runs, disable=not progress, unit="cases"
     )
     study = Study(plan.cases, partial(run_case, job(plan)), store)
     with bar:
@@ -289,17 +287,15 @@ def _check_values(plan: SweepPlan, bench: Bench, progress: bool) -> None:
     Of a distribution, the extremes of its samples are looked at; of a long list or range, as many
     values as `MOST_CHECKED`, its ends among them.
     """
-    values = [
+    rows = [
         (axis, number, axis.values[number], axis.coordinate[number])
         for axis in plan.axes
         for number in _spread(len(axis.values), MOST_CHECKED)
     ]
     for axis, column in zip(plan.drawn, plan.drawn_values.T if plan.drawn else (), strict=True):
         extremes = dict.fromkeys((int(np.argmin(column)), int(np.argmax(column))))
-        values += [(axis, number, float(column[number]), column[number]) for number in extremes]
-    bar = ProgressBar(
-        values, "checking values", disable=not progress, delay=PATIENCE_S, leave=False
-    )
+        rows += [(axis, number, float(column[number]), column[number]) for number in extremes]
+    bar = ProgressBar(rows, "checking values", disable=not progress, delay=PATIENCE_S, leave=False)
     for axis, number, value, coordinate in bar:
         reason = _refusal(plan, bench, axis, number, value)
         if reason is None:
