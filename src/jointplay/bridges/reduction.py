@@ -330,7 +330,7 @@ def reduce_all(
 
 def _remove_if_empty(store: Path, results: Memory) -> None:
     if not any("numbers" in result for result in results.values()):
-        store.unlink()
+        store.unlink(missing_ok=True)
 
 
 def _packed(

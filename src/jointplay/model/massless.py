@@ -106,9 +106,10 @@ def require_inertia(mechanism: Mechanism, q: np.ndarray) -> None:
     able = [name for name in links.values() if name not in mechanism.clearance]
     hold = f", or hold {'its joint' if single else 'their joints'} (--fix {as_option(able)})"
     when = f" when {', '.join(map(repr, play))} has clearance" if play else ""
+    hold = hold if len(able) == len(links) else ""
     raise JointplayError(
         f"{'link' if single else 'links'} {', '.join(map(repr, links))} moved by joints "
         f"{'has' if single else 'have'} no mass or inertia to speak of, so nothing says how "
         f"{'it moves' if single else 'they move'}{when}: give "
-        f"{'it' if single else 'each'} an <inertial> in the URDF{hold if len(able) == len(links) else ''}; jointplay budget needs none"
+        f"{'it' if single else 'each'} an <inertial> in the URDF{hold}; jointplay budget needs none"
     )
