@@ -41,7 +41,7 @@ def test_what_is_left_is_told_without_the_start_that_compiles(monkeypatch):
         now[0] += 1.0
         bar.update()
     first, *_, last = file.getvalue().splitlines()
-    assert first.endswith("? left")
+    assert first.endswith("1/100 run")  # nothing to estimate from
     assert last.endswith("01:30 left")
 
 
