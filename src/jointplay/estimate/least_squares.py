@@ -23,7 +23,9 @@ from scipy.stats import qmc
 from scipy.stats import t as student
 
 from jointplay.estimate.unknowns import (
-    INFORMED,
+    MINOR,
+    MISJUDGED,
+    MODEL_ERROR,
     ROUNDING,
     TINY,
     TWO_SIDED,
@@ -35,37 +37,24 @@ from jointplay.estimate.unknowns import (
 _STEP = 1e-3
 """Step of differences, relative to an unknown's scale: with it rounding at 1e-12 leaves slopes to
 `ROUNDING`, below which singular values therefore count as zero, by the largest."""
-SHARE = 0.1
-"""Part of a direction in the null space from which on an unknown is named with it: only words."""
 SAFETY = 1.5
 """By which intervals are wider than the statistics say, unless said otherwise; set by the first ten
 machines of benchmarks/truth/identify.py."""
-_EFFECT_ROUNDS, _LEAST_STEP, _LARGEST_STEP = 2, 0.02, 0.5
-"""How often effects are sought over the width of the intervals; least and largest step by scale."""
 _LEAST_FREEDOM = {False: 8, True: 4}
 """Freedom that few groups are granted: with less, intervals say nothing. Fewer where errors are
 only weights, for nothing else says how large they are."""
-TOGETHER = 0.7
-"""Correlation from which two unknowns are said to act together: half of the variance of either is
-the other's. Only words."""
-NULL = 1e-4
-"""Square of the part of an unknown that may lie in the null space."""
+NULL = MODEL_ERROR**2
+"""Square of the part of an unknown that may lie in the null space: the model is no better."""
 FAINT = 1e-3
 """Effect of a whole scale below which nothing is identified, in standard errors."""
-_STARTS_TRIED, _START_FACTOR = 16, 3.0
-"""Starts that are looked at, and how far they lie from the scenario's values."""
-_FIRST_STEPS, _BEST_STEPS, _LATER_STEPS = 15, 100, 8
-"""Most steps of least squares from each start, from the best of these on, and with other errors."""
-_AS_GOOD = 1.1
-"""Cost of another minimum, relative to the best, up to which it is as good an explanation."""
-_MODEL_ERROR = 0.005
-"""Part of what play does to a signal by which the static model may be off at a visit."""
-_WALL_FACTOR = 4.0
-"""Factor of axial clearances that are tried besides the best."""
 _OUTWARDS = 1.3
-"""By which an end of an interval is moved at a time: ends are as sharp as that."""
-_ERROR_ROUNDS = 2
-"""In which errors are made as large as the residuals demand."""
+"""By which an end of an interval is moved at a time: ends are as sharp as that. With 1.5 intervals
+of gauged plays are 8 % wider (benchmarks/truth/gauge.py)."""
+_STARTS_TRIED = 16
+"""Starts that are looked at."""
+_ROUNDS = 2
+"""In which effects are sought over the width of the intervals, and errors are made as large as the
+residuals demand."""
 
 
 def basis(columns: np.ndarray) -> np.ndarray:
@@ -238,7 +227,7 @@ class LeastSquares:
                 moved = theta.copy()
                 moved[i] = min(max(goal, unknown.least), unknown.most)
                 size = moved[i] - theta[i]
-                if abs(size) >= 0.2 * step and len(changes) < sides:  # else a limit is too near
+                if abs(size) > 0.5 * _STEP * unknown.scale and len(changes) < sides:  # else a limit
                     changes.append((self.off(moved) - here) * unknown.scale / size)
             if steps is None:
                 columns.append(np.mean(changes, axis=0))
@@ -354,21 +343,21 @@ class Fit:
         together[~np.array([unknown.sought for unknown in self.least.unknowns])] = together[i] = 0.0
         most = float(together.max(initial=0.0))
         partner = self.least.unknowns[int(together.argmax())].label
-        return float(gained), most, partner if most >= TOGETHER else ""
+        return float(gained), most, partner if most**2 >= 0.5 else ""
 
     def shows(self, i: int) -> bool:
         """Whether the i-th unknown does anything to what was measured."""
-        own = self.effect[: len(self.least.measured), i]
-        return bool(np.linalg.norm(own) >= FAINT)
+        effect = self.effect[: len(self.least.measured), i]
+        return bool(np.linalg.norm(effect) >= FAINT)
 
     def known(self, i: int) -> bool:
         """Whether the i-th unknown is known: its interval is narrow (`narrow`).
 
         Where errors are only weights priors are wide and values may be zero: there it is if the
-        measurement takes away `INFORMED` of the prior's variance.
+        measurement takes away half of the prior's variance: with less the prior tells more.
         """
         if self.least.weights:
-            return self.informed(i)[0] > INFORMED
+            return self.informed(i)[0] > 0.5
         return narrow(self.least.unknowns[i], self.theta[i], self.half_width[i])
 
     def why_not(self, i: int) -> str:
@@ -408,16 +397,16 @@ def partners(row: np.ndarray, i: int) -> list[int]:
     None where the i-th lies outside of it.
     """
     row = np.abs(row)
-    others = [int(k) for k in np.argsort(-row) if k != i and row[k] > SHARE * row[i]]
+    others = [int(k) for k in np.argsort(-row) if k != i and row[k] > MINOR * row[i]]
     return others if row[i] > NULL else []
 
 
-def minimum(problem: LeastSquares, start: np.ndarray, most_steps: int = 40) -> np.ndarray:
+def minimum(problem: LeastSquares, start: np.ndarray) -> np.ndarray:
     """Where the residuals are least, from a start (p,), within the limits of the unknowns, (p,)."""
     scale, (low, high) = problem.scale, problem.limits
     bounded = np.isfinite(low).any() or np.isfinite(high).any()
     if bounded:
-        start = np.clip(start, low + 1e-3 * scale, high * (1.0 - 1e-6))
+        start = np.clip(start, low + _STEP * scale, high - _STEP * scale)
     optimum = least_squares(
         lambda x: problem.residual(x * scale),
         start / scale,
@@ -425,19 +414,16 @@ def minimum(problem: LeastSquares, start: np.ndarray, most_steps: int = 40) -> n
         bounds=(low / scale, high / scale),
         method="trf" if bounded else "lm",
         x_scale=1.0,
-        max_nfev=most_steps,
     )
     return np.asarray(optimum.x * scale)
 
 
-def fit(problem: LeastSquares, start: np.ndarray, most_steps: int) -> Fit:
+def fit(problem: LeastSquares, start: np.ndarray) -> Fit:
     """Least squares from a start (p,), with effects over the width of the intervals."""
-    theta, scale = minimum(problem, start, most_steps), problem.scale
+    theta, scale = minimum(problem, start), problem.scale
     fitted = Fit(least=problem, theta=theta)
-    for _ in range(_EFFECT_ROUNDS):
-        steps = np.clip(
-            fitted.half_width, _LEAST_STEP * scale, _LARGEST_STEP * np.maximum(scale, theta)
-        )
+    for _ in range(_ROUNDS):
+        steps = np.clip(fitted.half_width, _STEP * scale, 0.5 * np.maximum(scale, theta))
         fitted = replace(fitted, steps=steps)
     return fitted
 
@@ -479,35 +465,32 @@ def search(problem: LeastSquares, start: np.ndarray | None = None) -> Fit:
     place, and the model is not exact. That is added to the errors.
     """
     if start is None:
-        start = np.array([one.nominal or 0.5 * one.scale for one in problem.unknowns])
-    tried = [fit(problem, one, _FIRST_STEPS) for one in _starts(problem, start)]
-    best = min(tried, key=lambda one: problem.cost(one.theta))
-    # Residuals of where a short search stopped would grow the errors.
-    best = fit(problem, best.theta, _BEST_STEPS)
-    own = problem.error
-    kinds = np.zeros(len(own), int) if problem.kinds is None else problem.kinds
-    for _ in range(_ERROR_ROUNDS):
-        left = best.residual[: len(own)] * problem.error
-        rough = _MODEL_ERROR * np.abs(problem.predict(best.theta))
-        share = max(best.freedom, 1.0) / len(own)
-        more = np.zeros(len(own))
+        start = np.array([unknown.nominal or 0.5 * unknown.scale for unknown in problem.unknowns])
+    tried = [fit(problem, first) for first in _starts(problem, start)]
+    best = min(tried, key=lambda fitted: problem.cost(fitted.theta))
+    given = problem.error
+    kinds = np.zeros(len(given), int) if problem.kinds is None else problem.kinds
+    for _ in range(_ROUNDS):
+        left = best.residual[: len(given)] * problem.error
+        share = max(best.freedom, 1.0) / len(given)
+        more = np.zeros(len(given))
         for kind in np.unique(kinds):
             mine = kinds == kind
-            more[mine] = _excess(left[mine], np.hypot(own, rough)[mine], share * mine.sum())
-        problem = replace(problem, error=np.sqrt(own**2 + more**2 + rough**2))
-        best = fit(problem, best.theta, _LATER_STEPS)
+            more[mine] = _excess(left[mine], given[mine], share * mine.sum())
+        problem = replace(problem, error=np.hypot(given, more))
+        best = fit(problem, best.theta)
     far = np.minimum(best.half_width, problem.scale)  # another minimum, not within the intervals
     others = [
-        fit(problem, one.theta, _LATER_STEPS).theta
-        for one in tried
-        if (np.abs(one.theta - best.theta) > far).any()
+        fit(problem, fitted.theta).theta
+        for fitted in tried
+        if (np.abs(fitted.theta - best.theta) > far).any()
     ]
     others += _with_other_walls(problem, best.theta)
-    limit = _AS_GOOD * problem.cost(best.theta)
+    limit = problem.cost(best.theta) + best.wide(1.0) ** 2
     away = [np.abs(theta - best.theta) for theta in others if problem.cost(theta) <= limit]
-    plays = [one.name.endswith("clearance") for one in problem.unknowns]
+    plays = [unknown.name.endswith("clearance") for unknown in problem.unknowns]
     for soft in filter(None, map(problem.softened, problem.softening)):
-        softer = fit(soft, best.theta, _LATER_STEPS)
+        softer = fit(soft, best.theta)
         cost = soft.cost(softer.theta)
         if cost <= limit:
             # Where that explains the means better, its own interval counts, too.
@@ -555,11 +538,11 @@ def _with_other_walls(problem: LeastSquares, theta: np.ndarray) -> list[np.ndarr
     """
     return [
         _fitted_beside(
-            problem, theta, i, min(max(theta[i], 0.1 * unknown.scale) * factor, unknown.most)
+            problem, theta, i, min(max(theta[i], MINOR * unknown.scale) * factor, unknown.most)
         )
         for i, unknown in enumerate(problem.unknowns)
         if unknown.name == "axial_clearance" and len(theta) > 1
-        for factor in (_WALL_FACTOR, 1.0 / _WALL_FACTOR)
+        for factor in (MISJUDGED, 1.0 / MISJUDGED)
     ]
 
 
@@ -580,7 +563,7 @@ def _fitted_beside(problem: LeastSquares, theta: np.ndarray, i: int, value: floa
         predict=lambda x: problem.predict(whole(x)),
         jacobian=None if slopes is None else lambda x: np.delete(slopes(whole(x)), i, axis=1),
     )
-    return whole(fit(part, theta[kept], _LATER_STEPS).theta)
+    return whole(fit(part, theta[kept]).theta)
 
 
 def _starts(problem: LeastSquares, start: np.ndarray) -> list[np.ndarray]:
@@ -590,14 +573,13 @@ def _starts(problem: LeastSquares, start: np.ndarray) -> list[np.ndarray]:
     starts = [start]
     if walls.any():
         starts += [
-            np.where(walls, factor * start, start)
-            for factor in (1.0 / _START_FACTOR, _START_FACTOR)
+            np.where(walls, factor * start, start) for factor in (1.0 / MISJUDGED, MISJUDGED)
         ]
     cages = np.array([unknown.name == "cage_angle" for unknown in problem.unknowns])
     if cages.any():
         starts += [np.where(cages, start + part * problem.scale, start) for part in (1, 2, 3)]
     spread = qmc.LatinHypercube(len(start), rng=0).random(_STARTS_TRIED)
-    options = np.minimum(start * _START_FACTOR ** (2.0 * spread - 1.0), problem.limits[1])
+    options = np.minimum(start * MISJUDGED ** (2.0 * spread - 1.0), problem.limits[1])
     options = np.where(cages, start + 4.0 * spread * problem.scale, options)
     return [*starts, min(options, key=problem.cost)]
 
@@ -609,7 +591,7 @@ def _excess(left: np.ndarray, error: np.ndarray, freedom: float) -> float:
         return float(np.square(left / np.hypot(error, more)).sum()) - freedom
 
     high = float(np.sqrt(np.square(left).sum() / max(freedom, TINY)))
-    return float(brentq(beyond, 0.0, 1.001 * high, xtol=1e-15)) if beyond(0.0) > 0.0 else 0.0
+    return float(brentq(beyond, 0.0, 2.0 * high)) if beyond(0.0) > 0.0 else 0.0
 
 
 def solve(problem: LeastSquares, start: np.ndarray | None = None) -> tuple[Estimate, ...]:
