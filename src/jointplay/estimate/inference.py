@@ -22,12 +22,15 @@ from scipy.stats import chi2
 from jointplay.estimate.kinematic_model import FRICTIONS, TRANSITIONS, Column, Term
 from jointplay.estimate.pose_problem import Fitted
 from jointplay.estimate.selection import Selection, Step
-from jointplay.estimate.unknowns import CONFIDENCE, MISJUDGED, TWO_SIDED, Estimate, excludes_zero
+from jointplay.estimate.unknowns import (
+    CONFIDENCE,
+    MINOR,
+    MISJUDGED,
+    TWO_SIDED,
+    Estimate,
+    excludes_zero,
+)
 
-LARGE_EXCESS = 1.2
-"""Excess of held-back errors from which on it is said: judged."""
-TWO_UNKNOWNS = float(chi2.ppf(CONFIDENCE, 2))
-"""Fall of the cost within which friction and transition, two unknowns, may be (Wilks)."""
 SMOOTHINGS = (1.0 / MISJUDGED, 1.0, MISJUDGED)
 """Times a transition that is given, for which a bound must hold."""
 _HALVINGS = 5
@@ -154,11 +157,12 @@ def _about(
 def _likelihood_region(
     selection: Selection, full: Fitted
 ) -> tuple[np.ndarray, dict[int, np.ndarray]]:
-    """Over all frictions and transitions of play that are not worse by more than chi-square's
-    quantile, each to first order from the best: the least and the largest value of each unknown,
-    (2, p), for other causes stand in for play; and values of the play by its column's number."""
+    """Over all frictions and transitions of play, two unknowns, that are not worse by more than
+    chi-square's quantile, each to first order from the best: the least and the largest value of
+    each unknown, (2, p), for other causes stand in for play; and values of the play by its column's
+    number."""
     ends, plays = np.stack([full.theta, full.theta]), dict[int, np.ndarray]()
-    allowed = TWO_UNKNOWNS * (selection.excess * full.stretch) ** 2
+    allowed = chi2.ppf(CONFIDENCE, 2) * (selection.excess * full.stretch) ** 2  # Wilks
     for i, column in enumerate(full.problem.columns):
         if column.options is not None and column.term.kind == "play":
             gains, values, theta = selection.gains(full.problem, i, full.theta, selection.rows)
@@ -235,7 +239,7 @@ def _why_not(fitted: Fitted, i: int) -> str:
 def notes(selection: Selection, kept: Step) -> list[str]:
     """What must be said of the model that was kept."""
     lines = []
-    if selection.excess > LARGE_EXCESS:
+    if selection.excess > 1.0 + MINOR:
         lines.append(
             f"note: held-back errors are {selection.excess:.1f} times as large as the fits "
             "predict: these causes do not explain all of it; intervals and bounds are enlarged "
