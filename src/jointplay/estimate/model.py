@@ -284,9 +284,6 @@ class StaticModel:
     ) -> None:
         self.machine, self.mechanism = machine, machine.mechanism
         self.visits, self.keys, self.unknowns = visits, keys, unknowns
-        # Differences move one joint at a time: the others' displacements and lags stay.
-        self._point = lru_cache(lambda name, held, *v: self._bearings[name].point(dict(v), held))
-        self._lag = lru_cache(lambda name, *values: self._wound(name, dict(values)))
         mechanism = self.mechanism
         q = configurations(mechanism, visits.joints, visits.position)
         play_model(mechanism, q[:0], second_order=False)  # refuses what this model does not know
@@ -309,6 +306,9 @@ class StaticModel:
             )
             for name, joint in mechanism.clearance.items()
         }
+        # Differences move one joint at a time: the others' displacements and lags stay.
+        self._point = lru_cache(lambda name, held, *v: self._bearings[name].point(dict(v), held))
+        self._lag = lru_cache(lambda name, *values: self._wound(name, dict(values)))
         self._springs = {
             name: {
                 way: np.einsum("nki,ni->nk", self.levers[name], moved) / part.compliances[way]
