@@ -25,7 +25,6 @@ from scipy.stats import t as student
 from jointplay.estimate.unknowns import (
     MINOR,
     MISJUDGED,
-    MODEL_ERROR,
     ROUNDING,
     TINY,
     TWO_SIDED,
@@ -40,26 +39,27 @@ _STEP = 1e-3
 SAFETY = 1.5
 """By which intervals are wider than the statistics say, unless said otherwise; set by the first ten
 machines of benchmarks/truth/identify.py."""
+_EFFECT_ROUNDS, _LEAST_STEP, _LARGEST_STEP = 2, 0.02, 0.5
+"""How often effects are sought over the width of the intervals; least and largest step by scale."""
 _LEAST_FREEDOM = {False: 8, True: 4}
 """Freedom that few groups are granted: with less, intervals say nothing. Fewer where errors are
 only weights, for nothing else says how large they are."""
-NULL = MODEL_ERROR**2
-"""Square of the part of an unknown that may lie in the null space: the model is no better."""
+NULL = 1e-4
+"""Square of the part of an unknown that may lie in the null space."""
 FAINT = 1e-3
 """Effect of a whole scale below which nothing is identified, in standard errors."""
-_AS_GOOD = 1.1
-"""Cost of another minimum, relative to the best, up to which it is as good: judged."""
-_OUTWARDS = 1.3
-"""By which an end of an interval is moved at a time: ends are as sharp as that. With 1.5 intervals
-of 80 gauged plays are 2 % wider on average (benchmarks/truth/gauge.py)."""
 _STARTS_TRIED = 16
-"""Starts that are looked at."""
-_NEAR = 8
-"""Steps in which least squares stays near its start, with other errors or laws: without a limit a
-bearing with contacts of lines explains a journal of 0.1 mm by one of 1.5 mm as well."""
-_ROUNDS = 2
-"""In which effects are sought over the width of the intervals, and errors are made as large as the
-residuals demand."""
+"""Starts that are looked at, about the scenario's values by `MISJUDGED`."""
+_FIRST_STEPS, _BEST_STEPS, _LATER_STEPS = 15, 100, 8
+"""Most steps of least squares from each start, from the best of these on, and with other errors."""
+_AS_GOOD = 1.1
+"""Cost of another minimum, relative to the best, up to which it is as good an explanation."""
+_MODEL_ERROR = 0.005
+"""Part of what play does to a signal by which the static model may be off at a visit."""
+_OUTWARDS = 1.3
+"""By which an end of an interval is moved at a time: ends are as sharp as that."""
+_ERROR_ROUNDS = 2
+"""In which errors are made as large as the residuals demand."""
 
 
 def basis(columns: np.ndarray) -> np.ndarray:
@@ -232,7 +232,7 @@ class LeastSquares:
                 moved = theta.copy()
                 moved[i] = min(max(goal, unknown.least), unknown.most)
                 size = moved[i] - theta[i]
-                if abs(size) > 0.5 * _STEP * unknown.scale and len(changes) < sides:  # else a limit
+                if abs(size) >= 0.2 * step and len(changes) < sides:  # else a limit is too near
                     changes.append((self.off(moved) - here) * unknown.scale / size)
             if steps is None:
                 columns.append(np.mean(changes, axis=0))
@@ -352,8 +352,8 @@ class Fit:
 
     def shows(self, i: int) -> bool:
         """Whether the i-th unknown does anything to what was measured."""
-        effect = self.effect[: len(self.least.measured), i]
-        return bool(np.linalg.norm(effect) >= FAINT)
+        own = self.effect[: len(self.least.measured), i]
+        return bool(np.linalg.norm(own) >= FAINT)
 
     def known(self, i: int) -> bool:
         """Whether the i-th unknown is known: its interval is narrow (`narrow`).
@@ -406,12 +406,12 @@ def partners(row: np.ndarray, i: int) -> list[int]:
     return others if row[i] > NULL else []
 
 
-def minimum(problem: LeastSquares, start: np.ndarray, most_steps: int | None = None) -> np.ndarray:
+def minimum(problem: LeastSquares, start: np.ndarray, most_steps: int = 40) -> np.ndarray:
     """Where the residuals are least, from a start (p,), within the limits of the unknowns, (p,)."""
     scale, (low, high) = problem.scale, problem.limits
     bounded = np.isfinite(low).any() or np.isfinite(high).any()
     if bounded:
-        start = np.clip(start, low + _STEP * scale, high - _STEP * scale)
+        start = np.clip(start, low + 1e-3 * scale, high * (1.0 - 1e-6))
     optimum = least_squares(
         lambda x: problem.residual(x * scale),
         start / scale,
@@ -424,12 +424,14 @@ def minimum(problem: LeastSquares, start: np.ndarray, most_steps: int | None = N
     return np.asarray(optimum.x * scale)
 
 
-def fit(problem: LeastSquares, start: np.ndarray, most_steps: int | None = None) -> Fit:
+def fit(problem: LeastSquares, start: np.ndarray, most_steps: int) -> Fit:
     """Least squares from a start (p,), with effects over the width of the intervals."""
     theta, scale = minimum(problem, start, most_steps), problem.scale
     fitted = Fit(least=problem, theta=theta)
-    for _ in range(_ROUNDS):
-        steps = np.clip(fitted.half_width, _STEP * scale, 0.5 * np.maximum(scale, theta))
+    for _ in range(_EFFECT_ROUNDS):
+        steps = np.clip(
+            fitted.half_width, _LEAST_STEP * scale, _LARGEST_STEP * np.maximum(scale, theta)
+        )
         fitted = replace(fitted, steps=steps)
     return fitted
 
@@ -471,32 +473,35 @@ def search(problem: LeastSquares, start: np.ndarray | None = None) -> Fit:
     place, and the model is not exact. That is added to the errors.
     """
     if start is None:
-        start = np.array([unknown.nominal or 0.5 * unknown.scale for unknown in problem.unknowns])
-    tried = [fit(problem, first) for first in _starts(problem, start)]
-    best = min(tried, key=lambda fitted: problem.cost(fitted.theta))
-    given = problem.error
-    kinds = np.zeros(len(given), int) if problem.kinds is None else problem.kinds
-    for _ in range(_ROUNDS):
-        left = best.residual[: len(given)] * problem.error
-        share = max(best.freedom, 1.0) / len(given)
-        more = np.zeros(len(given))
+        start = np.array([one.nominal or 0.5 * one.scale for one in problem.unknowns])
+    tried = [fit(problem, one, _FIRST_STEPS) for one in _starts(problem, start)]
+    best = min(tried, key=lambda one: problem.cost(one.theta))
+    # Residuals of where a short search stopped would grow the errors.
+    best = fit(problem, best.theta, _BEST_STEPS)
+    own = problem.error
+    kinds = np.zeros(len(own), int) if problem.kinds is None else problem.kinds
+    for _ in range(_ERROR_ROUNDS):
+        left = best.residual[: len(own)] * problem.error
+        rough = _MODEL_ERROR * np.abs(problem.predict(best.theta))
+        share = max(best.freedom, 1.0) / len(own)
+        more = np.zeros(len(own))
         for kind in np.unique(kinds):
             mine = kinds == kind
-            more[mine] = _excess(left[mine], given[mine], share * mine.sum())
-        problem = replace(problem, error=np.hypot(given, more))
-        best = fit(problem, best.theta, _NEAR)
+            more[mine] = _excess(left[mine], np.hypot(own, rough)[mine], share * mine.sum())
+        problem = replace(problem, error=np.sqrt(own**2 + more**2 + rough**2))
+        best = fit(problem, best.theta, _LATER_STEPS)
     far = np.minimum(best.half_width, problem.scale)  # another minimum, not within the intervals
     others = [
-        fit(problem, fitted.theta, _NEAR).theta
-        for fitted in tried
-        if (np.abs(fitted.theta - best.theta) > far).any()
+        fit(problem, one.theta, _LATER_STEPS).theta
+        for one in tried
+        if (np.abs(one.theta - best.theta) > far).any()
     ]
     others += _with_other_walls(problem, best.theta)
     limit = _AS_GOOD * problem.cost(best.theta)
     away = [np.abs(theta - best.theta) for theta in others if problem.cost(theta) <= limit]
-    plays = [unknown.name.endswith("clearance") for unknown in problem.unknowns]
+    plays = [one.name.endswith("clearance") for one in problem.unknowns]
     for soft in filter(None, map(problem.softened, problem.softening)):
-        softer = fit(soft, best.theta, _NEAR)
+        softer = fit(soft, best.theta, _LATER_STEPS)
         cost = soft.cost(softer.theta)
         if cost <= limit:
             # Where that explains the means better, its own interval counts, too.
@@ -544,7 +549,7 @@ def _with_other_walls(problem: LeastSquares, theta: np.ndarray) -> list[np.ndarr
     """
     return [
         _fitted_beside(
-            problem, theta, i, min(max(theta[i], MINOR * unknown.scale) * factor, unknown.most)
+            problem, theta, i, min(max(theta[i], 0.1 * unknown.scale) * factor, unknown.most)
         )
         for i, unknown in enumerate(problem.unknowns)
         if unknown.name == "axial_clearance" and len(theta) > 1
@@ -569,7 +574,7 @@ def _fitted_beside(problem: LeastSquares, theta: np.ndarray, i: int, value: floa
         predict=lambda x: problem.predict(whole(x)),
         jacobian=None if slopes is None else lambda x: np.delete(slopes(whole(x)), i, axis=1),
     )
-    return whole(fit(part, theta[kept], _NEAR).theta)
+    return whole(fit(part, theta[kept], _LATER_STEPS).theta)
 
 
 def _starts(problem: LeastSquares, start: np.ndarray) -> list[np.ndarray]:
