@@ -32,7 +32,15 @@ from jointplay.estimate.least_squares import LeastSquares
 from jointplay.estimate.planning import MeasurementPlan
 from jointplay.estimate.pose_problem import Problem
 from jointplay.estimate.selection import Selection, Step, held_back
-from jointplay.estimate.unknowns import NORMAL, TINY, TWO_SIDED, Estimate, Unknown
+from jointplay.estimate.unknowns import (
+    FARTHEST_M,
+    NORMAL,
+    ROUNDING,
+    TINY,
+    TWO_SIDED,
+    Estimate,
+    Unknown,
+)
 from jointplay.model.mechanism import Mechanism
 
 if TYPE_CHECKING:
@@ -40,20 +48,16 @@ if TYPE_CHECKING:
 
 TERMS = ("offset", "placement", "compliance", "eccentricity", "play")
 """Causes that are tried if none are named."""
-CANDIDATES = 200
-"""Poses among which a plan chooses."""
 DRAWS = 1000
 """Of coefficients for an effect's interval, whose ends are each beyond 25 of them."""
 _FRAME = tuple(f"{what} {axis}" for what in ("base", "base r", "tool", "tool r") for axis in "xyz")
 SCATTER = (1e-3, 5e-3)
 """Of positions [m] and orientations [rad] about the model, where nothing is known yet: of robots
 that were not calibrated. `calibrate` then estimates it from the fit of all terms."""
-_POINT_M, _SAME_POINT_M = 10.0, 0.02
-"""Prior width of the tool's point: anywhere at any robot, and where only the point is the same each
-time, which cannot tell a longer tool from a longer arm [m]."""
-_ANYWHERE = 1e2
-"""Prior width of where the base is, and of how base and tool are turned: large beside any robot
-[m, rad]."""
+_SAME_POINT_M = 0.02
+"""Prior width of the tool's point where only the point is the same each time, which cannot tell a
+longer tool from a longer arm [m]: measured by hand (judged). Else base, tool and their turns may be
+anywhere: `FARTHEST_M` [m, rad]."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +66,7 @@ class Placed(Problem):
 
     point: np.ndarray = field(default_factory=lambda: np.zeros(3))
     """Nominal place of the tool's point in the tool frame, shape (3,) [m]."""
-    point_width: float = _POINT_M
+    point_width: float = FARTHEST_M
     """Of its prior [m]."""
     turned: tuple[np.ndarray, np.ndarray] = (np.eye(3), np.eye(3))
     """Rotations of the mechanism's base in the instrument's axes and of what was measured in the
@@ -88,20 +92,20 @@ class Placed(Problem):
         return np.flatnonzero(np.repeat([not self.closure, True, len(self.kinds) > 1, True], sizes))
 
     @cached_property
-    def _nominal(self) -> np.ndarray:
-        """The tool's point in the last body's frame [m]."""
+    def _at_rest(self) -> np.ndarray:
+        """Nominal values of `_FRAME`: of the tool's point, in the last body's frame [m]."""
         placement = self.poses.tool
-        return np.asarray(placement.rotation @ self.point + placement.translation)
+        point = placement.rotation @ self.point + placement.translation
+        return np.asarray([*np.zeros(6), *point, *np.zeros(3)])
 
     @cached_property
     def frame(self) -> tuple[Unknown, ...]:
-        values = [*np.zeros(6), *self._nominal, *np.zeros(3)]
-        widths = [_ANYWHERE] * 6 + [self.point_width] * 3 + [_ANYWHERE] * 3
+        widths = np.repeat([FARTHEST_M, FARTHEST_M, self.point_width, FARTHEST_M], 3)
         every = [
             Unknown("", name, "", value, spread=width, least=-np.inf, sought=False, model_error=0.0)
-            for name, value, width in zip(_FRAME, values, widths, strict=True)
+            for name, value, width in zip(_FRAME, self._at_rest, widths, strict=True)
         ]
-        return tuple(every[i] for i in self._free if i < 12)
+        return tuple(every[i] for i in self._free if i < len(_FRAME))
 
     def at(self, rows: np.ndarray) -> LeastSquares:
         measured, n = self.poses.measured, len(rows)
@@ -117,14 +121,14 @@ class Placed(Problem):
             names = np.array(measured.point)[rows]
             mine = {str(name): names == name for name in dict.fromkeys(names)}
             known_distances = {p: d for p, d in measured.distances.items() if set(p) <= set(mine)}
-            pairs = [(mine[one], mine[other]) for one, other in known_distances]
+            pairs = [(mine[first], mine[second]) for first, second in known_distances]
             known.append(np.array([length for length, _ in known_distances.values()]))
             error.append(np.array([deviation for _, deviation in known_distances.values()]))
             nuisance = np.zeros((3 * n + len(known_distances), 3 * len(mine)))
             nuisance[: 3 * n] = np.kron(np.column_stack(list(mine.values())), np.eye(3))
 
         def apart(points: np.ndarray) -> list[np.ndarray]:
-            return [points[one].mean(axis=0) - points[other].mean(axis=0) for one, other in pairs]
+            return [points[a].mean(axis=0) - points[b].mean(axis=0) for a, b in pairs]
 
         def predicted(theta: np.ndarray) -> np.ndarray:
             rotations, points, *_ = self._place(theta, rows)
@@ -139,8 +143,8 @@ class Placed(Problem):
             parts = [moves.reshape(3 * n, -1)]
             if len(self.kinds) > 1:
                 parts.append(turns.reshape(3 * n, -1))
-            for between, (one, other) in zip(apart(points), pairs, strict=True):
-                slope = moves[one].mean(axis=0) - moves[other].mean(axis=0)
+            for between, (first, second) in zip(apart(points), pairs, strict=True):
+                slope = moves[first].mean(axis=0) - moves[second].mean(axis=0)
                 parts.append((between @ slope)[None] / max(float(np.linalg.norm(between)), TINY))
             return np.concatenate(parts)
 
@@ -154,18 +158,19 @@ class Placed(Problem):
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Rotations (n, 3, 3) and points (n, 3) of the tool, and their derivatives by the unknowns,
         each of shape (n, 3, unknowns); rotations as small rotation vectors from the left."""
-        every = np.zeros(12 + len(self.columns))
-        every[6:9] = self._nominal
+        every = np.concatenate([self._at_rest, np.zeros(len(self.columns))])
         every[self._free] = theta
-        base, grip = static_poses.rotations_of(every[3:6]) @ self.turned[0], self.turned[1]
-        grip, reach = grip @ static_poses.rotations_of(every[9:12]), every[6:9]
-        poses, moved = self.poses, self.features[rows] * every[12:]
+        frame, coefficients = np.split(every, [len(_FRAME)])
+        place, base_turn, reach, grip_turn = frame.reshape(4, 3)
+        base = static_poses.rotations_of(base_turn) @ self.turned[0]
+        grip = self.turned[1] @ static_poses.rotations_of(grip_turn)
+        poses, moved = self.poses, self.features[rows] * coefficients
         joints, targets = (
-            np.array([getattr(one, name) for one in self.columns], int)
+            np.array([getattr(column, name) for column in self.columns], int)
             for name in ("index", "target")
         )
         q = poses.q[rows].copy()
-        whole = {k: one.moves[rows] for k, one in enumerate(self.columns) if one.moves is not None}
+        whole = {k: c.moves[rows] for k, c in enumerate(self.columns) if c.moves is not None}
         own_coordinate = (targets == COORDINATE) & ~np.isin(np.arange(len(joints)), list(whole))
         np.add.at(q.T, joints[own_coordinate], moved[:, own_coordinate].T)
         shift = None
@@ -179,7 +184,7 @@ class Placed(Problem):
                 shift[:, joints[k]] += moved[:, k, None] * moves
         body, origin, axes, origins, frames = poses.forward(q, shift)
         tip = origin + body @ reach
-        rotations, points = base @ body @ grip, every[:3] + tip @ base.T
+        rotations, points = base @ body @ grip, place + tip @ base.T
         if not jacobian:
             none = np.zeros((0, 3, len(theta)))
             return rotations, points, none, none
@@ -199,7 +204,7 @@ class Placed(Problem):
         moves = (scale * move @ base.T).transpose(1, 2, 0)
         turns = (scale * turn @ base.T).transpose(1, 2, 0)
         # Rotation vectors do not add: what one more turn does, by a change of the whole.
-        about, within = pin.Jexp3(-every[3:6]), pin.Jexp3(every[9:12])
+        about, within = pin.Jexp3(-base_turn), pin.Jexp3(grip_turn)
         eye, none = np.tile(np.eye(3), (len(rows), 1, 1)), np.zeros((len(rows), 3, 3))
         arms = np.cross((tip @ base.T)[:, None], np.eye(3)) @ about
         moves = np.concatenate([eye, arms, base @ body, none, moves], axis=2)
@@ -210,7 +215,7 @@ class Placed(Problem):
         """The same, counted from where base and tool roughly are without any errors of the chain,
         whatever the frames; and the unknowns there."""
         if self.closure:
-            return self, self._nominal
+            return self, self._at_rest[self._free]
         body, origin, *_ = self.poses.forward(self.poses.q, None)
         measured = self.poses.measured
         assert measured.position is not None
@@ -225,7 +230,7 @@ class Placed(Problem):
             # for what follows.
             for _ in range(1 if seen is not None else 4):
                 mixed = base @ body.sum(axis=0)
-                matrix = np.block([[n * eye, mixed], [mixed.T, n * eye]]) + 1e-9 * np.eye(6)
+                matrix = np.block([[n * eye, mixed], [mixed.T, n * eye]]) + ROUNDING * np.eye(6)
                 goal = position - origin @ base.T
                 inner = np.einsum("nab,nb->a", back, goal @ base)
                 solved = np.linalg.solve(matrix, np.concatenate([goal.sum(axis=0), inner]))
@@ -241,7 +246,7 @@ class Placed(Problem):
                 # Half of the Frobenius norm's square is the angle's, where that is small.
                 cost += 0.5 * float(np.sum((apart - grip) ** 2)) / self.error[1] ** 2
             starts.append((cost, at, base, reach, grip))
-        _, at, base, reach, grip = min(starts, key=lambda one: one[0])
+        _, at, base, reach, grip = min(starts, key=lambda option: option[0])
         start = np.concatenate([at, np.zeros(3), reach, np.zeros(3)])
         return replace(self, turned=(base, grip)), start[self._free]
 
@@ -302,7 +307,7 @@ def calibrate(
     all_poses = Poses(mechanism, poses, payloads)
     groups, held = held_back(poses, folds)
     if point_width is None:
-        point_width = _SAME_POINT_M if poses.point is not None else _POINT_M
+        point_width = _SAME_POINT_M if poses.point is not None else FARTHEST_M
     scatter = error or SCATTER
     base = Placed(all_poses, scatter, (), np.asarray(point, float), point_width)
     base, start = replace(base, error=scatter[: len(base.kinds)]).begun()
@@ -351,7 +356,7 @@ def plan_calibration(
     """
     require_a("mechanism", mechanism, "Mechanism")
     ideal = mechanism.ideal()
-    free, notes = planning.free_poses(ideal, None, seed, CANDIDATES)
+    free, notes = planning.free_poses(ideal, None, seed)
     names = tuple(moving(ideal))
     motor = free[:, [ideal.coordinate(name) for name in names]]
     n = len(motor)
@@ -362,13 +367,13 @@ def plan_calibration(
     poses = Poses(mechanism, still, payloads)
     columns = [
         # Of features that would be chosen, one from the middle.
-        one if one.options is None else
-        replace(one, feature=one.options[:, one.options.shape[1] // 2])
+        column if column.options is None else
+        replace(column, feature=column.options[:, column.options.shape[1] // 2])
         for term in terms
-        for one in poses.columns(term if isinstance(term, Term) else Term.parse(term))
+        for column in poses.columns(term if isinstance(term, Term) else Term.parse(term))
     ]  # fmt: skip
     base = Placed(poses, error, tuple(columns), np.asarray(point, float))
-    rows, nominal = np.arange(n), np.array([one.nominal for one in base.unknowns])
+    rows, nominal = np.arange(n), np.array([column.nominal for column in base.unknowns])
     information = planning.Information.of(base.at(rows), nominal, base.owner(rows))
     options = [planning.Experiment(tuple(row), None, passes=False) for row in motor.tolist()]
     text = f"scatter of positions {told(error[0], 'm')}, of orientations {told(error[1], 'rad')}"
@@ -396,7 +401,7 @@ def _estimate_scatter(fits: Selection, terms: Sequence[Term]) -> None:
             part = slice(k * m, (k + 1) * m)
             slope, span = fitted.effect[part], fitted.least.projected[part]
             determined = float(np.sum((slope @ fitted.covariance) * slope) + np.sum(span**2))
-            sizes.append(max(float(np.sqrt(np.sum(left**2) / max(m - determined, 0.1 * m))), 1e-9))
+            sizes.append(max(float(np.sqrt(np.sum(left**2) / max(m - determined, 1.0))), ROUNDING))
         fits.base = replace(fits.base, error=tuple(sizes))
 
 

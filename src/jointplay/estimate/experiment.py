@@ -20,6 +20,7 @@ from jointplay.base.errors import JointplayError, require_a, require_whole
 from jointplay.base.tables import Column, Table, few
 from jointplay.base.units import displayed, readable, told
 from jointplay.estimate import columns
+from jointplay.estimate.unknowns import CONFIDENCE
 from jointplay.simulation.result.result import AXES, Result
 from jointplay.study.certification import further_runs
 from jointplay.study.ensemble import ensemble
@@ -27,8 +28,8 @@ from jointplay.study.ensemble import ensemble
 Curve = tuple[np.ndarray, np.ndarray, str]
 """Times (n,) [s], values (n,) and their SI unit."""
 
-BAND = (5.0, 95.0)
-"""Percentiles of an ensemble's curves between which its band lies (a convention)."""
+BAND = (100.0 * (1.0 - CONFIDENCE), 100.0 * CONFIDENCE)
+"""Percentiles of an ensemble's curves between which its band lies."""
 MOST_SHIFT = 0.25
 """Part of the run's length by which a measurement is shifted at most when the shift is found
 (judged: two turns of a crank in a run of eight)."""
@@ -250,7 +251,7 @@ def beside_experiment(
         computed = np.interp(at, *known[name][:2])
         band = None
         if others:
-            low, high = np.percentile([one[name] for one in others], BAND, axis=0)
+            low, high = np.percentile([curve[name] for curve in others], BAND, axis=0)
             band = (low, high)
         error = float(np.sqrt(np.mean((finer[name] - computed) ** 2)))
         rows.append(MeasuredCurve(name, known[name][2], at, column[within], computed, error, band))
@@ -269,8 +270,8 @@ def _read(path: Path, known: dict[str, Curve]) -> tuple[np.ndarray, dict[str, np
             return ("time", ""), "s"
         return (("curve", name), known[name][2]) if name in known else None
 
-    words = f"'time [s]', and {few(names, 12)}; of vectors also with ' x', ' y', ' z'"
-    numbers, _ = columns.read(path, "measurement", meaning, words)
+    choices = f"'time [s]', and {few(names)}; of vectors also with ' x', ' y', ' z'"
+    numbers, _ = columns.read(path, "measurement", meaning, choices)
     times = numbers.pop(("time", ""), None)
     if times is None:
         raise JointplayError(f"{path}: there is no column 'time [s]'")
@@ -279,7 +280,7 @@ def _read(path: Path, known: dict[str, Curve]) -> tuple[np.ndarray, dict[str, np
             at = int(np.flatnonzero(~np.isfinite(column))[0]) + 1
             raise JointplayError(f"{path}: {name!r} has no number in row {at}; leave such rows out")
     if not numbers:
-        raise JointplayError(f"{path}: there is no column beside the time; there may be {words}")
+        raise JointplayError(f"{path}: there is no column beside the time; there may be {choices}")
     if (np.diff(times) <= 0.0).any():
         at = int(np.flatnonzero(np.diff(times) <= 0.0)[0]) + 1
         raise JointplayError(f"{path}: times must increase; number {at + 1} is {times[at]:g} s")
@@ -332,8 +333,8 @@ def _hint(
     best: float,
 ) -> str:
     """That another shift would halve the misfit, as of a measurement with a clock of its own."""
-    now, then = (_misfit(known, times, measured, one) for one in (shift, best))
-    if not then < 0.25 * now:
+    now, then = (_misfit(known, times, measured, moved) for moved in (shift, best))
+    if not math.sqrt(then) < 0.5 * math.sqrt(now):
         return ""
     return (
         f"shifted by {readable(best, 's', 4)} the measurement would fit with "

@@ -13,6 +13,7 @@ its interval; a third one tells. Laws that are no power stray from it a little (
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -31,8 +32,18 @@ from jointplay.estimate import columns
 from jointplay.estimate.least_squares import Fit, LeastSquares, search
 from jointplay.estimate.machine import preset_found
 from jointplay.estimate.measurement import quantisation
-from jointplay.estimate.planning import PUSH_N, free_poses
-from jointplay.estimate.unknowns import Answer, Estimate, Loop, Unknown, excludes_zero
+from jointplay.estimate.planning import POSES, PUSH_N, free_poses
+from jointplay.estimate.unknowns import (
+    FARTHEST_M,
+    MINOR,
+    MODEL_ERROR,
+    TINY,
+    Answer,
+    Estimate,
+    Loop,
+    Unknown,
+    excludes_zero,
+)
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.loads.drive import urdf_friction
 
@@ -47,29 +58,25 @@ RECIPE = (
     "needed are five readings: not pushed, and pushed to each side with two forces, the smaller at "
     "most two thirds of the larger"
 )
-_SOFTLY, _OVERCOMES = 0.02, 10.0
-"""Largest push of a plan, by a joint's limit of effort, and by gravity and friction, at least."""
+_SOFTLY = 0.02
+"""Largest push of a plan, by a joint's limit of effort, unless gravity and friction need more."""
 _UNLIKE = 1.5
-"""Ratio of two forces that count as two."""
+"""Ratio of two forces that count as two: of `RECIPE`."""
 _SURE = 10.0
 """Residuals that the stated scatter of readings is worth: it is known, if not quite."""
 _EXPONENT, _STIFFENS, _SOFTEST = 0.75, 0.2, 0.3
 """Exponent by which teeth wind up: what is expected, its standard deviation, and the least. Hertz's
 contact of balls has 2/3, straight teeth nearly 1, strain wave gears and worn teeth 0.5 (judged)."""
 _STRAYS = 0.1
-"""Standard deviation by which the wind-up strays from a power of the push between none and the
-largest, as a part of four times its largest: a gear whose stiffness has steps (judged)."""
+"""Standard deviation by which the wind-up strays from a power of the push half way to the largest,
+as a part of its largest: a gear whose stiffness has steps (judged)."""
 _RUBS = 0.1
 """Friction on the joint's side by the smallest push, where the robot's file says nothing."""
-_LEVERS = 0.02
-"""Part by which levers are off, and so all angles."""
 _BAR_M, _SHORT_M = 0.1, 0.02
 """Bar that is clamped to links that are shorter than the second [m]."""
-_FARTHEST = 10.0
-"""Longest arm [m]: the largest robots reach half as far."""
-_TURNS = 0.35
-"""Largest angle between readings that a gauge follows, for its stem is straight; a sine is 2 % less
-than this angle [rad]."""
+_TURNS = math.sqrt(6.0 * MODEL_ERROR)
+"""Largest angle between readings that a gauge follows, for its stem is straight: a sine is less
+than this angle by `MODEL_ERROR` [rad]."""
 _OUTSIDE = 4.0
 """Standard deviations beyond both sides from which on a reading is said to be wrong."""
 _HOW = (
@@ -144,7 +151,7 @@ class Readings:
         n, deviations = len(names), dict(noise or {})
         cells = {name: numbers.get((name, ""), np.full(n, np.nan)) for name in _NUMBERS}
         for name in ("arm", "gauge arm"):
-            if (far := float(np.nanmax(cells[name], initial=0.0))) > _FARTHEST:
+            if (far := float(np.nanmax(cells[name], initial=0.0))) > FARTHEST_M:
                 raise JointplayError(
                     f"{path}: the {name} is {readable(far, 'm', 3)} long, longer than any robot: "
                     "is it in the unit of its title?"
@@ -172,11 +179,11 @@ class Readings:
                 raise JointplayError(f"{path}: reading {bad[0] + 1} has no {needed}")
         setup = texts.get("setup", ("",) * n)
         setups = np.array([f"{a}, {b}" for a, b in zip(names, setup, strict=True)])
-        for one in np.unique(setups) if not slides_all else ():
-            by_this = by_gauge[setups == one]  # NaN of angles, which may be large
+        for name in np.unique(setups) if not slides_all else ():
+            by_this = by_gauge[setups == name]  # NaN of angles, which may be large
             if (apart := float(np.ptp(by_this))) > _TURNS:
                 raise JointplayError(
-                    f"{path}: by these readings {names[int(np.argmax(setups == one))]} turns by "
+                    f"{path}: by these readings {names[int(np.argmax(setups == name))]} turns by "
                     f"{readable(apart, 'rad', 3)}, which no gauge follows: are reading and gauge "
                     "arm in the units of their titles?"
                 )
@@ -184,8 +191,8 @@ class Readings:
         if np.isfinite(motor).any():
             if (bad := np.flatnonzero(~np.isfinite(motor))).size:
                 raise JointplayError(f"{path}: reading {bad[0] + 1} has no motor position")
-            for one in np.unique(setups):  # which way is positive, nobody says: it gives way
-                mine = setups == one
+            for name in np.unique(setups):  # which way is positive, nobody says: it gives way
+                mine = setups == name
                 side = float(np.sign(motor[mine] @ (push[mine] - push[mine].mean())))
                 turned[mine] -= side * (motor[mine] - motor[mine].mean())
                 error[mine] = np.hypot(error[mine], quantisation(np.sort(motor[mine])))
@@ -249,7 +256,7 @@ class Gauged(Answer):
         says[push == 0.0] = np.nan  # anywhere within the play
         for name in np.unique(setup):
             turned[setup == name] -= np.nanmean((turned - says)[setup == name])
-        none = np.array([-1e-9, 1e-9]) * largest  # where the sides begin
+        none = np.array([-TINY, TINY])  # where the sides begin
         unit = fitted.least.unknowns[0].unit
         return Loop(
             joint, np.append(push, none), "push", "N" if unit == "m" else "N*m",
@@ -279,7 +286,7 @@ def identify_gauged(
         JointplayError: see `Readings.from_csv`; readings of a joint that can tell nothing.
     """
     ideal, readings = mechanism.ideal(), _read(mechanism, readings, noise)
-    friction, found, fits, notes = urdf_friction(ideal), list[Estimate](), dict[str, Fit](), []
+    friction, estimates, fits, notes = urdf_friction(ideal), list[Estimate](), dict[str, Fit](), []
     for joint, mine, slides in _by_joint(mechanism, readings):
         smallest, unit = _smallest(readings, mine), "N" if slides else "N*m"
         weight, posed = gravity_load(ideal, readings, joint, mine, pose)
@@ -331,10 +338,10 @@ def identify_gauged(
                 f"warning: no gear has so much play as {joint}: are angles in the unit of their "
                 "title?"
             )
-        found += [first, second]
+        estimates += [first, second]
         notes += _outside(readings, joint, mine, fitted)
     return Gauged(
-        estimates=tuple(found), mechanism=mechanism, readings=readings, fits=fits,
+        estimates=tuple(estimates), mechanism=mechanism, readings=readings, fits=fits,
         notes=tuple(notes),
     )  # fmt: skip
 
@@ -406,7 +413,7 @@ def _require_yielding(readings: Readings, joint: str, mine: np.ndarray) -> None:
     for setup in dict.fromkeys(setups[mine]):
         rows = np.flatnonzero(mine & (setups == setup) & (readings.push != 0.0))
         push, turned, error = (
-            one[rows] for one in (readings.push, readings.turned, readings.error)
+            values[rows] for values in (readings.push, readings.turned, readings.error)
         )
         back = turned[:, None] - turned - _OUTSIDE * np.hypot(error[:, None], error)
         back[push[:, None] >= push] = -np.inf
@@ -437,7 +444,7 @@ def gravity_load(
     known = bool(rows)
     loads = [
         abs(pin.computeGeneralizedGravity(ideal.model, data, q)[at])
-        for q in (rows if known else over_workspace(ideal, 64))
+        for q in (rows if known else over_workspace(ideal, POSES))
     ]
     return float(max(loads)), known
 
@@ -474,24 +481,25 @@ def _problem(
     side, largest = np.sign(push), float(np.abs(push).max())
     rough = np.linalg.lstsq(np.column_stack([zeros, side, push]), turned, rcond=None)[0]
     span = max(float(np.ptp(turned)), float(readings.error[use].max()))
-    give = max(float(rough[-1]), 0.05 * span / largest)
+    give = max(float(rough[-1]), MINOR * span / largest)
     part = np.abs(push) / largest
-    strays = side * give * largest * part * (1.0 - part)
+    strays = side * give * largest * 4.0 * part * (1.0 - part)
     nuisance = np.column_stack([zeros, strays])
-    spread = np.append(np.full(zeros.shape[1], np.inf), 4.0 * _STRAYS)
+    spread = np.append(np.full(zeros.shape[1], np.inf), _STRAYS)
     unit, soft = ("m", "m/N") if slides else ("rad", "rad/(N*m)")
     rub = max(0.5 * friction, _RUBS * float(np.abs(push).min()))
     unknowns = (
-        Unknown(joint, "gear_play", unit, np.nan, span, fine=slides, model_error=_LEVERS),
+        Unknown(joint, "gear_play", unit, np.nan, span, fine=slides),
         Unknown(
-            joint, "gear_compliance", soft, np.nan, give, fine=slides, model_error=2.0 * _LEVERS
+            joint, "gear_compliance", soft, np.nan, give, fine=slides,
+            model_error=2.0 * MODEL_ERROR,  # by its angle and by its torque
         ),
         Unknown(
             joint, "friction", "N" if slides else "N*m", friction, rub, sought=False, spread=rub,
             model_error=0.0,
         ),
         Unknown(
-            joint, "stiffening", "", _EXPONENT, 0.1, sought=False, spread=_STIFFENS,
+            joint, "stiffening", "", _EXPONENT, _EXPONENT, sought=False, spread=_STIFFENS,
             least=_SOFTEST, model_error=0.0,
         ),
     )  # fmt: skip
@@ -625,7 +633,7 @@ def plan_gauge(
         best = int(np.argmin(weights[:, at]))
         weight = float(weights[best, at])
         # As softly as gravity and friction allow: how far the link gives way hides its play.
-        against = _OVERCOMES * (weight + entry.friction)
+        against = _UNLIKE / SIZES[-1] * (weight + entry.friction)
         enough = max(_SOFTLY * (entry.effort or np.inf), against)
         most = min(push, min(enough, 0.5 * (entry.effort or np.inf)) / lever)
         forces = (0.0, *(float(f"{side * part * most:.2g}") for part in SIZES for side in (1, -1)))
@@ -637,8 +645,8 @@ def plan_gauge(
             gravity = "gravity does not load it"
         turned = 1e-4 if entry.slides else play
         wide = _expected(name, entry.slides, np.array(forces) * lever, lever, turned, noise or {})
-        numbers = zip(known, poses[best][[ideal.coordinate(one) for one in known]], strict=True)
-        pose = ",".join(f"{one}={x:.3g}" for one, x in numbers)
+        numbers = zip(known, poses[best][[ideal.coordinate(joint) for joint in known]], strict=True)
+        pose = ",".join(f"{joint}={x:.3g}" for joint, x in numbers)
         half = f"+- {told(wide, 'm' if entry.slides else 'rad', 2, entry.slides)}"
         steps.append(Step(name, arm, forces, pose, half, bar, gravity))
     return GaugePlan(tuple(steps), tuple(notes))
@@ -648,15 +656,15 @@ def _reach(ideal: Mechanism, joint: str) -> float:
     """Largest distance of a frame of a joint's link from its axis [m]."""
     model = ideal.model
     number = model.getJointId(joint)
-    one = model.joints[number].createData()
-    model.joints[number].calc(one, np.zeros(model.joints[number].nq), np.zeros(1))
-    axis = np.ravel(one.S)[3:]
+    state = model.joints[number].createData()
+    model.joints[number].calc(state, np.zeros(model.joints[number].nq), np.zeros(1))
+    axis = np.ravel(state.S)[3:]
     places = [
         model.jointPlacements[k].translation
         for k in range(1, model.njoints)
         if model.parents[k] == number
     ]
-    places += [one.placement.translation for one in model.frames if one.parentJoint == number]
+    places += [frame.placement.translation for frame in model.frames if frame.parentJoint == number]
     return max((float(np.linalg.norm(np.cross(axis, place))) for place in places), default=0.0)
 
 

@@ -22,15 +22,16 @@ from scipy.stats import chi2
 from jointplay.estimate.kinematic_model import FRICTIONS, TRANSITIONS, Column, Term
 from jointplay.estimate.pose_problem import Fitted
 from jointplay.estimate.selection import Selection, Step
-from jointplay.estimate.unknowns import CONFIDENCE, TWO_SIDED, Estimate, excludes_zero
+from jointplay.estimate.unknowns import (
+    CONFIDENCE,
+    MINOR,
+    MISJUDGED,
+    TWO_SIDED,
+    Estimate,
+    excludes_zero,
+)
 
-RARER_SIGN = 0.05
-"""Part of the poses in which a joint must be loaded the other way, or its play cannot be told."""
-LARGE_EXCESS = 1.2
-"""Excess of held-back errors from which on it is said."""
-TWO_UNKNOWNS = float(chi2.ppf(CONFIDENCE, 2))
-"""Fall of the cost within which friction and transition, two unknowns, may be (Wilks)."""
-SMOOTHINGS = (0.25, 1.0, 4.0)
+SMOOTHINGS = (1.0 / MISJUDGED, 1.0, MISJUDGED)
 """Times a transition that is given, for which a bound must hold."""
 _HALVINGS = 5
 """Most halvings of the steps between frictions and transitions. Measured on 49 random robots
@@ -156,11 +157,12 @@ def _about(
 def _likelihood_region(
     selection: Selection, full: Fitted
 ) -> tuple[np.ndarray, dict[int, np.ndarray]]:
-    """Over all frictions and transitions of play that are not worse by more than chi-square's
-    quantile, each to first order from the best: the least and the largest value of each unknown,
-    (2, p), for other causes stand in for play; and values of the play by its column's number."""
+    """Over all frictions and transitions of play, two unknowns, that are not worse by more than
+    chi-square's quantile, each to first order from the best: the least and the largest value of
+    each unknown, (2, p), for other causes stand in for play; and values of the play by its column's
+    number."""
     ends, plays = np.stack([full.theta, full.theta]), dict[int, np.ndarray]()
-    allowed = TWO_UNKNOWNS * (selection.excess * full.stretch) ** 2
+    allowed = chi2.ppf(CONFIDENCE, 2) * (selection.excess * full.stretch) ** 2  # Wilks
     for i, column in enumerate(full.problem.columns):
         if column.options is not None and column.term.kind == "play":
             gains, values, theta = selection.gains(full.problem, i, full.theta, selection.rows)
@@ -225,9 +227,10 @@ def _why_not(fitted: Fitted, i: int) -> str:
             f"its load, at most {largest:.2g} {effort}, is smaller than the friction of "
             f"{friction:.2g} {effort}"
         )
-    side = np.round(poses.leaning(column.joint, 0.0, column.term.transition or 0.05 * largest))
+    transition = column.term.transition or TRANSITIONS[0] * largest
+    side = np.round(poses.leaning(column.joint, 0.0, transition))
     rarer = int(min((side > 0).sum(), (side < 0).sum()))
-    if rarer < max(RARER_SIGN * len(side), 2.0):
+    if rarer < max((1.0 - CONFIDENCE) * len(side), 2.0):
         times = "never" if not rarer else f"in only {rarer} of {len(side)} poses"
         return f"its load is on the other side {times}"
     return fitted.why_not(len(fitted.problem.frame) + i)
@@ -236,7 +239,7 @@ def _why_not(fitted: Fitted, i: int) -> str:
 def notes(selection: Selection, kept: Step) -> list[str]:
     """What must be said of the model that was kept."""
     lines = []
-    if selection.excess > LARGE_EXCESS:
+    if selection.excess > 1.0 + MINOR:
         lines.append(
             f"note: held-back errors are {selection.excess:.1f} times as large as the fits "
             "predict: these causes do not explain all of it; intervals and bounds are enlarged "

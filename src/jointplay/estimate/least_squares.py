@@ -23,7 +23,8 @@ from scipy.stats import qmc
 from scipy.stats import t as student
 
 from jointplay.estimate.unknowns import (
-    INFORMED,
+    MINOR,
+    MISJUDGED,
     ROUNDING,
     TINY,
     TWO_SIDED,
@@ -35,8 +36,6 @@ from jointplay.estimate.unknowns import (
 _STEP = 1e-3
 """Step of differences, relative to an unknown's scale: with it rounding at 1e-12 leaves slopes to
 `ROUNDING`, below which singular values therefore count as zero, by the largest."""
-SHARE = 0.1
-"""Part of a direction in the null space from which on an unknown is named with it: only words."""
 SAFETY = 1.5
 """By which intervals are wider than the statistics say, unless said otherwise; set by the first ten
 machines of benchmarks/truth/identify.py."""
@@ -45,23 +44,18 @@ _EFFECT_ROUNDS, _LEAST_STEP, _LARGEST_STEP = 2, 0.02, 0.5
 _LEAST_FREEDOM = {False: 8, True: 4}
 """Freedom that few groups are granted: with less, intervals say nothing. Fewer where errors are
 only weights, for nothing else says how large they are."""
-TOGETHER = 0.7
-"""Correlation from which two unknowns are said to act together: half of the variance of either is
-the other's. Only words."""
 NULL = 1e-4
 """Square of the part of an unknown that may lie in the null space."""
 FAINT = 1e-3
 """Effect of a whole scale below which nothing is identified, in standard errors."""
-_STARTS_TRIED, _START_FACTOR = 16, 3.0
-"""Starts that are looked at, and how far they lie from the scenario's values."""
+_STARTS_TRIED = 16
+"""Starts that are looked at, about the scenario's values by `MISJUDGED`."""
 _FIRST_STEPS, _BEST_STEPS, _LATER_STEPS = 15, 100, 8
 """Most steps of least squares from each start, from the best of these on, and with other errors."""
 _AS_GOOD = 1.1
 """Cost of another minimum, relative to the best, up to which it is as good an explanation."""
 _MODEL_ERROR = 0.005
 """Part of what play does to a signal by which the static model may be off at a visit."""
-_WALL_FACTOR = 4.0
-"""Factor of axial clearances that are tried besides the best."""
 _OUTWARDS = 1.3
 """By which an end of an interval is moved at a time: ends are as sharp as that."""
 _ERROR_ROUNDS = 2
@@ -354,7 +348,7 @@ class Fit:
         together[~np.array([unknown.sought for unknown in self.least.unknowns])] = together[i] = 0.0
         most = float(together.max(initial=0.0))
         partner = self.least.unknowns[int(together.argmax())].label
-        return float(gained), most, partner if most >= TOGETHER else ""
+        return float(gained), most, partner if most**2 >= 0.5 else ""
 
     def shows(self, i: int) -> bool:
         """Whether the i-th unknown does anything to what was measured."""
@@ -365,10 +359,10 @@ class Fit:
         """Whether the i-th unknown is known: its interval is narrow (`narrow`).
 
         Where errors are only weights priors are wide and values may be zero: there it is if the
-        measurement takes away `INFORMED` of the prior's variance.
+        measurement takes away half of the prior's variance: with less the prior tells more.
         """
         if self.least.weights:
-            return self.informed(i)[0] > INFORMED
+            return self.informed(i)[0] > 0.5
         return narrow(self.least.unknowns[i], self.theta[i], self.half_width[i])
 
     def why_not(self, i: int) -> str:
@@ -408,7 +402,7 @@ def partners(row: np.ndarray, i: int) -> list[int]:
     None where the i-th lies outside of it.
     """
     row = np.abs(row)
-    others = [int(k) for k in np.argsort(-row) if k != i and row[k] > SHARE * row[i]]
+    others = [int(k) for k in np.argsort(-row) if k != i and row[k] > MINOR * row[i]]
     return others if row[i] > NULL else []
 
 
@@ -559,7 +553,7 @@ def _with_other_walls(problem: LeastSquares, theta: np.ndarray) -> list[np.ndarr
         )
         for i, unknown in enumerate(problem.unknowns)
         if unknown.name == "axial_clearance" and len(theta) > 1
-        for factor in (_WALL_FACTOR, 1.0 / _WALL_FACTOR)
+        for factor in (MISJUDGED, 1.0 / MISJUDGED)
     ]
 
 
@@ -590,14 +584,13 @@ def _starts(problem: LeastSquares, start: np.ndarray) -> list[np.ndarray]:
     starts = [start]
     if walls.any():
         starts += [
-            np.where(walls, factor * start, start)
-            for factor in (1.0 / _START_FACTOR, _START_FACTOR)
+            np.where(walls, factor * start, start) for factor in (1.0 / MISJUDGED, MISJUDGED)
         ]
     cages = np.array([unknown.name == "cage_angle" for unknown in problem.unknowns])
     if cages.any():
         starts += [np.where(cages, start + part * problem.scale, start) for part in (1, 2, 3)]
     spread = qmc.LatinHypercube(len(start), rng=0).random(_STARTS_TRIED)
-    options = np.minimum(start * _START_FACTOR ** (2.0 * spread - 1.0), problem.limits[1])
+    options = np.minimum(start * MISJUDGED ** (2.0 * spread - 1.0), problem.limits[1])
     options = np.where(cages, start + 4.0 * spread * problem.scale, options)
     return [*starts, min(options, key=problem.cost)]
 
@@ -609,7 +602,7 @@ def _excess(left: np.ndarray, error: np.ndarray, freedom: float) -> float:
         return float(np.square(left / np.hypot(error, more)).sum()) - freedom
 
     high = float(np.sqrt(np.square(left).sum() / max(freedom, TINY)))
-    return float(brentq(beyond, 0.0, 1.001 * high, xtol=1e-15)) if beyond(0.0) > 0.0 else 0.0
+    return float(brentq(beyond, 0.0, 2.0 * high)) if beyond(0.0) > 0.0 else 0.0
 
 
 def solve(problem: LeastSquares, start: np.ndarray | None = None) -> tuple[Estimate, ...]:

@@ -15,7 +15,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from jointplay.estimate.unknowns import Unknown
+from jointplay.estimate.unknowns import ROUGH, Unknown
 from jointplay.model.gear import CycloidalGear, Gear, Gearing, GearTrain, StrainWaveGear
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import Clearance, RollingBearing
@@ -32,15 +32,15 @@ WOUND = ("gear_compliance", "gear_compliance_2", "gear_compliance_3", "torsional
 """Names of the unknowns by which the torque that a joint transmits turns its link."""
 _LARGEST_CLEARANCE_M = 1e-3
 """Clearance beyond which no bearing is one, unless the scenario says otherwise [m]."""
-_LEAST_CLEARANCE_M = 1e-9
-"""Clearances below it are none [m]."""
 SOFTEST = 100.0
-"""Largest compliance of a gear, of springs or of a joint that winds up, by the expected one."""
+"""Largest compliance of a gear, of springs or of a joint that winds up, and of rolling elements the
+smallest too, by the expected one."""
 _SMALL_CLEARANCE_M = 5e-6
 """Internal clearance that matters where less is expected: judged, some micrometres, as bearings of
 class CN of ISO 5753 have at least [m]."""
 LOAD_ERROR = 0.03
-"""Part by which compliances may be off: loads are known no better, and move with what gives way."""
+"""Part by which compliances may be off: load cells are by 2 % (a standard deviation), 1.96 of which
+are this with `SAFETY`."""
 _MOST_PRELOAD = 5e-3
 """Most preload, by an element's diameter: judged, five times what is called heavy."""
 FACTOR = 0.15
@@ -48,8 +48,9 @@ FACTOR = 0.15
 three per cent of a ball's diameter, one ball more or less, and the grooves' radii."""
 _MOST_HYSTERESIS = 0.9
 """Part of the rated torque that hysteresis takes at most: with all of it the gear would hold."""
-STIFFEST = 1e-12
-"""Smallest compliance, which only keeps divisions finite [rad/(N m)]."""
+NONE = 1e-12
+"""A clearance or a compliance that is none: keeps divisions finite, and torques by the difference
+of two angles above rounding [m, rad/(N m)]."""
 
 
 @dataclass(frozen=True)
@@ -79,15 +80,11 @@ class Journal(Part):
             yield Unknown(self.joint, name, "m", value, value, most)
         if coefficient := friction_of(self.own):
             yield Unknown(
-                self.joint, "friction", "", coefficient, coefficient, 2.0, model_error=0.1
+                self.joint, "friction", "", coefficient, coefficient, 2.0, model_error=ROUGH
             )
 
     def holding(self, values: Mapping[str, float]) -> Clearance:
-        sizes = {
-            name: max(values[name], _LEAST_CLEARANCE_M)
-            for name in self.own.clearances
-            if name in values
-        }
+        sizes = {name: max(values[name], NONE) for name in self.own.clearances if name in values}
         changed = self.own.with_clearances(sizes)
         if friction_of(self.own) is not None and "friction" in values:
             law, asked = self.own.friction, values["friction"]
@@ -130,7 +127,10 @@ class Elements(Part):
         )  # fmt: skip
         asked = "stiffness" in also
         spread = math.inf if asked else FACTOR
-        yield Unknown(self.joint, "stiffness_factor", "", 1.0, 1.0, 20.0, asked, spread, least=0.05)
+        yield Unknown(
+            self.joint, "stiffness_factor", "", 1.0, 1.0, SOFTEST, asked, spread,
+            least=1.0 / SOFTEST,
+        )  # fmt: skip
 
     @property
     def period(self) -> float:
@@ -147,7 +147,7 @@ class Elements(Part):
         return _changed(bearing, tuple(changes.items()))
 
 
-@lru_cache(maxsize=256)
+@lru_cache
 def _changed(bearing: RollingBearing, changes: tuple[tuple[str, float], ...]) -> RollingBearing:
     return replace(bearing, **cast(Any, dict(changes)))
 
@@ -190,7 +190,7 @@ class Springs(Part):
 
     def holding(self, values: Mapping[str, float]) -> Clearance:
         softer = {
-            way: max(values[f"{way}_compliance"], 1e-6 * nominal) / nominal
+            way: max(values[f"{way}_compliance"] / nominal, NONE)
             for way, nominal in self.compliances.items()
             if f"{way}_compliance" in values
         }
@@ -249,17 +249,17 @@ class Teeth(Part):
             if gear.hysteresis or "hysteresis" in also:
                 value = gear.hysteresis
                 yield Unknown(
-                    joint, "hysteresis", "rad", value, value or 2e-4, 0.1, model_error=0.1
+                    joint, "hysteresis", "rad", value, value or 2e-4, 1.0, model_error=ROUGH
                 )
             if gear.stated_lost_motion is not None:
                 value = gear.stated_lost_motion
-                yield Unknown(joint, "lost_motion", "rad", value, value, 0.1)
+                yield Unknown(joint, "lost_motion", "rad", value, value, 1.0)
 
     def holding(self, values: Mapping[str, float]) -> Gearing:
         names = ("gear_play", "hysteresis", "lost_motion", *WOUND[:3])
         return _geared(self, tuple((name, values[name]) for name in names if name in values))
 
-    def _made(self, values: Mapping[str, float]) -> Gearing:
+    def _held(self, values: Mapping[str, float]) -> Gearing:
         gear, changes = cast(Any, self.own), dict[str, Any]()
         if "gear_play" in values:
             if isinstance(gear, GearTrain):
@@ -273,7 +273,7 @@ class Teeth(Part):
             give = values.get(f"gear_compliance_{k}", softer / piece)
             name = f"stiffness_{k}" if isinstance(gear, StrainWaveGear) else "stiffness"
             if give != 1.0 / piece:
-                changes[name] = 1.0 / max(give, STIFFEST)
+                changes[name] = 1.0 / max(give, NONE)
         if not isinstance(gear, StrainWaveGear | CycloidalGear):
             return replace(gear, **changes)
         stated = values.get("lost_motion", gear.stated_lost_motion)
@@ -290,9 +290,9 @@ class Teeth(Part):
         return replace(full, stated_lost_motion=min(max(stated, least), most))
 
 
-@lru_cache(maxsize=1024)
+@lru_cache
 def _geared(part: Teeth, values: tuple[tuple[str, float], ...]) -> Gearing:
-    return part._made(dict(values))
+    return part._held(dict(values))
 
 
 def bearing_parts(joint: str, bearing: Clearance) -> list[Part]:
@@ -318,7 +318,7 @@ def with_values(joint: str, bearing: Clearance, values: Mapping[str, float]) -> 
 
 def springs_of(mechanism: Mechanism) -> dict[str, Springs]:
     """By joint, but of the hinges of flexible links, which are one by one no unknowns."""
-    hinges = {one for names in mechanism.hinges.values() for one in names}
+    hinges = {hinge for names in mechanism.hinges.values() for hinge in names}
     return {
         joint: part
         for joint, bearing in mechanism.clearance.items()

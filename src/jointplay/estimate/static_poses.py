@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from jointplay.base.errors import JointplayError, MissingName, require_known
 from jointplay.estimate import columns
+from jointplay.estimate.unknowns import MINOR
 from jointplay.simulation.result.result import AXES
 
 # Columns of a file (see `columns`):
@@ -305,10 +306,10 @@ def same_labels(markers: np.ndarray) -> tuple[np.ndarray, tuple[int, ...]]:
     first, second = np.array(pairs).T
     lengths = np.linalg.norm(markers[:, first] - markers[:, second], axis=2)
     apart = np.abs(lengths[:, None] - lengths[None]).max(axis=2)
-    # Most rows agree with this one: within a tenth of how much sides differ at all.
-    limit = 0.1 * float(np.ptp(np.median(np.sort(lengths, axis=1), axis=0)))
+    # Most rows agree with this one, within a part of how much sides differ at all.
+    limit = MINOR * float(np.ptp(np.median(np.sort(lengths, axis=1), axis=0)))
     reference = lengths[int((apart < limit).sum(axis=1).argmax())]
-    orders = [np.array(one) for one in permutations(range(markers.shape[1]))]
+    orders = [np.array(order) for order in permutations(range(markers.shape[1]))]
     exchanged = []
     for i, row in enumerate(markers):
         misfits = [

@@ -24,18 +24,25 @@ NORMAL = float(norm.ppf(TWO_SIDED))
 ROUNDING = 1e-9
 """Part of a number below which differences count as rounding: sums over thousands of numbers of 16
 digits, squared, keep nine."""
-TINY = 1e-300
+TINY = float(np.finfo(float).tiny)
 """Keeps divisions by what may be zero finite."""
+MODEL_ERROR = 0.02
+"""Part by which static models, loads and levers are off: judged."""
+ROUGH = 0.1
+"""The same of friction and hysteresis, whose laws are rougher: judged."""
+MISJUDGED = 3.0
+"""Factor by which what is expected of a machine may be wrong: judged."""
+MINOR = 0.1
+"""Part of the largest below which words and figures leave something out."""
+FARTHEST_M = 10.0
+"""Beyond any robot's reach: the largest reach half as far [m]."""
 
 # When a value is known: of a recording, whose machine is expected to have it, if its interval is
 # narrow; of poses and readings, which may show that there is none, if its interval excludes zero.
 
-LARGEST_SHARE, SMALL = 0.5, 0.25
-"""`identify`: half of the interval is at most `LARGEST_SHARE` of the value; values below `SMALL` of
-the scale count as this much. Judged: a choice of what is worth reporting, intervals stay."""
-INFORMED = 0.5
-"""Coefficients of poses: part of a prior's variance that the measurement takes away; with less the
-prior tells more."""
+LARGEST_SHARE = 0.5
+"""`identify`: half of the interval is at most this part of the value; values below this part of the
+scale count as so much. Judged: a choice of what is worth reporting, intervals stay."""
 
 
 def narrow(unknown: Unknown, value: float, half_width: float) -> bool:
@@ -51,8 +58,6 @@ def excludes_zero(low: float, predicts: bool = True) -> bool:
 
 PLAYS = ("gear_play", "radial_clearance")
 """Unknowns that are a joint's play."""
-_LEAST_EFFECT = 0.2
-"""Part of the largest effect of a joint below which signals are left out of its loop's figure."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +85,7 @@ class Unknown:
     """Smallest possible value."""
     fine: bool = True
     """Whether it is as small as a clearance, and shown in such units."""
-    model_error: float = 0.02
+    model_error: float = MODEL_ERROR
     """Part of its value by which the model itself is off, see benchmarks/truth/identify.py."""
 
     @property
@@ -96,7 +101,7 @@ class Unknown:
 
     def widest(self, value: float) -> float:
         """Largest half width of an interval about `value` with which it is known [SI]."""
-        return LARGEST_SHARE * max(abs(value), SMALL * self.scale)
+        return LARGEST_SHARE * max(abs(value), LARGEST_SHARE * self.scale)
 
 
 @dataclass(frozen=True)
@@ -180,12 +185,12 @@ class Estimate:
 
     def describe(self) -> dict[str, Any]:
         """As plain data [SI]; without numbers where the measurement cannot tell."""
-        one, numbers = self.unknown, {"expected": self.unknown.nominal}
+        unknown, numbers = self.unknown, {"expected": self.unknown.nominal}
         if not self.reason:
             numbers |= {"found": self.value, "low": self.low, "high": self.high}
             numbers |= {"upper": self.upper}
-        row: dict[str, Any] = {"joint": one.joint, "quantity": one.name, "unit": one.unit}
-        row |= {"reason": self.reason, "note": self.note}
+        row: dict[str, Any] = {"joint": unknown.joint, "quantity": unknown.name}
+        row |= {"unit": unknown.unit, "reason": self.reason, "note": self.note}
         return row | {name: float(x) for name, x in numbers.items() if np.isfinite(x)}
 
 
@@ -227,10 +232,10 @@ class Loop:
             left: measured less fitted, in standard errors, shape (n, k).
         """
         size = np.sum(effect**2, axis=1)
-        use = size > _LEAST_EFFECT**2 * size.max(initial=0.0)
+        use = size > MINOR**2 * size.max(initial=0.0)
         measured = fitted[use] + np.sum(effect * left, axis=1)[use] / size[use]
-        x, name, its = over
-        return cls(joint, x[use], name, its, measured, fitted[use], unit, branch[use])
+        x, name, its_unit = over
+        return cls(joint, x[use], name, its_unit, measured, fitted[use], unit, branch[use])
 
 
 def listed(
