@@ -63,8 +63,8 @@ STARTS = np.array([-1.0, 0.0, 1.0])
 """Sides on which a link may have begun, which decide its first readings (measured: of 80 tables
 without a run-up 99 % are right, with 21 sides 95 %; of tables by the plan as many)."""
 _GRID = np.linspace(0.0, 1.0, 121)
-"""Lost motions that are tried, by the whole travel, and twice more about the best of them (measured:
-twice as many change no answer of benchmarks/truth/lost_motion.py)."""
+"""Lost motions that are tried, by the whole travel, and twice more about the best of them
+(measured: twice as many change no answer of benchmarks/truth/lost_motion.py)."""
 _PLACES = 5
 """Of a plan, each come to from both sides, twice."""
 _STRIDE = {True: 5e-4, False: math.radians(2.5)}

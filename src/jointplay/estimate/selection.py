@@ -27,7 +27,6 @@ from jointplay.estimate.pose_problem import Fitted, Problem
 from jointplay.estimate.static_poses import StaticPoses
 from jointplay.estimate.unknowns import CONFIDENCE, ROUNDING, TINY
 
-
 LEAST_GAIN = 0.01
 """Part by which held-back errors must shrink at least (RMS): judged. With thousands of poses any
 cause is beyond chance; on 59 random robots (benchmarks/truth/calibrate.py) between 0 and 0.02 only
