@@ -36,7 +36,7 @@ COORDINATE = len(PLACEMENT)
 _LOOSE_M = 2e-5
 """Internal clearance of a rolling bearing that is large: ISO 5753, class C3 at 30 mm [m]."""
 FRICTIONS = tuple(step / 20.0 for step in range(15))
-TRANSITIONS = tuple(np.geomspace(0.02, 0.7, 10).tolist())
+TRANSITIONS = (0.02, 0.03, 0.045, 0.07, 0.1, 0.15, 0.22, 0.33, 0.5, 0.7)
 """Of play, over the largest load of the joint, where they are sought: equal steps, and factors of
 about 1.5, from which the best is chosen, which `inference` then refines. Steeper than the first
 transition is a jump between two of fifty poses, wider than the last nearly a compliance (judged).
