@@ -159,7 +159,7 @@ class Calibration:
             f"{int(self.within.sum())} of {len(self.within)} held-back {next(iter(self.kinds))}s "
             "lie in their predicted 95 % regions",
             f"held back: {self.folds}; a term is kept if the squared errors of held-back "
-            f"{units} shrink by more than chance (one-sided 95 %) and their RMS by 1 %",
+            f"{units} shrink by more than chance (one-sided 90 %) and their RMS by 1 %",
         ]
         lines += ["", self.brief()]
         if self.effects:

@@ -370,8 +370,8 @@ class _Profile:
             self.setups, self._drifts, candidates, strict=True
         ):
             read = np.isfinite(reading)
-            d, side = np.unravel_index(squares[:, best].argmin(), squares[:, best].shape)
-            place, scale, drift = link[best, side], scales[d, best, side], drifts[d]
+            at, side = divmod(int(squares[:, best].argmin()), len(STARTS))
+            place, scale, drift = link[best, side], scales[at, best, side], drifts[at]
             shift = np.linalg.lstsq(drift[read], (reading - scale * place)[read], rcond=None)[0]
             parts.append((place, drift @ shift, scale))
         return total, parts
