@@ -354,17 +354,17 @@ class _Profile:
         for (motor, reading), drifts in zip(self.setups, self._drifts, strict=True):
             read = np.isfinite(reading)
             link = links(motor, lost[:, None], STARTS)
-            scales, squares = [], []
+            tried: list[tuple[np.ndarray, np.ndarray]] = []
             for drift in drifts:
                 span = np.linalg.qr(drift[read])[0]
                 x, y = link[..., read], reading[read]
                 x, y = x - x @ span @ span.T, y - span @ (span.T @ y)
                 scale = (x @ y + weight) / (np.square(x).sum(axis=-1) + weight)
                 left = np.square(y - scale[..., None] * x).sum(axis=-1)
-                scales.append(scale)
-                squares.append(left + weight * np.square(scale - 1.0))
+                tried.append((scale, left + weight * np.square(scale - 1.0)))
+            scales, squares = (np.array(sums) for sums in zip(*tried, strict=True))
             total += np.min(squares, axis=(0, 2))
-            candidates.append((link, np.array(scales), np.array(squares)))
+            candidates.append((link, scales, squares))
         best, parts = int(total.argmin()), []
         for (_, reading), drifts, (link, scales, squares) in zip(
             self.setups, self._drifts, candidates, strict=True
