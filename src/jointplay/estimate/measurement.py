@@ -229,7 +229,7 @@ def _wrenches(result: Result) -> np.ndarray:
 
 
 CELLS = 20
-"""Cells over a joint's range, in which what moves one way is taken together (measured: from 12 to 30
+"""Cells over a joint's range, in which what moves one way is taken together (measured: at 12 and 30
 as many unknowns of machines 3 to 5 of benchmarks/truth/identify.py are told, and none wrongly)."""
 PUSH_STEPS = 4.0
 """Parts of the strongest force by which forces on the tool are told apart: less may be friction's
