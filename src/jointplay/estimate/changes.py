@@ -22,8 +22,6 @@ from jointplay.estimate.unknowns import PLAYS, Answer, Estimate, Unknown
 SAME = {"friction": 0.3, "": 0.1}
 """By how much friction, and all else but play, differs between measurements: standard deviations,
 as parts of their sizes. An assumption."""
-_REMEMBERED = 64
-"""Predictions of a measurement that are kept: differences in the second leave the first's."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,7 +124,7 @@ def _stacked(first: LeastSquares, second: LeastSquares) -> tuple[LeastSquares, n
             spread=part * unknown.scale, least=-np.inf, most=np.inf,
         )  # fmt: skip
 
-    @lru_cache(_REMEMBERED)
+    @lru_cache  # differences in the second leave the first's predictions
     def of_first(values: bytes) -> np.ndarray:
         return first.predict(np.frombuffer(values))
 

@@ -19,7 +19,6 @@ Key = tuple[str, str]
 """``("tool", "x")``, ``("link", "elbow")``: kind of a signal, then its axis or joint."""
 _BRACKETS = re.compile(r"^(.*?)\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\))\s*$")
 _MOTOR, _GOAL = "motor", "goal"
-_SHOWN = 60
 _LARGEST = 1e12
 """Largest number in a measurement [SI]: times since 1970 have ten digits, all else has fewer."""
 
@@ -75,13 +74,13 @@ def read(
                     values[i] = plain_number(cell)
             except ValueError:
                 raise JointplayError(
-                    f"{path}, line {line}: {title!r} must be a number, got {cell[:_SHOWN]!r}"
+                    f"{path}, line {line}: {title!r} must be a number, got {cell!r}"
                 ) from None
         numbers[key] = factor * values
         if (far := np.flatnonzero(np.abs(numbers[key]) > _LARGEST)).size:
             line, cell = cells[far[0]]
             raise JointplayError(
-                f"{path}, line {line}: {title!r} is at most {_LARGEST:g} in SI, got {cell[:_SHOWN]}"
+                f"{path}, line {line}: {title!r} is at most {_LARGEST:g} in SI, got {cell}"
             )
     return numbers, texts
 

@@ -40,12 +40,10 @@ _EXCLUSIVE = (
     ({"play"}, {"hysteresis"}),  # play with friction has the other in it
 )
 _WIDE = 100.0
-"""Prior widths of effects, in standard deviations of the difference."""
+"""Prior widths of effects, in standard deviations of the difference: so many that they say
+nothing."""
 _OF_ANGLES = ("eccentricity", "sawtooth")
 _WORDS = {"compliance": "compliance (sag under its load)"}
-_RATIO_LEFT = 0.5
-"""Part of what the causes that were asked for leave from which on a ratio that was not is in the
-model: judged; wrong ratios of gears leave a hundredth, right ones all."""
 
 
 @dataclass(frozen=True)
@@ -111,12 +109,12 @@ def encoder_differences(
     require_a("poses", poses, "StaticPoses")
     all_poses = Poses(mechanism, poses, payloads)
     answers = [_compared(all_poses, name, terms) for name in all_poses.known]
-    found = tuple(one for one in answers if one is not None)
-    if not found:
+    calibrations = tuple(answer for answer in answers if answer is not None)
+    if not calibrations:
         raise JointplayError(
             f"{poses.source}: no joint has encoders on both sides of its gear in {FEWEST} poses"
         )
-    return found
+    return calibrations
 
 
 def _compared(poses: Poses, joint: str, terms: Sequence[Term] | None) -> Calibration | None:
@@ -163,7 +161,9 @@ def _compared(poses: Poses, joint: str, terms: Sequence[Term] | None) -> Calibra
     ratio, begin = Term("ratio", (joint,), widths["ratio"]), len(fits.steps)
     if terms is not None and not {"ratio", "sawtooth"} & {one.kind for one in step.terms}:
         left = fits.tried([*step.terms, ratio]).held_back[0]
-        if left < _RATIO_LEFT * step.held_back[0]:  # beside which nothing else could be told
+        # Beside a wrong ratio nothing else could be told: a right one leaves all, a wrong one a
+        # hundredth.
+        if left < 0.5 * step.held_back[0]:
             step = fits.run("constant, ratio", (ratio,), candidates, may_be)
             del fits.steps[:begin]
     if step.held_back[0] > 0.0:  # what priors are weighed against

@@ -21,7 +21,7 @@ from jointplay.estimate.least_squares import NULL, Fit, LeastSquares, basis, inf
 from jointplay.estimate.machine import TOOL, Given, Machine, apply, compliances, preset_found
 from jointplay.estimate.measurement import Measurement, Observed, Visits
 from jointplay.estimate.model import StaticModel
-from jointplay.estimate.nuisances import DRIFT, REFERENCES, nuisances
+from jointplay.estimate.nuisances import DEGREE, REFERENCES, nuisances
 from jointplay.estimate.parts import WOUND, Teeth, friction_of
 from jointplay.estimate.recordings import Recording, is_recording
 from jointplay.estimate.unknowns import (
@@ -45,10 +45,6 @@ from jointplay.simulation.simulation import Simulation
 if TYPE_CHECKING:
     from jointplay.scenario.presets import Preset
 
-LARGE = 3.0
-"""Times the records' scatter from which on residuals are said to be large."""
-_ROUNDING = 1e-12
-"""Square of the part of a compliance's effect below which there is none of its own: rounding."""
 _FINEST = 1e-9
 """Error of a mean below which none is taken, far below what instruments resolve: records of a
 simulation have none at all [m, rad, N m]."""
@@ -73,7 +69,7 @@ def elasticity(fit: Fit, model: StaticModel) -> tuple[Estimate, ...]:
         span = basis(np.vstack([others.project(effect), np.zeros(effect.shape[1])]))
         alone = column - span @ (span.T @ column)
         size, value, half = float(alone @ alone), soft.unknown.nominal, np.inf
-        if size > _ROUNDING * float(whole @ whole):
+        if size > ROUNDING * float(whole @ whole):
             value += float(alone[: len(left)] @ left) / size
             half = fit.wide(1.0 / np.sqrt(size), soft.unknown.model_error * value)
         dark = half > LARGEST_SHARE * abs(value)
@@ -154,8 +150,7 @@ def _explained(i: int, fit: Fit, visits: Visits) -> str:
     which = [label for label in labels if known([label])]
     sizes = np.unique(measurement.pushes(visits.force), axis=0)
     count = len(np.unique(np.round(np.linalg.norm(sizes, axis=1)))) - 1
-    text = ", ".join(which[: planning.NAMED]) if which else "of several parts at once"
-    text += f" or another of {len(which)}" if len(which) > planning.NAMED else ""
+    text = few(which) if which else "of several parts at once"
     return (
         f"elasticity ({text}) explains the data equally well: pushes of {max(count, 0)} "
         f"size{'s' * (count != 1)} are not enough here; push with others, or give the stiffness "
@@ -189,9 +184,9 @@ def advice(
 ) -> tuple[str, ...]:
     """Which further experiment or signal would identify what cannot be identified."""
     problem, unknowns = fit.least, fit.least.unknowns
-    if not any(why and one.sought for why, one in zip(reasons, unknowns, strict=True)):
+    if not any(why and unknown.sought for why, unknown in zip(reasons, unknowns, strict=True)):
         return ("",) * len(unknowns)
-    gives = [one.unknown.scale * problem.rows(one.effect[use]) for one in model.elastic]
+    gives = [give.unknown.scale * problem.rows(give.effect[use]) for give in model.elastic]
     rigid = problem.without(problem.elastic)
     effect = rigid.project(np.column_stack([problem.effects(fit.theta), *gives]))
     before = effect.T @ effect / max(fit.misfit, 1.0) ** 2 + planning.prior(unknowns, model)[0]
@@ -200,18 +195,18 @@ def advice(
         noise[kind] = max(spread, _FINEST)
     offers = planning.offers(model.machine, unknowns, model.keys, noise, fit.theta)
     lines = []
-    for i, (one, why) in enumerate(zip(unknowns, reasons, strict=True)):
-        best, words = np.inf, ""
-        for gain, text in offers if why and one.sought else ():
+    for i, (unknown, why) in enumerate(zip(unknowns, reasons, strict=True)):
+        best, experiment = np.inf, ""
+        for gain, text in offers if why and unknown.sought else ():
             half = planning.half_widths(unknowns, before + gain)[i]
-            if half < 0.8 * best:  # the simpler comes first
-                best, words = half, text
-        limit = one.widest(fit.theta[i])
+            if half < 0.5 * best:  # simpler ones come first: what is harder must tell far more
+                best, experiment = half, text
+        limit = unknown.widest(fit.theta[i])
         if best <= limit:
-            lines.append(f"would determine it, to +- {one.shown(best)}: {words}")
-        elif words and best < 0.5 * fit.half_width[i] and best < 4.0 * limit:
+            lines.append(f"would determine it, to +- {unknown.shown(best)}: {experiment}")
+        elif experiment and best < 0.5 * fit.half_width[i] and best < 4.0 * limit:
             times = int(np.ceil((best / limit) ** 2))
-            lines.append(f"would determine it if done about {times} times: {words}")
+            lines.append(f"would determine it if done about {times} times: {experiment}")
         else:
             lines.append("")
     return tuple(lines)
@@ -296,13 +291,9 @@ class Identification:
             f"statistical, static model; {int(at.sum())} visits "
             f"({int((self.visits.stopped & at).sum())} stops) of "
             f"{len(np.unique(self.visits.cell[at]))} places, {int(used.sum())} means; residual: "
-            f"{self.excess:.2g} times what the records' scatter explains (RMS)"
+            f"{self.excess:.2g} times what the records' scatter explains (RMS); errors and "
+            "intervals are enlarged by what is over 1"
         )
-        if self.excess > LARGE:
-            lines.append(
-                "the model does not explain all of it: errors and intervals were enlarged "
-                "accordingly"
-            )
         return "\n".join(lines)
 
     @property
@@ -356,7 +347,7 @@ def identify(
     also: Sequence[str] = (),
     known: Sequence[str] = (),
     stiffness: Given | None = None,
-    drift: int = DRIFT,
+    drift: int = DEGREE,
     lag: float | None = None,
     progress: bool = False,
 ) -> Identification:
@@ -465,7 +456,7 @@ def _compared(
     also: Sequence[str] = (),
     known: Sequence[str] = (),
     stiffness: Given | None = None,
-    drift: int = DRIFT,
+    drift: int = DEGREE,
     lag: float | None = None,
     progress: bool = False,
 ) -> _Compared:

@@ -20,7 +20,7 @@ from jointplay.base.errors import JointplayError, require_known
 from jointplay.base.tables import counted
 from jointplay.estimate.parts import SPRINGS, WOUND, Elements, Springs, bearing_parts
 from jointplay.estimate.static_poses import StaticPoses, rotations_of
-from jointplay.estimate.unknowns import TINY, Unknown
+from jointplay.estimate.unknowns import ROUNDING, TINY, Unknown
 from jointplay.model.design import z_to
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import RollingBearing
@@ -28,17 +28,13 @@ from jointplay.physics.joints import RollingBearing
 if TYPE_CHECKING:
     from jointplay.model.payload import Payload
 
-COORDINATE = 6
-"""Number of a joint's own coordinate among what may err; 0 to 5: its placement, translations along
-the axes of its frame, then rotations about them."""
-_UNALIGNED = 1e-6
-"""Of an axis' components, beyond which it is not one of its frame's: what URDFs round to."""
+PLACEMENT = "xyzabc"
+"""What may err of a joint's placement: translations along the axes of its frame, then rotations
+about them."""
+COORDINATE = len(PLACEMENT)
+"""Number of a joint's own coordinate among what may err, behind its placement."""
 _LOOSE_M = 2e-5
 """Internal clearance of a rolling bearing that is large: ISO 5753, class C3 at 30 mm [m]."""
-_STILL_N_M = 1e-6
-"""Loads that count as none: what rounding leaves of a weight on an axis that it does not load
-[N m]."""
-
 FRICTIONS = tuple(step / 20.0 for step in range(15))
 TRANSITIONS = (0.02, 0.03, 0.045, 0.07, 0.1, 0.15, 0.22, 0.33, 0.5, 0.7)
 """Of play, over the largest load of the joint, where they are sought: equal steps, and factors of
@@ -88,7 +84,7 @@ class Term:
             raise JointplayError(f"friction of {self.kind} must not be negative: {self.friction!r}")
         if self.kind == "rail" and not self.by:
             raise JointplayError("a rail needs the joint that it depends on: 'rail ARM by LIFT'")
-        if set(self.axes) - set("xyzabc"):
+        if set(self.axes) - set(PLACEMENT):
             raise JointplayError(f"axes of a placement are of x, y, z, a, b, c; got {self.axes!r}")
 
     @classmethod
@@ -300,7 +296,8 @@ class Poses:
 
     def loaded(self, joint: str) -> bool:
         """Whether anything loads a joint in any pose."""
-        return bool(np.abs(self.load[:, self.names.index(joint)]).max() > _STILL_N_M)
+        most = np.abs(self.load).max(axis=0)
+        return bool(most[self.names.index(joint)] > ROUNDING * most.max())
 
     def leaning(
         self, joint: str, friction: float | np.ndarray, transition: float | np.ndarray
@@ -466,11 +463,11 @@ def _placement(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
     """Errors of a joint's place; of the first joint they are the base's."""
     if j == 0 and not asked:
         return []
-    letters, size = term.axes or "xyzabc", np.abs(poses.axis[j])
-    if not term.axes and np.sort(size)[1] < _UNALIGNED:  # what the joint's own offset does
+    letters, size = term.axes or PLACEMENT, np.abs(poses.axis[j])
+    if not term.axes and np.isclose(size.max(), 1.0):  # what the joint's own offset does
         letters = letters.replace(("abc" if poses.turns[j] else "xyz")[int(size.argmax())], "")
     labels = [f"along {axis}" for axis in "xyz"] + [f"about {axis}" for axis in "xyz"]
-    numbers, one = map("xyzabc".index, letters), np.ones(len(poses))
+    numbers, one = map(PLACEMENT.index, letters), np.ones(len(poses))
     return [Feature(one, labels[k], "m" if k < 3 else "rad", k) for k in numbers]
 
 

@@ -39,7 +39,7 @@ aside with the contact's normal where friction does; along."""
 TOOL, ALL = "tool", "all"
 """Names of the structure's compliance at the tool, and of everything's."""
 SOFT = {"rad/(N*m)": 1e-5, "m/N": 1e-7}
-"""Scales of compliances, by unit."""
+"""Scales of compliances, by unit, from which unknown ones are sought (judged: of stiff robots)."""
 _BY_MOTOR = {"kind": "computed-torque", "encoder": "motor"}
 """Drive of joints with gears of whose drive nothing else is known: play shows by such encoders."""
 LINK = 1e-4
@@ -48,17 +48,10 @@ to give way by more [rad/(N m)]: with any number one could make up for the other
 BENDS = 0.15
 """The same of gears with a curve or hysteresis, by what the gear is expected to give way by: where
 their laws are exact they would tell one from the other, but no gear follows them so closely."""
-BUSH = 1e-7
-"""Deviation from none of what a bush gives way by along the contact's normal [m/N]: passes under
-one load do not tell it from friction, so without a bound no friction could be told from them."""
-_TORSION = 1e-5
-"""Torsional compliance from which an unknown one is sought [rad/(N m)]."""
 _STICKS = 3.0
-"""Largest static friction by the dynamic one."""
-_LARGEST_FRICTION = 1e6
-"""Finite, for searches begin at parts of it [N m or N]."""
+"""Largest static friction by the dynamic one (judged)."""
 _TORQUE_N_M = 0.1
-"""Scale of a friction of which the scenario says nothing."""
+"""Scale of a friction of which the scenario says nothing, where its search begins (judged)."""
 
 
 def compliance(label: str, value: float = 0.0, spread: float = math.inf) -> Unknown:
@@ -204,7 +197,9 @@ class Machine:
         """Compliances of joints without a gear that dry friction winds up."""
         for joint in self.wound:
             if joint not in self.mechanism.gears:
-                yield from self._compliance(joint, "torsional", "torsional_compliance", _TORSION)
+                yield from self._compliance(
+                    joint, "torsional", "torsional_compliance", SOFT["rad/(N*m)"]
+                )
 
     def _of_dry_friction(
         self, torques: Collection[str], also: Collection[str]
@@ -217,9 +212,7 @@ class Machine:
         for joint in dict.fromkeys([*torques, *winding]):
             value = friction[joint].coulomb if joint in friction else 0.0
             unit = "N" if self.mechanism.description.joints[joint].slides else "N*m"
-            yield Unknown(
-                joint, "dry_friction", unit, value, value or _TORQUE_N_M, _LARGEST_FRICTION
-            )
+            yield Unknown(joint, "dry_friction", unit, value, value or _TORQUE_N_M)
             if joint in winding:
                 ratio = 1.0 + friction[joint].excess / value if value else 1.0
                 yield Unknown(joint, "stiction", "", ratio, 1.0, _STICKS, sought=False)
@@ -263,7 +256,8 @@ def compliances(mechanism: Mechanism, given: Given) -> dict[str, Unknown]:
             spread = BENDS * give if teeth.curved else max(LINK, give)
         known[f"{name} link"] = compliance(f"{name} link", spread=spread)
     bushes = [f"{name} bush" for name in mechanism.clearance]
-    known |= {label: compliance(label, spread=BUSH) for label in bushes}
+    # Passes under one load do not tell it from friction: without a bound no friction could be told.
+    known |= {label: compliance(label, spread=SOFT["m/N"]) for label in bushes}
     for label in sorted(given, key=lambda one: (one != ALL, " " in one)):
         entry = given[label]
         stiffness, part = entry if isinstance(entry, tuple) else (entry, 0.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -10,13 +11,14 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
+from scipy.stats import median_abs_deviation, norm
 
 from jointplay.accuracy.poses import middle, moving
 from jointplay.base.errors import JointplayError, MissingName, require_positive
 from jointplay.base.tables import Column, Table
 from jointplay.estimate import columns
 from jointplay.estimate.columns import Key
-from jointplay.estimate.unknowns import TINY
+from jointplay.estimate.unknowns import TINY, TWO_SIDED, UNIFORM
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.loads.wrench import Wrench, WrenchOverTime
 from jointplay.simulation.motion.reference import Motion
@@ -42,7 +44,6 @@ JOINT_UNITS = {
 READINGS = ("tool", "link")
 """Kinds of signal of instruments of their own: they drift, and may be late behind the motors'
 encoders."""
-FEWEST_RECORDS = 20
 SHOWN = {"tool": "m", "link": "rad", "torque": "N*m"}
 """Units of the signals whose means are compared."""
 
@@ -75,9 +76,9 @@ class Measurement:
     def __post_init__(self) -> None:
         time = np.asarray(self.time, float)
         object.__setattr__(self, "time", time)
-        if len(time) < FEWEST_RECORDS:
+        if len(time) < FEWEST_IN_VISIT:
             raise JointplayError(
-                f"{self.source} has {len(time)} records; at least {FEWEST_RECORDS} are needed"
+                f"{self.source} has {len(time)} records; at least {FEWEST_IN_VISIT} are needed"
             )
         late = np.flatnonzero(~(np.diff(time) > 0.0))
         if late.size:
@@ -228,30 +229,23 @@ def _wrenches(result: Result) -> np.ndarray:
 
 
 CELLS = 20
-"""Cells over a joint's range, in which what moves one way is taken together."""
-_TRAVEL = 0.3
-"""Part of a cell that a joint must move in a visit: judged."""
+"""Cells over a joint's range, in which what moves one way is taken together (measured: at 12 and 30
+as many unknowns of machines 3 to 5 of benchmarks/truth/identify.py are told, and none wrongly)."""
 PUSH_STEPS = 4.0
 """Parts of the strongest force by which forces on the tool are told apart: less may be friction's
 and inertia's. Judged."""
-_STOP_CELL = 0.2
-"""Part of a cell within which stops are at the same place: judged."""
 STOP_S = 0.15
-"""Shortest stop that is looked at [s]."""
-SETTLING = 0.4
-"""Part of a stop that is left out at its beginning, while the machine calms down: judged."""
+"""Shortest stop that is looked at [s] (judged)."""
 FEWEST_IN_VISIT = 3
-LARGEST_LAG = 0.03
-"""For which readings whose lag is unknown leave records out, at both ends of a visit [s]."""
+"""Records: fewer have no second difference, by which they scatter."""
 _INTERVAL_RECORDS = 8
-"""Records over which the interval between records is taken."""
+"""Records over which the interval between records is taken: a whole number of rounds of up to four
+instruments but three."""
 MOST_PATH = 4000
-"""Points to which the motors' paths are thinned."""
-_TURNING_SPREADS = 6.0
-"""Spreads of an encoder's records by which a position must go back to have turned: of a million
-records hardly one does so by chance."""
+"""Points to which the motors' paths are thinned, for the time that it takes (judged)."""
 _SMALLEST_MOTION = 1e-6
-"""Motion that counts, less than encoders resolve [rad or m]."""
+"""Motion that counts [rad or m]: a turn in 6 million steps, as 22 bits resolve. Simulated machines,
+whose records have no scatter, settle by less."""
 
 
 @dataclass(frozen=True)
@@ -383,11 +377,13 @@ def positions(
     without_encoder, limits = [], np.full(len(names), _SMALLEST_MOTION)
     for column, name in enumerate(names):
         kinds = ("motor",) if name in mechanism.gears else ("motor", "link")
-        kind = next((one for one in kinds if (one, name) in measured.signals), None)
+        kind = next((kind for kind in kinds if (kind, name) in measured.signals), None)
         if kind is not None:
             records = measured.signals[kind, name]
             q[:, column] = _filled(records, measured.time, f"{name} {kind}")
-            spread = max(_TURNING_SPREADS * scatter(records), 2.0 * resolution(records))
+            # By which no two of the records would differ by chance.
+            farthest = math.sqrt(2.0) * norm.isf((1.0 - TWO_SIDED) / len(records))
+            spread = max(farthest * scatter(records), 2.0 * resolution(records))
             limits[column] = max(spread, _SMALLEST_MOTION)
             continue
         without_encoder.append(name)
@@ -407,7 +403,8 @@ def _filled(values: np.ndarray, time: np.ndarray, name: str) -> np.ndarray:
 def scatter(values: np.ndarray) -> float:
     """Spread of single records about a smooth course, of their second differences; robust."""
     bends = np.diff(values[~np.isnan(values)], 2)
-    return float(np.median(np.abs(bends)) / 0.6745 / np.sqrt(6.0)) if len(bends) else 0.0
+    # Of 1, -2, 1 records.
+    return float(median_abs_deviation(bends, scale="normal") / 6**0.5) if len(bends) else 0.0
 
 
 def resolution(values: np.ndarray) -> float:
@@ -419,7 +416,7 @@ def resolution(values: np.ndarray) -> float:
 
 def quantisation(values: np.ndarray) -> float:
     """Standard deviation of what an encoder's steps leave out, which is uniform within one."""
-    return resolution(values) / float(np.sqrt(12.0))
+    return UNIFORM * resolution(values)
 
 
 def pushes(force: np.ndarray) -> np.ndarray:
@@ -477,9 +474,9 @@ def _pieces(
             long = time[last - 1] - time[first]
             if long < STOP_S:
                 continue
-            calm = int(np.searchsorted(time, time[first] + SETTLING * long))
+            calm = int(np.searchsorted(time, time[first] + 0.5 * long))  # as it calms down before
             first = max(first, min(calm, last - FEWEST_IN_VISIT))
-        elif not (np.ptp(q[first:last], axis=0) > _TRAVEL * size).any():
+        elif not (np.ptp(q[first:last], axis=0) > 0.5 * size).any():
             continue  # a drive that gives way to a push: the journals hardly turn
         if last - first >= FEWEST_IN_VISIT:
             pieces.append(slice(int(first), int(last)))
@@ -580,14 +577,13 @@ def _standing(time: np.ndarray, q: np.ndarray, limit: np.ndarray) -> np.ndarray:
 def places(middles: np.ndarray, stopped: np.ndarray, size: np.ndarray) -> np.ndarray:
     """Number of the place of each visit: those within half a cell of its first visitor; (n,).
 
-    Stops have places of their own, and a smaller reach.
+    Stops have places of their own.
     """
     numbers = np.zeros(len(middles), int)
     firsts: list[int] = []
     for i, row in enumerate(middles):
-        reach = (_STOP_CELL if stopped[i] else 0.5) * size
         for number, first in enumerate(firsts):
-            near = (np.abs(row - middles[first]) <= reach).all()
+            near = (np.abs(row - middles[first]) <= 0.5 * size).all()
             if stopped[first] == stopped[i] and near:
                 numbers[i] = number
                 break
@@ -640,7 +636,8 @@ def _inner(measured: Measurement, piece: slice) -> slice:
     """
     if not measured.lag:
         return piece
-    time, margin = measured.time, min(2.0 * measured.lag, LARGEST_LAG)
-    first = int(np.searchsorted(time, time[piece.start] + margin))
-    last = int(np.searchsorted(time, time[piece.stop - 1] - margin, "right"))
+    time, begin, end = measured.time, measured.time[piece.start], measured.time[piece.stop - 1]
+    margin = min(2.0 * measured.lag, (end - begin) / 4.0)
+    first = int(np.searchsorted(time, begin + margin))
+    last = int(np.searchsorted(time, end - margin, "right"))
     return slice(first, last) if last - first >= FEWEST_IN_VISIT else piece

@@ -26,10 +26,9 @@ from jointplay.estimate.unknowns import TINY
 REFERENCES = ("place", "frame", "ideal")
 """What is known of the tool's ideal place: nothing but that it is the same at each visit of a
 place; all but where the tracker's frame lies; all."""
-DRIFT = 3
-"""Degree of the polynomial in time by which readings may drift, unless said otherwise."""
 DEGREE = 3
-"""Of the polynomial of each joint's position by which the geometry's error changes at a place."""
+"""Of the polynomials in time by which readings may drift, unless said otherwise, and in each
+joint's position by which the geometry's error changes at a place (judged)."""
 
 
 def nuisances(

@@ -25,14 +25,14 @@ import pinocchio as pin
 
 from jointplay.accuracy.poses import moving, over_workspace
 from jointplay.base.errors import JointplayError, require_a, require_positive
-from jointplay.base.tables import Table
+from jointplay.base.tables import Table, few
 from jointplay.estimate.least_squares import LeastSquares, basis, partners
 from jointplay.estimate.machine import TOOL, WAYS, Given, Machine, compliances
 from jointplay.estimate.measurement import SHOWN, Key, Visits, tool_positions
 from jointplay.estimate.model import StaticModel
 from jointplay.estimate.nuisances import offsets
 from jointplay.estimate.parts import WOUND
-from jointplay.estimate.unknowns import LARGEST_SHARE, NORMAL, TINY, Unknown
+from jointplay.estimate.unknowns import LARGEST_SHARE, NORMAL, SMALL, TINY, Unknown
 from jointplay.model.collisions import SelfCollision
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.loads.drive import JointFriction, urdf_friction
@@ -40,33 +40,26 @@ from jointplay.simulation.motion.cartesian import joint_limits
 from jointplay.simulation.result.result import AXES
 
 NOISE = {"tool": 20e-6, "link": 1e-4, "torque": 0.1}
-"""Of single records, where nothing better is known [m, rad, N m]."""
+"""Of single records, where nothing better is known [m, rad, N m] (judged; given by
+`noise`, and stated with the plan)."""
 RECORDS = 25
-"""Of a visit, whose mean is taken."""
+"""Of a visit, whose mean is taken (judged: half a second at 50 Hz; stated with the plan)."""
 SPEED = 0.2
-"""At which poses are passed [rad/s or m/s]."""
+"""At which poses are passed [rad/s or m/s] (judged: slow for robots; stated with the plan)."""
 PUSH_N = 20.0
-"""With which the tool is pushed [N]."""
-POSES = 48
-"""Among which a plan chooses."""
-OFFERED = 16
-"""Poses among which one is sought that identifies what a measurement could not."""
+"""With which the tool is pushed [N] (judged; given by `push`)."""
+POSES = 32
+"""Among which a plan, and advice after a measurement, choose."""
 SIZES = (1.0, 0.4)
 """Of a push, where play is to be told from elasticity."""
-_OVERCOMES, _STRONGEST_N = 2.0, 100.0
-"""Weights of the machine with which it is offered to push besides, and the most [N]."""
-_APPROACH = 0.05
-"""Way before a pose that is passed, where limits leave room for ten times as much [rad or m]."""
-_ROOM = 0.25
-"""Part of a joint's way between its limits that ten times the way before a pose takes at most."""
-_BRISK = 0.9
-"""Part of a joint's largest speed with which it passes at most."""
+_WAY = 0.5
+"""That joints go before and beyond a pose, unless limits leave less room [rad or m] (judged: far
+more than any play, so that all teeth have crossed it)."""
 _TRIED = 16
-"""Poses that are tried for each that is offered, until enough are free of self-collision."""
+"""Poses that are tried for each that is offered, until enough are free of self-collision (judged:
+robots in whose workspace fewer are free must be told which to use)."""
 APART = 0.1
 """Distance below which two experiments that do the same are the same, by the robot's reach."""
-NAMED = 3
-"""Unknowns that are named as acting together with one."""
 _PRIOR = 1e-4
 """Information that unknowns have before, in their scales: next to none."""
 
@@ -94,8 +87,8 @@ class Experiment:
         axis = AXES[int(np.argmax(np.abs(self.force)))]
         if not self.passes:
             return f"push the tool {push} along +{axis}, then -{axis}, at {pose}"
-        words = f"with {push} on the tool along +{axis}, then with -{axis}"
-        return f"pass slowly both ways {words}: {pose}"
+        pushed = f"with {push} on the tool along +{axis}, then with -{axis}"
+        return f"pass slowly both ways {pushed}: {pose}"
 
 
 @dataclass(frozen=True)
@@ -145,9 +138,7 @@ class MeasurementPlan:
             text = f"+- {unknown.shown(half)}"
             if half > LARGEST_SHARE * unknown.scale:
                 near = "" if half > 10.0 * unknown.scale else f" ({text})"
-                more = f" and {len(others) - NAMED} more" if len(others) > NAMED else ""
-                acts = f": acts only together with {', '.join(others[:NAMED])}{more}"
-                acts = acts if others else near
+                acts = f": acts only together with {few(list(others))}" if others else near
                 text = f"cannot tell{acts}"
             if unknown.sought:
                 rows.append((unknown.label, unknown.shown(unknown.nominal), text))
@@ -239,7 +230,7 @@ def planned(
         raise JointplayError(f"at least one experiment is needed, got {count}")
     alike = distances(mechanism, options) < APART
     chosen, widths, gains = _greedy(unknowns, information, count, alike)
-    few = f"{count} were asked for, but no more than {len(chosen)} differ"
+    fewer = f"{count} were asked for, but no more than {len(chosen)} differ"
     return MeasurementPlan(
         tuple(moving(mechanism)),
         unknowns,
@@ -248,14 +239,14 @@ def planned(
         _partners(unknowns, information, chosen),
         basis,
         gains,
-        (*notes, *([few] if len(chosen) < count else [])),
+        (*notes, *([fewer] if len(chosen) < count else [])),
     )
 
 
 def _ways(mechanism: Mechanism) -> np.ndarray:
-    """How far joints go before and beyond a pose, (joints,) [rad or m]."""
+    """How far joints go before and beyond a pose, (joints,): half their range both ways at most."""
     low, high = joint_limits(mechanism, moving(mechanism))
-    return np.minimum(10.0 * _APPROACH, _ROOM * np.where(high > low, high - low, np.inf))
+    return np.minimum(_WAY, np.where(high > low, high - low, np.inf) / 4.0)
 
 
 def free_poses(
@@ -399,24 +390,24 @@ def informations(
     error = np.array([noise[kind] / np.sqrt(RECORDS) for kind, _ in keys])
     torques = np.array([kind == "torque" for kind, _ in keys])
     held = visits.stopped[:, None] & torques  # the drive may hold any part of friction
-    at = np.array([one.nominal for one in unknowns]) if theta is None else theta
-    least = [0.05 * one.scale if one.least >= 0.0 else one.least for one in unknowns]
-    at = np.maximum(at, least)
+    at = np.array([unknown.nominal for unknown in unknowns]) if theta is None else theta
+    least = [x.least if x.least < 0.0 else SMALL * x.scale for x in unknowns]
+    at = np.maximum(at, least)  # of none at all no slope shows what more would do
     problem = LeastSquares(
         unknowns, lambda x: model.predict(x).ravel(), np.zeros(n * c), np.tile(error, n)
     )
-    gives = [one.unknown.scale * one.effect.reshape(n * c, -1) for one in model.elastic]
+    gives = [give.unknown.scale * give.effect.reshape(n * c, -1) for give in model.elastic]
     effect = problem.effects(at)[: n * c]
-    effect = np.column_stack([effect, *(one / problem.error[:, None] for one in gives)])
+    effect = np.column_stack([effect, *(give / problem.error[:, None] for give in gives)])
     effect = effect.reshape(n, c, -1)
     loose = model.loose()
     matrices = []
     for number in range(len(options)):
-        mine = visits.cell == number
-        free = offsets(keys, visits.cell[mine], visits.position[mine], tool[mine], "place")
-        free = np.concatenate([free, loose[mine]], axis=2)
-        use = (model.certain[:, None] & ~held)[mine]
-        rows, span = effect[mine][use], basis(free[use])
+        here = visits.cell == number
+        free = offsets(keys, visits.cell[here], visits.position[here], tool[here], "place")
+        free = np.concatenate([free, loose[here]], axis=2)
+        use = (model.certain[:, None] & ~held)[here]
+        rows, span = effect[here][use], basis(free[use])
         rows = rows - span @ (span.T @ rows)
         matrices.append(rows.T @ rows)
     return Information(np.array(matrices), *prior(unknowns, model))
@@ -424,10 +415,10 @@ def informations(
 
 def prior(unknowns: Sequence[Unknown], model: StaticModel) -> tuple[np.ndarray, tuple[str, ...]]:
     """What is known of unknowns and compliances before, by their scales, and their labels."""
-    soft = (one.unknown for one in model.elastic for _ in range(one.effect.shape[2]))
+    soft = (give.unknown for give in model.elastic for _ in range(give.effect.shape[2]))
     every = (*unknowns, *soft)
-    known = [one.scale / one.spread for one in every]
-    return np.diag(np.square(known) + _PRIOR), tuple(one.label for one in every)
+    known = [unknown.scale / unknown.spread for unknown in every]
+    return np.diag(np.square(known) + _PRIOR), tuple(unknown.label for unknown in every)
 
 
 def offers(
@@ -443,14 +434,8 @@ def offers(
     the noise of a record by kind of signal [SI].
     """
     mechanism, parts = machine.mechanism, sizes(machine, unknowns)
-    poses = over_workspace(mechanism, OFFERED)
-    weight = sum(body.mass for body in mechanism.model.inertias) * np.linalg.norm(mechanism.gravity)
-    strong = float(f"{min(_OVERCOMES * weight, _STRONGEST_N):.1g}")
-    options = experiments(mechanism, poses, PUSH_N, parts)
-    if strong > PUSH_N:
-        pushes = experiments(mechanism, poses, strong, parts)
-        options += [one for one in pushes if one.force is not None]
-    options.sort(key=lambda one: (one.force is not None, one.passes))
+    options = experiments(mechanism, over_workspace(mechanism, POSES), PUSH_N, parts)
+    options.sort(key=lambda option: (option.force is not None, option.passes))
     sets = [(keys, "")]
     if more := tuple(("tool", axis) for axis in AXES if ("tool", axis) not in keys):
         sets.append(((*keys, *more), "with a tracker of the tool's position, "))
@@ -460,7 +445,7 @@ def offers(
     names, offered = tuple(moving(mechanism)), []
     for wanted, text in sets:
         gains = informations(machine, unknowns, wanted, noise, options, theta).gains
-        texts = [text + one.words(names) for one in options]
+        texts = [text + option.words(names) for option in options]
         offered += list(zip(gains, texts, strict=True))
     return offered
 
@@ -469,7 +454,7 @@ def _visits(mechanism: Mechanism, options: Sequence[Experiment]) -> Visits:
     """Each experiment's visits: passed this way and the other, under each push."""
     names, strides = tuple(moving(mechanism)), _ways(mechanism)
     fastest = [mechanism.description.joints[name].speed or np.inf for name in names]
-    rates = np.minimum(SPEED, _BRISK * np.array(fastest))
+    rates = np.minimum(SPEED, fastest)
     path, owner, pushes, near = [], [], [], []
     rows: list[tuple[Any, ...]] = []
     for number, experiment in enumerate(options):
@@ -479,7 +464,7 @@ def _visits(mechanism: Mechanism, options: Sequence[Experiment]) -> Visits:
         for push in forces[: 1 if experiment.force is None else None]:
             for sense in (1.0, -1.0) if experiment.passes else (1.0,):
                 away = sense * strides
-                steps = [at + away, at - away, at - 0.1 * away, at]
+                steps = [at + away, at - away, at]
                 if not experiment.passes and rows and rows[-1][-1] == number:
                     steps = [at]  # it stands there already
                 path += steps
@@ -540,8 +525,8 @@ def _greedy(
     chosen: list[int] = []
     widths, gains = [half_widths(unknowns, information.before)], []
     left = np.ones(len(information.gains), bool)
-    scale = np.array([one.scale for one in unknowns])
-    sought = np.array([one.sought for one in unknowns])
+    scale = np.array([unknown.scale for unknown in unknowns])
+    sought = np.array([unknown.sought for unknown in unknowns])
     total = information.before
     for _ in range(count):
         if not left.any():
@@ -549,14 +534,13 @@ def _greedy(
         after = np.array(
             [half_widths(unknowns, total + gain) / scale for gain in information.gains]
         )
-        # Beyond what is identified well, more of it counts for little.
-        worth = np.log(np.maximum(after[:, sought], 0.02)).sum(axis=1)
+        worth = np.log(after[:, sought]).sum(axis=1)
         best = int(np.where(left, worth, np.inf).argmin())
         chosen.append(best)
         left &= ~alike[best]
         was, total = total, total + information.gains[best]
         widths.append(half_widths(unknowns, total))
         about = np.flatnonzero(sought)[:, None], np.flatnonzero(sought)
-        unsure = (np.linalg.slogdet(np.linalg.inv(one)[about])[1] for one in (was, total))
+        unsure = (np.linalg.slogdet(np.linalg.inv(sums)[about])[1] for sums in (was, total))
         gains.append(np.exp(next(unsure) - next(unsure)))
     return chosen, np.array(widths), np.array(gains)

@@ -131,7 +131,7 @@ class Fitted(Fit):
     def corrections(self) -> dict[str, pin.SE3]:
         """By joint, where this model has its frame, in the nominal one and with the joint at zero
         by its encoder: what `placement` and `offset` say."""
-        poses, moved = self.problem.poses, np.zeros((len(self.problem.poses.names), 7))
+        poses, moved = self.problem.poses, np.zeros((len(self.problem.poses.names), COORDINATE + 1))
         for column, value in zip(self.problem.columns, self.coefficients, strict=True):
             if column.term.kind in CONSTANT:
                 moved[column.index, column.target] += value

@@ -555,9 +555,9 @@ def _together(
     every = np.unique(np.concatenate([time for time, _ in records.values()]))
     kept = every[(every >= begin) & (every <= end)]
     lost = (every[-1] - every[0] - (kept[-1] - kept[0])) / _NANO
-    if lost > 0.1:
+    if (shown := f"{lost:.1f}") != "0.0":
         notes.append(
-            f"note: {lost:.3g} s at the ends are left out, in which not all encoders and forces "
+            f"note: {shown} s at the ends are left out, in which not all encoders and forces "
             "have records"
         )
     signals = {}

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.stats import norm
+from scipy.stats import norm, uniform
 
 from jointplay.base.errors import MissingName
 from jointplay.base.tables import Table
@@ -21,6 +21,8 @@ TWO_SIDED = 0.5 + CONFIDENCE / 2.0
 """Quantile at which an interval ends; a bound ends at `CONFIDENCE`."""
 NORMAL = float(norm.ppf(TWO_SIDED))
 """Half of an interval in standard deviations."""
+UNIFORM = float(uniform.std())
+"""Standard deviation of what steps leave open, by their width."""
 ROUNDING = 1e-9
 """Part of a number below which differences count as rounding: sums over thousands of numbers of 16
 digits, squared, keep nine."""
