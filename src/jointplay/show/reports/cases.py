@@ -116,7 +116,7 @@ class Runs:
     @property
     def since(self) -> str:
         """What a caption says of the time that is judged."""
-        return f"; from {self.start:g} s on" if self.start else ""
+        return f"; figures from {self.start:g} s on" if self.start else ""
 
     @cached_property
     def recorded(self) -> dict[str, Result]:

@@ -102,7 +102,7 @@ class Charts:
             }
             for panel in graph.panels
         ]
-        kind = {"stacked": graph.stacked, "time": graph.across == "time", "same": graph.same}
+        kind = {"stacked": graph.stacked, "time": graph.timed, "same": graph.same}
         return {"id": graph.name, "title": graph.title, **kind, "panels": panels}
 
     def _trace(self, mark: Spans | Curve, panel: Panel) -> dict[str, Any]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -60,13 +59,9 @@ def value_rows(runs: Runs, assumed: bool) -> list[Row]:
                 users.setdefault((*value, value.effect), []).append(case)
     rows: list[Row] = []
     for (key, size, origin, source, effect), cases in users.items():
-        row: dict[str, Any] = {
-            "value": key,
-            "is": size,
-            "by": source if assumed else f"{origin}: {source}",
-        }
-        row |= {"another would change": effect}
-        rows.append(row | {"of": runs.named(cases)} if len(runs.cases) > 1 else row)
+        by = source if assumed else f"{origin}: {source}"
+        row = {"value": key, "is": size, "by": by, "another would change": effect}
+        rows.append({**row, "of": runs.named(cases)})
     return rows
 
 

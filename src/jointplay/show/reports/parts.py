@@ -81,12 +81,12 @@ class Graph:
     same: bool = False  # whether their y axes are the same
 
     @property
-    def across(self) -> str:
-        return self.panels[0].x.name
+    def timed(self) -> bool:
+        return self.panels[0].x.name == "time"
 
     @property
     def stacked(self) -> bool:
-        return self.across in ("time", "frequency")
+        return self.timed or self.panels[0].x.name == "frequency"
 
 
 @dataclass(frozen=True)
@@ -144,14 +144,12 @@ def block(blocks: list[Block], title: str, folded: bool = True) -> Callable[[Con
 
 def shortened(part: Points | Grid, noun: str, most: int = SHOWN) -> Iterator[Part]:
     """A list or a table, of which what follows the first `most` is folded if it is several."""
-    if len(part.rows) <= most + 1:
-        yield part
+    whole: Any = part
+    if len(others := whole.rows[most:]) < 2:
+        yield whole
         return
-    first, others = part.rows[:most], part.rows[most:]
-    more: dict[str, Any] = {"caption": ""} if isinstance(part, Grid) else {}
-    yield replace(part, **{"rows": first})
-    summary = f"The other {counted(len(others), noun)}"
-    yield Fold(summary, [replace(part, **more, **{"rows": others})])
+    yield replace(whole, rows=whole.rows[:most])
+    yield Fold(f"The other {counted(len(others), noun)}", [replace(whole, rows=others)])
 
 
 def flat(parts: Iterable[Part], unfold: bool = False) -> Iterator[Part]:

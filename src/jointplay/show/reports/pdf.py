@@ -31,7 +31,7 @@ from jointplay.show.reports.parts import (
 
 _A4_IN = (8.27, 11.69)
 _LINE_IN, _ROW_IN, _MAIN_IN, _PICTURE_IN = 0.165, 0.21, 3.3, 2.6
-"""Heights of a line of 8.5 pt, of a row of a table, of the least figure, of the picture (judged)."""
+"""Heights of a line of 8.5 pt, of a row of a table, of figure and picture (judged)."""
 _LETTERS, _ASIDE, _TITLE = 128, 40, 70  # of a line, of one beside the figure, of a title (judged)
 _COLUMNS, _NAMES = 3, 3  # of panels side by side, and of legends
 
@@ -59,8 +59,8 @@ def _charts(parts: Sequence[Part], start: float) -> Iterator[Chart]:
 
 def _chart(graph: Graph, start: float) -> Chart:
     """A graph, in which what is not judged is grey; one key names all curves."""
-    grey = [Rule(0.0, "x", colour=GREY, width=0.0, end=start)] if start else []
-    marks = grey if graph.across == "time" else []
+    shaded = start and graph.timed
+    marks = [Rule(0.0, "x", colour=GREY, width=0.0, end=start)] if shaded else []
     panels = [replace(panel, columns=0).with_marks(*marks) for panel in graph.panels]
     across = 1 if graph.stacked else min(len(panels), _COLUMNS)
     filled: list[Panel | None] = [*panels, *[None] * (-len(panels) % across)]
@@ -121,11 +121,9 @@ def _lines(parts: Iterable[Part], letters: int) -> list[str]:
     lines = []
     for part in parts:
         if isinstance(part, Fold):
-            folded = any(isinstance(inner, Grid) for inner in part.parts)
-            lines += _lines(
-                [Points([f"{part.summary}{': in the page' if folded else ''}"])], letters
-            )
-            lines += _lines(part.parts, letters)
+            tables = any(isinstance(inner, Grid) for inner in part.parts)
+            summary = f"{part.summary}: in the page" if tables else part.summary
+            lines += _lines([Points([summary]), *part.parts], letters)
         said = part.rows if isinstance(part, Points) else [part] if isinstance(part, Html) else []
         for item in said:
             lines += textwrap.wrap(text(item).striptags(), letters, subsequent_indent="  ")

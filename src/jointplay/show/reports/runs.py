@@ -23,7 +23,7 @@ from jointplay.show.plots.style import style
 from jointplay.show.reports.assumptions import all_assumptions, conditions
 from jointplay.show.reports.cases import Case, Runs
 from jointplay.show.reports.charts import MAX_RECORDS
-from jointplay.show.reports.html import Html, joined, markup, paragraph
+from jointplay.show.reports.html import Html, markup, paragraph
 from jointplay.show.reports.inputs import parameters, value_rows
 from jointplay.show.reports.parts import (
     Beside,
@@ -56,24 +56,21 @@ def glance(runs: Runs) -> Iterator[Part]:
     """What `jointplay run` says first, the figures that matter most, the machine, three charts."""
     answers: list[tuple[float, Html]] = []  # the largest tool errors first
     for case in runs.judged:
-        if analysis.has_play(case.result):
+        if case.error is not None and analysis.has_play(case.result):
             with suppress(JointplayError):  # a law of the user's own that may not be imported
                 sentence = headline(case.result, case.ideal)[0]
-                answers.append((_largest(case.error), markup("{}{}.", case.prefix, sentence)))
+                largest = float(np.linalg.norm(case.error.values, axis=1).max())
+                answers.append((largest, markup("{}{}.", case.prefix, sentence)))
     answers.sort(key=lambda answer: -answer[0])
     yield from shortened(Points([sentence for _, sentence in answers]), "case")
     caption = "Tool errors are against the ideal machine with the same drives, whose own errors "
-    caption += f"they leave out{f'; figures from {runs.start:g} s on' if runs.start else ''}"
+    caption += f"they leave out{runs.since}"
     grid = runs.by_case(lambda case: _figures(runs, case), caption=caption, name="glance")
     yield Beside([column for column in ([grid], [*_assumed(runs)], _picture(runs)) if column])
     yield from shortened(Points(_warnings(runs)), "warning")
     yield from _doubts(runs)
     yield from _first_error(runs)
     yield from _heaviest(runs)
-
-
-def _largest(error: Any) -> float:
-    return float(np.linalg.norm(error.values, axis=1).max())
 
 
 def _first_error(runs: Runs) -> Iterator[Part]:
@@ -171,7 +168,7 @@ def _figures(runs: Runs, case: Case) -> Row:
             row[f"{head}, peak"] = known(accuracy.peak[3], f"peak {name}"), unit
             row[f"{head}, RMS"] = known(accuracy.rms[3], f"RMS {name}"), unit
     if case.error is not None:
-        ends = [stop.end for stop in _stops(case)[0] if stop.at_rest and stop.end > 0.0]
+        ends = [stop.end for stop in _stops(case) if stop.at_rest and stop.end > 0.0]
         errors = [float(analysis.error_at(case.error, end)[3]) for end in ends]
         row["tool error at stops, largest"] = max(errors, default=None), "m"
     if forces := _joint_forces(case, start):
@@ -198,11 +195,8 @@ def _marked(figure: CertifiedFigure) -> Html:
 
 def _joint_forces(case: Case, start: float) -> dict[str, float]:
     """The largest force in each joint with clearance from `start` on [N]."""
-    if not case.joints:
-        return {}
-    forces = case.result["joint_force_peak"].values[case.result.time >= start]
-    largest = np.linalg.norm(forces, axis=2).max(axis=0, initial=0.0)
-    return dict(zip(case.joints, map(float, largest), strict=True))
+    late = case.result.forces.values[case.result.time >= start] if case.joints else np.empty((0, 0))
+    return dict(zip(case.joints, map(float, late.max(axis=0, initial=0.0)), strict=True))
 
 
 def _picture(runs: Runs) -> list[Part]:
@@ -242,35 +236,26 @@ def _warnings(runs: Runs) -> list[Html]:
 
 def _doubts(runs: Runs) -> Iterator[Part]:
     """What ± and its absence stand for, and what to do about large errors."""
-    points = []
-    if any(case.result.certificate is not None for case in runs.cases):
+    certificates = [case.result.certificate for case in runs.cases]
+    unknown = [case for case in runs.cases if case.joints and case.result.certificate is None]
+    points: list[str] = []
+    if any(certificates):
         points.append(
             "±: numerical error, within which 9 of 10 figures are of what the model says. It does "
             "not say how well the model fits the machine."
         )
-    unknown = [case for case in runs.cases if case.joints and case.result.certificate is None]
     if unknown:
         unsure = "{} Numerical errors are not known; jointplay run --certify finds them."
-        points.append(markup(unsure, joined([markup("{}", case) for case in unknown], ", ")))
-    yield Points(points)
-    large = []
-    for case in runs.cases:
-        certificate = case.result.certificate
-        if certificate is not None and case.joints and runs.start == case.result.judge_from:
-            shown = ("peak joint force", "peak tool", "RMS tool", "impacts")
-            names = [f.name for f in certificate.headline if f.name.startswith(shown) and f.marked]
-            note = f" ({certificate.note})" if certificate.note else ""
-            large += [markup("{}{}{}", case.prefix, ", ".join(names), note)] if names else []
-    if large:
-        summary = markup(
-            '<strong class="warn">Uncertain:</strong> the numerical error exceeds {} % of the value'
-            " (of a count, 1). Do not compare designs by smaller differences. A smaller tolerance "
-            "or step (integration.tolerance, integration.step) helps where the step is the cause; "
-            "where the motion itself magnifies small differences, only means over perturbed runs "
-            "can be compared (jointplay study sweep, repeats).",
-            f"{100.0 * MARKED:g}",
+        points.append(markup(unsure, runs.named(unknown)))
+    if any(figure.marked for c in certificates if c is not None for figure in c.headline):
+        points.append(
+            f"uncertain: the numerical error exceeds {100.0 * MARKED:g} % of the value (of a "
+            "count, 1). Do not compare designs by smaller differences. A smaller tolerance or step "
+            "(integration.tolerance, integration.step) helps where the step is the cause; where "
+            "the motion itself magnifies small differences, only means over perturbed runs can be "
+            "compared (jointplay study sweep, repeats)."
         )
-        yield Fold(summary, [Points(large)])
+    yield Points(points)
 
 
 block(BLOCKS, "Parameters")(parameters)
@@ -371,8 +356,7 @@ def motion(runs: Runs) -> Iterator[Part]:
 @block(BLOCKS, "Accuracy")
 def accuracy(runs: Runs) -> Iterator[Part]:
     """Tool error by axis, and at each stop."""
-    if not runs.judged:
-        yield paragraph("No case has a tool error: nothing has play, or there is no reference.")
+    if not runs.judged:  # nothing has play, or there is no reference
         return
     rows: list[Row] = []
     at_stops: list[Row] = []
@@ -384,10 +368,7 @@ def accuracy(runs: Runs) -> Iterator[Part]:
         for k, axis in enumerate(analysis.COMPONENTS):
             values = {head: (float(column[k]), "m") for head, column in columns.items()}
             rows.append({"case": case, "axis": axis, **values})
-        stops, reason = _stops(case)
-        if reason:
-            yield paragraph(f"{case.label}: its stops are not known: {reason}")
-        for stop in stops:
+        for stop in _stops(case):
             dwells = [("end of dwell", stop.end)] if stop.kind == "dwell" else []
             for moment, time in [("arrival", stop.start), *dwells]:
                 errors = zip(analysis.COMPONENTS, analysis.error_at(case.error, time), strict=True)
@@ -405,16 +386,14 @@ def accuracy(runs: Runs) -> Iterator[Part]:
         ))  # fmt: skip
 
 
-def _stops(case: Case) -> tuple[list[analysis.Stop], str]:
-    """Stops of the reference motion, as far as the run came; or why nobody knows them."""
-    assert case.error is not None
-    try:
+def _stops(case: Case) -> list[analysis.Stop]:
+    """Stops of the reference motion, as far as the run came; none if nobody knows them."""
+    motion = None
+    with suppress(JointplayError):  # the run cannot be built again
         motion = case.result.simulation.motion
-    except JointplayError as error:  # the run cannot be built again
-        return [], str(error)
-    if motion is None:
-        return [], ""
-    return analysis.stops(motion, float(case.error["time"][-1])), ""
+    if motion is None or case.error is None:
+        return []
+    return analysis.stops(motion, float(case.error["time"][-1]))
 
 
 @block(BLOCKS, "Bearings")
@@ -626,12 +605,11 @@ def spectrum(runs: Runs) -> Iterator[Part]:
     title = "Power spectral density of the tool's acceleration"
     yield from _graph(runs, "spectrum", title, panels)
     rows: list[Row] = []
-    missing: list[str] = []
     for case in runs.cases:
         try:
             density = analysis.spectrum(case.result, start=runs.start)
         except JointplayError as error:
-            missing.append(f"{case.label}: no spectrum, {error}.")
+            yield paragraph(f"{case.label}: no spectrum, {error}.")
             continue
         frequency, values = density["frequency"].values, density.values
         width = float(frequency[1] - frequency[0])
@@ -652,7 +630,6 @@ def spectrum(runs: Runs) -> Iterator[Part]:
         "mean one of each record interval (difference of recorded velocities), which lowers the "
         "density towards the Nyquist frequency, by 59 % there."
     )
-    yield Points(missing)
 
 
 # Graphs.
@@ -662,9 +639,9 @@ def _graph(
     runs: Runs, name: str, title: str, panels: Sequence[Panel], same: bool = False
 ) -> Iterator[Graph]:
     """A graph; none without panels."""
-    (case, *others) = runs.cases
+    case = runs.cases[0]
     if panels:
-        shown = panels if others else [_unnamed(panel, case.label) for panel in panels]
+        shown = [_unnamed(panel, case.label) for panel in panels] if case.alone else panels
         yield Graph(name, title, shown, same)
 
 

@@ -41,7 +41,15 @@ def page(
         data = as_data(json.dumps(contents, separators=(",", ":"), allow_nan=False))
         sources = (*map(static, ("page.js", "tracks.js", "chart.js")), _file("report.js"))
         scripts = [as_script("\n".join(sources))]
-    return _environment().get_template("page.html").render(
+    environment = Environment(
+        loader=PackageLoader("jointplay.show.reports", "page"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"cell": text, "source": _source}
+    return environment.get_template("page.html").render(
         policy=policy(scripts),
         title=title,
         look=as_script(f"{_file('report.css')}\n{static('chart.css')}"),
@@ -52,24 +60,7 @@ def page(
         series=charts.block,
         data=data,
         scripts=scripts,
-    )  # fmt: skip
-
-
-def _environment() -> Environment:
-    environment = Environment(
-        loader=PackageLoader("jointplay.show.reports", "page"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
     )
-    environment.filters |= {
-        "cell": text,
-        "kind": _kind,
-        "anchor": _anchor,
-        "source": _source,
-    }
-    return environment
 
 
 def _file(name: str) -> str:
@@ -78,14 +69,6 @@ def _file(name: str) -> str:
 
 _DARK = {"#000000": "#000, #e2e6ea", "#e6e6e6": "#e6e6e6, #2d343b"}
 """Ink and grid of a figure, and what they are on the dark page of `page/report.css`."""
-
-
-def _kind(part: Part) -> str:
-    return type(part).__name__
-
-
-def _anchor(title: str) -> str:
-    return title.lower().replace(" ", "-")
 
 
 def _source(drawing: Drawing) -> str:

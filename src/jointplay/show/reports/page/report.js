@@ -3,7 +3,7 @@
   const PIXELS = 2400; // bars and dots closer than this part of a chart would share a pixel
   const SINGLE = 400; // fewer points than this in view are marked one by one
   const page = JSON.parse(document.getElementById("charts").textContent);
-  const state = { range: null, ready: false, whole: false };
+  const state = { range: null, whole: false };
   window.jointplayReport = state;
 
   // Series of charts.py: differences of bit patterns, bytes of equal weight together.
@@ -206,7 +206,6 @@
     }
     show(page.start > 0 ? [page.start, page.end] : null);
     window.addEventListener("beforeprint", beforePrint);
-    state.ready = true;
   }
   begin();
 })();
