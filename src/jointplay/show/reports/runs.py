@@ -297,7 +297,7 @@ def audits(runs: Runs) -> Iterator[Part]:
 
 def _audit(case: Case) -> Row:
     audit, result = case.result.audit, case.result
-    limit, wall = audit.friction_step_limit, result.dataset.attrs.get("wall_time_s")
+    limit = audit.friction_step_limit
     contact: Row = {
         "contacts begun": audit.impacts,
         "shortest contact": (audit.shortest_contact_steps or None, "steps"),
@@ -312,13 +312,11 @@ def _audit(case: Case) -> Row:
     return {
         "ended": result.message,
         "energy residual": (audit.energy_residual, "J"),
-        "energy exchanged": (audit.energy_exchanged, "J"),
-        "residual, of what is exchanged": (audit.relative_energy_residual, "1"),
+        "the same, of what is exchanged": (audit.relative_energy_residual, "1"),
         **(contact if case.joints else {}),
         "step": readable(audit.step, "s"),
         "error by the step": (audit.step_error, "m", True),
         "drift of ideal loops": (drift, "m", True),
-        "computed in": (None if wall is None else float(wall), "s"),
         **{figure.name: (_marked(figure), figure.unit) for figure in certified},
     }
 
@@ -330,8 +328,6 @@ def motion(runs: Runs) -> Iterator[Part]:
         "Drag across a chart in time to zoom; all charts in time follow, and the paths and orbits "
         "show that time only. Double-click, or “whole run” above, to go back."
     )
-    if runs.start:
-        hint += f" Charts begin at {runs.start:g} s, from which on the tables judge the runs."
     if long := [case.label for case in runs.cases if len(case.result.time) > MAX_RECORDS]:
         hint += f" Of {', '.join(long)} the smallest and the largest record of each of "
         hint += f"{MAX_RECORDS // 2} intervals are shown."
@@ -475,8 +471,8 @@ def _lives(runs: Runs) -> Iterator[Part]:
                 )
     if not rows:
         return
-    yield Html("<h3>Rolling bearings</h3>")
-    yield from shortened(Grid.of_rows(rows, "largest element load", 1), "bearing")
+    table = Grid.of_rows(rows, "largest element load", 1, caption="Rolling bearings")
+    yield from shortened(table, "bearing")
     note = (
         "Loads are those of single balls or rollers; at C0 that of the most loaded one under the "
         "basic static load rating. L10: basic reference rating life (ISO/TS 16281, a factor a_ISO "
@@ -544,16 +540,15 @@ def _contact(case: Case, place: Contacts) -> Row:
     def percentile(values: np.ndarray, percent: float) -> float | None:
         return float(np.percentile(values, percent)) if len(values) else None
 
-    onsets = rate = impulse = shortest = None
+    onsets = impulse = shortest = None
     if case.replay is not None:
         exact = case.replay.statistics.sel(joint=place.joint, contact=place.contact)
         onsets, impulse = int(exact["onsets"]), float(exact["impulse"])
-        rate, steps = onsets / case.duration, float(exact["shortest_steps"])
+        steps = float(exact["shortest_steps"])
         shortest = int(steps) if math.isfinite(steps) else None
     return {
         "place": _place(case, place.joint, place.contact),
         "contacts begun": onsets,
-        "rate": (rate, "1/s"),
         "normal impulse": (impulse, "N*s"),
         "shortest": (shortest, "steps"),
         "time in contact": (place.share, "1"),

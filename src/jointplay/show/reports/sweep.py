@@ -36,7 +36,6 @@ _VALUES = 8  # of the scenario, that stand beside the figures
 _PRECISION = 0.05  # relative half width of a confidence interval that the page calls enough
 
 BLOCKS: list[Block] = []
-_BANDS = "Means; the bands are 95 % confidence intervals of the mean over the runs of a point."
 
 
 @block(BLOCKS, "At a glance", folded=False)
@@ -65,7 +64,10 @@ def glance(dataset: xr.Dataset) -> Iterator[Part]:
     yield Beside([[Grid.of_cases("", [""], [counts])], values])
     yield from [*_lines(dataset), *_samples(dataset)][:_FIRST]
     if _varied(dataset):
-        yield paragraph(_BANDS)
+        bands = (
+            "Means; the bands are 95 % confidence intervals of the mean over the runs of a point."
+        )
+        yield paragraph(bands)
 
 
 def _extreme(
@@ -144,9 +146,7 @@ def _samples(dataset: xr.Dataset) -> Iterator[Drawing]:
 @block(BLOCKS, "Lines")
 def lines(dataset: xr.Dataset) -> Iterator[Part]:
     """Each figure over what was varied."""
-    if drawings := [*_lines(dataset)][_FIRST:]:
-        yield from drawings
-        yield paragraph(_BANDS)
+    yield from [*_lines(dataset)][_FIRST:]
 
 
 @block(BLOCKS, "Heat maps")
