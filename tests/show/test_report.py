@@ -264,7 +264,7 @@ TURNING = [f"{name}_joint" for name in (
 FIRST = """() => ({
     high: document.documentElement.scrollHeight, wide: document.documentElement.scrollWidth,
     shown: [...document.querySelectorAll(".chart")].filter(one => one.checkVisibility()).map(one => one.id),
-    drawn: [...document.querySelectorAll(".chart")].filter(one => one.querySelector("path")).length,
+    drawn: [...document.querySelectorAll(".chart")].filter(one => one.querySelector("path.curve[d^=M]")).length,
     folded: [...document.querySelectorAll("details.part > summary")].map(one => one.innerText),
 })"""  # noqa: E501
 

@@ -30,7 +30,7 @@ from jointplay.show.reports.parts import (
 )
 
 _A4_IN = (8.27, 11.69)
-_LINE_IN, _ROW_IN, _MAIN_IN, _PICTURE_IN = 0.165, 0.21, 3.3, 2.6
+_LINE_IN, _ROW_IN, _MAIN_IN, _PICTURE_IN = 0.165, 0.21, 4.2, 3.0
 """Heights of a line of 8.5 pt, of a row of a table, of figure and picture (judged)."""
 _LETTERS, _ASIDE, _TITLE = 128, 40, 70  # of a line, of one beside the figure, of a title (judged)
 _COLUMNS, _NAMES = 3, 3  # of panels side by side, and of legends
@@ -89,9 +89,9 @@ def _answer(title: str, parts: Sequence[Part], start: float) -> Figure:
         max(_ROW_IN * rows, _PICTURE_IN if pictures else 0.1),
         _LINE_IN * (len(below) + 2),
     ]
-    heights[1] = max(heights[1], _A4_IN[1] - sum(heights[:1] + heights[2:]))  # all that is left
+    heights += [max(_A4_IN[1] - sum(heights), 0.1)]  # what is left
     figure = new_figure(_A4_IN[0], sum(heights))
-    rooms: Any = figure.subfigures(4, 1, height_ratios=heights)
+    rooms: Any = figure.subfigures(5, 1, height_ratios=heights)
     heading: Any = {"fontsize": 13, "weight": "bold", "va": "top"}
     rooms[0].text(0.03, 1.0 - 0.15 / heights[0], "\n".join(titles), **heading)
     _write(rooms[0], above, heights[0], 0.3 + 0.25 * len(titles))

@@ -212,7 +212,7 @@ def _picture(runs: Runs) -> list[Part]:
             else f"{name}: play"
             for name in shown.joints
         }
-        q, size_in = shown.result["q"].values[0], (5.0, 4.1)  # whose letters can be read
+        q, size_in = shown.result["q"].values[0], (4.4, 3.6)  # whose letters can be read
         figure, content = picture(mechanism, q, labels=labels, size_in=size_in), io.BytesIO()
     except JointplayError:  # such as a law of the user's own that may not be imported
         return []

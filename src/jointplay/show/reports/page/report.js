@@ -10,15 +10,16 @@
   let block = null;
   const cache = new Map();
   function series({ at, bytes }, kind = Float32Array) {
-    if (!cache.has(at)) {
+    const key = `${at} ${bytes}`; // an empty one begins where the next does
+    if (!cache.has(key)) {
       const n = bytes / 4, bits = new Uint32Array(n);
       for (let i = 0, value = 0; i < n; i++) {
         for (let k = 0; k < 4; k++) value += block[at + k * n + i] * 256 ** k;
         bits[i] = value >>>= 0;
       }
-      cache.set(at, new kind(bits.buffer));
+      cache.set(key, new kind(bits.buffer));
     }
-    return cache.get(at);
+    return cache.get(key);
   }
 
   const view = () => state.range || [0, page.end];
