@@ -59,8 +59,9 @@ def glance(dataset: xr.Dataset) -> Iterator[Part]:
     }
     if "warnings" in dataset:
         counts["runs with warnings"] = int((dataset["warnings"].values > 0).sum())
-    fixed = [f"{key} {value}" for key, value in _inputs(dataset, False)[:_VALUES]]
-    values: list[Part] = [markup("<h3>The same in all cases</h3>"), Points(fixed)]
+    varied = {value for key, value in _inputs(dataset, True) if key.endswith(".key")}
+    fixed = [f"{key} {text}" for key, text in _inputs(dataset, False) if key not in varied]
+    values: list[Part] = [markup("<h3>The same in all cases</h3>"), Points(fixed[:_VALUES])]
     yield Beside([[Grid.of_cases("", [""], [counts])], values])
     yield from [*_lines(dataset), *_samples(dataset)][:_FIRST]
     if _varied(dataset):
