@@ -28,7 +28,6 @@ from jointplay.model.vocabulary import as_option
 from jointplay.paper import run_study, scara
 from jointplay.show.player import movie
 from jointplay.show.player.server import Server
-from jointplay.show.reports.runs import claim_rows
 from jointplay.simulation.analysis import uncertainty
 from jointplay.study import axes, courses
 from jointplay.study.nonlinear import lyapunov, observables, poincare
@@ -478,7 +477,6 @@ READERS = {
     "scenario": jp.Scenario.load,
     "motion": jp.Motion.from_csv,
     "measurement": lambda path: csv_rows(path, "measurement"),
-    "claims": claim_rows,
 }
 
 

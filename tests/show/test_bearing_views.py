@@ -271,12 +271,12 @@ def test_bearings_do_not_wear(robot):
 
 
 def test_a_scenario_says_what_is_estimated(robot):
-    from jointplay.scenario.summary import _facts
+    from jointplay.scenario.summary import facts
     from jointplay.simulation.run import Run
 
     mechanism = jp.Mechanism(robot, {"balls": BALLS}, tool="tip")
     simulation = jp.Simulation(mechanism, drive=jp.loads.Free(), duration=0.01, limits="ignore")
-    text = _facts(Run(simulation))["joint balls"]
+    text = facts(Run(simulation))["joint balls"]
     assert "free ±13.5 µm across, ±96.2 µm along, ±2.94 mrad tilt" in text
     assert "estimated: pitch diameter 65 mm" in text
     assert "shaft interference" not in text  # none

@@ -41,6 +41,9 @@ def test_the_page_has_table_lines_maps_and_failed_cases(grid, tmp_path):
         assert f"<h2>{name}</h2>" in source
     assert "is too large for the contact stiffness at" in source
     assert "4 of 12 cases" in source
+    same = source.partition("The same in all cases")[2].partition("</ul>")[0]
+    assert "joints.joint_b.axial_clearance 0.2 mm" in same
+    assert "joints.joint_b.radial_clearance" not in same  # which is varied
     assert "<script" not in source  # neither of ours nor of a name
     assert "&lt;script&gt;friction" in source
     found = jp.open_sweep(grid).dataset()["peak_force"].values[0, 0].mean()

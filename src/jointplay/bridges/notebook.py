@@ -59,8 +59,9 @@ def rows_of(result: Result) -> list[tuple[str, str]]:
     percent = 100.0 * audit.relative_energy_residual
     rows.append(("energy residual", f"{audit.energy_residual:.3g} J, {percent:.2g} % of exchange"))
     if result.certificate is not None:
-        how = "certified" if result.certificate.strict else "estimated"
-        rows += [(how, str(figure)) for figure in result.certificate.headline]
+        further = (f for f in result.certificate.headline if not f.name.startswith("peak joint"))
+        rows += [(figure.name, str(figure)) for figure in further]  # those are above
+        rows.append(("numerical errors", result.certificate.origin))
     return rows
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from jointplay.accuracy.robot_errors import RobotErrors
 from jointplay.base.schema import fields_of
-from jointplay.base.tables import counted, fact_lines
+from jointplay.base.tables import counted, fact_lines, few
 from jointplay.base.units import readable
 from jointplay.model.gear import Gear
 from jointplay.model.impact import contact_duration
@@ -26,20 +26,20 @@ from jointplay.simulation.run import Run
 
 def summary(scenario: Scenario, runs: Mapping[str, Run]) -> str:
     """What all cases have in common, then what is each case's own."""
-    facts = {
-        case: _facts(run)
+    by_case = {
+        case: facts(run)
         | _known_errors(errors_of(scenario.model(case), run.mechanism), run.mechanism)
         for case, run in runs.items()
     }
-    cases = list(facts.values())
+    cases = list(by_case.values())
     common = {
         label: text
         for label, text in cases[0].items()
         if all(further.get(label) == text for further in cases)
     }
     lines = [f"{scenario.path}: {scenario.title}", *fact_lines(common)]
-    if len(facts) > 1:
-        for case, of_case in facts.items():
+    if len(by_case) > 1:
+        for case, of_case in by_case.items():
             rest = {label: text for label, text in of_case.items() if label not in common}
             lines += [f"case {case}", *fact_lines(rest)]
     return "\n".join([*lines, *(f"  {note}" for note in scenario.notes)])
@@ -56,12 +56,14 @@ def _known_errors(errors: RobotErrors | None, mechanism: Mechanism) -> dict[str,
     return {"errors": _fields(replace(errors, joints={}))} | by_joint
 
 
-def _facts(run: Run) -> dict[str, str]:
+def facts(run: Run) -> dict[str, str]:
+    """The inputs of a run by what they belong to, with their units; what is not set is left out."""
     simulation, mechanism = run.simulation, run.mechanism
-    facts = {
-        "robot": f"{mechanism.description.path}, tool {mechanism.tool}",
-        "gravity": mechanism.facts()[1]["gravity"],
-    }
+    facts = {"robot": f"{mechanism.description.path}, tool {mechanism.tool}"}
+    known = mechanism.facts()[1]
+    facts |= {name: known[name] for name in ("gravity", "base", "held joints") if name in known}
+    if mechanism.allow_unphysical:
+        facts["impossible inertias"] = few(list(mechanism.allow_unphysical))
     for name, loop in mechanism.loops.items():
         facts[f"loop {name}"] = (
             f"{mechanism.loop_class(name).kind}, {loop.bearing_link} - {loop.journal_link}"

@@ -30,8 +30,6 @@ def declare(parser: Parser) -> None:
     add("--title", metavar="TEXT", help="title of the page (default: that of the scenario)")
     add("--label", metavar="TEXT", **REPEATED, help="label of a result, in the order of the "
         "results (default: its case, or the file name)")
-    add("--claims", metavar="CSV", help="claims table of jointplay scara (default: claims.csv in a "
-        "folder given)")
     add("--impacts", metavar="N", type=int, help="impacts of each run to show step by step; with "
         "0, no run is repeated (default: 5)")
     add("--no-pdf", **FLAG, help="write the page only")
@@ -58,14 +56,9 @@ def run(options: argparse.Namespace) -> int:
             check_new(target)
         from jointplay.show import reports
 
-        beside = [path / "claims.csv" for path in paths if path.is_dir()]
-        claims = next((path for path in beside if path.is_file()), None)
-        claims = Path(options.claims) if options.claims else claims
-        if claims is not None:
-            reports.runs.claim_rows(claims)  # before results are loaded
         results = reports.load(paths, options.label)
         impacts = reports.IMPACTS if options.impacts is None else options.impacts
-        written = reports.report(results, out, claims=claims, impacts=impacts, **shared)
+        written = reports.report(results, out, impacts=impacts, **shared)
     print(*written, sep="\n")
     return 0
 
@@ -76,7 +69,7 @@ def _sweep(paths: list[Path], options: argparse.Namespace, shared: dict[str, Any
     if len(paths) > 1:
         raise JointplayError("a sweep gets a separate report; give only its folder")
     (store,) = paths
-    for option in typed(options, ("label", "claims", "impacts")):
+    for option in typed(options, ("label", "impacts")):
         raise JointplayError(f"{option} is for results; {str(store)!r} is a sweep")
     default = store.parent / f"{store.name}_report.html"
     return sweep_report(store, Path(options.out or default), **shared)

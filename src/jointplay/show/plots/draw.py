@@ -251,7 +251,7 @@ def _map(axes: Axes, mark: Map, panel: Panel, options: Mapping[str, Any]) -> Non
         look = {"ha": "center", "va": "center", "fontsize": 7}
         for (row, column), value in np.ndenumerate(values):
             if np.isfinite(value):
-                colour = "white" if value < middle else "black"
+                colour = "white" if value < middle else "0.1"  # on a dark page, too
                 axes.text(column, row, f"{value:.3g}", color=colour, **look)
 
 

@@ -20,15 +20,19 @@ from jointplay.study.sweep_table import coordinate_text, label, measured, sample
 MOST_LINES = 12
 
 
-def draw(
+def draw(*args: Any, look: str = "screen", **options: Any) -> StyledFigure:
+    """The figure of `chart`, in a style of `style.STYLES`."""
+    return drawn(chart(*args, **options), look)
+
+
+def chart(
     dataset: xr.Dataset,
     x: str,
     y: str,
     hue: str | None = None,
     z: str | None = None,
     only: Mapping[str, str] | None = None,
-    look: str = "screen",
-) -> StyledFigure:
+) -> Chart:
     """A measure over a dimension of a sweep, or over two.
 
     Lines are means over all other dimensions, with the 95 % confidence band of the mean. Over a
@@ -41,7 +45,6 @@ def draw(
         hue: dimension with a line each.
         z: the measure of a heat map.
         only: values of dimensions, of which the nearest cases are taken.
-        look: style of the figure.
 
     Raises:
         JointplayError: no such dimension, measure or value; nothing to draw.
@@ -50,7 +53,7 @@ def draw(
     if z is not None:
         if hue is not None:
             raise JointplayError("a heat map (z) has no hue; leave one of them out")
-        return _heat_map(dataset, x, y, z, look)
+        return _heat_map(dataset, x, y, z)
     values = measured(dataset, y)
     if not np.isfinite(values.values).any():
         raise JointplayError(f"no case has a value of {y}")
@@ -87,7 +90,7 @@ def draw(
     title = label(dataset, hue) if hue is not None else ""
     legend = "best" if hue is not None else ""
     panel = Panel(across, Axis(label(dataset, y)), marks, legend=legend, legend_title=title)
-    return drawn(Chart([[panel]], (6.0, 3.8)), look)
+    return Chart([[panel]], (6.0, 3.8))
 
 
 def _is_number(dataset: xr.Dataset, name: str) -> bool:
@@ -122,7 +125,7 @@ def _points(dataset: xr.Dataset, part: xr.DataArray, x: str, y: str, look: dict[
     return Curve(at.ravel(), table.ravel(), line="", marker="o", size=2.5, opacity=0.6, **look)
 
 
-def _heat_map(dataset: xr.Dataset, x: str, y: str, z: str, look: str) -> StyledFigure:
+def _heat_map(dataset: xr.Dataset, x: str, y: str, z: str) -> Chart:
     values = measured(dataset, z)
     for name in (x, y):
         if name not in values.dims:
@@ -135,12 +138,17 @@ def _heat_map(dataset: xr.Dataset, x: str, y: str, z: str, look: str) -> StyledF
         raise JointplayError(f"no case has a value of {z}")
     across, up = (Axis(label(dataset, name), rows=_texts(dataset, name)) for name in (x, y))
     panel = Panel(across, up, [Map(table, Axis(label(dataset, z)), written=True)])
-    return drawn(Chart([[panel]], (6.0, 4.4)), look)
+    return Chart([[panel]], (6.0, 4.4))
 
 
 def draw_convergence(
     dataset: xr.Dataset, measure: str, precision: float = 0.05, look: str = "screen"
 ) -> StyledFigure:
+    """The figure of `convergence_chart`."""
+    return drawn(convergence_chart(dataset, measure, precision), look)
+
+
+def convergence_chart(dataset: xr.Dataset, measure: str, precision: float = 0.05) -> Chart:
     """Mean and 95 % quantile of a measure after the first runs, up to all; when it is enough."""
     values = samples_of(dataset, measure)
     marks: list[Curve | Rule] = []
@@ -156,4 +164,4 @@ def draw_convergence(
             words = f"{text}: {done} runs give {100 * precision:g} %"
             marks.append(Rule(done, "x", words, colour, ":", 0.9))
     across, up = Axis("runs", log=True), Axis(label(dataset, measure))
-    return drawn(Chart([[Panel(across, up, marks, legend="best")]], (6.0, 3.8)), look)
+    return Chart([[Panel(across, up, marks, legend="best")]], (6.0, 3.8))

@@ -36,7 +36,6 @@ def report(
     path: str | Path,
     *,
     title: str | None = None,
-    claims: Path | None = None,
     impacts: int = IMPACTS,
     pdf: bool = True,
     say: Say = lambda _: None,
@@ -47,7 +46,6 @@ def report(
         results: by label, in the order of the tables.
         path: the page, ending in .html; the PDF gets the same name with .pdf.
         title: of the page; None takes that of the scenario, or names the robot.
-        claims: a claims table that `jointplay scara` wrote.
         impacts: how many of the largest impacts of each case to follow step by step, which repeats
             its run; 0 repeats none.
         pdf: write the PDF too.
@@ -57,8 +55,8 @@ def report(
         The files written.
 
     Raises:
-        JointplayError: no results, a result without records, a file that exists or cannot be
-            written, or a claims table that is none.
+        JointplayError: no results, a result without records, or a file that exists or cannot be
+            written.
     """
     require_a("results", results, "Mapping")
     if not results:
@@ -71,11 +69,9 @@ def report(
                 f"result {label!r} has {len(result.time)} record; there is nothing to show"
             )
     targets = _targets(path, pdf)
-    if claims is not None:
-        runs.claim_rows(claims)
     cases = build(results, say)
     follow_impacts(cases, impacts, say)
-    subject = Runs(cases, claims)
+    subject = Runs(cases)
     times = [
         Times(records.time, case.result.audit.step, np.isin(records.time, case.result.time))
         for case, records in zip(cases, subject.detailed.values(), strict=True)
@@ -131,13 +127,14 @@ def _write(
     say("writing the page")
     parts = [(block, [*block.parts(subject)]) for block in blocks]
     shown = [(block, content) for block, content in parts if content]
-    drawing = partial(draw_pdf, title, shown, start)
-    with in_parallel(drawing) if len(targets) > 1 else nullcontext() as drawn:
+    with (
+        in_parallel(partial(draw_pdf, title, shown, start))
+        if len(targets) > 1
+        else nullcontext() as drawn
+    ):
         contents = [show(title, blocks=shown, start=start).encode()]
         if drawn is not None:
             contents.append(drawn())
-    for target, content in zip(
-        targets, contents, strict=True
-    ):  # at the end: none without the other
+    for target, content in zip(targets, contents, strict=True):  # at the end: both or none
         write_file(target, content)
     return list(targets)

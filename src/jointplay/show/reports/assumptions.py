@@ -26,41 +26,35 @@ def all_assumptions() -> tuple[tuple[str, str], ...]:
 
 def conditions(cases: Sequence[Case]) -> dict[str, bool]:
     """Whether each thing that assumptions are about occurs in these runs."""
-    inputs = [analysis.inputs(case.result) for case in cases]
-    machines = [run["mechanism"] for run in inputs]
-    loose = [run for case, run in zip(cases, inputs, strict=True) if case.joints]
+    runs = [analysis.inputs(case.result) for case in cases]
+    machines = [run["mechanism"] for run in runs]
+    loose = [run for case, run in zip(cases, runs, strict=True) if case.joints]
     joints = [joint for case in cases for joint in analysis.clearance_inputs(case.result).values()]
     gears = [gear for machine in machines for gear in (machine.get("gears") or {}).values()]
     kinds = {joint["kind"] for joint in joints}
-    drives = [json.dumps(run["drive"]) for run in inputs]
+    sliding = [joint for joint in joints if joint["kind"] in analysis.SLIDING_KINDS]
+    drives = json.dumps([run["drive"] for run in runs])
+    contacts = [j for run in loose for j in run["mechanism"]["clearance"].values()]
     return {
         "always": True,
         "clearance": bool(loose),
-        "sliding": bool(kinds & analysis.SLIDING_KINDS),
+        "sliding": bool(sliding),
         "rolling": bool(kinds & analysis.ROLLING_KINDS),
-        "dry": any(
-            joint["kind"] in analysis.SLIDING_KINDS and not joint.get("lubricant")
-            for joint in joints
-        ),
+        "dry": any(not joint.get("lubricant") for joint in sliding),
         "oil": any(joint.get("lubricant") for joint in joints),
         "worn": any(joint.get("worn") for joint in joints),
-        "wearing": any(
-            joint.get("wear_rate") or joint.get("journal_wear_rate") for joint in joints
-        ),
+        "wearing": any(j.get("wear_rate") or j.get("journal_wear_rate") for j in joints),
         **{kind: kind in kinds for kind in JOINT_KINDS},
         "loops": any(machine.get("loops") for machine in machines),
         "gears": bool(gears),
         "refined gears": any(gear.get("kind", Gear.kind) != Gear.kind for gear in gears),
-        "computed torque": any("computed-torque" in drive for drive in drives),
-        "prescribed": any("prescribed" in drive for drive in drives),
-        "payloads": any(run.get("payloads") for run in inputs),
-        "loads": any(run.get("loads") for run in inputs),
-        "cut": any(run.get("limits") == "cut" for run in inputs),
+        "computed torque": "computed-torque" in drives,
+        "prescribed": "prescribed" in drives,
+        "payloads": any(run.get("payloads") for run in runs),
+        "loads": any(run.get("loads") for run in runs),
+        "cut": any(run.get("limits") == "cut" for run in runs),
         "derived stiffness": any(
-            joint.get("stiffness", 0.0) is None
-            for run in loose
-            for joint in run["mechanism"]["clearance"].values()
-            if not joint.get("ideal")
+            j.get("stiffness", 0.0) is None and not j.get("ideal") for j in contacts
         ),
         "centred": any(run.get("seed") is None and run.get("start") != "rest" for run in loose),
         "rest": any(run.get("start") == "rest" for run in loose),

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ import xarray as xr
 from jointplay.base.errors import JointplayError
 from jointplay.base.tables import counted
 from jointplay.show.plots import figures
-from jointplay.show.reports.html import Html, markup
+from jointplay.show.reports.html import Html, joined, markup, text
 from jointplay.show.reports.parts import Grid, Row
 from jointplay.simulation import analysis
 from jointplay.simulation.analysis.parts import ToolError
@@ -104,10 +103,9 @@ class Case:
 
 @dataclass(eq=False)
 class Runs:
-    """Cases, from when on they are judged, and claims about them: what a report is about."""
+    """Cases, and from when on they are judged: what a report is about."""
 
     cases: list[Case]
-    claims: Path | None = None
 
     @property
     def start(self) -> float:
@@ -118,7 +116,7 @@ class Runs:
     @property
     def since(self) -> str:
         """What a caption says of the time that is judged."""
-        return f"; from {self.start:g} s on" if self.start else ""
+        return f"; figures from {self.start:g} s on" if self.start else ""
 
     @cached_property
     def recorded(self) -> dict[str, Result]:
@@ -129,23 +127,18 @@ class Runs:
         return {case.label: case.detailed() for case in self.cases}
 
     @property
-    def ideals(self) -> dict[str, Result]:
-        """What each case with a tool error is measured against."""
-        return {
-            case.label: case.ideal
-            for case in self.cases
-            if case.error is not None and case.ideal is not None
-        }
+    def judged(self) -> list[Case]:
+        """Cases with a tool error."""
+        return [case for case in self.cases if case.error is not None]
 
     @property
-    def joints(self) -> list[str]:
-        """All joints with clearance."""
-        return figures.joints_of(self.recorded)
+    def places(self) -> list[tuple[Case, str]]:
+        """Each case and each of its joints with clearance."""
+        return [(case, joint) for case in self.cases for joint in case.joints]
 
-    @cached_property
-    def paper(self) -> bool:
-        """Whether these are runs of the paper's robot."""
-        return figures.is_paper(self.recorded)
+    def named(self, cases: Collection[Case]) -> Html:
+        """The names of some cases; of all of them none."""
+        return Html("") if len(cases) == len(self.cases) else joined(map(text, cases), ", ")
 
     def by_case(self, quantities: Callable[[Case], Row], head: str = "", **fields: Any) -> Grid:
         """A table with a column for each case."""
@@ -158,32 +151,26 @@ def build(results: Mapping[str, Result], say: Say) -> list[Case]:
     cases = [Case(*case, alone) for case in figures.coloured(results)]
     ideals = [case for case in cases if not analysis.has_play(case.result)]
     simulated: dict[str, Result] = {}
+
+    def reference(case: Case) -> Result:
+        """What a case is measured against, with a note of where it comes from."""
+        for ideal in ideals:
+            if analysis.is_twin(case.result, ideal.result) and len(ideal.result.time) > 1:
+                case.notes.append(f"Tool errors are measured against {ideal.label!r}.")
+                return ideal.result
+        key = json.dumps([analysis.task(case.result), case.duration], sort_keys=True)
+        if key not in simulated:
+            say(f"simulating the ideal mechanism that {case.label!r} is measured against")
+            simulated[key] = analysis.twin(case.result)
+        case.notes.append("Tool errors are measured against the ideal mechanism, simulated here.")
+        return simulated[key]
+
     for case in cases:
         if case in ideals:
             case.ideal = case.result
             continue
-        twin = next(
-            (
-                ideal
-                for ideal in ideals
-                if analysis.is_twin(case.result, ideal.result) and len(ideal.result.time) > 1
-            ),
-            None,
-        )
         try:
-            if twin is not None:
-                case.ideal = twin.result
-                case.notes.append(f"Tool errors are measured against {twin.label!r}.")
-            else:
-                key = json.dumps([analysis.task(case.result), case.duration], sort_keys=True)
-                if key not in simulated:
-                    say(f"simulating the ideal mechanism that {case.label!r} is measured against")
-                    simulated[key] = analysis.twin(case.result)
-                case.ideal = simulated[key]
-                case.notes.append(
-                    "Tool errors are measured against the ideal mechanism, simulated for this "
-                    "report because no ideal run with the same inputs was given."
-                )
+            case.ideal = reference(case)
             case.error = analysis.deviation(case.result, case.ideal)
             case.turn = analysis.deviation(case.result, case.ideal, "tool_orientation")
             simulation = case.result.simulation
@@ -207,11 +194,8 @@ def build(results: Mapping[str, Result], say: Say) -> list[Case]:
 def follow_impacts(cases: Iterable[Case], number: int, say: Say) -> None:
     """Repeat the runs, and keep the largest impacts of each step by step."""
     for case in cases if number else ():
-        if not case.joints:
-            continue
-        chosen = largest_impacts(case.result, number)
+        chosen = largest_impacts(case.result, number) if case.joints else []
         if not chosen:
-            case.notes.append("No single steps: there is no contact in the records.")
             continue
         step = case.result.audit.step
         say(f"repeating {case.label!r}, for its {counted(len(chosen), 'largest impact')}")
@@ -220,16 +204,15 @@ def follow_impacts(cases: Iterable[Case], number: int, say: Say) -> None:
             if contact_names(mechanism) != [str(name) for name in case.result["contact"].values]:
                 raise JointplayError("its contacts do not match its inputs")
             repetition = replay(case.result, [window(place, i, step) for place, i in chosen])
+            if not repetition.faithful:
+                versions = case.result.dataset.attrs.get("versions", "unknown")
+                raise JointplayError(
+                    f"repeated here, it does not match the stored one bit for bit (made with "
+                    f"{versions}), and impacts magnify any difference"
+                )
         except JointplayError as error:
             case.notes.append(f"No single steps: the run cannot be repeated ({error}).")
             say(f"{case.label!r} cannot be repeated: {error}")
-            continue
-        if not repetition.faithful:
-            versions = case.result.dataset.attrs.get("versions", "unknown")
-            case.notes.append(
-                "No single steps: repeated here, the run does not match the stored one bit for bit "
-                f"(made with {versions}), and impacts magnify any difference."
-            )
             continue
         case.replay = repetition
         case.impacts = [

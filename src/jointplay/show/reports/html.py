@@ -1,4 +1,4 @@
-"""Text of a page: markup that escapes its values, numbers as an engineer writes them.
+"""Text of a page: markup that escapes its values, numbers with three digits.
 
 Names come from files of others. `Html` is text that is HTML already; the only ways to it are
 `markup`, `joined` and the template, which escape everything else.
@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from markupsafe import Markup as Html
 from markupsafe import escape
 
-_MINUS = "\N{MINUS SIGN}"
+from jointplay.simulation.result.certificate import alone
 
 
 def markup(pattern: str, *values: object) -> Html:
@@ -31,30 +31,10 @@ def paragraph(content: str) -> Html:
 
 
 def text(value: object) -> Html:
-    """A cell's HTML: text escaped, numbers by `number`, None as a dash."""
-    if value is None:
+    """A cell's HTML: text escaped, numbers as sentences have them, nothing as a dash."""
+    if value is None or (isinstance(value, float) and math.isnan(value)):
         return Html("&ndash;")
-    if isinstance(value, bool):
-        return Html("yes") if value else Html("no")
-    if isinstance(value, (int, float)):
-        return number(value)
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        shown = str(value) if isinstance(value, int) else alone(value)
+        return escape(shown.replace("-", "\N{MINUS SIGN}"))
     return escape(value)
-
-
-def number(value: float, digits: int = 3) -> Html:
-    """`value` with `digits` significant digits; powers of ten only where zeros would mislead."""
-    if isinstance(value, int):
-        return escape(str(value).replace("-", _MINUS))
-    if math.isnan(value):
-        return Html("&ndash;")
-    if math.isinf(value):
-        return Html("&infin;") if value > 0 else Html(_MINUS + "&infin;")
-    if value == 0.0:
-        return Html("0")
-    rounded = float(f"{value:.{digits - 1}e}")
-    exponent = math.floor(math.log10(abs(rounded)))
-    if -4 <= exponent < 6:
-        shown = f"{rounded:.{max(0, digits - 1 - exponent)}f}"
-        return escape(shown.replace("-", _MINUS))
-    mantissa = f"{rounded / 10.0**exponent:.{digits - 1}f}".replace("-", _MINUS)
-    return Html("{}&middot;10<sup>{}</sup>").format(mantissa, str(exponent).replace("-", _MINUS))

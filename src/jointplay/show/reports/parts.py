@@ -7,57 +7,36 @@ whose first line says to readers what is inside. That is all of it: pages and PD
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
-from matplotlib.figure import Figure
-
-from jointplay.base.tables import Column, Table
-from jointplay.show.plots.chart import Panel
+from jointplay.base.tables import Column, Table, counted
+from jointplay.show.plots.chart import Chart, Panel
 from jointplay.show.reports.html import Html
 
-SHOWN = 3  # rows of long tables, and points of long lists, that are not folded
-
-Cell = str | float | int | None
-
-Quantity = Cell | tuple[Cell, str] | tuple[Cell, str, bool]
-"""A value; where it has one its SI unit, and whether it is as small as a clearance."""
+SHOWN = 3  # rows of long tables, and points of long lists, that are not folded (judged)
 
 Row = Mapping[str, Any]
-"""A `Quantity`, or what has an HTML text, by what it is called: a row of a table of cases, places
-or joints, or a column of a table of figures."""
+"""By its head a value, or a value, its SI unit and, if it is as small as a clearance, True."""
 
 
 @dataclass(frozen=True)
 class Points:
-    """A list; with a `noun` the points after the first `SHOWN` are folded, if they are several."""
+    """A list."""
 
-    items: Sequence[str]
-    noun: str = ""
-
-    @property
-    def first(self) -> int:
-        """How many are not folded."""
-        return SHOWN if self.noun and len(self.items) > SHOWN + 1 else len(self.items)
+    rows: Sequence[str]
 
 
 @dataclass(frozen=True)
 class Grid:
-    """A table; with a `noun` the rows after the first `most` are folded, if they are several."""
+    """A table."""
 
     head: Sequence[object]
     rows: Sequence[Sequence[object]]
     caption: str = ""
     name: str = ""  # by which style sheets and scripts know it
     left: int = 1  # columns that are flush left
-    noun: str = ""
-    most: int = SHOWN
-
-    @property
-    def first(self) -> int:
-        """How many rows are not folded."""
-        return self.most if self.noun and len(self.rows) > self.most + 1 else len(self.rows)
 
     @classmethod
     def of_rows(
@@ -66,19 +45,19 @@ class Grid:
         """A table of rows with the same heads; with `worst` those first whose figure of this name
         is largest. A column without a word in it is left out."""
         if worst:
-            sizes = [-math.inf if v is None else float(v) for v in column(worst, rows).values]
+            sizes = [-math.inf if v is None else float(v) for v in _column(worst, rows).values]
             rows = [rows[k] for k in sorted(range(len(rows)), key=lambda k: -sizes[k])]
-        columns = [column(head, rows) for head in rows[0]]
-        filled = [cells for cells in columns if any(map(_fills, cells.values))]
+        columns = (_column(head, rows) for head in rows[0])
+        filled = [column for column in columns if any(v is None or str(v) for v in column.values)]
         return cls.of_table(Table(filled), left, **fields)
 
     @classmethod
     def of_table(cls, table: Table, left: int | None = None, **fields: Any) -> Grid:
         """`left`: None stands for the columns that come first and have no numbers."""
-        columns = table.columns
         if left is None:
-            left = [*(any(map(_is_number, column.values)) for column in columns), True].index(True)
-        head, *rows = zip(*map(_shown, columns), strict=True)
+            numbers = [any(map(_is_number, column.values)) for column in table.columns]
+            left = [*numbers, True].index(True)
+        head, *rows = zip(*map(_shown, table.columns), strict=True)
         return cls(head, rows, left=left, **fields)
 
     @classmethod
@@ -87,9 +66,8 @@ class Grid:
     ) -> Grid:
         """A table with a column for each case and a row for each figure that any of them has."""
         longest = sorted(figures, key=len, reverse=True)  # gives the order
-        named = dict.fromkeys(name for row in longest for name in row)
-        columns = (column(name, figures) for name in named)
-        rows = [_shown(cells) for cells in columns if any(v is not None for v in cells.values)]
+        columns = (_column(name, figures) for name in dict.fromkeys(n for r in longest for n in r))
+        rows = [_shown(column) for column in columns if any(v is not None for v in column.values)]
         return cls([head, *cases], rows, **fields)
 
 
@@ -103,21 +81,20 @@ class Graph:
     same: bool = False  # whether their y axes are the same
 
     @property
-    def across(self) -> str:
-        return self.panels[0].x.name
+    def timed(self) -> bool:
+        return self.panels[0].x.name == "time"
 
     @property
     def stacked(self) -> bool:
-        return self.across in ("time", "frequency")
+        return self.timed or self.panels[0].x.name == "frequency"
 
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure of matplotlib."""
+    """A chart that stays as it is, or a picture (PNG)."""
 
     title: str
-    figure: Figure
-    kind: str = "svg"  # or "png"
+    content: Chart | bytes
 
 
 @dataclass(frozen=True)
@@ -165,7 +142,17 @@ def block(blocks: list[Block], title: str, folded: bool = True) -> Callable[[Con
     return add
 
 
-def flat(parts: Iterable[Part], unfold: bool = False) -> Iterable[Part]:
+def shortened(part: Points | Grid, noun: str, most: int = SHOWN) -> Iterator[Part]:
+    """A list or a table, of which what follows the first `most` is folded if it is several."""
+    whole: Any = part
+    if len(others := whole.rows[most:]) < 2:
+        yield whole
+        return
+    yield replace(whole, rows=whole.rows[:most])
+    yield Fold(f"The other {counted(len(others), noun)}", [replace(whole, rows=others)])
+
+
+def flat(parts: Iterable[Part], unfold: bool = False) -> Iterator[Part]:
     """Parts in their order, without columns; what is folded stays so unless told otherwise."""
     for part in parts:
         if isinstance(part, Beside):
@@ -177,7 +164,7 @@ def flat(parts: Iterable[Part], unfold: bool = False) -> Iterable[Part]:
             yield part
 
 
-def column(head: str, rows: Sequence[Row]) -> Column:
+def _column(head: str, rows: Sequence[Row]) -> Column:
     """The values of this name in all rows; None in those that have none."""
     cells = (row.get(head) for row in rows)
     known = [cell if isinstance(cell, tuple) else (cell, "") for cell in cells]
@@ -185,16 +172,12 @@ def column(head: str, rows: Sequence[Row]) -> Column:
     return Column(head, [value for value, *_ in known], unit, fine=any(fine))
 
 
-def _fills(cell: object) -> bool:
-    return cell is None or not hasattr(cell, "__html__") or bool(cell.__html__())
-
-
 def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def _shown(values: Column) -> list[Any]:
+def _shown(column: Column) -> list[Any]:
     """What a column is called and its values, in the unit in which they are shown."""
-    factor, _ = values.shown
-    scaled = (factor * v if factor != 1.0 and _is_number(v) else v for v in values.values)
-    return [values.title, *scaled]
+    factor, _ = column.shown
+    scaled = (factor * v if factor != 1.0 and _is_number(v) else v for v in column.values)
+    return [column.title, *scaled]

@@ -1,10 +1,10 @@
-"""Reports as PDFs: the first block on one page, and a page for each graph of the others."""
+"""Reports as PDFs: the answer on one page, and a page for each further graph."""
 
 from __future__ import annotations
 
 import io
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -17,82 +17,122 @@ from jointplay.show.plots.draw import draw, draw_panel, key
 from jointplay.show.plots.palette import GREY
 from jointplay.show.plots.style import new_figure, style
 from jointplay.show.reports.html import Html, text
-from jointplay.show.reports.parts import Block, Drawing, Fold, Graph, Grid, Part, Points, flat
+from jointplay.show.reports.parts import (
+    Beside,
+    Block,
+    Drawing,
+    Fold,
+    Graph,
+    Grid,
+    Part,
+    Points,
+    flat,
+)
 
 _A4_IN = (8.27, 11.69)
-_LINE_IN, _LETTERS, _TITLE = 0.165, 122, 75
-"""Height of a line of 9 pt, and letters of one and of a title (judged)."""
+_LINE_IN, _ROW_IN, _MAIN_IN, _PICTURE_IN = 0.165, 0.21, 4.2, 3.0
+"""Heights of a line of 8.5 pt, of a row of a table, of figure and picture (judged)."""
+_LETTERS, _ASIDE, _TITLE = 128, 40, 70  # of a line, of one beside the figure, of a title (judged)
 _COLUMNS, _NAMES = 3, 3  # of panels side by side, and of legends
-_SIDE_IN, _STRIP_IN, _ROW_IN = 2.5, 1.4, 0.21
-"""Heights of a panel that shows a place, of one over time, and of a row of a table (judged: so that
-the first page of a run of six joints is one of A4)."""
 
 
 def pdf(title: str, blocks: Sequence[tuple[Block, Sequence[Part]]], start: float = 0.0) -> bytes:
     """A report's PDF, of vector graphics; what is before `start` [s] is grey."""
     content = io.BytesIO()
-    (_, answer), *others = blocks
     with style("screen"), PdfPages(content) as pages:  # which embeds typefaces when it is closed
         pages.infodict()["Title"] = title
-        pages.savefig(_first_page(title, answer, start))
-        for block, parts in others:
-            for part in flat(parts):
-                if isinstance(part, Graph):
-                    pages.savefig(_graph_page(part, start))
-                elif isinstance(part, Drawing):
-                    part.figure.suptitle(f"{block.title}: {part.title}", fontsize=9)
-                    pages.savefig(part.figure)
+        pages.savefig(_answer(title, blocks[0][1], start))
+        for block, parts in blocks:
+            charts = list(_charts(parts, start))
+            for chart in charts[1:] if block is blocks[0][0] else charts:
+                pages.savefig(draw(replace(chart, title=f"{block.title}: {chart.title}")))
     return content.getvalue()
 
 
-def _first_page(title: str, parts: Sequence[Part], start: float) -> Figure:
-    """Sentences, the table beside the picture, the graphs."""
+def _charts(parts: Sequence[Part], start: float) -> Iterator[Chart]:
+    for part in flat(parts):
+        if isinstance(part, Graph):
+            yield _chart(part, start)
+        elif isinstance(part, Drawing) and isinstance(part.content, Chart):
+            yield replace(part.content, title=part.title)
+
+
+def _chart(graph: Graph, start: float) -> Chart:
+    """A graph, in which what is not judged is grey; one key names all curves."""
+    shaded = start and graph.timed
+    marks = [Rule(0.0, "x", colour=GREY, width=0.0, end=start)] if shaded else []
+    panels = [replace(panel, columns=0).with_marks(*marks) for panel in graph.panels]
+    across = 1 if graph.stacked else min(len(panels), _COLUMNS)
+    filled: list[Panel | None] = [*panels, *[None] * (-len(panels) % across)]
+    rows = [filled[k : k + across] for k in range(0, len(filled), across)]
+    size = (7.0, 1.3 + 1.6 * len(rows)) if graph.stacked else (4.3 * across, 0.8 + 4.1 * len(rows))
+    same: Any = "col" if graph.same else False
+    look: Any = {"key": _NAMES, "key_at": "outside lower center", "same_y": same}
+    return Chart(rows, size, graph.title, same_x=graph.stacked, **look)
+
+
+def _answer(title: str, parts: Sequence[Part], start: float) -> Figure:
+    """The sentences; the first chart and, beside it, what is assumed; the figures, the machine."""
+    first = next((k for k, part in enumerate(parts) if isinstance(part, Beside)), len(parts))
     titles = textwrap.wrap(title, _TITLE)
-    lines = [line for sentence in _sentences(parts) for line in textwrap.wrap(sentence, _LETTERS)]
+    above = _lines(parts[:first], _LETTERS)
+    aside = _lines(flat(parts[first : first + 1]), _ASIDE)
+    below = _lines(parts[first + 1 :], _LETTERS)
     grids = [part for part in flat(parts) if isinstance(part, Grid)]
-    drawings = [part for part in flat(parts) if isinstance(part, Drawing)]
-    graphs = [_shaded(part, start) for part in flat(parts) if isinstance(part, Graph)]
+    images = [part.content for part in flat(parts) if isinstance(part, Drawing)]
+    pictures = [image for image in images if isinstance(image, bytes)]
+    chart = next(_charts(parts, start), None)
     rows = max((len(grid.rows) + 1 for grid in grids), default=0)
-    beside = max(_ROW_IN * rows, _SIDE_IN if drawings else 0.0)
-    above = 0.25 + 0.25 * len(titles)
-    heights = [above + _LINE_IN * len(lines), beside]
-    heights += [0.3 + (_STRIP_IN if graph.stacked else _SIDE_IN) for graph, _ in graphs]
-    left = max(_A4_IN[1] - sum(heights), 0.1)
-    figure = new_figure(_A4_IN[0], sum(heights) + left)
-    rooms: Any = figure.subfigures(len(heights) + 1, 1, height_ratios=[*heights, left])
-    top, middle, *places, _ = rooms
+    heights = [
+        0.3 + 0.25 * len(titles) + _LINE_IN * len(above),
+        max(_MAIN_IN if chart else 0.1, _LINE_IN * (len(aside) + 1)),
+        max(_ROW_IN * rows, _PICTURE_IN if pictures else 0.1),
+        _LINE_IN * (len(below) + 2),
+    ]
+    heights += [max(_A4_IN[1] - sum(heights), 0.1)]  # what is left
+    figure = new_figure(_A4_IN[0], sum(heights))
+    rooms: Any = figure.subfigures(5, 1, height_ratios=heights)
     heading: Any = {"fontsize": 13, "weight": "bold", "va": "top"}
-    top.text(0.03, 1.0 - 0.15 / heights[0], "\n".join(titles), **heading)
-    for k, line in enumerate(lines):
-        top.text(0.03, 1.0 - (above + _LINE_IN * k) / heights[0], line, va="top")
-    widths = [1.0 + 0.9 * (len(grid.head) - 2) for grid in grids] + [1.0 for _ in drawings]
-    across = middle.subplots(1, len(widths), squeeze=False, width_ratios=widths)
-    for axes in across.flat:
-        axes.set_axis_off()
-    for axes, grid in zip(across.flat, grids, strict=False):
-        _write_table(axes, grid, rows * _ROW_IN / beside)
-    for axes, drawing in zip(across.flat[len(grids) :], drawings, strict=True):
-        image = io.BytesIO()
-        drawing.figure.savefig(image, format="png", dpi=150)
-        axes.imshow(imread(io.BytesIO(image.getvalue())))
-    for place, (graph, panels) in zip(places, graphs, strict=True):
-        place.suptitle(graph.title, fontsize=9)
-        across = place.subplots(1, len(panels), squeeze=False)
-        for panel, axes in zip(panels, across.flat, strict=True):
+    rooms[0].text(0.03, 1.0 - 0.15 / heights[0], "\n".join(titles), **heading)
+    _write(rooms[0], above, heights[0], 0.3 + 0.25 * len(titles))
+    main, beside = rooms[1].subfigures(1, 2, width_ratios=[1.9, 1.0])
+    if chart:
+        main.suptitle(chart.title, fontsize=9)
+        grid = main.subplots(len(chart.rows), len(chart.rows[0]), squeeze=False)
+        for panel, axes in zip(chart.panels, grid.flat, strict=False):
             draw_panel(panel, axes)
-            axes.title.set_fontsize(7)
-    if graphs:
-        every = [axes for place in places for axes in place.axes]
-        key(figure, every, 2 * _NAMES, "outside lower center")
+        if chart.key:  # else it is in the panel
+            key(main, grid, 2, "outside lower center")
+    _write(beside, aside, heights[1], 0.1)
+    widths = [1.0 + 0.9 * (len(grid.head) - 2) for grid in grids] + [1.0 for _ in pictures]
+    places = rooms[2].subplots(1, max(len(widths), 1), squeeze=False, width_ratios=widths or None)
+    for axes in places.flat:
+        axes.set_axis_off()
+    for axes, grid in zip(places.flat, grids, strict=False):
+        _write_table(axes, grid, rows * _ROW_IN / heights[2])
+    for axes, picture in zip(places.flat[len(grids) :], pictures, strict=False):
+        axes.imshow(imread(io.BytesIO(picture)))
+    _write(rooms[3], below, heights[3], 0.15)
     return figure
 
 
-def _sentences(parts: Sequence[Part]) -> Iterator[str]:
-    for part in flat(parts):
-        if isinstance(part, Points):
-            yield from (text(item).striptags() for item in part.items)
-        elif isinstance(part, Fold | Html):
-            yield text(part.summary if isinstance(part, Fold) else part).striptags()
+def _lines(parts: Iterable[Part], letters: int) -> list[str]:
+    """What parts say, in lines of so many letters; of folded tables, that the page has them."""
+    lines = []
+    for part in parts:
+        if isinstance(part, Fold):
+            tables = any(isinstance(inner, Grid) for inner in part.parts)
+            summary = f"{part.summary}: in the page" if tables else part.summary
+            lines += _lines([Points([summary]), *part.parts], letters)
+        said = part.rows if isinstance(part, Points) else [part] if isinstance(part, Html) else []
+        for item in said:
+            lines += textwrap.wrap(text(item).striptags(), letters, subsequent_indent="  ")
+    return lines
+
+
+def _write(room: Any, lines: Sequence[str], high: float, above: float) -> None:
+    for k, line in enumerate(lines):
+        room.text(0.03, 1.0 - (above + _LINE_IN * k) / high, line, va="top", fontsize=8.5)
 
 
 def _write_table(axes: Any, grid: Grid, high: float) -> None:
@@ -106,23 +146,3 @@ def _write_table(axes: Any, grid: Grid, high: float) -> None:
     for (_, column), cell in table.get_celld().items():
         cell.set_edgecolor("0.85")
         cell.set_text_props(ha="left" if column < grid.left else "right")
-
-
-def _shaded(graph: Graph, start: float) -> tuple[Graph, list[Panel]]:
-    """A graph, and its panels, in which what is not judged is grey; one key names all curves."""
-    grey = [Rule(0.0, "x", colour=GREY, width=0.0, end=start)] if start else []
-    marks = grey if graph.across == "time" else []
-    return graph, [replace(panel, columns=0).with_marks(*marks) for panel in graph.panels]
-
-
-def _graph_page(graph: Graph, start: float) -> Figure:
-    _, panels = _shaded(graph, start)
-    across = 1 if graph.stacked else min(len(panels), _COLUMNS)
-    rows = [
-        [*panels[k : k + across], *[None] * (across - len(panels[k : k + across]))]
-        for k in range(0, len(panels), across)
-    ]
-    size = (7.0, 1.3 + 1.6 * len(rows)) if graph.stacked else (4.3 * across, 0.8 + 4.1 * len(rows))
-    same: Any = "col" if graph.same else False
-    look: Any = {"key": _NAMES, "key_at": "outside lower center", "same_y": same}
-    return draw(Chart(rows, size, graph.title, same_x=graph.stacked, **look))

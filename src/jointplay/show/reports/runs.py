@@ -2,35 +2,32 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from jointplay.base.errors import JointplayError
-from jointplay.base.files import read_text
-from jointplay.base.tables import Table, few
+from jointplay.base.tables import counted
 from jointplay.base.units import readable
 from jointplay.physics.geometry import Form, Mode
 from jointplay.show.plots import figures
 from jointplay.show.plots.chart import Axis, Curve, Panel, Rule, Spans
-from jointplay.show.plots.names import MODE_MEANINGS, MODE_TERMS, MODES, PAPER, robot_of
+from jointplay.show.plots.names import MODE_MEANINGS, MODE_TERMS, MODES, robot_of
+from jointplay.show.plots.style import style
 from jointplay.show.reports.assumptions import all_assumptions, conditions
 from jointplay.show.reports.cases import Case, Runs
 from jointplay.show.reports.charts import MAX_RECORDS
-from jointplay.show.reports.html import Html, joined, markup, paragraph
-from jointplay.show.reports.inputs import parameters
+from jointplay.show.reports.html import Html, markup, paragraph
+from jointplay.show.reports.inputs import parameters, value_rows
 from jointplay.show.reports.parts import (
     Beside,
     Block,
-    Cell,
     Drawing,
     Fold,
     Graph,
@@ -39,66 +36,68 @@ from jointplay.show.reports.parts import (
     Points,
     Row,
     block,
+    shortened,
 )
 from jointplay.simulation import analysis
 from jointplay.simulation.analysis.bearings import Contacts
-from jointplay.simulation.analysis.claims import CLAIM_COLUMNS, can_be_measured, measure
 from jointplay.simulation.analysis.headline import headline
 from jointplay.simulation.analysis.parts import DECISIVE, ToolError
-from jointplay.simulation.result.certificate import MARKED
+from jointplay.simulation.result.certificate import MARKED, CertifiedFigure
 from jointplay.simulation.result.result import AXES, Result
 
 BLOCKS: list[Block] = []
 
 _ORBITS = 3  # of the cases with the largest forces, at a glance
-_VALUES = 6  # assumed ones that are named before they are unfolded
+_VALUES = 8  # assumed ones that stand beside the figures before they are unfolded
 
 
 @block(BLOCKS, "At a glance", folded=False)
 def glance(runs: Runs) -> Iterator[Part]:
     """What `jointplay run` says first, the figures that matter most, the machine, three charts."""
     answers: list[tuple[float, Html]] = []  # the largest tool errors first
-    for case in runs.cases:
+    for case in runs.judged:
         if case.error is not None and analysis.has_play(case.result):
-            largest = float(np.linalg.norm(case.error.values, axis=1).max())
             with suppress(JointplayError):  # a law of the user's own that may not be imported
                 sentence = headline(case.result, case.ideal)[0]
+                largest = float(np.linalg.norm(case.error.values, axis=1).max())
                 answers.append((largest, markup("{}{}.", case.prefix, sentence)))
     answers.sort(key=lambda answer: -answer[0])
-    yield Points([sentence for _, sentence in answers], "case")
-    yield from _assumed_values(runs)
+    yield from shortened(Points([sentence for _, sentence in answers]), "case")
     caption = "Tool errors are against the ideal machine with the same drives, whose own errors "
-    caption += f"they leave out{f'; figures from {runs.start:g} s on' if runs.start else ''}"
+    caption += f"they leave out{runs.since}"
     grid = runs.by_case(lambda case: _figures(runs, case), caption=caption, name="glance")
-    notes = [Points(_warnings(runs), "warning"), *_doubts(runs)]
-    narrow = [grid, *notes] if len(runs.cases) == 1 else [grid]
-    picture = _picture(runs)
-    yield Beside([narrow, [picture]] if picture else [narrow])
-    yield from notes if len(runs.cases) > 1 else ()
-    judged = [case for case in runs.cases if case.error is not None]
-    angle = all(ToolError(case.result, case.ideal).is_angle for case in judged if case.ideal)
-    of = f"tool_{'orientation' if angle else 'position'}"
-    errors = [
-        runs.detailed[case.label]
-        .plot.panel("deviation", "total", case.ideal, of=of)
-        .styled(colour=case.colour, name=case.label)
-        for case in judged
-    ]
-    for k, case in enumerate(judged):
-        if not angle and (off := case.sent) is not None:
-            size = np.linalg.norm(off.reported.values, axis=1)
-            name = off.against if case.alone else f"{case.label}, {off.against}"
-            curve = Curve(off.reported["time"].values, size, name, case.colour, line="--")
-            errors[k] = errors[k].with_marks(curve)
-    if errors:
-        panel = figures.overlaid(errors).renamed("tool turn" if angle else "tool error")
-        title = "Tool error: distance from the ideal mechanism with the same drives"
-        title = "Turn of the tool against the ideal mechanism" if angle else title
-        yield from _graph(runs, "first_error", title, [panel])
-    else:
+    yield Beside([column for column in ([grid], [*_assumed(runs)], _picture(runs)) if column])
+    yield from shortened(Points(_warnings(runs)), "warning")
+    yield from _doubts(runs)
+    yield from _first_error(runs)
+    yield from _heaviest(runs)
+
+
+def _first_error(runs: Runs) -> Iterator[Part]:
+    """The tool's error over time, also from where it was sent; without play where the tool goes."""
+    if not runs.judged:
         panels = figures.tool_panels(runs.detailed, "tool_position")
         yield from _graph(runs, "tool_displacement", "Displacement of the tool", panels)
-    yield from _heaviest(runs)
+        return
+    angle = all(ToolError(case.result, case.ideal).is_angle for case in runs.judged if case.ideal)
+    of, name = ("orientation", "tool turn") if angle else ("position", "tool error")
+    panels = []
+    for case in runs.judged:
+        panel = runs.detailed[case.label].plot.panel(
+            "deviation", "total", case.ideal, of=f"tool_{of}"
+        )
+        off = None if angle else case.sent
+        label = "from the ideal machine" if case.alone and off else case.label
+        panel = panel.styled(colour=case.colour, name=label)
+        if off:
+            size = np.linalg.norm(off.reported.values, axis=1)
+            label = off.against if case.alone else f"{case.label}, {off.against}"
+            time = off.reported["time"].values
+            panel = panel.with_marks(Curve(time, size, label, case.colour, line="--"))
+        panels.append(panel)
+    title = "Tool error: distance from the ideal mechanism with the same drives"
+    title = "Turn of the tool against the ideal mechanism" if angle else title
+    yield from _graph(runs, "first_error", title, [figures.overlaid(panels).renamed(name)])
 
 
 def _heaviest(runs: Runs) -> Iterator[Part]:
@@ -114,7 +113,7 @@ def _heaviest(runs: Runs) -> Iterator[Part]:
     shown = [pair for case, pair in pairs if case in loaded]
     # Of one the nearer rim stands beside the middle, which stays inside where a journal tilts.
     orbits = [panel for pair in shown for panel in pair[: 2 if len(shown) == 1 else 1] if panel]
-    carries = ", which carries most" if len(runs.joints) > 1 else ""
+    carries = ", which carries most" if len({j for _, j in runs.places}) > 1 else ""
     over = figures.overlaid(
         runs.detailed[case.label]
         .plot.panel("forces", "total", joint)
@@ -126,73 +125,60 @@ def _heaviest(runs: Runs) -> Iterator[Part]:
     yield from _graph(runs, "first_force", f"Contact force in {joint}{carries}", [over])
 
 
-def _assumed_values(runs: Runs) -> Iterator[Fold]:
+def _assumed(runs: Runs) -> Iterator[Part]:
     """What nobody gave: values that decide in sight, all with their effects to unfold."""
-    tables: dict[str, tuple[Table, list[Case]]] = {}
-    for case in runs.cases:
-        table = case.result.assumed
-        tables.setdefault(str(table), (table, []))[1].append(case)
-    for table, cases in tables.values():
-        keys, values = (column.values for column in table.columns[:2])
-        if not len(keys):
-            continue
-        decisive: list[str] = []
-        others: list[str] = []
-        for key, value in zip(keys, values, strict=True):
-            name = key.rpartition(".")[2]
-            kind = f"{key.partition('.')[0].removesuffix('s')} " if name == "kind" else ""
-            known = decisive if name in ("motion", *DECISIVE) else others
-            known.append(f"{kind}{name.replace('_', ' ')} {value}")
-        named = decisive + others
-        number = f"{len(named)} value{'s are' if len(named) > 1 else ' is'} assumed"
-        of = Html(" in ") + joined(map(markup, ["{}"] * len(cases), cases), ", ")
-        of = of if len(cases) < len(runs.cases) else Html("")
-        summary = markup("{}{}: {}", number, of, few(named, _VALUES))
-        yield Fold(summary, [Grid.of_table(table, name="assumed")])
+    decisive: list[Html] = []
+    others: list[Html] = []
+    rows = value_rows(runs, assumed=True)
+    for row in rows:
+        section, _, name = row["value"].partition(".")
+        name = name.rpartition(".")[2] or section
+        name = section.removesuffix("s") if name == "kind" else name.replace("_", " ")
+        known = decisive if name in ("motion", *(d.replace("_", " ") for d in DECISIVE)) else others
+        of = markup(" ({})", row["of"]) if row.get("of") else ""
+        item = markup("{} {}{}", name, row["is"], of)
+        known += [] if item in known else [item]
+    named = decisive + others
+    if named:
+        yield markup("<h3>{}</h3>", f"{counted(len(named), 'value')} assumed")
+        yield Points(named[:_VALUES])
+        more = f"{len(named) - _VALUES} more, and " if len(named) > _VALUES else ""
+        yield Fold(f"{more}what others would change", [Grid.of_rows(rows, name="assumed")])
 
 
 def _figures(runs: Runs, case: Case) -> Row:
     """The figures of a case at a glance; None where one is unknown."""
-    start, audit = runs.start, case.result.audit
-    rms = peak = turn = turn_rms = at_stops = impacts = force = energy = None
-    sent: dict[str, Any] = {}
-    joint = ""
-    if case.error is not None and float(case.error["time"][-1]) >= start:
-        accuracy = analysis.error_statistics(case.error, start)
-        rms, peak = accuracy.rms[3], accuracy.peak[3]
-        ends = [stop.end for stop in _stops(case)[0] if stop.at_rest and stop.end > 0.0]
-        errors = [float(analysis.error_at(case.error, end)[3]) for end in ends]
-        at_stops = max(errors, default=None)
-        if (off := case.sent) is not None:
-            known_off = analysis.error_statistics(off.reported, start)
-            sent[f"tool {off.against}, peak"] = known_off.peak[3], "m"
-            sent[f"tool {off.against}, RMS"] = known_off.rms[3], "m"
-    if case.turn is not None and float(case.turn["time"][-1]) >= start:
-        rotation = analysis.error_statistics(case.turn, start)
-        turn_rms, turn = rotation.rms[3], rotation.peak[3]
-    if forces := _joint_forces(case, start):
-        joint, force = max(forces.items(), key=lambda item: item[1])
-        impacts = audit.judged_impacts
-    if (rattle := _rattle(runs, case)) is not None:
-        energy = rattle.energy or None
-    at = f", {joint}" if len(case.joints) > 1 else ""
+    start, certificate, figures_ = runs.start, case.result.certificate, {}
+    if certificate is not None and start == case.result.judge_from:
+        figures_ = {figure.name: figure for figure in certificate.figures}
 
     def known(value: float | None, name: str) -> Any:
-        return _with_error(case, start, value, name)
+        """A value with its numerical error, if that is of the time judged."""
+        return value if value is None or name not in figures_ else _marked(figures_[name])
 
-    return {
-        "ended": case.result.status.name.lower().replace("_", " "),
-        **sent,
-        "tool error, peak": (known(peak, "peak tool error"), "m"),
-        "tool error, RMS": (known(rms, "RMS tool error"), "m"),
-        "turn of the tool, peak": (known(turn, "peak tool turn"), "rad"),
-        "turn of the tool, RMS": (known(turn_rms, "RMS tool turn"), "rad"),
-        "tool error at stops, largest": (at_stops, "m"),
-        "force at the joint, peak": (known(force, f"peak joint force{at}"), "N"),
-        "impacts": known(impacts, "impacts"),
-        "energy lost per impact": (energy, "J", True),
-        "warnings": len(audit.warnings),
-    }
+    against = case.sent.against if case.sent else ""
+    row: dict[str, Any] = {"ended": case.result.status.name.lower().replace("_", " ")}
+    for error, head, name, unit in (
+        (case.sent.reported if case.sent else None, f"tool {against}", "", "m"),
+        (case.error, "tool error", "tool error", "m"),
+        (case.turn, "turn of the tool", "tool turn", "rad"),
+    ):
+        if error is not None and float(error["time"][-1]) >= start:
+            accuracy = analysis.error_statistics(error, start)
+            row[f"{head}, peak"] = known(accuracy.peak[3], f"peak {name}"), unit
+            row[f"{head}, RMS"] = known(accuracy.rms[3], f"RMS {name}"), unit
+    if case.error is not None:
+        ends = [stop.end for stop in _stops(case) if stop.at_rest and stop.end > 0.0]
+        errors = [float(analysis.error_at(case.error, end)[3]) for end in ends]
+        row["tool error at stops, largest"] = max(errors, default=None), "m"
+    if forces := _joint_forces(case, start):
+        joint, force = max(forces.items(), key=lambda item: item[1])
+        at = f", {joint}" if len(case.joints) > 1 else ""
+        row["force at the joint, peak"] = known(force, f"peak joint force{at}"), "N"
+        row["impacts"] = known(case.result.audit.judged_impacts, "impacts")
+    if (rattle := _rattle(runs, case)) is not None:
+        row["energy lost per impact"] = rattle.energy or None, "J", True
+    return row | {"warnings": len(case.result.audit.warnings)}
 
 
 def _rattle(runs: Runs, case: Case) -> analysis.Rattle | None:
@@ -202,50 +188,42 @@ def _rattle(runs: Runs, case: Case) -> analysis.Rattle | None:
     return None
 
 
-def _with_error(case: Case, start: float, value: float | None, name: str) -> Cell:
-    """A value with its numerical error, if that is of the time judged, marked where it is large."""
-    certificate = case.result.certificate
-    if value is None or certificate is None or start != case.result.judge_from:
-        return value
-    figure = next((figure for figure in certificate.figures if figure.name == name), None)
-    if figure is None:
-        return value
+def _marked(figure: CertifiedFigure) -> Html:
     pattern = '{} <strong class="warn">uncertain</strong>' if figure.marked else "{}"
     return markup(pattern, figure.number)
 
 
 def _joint_forces(case: Case, start: float) -> dict[str, float]:
     """The largest force in each joint with clearance from `start` on [N]."""
-    if not case.joints:
-        return {}
-    forces = case.result["joint_force_peak"].values[case.result.time >= start]
-    largest = np.linalg.norm(forces, axis=2).max(axis=0, initial=0.0)
-    return dict(zip(case.joints, map(float, largest), strict=True))
+    late = case.result.forces.values[case.result.time >= start] if case.joints else np.empty((0, 0))
+    return dict(zip(case.joints, map(float, late.max(axis=0, initial=0.0)), strict=True))
 
 
-def _picture(runs: Runs) -> Drawing | None:
+def _picture(runs: Runs) -> list[Part]:
     """The mechanism with its play marked; nothing if it cannot be built or drawn."""
     from jointplay.show.picture import picture
 
     shown = next((case for case in runs.cases if analysis.has_play(case.result)), runs.cases[0])
     try:
         mechanism = shown.result.simulation.mechanism
-        labels = {}
-        for name in shown.joints:
-            machines = (
-                case.result.simulation.mechanism for case in runs.cases if name in case.joints
-            )
-            plays = {machine.clearance[name].play_words for machine in machines}
-            labels[name] = f"{name}\nplay {plays.pop()}" if len(plays) == 1 else f"{name}: play"
-        q = shown.result["q"].values[0]
-        # Letters that can be read in half a page.
-        figure = picture(mechanism, q, labels=labels, size_in=(6.0, 4.1))
+        labels = {
+            name: f"{name}\nplay {mechanism.clearance[name].play_words}"
+            if shown.alone
+            else f"{name}: play"
+            for name in shown.joints
+        }
+        q, size_in = shown.result["q"].values[0], (4.4, 3.6)  # whose letters can be read
+        figure, content = picture(mechanism, q, labels=labels, size_in=size_in), io.BytesIO()
     except JointplayError:  # such as a law of the user's own that may not be imported
-        return None
+        return []
+    with style("screen"):
+        figure.savefig(content, format="png", dpi=150, bbox_inches="tight", pad_inches=0.05)
     places = [name for name, joint in mechanism.clearance.items() if joint.has_play]
-    places += [f"the gear of {name}" for name, gear in mechanism.gears.items() if gear.play > 0.0]
+    gears = [name for name, gear in mechanism.gears.items() if gear.play > 0.0]
+    places += [f"the gear{'s' if len(gears) > 1 else ''} of {', '.join(gears)}"] if gears else []
     play = f"play in {', '.join(places)}" if places else "nothing has play"
-    return Drawing(f"{robot_of(shown.result)} at the start of the run; {play}", figure, "png")
+    title = f"{robot_of(shown.result)} at the start of the run; {play}"
+    return [Drawing(title, content.getvalue())]
 
 
 def _warnings(runs: Runs) -> list[Html]:
@@ -258,41 +236,26 @@ def _warnings(runs: Runs) -> list[Html]:
 
 def _doubts(runs: Runs) -> Iterator[Part]:
     """What ± and its absence stand for, and what to do about large errors."""
-    certified = False
-    unsure: list[str] = []
-    unknown: list[Html] = []
-    for case in runs.cases:
-        certificate = case.result.certificate
-        if certificate is None:
-            unknown += [markup("{}", case)] if case.joints else []
-            continue
-        certified = True
-        shown = ("peak joint force", "peak tool", "RMS tool", "impacts")
-        large = [f.name for f in certificate.headline if f.name.startswith(shown) and f.marked]
-        if runs.start == case.result.judge_from and large and case.joints:
-            why = f" ({certificate.note})" if certificate.note else ""
-            unsure.append(markup("{}{}{}", case.prefix, ", ".join(large), why))
-    points = []
-    if certified:
+    certificates = [case.result.certificate for case in runs.cases]
+    unknown = [case for case in runs.cases if case.joints and case.result.certificate is None]
+    points: list[str] = []
+    if any(certificates):
         points.append(
             "±: numerical error, within which 9 of 10 figures are of what the model says. It does "
             "not say how well the model fits the machine."
         )
     if unknown:
-        which = joined(unknown, ", ")
-        unknown_are = "{} numerical errors are not known; jointplay run --certify finds them."
-        points.append(markup(unknown_are, which))
-    yield Points(points)
-    if unsure:
-        summary = markup(
-            '<strong class="warn">Uncertain:</strong> the numerical error exceeds {} % of the value'
-            " (of a count, 1). Do not compare designs by smaller differences. A smaller tolerance "
-            "or step (integration.tolerance, integration.step) helps where the step is the cause; "
-            "where the motion itself magnifies small differences, only means over perturbed runs "
-            "can be compared (jointplay study sweep, repeats).",
-            f"{100.0 * MARKED:g}",
+        unsure = "{} Numerical errors are not known; jointplay run --certify finds them."
+        points.append(markup(unsure, runs.named(unknown)))
+    if any(figure.marked for c in certificates if c is not None for figure in c.headline):
+        points.append(
+            f"uncertain: the numerical error exceeds {100.0 * MARKED:g} % of the value (of a "
+            "count, 1). Do not compare designs by smaller differences. A smaller tolerance or step "
+            "(integration.tolerance, integration.step) helps where the step is the cause; where "
+            "the motion itself magnifies small differences, only means over perturbed runs can be "
+            "compared (jointplay study sweep, repeats)."
         )
-        yield Fold(summary, [Points(unsure)])
+    yield Points(points)
 
 
 block(BLOCKS, "Parameters")(parameters)
@@ -308,10 +271,7 @@ def assumptions(runs: Runs) -> Iterator[Part]:
             "Tool accuracy, peak force, contact statistics, shares of time and spectra are judged "
             f"from {runs.start:g} s on; penetration and audit are those of whole runs."
         )
-    for case in runs.cases:
-        verdict = case.result.audit.headline_with(case.result.certificate)
-        notes = [f"{verdict}.", *case.notes] if case.joints else case.notes
-        points += [markup("{}{}", case.prefix, note) for note in notes]
+    points += [markup("{}{}", case.prefix, note) for case in runs.cases for note in case.notes]
     yield Points(points)
 
 
@@ -319,20 +279,25 @@ def assumptions(runs: Runs) -> Iterator[Part]:
 def audits(runs: Runs) -> Iterator[Part]:
     """Energy, steps, contacts and numerical errors of each run, by its own judgement."""
     yield runs.by_case(_audit, "of the run", name="audit-table")
-    yield Points(_warnings(runs) or ["No run has warnings."])
+    points: list[Html] = []
+    for case in runs.cases:
+        certificate = case.result.certificate
+        texts = [case.result.audit.headline_with(certificate)] if case.joints else []
+        if certificate is not None:
+            texts += [text for text in (certificate.origin, certificate.note) if text]
+            texts.append(f"further runs: {'; '.join(certificate.runs)}")
+        points += [markup("{}{}.", case.prefix, text) for text in texts]
+    yield Points(points)
     panels = [
         replace(case.result.plot.panel("energy"), title="" if case.alone else case.label)
         for case in runs.cases
     ]
     yield from _graph(runs, "energy", "Energy balance", panels)
-    certified = [case for case in runs.cases if case.result.certificate is not None]
-    if certified:
-        yield from _certificates(certified)
 
 
 def _audit(case: Case) -> Row:
     audit, result = case.result.audit, case.result
-    limit, wall = audit.friction_step_limit, result.dataset.attrs.get("wall_time_s")
+    limit = audit.friction_step_limit
     contact: Row = {
         "contacts begun": audit.impacts,
         "shortest contact": (audit.shortest_contact_steps or None, "steps"),
@@ -343,44 +308,17 @@ def _audit(case: Case) -> Row:
         "step that friction needs": readable(limit, "s", 3) if math.isfinite(limit) else None,
     }
     drift = audit.loop_drift if "loop_drift" in result.dataset else None
+    certified = () if result.certificate is None else result.certificate.headline
     return {
         "ended": result.message,
         "energy residual": (audit.energy_residual, "J"),
-        "energy exchanged": (audit.energy_exchanged, "J"),
-        "residual, of what is exchanged": (audit.relative_energy_residual, "1"),
+        "the same, of what is exchanged": (audit.relative_energy_residual, "1"),
         **(contact if case.joints else {}),
         "step": readable(audit.step, "s"),
         "error by the step": (audit.step_error, "m", True),
         "drift of ideal loops": (drift, "m", True),
-        "computed in": (None if wall is None else float(wall), "s"),
+        **{figure.name: (_marked(figure), figure.unit) for figure in certified},
     }
-
-
-def _certificates(cases: Sequence[Case]) -> Iterator[Part]:
-    yield markup("<h3>Numerical errors</h3><p>{}</p>", (
-        "Figures of the runs with their numerical errors, found by repeating the runs with steps "
-        "chosen by their error: estimated from two further runs, or three where they leave an "
-        "error above 0.5 %, certified by three. Those with errors above 5 % are marked."
-    ))  # fmt: skip
-    columns: list[Row] = []
-    points: list[Html] = []
-    for case in cases:
-        certificate = case.result.certificate
-        assert certificate is not None
-        pattern = {True: '<strong class="warn">{} (!)</strong>', False: "{}"}
-        headlines = certificate.headline
-        columns.append(
-            {figure.name: markup(pattern[figure.marked], str(figure)) for figure in headlines}
-        )
-        further = [figure.name for figure in certificate.marked if figure not in headlines]
-        for label, text in (
-            ("of the claims' measures above 5 %: ", ", ".join(further)),
-            ("", certificate.note),
-            ("further runs: ", "; ".join(certificate.runs)),
-        ):
-            points += [markup("{}{}{}.", case.prefix, label, text)] if text else []
-    yield Grid.of_cases("figure", cases, columns)
-    yield Points(points)
 
 
 @block(BLOCKS, "Motion of the tool")
@@ -388,120 +326,91 @@ def motion(runs: Runs) -> Iterator[Part]:
     """Displacement, velocity and path, and how they differ from the ideal."""
     hint = (
         "Drag across a chart in time to zoom; all charts in time follow, and the paths and orbits "
-        "show that time only. Double-click, or “whole run” above, to go back. Where an impact was "
-        "followed step by step, each step is a point."
+        "show that time only. Double-click, or “whole run” above, to go back."
     )
-    if runs.start:
-        hint += (
-            f" Charts begin at {runs.start:g} s, from which on the tables judge the runs; “whole "
-            "run” shows also how the journals settle before."
-        )
     if long := [case.label for case in runs.cases if len(case.result.time) > MAX_RECORDS]:
-        hint += (
-            f" Of {', '.join(long)} the smallest and the largest record of each of "
-            f"{MAX_RECORDS // 2} intervals are shown."
-        )
+        hint += f" Of {', '.join(long)} the smallest and the largest record of each of "
+        hint += f"{MAX_RECORDS // 2} intervals are shown."
     yield markup('<p class="screen">{}</p>', hint)
     axes = figures.moving_axes(runs.detailed)
     along = f" (along {' and '.join(axes)}, the others are at rest)" if len(axes) < 3 else ""
+    ideals = {case.label: case.ideal for case in runs.judged if case.ideal is not None}
     for of, quantity in (("position", "displacement"), ("velocity", "velocity")):
         title = f"{quantity.capitalize()} of the tool{along}"
-        if of == "velocity" or runs.ideals:  # else it stands at a glance
+        if of == "velocity" or runs.judged:  # else it stands at a glance
             panels = figures.tool_panels(runs.detailed, f"tool_{of}")
             yield from _graph(runs, f"tool_{quantity}", title, panels)
-        panels = figures.difference_panels(runs.detailed, f"tool_{of}", runs.ideals)
+        panels = figures.difference_panels(runs.detailed, f"tool_{of}", ideals)
         title += ", less the ideal mechanism's"
         yield from _graph(runs, f"tool_{quantity}_error", title, panels)
     if not figures.is_straight(runs.detailed):
         plane = figures.plane_of(runs.recorded)
-        where = "the XOY plane" if runs.paper and plane == "xy" else f"the {plane} plane"
         panels = [figures.path_panel(runs.detailed)]
-        yield from _graph(runs, "tool_path", f"Path of the tool in {where}", panels)
+        yield from _graph(runs, "tool_path", f"Path of the tool in the {plane} plane", panels)
 
 
 @block(BLOCKS, "Accuracy")
 def accuracy(runs: Runs) -> Iterator[Part]:
     """Tool error by axis, and at each stop."""
+    if not runs.judged:  # nothing has play, or there is no reference
+        return
     rows: list[Row] = []
     at_stops: list[Row] = []
-    unknown: list[Html] = []
-    for case in runs.cases:
-        if case.error is None:
-            continue
+    for case in runs.judged:
+        assert case.error is not None
         start = min(runs.start, float(case.error["time"][-1]))
         statistics = analysis.error_statistics(case.error, start)
+        columns = {"mean": statistics.mean, "RMS": statistics.rms, "peak": statistics.peak}
         for k, axis in enumerate(analysis.COMPONENTS):
-            row: dict[str, Any] = {"case": case, "axis": axis}
-            row["mean"] = float(statistics.mean[k]), "m"
-            for how, values in (("RMS", statistics.rms), ("peak", statistics.peak)):
-                name = f"{how} tool error" if axis == "total" else ""
-                row[how] = _with_error(case, runs.start, float(values[k]), name), "m"
-            rows.append(row)
-        stops, reason = _stops(case)
-        if reason:
-            unknown.append(paragraph(f"{case.label}: its stops are not known: {reason}"))
-        for stop in stops:
-            moments = [("arrival", stop.start, "{}")]
-            if stop.kind == "dwell":
-                moments.append(("end of dwell", stop.end, "<strong>{}</strong>"))
-            for moment, time, pattern in moments:
-                errors = map(float, 1e3 * analysis.error_at(case.error, time))
-                heads = ("time [s]", *(f"{axis} [mm]" for axis in analysis.COMPONENTS))
-                cells = (markup(pattern, cell) for cell in (f"{time:.4g}", *errors))
-                figures_ = dict(zip(heads, cells, strict=True))
-                at_stops.append(
-                    {"case": case, "reference": stop.kind, "moment": moment, **figures_}
-                )
-    if not rows:
-        yield paragraph("No case has a tool error: nothing has play, or there is no reference.")
-        return
+            values = {head: (float(column[k]), "m") for head, column in columns.items()}
+            rows.append({"case": case, "axis": axis, **values})
+        for stop in _stops(case):
+            dwells = [("end of dwell", stop.end)] if stop.kind == "dwell" else []
+            for moment, time in [("arrival", stop.start), *dwells]:
+                errors = zip(analysis.COMPONENTS, analysis.error_at(case.error, time), strict=True)
+                row = {"case": case, "reference": stop.kind, "moment": moment}
+                row |= {"time [s]": f"{time:.4g}"}
+                at_stops.append(row | {axis: (float(error), "m") for axis, error in errors})
     yield Grid.of_rows(rows, caption=(
         "Tool position less the ideal mechanism's at the same time, world axes; total: the distance"
         f"{runs.since}"
     ))  # fmt: skip
-    yield from unknown
     if at_stops:
-        named = sum(1 for head in ("case", "reference", "moment") if head != "case" or
-                    not runs.cases[0].alone)  # fmt: skip
-        yield Grid.of_rows(at_stops, left=named, caption=(
+        yield Grid.of_rows(at_stops, left=2 if runs.cases[0].alone else 3, caption=(
             "Tool error at the waypoints of the reference motion. The tool picks and places while "
-            "the reference dwells: the end of a dwell (bold) is what matters to the process"
+            "the reference dwells: the end of a dwell is what matters to the process"
         ))  # fmt: skip
 
 
-def _stops(case: Case) -> tuple[list[analysis.Stop], str]:
-    """Stops of the reference motion, as far as the run came; or why nobody knows them."""
-    assert case.error is not None
-    try:
+def _stops(case: Case) -> list[analysis.Stop]:
+    """Stops of the reference motion, as far as the run came; none if nobody knows them."""
+    motion = None
+    with suppress(JointplayError):  # the run cannot be built again
         motion = case.result.simulation.motion
-    except JointplayError as error:  # the run cannot be built again
-        return [], str(error)
-    if motion is None:
-        return [], ""
-    return analysis.stops(motion, float(case.error["time"][-1])), ""
+    if motion is None or case.error is None:
+        return []
+    return analysis.stops(motion, float(case.error["time"][-1]))
 
 
 @block(BLOCKS, "Bearings")
 def bearings(runs: Runs) -> Iterator[Part]:
     """Orbit of each joint, contact modes and forms, loads and life of rolling bearings."""
-    if not runs.joints:
+    if not runs.places:
         return
-    orbits = [panel for panel, _ in figures.orbit_panels(runs.detailed)]
-    yield from _graph(runs, "journal_orbit", "Centre in the bearing, with its clearance", orbits)
-    rims = [rims for _, rims in figures.orbit_panels(runs.detailed) if rims is not None]
+    both = figures.orbit_panels(runs.detailed)
+    title = "Centre in the bearing, with its clearance"
+    yield from _graph(runs, "journal_orbit", title, [panel for panel, _ in both])
     yield from _graph(runs, "rims", "Centre of the rim that is nearer to the bore: as far inside "
                       "the circle as its gap is wide, penetration as far outside, magnified",
-                      rims)  # fmt: skip
-    for kind, place in (("mode", "Table 1"), ("form", "Figure 2")):
-        panels = _of_joints(runs, f"{kind}s", where=partial(_has_shares, kind=kind))
+                      [rims for _, rims in both if rims is not None])  # fmt: skip
+    for kind in ("mode", "form"):
         timelines = []
-        for panel in panels:
+        for panel in _of_joints(runs, f"{kind}s", where=partial(_has_shares, kind=kind)):
             rows = [mark for mark in panel.marks if isinstance(mark, Spans)]
             # Shares are those of records, not of steps: the table has them.
             axis = Axis(rows=[row.name.partition(", ")[0] for row in rows])
             timelines.append(replace(panel, y=axis, marks=[replace(row, name="") for row in rows]))
-        title = f"Contact {kind}{f' ({place})' if runs.paper else ''}"
-        yield from _graph(runs, f"{kind}s", title, timelines)
+        yield from _graph(runs, f"{kind}s", f"Contact {kind}", timelines)
     yield from _shares(runs)
     tilt = _of_joints(runs, "tilt")
     yield from _graph(runs, "tilt", "Angle between the axes of journal and bearing", tilt)
@@ -515,41 +424,27 @@ def _has_shares(result: Result, joint: str, kind: str) -> bool:
 
 
 def _shares(runs: Runs) -> Iterator[Part]:
-    """Shares of the time in each mode and form."""
-    pairs = [
-        (case, joint)
-        for case in runs.cases
-        for joint in case.joints
-        if not analysis.rolls(case.result, joint)
-    ]
-    if not pairs:
-        return
-
-    def shares(kind: str, place: str, members: Mapping[str, str]) -> Grid:
-        rows: list[Row] = []
-        for case, joint in pairs:
-            share = analysis.time_fractions(case.result, joint, kind, runs.start)
-            rows.append({name: (share.get(key), "1") for key, name in members.items()})
-        names = [markup("{} {}", case, joint) for case, joint in pairs]
-        head = f"{kind} ({place})" if runs.paper else kind
-        caption = f"Share of the records in each {kind}{runs.since}"
-        return Grid.of_cases(head, names, rows, caption=caption)
-
-    keys = (mode.name.lower() for mode in Mode)
-    yield shares("mode", "Table 1", dict(zip(keys, MODES, strict=True)))
-    meanings = zip(MODES, MODE_TERMS, MODE_MEANINGS, strict=True)
-    yield paragraph("; ".join(f"{mode} (in the paper: {term}): {meaning}"
-                              for mode, term, meaning in meanings) + ".")  # fmt: skip
-    fractions = [analysis.time_fractions(case.result, j, "form", runs.start) for case, j in pairs]
-    occurred = {key for by_form in fractions for key, share in by_form.items() if share > 0.0}
-    if forms := {
+    """Shares of the time in each mode, and in each form that occurred."""
+    sliding = [place for place in runs.places if not analysis.rolls(place[0].result, place[1])]
+    modes = {mode.name.lower(): name for mode, name in zip(Mode, MODES, strict=True)}
+    forms = {
         form.name.lower(): f"{form.letter}: {form.name.lower().replace('_', ' ')}"
         if form
         else "no contact"
         for form in Form
-        if form.name.lower() in occurred
-    }:
-        yield shares("form", "Figure 2", forms)
+    }
+    for kind, members in (("mode", modes), ("form", forms)) if sliding else ():
+        shares = [analysis.time_fractions(c.result, j, kind, runs.start) for c, j in sliding]
+        occurred = [k for k in members if kind == "mode" or any(s.get(k, 0.0) for s in shares)]
+        rows: list[Row] = [{members[k]: (s.get(k, 0.0), "1") for k in occurred} for s in shares]
+        heads = [markup("{} {}", case, joint) for case, joint in sliding]
+        if occurred:
+            caption = f"Share of the records in each {kind}{runs.since}"
+            yield Grid.of_cases(kind, heads, rows, caption=caption)
+    if sliding:
+        meanings = zip(MODES, MODE_TERMS, MODE_MEANINGS, strict=True)
+        texts = (f"{mode} (in the paper: {term}): {meaning}" for mode, term, meaning in meanings)
+        yield paragraph("; ".join(texts) + ".")
 
 
 def _lives(runs: Runs) -> Iterator[Part]:
@@ -557,33 +452,27 @@ def _lives(runs: Runs) -> Iterator[Part]:
     rows: list[Row] = []
     swings = False
     for case in runs.cases:
-        late = case.result.time >= runs.start
-        if not any(analysis.rolls(case.result, joint) for joint in case.joints) or late.sum() < 2:
+        if not any(analysis.rolls(case.result, joint) for joint in case.joints):
             continue
         for joint, bearing in analysis.rolling_bearings(case.result).items():
-            life = analysis.bearing_life(case.result, joint, runs.start)
-            loaded = case.result["loaded_elements"].sel(joint=joint).values[late]
-            swings = swings or life.oscillates
-            rows.append(
-                {
-                    "joint": markup("{} {}", case, joint),
-                    "bearing": bearing.designation or bearing.kind.replace("-", " "),
-                    "largest element load": (life.largest_load, "N"),
-                    "the same, at C0": (life.rated_load, "N"),
-                    "elements loaded, least": int(loaded.min()),
-                    "mean": float(loaded.mean()),
-                    "most": life.most_loaded,
-                    "of": life.elements,
-                    "turned": (life.turned, "rev"),
-                    "life L10": life.lasting,
-                    "friction torque, mean": (life.mean_torque, "N*m"),
-                    "friction power, mean": (life.friction_power, "W", True),
-                }
-            )
+            with suppress(JointplayError):  # too few records
+                life = analysis.bearing_life(case.result, joint, runs.start)
+                swings = swings or life.oscillates
+                rows.append(
+                    {
+                        "joint": markup("{} {}", case, joint),
+                        "bearing": bearing.designation or bearing.kind.replace("-", " "),
+                        "largest element load": (life.largest_load, "N"),
+                        "the same, at C0": (life.rated_load, "N"),
+                        "elements loaded, most": f"{life.most_loaded} of {life.elements}",
+                        "life L10": life.lasting,
+                        "friction torque, mean": (life.mean_torque, "N*m"),
+                    }
+                )
     if not rows:
         return
-    yield Html("<h3>Rolling bearings</h3>")
-    yield Grid.of_rows(rows, "largest element load", 1, noun="bearing")
+    table = Grid.of_rows(rows, "largest element load", 1, caption="Rolling bearings")
+    yield from shortened(table, "bearing")
     note = (
         "Loads are those of single balls or rollers; at C0 that of the most loaded one under the "
         "basic static load rating. L10: basic reference rating life (ISO/TS 16281, a factor a_ISO "
@@ -608,7 +497,7 @@ def forces(runs: Runs) -> Iterator[Part]:
         for joint, force in _joint_forces(case, runs.start).items()
     ]
     if rows:
-        yield Grid.of_rows(rows, "largest force", noun="joint")
+        yield from shortened(Grid.of_rows(rows, "largest force"), "joint")
     for axis in AXES:
         panels = figures.force_panels(runs.detailed, axis)
         title = f"Force in the joint along world {axis}"
@@ -618,21 +507,18 @@ def forces(runs: Runs) -> Iterator[Part]:
 @block(BLOCKS, "Impacts")
 def impacts(runs: Runs) -> Iterator[Part]:
     """Contacts by place, the largest ones step by step, normal forces and gaps."""
-    if not runs.joints:  # where gears alone play, none strikes
+    if not runs.places:  # where gears alone play, none strikes
         return
     rows = [
-        _contact(runs, case, place)
+        _contact(case, place)
         for case in runs.cases
         for place in analysis.contacts(case.result, runs.start)
     ]
-    yield Grid.of_rows(rows, "peak force, largest", 1, noun="place")
-    loose = (case.result for case in runs.cases if case.joints)
-    spacing = sorted({1e3 * float(np.median(np.diff(result.time))) for result in loose})
+    yield from shortened(Grid.of_rows(rows, "peak force, largest", 1), "place")
     yield paragraph(
         "Contacts begun, impulse and shortest contact are exact: counted at every step of the "
-        "whole run. Durations come from records, known to about one record interval "
-        f"({', '.join(f'{value:g}' for value in spacing)} ms), and contacts that follow each other "
-        "within it count as one. Peak forces are held between records and exact."
+        "whole run. Durations come from records, and contacts that follow each other within one "
+        "record interval count as one. Peak forces are held between records and exact."
     )
     panels = [
         replace(
@@ -648,22 +534,21 @@ def impacts(runs: Runs) -> Iterator[Part]:
         yield from _graph(runs, name, title, _of_joints(runs, name), same=True)
 
 
-def _contact(runs: Runs, case: Case, place: Contacts) -> Row:
+def _contact(case: Case, place: Contacts) -> Row:
     """Statistics of a place where a joint touches."""
 
     def percentile(values: np.ndarray, percent: float) -> float | None:
         return float(np.percentile(values, percent)) if len(values) else None
 
-    onsets = rate = impulse = shortest = None
+    onsets = impulse = shortest = None
     if case.replay is not None:
         exact = case.replay.statistics.sel(joint=place.joint, contact=place.contact)
         onsets, impulse = int(exact["onsets"]), float(exact["impulse"])
-        rate, steps = onsets / case.duration, float(exact["shortest_steps"])
+        steps = float(exact["shortest_steps"])
         shortest = int(steps) if math.isfinite(steps) else None
     return {
         "place": _place(case, place.joint, place.contact),
         "contacts begun": onsets,
-        "rate": (rate, "1/s"),
         "normal impulse": (impulse, "N*s"),
         "shortest": (shortest, "steps"),
         "time in contact": (place.share, "1"),
@@ -696,9 +581,7 @@ def _single_impacts(runs: Runs) -> Iterator[Part]:
                     "": markup('<button type="button" data-zoom="{}">zoom</button>', zoom),
                 }
             )
-    if not rows:
-        yield paragraph("No impact was followed step by step.")
-    else:
+    if rows:
         yield Grid.of_rows(rows, name="single-impacts", left=1)
 
 
@@ -717,25 +600,18 @@ def spectrum(runs: Runs) -> Iterator[Part]:
     title = "Power spectral density of the tool's acceleration"
     yield from _graph(runs, "spectrum", title, panels)
     rows: list[Row] = []
-    missing: list[str] = []
     for case in runs.cases:
         try:
             density = analysis.spectrum(case.result, start=runs.start)
         except JointplayError as error:
-            missing.append(f"{case.label}: no spectrum, {error}.")
+            yield paragraph(f"{case.label}: no spectrum, {error}.")
             continue
         frequency, values = density["frequency"].values, density.values
         width = float(frequency[1] - frequency[0])
-        above = frequency >= 20.0
         row: dict[str, Any] = {"case": case}
         for axis, column in zip(analysis.COMPONENTS, values.T, strict=True):
             row[f"RMS {axis}"] = float(np.sqrt(column[1:].sum() * width)), "m/s^2"
-        for axis, column in zip(AXES, values.T, strict=False):
-            strongest = float(frequency[above][column[above].argmax()]) if above.any() else None
-            row[f"strongest above 20 Hz, {axis}"] = strongest, "Hz"
-        row["sampled at"] = density.attrs["sampling_frequency_hz"], "Hz"
-        row["window"] = density.attrs["window_s"], "s"
-        rows.append(row | {"windows": density.attrs["windows"]})
+        rows.append(row)
     if rows:
         yield Grid.of_rows(rows)
     if bands := {case: rattle.bands for case in runs.cases if (rattle := _rattle(runs, case))}:
@@ -749,76 +625,6 @@ def spectrum(runs: Runs) -> Iterator[Part]:
         "mean one of each record interval (difference of recorded velocities), which lowers the "
         "density towards the Nyquist frequency, by 59 % there."
     )
-    yield Points(missing)
-
-
-_MEASURES = {
-    "deviation_mm": "tool deviation about its mean, RMS [mm]",
-    "speed_mm_s": "velocity deviation, RMS [mm/s]",
-    "path_mm": "distance from the ideal path in the XOY plane, RMS [mm]",
-    **{
-        key: f"{mode} [share of time]"
-        for key, mode in zip(("free", "continuous", "penetration"), MODES, strict=True)
-    },
-    **{f"f{axis}": f"largest |F{axis}| [N]" for axis in AXES},
-    "busy": "force above 20 % of its peak [share of time]",
-    "crossings": "turning points of the tool's deviation [1/s]",
-    "swing_mm": "mean excursion between them [mm]",
-}
-
-
-@block(BLOCKS, "Claims")
-def claims(runs: Runs) -> Iterator[Part]:
-    """What the paper claims, and what these runs say of it."""
-    if runs.claims is not None:
-        head, *lines = claim_rows(runs.claims)
-        classes = {"yes": "good", "no": "bad"}
-        rows = [
-            [
-                *line,
-                markup('<span class="{}">{}</span>', classes.get(verdict, "open"), verdict),
-                last,
-            ]
-            for *line, verdict, last in lines
-        ]
-        caption = f"Ensembles of perturbed runs ({runs.claims.name})"
-        yield Grid(head, rows, caption, left=len(head))
-    elif not runs.paper:
-        return
-    measured = [
-        (case, measure(case.result, case.ideal))
-        for case in runs.cases
-        if case.ideal is not None and can_be_measured(case.result, case.ideal)
-    ]
-    if measured:
-        columns = [
-            {name: float(values[key]) for key, name in _MEASURES.items()} for _, values in measured
-        ]
-        caption = "What the claims are about, in these single runs"
-        yield Grid.of_cases("measure", [case for case, _ in measured], columns, caption=caption)
-        yield paragraph(
-            "No claim is decided on single runs: impacts magnify small differences. Ensembles are "
-            "judged by the command jointplay scara."
-        )
-    elif runs.claims is None:
-        yield paragraph(
-            "There are no claims to judge: no claims table was given, and no run with one joint "
-            "with clearance is judged for longer than its start takes."
-        )
-
-
-def claim_rows(source: Path) -> list[list[str]]:
-    """Rows of a claims table that `jointplay scara` wrote, its header first."""
-    try:
-        lines = list(csv.reader(io.StringIO(read_text(source, "claims"), newline=""), strict=True))
-    except csv.Error as error:
-        raise JointplayError(f"cannot read the claims {str(source)!r}: {error}") from None
-    head = Table.of_texts([CLAIM_COLUMNS]).csv().strip()
-    if not lines or ",".join(lines[0]) != head or any(len(line) != 5 for line in lines):
-        raise JointplayError(
-            f"{str(source)!r} is not a claims table of jointplay scara; its header must be {head}"
-        )
-    return [list(CLAIM_COLUMNS), *lines[1:]]
 
 
 # Graphs.
@@ -827,13 +633,10 @@ def claim_rows(source: Path) -> list[list[str]]:
 def _graph(
     runs: Runs, name: str, title: str, panels: Sequence[Panel], same: bool = False
 ) -> Iterator[Graph]:
-    """A graph, which for the paper's robot has the paper's number; none without panels."""
-    number = PAPER.get(name.removesuffix("_error"), "") if runs.paper else ""
-    if number:
-        title = f"Figure {int(number[3:])}: {title[0].lower()}{title[1:]}"
-    (case, *others) = runs.cases
+    """A graph; none without panels."""
+    case = runs.cases[0]
     if panels:
-        shown = panels if others else [_unnamed(panel, case.label) for panel in panels]
+        shown = [_unnamed(panel, case.label) for panel in panels] if case.alone else panels
         yield Graph(name, title, shown, same)
 
 

@@ -4,27 +4,25 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
-from functools import partial
 from typing import Any
 
 import numpy as np
 import xarray as xr
-from matplotlib.figure import Figure
 
-from jointplay.show.plots import sweep as draw
+from jointplay.show.plots import sweep as plots
 from jointplay.show.reports.html import markup, paragraph
 from jointplay.show.reports.parts import (
     Beside,
     Block,
-    Cell,
     Drawing,
     Fold,
     Grid,
     Part,
     Points,
     block,
+    shortened,
 )
 from jointplay.simulation.analysis.uncertainty import IntervalEstimate
 from jointplay.study import sweep_table
@@ -33,11 +31,11 @@ from jointplay.study.sweep_plan import SAMPLE
 
 _ROWS, _FIRST = 20, 2  # points of the grid, and figures, that are not folded
 _MOST_ROWS = 400  # points of the grid, and failed cases, that the tables show
+_VALUES = 8  # of the scenario, that stand beside the figures
 
 _PRECISION = 0.05  # relative half width of a confidence interval that the page calls enough
 
 BLOCKS: list[Block] = []
-_BANDS = "Means; the bands are 95 % confidence intervals of the mean over the runs of a point."
 
 
 @block(BLOCKS, "At a glance", folded=False)
@@ -50,7 +48,7 @@ def glance(dataset: xr.Dataset) -> Iterator[Part]:
         if np.isfinite(means.values).any():
             ends = [_extreme(dataset, means, find, unit) for find in (np.nanargmin, np.nanargmax)]
             ranges.append(f"{name.replace('_', ' ')}: {' to '.join(dict.fromkeys(ends))}")
-    yield Points(ranges, "figure")
+    yield from shortened(Points(ranges), "figure")
     status = dataset["status"].values
     counts: dict[str, Any] = {
         "cases": int(status.size),
@@ -61,10 +59,16 @@ def glance(dataset: xr.Dataset) -> Iterator[Part]:
     }
     if "warnings" in dataset:
         counts["runs with warnings"] = int((dataset["warnings"].values > 0).sum())
-    yield Grid.of_cases("", [""], [counts])
-    yield Beside([[drawing] for drawing in _drawn([*_lines(dataset), *_samples(dataset)][:_FIRST])])
+    varied = {value for key, value in _inputs(dataset, True) if key.endswith(".key")}
+    fixed = [f"{key} {text}" for key, text in _inputs(dataset, False) if key not in varied]
+    values: list[Part] = [markup("<h3>The same in all cases</h3>"), Points(fixed[:_VALUES])]
+    yield Beside([[Grid.of_cases("", [""], [counts])], values])
+    yield from [*_lines(dataset), *_samples(dataset)][:_FIRST]
     if _varied(dataset):
-        yield paragraph(_BANDS)
+        bands = (
+            "Means; the bands are 95 % confidence intervals of the mean over the runs of a point."
+        )
+        yield paragraph(bands)
 
 
 def _extreme(
@@ -87,18 +91,18 @@ def cases(dataset: xr.Dataset) -> Iterator[Part]:
     """Means with half the width of their confidence intervals, at each point of the grid."""
     dims, over = sweep_table.grid(dataset)
 
-    def with_error(mean: IntervalEstimate) -> Cell:
+    def with_error(mean: IntervalEstimate) -> str | None:
         half = 0.5 * (mean.high - mean.low)
         error = f"\u00a0±\u00a0{half:.2g}" if math.isfinite(half) else ""
         return f"{mean.value:.4g}{error}" if math.isfinite(mean.value) else None
 
-    value = with_error if over else lambda mean: mean.value
+    value: Callable[[IntervalEstimate], Any] = with_error if over else lambda mean: mean.value
     points = sweep_table.points(dataset, _MOST_ROWS, value)
     caption = ""
     if over:
         runs = math.prod(dataset.sizes[d] for d in over)
         caption = f"Means over {runs} runs of each point, ± half the 95 % confidence interval."
-    yield Grid.of_table(points, len(dims), caption=caption, noun="point", most=_ROWS)
+    yield from shortened(Grid.of_table(points, len(dims), caption=caption), "point", _ROWS)
     yield from _left_out(math.prod(dataset.sizes[d] for d in dims) - _MOST_ROWS, "points ")
 
 
@@ -119,40 +123,31 @@ def _known(dataset: xr.Dataset) -> dict[str, str]:
     return {n: n.replace("_", " ") for n in names if np.isfinite(dataset[n].values).any()}
 
 
-_Plan = tuple[str, Callable[[], Figure]]  # the title of a drawing, and what draws it
-
-
-def _drawn(plans: Iterable[_Plan]) -> Iterator[Drawing]:
-    return (Drawing(title, figure()) for title, figure in plans)
-
-
-def _lines(dataset: xr.Dataset) -> Iterator[_Plan]:
+def _lines(dataset: xr.Dataset) -> Iterator[Drawing]:
     """Each measure over each dimension, with lines for another that has few values."""
     dims = _varied(dataset)
     for x in dims[:2]:
-        few = (d for d in dims if d != x and dataset.sizes[d] <= draw.MOST_LINES)
+        few = (d for d in dims if d != x and dataset.sizes[d] <= plots.MOST_LINES)
         hue = next(few, None)
         for name, label in _known(dataset).items():
-            yield f"{label} over {x}", partial(draw.draw, dataset, x, name, hue)
+            yield Drawing(f"{label} over {x}", plots.chart(dataset, x, name, hue))
 
 
-def _samples(dataset: xr.Dataset) -> Iterator[_Plan]:
+def _samples(dataset: xr.Dataset) -> Iterator[Drawing]:
     """Each measure over each sampled quantity, and how it settles; of a grid besides: nothing."""
     if not sweep_table.grid(dataset)[1] or _varied(dataset):
         return
     for name, label in _known(dataset).items():
         for x in dataset.attrs["sampled"]:
-            yield f"{label} over {x}", partial(draw.draw, dataset, x, name)
+            yield Drawing(f"{label} over {x}", plots.chart(dataset, x, name))
         title = f"{label}: how it settles with the number of runs"
-        yield title, partial(draw.draw_convergence, dataset, name, _PRECISION)
+        yield Drawing(title, plots.convergence_chart(dataset, name, _PRECISION))
 
 
 @block(BLOCKS, "Lines")
 def lines(dataset: xr.Dataset) -> Iterator[Part]:
     """Each figure over what was varied."""
-    if plans := [*_lines(dataset)][_FIRST:]:
-        yield from _drawn(plans)
-        yield paragraph(_BANDS)
+    yield from [*_lines(dataset)][_FIRST:]
 
 
 @block(BLOCKS, "Heat maps")
@@ -161,14 +156,14 @@ def maps(dataset: xr.Dataset) -> Iterator[Part]:
     dims = _varied(dataset)
     for name, label in _known(dataset).items() if len(dims) > 1 else ():
         x, y, *_ = dims
-        yield Drawing(f"{label} over {x} and {y}", draw.draw(dataset, x, y, z=name))
+        yield Drawing(f"{label} over {x} and {y}", plots.chart(dataset, x, y, z=name))
 
 
 @block(BLOCKS, "Distributions")
 def distributions(dataset: xr.Dataset) -> Iterator[Part]:
     """How each figure spreads, settles, and what it depends on."""
-    if plans := [*_samples(dataset)]:
-        yield from _drawn(plans[_FIRST:])
+    if drawings := [*_samples(dataset)]:
+        yield from drawings[_FIRST:]
         for name in _known(dataset):
             yield markup("<pre>{}</pre>", sweep_table.uncertainty(dataset, name, _PRECISION))
 
@@ -178,7 +173,6 @@ def failed(dataset: xr.Dataset) -> Iterator[Part]:
     """Which failed, and why."""
     places = np.argwhere(dataset["status"].values == FAILED)
     if not len(places):
-        yield paragraph("None.")
         return
     dims, sampled = list(dataset.attrs["sizes"]), list(dataset.attrs["sampled"])
     errors = dataset["error"].values
@@ -198,18 +192,18 @@ def failed(dataset: xr.Dataset) -> Iterator[Part]:
 @block(BLOCKS, "What was run")
 def inputs(dataset: xr.Dataset) -> Iterator[Part]:
     """What was varied, and the scenario that is changed."""
+    yield Grid(["key", "value"], _inputs(dataset, True), left=2)
+    scenario = Grid(["key", "value"], _inputs(dataset, False), left=2)
+    yield Fold("The scenario that is changed", [scenario])
 
-    def plain(text: str) -> str:
-        """A value as scenario files write it."""
+
+def _inputs(dataset: xr.Dataset, of_sweep: bool) -> list[tuple[str, str]]:
+    """Keys and values of the table [sweep], or of the rest of the scenario, as files have them."""
+    inputs = []
+    for key, text in dict(dataset.attrs["identity"]).items():
         with suppress(ValueError):
             value = json.loads(text)
-            return value if isinstance(value, str) else text
-        return text
-
-    identity: dict[str, str] = dict(dataset.attrs["identity"])
-    varied, scenario = (
-        [[k, plain(v)] for k, v in identity.items() if k.startswith("sweep.") == of_sweep]
-        for of_sweep in (True, False)
-    )
-    yield Grid(["key", "value"], varied, left=2)
-    yield Fold("The scenario that is changed", [Grid(["key", "value"], scenario, left=2)])
+            text = value if isinstance(value, str) else text
+        if key.startswith("sweep.") == of_sweep:
+            inputs.append((key, text))
+    return inputs

@@ -6,15 +6,12 @@ import base64
 import io
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from importlib.resources import files
-from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from jointplay.base.tables import counted
 from jointplay.show.player.pages import as_data, as_script, policy, static
-from jointplay.show.plots.style import style
+from jointplay.show.plots.draw import draw
 from jointplay.show.reports.charts import Charts, Times
 from jointplay.show.reports.html import Html, text
 from jointplay.show.reports.parts import Block, Drawing, Graph, Part, flat
@@ -40,25 +37,10 @@ def page(
     ]  # fmt: skip
     data, scripts = Html(""), []
     if graphs:
-        contents = {"charts": graphs, "layout": charts.pack.layout, "start": start, "end": end}
+        contents = {"charts": graphs, "start": start, "end": end}
         data = as_data(json.dumps(contents, separators=(",", ":"), allow_nan=False))
-        sources = (static("page.js"), static("chart.js"), _file("report.js"))
+        sources = (*map(static, ("page.js", "tracks.js", "chart.js")), _file("report.js"))
         scripts = [as_script("\n".join(sources))]
-    return _environment().get_template("page.html").render(
-        policy=policy(scripts),
-        title=title,
-        look=as_script(f"{_file('report.css')}\n{static('chart.css')}"),
-        subject=subject,
-        versions=", ".join(f"{name} {version}" for name, version in versions.items()),
-        blocks=blocks,
-        start=f"{start:g}" if start else "",
-        series=charts.pack.block(),
-        data=data,
-        scripts=scripts,
-    )  # fmt: skip
-
-
-def _environment() -> Environment:
     environment = Environment(
         loader=PackageLoader("jointplay.show.reports", "page"),
         autoescape=True,
@@ -66,39 +48,39 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {
-        "cell": text,
-        "kind": lambda part: type(part).__name__,
-        "anchor": lambda title: title.lower().replace(" ", "-"),
-        "counted": counted,
-        "unnamed": lambda grid: replace(grid, name="", caption=""),
-        "spoken": _spoken,
-        "source": _source,
-    }
-    return environment
+    environment.filters |= {"cell": text, "source": _source}
+    return environment.get_template("page.html").render(
+        policy=policy(scripts),
+        title=title,
+        look=as_script(f"{_file('report.css')}\n{static('chart.css')}"),
+        subject=subject,
+        versions=", ".join(f"{name} {version}" for name, version in versions.items()),
+        blocks=blocks,
+        start=f"{start:g}" if start else "",
+        series=charts.block,
+        data=data,
+        scripts=scripts,
+    )
 
 
 def _file(name: str) -> str:
     return (files("jointplay.show.reports") / "page" / name).read_text("utf-8")
 
 
-def _spoken(graph: Graph) -> str:
-    """What a graph shows, for who cannot see it."""
-    shown = dict.fromkeys(panel.title or panel.y.name for panel in graph.panels)
-    names = dict.fromkeys(
-        getattr(mark, "name", "") for panel in graph.panels for mark in panel.marks
-    )
-    of = ", ".join(filter(None, names))
-    return f"{graph.title}: {', '.join(shown)}{f' of {of}' if of else ''}"
+_DARK = {"#000000": "#000, #e2e6ea", "#e6e6e6": "#e6e6e6, #2d343b"}
+"""Ink and grid of a figure, and what they are on the dark page of `page/report.css`."""
 
 
 def _source(drawing: Drawing) -> str:
     """The address of a drawing that is in the page itself."""
-    content, kind = io.BytesIO(), drawing.kind
-    with style("screen"):
-        more: dict[str, Any] = {"metadata": {"Date": None}}  # the same run, the same page
-        if kind == "png":
-            more = {"dpi": 150, "bbox_inches": "tight", "pad_inches": 0.05}
-        drawing.figure.savefig(content, format=kind, **more)
-    mime = "svg+xml" if kind == "svg" else kind
-    return f"data:image/{mime};base64,{base64.b64encode(content.getvalue()).decode()}"
+    if isinstance(drawing.content, bytes):
+        return f"data:image/png;base64,{base64.b64encode(drawing.content).decode()}"
+    drawn = io.BytesIO()
+    # Without a date: the same run, the same page.
+    draw(drawing.content).savefig(drawn, format="svg", metadata={"Date": None}, transparent=True)
+    svg = drawn.getvalue().decode()
+    for light, both in _DARK.items():
+        svg = svg.replace(light, f"light-dark({both})")
+    ink = "<style>:root { color-scheme: light dark; fill: light-dark(#000, #e2e6ea); }</style>"
+    svg = svg.replace("<defs>", f"{ink}<defs>", 1)
+    return f"data:image/svg+xml;base64,{base64.b64encode(svg.encode()).decode()}"

@@ -1,122 +1,48 @@
 "use strict";
 (() => {
-  // Intervals of a window, of each the smallest and the largest value: less than half a pixel wide,
-  // as the widest chart has 990 px between its axes. A line is nowhere farther from its records.
-  const BINS = 2400;
+  const PIXELS = 2400; // bars and dots closer than this part of a chart would share a pixel
   const SINGLE = 400; // fewer points than this in view are marked one by one
   const page = JSON.parse(document.getElementById("charts").textContent);
-  const state = { range: null, drawn: 0, ready: false };
+  const state = { range: null, whole: false };
   window.jointplayReport = state;
 
-  // The block: gzip of arrays, each the differences of its bit patterns, bytes of equal weight together.
-  async function unpack() {
-    const text = atob(document.getElementById("block").textContent.trim());
-    const bytes = Uint8Array.from(text, (c) => c.charCodeAt(0));
-    const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
-    return new Uint8Array(await new Response(stream).arrayBuffer());
-  }
-
+  // Series of charts.py: differences of bit patterns, bytes of equal weight together.
   let block = null;
-  const starts = [];
-  let total = 0;
-  for (const [, size] of page.layout) {
-    starts.push(total);
-    total += 4 * size;
-  }
   const cache = new Map();
-  function series(number) {
-    if (!cache.has(number)) {
-      const [kind, n] = page.layout[number];
-      const at = starts[number];
-      const bits = new Uint32Array(n);
-      let value = 0;
-      for (let i = 0; i < n; i++) {
-        value += block[at + i] + block[at + n + i] * 0x100 + block[at + 2 * n + i] * 0x10000 +
-          block[at + 3 * n + i] * 0x1000000;
-        value = value >>> 0;
-        bits[i] = value;
+  function series({ at, bytes }, kind = Float32Array) {
+    const key = `${at} ${bytes}`; // an empty one begins where the next does
+    if (!cache.has(key)) {
+      const n = bytes / 4, bits = new Uint32Array(n);
+      for (let i = 0, value = 0; i < n; i++) {
+        for (let k = 0; k < 4; k++) value += block[at + k * n + i] * 256 ** k;
+        bits[i] = value >>>= 0;
       }
-      cache.set(number, kind === "u" ? bits : new Float32Array(bits.buffer));
+      cache.set(key, new kind(bits.buffer));
     }
-    return cache.get(number);
+    return cache.get(key);
   }
 
-  // First index whose entry is not below `value`.
-  function search(sorted, value) {
-    let low = 0, high = sorted.length;
-    while (low < high) {
-      const middle = (low + high) >> 1;
-      if (sorted[middle] < value) low = middle + 1;
-      else high = middle;
-    }
-    return low;
-  }
+  const view = () => state.range || [0, page.end];
 
-  const window_ = () => state.range || [0, page.end];
-
-  // Indices in view, one beyond each end.
-  function inView(steps, dt) {
-    const [from, to] = window_();
-    return [Math.max(0, search(steps, from / dt) - 1), Math.min(steps.length, search(steps, to / dt) + 1)];
-  }
-
-  // What is in view of a series: every point, or of each of `BINS` intervals smallest and largest.
-  function reduce(trace) {
-    const steps = series(trace.t), values = series(trace.y), dt = trace.dt;
-    const [first, end] = inView(steps, dt);
-    const x = [], y = [];
-    const put = (i) => { x.push(steps[i] * dt); y.push(values[i]); };
-    if (end - first <= 2 * BINS) {
-      for (let i = first; i < end; i++) put(i);
-      return { x, y, count: end - first };
-    }
-    const width = (steps[end - 1] - steps[first]) / BINS;
-    let i = first;
-    for (let bin = 1; bin <= BINS && i < end; bin++) {
-      const limit = bin === BINS ? Infinity : steps[first] + bin * width;
-      let low = -1, high = -1;
-      for (; i < end && steps[i] < limit; i++) {
-        if (Number.isNaN(values[i])) continue;
-        if (low < 0 || values[i] < values[low]) low = i;
-        if (high < 0 || values[i] > values[high]) high = i;
-      }
-      if (low < 0) continue;
-      put(Math.min(low, high));
-      if (low !== high) put(Math.max(low, high));
-    }
-    return { x, y, count: Infinity };
-  }
-
-  // A curve in view, without points closer than 1/2400 of its extent to the last one.
-  function curve(trace) {
-    const steps = series(trace.t), xs = series(trace.x), ys = series(trace.y);
-    const [first, end] = inView(steps, trace.dt);
-    let left = Infinity, right = -Infinity, low = Infinity, high = -Infinity;
-    for (let i = first; i < end; i++) {
-      left = Math.min(left, xs[i]); right = Math.max(right, xs[i]);
-      low = Math.min(low, ys[i]); high = Math.max(high, ys[i]);
-    }
-    const near = end - first > 2 * SINGLE ? Math.max(right - left, high - low) / BINS : 0;
-    const x = [], y = [], texts = [];
-    let last = -1;
-    for (let i = first; i < end; i++) {
-      if (last >= 0 && i < end - 1 && Math.hypot(xs[i] - xs[last], ys[i] - ys[last]) < near) continue;
-      x.push(xs[i]); y.push(ys[i]); texts.push(`t = ${(steps[i] * trace.dt).toPrecision(7)} s`);
-      last = i;
-    }
-    return { x, y, texts, count: end - first };
+  // What is in view of a series over time or of a curve, and one point beyond each end.
+  function points(trace) {
+    const steps = series(trace.t, Uint32Array), [from, to] = view();
+    const first = Math.max(0, rowAt(steps, from / trace.dt) - 1), end = rowAt(steps, to / trace.dt) + 1;
+    const times = Array.from(steps.subarray(first, end), (step) => step * trace.dt);
+    const y = series(trace.y).subarray(first, end);
+    if (!trace.x) return { x: times, y };
+    return { x: series(trace.x).subarray(first, end), y, texts: times.map((t) => `t = ${t.toPrecision(7)} s`) };
   }
 
   // Bars of a timeline in view; bars that would share a pixel are one.
   function bars(trace) {
-    const from = series(trace.from), to = series(trace.to), dt = trace.dt;
-    const [left, right] = window_();
-    const pixel = (right - left) / BINS;
+    const from = series(trace.from, Uint32Array), to = series(trace.to, Uint32Array), dt = trace.dt;
+    const [left, right] = view(), pixel = (right - left) / PIXELS;
     const x = [], y = [], spans = [];
-    for (let i = search(to, left / dt); i < from.length && from[i] * dt <= right; i++) {
+    for (let i = to.length ? rowAt(to, left / dt) : 0; i < from.length && from[i] * dt <= right; i++) {
       const a = from[i] * dt, b = to[i] * dt, last = spans.length - 1;
       if (last >= 0 && a - spans[last] < pixel) spans[last] = b;
-      else { x.push(a); spans.push(Math.max(b, a)); y.push(trace.row); }
+      else { x.push(a); spans.push(b); y.push(trace.row); }
     }
     return { x, y, spans };
   }
@@ -129,12 +55,10 @@
   // A series as chart.js draws it.
   function drawn(trace, panel) {
     const look = { name: trace.name || panel.title, colour: tone(trace.color), dash: trace.dash, frame: trace.frame };
-    if (trace.from !== undefined) return { ...look, ...bars(trace) };
-    if (trace.t === undefined) {
-      return { ...look, x: series(trace.x), y: series(trace.y), ...(trace.line ? {} : { line: false, dots: 1.5 * trace.size }) };
-    }
-    const { count, ...points } = trace.x === undefined ? reduce(trace) : curve(trace);
-    return { ...look, ...points, ...(count <= SINGLE || points.x.length < 3 ? { dots: 4 } : {}) };
+    if (trace.from) return { ...look, ...bars(trace) };
+    const shown = trace.t ? points(trace) : { x: series(trace.x), y: series(trace.y) };
+    if (!trace.line) return { ...look, ...shown, line: false, dots: 1.5 * trace.size };
+    return { ...look, ...shown, ...(trace.t && shown.x.length <= SINGLE ? { dots: 4 } : {}) };
   }
 
   // The panels of a chart in their boxes, and how high all are.
@@ -150,23 +74,22 @@
       const top = row * (rowHigh + (stacked ? 0 : 36)) + above, own = zoom[same ? 0 : i] || {};
       const box = { edge, left: edge + left, right: edge + across - 14, top, bottom: top + rowHigh - above };
       const x = { ...panel.x, tight: !panel.equal && !panel.x.log, bare: !last,
-        range: time ? window_() : stacked ? zoom.x : own.x };
+        range: time ? view() : stacked ? zoom.x : own.x };
       const every = panel.traces.map((trace) => drawn(trace, panel));
       return { ...panel, box, x, y: { ...panel.y, range: own.y }, every,
         series: every.filter((one) => !hidden.has(one.name)) };
     });
     const union = (key) => {
-      const all = made.map((panel) => rangeOf(panel[key], panel.series, key));
-      const log = made[0][key].log ? made.filter((panel) => panel.series.some((one) => one.x.length)) : made;
-      const used = all.filter((_, i) => log.includes(made[i]));
-      if (used.length) for (const panel of made) panel[key].range ||= [Math.min(...used.map((one) => one[0])), Math.max(...used.map((one) => one[1]))];
+      const shown = made.filter((panel) => !panel[key].log || panel.series.some((one) => one.x.length));
+      const all = shown.flatMap((panel) => rangeOf(panel[key], panel.series, key));
+      for (const panel of shown) panel[key].range ||= [Math.min(...all), Math.max(...all)];
     };
     if (same) union("y");
     if (stacked && !time) union("x");
     return [made, Math.ceil(count / columns) * (rowHigh + (stacked ? 0 : 36)) + (stacked ? 38 : 4)];
   }
 
-  const hosts = new Map(); // host element -> {chart, visible, stale, zoom, hidden, drawing}
+  const hosts = new Map(); // host element -> {chart, stale, zoom, hidden, drawing}
 
   function draw(host) {
     const entry = hosts.get(host), wide = host.clientWidth;
@@ -185,27 +108,26 @@
     host.plots = entry.drawing.plots;
   }
 
-  // Drag to zoom, in time in all charts; with the shift key to move; double-click to go back.
+  // Drag to zoom, in time in all charts; double-click to go back.
   function zooming(host) {
     const entry = hosts.get(host), { svg } = entry.drawing, { time, stacked, same } = entry.chart;
     let from = null, frame = null;
     svg.style.touchAction = time ? "pan-y" : "auto";
-    svg.addEventListener("pointerdown", (event) => {
-      const at = entry.drawing.place(event);
-      if (!at || event.button || (event.pointerType === "touch" && !time)) return;
-      svg.setPointerCapture(event.pointerId);
-      event.preventDefault();
-      from = at;
-      frame = shape("rect", { class: "drag" });
-      at.plot.inner.append(frame);
-    });
     const to = (event) => {
       const seen = svg.getBoundingClientRect(), { plot } = from;
       const within = (value, most) => Math.min(Math.max(value, 0), most);
       return [within(event.clientX - seen.left - plot.box.left, plot.wide), within(event.clientY - seen.top - plot.box.top, plot.high)];
     };
+    svg.addEventListener("pointerdown", (event) => {
+      from = entry.drawing.place(event) || null;
+      if (!from || event.button || (event.pointerType === "touch" && !time)) { from = null; return; }
+      svg.setPointerCapture(event.pointerId);
+      event.preventDefault();
+      frame = shape("rect", { class: "drag" });
+      from.plot.inner.append(frame);
+    });
     svg.addEventListener("pointermove", (event) => {
-      if (!from || event.shiftKey) return;
+      if (!from) return;
       const [x, y] = to(event), flat = time || Math.abs(y - from.y) < 12;
       const place = { x: Math.min(x, from.x), width: Math.abs(x - from.x), y: flat ? 0 : Math.min(y, from.y), height: flat ? from.plot.high : Math.abs(y - from.y) };
       for (const [name, value] of Object.entries(place)) frame.setAttribute(name, value);
@@ -216,11 +138,10 @@
       from = null;
       frame.remove();
       if (Math.hypot(x1 - x0, y1 - y0) < 5) return;
-      const range = (scale, a, b, whole) => event.shiftKey ? [scale.value(a - b), scale.value(a - b + whole)] :
-        Math.abs(a - b) < 12 ? scale.range : [scale.value(Math.min(a, b)), scale.value(Math.max(a, b))];
-      const x = range(plot.across, x0, x1, plot.wide), y = range(plot.up, y0, y1, plot.high);
+      const range = (scale, a, b) => Math.abs(a - b) < 12 ? scale.range : [scale.value(Math.min(a, b)), scale.value(Math.max(a, b))];
+      const x = range(plot.across, x0, x1), y = range(plot.up, y0, y1);
       if (time) { show(x); return; }
-      entry.zoom[same ? 0 : entry.drawing.plots.indexOf(plot)] = { x, y: event.shiftKey ? y : [Math.min(...y), Math.max(...y)] };
+      entry.zoom[same ? 0 : entry.drawing.plots.indexOf(plot)] = { x, y: [Math.min(...y), Math.max(...y)] };
       if (stacked) entry.zoom.x = x;
       draw(host);
     });
@@ -231,124 +152,61 @@
     });
   }
 
-  // Off the screen, charts are drawn one by one while nothing else is to do; in what is folded, once
-  // it is unfolded or printed.
-  const PAPER = 686;  // CSS px between the margins of the printed page
-  function drawRest() {
-    const next = [...hosts].find(([host, entry]) => entry.stale && host.clientWidth && host.checkVisibility());
-    state.whole = !next;
-    if (!next) return;
-    draw(next[0]);
-    later(drawRest);
-  }
-  const later = window.requestIdleCallback || ((act) => setTimeout(act, 20));
-
-  function fit() {
-    document.documentElement.style.setProperty("--bar", `${document.querySelector("nav").offsetHeight}px`);
-    const host = document.querySelector(".chart");
-    if (host) document.documentElement.style.setProperty("--fit", String(Math.min(1, PAPER / host.clientWidth)));
-  }
-
-  function beforePrint() {
-    // Tables, but not the text of the robot.
+  function beforePrint() { // tables, but not the text of the robot
     const folded = [...document.querySelectorAll("details:not([open], :has(> pre))")];
     for (const details of folded) details.open = true;
     for (const [host, entry] of hosts) if (entry.stale) draw(host);
     window.addEventListener("afterprint", () => { for (const details of folded) details.open = false; }, { once: true });
   }
 
-  const system = matchMedia("(prefers-color-scheme: dark)");
-  const isDark = () => (document.documentElement.dataset.theme || (system.matches ? "dark" : "light")) === "dark";
-  function setTheme(name) {
-    if (name) document.documentElement.dataset.theme = name;
-    else delete document.documentElement.dataset.theme;
-    document.getElementById("theme").textContent = isDark() ? "light" : "dark";
-  }
-
-  const from = document.getElementById("from"), to = document.getElementById("to");
-  let waiting = false;
   function show(range) {
-    const buttons = { whole: !range, judged: Boolean(range) && range[0] === page.start && range[1] === page.end };
-    for (const [id, on] of Object.entries(buttons)) document.getElementById(id)?.setAttribute("aria-pressed", String(on));
-    if (range) {
-      let [a, b] = range;
-      a = Math.max(0, a); b = Math.min(page.end, b);
-      if (!(b > a)) return;
-      range = a <= 0 && b >= page.end ? null : [a, b];
-    }
-    state.range = range;
-    const [a, b] = window_();
-    from.value = Number(a.toPrecision(8)); to.value = Number(b.toPrecision(8));
+    const [a, b] = range ? [Math.max(0, range[0]), Math.min(page.end, range[1])] : [0, page.end];
+    if (!(b > a)) return;
+    state.range = a <= 0 && b >= page.end ? null : [a, b];
+    const buttons = { whole: !state.range, judged: state.range && a === page.start && b === page.end };
+    for (const [id, on] of Object.entries(buttons)) document.getElementById(id)?.setAttribute("aria-pressed", String(Boolean(on)));
     for (const entry of hosts.values())
       if (entry.chart.time || entry.chart.panels.some((panel) => panel.equal)) entry.stale = true;
-    if (!waiting) {
-      waiting = true;
-      requestAnimationFrame(() => { waiting = false; refresh(); });
-    }
+    state.whole = false;
+    requestAnimationFrame(refresh);
   }
   state.show = show;
 
-  function refresh() {
-    for (const [host, entry] of hosts) if (entry.visible && entry.stale) draw(host);
+  function refresh() { // what is folded, once it is unfolded or printed
+    for (const [host, entry] of hosts) if (entry.stale && host.checkVisibility()) draw(host);
+    state.whole = true;
   }
 
   async function begin() {
     try {
-      block = await unpack();
+      block = await inflate(document.getElementById("block").textContent.trim());
     } catch (error) {
       document.getElementById("failed").hidden = false;
       throw error;
     }
-    const watch = new IntersectionObserver((entries) => {
-      for (const { target, isIntersecting } of entries) hosts.get(target).visible = isIntersecting;
-      refresh();
-    }, { rootMargin: "400px" });
-    const sized = new ResizeObserver((entries) => { // unfolded or turned, too
+    const sized = new ResizeObserver((entries) => {
       for (const { target } of entries) if (target.clientWidth !== hosts.get(target).wide) hosts.get(target).stale = true;
-      state.whole = false;
-      later(drawRest);
       refresh();
     });
+    document.addEventListener("toggle", refresh, true);
     for (const chart of page.charts) {
       const host = document.getElementById("chart-" + chart.id);
       const drawing = new Chart({ "aria-hidden": "true" });
       host.append(drawing.key, drawing.svg, drawing.tip);
-      hosts.set(host, { chart, drawing, visible: false, stale: true, zoom: {}, hidden: new Set() });
+      hosts.set(host, { chart, drawing, stale: true, zoom: {}, hidden: new Set() });
       zooming(host);
-      watch.observe(host);
       sized.observe(host);
     }
-    document.getElementById("zoom").addEventListener("submit", (event) => event.preventDefault());
-    const read = () => show([Number(from.value), Number(to.value)]);
-    from.addEventListener("change", read);
-    to.addEventListener("change", read);
     document.getElementById("whole").addEventListener("click", () => show(null));
     document.getElementById("judged")?.addEventListener("click", () => show([page.start, page.end]));
-    document.getElementById("wider").addEventListener("click", () => {
-      const [a, b] = window_();
-      show([a - 1.5 * (b - a), b + 1.5 * (b - a)]);
-    });
     for (const button of document.querySelectorAll("button[data-zoom]")) {
       button.addEventListener("click", () => {
         show(button.dataset.zoom.split(",").map(Number));
         document.getElementById("chart-contacts").scrollIntoView({ block: "center" });
       });
     }
-    document.getElementById("theme").addEventListener("click", () => setTheme(isDark() ? "light" : "dark"));
-    system.addEventListener("change", () => setTheme(document.documentElement.dataset.theme || ""));
-    setTheme("");
     show(page.start > 0 ? [page.start, page.end] : null);
-    fit();
-    window.addEventListener("resize", fit);
     window.addEventListener("beforeprint", beforePrint);
-    for (const link of document.querySelectorAll("nav a")) {
-      link.addEventListener("click", () => { // not every browser unfolds what a link leads to
-        const part = document.querySelector(link.getAttribute("href")).closest("details");
-        if (part) part.open = true;
-      });
-    }
-    later(drawRest);
-    state.ready = true;
   }
   begin();
 })();
