@@ -19,7 +19,7 @@ from jointplay.model.mechanism import Mechanism
 from jointplay.show.plots.chart import Axis, Chart, Curve, Panel, Rule, overlaid
 from jointplay.show.plots.draw import draw
 from jointplay.show.plots.names import MARK, PAPER, SHORT, is_paper_robot, kinds
-from jointplay.show.plots.palette import COLOURS, GREY, Cases, colours, many, reference
+from jointplay.show.plots.palette import GREY, VERMILION, Cases, colours, many, reference
 from jointplay.simulation import analysis
 from jointplay.simulation.analysis.headline import reference as ideal_run
 from jointplay.simulation.analysis.twins import has_play
@@ -172,7 +172,7 @@ def orbit_panels(
     `joints`: of these alone.
     """
     dot: dict[str, Any] = {"line": "", "marker": "o", "size": 5.0, "frame": True, "order": 4.0}
-    ideal_point = Curve([0.0], [0.0], colour=COLOURS[0], **dot)
+    ideal_point = Curve([0.0], [0.0], colour=VERMILION, **dot)
     panels = []
     for joint in joints_of(cases) if joints is None else joints:
         for label, result, colour in coloured(cases):
