@@ -30,13 +30,13 @@ _LIGHT_DIRECTION = np.array([0.35, -0.6, 0.72])
 _UNCOLOURED = "#c9d3df"  # of bodies of which a colouring says nothing
 _PLAY, _LOOP, _TOOL = "#d1352b", "#1f6fb4", "#222222"
 _TYPE_PT = 8.0  # size of words [points]
-_Note = tuple[np.ndarray, str]  # a place (3,) [m] and the words that belong to it
+_Note = tuple[np.ndarray, str]  # points of a mark (n, 3) [m] and the words that belong to it
 _HALO = [withStroke(linewidth=3.0, foreground="white")]  # round marks, which stand on any colour
 _CELL_PX = 4  # cells in which bodies and words are kept apart (judged: a third of a letter)
 _NEAR_PT, _FAR_PT = 10.0, 160.0  # of words from their marks [points], judged: a line, and some
-_CROWDED, _CROSSED = 1e3, 30.0
-"""Costs of words on words, and of lines across words, in points by which words could stand farther
-away instead; those of a body are one for each of its points (judged: none is on words)."""
+_CROWDED, _CROSSED, _MARKED = 1e3, 30.0, 20.0
+"""Costs of words on words, of lines across words and of words on marks, in points by which words
+could stand farther away instead; each point of a body costs one (judged by pictures)."""
 _RING_RADIUS = 0.06  # of the marks, relative to the mechanism's size (judged)
 _LONGEST_SIDE = 0.03
 """Of a triangle, relative to the mechanism's size: matplotlib sorts whole triangles by depth, so
@@ -140,15 +140,16 @@ def picture(
         if name not in marked:
             place = mechanism.data.oMi[mechanism.model.getJointId(name)].translation
             axes.plot(*place[:, None], "o", color=_TOOL, ms=5, zorder=5, path_effects=_HALO)
-            notes.append((place, text))
+            notes.append((place[None], text))
     axes.plot(*tool[:, None], "+", color=_TOOL, ms=9, mew=1.5, zorder=5, path_effects=_HALO)
-    notes.append((tool, mechanism.tool))
+    notes.append((tool[None], mechanism.tool))
     room = 0.08 * float((high - low).max())
     low, high = low - room, high + room
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
     axes.set_box_aspect(high - low, zoom=1.1)
     axes.view_init(azim=view[0], elev=view[1])
-    axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
+    axes.set(xlabel="x [m]", ylabel="y [m]")
+    axes.set_zlabel("z [m]", labelpad=10.0)  # a short side's numbers stand farther out
     axes.tick_params(labelsize=7)
     shares = (high - low) / float((high - low).max())
     for axis, share in zip((axes.xaxis, axes.yaxis, axes.zaxis), shares, strict=True):
@@ -157,7 +158,7 @@ def picture(
         axis.pane.set_alpha(0.15)
     axes.set_title(title, fontsize=11)
     if scale is not None:
-        figure.colorbar(scale[0], ax=axes, shrink=0.6, label=scale[1])
+        figure.colorbar(scale[0], ax=axes, shrink=0.6, pad=0.1, label=scale[1])
     if missing := [Path(name).name for name in scene.look.missing]:
         words = f"not found, simple shapes instead: {few(missing, 3)}"
         figure.text(0.01, 0.01, words, fontsize=8)
@@ -215,27 +216,20 @@ def _cut(triangles: np.ndarray, longest: float) -> np.ndarray:
 
 
 def _mark(axes: Any, place: pin.SE3, radius: float, colour: str) -> np.ndarray:
-    """A ring about a joint's axis; returns where its words belong."""
+    """A ring about a joint's axis, and the axis; returns points of both (n, 3) [m]."""
     phi = np.linspace(0.0, 2.0 * np.pi, 61)
     ring = np.column_stack([radius * np.cos(phi), radius * np.sin(phi), 0.0 * phi])
-    axes.plot(
-        *(ring @ place.rotation.T + place.translation).T,
-        color=colour,
-        lw=1.8,
-        zorder=4,
-        path_effects=_HALO,
-    )
-    axis = np.array([[0.0, 0.0, -1.5 * radius], [0.0, 0.0, 1.5 * radius]])
-    line = (axis @ place.rotation.T + place.translation).T
-    axes.plot(*line, color=colour, lw=1.0, ls="-.", zorder=4)
-    return np.asarray(line[:, 1])
+    axle = np.linspace(-1.5 * radius, 1.5 * radius, 31)[:, None] * [0.0, 0.0, 1.0]
+    ring, axle = (line @ place.rotation.T + place.translation for line in (ring, axle))
+    axes.plot(*ring.T, color=colour, lw=1.8, zorder=4, path_effects=_HALO)
+    axes.plot(*axle[[0, -1]].T, color=colour, lw=1.0, ls="-.", zorder=4)
+    return np.concatenate([ring, axle])
 
 
 def _write(axes: Any, notes: Sequence[_Note], triangles: np.ndarray) -> None:
-    """Words beside bodies and each other, a line from each to its place.
+    """Words beside bodies, marks and each other, a line from each to its mark.
 
-    Of all places about its mark each text takes the cheapest: near, on no words, no numbers of
-    axes, no body.
+    Of all places about its mark each text takes the cheapest.
     """
     figure = axes.figure
     figure.draw_without_rendering()  # which lays it out
@@ -248,8 +242,9 @@ def _write(axes: Any, notes: Sequence[_Note], triangles: np.ndarray) -> None:
         return pixels
 
     corners = np.concatenate([triangles.reshape(-1, 3), triangles.mean(axis=1)])
-    edges = [np.arange(0.0, size + _CELL_PX, _CELL_PX) for size in figure.bbox.size]
-    bodies = np.histogram2d(*seen(corners).T, bins=edges)[0]
+    across, up = (np.arange(0.0, size + _CELL_PX, _CELL_PX) for size in figure.bbox.size)
+    at_x, at_y = seen(corners).T
+    bodies = np.histogram2d(at_x, at_y, (across, up))[0]
     words = np.zeros_like(bodies)
 
     def cells(low: np.ndarray, high: np.ndarray) -> tuple[slice, slice]:
@@ -263,6 +258,9 @@ def _write(axes: Any, notes: Sequence[_Note], triangles: np.ndarray) -> None:
         return tuple((points // _CELL_PX).astype(int).T)
 
     axles = (axes.xaxis, axes.yaxis, axes.zaxis)
+    for axis in axles:
+        start, end = axis.line.get_transform().transform(axis.line.get_xydata())
+        bodies[along(start, end, 200)] += _MARKED
     numbers = [tick.label1 for axis in axles for tick in axis.get_major_ticks()]
     for text in (axes.title, *(axis.label for axis in axles), *numbers):
         box = text.get_window_extent()
@@ -270,30 +268,32 @@ def _write(axes: Any, notes: Sequence[_Note], triangles: np.ndarray) -> None:
     turns = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
     ways = np.column_stack([np.cos(turns), np.sin(turns)])
     tries = [(far, way) for far in np.arange(_NEAR_PT, _FAR_PT, 10.0) for way in ways]
-    marks = seen(np.array([place for place, _ in notes]))
-    words[tuple((marks // _CELL_PX).astype(int).T)] = 1.0
-    for k in np.argsort(-marks[:, 1], kind="stable"):
-        mark, text = marks[k], notes[k][1]
+    marks = [(seen(points), text) for points, text in notes]
+    for outline, _ in marks:
+        bodies[tuple((outline // _CELL_PX).astype(int).T)] += _MARKED
+    for outline, text in sorted(marks, key=lambda mark: -mark[0][:, 1].mean()):
+        centre = outline.mean(axis=0)
         look: dict[str, Any] = {"fontsize": _TYPE_PT, "va": "center", "ha": "center", "zorder": 6.0}
         look |= {"path_effects": _HALO, "color": _TOOL}
         probe = axes.annotate(text, (0.0, 0.0), **look)
         half = 0.5 * np.array(probe.get_window_extent().size) + point
         probe.remove()
-        best = (np.inf, mark, mark)
+        best = np.inf, centre, centre, centre
         for far, way in tries:
-            middle = mark + far * point * way + half * np.clip(1.5 * way, -1.0, 1.0)
+            middle = centre + far * point * way + half * np.clip(1.5 * way, -1.0, 1.0)
             low, high = middle - half, middle + half
             if (low < 0.0).any() or (high > figure.bbox.size).any():
                 continue
+            mark = outline[np.linalg.norm(outline - np.clip(outline, low, high), axis=1).argmin()]
             near, box = np.clip(mark, low, high), cells(low, high)
-            crossed = words[along(near, near + 0.9 * (mark - near), 20)].sum()
+            crossed = words[along(near, mark, 20)].sum()
             cost = far + _CROWDED * words[box].sum() + bodies[box].sum() + _CROSSED * crossed
             if cost < best[0]:
-                best = cost, middle, near
-        _, middle, near = best
+                best = cost, middle, near, mark
+        _, middle, near, mark = best
         words[cells(middle - half, middle + half)] = words[along(near, mark, 40)] = 1.0
         look |= {"xytext": (middle - mark) / point, "textcoords": "offset points"}
-        lead = {"arrowstyle": "-", "color": _TOOL, "lw": 0.7, "shrinkA": 0.0, "shrinkB": 0.0}
+        lead = {"arrowstyle": "-", "color": _TOOL, "lw": 0.8, "shrinkA": 0.0, "shrinkB": 0.0}
         lead |= {"relpos": tuple(0.5 + 0.5 * (near - middle) / half), "path_effects": _HALO}
         at = axes.transData.inverted().transform(mark)
         axes.annotate(text, at, arrowprops=lead, in_layout=False, **look)

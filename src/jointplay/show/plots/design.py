@@ -296,9 +296,9 @@ def allocation(allotment: Allocation) -> Figure:
     target = readable(allotment.target, unit, 3)
     title += f" for an error of {allotment.mechanism.tool!r} of at most {target}"
     note = "; ".join(note for note in allotment.notes if note.startswith(("assumed", "cost")))
-    size = (2.6 + 2.8 * len(panels), 2.0 + 0.36 * len(joints))
+    inches = (2.6 + 2.8 * len(panels), 2.0 + 0.36 * len(joints))
     look = {"key": 1, "key_at": "outside right upper"}  # above stands the title
-    return _row(panels, size, title=title, note=note, same_y=True, **look)
+    return _row(panels, inches, title=title, note=note, same_y=True, **look)
 
 
 # Figure of an identification: what was found beside the scenario, agreement.

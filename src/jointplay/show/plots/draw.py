@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
+from matplotlib.legend import Legend
 from matplotlib.ticker import MaxNLocator
 
 from jointplay.show.plots.chart import (
@@ -39,6 +41,10 @@ _MANY_POINTS = 20_000
 """So many are an image, also in vector graphics, whose files grow with their number (judged)."""
 _MOST_WRITTEN = 120
 """Places of a map whose numbers, of 7 pt, can be read: about 12 columns and 10 rows (judged)."""
+_LETTER, _HANDLE = 0.55, 4.0
+"""Width of a letter of DejaVu Sans, the mean of a text, and of a legend's line with the room about
+it, relative to the size of type; of a figure's width the legend has `_ACROSS`."""
+_ACROSS = 0.9
 _BESIDE = 0.05  # between panels that share an axis, relative to their width (judged)
 _TEXT_ROOM = 0.25  # right of bars with texts, relative to the longest: some ten letters (judged)
 _ABOVE_PT = 4.0  # between a point and words above it: clear of its marker [points]
@@ -97,13 +103,24 @@ def key(figure: Figure, axes: Any, columns: int, place: Any = "outside upper cen
             named.setdefault(name, handle)
     if not named:
         return
-    columns = min(len(named), columns)
+    columns = _fitting(columns, list(named), figure)
     # matplotlib fills columns; cases are read in rows.
     names = [name for column in range(columns) for name in list(named)[column::columns]]
-    made = figure.legend([named[name] for name in names], names, loc=place, ncols=columns)
-    for line in made.get_lines():
+    _enlarge(figure.legend([named[name] for name in names], names, loc=place, ncols=columns))
+
+
+def _enlarge(legend: Legend) -> None:
+    """Lines and points that can be seen, whatever they are in the axes."""
+    for line in legend.get_lines():
         line.set_linewidth(max(line.get_linewidth(), 2.0))
         line.set_markersize(max(line.get_markersize(), 4.0))
+
+
+def _fitting(columns: int, names: Sequence[str], figure: Figure) -> int:
+    """So many columns of a legend, or fewer where names are long or few."""
+    size = mpl.rcParams["font.size"]
+    column = size * (_LETTER * max(map(len, names)) + _HANDLE)
+    return max(1, min(columns, len(names), int(_ACROSS * 72.0 * figure.get_figwidth() / column)))
 
 
 def draw_panel(panel: Panel, axes: Axes, **options: Any) -> None:
@@ -132,14 +149,12 @@ def draw_panel(panel: Panel, axes: Axes, **options: Any) -> None:
             "below": {"bbox_to_anchor": (0.5, -0.18), "loc": "upper center", "ncols": 2},
         }
         at: Any = outside.get(panel.legend, {"loc": panel.legend})
-        axes.legend(title=panel.legend_title or None, fontsize=7, **at)
+        _enlarge(axes.legend(title=panel.legend_title or None, fontsize=7, **at))
     elif panel.columns:  # above the axes, in fewer columns on a narrow figure
-        narrow = figure_of(axes).get_figwidth() < 4.5  # a column of a journal, or less
-        columns = 2 if narrow and panel.columns > 3 else panel.columns
+        names = axes.get_legend_handles_labels()[1]
+        columns = _fitting(panel.columns, names, figure_of(axes))
         at = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.2}
-        made = axes.legend(ncols=columns, handlelength=1.3, columnspacing=1.2, **at)
-        for line in made.get_lines():
-            line.set_linewidth(max(line.get_linewidth(), 1.6))
+        _enlarge(axes.legend(ncols=columns, handlelength=1.3, columnspacing=1.2, **at))
 
 
 def _set_axis(axes: Axes, which: str, axis: Axis, panel: Panel) -> None:
@@ -164,6 +179,8 @@ def _set_axis(axes: Axes, which: str, axis: Axis, panel: Panel) -> None:
         drawn_axis.set_major_locator(
             MaxNLocator(axis.ticks, symmetric=-(axis.low or 0.0) == (axis.high or 0.0))
         )
+    elif which == "x" and not axis.log:  # steps of 2.5 have long numbers
+        drawn_axis.set_major_locator(MaxNLocator("auto", steps=[1, 2, 5, 10]))
     if axis.whole:
         drawn_axis.set_major_locator(MaxNLocator(integer=True))
 
