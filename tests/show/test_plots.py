@@ -66,10 +66,16 @@ def test_a_single_runs_overview_shows_its_tool_error(cases):
     assert "journal centre in its bearing, joint_b" in titles
     assert not figure.legends
     error = next(axes for axes in figure.axes if axes.get_ylabel() == "tool error [mm]")
-    (line,) = error.get_lines()
+    line, peak = error.get_lines()
     expected = analysis.deviation(cases["0.5 mm"], cases["ideal"]).values
     expected = 1e3 * np.linalg.norm(expected, axis=1)
     assert np.allclose(line.get_ydata(), expected, atol=1e-3 * expected.max())
+    assert figure.axes[0] is error
+    assert error.get_ylim()[0] == 0.0
+    ((time,), (size,)) = peak.get_data()
+    assert size == pytest.approx(expected.max(), rel=1e-3)
+    (words,) = error.texts
+    assert words.get_text() == f"peak {size:.3g} mm at {time:.3g} s"
 
 
 @pytest.mark.thorough
@@ -250,7 +256,7 @@ def test_a_single_runs_overview_has_the_forces_of_all_its_joints():
         assert np.allclose(line.get_ydata(), peak)
     assert [text.get_text() for text in figure.legends[0].get_texts()] == joints
     shown = {axes.get_title() or axes.get_ylabel(): colours(axes) for axes in figure.axes}
-    assert shown["tool error [mm]"] == ["#000000"]
+    assert set(shown["tool error against the ideal mechanism"]) == {"#000000"}
     assert shown["contact forces"][0] in shown["journal centre in its bearing, elbow_joint"]
 
 
