@@ -19,7 +19,7 @@ from jointplay.model.mechanism import Mechanism
 from jointplay.show.plots.chart import Axis, Chart, Curve, Panel, Rule, Words, overlaid
 from jointplay.show.plots.draw import draw
 from jointplay.show.plots.names import MARK, PAPER, SHORT, is_paper_robot, kinds
-from jointplay.show.plots.palette import GREY, LINE, VERMILION, Cases, colours, many, reference
+from jointplay.show.plots.palette import GREY, VERMILION, Cases, colours, many, reference
 from jointplay.simulation import analysis
 from jointplay.simulation.analysis.headline import reference as ideal_run
 from jointplay.simulation.analysis.twins import has_play
@@ -324,8 +324,7 @@ def _journal(result: Result, joint: str, label: str, colour: str) -> Panel:
     if room is None or not analysis.has_rims(result, joint) or reach >= room.max():
         return replace(orbit, title=f"{case}{place}, {joint}")
     rims = result.plot.panel("rims", joint)
-    middle = replace(orbit, marks=orbit.marks[-1:])
-    middle = middle.styled(name="middle of the journal", colour=LINE)
+    middle = replace(orbit, marks=orbit.marks[-1:]).styled(name="middle of the journal")
     magnified = rims.title.rpartition(", ")[2]
     title = f"{case}{joint}: the journal tilts,\nits rims touch, its middle does not"
     return replace(
