@@ -63,7 +63,7 @@ def test_a_single_runs_overview_shows_its_tool_error(cases):
     figure = figure_of("overview", {"0.5 mm": cases["0.5 mm"]})
     titles = [axes.get_title() for axes in figure.axes]
     assert "contact force at joint_b" in titles
-    assert "journal centre in its bearing, joint_b" in titles
+    assert "joint_b: the journal tilts,\nits rims touch, its middle does not" in titles
     assert not figure.legends
     error = next(axes for axes in figure.axes if axes.get_ylabel() == "tool error [mm]")
     line, peak = error.get_lines()
