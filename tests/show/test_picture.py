@@ -1,7 +1,6 @@
 """Pictures of mechanisms: what was drawn, and where."""
 
 import io
-from itertools import combinations
 
 import numpy as np
 import pytest
@@ -84,18 +83,3 @@ def test_wrong_configuration_is_refused():
     robot = jp.Mechanism(jp.shipped("scara.urdf"))
     with pytest.raises(jp.JointplayError, match="joint_a"):
         picture(robot, np.zeros(3))
-
-
-def test_words_do_not_cover_each_other():
-    bearing = jp.RevoluteClearance(**PLAY)
-    names = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
-    joints = {f"{name}_joint": bearing for name in names}
-    figure = picture(jp.Mechanism(robot_urdf("ur5"), joints, tool="tool0"))
-    figure.draw_without_rendering()
-    words = [text for text in figure.axes[0].texts if text.get_text()]
-    assert len(words) == len(joints) + 1
-    boxes = [text.get_window_extent() for text in words]
-    for one, other in combinations(boxes, 2):
-        across = min(one.x1, other.x1) - max(one.x0, other.x0)
-        down = min(one.y1, other.y1) - max(one.y0, other.y0)
-        assert across <= 0.0 or down <= 2.0  # pixels

@@ -63,13 +63,19 @@ def test_a_single_runs_overview_shows_its_tool_error(cases):
     figure = figure_of("overview", {"0.5 mm": cases["0.5 mm"]})
     titles = [axes.get_title() for axes in figure.axes]
     assert "contact force at joint_b" in titles
-    assert "journal centre in its bearing, joint_b" in titles
+    assert "joint_b: the journal tilts,\nits rims touch, its middle does not" in titles
     assert not figure.legends
     error = next(axes for axes in figure.axes if axes.get_ylabel() == "tool error [mm]")
-    (line,) = error.get_lines()
+    line, peak = error.get_lines()
     expected = analysis.deviation(cases["0.5 mm"], cases["ideal"]).values
     expected = 1e3 * np.linalg.norm(expected, axis=1)
     assert np.allclose(line.get_ydata(), expected, atol=1e-3 * expected.max())
+    assert figure.axes[0] is error
+    assert error.get_ylim()[0] == 0.0
+    ((time,), (size,)) = peak.get_data()
+    assert size == pytest.approx(expected.max(), rel=1e-3)
+    (words,) = error.texts
+    assert words.get_text() == f"peak {size:.3g} mm at {time:.3g} s"
 
 
 @pytest.mark.thorough
@@ -250,8 +256,10 @@ def test_a_single_runs_overview_has_the_forces_of_all_its_joints():
         assert np.allclose(line.get_ydata(), peak)
     assert [text.get_text() for text in figure.legends[0].get_texts()] == joints
     shown = {axes.get_title() or axes.get_ylabel(): colours(axes) for axes in figure.axes}
-    assert shown["tool error [mm]"] == ["#000000"]
-    assert shown["contact forces"][0] in shown["journal centre in its bearing, elbow_joint"]
+    assert set(shown["tool error against the ideal mechanism"]) == {"#000000"}
+    title = "elbow_joint: the journal tilts,"
+    (orbit,) = (tones for name, tones in shown.items() if name.startswith(title))
+    assert shown["contact forces"][0] in orbit
 
 
 def test_an_ideal_run_has_no_orbit_to_plot(cases):

@@ -913,8 +913,8 @@ class _Search:
         """What was given and assumed of causes, prices and limits, and which plays stay."""
         if self.causes is None:
             gears = [name for name, _ in self.keys if name.endswith(GEAR)]
-            units = " and plays in arcmin" if any(map(self._turns, gears)) else ""
-            prices = [f"price of clearances in mm{units}: {self.sizes.cost}"] if self.keys else []
+            units = " or a play in arcmin" if any(map(self._turns, gears)) else ""
+            prices = [f"cost of a clearance in mm{units}: {self.sizes.cost}"] if self.keys else []
             alone = "note: play alone counts: gears giving way and servos' sag add to it (--whole)"
             return [*prices, alone] if gears else prices
         given, assumed = given_and_assumed(self.first)

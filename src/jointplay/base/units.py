@@ -324,7 +324,7 @@ _FINE = {
     "m/s": (1e3, "mm/s"),
     "rad/s": (1e3, "mrad/s"),
     "s": (1e3, "ms"),
-    "J": (1e3, "mJ"),
+    "J": (1e6, "µJ"),
     "W": (1e3, "mW"),
 }
 """The same of what is as small as a clearance, or what goes with it."""
@@ -356,7 +356,7 @@ def typeset(unit: str) -> str:
 def told(value: float, unit: str, digits: int = 4, fine: bool = False) -> str:
     """A value in SI in the unit in which tables have it (`displayed`)."""
     factor, word = displayed(unit, fine)
-    return f"{factor * value:.{digits}g} {word}".rstrip()
+    return f"{float(f'{factor * value:.{digits}g}'):g} {word}".rstrip()
 
 
 def handy(size: float, unit: str) -> tuple[float, str]:

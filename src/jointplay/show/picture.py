@@ -10,9 +10,9 @@ import matplotlib as mpl
 import numpy as np
 import pinocchio as pin
 import trimesh
+from matplotlib.cm import ScalarMappable
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
@@ -29,10 +29,14 @@ _LIGHT_DIRECTION = np.array([0.35, -0.6, 0.72])
 (judged; any that is no axis shows the faces of a box in three shades)."""
 _UNCOLOURED = "#c9d3df"  # of bodies of which a colouring says nothing
 _PLAY, _LOOP, _TOOL = "#d1352b", "#1f6fb4", "#222222"
-_TYPE_PT, _LINE_PT, _LETTER_PT = 8.0, 10.5, 4.8
-"""Size of words, of a line of them and about that of a letter of DejaVu Sans [points]."""
-_HEIGHT_PT = 71.0  # about that of the picture, of an inch of its figure
-_Note = tuple[np.ndarray, str, str]  # a place (3,) [m], words and their colour
+_TYPE_PT = 8.0  # size of words [points]
+_Note = tuple[np.ndarray, str]  # points of a mark (n, 3) [m] and the words that belong to it
+_HALO = [withStroke(linewidth=3.0, foreground="white")]  # round marks, which stand on any colour
+_CELL_PX = 4  # cells in which bodies and words are kept apart (judged: a third of a letter)
+_NEAR_PT, _FAR_PT = 10.0, 160.0  # of words from their marks [points], judged: a line, and some
+_CROWDED, _CROSSED, _MARKED = 1e3, 30.0, 20.0
+"""Costs of words on words, of lines across words and of words on marks, in points by which words
+could stand farther away instead; each point of a body costs one (judged by pictures)."""
 _RING_RADIUS = 0.06  # of the marks, relative to the mechanism's size (judged)
 _LONGEST_SIDE = 0.03
 """Of a triangle, relative to the mechanism's size: matplotlib sorts whole triangles by depth, so
@@ -58,6 +62,7 @@ def picture(
     view: tuple[float, float] | None = None,
     folders: Sequence[str | Path] = (),
     colours: Mapping[str, str] | None = None,
+    scale: tuple[ScalarMappable, str] | None = None,
     labels: Mapping[str, str] | None = None,
     size_in: tuple[float, float] = (8.0, 5.5),
 ) -> Figure:
@@ -75,7 +80,9 @@ def picture(
             above where the mechanism is flat.
         folders: where meshes may be, too.
         colours: of bodies, by the name of the joint that carries them, as #rrggbb.
-        labels: what stands beside the marks of joints with clearance instead of their play.
+        scale: what the colours mean and its name, for a bar beside the picture.
+        labels: by joint, what stands beside the marks of joints with clearance instead of their
+            play; joints without get a point.
         size_in: width and height [inches].
 
     Returns:
@@ -120,33 +127,42 @@ def picture(
     notes: list[_Note] = []
     for joint in scene.joints:
         if not joint.hinge:
-            colour = _PLAY if joint.play else _LOOP
+            colour = (_PLAY if colours is None else _TOOL) if joint.play else _LOOP
             text = f"{joint.name}\n{joint.label}"
             if joint.play and labels is not None:
                 text = labels.get(joint.name, joint.name)
             where = places[scene.links[joint.link]] * joint.place
-            notes.append((_mark(axes, where, _RING_RADIUS * size, colour), text, colour))
+            notes.append((_mark(axes, where, _RING_RADIUS * size, colour), text))
     pin.framesForwardKinematics(mechanism.model, mechanism.data, q)
     tool = mechanism.data.oMf[mechanism.tool_frame].translation
-    axes.plot(*tool[:, None], "+", color=_TOOL, ms=9, zorder=5)
-    notes.append((tool, mechanism.tool, _TOOL))
+    marked = {joint.name for joint in scene.joints}
+    for name, text in (labels or {}).items():
+        if name not in marked:
+            place = mechanism.data.oMi[mechanism.model.getJointId(name)].translation
+            axes.plot(*place[:, None], "o", color=_TOOL, ms=5, zorder=5, path_effects=_HALO)
+            notes.append((place[None], text))
+    axes.plot(*tool[:, None], "+", color=_TOOL, ms=9, mew=1.5, zorder=5, path_effects=_HALO)
+    notes.append((tool[None], mechanism.tool))
     room = 0.08 * float((high - low).max())
     low, high = low - room, high + room
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
     axes.set_box_aspect(high - low, zoom=1.1)
     axes.view_init(azim=view[0], elev=view[1])
-    axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
+    axes.set(xlabel="x [m]", ylabel="y [m]")
+    axes.set_zlabel("z [m]", labelpad=10.0)  # a short side's numbers stand farther out
     axes.tick_params(labelsize=7)
     shares = (high - low) / float((high - low).max())
     for axis, share in zip((axes.xaxis, axes.yaxis, axes.zaxis), shares, strict=True):
         # Numbers along a short side would cover each other.
         axis.set_major_locator(MaxNLocator(int(np.clip(_MOST_NUMBERS * share, 1, 4))))
         axis.pane.set_alpha(0.15)
-    _write(axes, notes, _HEIGHT_PT * size_in[1])
     axes.set_title(title, fontsize=11)
+    if scale is not None:
+        figure.colorbar(scale[0], ax=axes, shrink=0.6, pad=0.1, label=scale[1])
     if missing := [Path(name).name for name in scene.look.missing]:
         words = f"not found, simple shapes instead: {few(missing, 3)}"
         figure.text(0.01, 0.01, words, fontsize=8)
+    _write(axes, notes, triangles)
     return figure
 
 
@@ -200,37 +216,84 @@ def _cut(triangles: np.ndarray, longest: float) -> np.ndarray:
 
 
 def _mark(axes: Any, place: pin.SE3, radius: float, colour: str) -> np.ndarray:
-    """A ring about a joint's axis; returns where its words belong."""
+    """A ring about a joint's axis, and the axis; returns points of both (n, 3) [m]."""
     phi = np.linspace(0.0, 2.0 * np.pi, 61)
     ring = np.column_stack([radius * np.cos(phi), radius * np.sin(phi), 0.0 * phi])
-    axes.plot(*(ring @ place.rotation.T + place.translation).T, color=colour, lw=1.8, zorder=4)
-    axis = np.array([[0.0, 0.0, -1.5 * radius], [0.0, 0.0, 1.5 * radius]])
-    line = (axis @ place.rotation.T + place.translation).T
-    axes.plot(*line, color=colour, lw=1.0, ls="-.", zorder=4)
-    return np.asarray(line[:, 1])
+    axle = np.linspace(-1.5 * radius, 1.5 * radius, 31)[:, None] * [0.0, 0.0, 1.0]
+    ring, axle = (line @ place.rotation.T + place.translation for line in (ring, axle))
+    axes.plot(*ring.T, color=colour, lw=1.8, zorder=4, path_effects=_HALO)
+    axes.plot(*axle[[0, -1]].T, color=colour, lw=1.0, ls="-.", zorder=4)
+    return np.concatenate([ring, axle])
 
 
-def _write(axes: Any, notes: Sequence[_Note], height_pt: float) -> None:
-    """Words beside their points, from above; what would cover others moves down, led by a line."""
-    seen = axes.get_proj()
-    point = axes.viewLim.height / height_pt
-    taken: list[tuple[float, float, float, float]] = []
-    flat = [(np.array(proj_transform(*at, seen)[:2], float), text, c) for at, text, c in notes]
-    for at, text, colour in sorted(flat, key=lambda note: -note[0][1]):
-        lines = text.split("\n")
-        high = _LINE_PT * len(lines) * point
-        wide = _LETTER_PT * max(map(len, lines)) * point
-        left, top = at[0] + 6.0 * point, at[1] + 0.5 * high
-        for a, b, upper, lower in sorted(taken, key=lambda box: -box[2]):
-            if left < b and a < left + wide and top > lower and top - high < upper:
-                top = lower
-        taken.append((left, left + wide, top, top - high))
-        middle = top - 0.5 * high
-        if middle < at[1] - 0.5 * high:
-            ends = ((at[0], left), (at[1], middle))
-            axes.add_artist(Line2D(*ends, color=colour, lw=0.6, zorder=5))
-        axes.text2D(
-            left, middle, text, color=colour, fontsize=_TYPE_PT, va="center", zorder=6,
-            transform=axes.transData,
-            path_effects=[withStroke(linewidth=2.5, foreground="white")],
-        )  # fmt: skip
+def _write(axes: Any, notes: Sequence[_Note], triangles: np.ndarray) -> None:
+    """Words beside bodies, marks and each other, a line from each to its mark.
+
+    Of all places about its mark each text takes the cheapest.
+    """
+    figure = axes.figure
+    figure.draw_without_rendering()  # which lays it out
+    point = figure.dpi / 72.0
+
+    def seen(points: np.ndarray) -> np.ndarray:
+        """Where points (n, 3) are in the picture (n, 2) [pixels]."""
+        flat = proj_transform(*points.T, axes.get_proj())[:2]
+        pixels: np.ndarray = axes.transData.transform(np.column_stack(flat))
+        return pixels
+
+    corners = np.concatenate([triangles.reshape(-1, 3), triangles.mean(axis=1)])
+    across, up = (np.arange(0.0, size + _CELL_PX, _CELL_PX) for size in figure.bbox.size)
+    at_x, at_y = seen(corners).T
+    bodies = np.histogram2d(at_x, at_y, (across, up))[0]
+    words = np.zeros_like(bodies)
+
+    def cells(low: np.ndarray, high: np.ndarray) -> tuple[slice, slice]:
+        """Those of a box of the picture [pixels]."""
+        first, last = (np.maximum(corner // _CELL_PX, 0).astype(int) for corner in (low, high))
+        return slice(first[0], last[0] + 1), slice(first[1], last[1] + 1)
+
+    def along(start: np.ndarray, end: np.ndarray, count: int) -> tuple[np.ndarray, ...]:
+        """Those on a line [pixels]."""
+        points = start + np.linspace(0.0, 1.0, count)[:, None] * (end - start)
+        return tuple((points // _CELL_PX).astype(int).T)
+
+    axles = (axes.xaxis, axes.yaxis, axes.zaxis)
+    for axis in axles:
+        start, end = axis.line.get_transform().transform(axis.line.get_xydata())
+        bodies[along(start, end, 200)] += _MARKED
+    numbers = [tick.label1 for axis in axles for tick in axis.get_major_ticks()]
+    for text in (axes.title, *(axis.label for axis in axles), *numbers):
+        box = text.get_window_extent()
+        words[cells(box.min, box.max)] = 1.0
+    turns = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+    ways = np.column_stack([np.cos(turns), np.sin(turns)])
+    tries = [(far, way) for far in np.arange(_NEAR_PT, _FAR_PT, 10.0) for way in ways]
+    marks = [(seen(points), text) for points, text in notes]
+    for outline, _ in marks:
+        bodies[tuple((outline // _CELL_PX).astype(int).T)] += _MARKED
+    for outline, text in sorted(marks, key=lambda mark: -mark[0][:, 1].mean()):
+        centre = outline.mean(axis=0)
+        look: dict[str, Any] = {"fontsize": _TYPE_PT, "va": "center", "ha": "center", "zorder": 6.0}
+        look |= {"path_effects": _HALO, "color": _TOOL}
+        probe = axes.annotate(text, (0.0, 0.0), **look)
+        half = 0.5 * np.array(probe.get_window_extent().size) + point
+        probe.remove()
+        best = np.inf, centre, centre, centre
+        for far, way in tries:
+            middle = centre + far * point * way + half * np.clip(1.5 * way, -1.0, 1.0)
+            low, high = middle - half, middle + half
+            if (low < 0.0).any() or (high > figure.bbox.size).any():
+                continue
+            mark = outline[np.linalg.norm(outline - np.clip(outline, low, high), axis=1).argmin()]
+            near, box = np.clip(mark, low, high), cells(low, high)
+            crossed = words[along(near, mark, 20)].sum()
+            cost = far + _CROWDED * words[box].sum() + bodies[box].sum() + _CROSSED * crossed
+            if cost < best[0]:
+                best = cost, middle, near, mark
+        _, middle, near, mark = best
+        words[cells(middle - half, middle + half)] = words[along(near, mark, 40)] = 1.0
+        look |= {"xytext": (middle - mark) / point, "textcoords": "offset points"}
+        lead = {"arrowstyle": "-", "color": _TOOL, "lw": 0.8, "shrinkA": 0.0, "shrinkB": 0.0}
+        lead |= {"relpos": tuple(0.5 + 0.5 * (near - middle) / half), "path_effects": _HALO}
+        at = axes.transData.inverted().transform(mark)
+        axes.annotate(text, at, arrowprops=lead, in_layout=False, **look)

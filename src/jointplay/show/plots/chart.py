@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from jointplay.base.units import displayed, typeset
-from jointplay.show.plots.palette import COLOURS
+from jointplay.show.plots.palette import BLUE
 
 _SHORT_S = 0.02
 """Time up to which an axis counts milliseconds: in seconds its ticks' numbers would touch [s]."""
@@ -56,7 +56,7 @@ class Curve:
     x: np.ndarray | Sequence[float]
     y: np.ndarray | Sequence[float]
     name: str = ""  # in the legend; without one it is not there
-    colour: str = COLOURS[1]
+    colour: str = BLUE
     line: str = "-"  # -, --, :, -. or, of points alone, nothing
     width: float | None = None
     marker: str = ""
@@ -80,13 +80,14 @@ class Bars:
 
     values: np.ndarray | Sequence[float]
     name: str = ""
-    colour: str = COLOURS[1]
+    colour: str = BLUE
     left: np.ndarray | float = 0.0
     shift: float = 0.0  # of the bars from their rows
     height: float = 0.6
     opacity: float = 1.0
     error: np.ndarray | None = None
     rows: np.ndarray | Sequence[int] | None = None  # None: every one
+    texts: Sequence[str] = ()  # at the ends of the bars
 
 
 @dataclass(frozen=True)
@@ -97,7 +98,7 @@ class Spans:
     end: np.ndarray
     row: int
     name: str = ""
-    colour: str = COLOURS[1]
+    colour: str = BLUE
 
 
 @dataclass(frozen=True)
@@ -122,7 +123,7 @@ class Area:
     low: np.ndarray
     high: np.ndarray
     name: str = ""
-    colour: Any = COLOURS[1]
+    colour: Any = BLUE
     opacity: float = 0.75
     order: float = 1.0
 
@@ -153,11 +154,13 @@ class Map:
 
 @dataclass(frozen=True)
 class Words:
-    """Words at a place."""
+    """Words at a place, or above it."""
 
     x: float
     y: float
     text: str
+    above: str = ""
+    """What of the words is above the place: their ``"left"``, ``"center"`` or ``"right"``."""
 
 
 Mark = Curve | Bars | Spans | Rule | Area | Dots | Map | Words
@@ -176,7 +179,7 @@ class Panel:
     """Whether x and y have the same scale: ``"box"`` fits the panel to what is shown, ``"data"``
     shows more."""
     columns: int = 0  # of its own legend, above it; 0: it has none
-    legend: str = ""  # where its own legend is otherwise, as matplotlib calls it
+    legend: str = ""  # where its own legend is otherwise: as matplotlib has it, beside or below
     legend_title: str = ""
 
     def styled(self, **fields: Any) -> Panel:

@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from jointplay.accuracy.allocation import Allocation
 from jointplay.accuracy.error_budget import ErrorBudget, PlayBudget
 from jointplay.accuracy.jacobians import GEAR
+from jointplay.base.units import readable
 from jointplay.estimate import Calibration, Estimate, Identification
 from jointplay.estimate.unknowns import Loop
 from jointplay.model.mechanism import Mechanism
@@ -34,7 +35,16 @@ from jointplay.show.plots.chart import (
     Words,
 )
 from jointplay.show.plots.draw import draw
-from jointplay.show.plots.palette import COLOURS, LINE, many
+from jointplay.show.plots.palette import (
+    BLUE,
+    COLOURS,
+    GREEN,
+    LINE,
+    PINK,
+    SKY,
+    VERMILION,
+    many,
+)
 from jointplay.study.corners import Judgement
 from jointplay.study.hunting import UNITS, GainMap
 from jointplay.study.iso9283 import Iso9283
@@ -67,9 +77,9 @@ def bars(budget: PlayBudget, pose: int | None = None) -> Figure:
             height=0.25,
         )
         for shift, words, total, values, colour in (
-            (-0.27, "worst case", budget.worst[at], budget.worst_parts[at], COLOURS[0]),
-            (0.0, "RMS over load directions", budget.rms[at], budget.rms_parts[at], COLOURS[1]),
-            (0.27, "at rest", size, sizes, COLOURS[3]),
+            (-0.27, "worst case", budget.worst[at], budget.worst_parts[at], VERMILION),
+            (0.0, "RMS over load directions", budget.rms[at], budget.rms_parts[at], BLUE),
+            (0.27, "at rest", size, sizes, GREEN),
         )
     ]
     across = Axis(f"contribution of the joint to the error of {budget.tool!r}", budget.unit)
@@ -129,12 +139,10 @@ def robot(mechanism: Mechanism, budget: PlayBudget, q: np.ndarray) -> Figure:
     at = budget.worst_pose
     worst = f"{1e3 * budget.worst[at]:.3g} m{budget.unit}"
     title = f"origin of the worst case of {worst} at {budget.tool!r}"
+    bar = ScalarMappable(scale, palette), "share of the joint that carries the body [%]"
     look: dict[str, Any] = {"title": f"{title} (static)", "colours": colours, "labels": labels}
-    figure = picture(mechanism, q[at], **look)
+    figure = picture(mechanism, q[at], scale=bar, **look)
     figure.set_dpi(130)
-    label = "share of the joint that carries the body [%]"
-    bar = ScalarMappable(scale, palette)
-    figure.colorbar(bar, ax=figure.axes[0], shrink=0.6, label=label)
     return figure
 
 
@@ -162,9 +170,9 @@ def reachable(budget: PlayBudget, pose: int | None = None) -> Figure:
         (left, right), (low, high) = ends[i], ends[j]
         box = [left, right, right, left, left], [low, low, high, high, low]
         marks += [
-            Curve(edge[:, i], edge[:, j], "reachable", COLOURS[0]),
-            Curve([rest[i]], [rest[j]], "at rest", COLOURS[3], "", marker="o", size=5.0),
-            Curve(*box, held, COLOURS[3], "--", 1.0),
+            Curve(edge[:, i], edge[:, j], "reachable", VERMILION),
+            Curve([rest[i]], [rest[j]], "at rest", GREEN, "", marker="o", size=5.0),
+            Curve(*box, held, GREEN, "--", 1.0),
             Curve([0.0], [0.0], "without play", "black", "", marker="+", size=6.0),
         ]
         panels.append(Panel(Axis("xyz"[i], "m"), Axis("xyz"[j], "m"), marks, equal="data"))
@@ -208,8 +216,8 @@ def before_and_after(judgement: Judgement) -> Figure:
         marks: list[Mark] = [
             Curve(errors.times, np.linalg.norm(errors.values[:, :3], axis=1), name, tone)
             for errors, name, tone in (
-                (corner.before, "as it was", COLOURS[1]),
-                (corner.after, "corrected", COLOURS[0]),
+                (corner.before, "as it was", BLUE),
+                (corner.after, "corrected", VERMILION),
             )
         ]
         time = Axis("time", "s", low=0.0, high=float(corner.before.times[-1]))
@@ -235,36 +243,62 @@ def workspace_map(budget: PlayBudget) -> Figure:
 
 
 def allocation(allotment: Allocation) -> Figure:
-    """What each joint adds in the end (pale: as it was) and costs, by cause; its size."""
+    """The size that each joint may have, its part of the error (pale: before), and of the cost."""
     joints = list(dict.fromkeys(allotment.joints))
     causes = list(dict.fromkeys(choice.cause for choice in allotment.choices))
-    shown = np.zeros((3, len(causes), len(joints)))
-    sized = np.full((4, len(joints)), np.nan)
+    improved, unit, total = not np.isnan(allotment.was), allotment.unit, allotment.total or 1.0
+    parts = np.zeros((3, len(causes), len(joints)))
+    sizes = {"m": np.zeros(len(joints)), "arcmin": np.zeros(len(joints))}
+    texts = {kind: [""] * len(joints) for kind in sizes}
+    nouns: dict[str, None] = {}
     for choice in allotment.choices:
-        cell = shown[:, causes.index(choice.cause), joints.index(choice.joint)]
-        cell += np.nan_to_num([choice.before, choice.after, choice.price])
-        if not np.isnan(choice.clearance):
-            sized[:2, joints.index(choice.joint)] = choice.clearance, choice.saved
-        if not np.isnan(choice.play):
-            sized[2:, joints.index(choice.joint)] = np.degrees(60.0 * choice.play), choice.saved
+        row, offer = joints.index(choice.joint), choice.offer
+        cell = parts[:, causes.index(choice.cause), row]
+        cell += np.nan_to_num([choice.before, choice.after, 100.0 * choice.price / total])
+        turns = not np.isnan(choice.play)
+        size = offer.free("x") if offer else choice.clearance
+        size = float(np.degrees(60.0 * choice.play)) if turns else size
+        if np.isnan(size):
+            continue
+        kind = "arcmin" if turns else "m"
+        noun = "play of the gear" if choice.gear else "radial clearance"
+        text = f"{size if turns else 1e6 * size:.3g}"
+        if offer:
+            noun, text = "fit" if offer.instead else "bearing class", f"{offer.name}: {text}"
+        nouns[noun] = None
+        if choice.held == "most":  # a bar would dwarf those that count
+            text = f"any, up to {text}"
+        else:
+            sizes[kind][row] = size
+        texts[kind][row] = text
+    axes = {"m": Axis("clearance allowed", "m", "fine"), "arcmin": Axis("play allowed [arcmin]")}
+    rows = Axis(rows=joints)
+    panels = [
+        Panel(axes[kind], rows, [Bars(sizes[kind], colour=BLUE, texts=texts[kind])])
+        for kind in axes
+        if any(texts[kind])
+    ]
+    before, after, shares = parts
     nameless = [""] * len(causes)
-    after = _stacked(shown[1], causes, shift=0.2, height=0.36)
-    unit = allotment.unit
-    part = f"part of the {allotment.kind}, {1e3 * allotment.error:.4g} m{unit}"
-    if shown[0].any():
-        part += f"\npale as it is, {1e3 * allotment.was:.4g} m{unit}"
-        after += _stacked(shown[0], nameless, shift=-0.2, height=0.36, opacity=0.45)
-    panels = [(Axis(part, unit), after)]
-    panels.append((Axis(f"price, {allotment.total:.4g} in all"), _stacked(shown[2], nameless)))
-    names = [Axis("clearance", "m", "fine"), Axis("a µm more saves")]
-    names += [Axis("play [arcmin]"), Axis("an arcmin more saves")]
-    for values, axis in zip(sized, names, strict=True):
-        if not np.isnan(values).all():
-            panels.append((axis, [Bars(np.nan_to_num(values), colour=COLOURS[1])]))
-    note = "; ".join(note for note in allotment.notes if note.startswith("assumed"))
-    rows, size = Axis(rows=joints), (3.0 + 3.0 * len(panels), 1.9 + 0.42 * len(joints))
-    each = [Panel(axis, rows, marks) for axis, marks in panels]
-    return _row(each, size, note=note, key=len(causes), same_y=True)
+    whole = f"{allotment.kind} {1e3 * allotment.error:.4g} m{unit}"
+    look: dict[str, Any] = {"shift": 0.2, "height": 0.36} if improved else {}
+    marks = _stacked(after, causes if improved else nameless, **look)
+    if improved:
+        whole += f" (pale: before, {1e3 * allotment.was:.4g} m{unit})"
+        marks += _stacked(before, nameless, shift=-0.2, height=0.36, opacity=0.45)
+    panels += [
+        Panel(Axis("part of the error", unit), rows, marks, whole),
+        Panel(Axis("part of the cost", "%"), rows, _stacked(shares, nameless)),
+    ]
+    title = (
+        "cheapest improvements" if improved else f"{' and '.join(nouns)} that each joint may have"
+    )
+    target = readable(allotment.target, unit, 3)
+    title += f" for an error of {allotment.mechanism.tool!r} of at most {target}"
+    note = "; ".join(note for note in allotment.notes if note.startswith(("assumed", "cost")))
+    inches = (2.6 + 2.8 * len(panels), 2.0 + 0.36 * len(joints))
+    look = {"key": 1, "key_at": "outside right upper"}  # above stands the title
+    return _row(panels, inches, title=title, note=note, same_y=True, **look)
 
 
 # Figure of an identification: what was found beside the scenario, agreement.
@@ -322,7 +356,7 @@ def reversal_loops(loops: Sequence[Loop], estimates: Sequence[Estimate]) -> Figu
     panels: list[Panel | None] = []
     for loop in loops:
         marks: list[Mark] = []
-        for way, colour in ((0, LINE), (-1, COLOURS[0]), (1, COLOURS[1])):
+        for way, colour in ((0, LINE), (-1, VERMILION), (1, BLUE)):
             along = np.flatnonzero(loop.branch == way)
             along = along[np.argsort(loop.x[along], kind="stable")]
             seen, fit = (along[np.isfinite(y[along])] for y in (loop.measured, loop.fitted))
@@ -352,7 +386,7 @@ def _interval(row: int, low: float, high: float, value: float) -> list[Mark]:
 def calibration(fit: Calibration) -> Figure:
     """Errors in training and on held-back poses by model, each pose's error, bounds of play."""
     known = [play for play in fit.play if not play.reason]
-    groups = ((-0.2, "training", COLOURS[0]), (0.2, "held_back", COLOURS[1]))
+    groups = ((-0.2, "training", VERMILION), (0.2, "held_back", BLUE))
     steps: list[Mark] = []
     poses: list[Mark] = []
     for shift, name, colour in groups:
@@ -402,9 +436,9 @@ def poses(performance: Iso9283) -> Figure:
             dot: dict[str, Any] = {"line": "", "marker": "o", "size": 2.5}
             cross: dict[str, Any] = {"line": "", "marker": "x", "size": 6.0}
             marks = [
-                Curve(points[:, i], points[:, j], "attained", COLOURS[0], **dot),
-                Curve([0.0], [0.0], "barycentre", COLOURS[1], **cross),
-                Curve(rp * np.cos(angle), rp * np.sin(angle), "RP_l", COLOURS[1], width=0.8),
+                Curve(points[:, i], points[:, j], "attained", VERMILION, **dot),
+                Curve([0.0], [0.0], "barycentre", BLUE, **cross),
+                Curve(rp * np.cos(angle), rp * np.sin(angle), "RP_l", BLUE, width=0.8),
                 Curve([0.0, arrow[i]], [0.0, arrow[j]], way, LINE, width=0.8),
             ]
             x, y = (Axis("xyz"[k], "m", "fine", ticks=5) for k in (i, j))
@@ -418,8 +452,8 @@ def path(performance: Iso9283) -> Figure:
     look: dict[str, Any] = {"width": 0.8, "marker": "o", "size": 2.5}
     marks = []
     for values, name, colour in (
-        (performance.path_accuracy, "AT_p", COLOURS[0]),
-        (performance.path_repeatability, "RT_p", COLOURS[1]),
+        (performance.path_accuracy, "AT_p", VERMILION),
+        (performance.path_repeatability, "RT_p", BLUE),
     ):
         words = f"{name} = {performance.path[name].text(1e3, 'mm')}"
         marks.append(Curve(performance.path_times, values, words, colour, **look))
@@ -439,7 +473,7 @@ def reversals(reduction: Reduction) -> Figure:
     past, half = reduction.history, 0.5 * reduction.dead_band
     sides = [Rule(side, "y", colour=LINE, line=":", width=0.7) for side in (-half, half)]
     curves: list[list[Mark]] = [[*sides], [*sides]]
-    for name, colour, line in (("full", COLOURS[0], "-"), ("reduced", COLOURS[1], "--")):
+    for name, colour, line in (("full", VERMILION, "-"), ("reduced", BLUE, "--")):
         lag = past["motor"] - past[name]
         curves[0].append(Curve(past["time"], lag, f"{name} model", colour, line))
         curves[1].append(Curve(past["motor"], lag, "", colour, line))
@@ -470,10 +504,10 @@ def gains(found: GainMap) -> Figure:
     size, rate = (np.where(lasts, x, np.nan) for x in (found.amplitude, found.frequency))
     places = [a.ravel() for a in np.meshgrid(x, y)]
     kinds = [
-        (found.screen, "predicted by the describing function", ".", COLOURS[0]),
-        (found.control, "without play, too", "x", COLOURS[5]),
-        (found.unclear, "unclear: a longer run must tell", "*", COLOURS[2]),
-        (diverges, "diverges", "^", COLOURS[3]),
+        (found.screen, "predicted by the describing function", ".", VERMILION),
+        (found.control, "without play, too", "x", SKY),
+        (found.unclear, "unclear: a longer run must tell", "*", PINK),
+        (diverges, "diverges", "^", GREEN),
     ]
     marks: list[Mark] = []
     for where, name, marker, colour in kinds:

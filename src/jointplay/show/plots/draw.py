@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
+from matplotlib.legend import Legend
 from matplotlib.ticker import MaxNLocator
 
 from jointplay.show.plots.chart import (
@@ -39,6 +41,13 @@ _MANY_POINTS = 20_000
 """So many are an image, also in vector graphics, whose files grow with their number (judged)."""
 _MOST_WRITTEN = 120
 """Places of a map whose numbers, of 7 pt, can be read: about 12 columns and 10 rows (judged)."""
+_LETTER, _HANDLE = 0.55, 4.0
+"""Width of a letter of DejaVu Sans, the mean of a text, and of a legend's line with the room about
+it, relative to the size of type; of a figure's width the legend has `_ACROSS`."""
+_ACROSS = 0.9
+_BESIDE = 0.05  # between panels that share an axis, relative to their width (judged)
+_TEXT_ROOM = 0.25  # right of bars with texts, relative to the longest: some ten letters (judged)
+_ABOVE_PT = 4.0  # between a point and words above it: clear of its marker [points]
 _MOST_NAMED = 9  # columns or rows of a map that are named (judged: names of some eight letters)
 
 
@@ -51,21 +60,24 @@ def draw(chart: Chart, look: str = "screen", whole: bool = False) -> StyledFigur
             len(chart.rows), len(chart.rows[0]), squeeze=False,
             width_ratios=chart.wide, height_ratios=chart.high, **share,
         )  # fmt: skip
+        drawn: list[tuple[Panel, Axes]] = []
         for row, places in zip(chart.rows, axes, strict=True):
             for panel, place in zip(row, places, strict=True):
                 if panel is None:
                     place.set_axis_off()
                 else:
                     draw_panel(panel, place)
+                    drawn.append((panel, place))
         if chart.same_x and len(chart.rows) > 1:
             for place in axes[:-1].flat:
                 place.set_xlabel("")
         if chart.same_y:
+            figure.get_layout_engine().set(wspace=_BESIDE)  # numbers at ends of axes do not touch
             for place in axes[:, 1:].flat if chart.same_y is True else ():
                 place.set_ylabel("")
         # A bar that says which value a colour has, beside the panels that share it.
         scaled: dict[Axis, list[tuple[Axes, Any]]] = {}
-        for panel, place in zip(chart.panels, [a for a in axes.flat if a.axison], strict=True):
+        for panel, place in drawn:
             for mark in panel.marks:
                 if isinstance(mark, Dots | Map) and mark.scale is not None:
                     image = [*place.collections, *place.images][-1]
@@ -76,7 +88,8 @@ def draw(chart: Chart, look: str = "screen", whole: bool = False) -> StyledFigur
         if chart.title:
             figure.suptitle(chart.title, color=chart.colour, fontsize=10)
         if chart.key:
-            key(figure, axes, chart.key, chart.key_at)
+            shared = [place for panel, place in drawn if not panel.legend]
+            key(figure, shared, chart.key, chart.key_at)
         if chart.note:
             footnote(figure, chart.note)
     return figure
@@ -90,13 +103,24 @@ def key(figure: Figure, axes: Any, columns: int, place: Any = "outside upper cen
             named.setdefault(name, handle)
     if not named:
         return
-    columns = min(len(named), columns)
+    columns = _fitting(columns, list(named), figure)
     # matplotlib fills columns; cases are read in rows.
     names = [name for column in range(columns) for name in list(named)[column::columns]]
-    made = figure.legend([named[name] for name in names], names, loc=place, ncols=columns)
-    for line in made.get_lines():
+    _enlarge(figure.legend([named[name] for name in names], names, loc=place, ncols=columns))
+
+
+def _enlarge(legend: Legend) -> None:
+    """Lines and points that can be seen, whatever they are in the axes."""
+    for line in legend.get_lines():
         line.set_linewidth(max(line.get_linewidth(), 2.0))
         line.set_markersize(max(line.get_markersize(), 4.0))
+
+
+def _fitting(columns: int, names: Sequence[str], figure: Figure) -> int:
+    """So many columns of a legend, or fewer where names are long or few."""
+    size = mpl.rcParams["font.size"]
+    column = size * (_LETTER * max(map(len, names)) + _HANDLE)
+    return max(1, min(columns, len(names), int(_ACROSS * 72.0 * figure.get_figwidth() / column)))
 
 
 def draw_panel(panel: Panel, axes: Axes, **options: Any) -> None:
@@ -109,7 +133,7 @@ def draw_panel(panel: Panel, axes: Axes, **options: Any) -> None:
         _DRAWN[type(mark)](axes, mark, panel, {} if framed else options)
     _set_axis(axes, "x", panel.x, panel)
     _set_axis(axes, "y", panel.y, panel)
-    if any(isinstance(mark, Spans) for mark in panel.marks):
+    if any(isinstance(mark, Spans | Bars) for mark in panel.marks):
         axes.grid(axis="y", visible=False)
         axes.tick_params(axis="y", length=0)
     if panel.equal:
@@ -120,16 +144,17 @@ def draw_panel(panel: Panel, axes: Axes, **options: Any) -> None:
     if not axes.get_legend_handles_labels()[0]:
         return
     if panel.legend:
-        beside = {"bbox_to_anchor": (1.02, 1.0), "loc": "upper left"}
-        at: Any = beside if panel.legend == "beside" else {"loc": panel.legend}
-        axes.legend(title=panel.legend_title or None, fontsize=7, **at)
+        outside: dict[str, dict[str, Any]] = {
+            "beside": {"bbox_to_anchor": (1.02, 1.0), "loc": "upper left"},
+            "below": {"bbox_to_anchor": (0.5, -0.18), "loc": "upper center", "ncols": 2},
+        }
+        at: Any = outside.get(panel.legend, {"loc": panel.legend})
+        _enlarge(axes.legend(title=panel.legend_title or None, fontsize=7, **at))
     elif panel.columns:  # above the axes, in fewer columns on a narrow figure
-        narrow = figure_of(axes).get_figwidth() < 4.5  # a column of a journal, or less
-        columns = 2 if narrow and panel.columns > 3 else panel.columns
+        names = axes.get_legend_handles_labels()[1]
+        columns = _fitting(panel.columns, names, figure_of(axes))
         at = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.2}
-        made = axes.legend(ncols=columns, handlelength=1.3, columnspacing=1.2, **at)
-        for line in made.get_lines():
-            line.set_linewidth(max(line.get_linewidth(), 1.6))
+        _enlarge(axes.legend(ncols=columns, handlelength=1.3, columnspacing=1.2, **at))
 
 
 def _set_axis(axes: Axes, which: str, axis: Axis, panel: Panel) -> None:
@@ -154,6 +179,8 @@ def _set_axis(axes: Axes, which: str, axis: Axis, panel: Panel) -> None:
         drawn_axis.set_major_locator(
             MaxNLocator(axis.ticks, symmetric=-(axis.low or 0.0) == (axis.high or 0.0))
         )
+    elif which == "x" and not axis.log:  # steps of 2.5 have long numbers
+        drawn_axis.set_major_locator(MaxNLocator("auto", steps=[1, 2, 5, 10]))
     if axis.whole:
         drawn_axis.set_major_locator(MaxNLocator(integer=True))
 
@@ -199,7 +226,11 @@ def _bars(axes: Axes, mark: Bars, panel: Panel, options: Mapping[str, Any]) -> N
     error = None if mark.error is None else factor * mark.error
     look: dict[str, Any] = {"color": mark.colour, "alpha": mark.opacity, **_name(mark)}
     left = factor * np.asarray(mark.left)
-    axes.barh(rows + mark.shift, values, mark.height, left=left, xerr=error, **look | dict(options))
+    look |= {"left": left, "xerr": error} | dict(options)
+    drawn = axes.barh(rows + mark.shift, values, mark.height, **look)
+    if mark.texts:
+        axes.bar_label(drawn, mark.texts, padding=3.0, fontsize=7)
+        axes.margins(x=_TEXT_ROOM)
     if np.any(left):  # matplotlib keeps bars that begin where others end at the edge
         low, high = axes.dataLim.intervalx
         axes.set_xlim(1.03 * min(low, 0.0), 1.03 * high)
@@ -257,7 +288,10 @@ def _map(axes: Axes, mark: Map, panel: Panel, options: Mapping[str, Any]) -> Non
 
 def _words(axes: Axes, mark: Words, panel: Panel, options: Mapping[str, Any]) -> None:
     place = panel.x.shown[0] * mark.x, panel.y.shown[0] * mark.y
-    axes.text(*place, mark.text, va="center", ha="center", color="0.4", fontsize=7)
+    look: dict[str, Any] = {"ha": mark.above or "center", "fontsize": 8 if mark.above else 7}
+    look |= {"va": "bottom"} if mark.above else {"va": "center", "color": "0.4"}
+    shift = 0.0, _ABOVE_PT if mark.above else 0.0
+    axes.annotate(mark.text, place, shift, "data", "offset points", **look)
 
 
 _DRAWN: dict[type, Any] = {

@@ -12,7 +12,7 @@ from matplotlib.patches import Circle, Polygon
 
 from jointplay.physics.geometry import Form
 from jointplay.show.plots.names import MODE_TERMS
-from jointplay.show.plots.palette import COLOURS
+from jointplay.show.plots.palette import BLUE, VERMILION
 from jointplay.show.plots.style import StyledFigure, footnote, new_figure, style
 
 _RADIUS, _HALF = 0.7, 1.5  # of the drawn journal
@@ -49,7 +49,7 @@ def _bearing(panel: Axes, left: float, right: float, bottom: float, top: float) 
 
 
 def _journal(panel: Axes, corners: np.ndarray) -> None:
-    panel.add_patch(Polygon(corners, closed=True, fc="#D5E3EF", ec=COLOURS[1], lw=1.0))
+    panel.add_patch(Polygon(corners, closed=True, fc="#D5E3EF", ec=BLUE, lw=1.0))
 
 
 def _blank(panel: Axes, title: str = "") -> None:
@@ -75,7 +75,7 @@ def _form(panel: Axes, form: Form) -> None:
         "axial_A": corners[3],
         "axial_B": corners[1],
     }
-    look: dict[str, Any] = {"color": COLOURS[0], "zorder": 4.0, "clip_on": False}
+    look: dict[str, Any] = {"color": VERMILION, "zorder": 4.0, "clip_on": False}
     if line:
         if "radial_A" in touching:
             panel.plot(*corners[:2].T, lw=3.0, **look)
@@ -129,11 +129,11 @@ def _modes(panel: Axes) -> None:
     for k, (name, away) in enumerate(zip(MODE_TERMS, (0.1, 0.3, 0.38), strict=True)):
         x = 2.3 * k
         panel.add_patch(Circle((x, 0.0), 1.0, fc="none", ec="black", lw=1.6))
-        journal = Circle((x + away, 0.0), 0.7, fc="#D5E3EF", ec=COLOURS[1], lw=1.0, zorder=0.5)
+        journal = Circle((x + away, 0.0), 0.7, fc="#D5E3EF", ec=BLUE, lw=1.0, zorder=0.5)
         panel.add_patch(journal)
         panel.text(x, -1.25, name, fontsize=8, ha="center")
         panel.text(x, -1.5, f"gap {('>', '=', '<')[k]} 0", fontsize=8, ha="center")
-    panel.plot([1.04 + 4.6 + 0.04], [0.0], "o", color=COLOURS[0], ms=3.0)
+    panel.plot([1.04 + 4.6 + 0.04], [0.0], "o", color=VERMILION, ms=3.0)
     panel.set(xlim=(-1.1, 5.8), ylim=(-1.65, 1.1))
     _blank(panel, "Figure 3: the modes, by the gap (eqs 8, 9; Table 1)")
 
@@ -146,7 +146,7 @@ def _crossing(panel: Axes) -> None:
     _journal(panel, corners)
     panel.plot([-2.0, 2.0], [0.0, 0.0], "k-.", lw=0.6)
     ends = np.array([-2.0, 2.0])
-    panel.plot(ends, ends * math.tan(tilt), "-.", color=COLOURS[1], lw=0.8)
+    panel.plot(ends, ends * math.tan(tilt), "-.", color=BLUE, lw=0.8)
     panel.plot(0.0, 0.0, "ko", ms=3.0)
     panel.text(-0.1, -0.14, "M", fontsize=8)
     panel.text(0.75, 0.045, "θ", fontsize=8)
@@ -154,7 +154,7 @@ def _crossing(panel: Axes) -> None:
     _measure(panel, top, (top[0], 1.05), "δ_r", (top[0] - 0.2, 0.97))
     _measure(panel, low, (1.8, low[1]), "δ_a", (1.7, low[1] - 0.15))
     middle = 0.5 * (top + low)
-    panel.plot(*middle, "o", color=COLOURS[1], ms=3.0)
+    panel.plot(*middle, "o", color=BLUE, ms=3.0)
     panel.text(middle[0] - 0.2, middle[1] + 0.1, "A_j", fontsize=8)
     _blank(panel, "Figure 4: axes meet in M at θ; d = M A_j (eqs 4, 5)")
 
@@ -166,9 +166,9 @@ def _parallel(panel: Axes) -> None:
     _bearing(panel, -1.8, 1.8, -1.05, 1.05)
     _journal(panel, corners)
     panel.plot([-2.0, 2.0], [0.0, 0.0], "k-.", lw=0.6)
-    panel.plot([-2.0, 2.0], [at[1]] * 2, "-.", color=COLOURS[1], lw=0.8)
+    panel.plot([-2.0, 2.0], [at[1]] * 2, "-.", color=BLUE, lw=0.8)
     panel.plot(0.0, 0.0, "ko", ms=3.0)
-    panel.plot(*at, "o", color=COLOURS[1], ms=3.0)
+    panel.plot(*at, "o", color=BLUE, ms=3.0)
     panel.text(-0.18, -0.16, "N_i", fontsize=8)
     panel.text(at[0] + 0.06, at[1] + 0.06, "N_j", fontsize=8)
     panel.plot([0.0, at[0]], [0.0, at[1]], "k", lw=0.8)

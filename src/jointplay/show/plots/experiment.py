@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from jointplay.estimate.experiment import BAND, ExperimentComparison
 from jointplay.show.plots.chart import Area, Axis, Chart, Curve, Mark, Panel
-from jointplay.show.plots.palette import COLOURS
+from jointplay.show.plots.palette import BLUE
 
 _DENSE = 200
 """Measured values from which they are a line, not points (judged: points would touch)."""
@@ -18,9 +18,9 @@ def overlay(comparison: ExperimentComparison) -> Chart:
         marks: list[Mark] = []
         if curve.band is not None:
             name = f"{BAND[0]:g} to {BAND[1]:g} % of perturbed runs"
-            marks.append(Area(curve.times, *curve.band, name, COLOURS[1], opacity=0.25))
+            marks.append(Area(curve.times, *curve.band, name, BLUE, opacity=0.25))
         marks += [
-            Curve(curve.times, curve.computed, "computed", COLOURS[1]),
+            Curve(curve.times, curve.computed, "computed", BLUE),
             Curve(
                 curve.times, curve.measured, "measured", "black", "-" if dense else "",
                 width=0.7, marker="" if dense else "o", order=3.0,

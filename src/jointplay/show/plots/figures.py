@@ -16,10 +16,10 @@ import pinocchio as pin
 from jointplay.base import files
 from jointplay.base.processes import in_parallel
 from jointplay.model.mechanism import Mechanism
-from jointplay.show.plots.chart import Axis, Chart, Curve, Panel, Rule, overlaid
+from jointplay.show.plots.chart import Axis, Chart, Curve, Panel, Rule, Words, overlaid
 from jointplay.show.plots.draw import draw
 from jointplay.show.plots.names import MARK, PAPER, SHORT, is_paper_robot, kinds
-from jointplay.show.plots.palette import COLOURS, GREY, Cases, colours, many, reference
+from jointplay.show.plots.palette import GREY, VERMILION, Cases, colours, many, reference
 from jointplay.simulation import analysis
 from jointplay.simulation.analysis.headline import reference as ideal_run
 from jointplay.simulation.analysis.twins import has_play
@@ -28,6 +28,7 @@ from jointplay.simulation.result.result import AXES, Result
 
 _LEGEND_COLUMNS = 3
 _ORBITS = 3  # columns of a legend, and of orbits, at most
+_HEADROOM = 1.2  # above a named peak, relative to it: a line of words (judged)
 _STILL = 1e-6  # motion along an axis relative to the largest, below which there is none
 
 
@@ -172,7 +173,7 @@ def orbit_panels(
     `joints`: of these alone.
     """
     dot: dict[str, Any] = {"line": "", "marker": "o", "size": 5.0, "frame": True, "order": 4.0}
-    ideal_point = Curve([0.0], [0.0], colour=COLOURS[0], **dot)
+    ideal_point = Curve([0.0], [0.0], colour=VERMILION, **dot)
     panels = []
     for joint in joints_of(cases) if joints is None else joints:
         for label, result, colour in coloured(cases):
@@ -287,8 +288,56 @@ def plane_of(cases: Cases) -> str:
     return "xz" if reach[0] >= reach[1] else "yz"
 
 
+def _with_peak(panel: Panel, start: float, until: float) -> Panel:
+    """A panel over time from zero up, its largest value from `start` on marked and named."""
+    curves = [mark for mark in panel.marks if isinstance(mark, Curve)]
+    top, time, colour = 0.0, 0.0, ""
+    for curve in curves:
+        at, values = np.asarray(curve.x), np.asarray(curve.y)
+        values = np.where(at >= start, values, 0.0)[: len(at)]
+        if values.max(initial=0.0) > top:
+            k = int(values.argmax())
+            top, time, colour = float(values[k]), float(at[k]), curve.colour
+    highest = max((float(np.max(curve.y, initial=0.0)) for curve in curves), default=0.0)
+    if not top:
+        return panel
+    factor, unit = panel.y.shown
+    side = "left" if time < until / 3.0 else "right" if time > 2.0 * until / 3.0 else "center"
+    words = Words(time, top, f"peak {factor * top:.3g} {unit} at {time:.3g} s", side)
+    dot = Curve([time], [top], "", colour, "", marker="o", size=5.0, frame=True, order=4.0)
+    up = replace(panel.y, low=0.0, high=_HEADROOM * highest)
+    return replace(panel.with_marks(dot, words), y=up)
+
+
+def _journal(result: Result, joint: str, label: str, colour: str) -> Panel:
+    """Where a journal goes in its bearing: its middle, or its rims if they alone touch."""
+    orbit = result.plot.panel("orbit", joint).styled(colour=colour)
+    case = f"{label}\n" if label else ""
+    place = (
+        "inner ring in the outer one"
+        if analysis.rolls(result, joint)
+        else "journal centre in its bearing"
+    )
+    room = analysis.clearance_outline(result, joint)
+    centre = result["journal_centre"].sel(joint=joint).values[result.time >= result.judge_from]
+    reach = float(np.hypot(*centre[:, :2].T).max())
+    if room is None or not analysis.has_rims(result, joint) or reach >= room.max():
+        return replace(orbit, title=f"{case}{place}, {joint}")
+    rims = result.plot.panel("rims", joint)
+    middle = replace(orbit, marks=orbit.marks[-1:]).styled(name="middle of the journal")
+    magnified = rims.title.rpartition(", ")[2]
+    title = f"{case}{joint}: the journal tilts,\nits rims touch, its middle does not"
+    return replace(
+        rims,
+        marks=[*middle.marks, *rims.marks],
+        title=title,
+        legend="below",
+        legend_title=magnified,
+    )
+
+
 def overview(cases: Cases, known: Mapping[str, Result | None] | None = None) -> Chart:
-    """The robot from above, its tool's error (or the tilt), the journal's orbit, the force.
+    """The tool's error (or the tilt), the robot from above, the force, the journal's orbit.
 
     Of a single case the forces of all joints, which the legend names; of several, of the first.
     Where play is in gears alone, there is neither orbit nor force.
@@ -323,6 +372,7 @@ def overview(cases: Cases, known: Mapping[str, Result | None] | None = None) -> 
     )
     plan = replace(plan, marks=[*bones, *plan.marks], title=f"{plane} plane, with the tool's path")
     error: Panel | None = None
+    until = max(float(result.time[-1]) for result in cases.values())
     if ideals:
         seen = [
             (result, ideals[name], tone) for name, result, tone in every[::-1] if name in ideals
@@ -333,15 +383,16 @@ def overview(cases: Cases, known: Mapping[str, Result | None] | None = None) -> 
             result.plot.panel("deviation", "total", ideal, of=of).styled(colour=tone)
             for result, ideal, tone in seen
         ).renamed(f"tool {name}")
+        error = replace(error, title=f"{error.y.name} against the ideal mechanism")
+        error = _with_peak(error, max(result.judge_from for result, *_ in seen), until)
     elif shown:
         error = overlaid(result.plot.panel("tilt").styled(colour=tone) for _, result, tone in shown)
-    around: dict[str, Any] = {"key": _LEGEND_COLUMNS, "wide": (1.0, 1.5)}
+        error = replace(error, title=f"tilt of the journal, {shown[0][1].joints[0]}")
+    around: dict[str, Any] = {"key": _LEGEND_COLUMNS, "wide": (1.5, 1.0)}
     if not shown:
-        return Chart([[plan, error]], (9.0, 3.4), **around)
+        return Chart([[error, plan]], (9.0, 3.4), **around)
     label, result, colour = shown[0]
     joint = result.joints[0]
-    ring = analysis.rolls(result, joint)
-    what = "inner ring in the outer one" if ring else "journal centre in its bearing"
     title = f"contact force at {joint}"
     forces: list[Any] = [(result, None, tone, "") for _, result, tone in shown]
     if several:
@@ -354,9 +405,9 @@ def overview(cases: Cases, known: Mapping[str, Result | None] | None = None) -> 
         result.plot.panel("forces", "total", name).styled(colour=tone, name=label)
         for result, name, tone, label in forces
     ).renamed("contact force")
-    orbit = result.plot.panel("orbit").styled(colour=colour)
-    orbit = replace(orbit, title=f"{what}, {joint}" + ("" if single else f", {label}"))
-    return Chart([[plan, error], [orbit, replace(force, title=title)]], (9.0, 6.2), **around)
+    force = replace(force, y=replace(force.y, low=0.0), title=title)
+    orbit = _journal(result, joint, "" if single else label, colour)
+    return Chart([[error, plan], [force, orbit]], (9.0, 6.2), **around)
 
 
 def bearing_loads(cases: Cases) -> Chart:

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from jointplay.show.plots.chart import Area, Axis, Chart, Curve, Dots, Map, Panel, Rule
 from jointplay.show.plots.draw import draw
-from jointplay.show.plots.palette import COLOURS, LINE, many
+from jointplay.show.plots.palette import COLOURS, LINE, VERMILION, many
 from jointplay.study.nonlinear.analyses import Findings
 from jointplay.study.nonlinear.lyapunov import Exponent
 
@@ -31,7 +31,7 @@ def turns(
     for label, history, plain in zip(labels, values.T, ideal.T, strict=True):
         marks = [
             Curve(angle, history, "with clearance", width=0.7),
-            Curve(angle, plain, "ideal", COLOURS[0], "--", 1.0),
+            Curve(angle, plain, "ideal", VERMILION, "--", 1.0),
         ]
         first = not rows
         legend = "upper right" if first else ""
@@ -73,7 +73,7 @@ def exponent(growths: np.ndarray, estimate: Exponent, turn: float, title: str = 
     marks: list[Curve | Rule] = [
         Curve(number, growths, "growth in a turn", LINE, "", marker="o", size=2.5),
         Curve(number, np.cumsum(growths) / number, "mean so far"),
-        Rule(estimate.low, "y", label, COLOURS[0], end=estimate.high, opacity=0.25),
+        Rule(estimate.low, "y", label, VERMILION, end=estimate.high, opacity=0.25),
         Rule(0.0, colour=LINE),
     ]
     panel = Panel(

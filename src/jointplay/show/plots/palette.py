@@ -8,29 +8,21 @@ from typing import Any
 from jointplay.simulation.analysis.twins import has_play
 from jointplay.simulation.result.result import Result
 
-COLOURS = ("#D55E00", "#0072B2", "#CC79A7", "#009E73", "#E69F00", "#56B4E9")
+COLOURS = ("#D55E00", "#0072B2", "#CC79A7", "#E69F00", "#009E73", "#56B4E9")
 """For cases. The paper's red (ideal), blue (0.2 mm) and magenta (0.5 mm), and further ones, in the
-shades of Okabe and Ito's colour-blind safe palette (Color Universal Design, 2008)."""
+shades of Okabe and Ito's colour-blind safe palette (Color Universal Design, 2008), in the order in
+which neighbours differ most."""
+VERMILION, BLUE, PINK, ORANGE, GREEN, SKY = COLOURS
 
 GREY, LINE = "#e0e0e0", "#808080"
 """Of what is not judged, and of lines that are no data."""
 
-_MANY = (
-    *("#1f77b4", "#aec7e8", "#ff7f0e", "#ffbb78", "#2ca02c", "#98df8a", "#d62728", "#ff9896"),
-    *("#9467bd", "#c5b0d5", "#8c564b", "#c49c94", "#e377c2", "#f7b6d2", "#7f7f7f", "#c7c7c7"),
-    *("#bcbd22", "#dbdb8d", "#17becf", "#9edae5"),
-)
-"""Where six are too few: Tableau's twenty."""
-
-AXIS_COLOURS = {"x": COLOURS[1], "y": COLOURS[0], "z": COLOURS[3], "total": "black"}
+AXIS_COLOURS = {"x": BLUE, "y": VERMILION, "z": GREEN, "total": "black"}
 """For components along axes."""
 
-CONTACT_COLOURS = (
-    *(COLOURS[1], COLOURS[5], COLOURS[0], COLOURS[4], COLOURS[3], COLOURS[2]),
-    "#808080",
-)
-"""For the contacts of a joint, and its coordinates."""
-_DASHES = ("-", "--", ":")  # tell contacts apart that share a colour: a slider has up to sixteen
+CONTACT_COLOURS = (BLUE, GREEN, SKY, VERMILION, PINK, ORANGE, LINE)
+"""For the contacts of a joint, its coordinates, and terms of the energy: neighbours differ most."""
+_DASHES = ("-", "--", ":")  # tell curves apart that share a colour: a slider has up to sixteen
 
 MODE_COLOURS = ("#B4BDC5", "#5AA5D0", "#34709F")
 """For the modes of a journal, `names.MODES`: the closer the contact, the deeper the blue."""
@@ -56,13 +48,20 @@ def colours(cases: Cases) -> list[str]:
     return chosen
 
 
-def contact_look(index: int) -> dict[str, Any]:
-    """Colour and dashes of a joint's contact."""
+def look_of(index: int) -> dict[str, Any]:
+    """Colour and dashes of one of many curves."""
     round_, at = divmod(index, len(CONTACT_COLOURS))
     return {"colour": CONTACT_COLOURS[at], "line": _DASHES[round_ % len(_DASHES)]}
 
 
 def many(number: int) -> list[str]:
-    """So many colours; beyond twenty they repeat."""
-    palette = COLOURS if number <= len(COLOURS) else _MANY
-    return [palette[k % len(palette)] for k in range(number)]
+    """So many colours: beyond six, shades of viridis, each light one beside a dark one."""
+    if number <= len(COLOURS):
+        return list(COLOURS[:number])
+    import numpy as np
+    from matplotlib import colormaps  # pages need none of it
+    from matplotlib.colors import to_hex
+
+    shades = [to_hex(colour) for colour in colormaps["viridis"](np.linspace(0.0, 0.9, number))]
+    half = (number + 1) // 2
+    return [shades[k // 2 + k % 2 * half] for k in range(number)]

@@ -18,10 +18,12 @@ from jointplay.show.plots.chart import Axis, Curve, Panel, Rule, Spans, outline
 from jointplay.show.plots.names import MODE_TERMS, MODES
 from jointplay.show.plots.palette import (
     AXIS_COLOURS,
-    COLOURS,
+    BLUE,
     CONTACT_COLOURS,
+    GREEN,
     MODE_COLOURS,
-    contact_look,
+    ORANGE,
+    look_of,
 )
 from jointplay.simulation import analysis
 from jointplay.simulation.result.result import AXES, Result
@@ -35,7 +37,7 @@ _TICKS = 5
 _DRAWN_DEPTH = 0.15
 """Depth of penetration of a rim as drawn, relative to the clearance: 99 % are less deep."""
 _RIM_EDGE = 1.5  # where deeper ones are drawn, relative to the clearance
-_RIM_COLOURS = ("#E69F00", "#009E73", MODE_COLOURS[2])  # points need more contrast than bars
+_RIM_COLOURS = (ORANGE, GREEN, MODE_COLOURS[2])  # points need more contrast than bars
 _MARKERS = "o^sDvP*"
 
 ALWAYS = ("displacement", "velocity", "path", "coordinates", "forces", "energy", "spectrum")
@@ -59,9 +61,6 @@ _ENERGIES = {
     "load_work": "work of loads",
     "energy_residual": "error of the balance",
 }
-_ENERGY_COLOURS = [*(COLOURS[k] for k in (1, 5, 3, 0, 4, 2)), "#808080", "#0F7E86", "#7A5C2E"]
-_ENERGY_COLOURS += ["#B0408A", "#5A7D2B", "black"]
-
 TIME = Axis("time", "s")
 
 
@@ -274,7 +273,7 @@ class Plots:
             words = form.name.lower().replace("_", " ")
             letter = f"{form.letter}: " if form else ""
             rows.append(f"{letter}{words}, {100 * shares[form.name.lower()]:.1f} %")
-        return self._timeline("form", name, occurred, rows, [COLOURS[1]] * len(rows))
+        return self._timeline("form", name, occurred, rows, [BLUE] * len(rows))
 
     def _timeline(
         self, variable: str, joint: str, members: Sequence[int], rows: list[str], colours: list[str]
@@ -307,7 +306,7 @@ class Plots:
         for i, place in enumerate(places):
             label = f"{place.contact.replace('_', ' ')}, {len(place.peak)}"
             look = dot | {
-                "colour": contact_look(i)["colour"],
+                "colour": look_of(i)["colour"],
                 "marker": _MARKERS[i % len(_MARKERS)],
             }
             marks.append(Curve(place.duration, place.peak, label, **look))
@@ -444,13 +443,13 @@ class Plots:
     def energy(self) -> Panel:
         """Terms of the energy balance over time, and its error [J]."""
         marks = []
-        for (name, text), colour in zip(_ENERGIES.items(), _ENERGY_COLOURS, strict=True):
+        for i, (name, text) in enumerate(_ENERGIES.items()):
             if name not in self.result.dataset:
                 continue
             values = self.result[name].values
             values = values if values.ndim == 1 else values.sum(axis=1)
             if name == "energy_residual" or np.any(values != values[0]):
-                marks.append(Curve(self.result.time, values, text, colour))
+                marks.append(Curve(self.result.time, values, text, **look_of(i)))
         return Panel(TIME, Axis("energy", "J"), marks, columns=3)
 
     def _joint(self, plot: str, joint: str | None) -> str:
@@ -486,7 +485,7 @@ class Plots:
         for i, contact in enumerate(analysis.places(self.result, joint)):
             values = self.result[variable].sel(joint=joint, contact=contact).values
             name = contact.replace("_", " ")
-            marks.append(Curve(self.result.time, values, name, width=0.7, **contact_look(i)))
+            marks.append(Curve(self.result.time, values, name, width=0.7, **look_of(i)))
         # All elements of a rolling bearing are one place.
         return Panel(TIME, axis, marks, columns=0 if analysis.rolls(self.result, joint) else 4)
 

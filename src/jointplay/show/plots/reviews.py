@@ -8,7 +8,7 @@ import numpy as np
 
 from jointplay.show.plots.chart import Area, Axis, Chart, Curve, Mark, Panel
 from jointplay.show.plots.draw import draw
-from jointplay.show.plots.palette import COLOURS, many
+from jointplay.show.plots.palette import BLUE, many
 from jointplay.show.plots.style import StyledFigure
 from jointplay.simulation.simulation import Simulation
 from jointplay.study import reviews
@@ -94,8 +94,8 @@ def spread(of: Spread) -> Chart:
         first = k == 0
         band = f"{BAND[0]:g} to {BAND[1]:g} % of {len(curves)} starts" if first else ""
         marks: list[Mark] = [
-            Area(of.times, low, high, band, COLOURS[1], opacity=0.3),
-            Curve(of.times, curves.mean(axis=0), "mean" if first else "", COLOURS[1], width=0.8),
+            Area(of.times, low, high, band, BLUE, opacity=0.3),
+            Curve(of.times, curves.mean(axis=0), "mean" if first else "", BLUE, width=0.8),
         ]
         up = Axis(name, of.curve_units[name], low=0.0)
         rows.append([Panel(Axis("time", "s"), up, marks)])

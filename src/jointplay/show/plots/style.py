@@ -37,7 +37,7 @@ _SCREEN = {
     "savefig.dpi": 160,
     "pdf.fonttype": 42,
     "figure.constrained_layout.use": True,
-    "axes.formatter.useoffset": False,
+    "axes.formatter.offset_threshold": 5,  # of digits alike, so many stand beside the axis
     "text.parse_math": False,  # names of joints and cases stand as they are, $ and all
 }
 

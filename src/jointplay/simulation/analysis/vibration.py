@@ -11,7 +11,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from jointplay.base.errors import JointplayError, require_finite, require_known, require_whole
 from jointplay.base.tables import counted
-from jointplay.base.units import readable, typeset
+from jointplay.base.units import readable, told, typeset
 from jointplay.simulation.analysis.tool_error import COMPONENTS, deviation
 from jointplay.simulation.result.result import Result
 
@@ -164,7 +164,7 @@ class Rattle:
         if self.turns and self.impacts:
             text += f", {_three(self.impacts / self.turns)} a turn,"
         if self.impacts:
-            text += f" of {_three(self.energy, 'J')} each, {_three(self.power, 'W')}"
+            text += f" of {told(self.energy, 'J', 3, fine=True)} each, {_three(self.power, 'W')}"
         return text
 
     def __str__(self) -> str:
