@@ -18,7 +18,7 @@ from jointplay.physics.contact import FILM_LAWS, FRICTION_LAWS, NORMAL_LAWS
 from jointplay.show.reports.assumptions import page_section
 
 sys.path.insert(0, str(Path(__file__).parent))
-from shown import PAGES, ROOT, answers  # noqa: E402
+from shown import PAGES, ROOT, answers
 
 COPIED = {
     "SECURITY.md": "reference/security.md",
@@ -56,7 +56,7 @@ def command_line():
 
 INTRODUCTION = (
     "`jointplay COMMAND --help` shows on one screen what is needed most often, `--help all` what "
-    "these pages show. Values are in SI units, or carry a unit, as in `\"0.1 mm\"`.",
+    'these pages show. Values are in SI units, or carry a unit, as in `"0.1 mm"`.',
     "",
 )
 

@@ -90,9 +90,6 @@ PICTURES = {
         "peak_force.png",
         "--out peak_force.png",
     ),
-    "nonlinear": Picture(
-        "nonlinear.md", ("jointplay study dynamics",), "map/poincare.png"
-    ),
     "bearings": Picture(
         "bearings.md", (ARM,), "rolling/result.nc", "--out rolling"
     ),
@@ -150,15 +147,16 @@ def live(line, folder, path):
 
 
 def worn(table):
-    """Draw how deep the bore is worn, at end A, after each block of cycles."""
+    """Draw how deep the bore is worn after each block of cycles, at the end where it is deepest."""
     import pandas
     from matplotlib import pyplot
 
-    bore = pandas.read_csv(table).query("part == 'bore' and end == 'A' and block > 0")
+    bore = pandas.read_csv(table).query("part == 'bore' and block > 0")
+    deepest = bore[bore.end == bore.loc[bore.depth_m.idxmax()].end]
     figure, axes = pyplot.subplots(figsize=(8.4, 3.6))
-    for cycles, profile in bore.groupby("cycles"):
+    for cycles, profile in sorted(deepest.groupby("cycles"), reverse=True):
         azimuth_deg, depth_um = profile.azimuth_rad.map(math.degrees), 1e6 * profile.depth_m
-        axes.fill_between(azimuth_deg, depth_um, alpha=0.3, label=f"after {cycles:,.0f} cycles")
+        axes.fill_between(azimuth_deg, depth_um, alpha=0.5, label=f"after {cycles:,.0f} cycles")
     axes.set(xlabel="azimuth around the bore [°]", ylabel="depth of wear [µm]", xlim=(0, 360))
     axes.invert_yaxis()
     axes.legend()

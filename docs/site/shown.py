@@ -26,8 +26,8 @@ def blocks(page, *languages):
 def named(block, text):
     """The file that the line before a block says to save it as, if it does."""
     before = text[: block.start].rstrip().splitlines()[-1] if block.start else ""
-    found = re.search(r"`(\w+\.(?:py|csv|urdf))`", before)
-    return found[1] if found else None
+    found = re.search(r"(?:[Ss]ave (?:it|this) as|Put it in) `([\w.]+)`", before)
+    return found[1] if found and block.language != "sh" else None
 
 
 def commands(text):
