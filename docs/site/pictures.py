@@ -34,10 +34,14 @@ class Picture(NamedTuple):
     file: str
     """What they write; a result is drawn as `jointplay play` shows it."""
     options: str = ""
-    """Added to the last command: where to write, if the page does not say; or of `play`."""
+    """Added to the last command: where to write, if the page does not say."""
+    joint: tuple[str, str] = ("", "")
+    """A joint of the commands, and another one for which they show more."""
 
 
 ARM = "jointplay run ur5 --joint elbow_joint"
+UNLOADED = ("elbow_joint", "shoulder_pan_joint")
+"""Gravity holds the elbow's teeth on one side; those of the base change sides."""
 PICTURES = {
     "first_run": Picture("tutorials/first_run.md", (ARM,), "first/result.nc"),
     "own_robot": Picture("tutorials/own_robot.md", ("jointplay run my_robot",), "mine/result.nc"),
@@ -52,11 +56,14 @@ PICTURES = {
         "arm/calibration.png",
     ),
     "mujoco": Picture(
-        "tutorials/mujoco.md", ("jointplay export simulator",), "elbow_model/reversals.png"
+        "tutorials/mujoco.md",
+        ("jointplay export simulator",),
+        "elbow_model/reversals.png",
+        joint=UNLOADED,
     ),
     "budget": Picture("budget.md", ("jointplay budget ur5",), "ur5/robot.png"),
     "allocate": Picture(
-        "allocate.md", ("jointplay allocate ur5 --preset",), "ur5/allocation.png", "--out ur5"
+        "allocate.md", ("jointplay allocate ur5 --preset ur-like --whole",), "ur5/allocation.png", "--out ur5"
     ),
     "compensate": Picture(
         "compensate.md", ("jointplay compensate so101",), "corrected/error.png"
@@ -75,11 +82,16 @@ PICTURES = {
     ),
     "results": Picture("results.md", (ARM,), "ur5/overview.png"),
     "look": Picture("look.md", ("jointplay live ur5",), "live"),
-    "simulator": Picture("simulator.md", ("jointplay export simulator",), "elbow/reversals.png"),
+    "simulator": Picture(
+        "simulator.md",
+        ("jointplay export simulator",),
+        "elbow/reversals.png",
+        joint=UNLOADED,
+    ),
     "mechanisms": Picture(
         "mechanisms.md",
         ("jointplay init --linkage", "jointplay run crank.toml"),
-        "crank/result.nc",
+        "crank/crank.nc",
     ),
     "scenarios": Picture(
         "scenarios.md", ("jointplay init my_study", "jointplay check"), "my_study.png"
@@ -110,7 +122,8 @@ def typed(picture):
     *first, last = (
         begin if begin.startswith("python ") else command(page, begin) for begin in picture.begin
     )
-    return [*first, f"{last} {picture.options}".strip()]
+    lines = [*first, f"{last} {picture.options}".strip()]
+    return [line.replace(*picture.joint) if picture.joint[0] else line for line in lines]
 
 
 def run(line, folder):
