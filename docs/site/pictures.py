@@ -131,15 +131,15 @@ def run(line, folder):
 
 
 def seen(url, path):
-    """Photograph what a page shows when it is ready."""
+    """Photograph what a page of `jointplay live` shows when its answer is exact."""
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as tools:
         browser = tools.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
         page = browser.new_page(viewport={"width": 1280, "height": 860})
         page.goto(url)
-        page.wait_for_timeout(30_000)  # judged: the exact run is there after ten
-        page.screenshot(path=path)
+        page.get_by_text("exact answer", exact=True).wait_for(timeout=600_000)
+        page.screenshot(path=path, full_page=True)
         browser.close()
 
 
