@@ -63,7 +63,10 @@ PICTURES = {
     ),
     "budget": Picture("budget.md", ("jointplay budget ur5",), "ur5/robot.png"),
     "allocate": Picture(
-        "allocate.md", ("jointplay allocate ur5 --preset ur-like --whole",), "ur5/allocation.png", "--out ur5"
+        "allocate.md",
+        ("jointplay allocate ur5 --preset ur-like --whole",),
+        "ur5/allocation.png",
+        "--out ur5",
     ),
     "compensate": Picture(
         "compensate.md", ("jointplay compensate so101",), "corrected/error.png"
@@ -75,11 +78,6 @@ PICTURES = {
         "identified/identified.png",
     ),
     "wear": Picture("wear.md", ("jointplay study wear",), "life.csv"),
-    "calibrate": Picture(
-        "tutorials/own_arm.md",  # calibrate.md has a robot and poses of yours
-        ("python measure.py", "jointplay calibrate ur5 arm.csv"),
-        "arm/loops.png",
-    ),
     "results": Picture("results.md", (ARM,), "ur5/overview.png"),
     "look": Picture("look.md", ("jointplay live ur5",), "live"),
     "simulator": Picture(
@@ -101,9 +99,6 @@ PICTURES = {
         ("jointplay study sweep", "jointplay plot scara_sweep"),
         "peak_force.png",
         "--out peak_force.png",
-    ),
-    "bearings": Picture(
-        "bearings.md", (ARM,), "rolling/result.nc", "--out rolling"
     ),
 }  # fmt: skip
 
