@@ -199,7 +199,9 @@ def keep(path, name):
         picture = picture.resize(size, Image.Resampling.LANCZOS)
     TARGET.mkdir(parents=True, exist_ok=True)
     target = TARGET / f"{name}.png"
-    picture.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, dither=0).save(target, optimize=True)
+    palette = picture.quantize(COLOURS, Image.Quantize.MAXCOVERAGE)
+    small = picture.quantize(palette=palette, dither=Image.Dither.FLOYDSTEINBERG)
+    small.save(target, optimize=True)
     print(f"{target.relative_to(ROOT)}: {target.stat().st_size / 1e3:.0f} kB", flush=True)
 
 
