@@ -192,16 +192,17 @@ def drawn(picture, folder):
 
 
 def keep(path, name):
-    """Keep a picture small."""
+    """Keep a picture small: figures with few colours, shaded stills as photographs."""
     picture = Image.open(path).convert("RGB")
     if picture.width > WIDTH_PX:
         size = (WIDTH_PX, round(picture.height * WIDTH_PX / picture.width))
         picture = picture.resize(size, Image.Resampling.LANCZOS)
-    TARGET.mkdir(parents=True, exist_ok=True)
     target = TARGET / f"{name}.png"
-    palette = picture.quantize(COLOURS, Image.Quantize.MAXCOVERAGE)
-    small = picture.quantize(palette=palette, dither=Image.Dither.FLOYDSTEINBERG)
-    small.save(target, optimize=True)
+    if path.name == "still.png":
+        target = target.with_suffix(".webp")
+        picture.save(target, quality=85)
+    else:
+        picture.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, dither=0).save(target, optimize=True)
     print(f"{target.relative_to(ROOT)}: {target.stat().st_size / 1e3:.0f} kB", flush=True)
 
 
