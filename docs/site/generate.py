@@ -34,8 +34,11 @@ def write(path, text):
 
 def copies():
     for source, target in COPIED.items():
-        write(target, (ROOT / source).read_text(encoding="utf-8").replace("](../docs/", "](../")
-              .replace("](docs/", "](../"))  # fmt: skip
+        text = (ROOT / source).read_text(encoding="utf-8")
+        text = text.replace("](../docs/", "](../").replace("](docs/", "](../")
+        for other, page in COPIED.items():  # they lie in one folder
+            text = text.replace(f"]({other})", f"]({Path(page).name})")
+        write(target, text)
 
 
 def command_line():
