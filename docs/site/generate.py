@@ -1,17 +1,25 @@
 """Pages of the reference that are written from the source: nothing is said twice."""
 
+import html
+import importlib
 import inspect
+import re
 import runpy
+import sys
 from pathlib import Path
 
 import mkdocs_gen_files
 
 import jointplay
-from jointplay.cli import parsers
+from jointplay.cli import parser, parsers
+from jointplay.cli.commands import GROUPS
+from jointplay.cli.options import full_help
 from jointplay.physics.contact import FILM_LAWS, FRICTION_LAWS, NORMAL_LAWS
 from jointplay.show.reports.assumptions import page_section
 
-ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(Path(__file__).parent))
+from shown import PAGES, ROOT, answers
+
 COPIED = {
     "SECURITY.md": "reference/security.md",
     "CHANGELOG.md": "reference/changes.md",
@@ -26,16 +34,98 @@ def write(path, text):
 
 def copies():
     for source, target in COPIED.items():
-        write(target, (ROOT / source).read_text(encoding="utf-8").replace("](../docs/", "](../")
-              .replace("](docs/", "](../"))  # fmt: skip
+        text = (ROOT / source).read_text(encoding="utf-8")
+        text = text.replace("](../docs/", "](../").replace("](docs/", "](../")
+        for other, page in COPIED.items():  # they lie in one folder
+            text = text.replace(f"]({other})", f"]({Path(page).name})")
+        write(target, text)
 
 
 def command_line():
-    lines = ["# Command line", "", "Every command and option, as `--help all` prints them.", ""]
-    for name, command in parsers().items():
-        said = command.help_text(True).rstrip()
-        lines += [f"## jointplay {name}", "", "```text", said, "```", ""]
+    """A page for each command, and one that lists them by what they are for."""
+    every = parsers()
+    lines = ["# Command line", "", *INTRODUCTION]
+    for title, names in GROUPS.items():
+        lines += [f"## {title.capitalize()}", "", "| command | what it answers |", "| --- | --- |"]
+        for name in (kind for name in names for kind in every if kind.split()[0] == name):
+            page = f"commands/{name.replace(' ', '_')}.md"
+            lines.append(f"| [`jointplay {name}`]({page}) | {answer(name)} |")
+            write(f"reference/{page}", command_page(name, every[name]))
+        lines.append("")
+    whole = [action for action in parser()._actions if action.dest in ("version", "completion")]
+    lines += ["## Of jointplay itself", "", *options(parser(), whole), ""]
     write("reference/command_line.md", "\n".join(lines))
+
+
+INTRODUCTION = (
+    "`jointplay COMMAND --help` shows on one screen what is needed most often, `--help all` what "
+    'these pages show. Values are in SI units, or carry a unit, as in `"0.1 mm"`.',
+    "",
+)
+
+
+def answer(name):
+    """What a command answers, as the help says."""
+    path = ".".join(["jointplay.cli.commands", *name.split()])
+    title = inspect.getdoc(importlib.import_module(path)).split("\n\n")[0]
+    text = " ".join(title.split()).partition(": ")[2]
+    return text[0].upper() + text[1:]
+
+
+def example(name, epilog):
+    """A command with the first line that it prints: as the pages show it, else as the help does."""
+    places = sorted(PAGES, key=lambda page: (page.stem != name.split()[-1], page != PAGES[0]))
+    seen = [
+        (" ".join(line.split()), printed)
+        for page in places
+        for line, printed in answers(page)
+        if line.startswith(f"jointplay {name} ")
+    ]
+    seen += [(line, "") for line in _EXAMPLE.findall(epilog)]
+    if not seen:
+        return []
+    line, printed = next((one for one in seen if one[1]), seen[0])
+    return ["```console", f"$ {line}", *filter(None, [printed]), "```", ""]
+
+
+_EXAMPLE = re.compile(r"Examples?: ([^;]+)")
+_PAGE = re.compile(r"docs/(\w+)\.md")
+_KEY = re.compile(r": ([a-z_]+\.[\w.]+)(?=$| \(repeatable\))")
+"""The key of a scenario that an option stands for, at the end of its help."""
+
+
+def options(command, actions):
+    """Arguments or options with what is said of them, as a list of definitions."""
+    called = command._get_formatter()._format_action_invocation
+    lines = ['<dl class="options">']
+    for action in actions:
+        said = html.escape(full_help(action).replace("%%", "%").strip(), quote=False)
+        said = _KEY.sub(r' (<a href="../keys.html"><code>\1</code></a>)', said)
+        said = _PAGE.sub(r'<a href="../../\1.html">\1</a>', said)
+        mark = f' id="{action.option_strings[-1]}"' if action.option_strings else ""
+        head = html.escape(called(action), quote=False)
+        lines.append(f"<dt{mark}><code>{head}</code></dt><dd>{said}</dd>")
+    return [*lines, "</dl>"]
+
+
+TITLES = {"positional arguments": "Arguments"}
+"""Of groups that argparse makes itself."""
+
+
+def command_page(name, command):
+    """The page of a command: what it answers, how it is typed, an example, all of its options."""
+    command.help_text(True)  # fills in what takes long
+    epilog = command.epilog or ""
+    lines = [f"# jointplay {name}", "", f"**{answer(name)}**", ""]
+    lines += ["```text", command.usage, "```", "", command.description, "", *example(name, epilog)]
+    for group in command._action_groups:
+        shown = [action for action in group._group_actions if action.dest != "help"]
+        if shown:
+            title = TITLES.get(group.title, group.title[0].upper() + group.title[1:])
+            lines += [f"## {title}", "", *options(command, shown), ""]
+    lines += [epilog[: epilog.find("Example")] if "Example" in epilog else epilog, ""]
+    text = _PAGE.sub(r"[\1](../../\1.md)", "\n".join(lines))
+    return f"{text}\n[All commands](../command_line.md)\n"
 
 
 def law_tables():

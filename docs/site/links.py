@@ -26,12 +26,31 @@ _PRINTED = re.compile(
 _COLUMNS = re.compile(r"[^\s>] {2,}\S")
 """Two spaces within a line: it is aligned with others and must not wrap."""
 _INLINE = re.compile(r"<code>[^<]*</code>")
-_TYPED = re.compile(r'<div class="language-sh highlight">.*?</div>', re.S)
+_TYPED = re.compile(r'<div class="language-(?:sh|console) highlight">.*?</div>', re.S)
 _OPTION = re.compile(r"(?<=[ >])--\w[\w-]*")
+
+
+DOORS = {"reference/": "reference.md", "law_cards/": "reference.md"}
+"""Pages that programs write, by folder, and the door behind which they are."""
+_PLACE = re.compile(r"\]\(([^)#]+\.(?:md|ipynb))[#)]")
+
+
+def on_nav(nav, files, **_):
+    """Pages that are not in the navigation are behind the first door whose page links to them."""
+    for door in filter(lambda item: item.is_section, nav.items):
+        index = door.children[0].file
+        linked = set(_PLACE.findall(Path(index.abs_src_path).read_text("utf-8")))
+        for file in files.documentation_pages():
+            written = any(DOORS[it] == index.src_uri for it in DOORS if file.src_uri.startswith(it))
+            if file.page.parent is None and (file.src_uri in linked or written):
+                file.page.parent = door
+    return nav
 
 
 def on_page_markdown(markdown, page, **_):
     """Links out of docs/ go to the page that shows the file; names of pages become their titles."""
+    if page.is_homepage:
+        page.meta["hide"] = ["navigation", "toc"]
     folder = Path(page.file.abs_src_path or "").parent
 
     def titled(link):

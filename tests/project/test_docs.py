@@ -13,18 +13,20 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections import namedtuple
 from math import cos, sin
 from pathlib import Path
-from textwrap import dedent
+from types import SimpleNamespace
 
 import pytest
 import warm
+import yaml
 
 import jointplay as jp
 
 ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+SITE = ROOT / "docs" / "site"
+SHOWN = SimpleNamespace(**runpy.run_path(str(SITE / "shown.py")))
+PAGES, blocks, named, commands = SHOWN.PAGES, SHOWN.blocks, SHOWN.named, SHOWN.commands
 
 NIGHTLY = ("jointplay scara", "jointplay run --certify")
 """Commands that take long: the study has a test of its own, certificates many."""
@@ -55,35 +57,6 @@ def each(pages):
     """Pages as parameters of a thorough test."""
     named = pytest.mark.parametrize("page", pages, ids=lambda page: str(page.relative_to(ROOT)))
     return lambda test: pytest.mark.thorough(named(test))
-
-
-FENCE = re.compile(r"^( *)```(python|sh|text|console)\n(.*?)^ *```$", re.MULTILINE | re.DOTALL)
-Block = namedtuple("Block", "language text start line")
-
-
-def blocks(page, *languages):
-    """Blocks of code of a page, and where they are."""
-    text = page.read_text()
-    return [
-        Block(m[2], dedent(m[3]), m.start(), text.count("\n", 0, m.start()) + 1)
-        for m in FENCE.finditer(text)
-        if m[2] in languages
-    ]
-
-
-def named(block, text):
-    """The file that the line before a block of Python says to save it as, if it does."""
-    before = text[: block.start].rstrip().splitlines()[-1] if block.start else ""
-    found = re.search(r"`(\w+\.py)`", before)
-    return found[1] if found and block.language == "python" else None
-
-
-def commands(text):
-    """The commands of a block, comments and continuations gone."""
-    lines = re.sub(r"\\\n|(?<=&&)\n", " ", text).splitlines()
-    plain = [line.replace(".venv/bin/", "") for line in lines]
-    whole = [re.sub(r"\s+#\s.*$", "", line).strip() for line in plain]
-    return [line for line in whole if line and not line.startswith("#")]
 
 
 @pytest.fixture(scope="module")
@@ -214,8 +187,6 @@ def test_commands_run_as_they_are_written(page, folder):
     for block in blocks(page, "sh", "text", "python"):
         if file := named(block, text):
             (folder / file).write_text(block.text)
-        if block.language == "text" and block.text.startswith("time_s,"):
-            (folder / "move.csv").write_text(block.text)
         if block.language != "sh":
             continue
         for plain in commands(block.text):
@@ -308,6 +279,63 @@ def test_lines_of_prose_are_no_longer_than_100_columns(monkeypatch):
     assert wrap.long_lines(f"$$a\n+ b$$\n\n{40 * 'word '}") != []  # after a formula as well
     table = f"| {40 * 'word '} |"
     assert wrap.rewritten(table) == table
+
+
+LINK = re.compile(r"\]\(([^)#\s]+\.(?:md|ipynb))[#)]")
+
+
+def test_the_site_has_three_doors_and_from_them_every_page_is_reached():
+    text = (ROOT / "mkdocs.yml").read_text("utf-8")
+    home, *doors = yaml.safe_load(text[text.index("\nnav:") :])["nav"]
+    assert home == {"Home": "README.md"}
+    assert len(doors) == 3
+    named = [*home.values()]
+    for door in doors:
+        ((_, entries),) = door.items()
+        named += [one if isinstance(one, str) else next(iter(one.values())) for one in entries]
+    assert len(named) <= 25
+    left, reached = [*named], set()
+    while left:
+        page = left.pop()
+        file = ROOT / "docs" / page
+        if page in reached or not file.exists():  # pages that generate.py writes
+            continue
+        reached.add(page)
+        if file.suffix == ".md":
+            found = LINK.findall(file.read_text("utf-8"))
+            left += [os.path.normpath(Path(page).parent / one) for one in found]
+    docs = [*(ROOT / "docs").rglob("*.md"), *(ROOT / "docs").rglob("*.ipynb")]
+    assert {str(file.relative_to(ROOT / "docs")) for file in docs} - reached == set()
+
+
+def test_guides_begin_with_a_picture_that_their_commands_make(monkeypatch):
+    monkeypatch.syspath_prepend(str(SITE))
+    import pictures
+
+    index = (ROOT / "docs" / "guides.md").read_text("utf-8")
+    guides = set(re.findall(r"^- \[!\[[^\]]+\]\([^)]+\)\]\(([^)]+)\)", index, re.MULTILINE))
+    assert len(guides) > 15
+    for page in guides:
+        _, blank, picture, *_ = (ROOT / "docs" / page).read_text("utf-8").splitlines()
+        found = re.fullmatch(r"!\[([^\]]{15,})\]\(([^)]+)\)", picture)
+        assert (blank, bool(found)) == ("", True), (page, picture)
+        file = (ROOT / "docs" / page).parent / found[2]
+        assert 0 < file.stat().st_size < 100_000
+    for name, picture in pictures.PICTURES.items():
+        assert pictures.typed(picture), name  # raises where the page has no such command
+        assert len([*pictures.TARGET.glob(f"{name}.*")]) == 1
+    with pytest.raises(ValueError, match="no command that begins with 'jointplay fly'"):
+        SHOWN.command(PAGES[0], "jointplay fly")
+
+
+def test_answers_of_pages_are_found(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text(
+        "```console\n$ a --b \\\n  c\none\ntwo\n$ d\nthree\n```\n"
+        "```sh\ne f\n```\n\n```text\n...\nfour\n```\n```sh\ng\nh\n```\n"
+    )
+    found = [(" ".join(line.split()), first) for line, first in SHOWN.answers(page)]
+    assert found == [("a --b c", "one"), ("d", "three"), ("e f", "four"), ("g", ""), ("h", "")]
 
 
 def test_every_command_of_the_command_line_is_shown_somewhere():
