@@ -44,7 +44,7 @@ from jointplay.simulation import analysis
 from jointplay.simulation.analysis.bearings import Contacts
 from jointplay.simulation.analysis.claims import CLAIM_COLUMNS, can_be_measured, measure
 from jointplay.simulation.analysis.headline import headline
-from jointplay.simulation.analysis.parts import DECISIVE, ToolError
+from jointplay.simulation.analysis.parts import DECISIVE
 from jointplay.simulation.result.certificate import MARKED
 from jointplay.simulation.result.result import AXES, Result
 
@@ -62,7 +62,7 @@ def glance(runs: Runs) -> Iterator[Part]:
         if case.error is not None and analysis.has_play(case.result):
             largest = float(np.linalg.norm(case.error.values, axis=1).max())
             with suppress(JointplayError):  # a law of the user's own that may not be imported
-                sentence = headline(case.result, case.ideal)[0]
+                sentence = headline(case.result)[0]
                 answers.append((largest, markup("{}{}.", case.prefix, sentence)))
     answers.sort(key=lambda answer: -answer[0])
     yield Points([sentence for _, sentence in answers], "case")
@@ -76,11 +76,11 @@ def glance(runs: Runs) -> Iterator[Part]:
     yield Beside([narrow, [picture]] if picture else [narrow])
     yield from notes if len(runs.cases) > 1 else ()
     judged = [case for case in runs.cases if case.error is not None]
-    angle = all(ToolError(case.result, case.ideal).is_angle for case in judged if case.ideal)
+    angle = all(case.result.tool_error.is_angle for case in judged)
     of = f"tool_{'orientation' if angle else 'position'}"
     errors = [
         runs.detailed[case.label]
-        .plot.panel("deviation", "total", case.ideal, of=of)
+        .plot.panel("deviation", "total", of=of)
         .styled(colour=case.colour, name=case.label)
         for case in judged
     ]
@@ -198,7 +198,7 @@ def _figures(runs: Runs, case: Case) -> Row:
 def _rattle(runs: Runs, case: Case) -> analysis.Rattle | None:
     if case.joints and runs.start == case.result.judge_from:
         with suppress(JointplayError):  # too few records
-            return analysis.rattle(case.result, case.ideal)
+            return analysis.rattle(case.result)
     return None
 
 
@@ -404,12 +404,13 @@ def motion(runs: Runs) -> Iterator[Part]:
     yield markup('<p class="screen">{}</p>', hint)
     axes = figures.moving_axes(runs.detailed)
     along = f" (along {' and '.join(axes)}, the others are at rest)" if len(axes) < 3 else ""
+    errors = any(case.error is not None for case in runs.cases)
     for of, quantity in (("position", "displacement"), ("velocity", "velocity")):
         title = f"{quantity.capitalize()} of the tool{along}"
-        if of == "velocity" or runs.ideals:  # else it stands at a glance
+        if of == "velocity" or errors:  # else it stands at a glance
             panels = figures.tool_panels(runs.detailed, f"tool_{of}")
             yield from _graph(runs, f"tool_{quantity}", title, panels)
-        panels = figures.difference_panels(runs.detailed, f"tool_{of}", runs.ideals)
+        panels = figures.difference_panels(runs.detailed, f"tool_{of}")
         title += ", less the ideal mechanism's"
         yield from _graph(runs, f"tool_{quantity}_error", title, panels)
     if not figures.is_straight(runs.detailed):
@@ -785,11 +786,7 @@ def claims(runs: Runs) -> Iterator[Part]:
         yield Grid(head, rows, caption, left=len(head))
     elif not runs.paper:
         return
-    measured = [
-        (case, measure(case.result, case.ideal))
-        for case in runs.cases
-        if case.ideal is not None and can_be_measured(case.result, case.ideal)
-    ]
+    measured = [(case, measure(case.result)) for case in runs.cases if can_be_measured(case.result)]
     if measured:
         columns = [
             {name: float(values[key]) for key, name in _MEASURES.items()} for _, values in measured

@@ -36,6 +36,13 @@ FORMAT = 6
 
 AXES = ("x", "y", "z")
 
+COMPARED = (
+    *("tool_error", "tool_error_vector", "tool_turn"),
+    *("ideal_tool_position", "ideal_tool_velocity"),
+    *("ideal_tool_orientation", "ideal_tool_angular_velocity"),
+)
+"""Histories of the ideal mechanism's tool, and of the tool's error against it."""
+
 
 class Result:
     """Time histories of a run and their meaning.
@@ -58,6 +65,9 @@ class Result:
         self.message: str = dataset.attrs["message"]
 
     def __getitem__(self, name: str) -> xr.DataArray:
+        """A history by its name; those of the tool's error are found if they are not there yet."""
+        if name in COMPARED and name not in self.dataset:
+            provided("find_tool_error")(self)
         return self.dataset[name]
 
     def __repr__(self) -> str:
