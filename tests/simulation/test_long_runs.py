@@ -131,13 +131,13 @@ def test_errors_of_a_run_on_disk_are_those_of_one_in_memory(tmp_path, monkeypatc
 def test_no_damage_is_sealed_with_a_certificate(tmp_path):
     path = tmp_path / "r.nc"
     simulation(duration=0.005).run_to(path).dataset.close()
-    netcdf.add_attributes(path, {"title": "x" * 100_000})
+    netcdf.add(path, {"title": "x" * 100_000})
     assert jp.Result.load(path).dataset.attrs["title"] == "x" * 100_000
     content = bytearray(path.read_bytes())
     content[len(content) // 2] ^= 1
     path.write_bytes(content)
     with pytest.raises(jp.JointplayError, match="checksum"):
-        netcdf.add_attributes(path, {"title": "y"})
+        netcdf.add(path, {"title": "y"})
     assert path.read_bytes() == content
     assert names(tmp_path) == ["r.nc"]
 

@@ -28,7 +28,7 @@ from jointplay.simulation.analysis.twins import (
 )
 from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.result.result import AXES, COMPARED, Result
-from jointplay.simulation.result.variables import declared
+from jointplay.simulation.result.variables import HISTORIES, declared
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -69,7 +69,7 @@ def deviation_of(dataset: xr.Dataset, of: str = "tool_position") -> xr.DataArray
         for name in (of, RATES.get(of, ""))
         if f"ideal_{name}" in dataset
     }
-    known = np.isfinite(ideal[of]).all(axis=1)
+    known = np.isfinite(ideal[of]).all(axis=1) & np.isfinite(dataset[of].values).all(axis=1)
     if not known.all():
         dataset = dataset.isel(time=known)
         ideal = {name: values[known] for name, values in ideal.items()}
@@ -307,7 +307,7 @@ def _error(dataset: xr.Dataset, ideal: Mapping[str, np.ndarray], of: str) -> xr.
             rate = rate - 0.5 * np.cross(error.values, 2.0 * dataset[pace].values - rate)
         error = error.assign_coords(rate=(("time", "axis"), rate))
     error.attrs = {
-        "units": "rad" if of == "tool_orientation" else ours.attrs["units"],
+        "units": "rad" if of == "tool_orientation" else HISTORIES[of].unit,
         "long_name": f"{of.replace('_', ' ')} - reference, world axes",
     }
     return error
