@@ -40,6 +40,7 @@ from jointplay.base.errors import (
     require_whole,
 )
 from jointplay.base.progress import ProgressBar
+from jointplay.base.schema import known_keywords
 from jointplay.base.tables import Column, Table, few
 from jointplay.base.units import readable
 from jointplay.model.closed_loops import NOWHERE
@@ -408,6 +409,7 @@ _SUMMED = {"added": "before", "adds": "after"}
 """Columns of which there are sums."""
 
 
+@known_keywords
 def allocate(
     mechanism: Mechanism,
     poses: np.ndarray | Mapping[str, float],

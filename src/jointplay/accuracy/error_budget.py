@@ -33,9 +33,11 @@ from jointplay.accuracy.jacobians import (
     tool_place,
     with_force,
 )
+from jointplay.accuracy.poses import poses_of
 from jointplay.accuracy.rest import AGREES_M, RestPositions
 from jointplay.accuracy.robot_errors import RobotErrors
 from jointplay.base.errors import JointplayError, require_a, require_finite, require_known
+from jointplay.base.schema import known_keywords
 from jointplay.base.tables import Column, Table, few
 from jointplay.base.units import readable
 from jointplay.model.closed_loops import NOWHERE, ClosedLoops, turns_in_place
@@ -689,7 +691,7 @@ class ErrorBudget(Budget):
 @overload
 def budget(
     mechanism: Mechanism,
-    poses: np.ndarray | Mapping[str, float],
+    poses: np.ndarray | Mapping[str, float] | None = None,
     *,
     causes: None = None,
     force: Sequence[float] = ...,
@@ -707,7 +709,7 @@ def budget(
 @overload
 def budget(
     mechanism: Mechanism,
-    poses: np.ndarray | Mapping[str, float],
+    poses: np.ndarray | Mapping[str, float] | None = None,
     *,
     causes: Collection[str | Cause],
     force: Sequence[float] = ...,
@@ -723,9 +725,10 @@ def budget(
 ) -> ErrorBudget: ...
 
 
+@known_keywords
 def budget(
     mechanism: Mechanism,
-    poses: np.ndarray | Mapping[str, float],
+    poses: np.ndarray | Mapping[str, float] | None = None,
     *,
     causes: Collection[str | Cause] | None = None,
     force: Sequence[float] = (0.0, 0.0, 0.0),
@@ -749,8 +752,10 @@ def budget(
 
     Args:
         mechanism: with play; of several causes with or without.
-        poses: joint positions by name [rad or m], the rest zero; or configurations, (n, nq). Loops
-            that are open there are closed by the joints that are not driven.
+        poses: joint positions by name [rad or m], the rest zero or in the middle of their limits;
+            or configurations, (n, nq). Loops that are open there are closed by the joints that are
+            not driven. None: the pose at which the command `jointplay budget` looks if it is given
+            none (`poses_of`), its base held.
         causes: those that count, such as `CAUSES`, by name or as a `Cause` of one's own. None: play
             alone, by joints and gears, with where the machine rests.
         force: on the tool, besides gravity, in world axes, shape (3,) [N].
@@ -787,6 +792,9 @@ def budget(
         MissingName: no such joint, body, class or cause.
     """
     require_a("mechanism", mechanism, "Mechanism")
+    if poses is None:
+        standing = poses_of(mechanism)
+        mechanism, poses, driven = standing.mechanism, standing.q, driven or standing.driven
     drives = holding_drives(mechanism, drive)
     acting = with_force(mechanism, force, loads)
     losses = urdf_friction(mechanism) | dict(joint_friction or {})

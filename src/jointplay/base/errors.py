@@ -79,6 +79,7 @@ def closest(word: Any, choices: Iterable[str], likeness: float = 0.6) -> str:
     plain_words = {choice.lower().replace("-", "_"): choice for choice in choices}
     wanted = str(word).lower().replace("-", "_")
     near = difflib.get_close_matches(wanted, plain_words, 1, likeness)
+    near = near or [word for word in plain_words if word.startswith(f"{wanted}_")]
     return f'did you mean "{plain_words[near[0]]}"? ' if near else ""
 
 

@@ -26,12 +26,13 @@ from collections.abc import (
     Sequence,
 )
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, wraps
 from itertools import pairwise
 from typing import (
     Any,
     ClassVar,
     Literal,
+    ParamSpec,
     Self,
     TypeVar,
     Union,
@@ -378,6 +379,8 @@ def names_of(kind: Any) -> Sequence[str]:
 
 
 T = TypeVar("T")
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
 class Described:
@@ -387,6 +390,10 @@ class Described:
     """Key of the word that selects the class, and attribute that has it."""
     written: ClassVar[type | None] = None
     """Dataclass of the fields as they are written; None: those of the class."""
+
+    def __new__(cls, *arguments: Any, **keywords: Any) -> Self:
+        require_keywords(cls.__init__, keywords, cls.__name__)
+        return super().__new__(cls)
 
     def describe(self) -> dict[str, Any]:
         """All fields as plain data, for result files; `from_description` reads it back."""
@@ -676,6 +683,29 @@ def unknown_key(key: str, keys: Iterable[str], whose: str = "") -> str:
     keys = list(keys)
     meant = SYNONYMS.get(key) if SYNONYMS.get(key) in keys else key
     return f'unknown key "{key}"{whose}; {closest(meant, keys)}valid keys: {", ".join(keys)}'
+
+
+def require_keywords(function: Any, given: Iterable[str], name: str) -> None:
+    """Refuse keywords that a function does not take, as `unknown_key` has it."""
+    code = getattr(function, "__code__", None)
+    if code is None or code.co_flags & inspect.CO_VARKEYWORDS:
+        return
+    known = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
+    for key in given:
+        if key not in known:
+            keys = [known_key for known_key in known if known_key != "self"]
+            raise JointplayError(unknown_key(key, keys, f" of {name}"), where=(key,))
+
+
+def known_keywords(function: Callable[P, R]) -> Callable[P, R]:
+    """The same function, which answers a wrong keyword with the nearest that it takes."""
+
+    @wraps(function)
+    def call(*arguments: P.args, **keywords: P.kwargs) -> R:
+        require_keywords(function, keywords, function.__name__)
+        return function(*arguments, **keywords)
+
+    return call
 
 
 def one_of(kind: str, value: Any, choices: Iterable[str]) -> str:

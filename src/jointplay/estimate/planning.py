@@ -25,6 +25,7 @@ import pinocchio as pin
 
 from jointplay.accuracy.poses import moving, over_workspace
 from jointplay.base.errors import JointplayError, require_a, require_positive
+from jointplay.base.schema import known_keywords
 from jointplay.base.tables import Table
 from jointplay.estimate.least_squares import LeastSquares, basis, partners
 from jointplay.estimate.machine import TOOL, WAYS, Given, Machine, compliances
@@ -154,6 +155,7 @@ class MeasurementPlan:
         return "\n".join([*lines, *self.notes, str(Table.of_texts(rows)), self.basis])
 
 
+@known_keywords
 def plan_measurement(
     mechanism: Mechanism,
     *,

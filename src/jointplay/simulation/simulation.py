@@ -304,9 +304,10 @@ def simulate(
     Raises:
         JointplayError: on anything that cannot be simulated.
     """
-    unknown = [name for name in settings if name not in Settings.__annotations__]
-    if unknown:
-        raise JointplayError(unknown_key(unknown[0], Settings.__annotations__))
+    for name in settings:
+        if name not in Settings.__annotations__:
+            known = [*Settings.__annotations__, "progress", "certify", "estimate"]
+            raise JointplayError(unknown_key(name, known, " of simulate"), where=(name,))
     return Simulation(mechanism, motion, **settings).run(  # type: ignore[arg-type]
         progress, certify, estimate=estimate
     )

@@ -20,6 +20,7 @@ import numpy as np
 from jointplay.base import signals
 from jointplay.base.errors import JointplayError, require_a
 from jointplay.base.processes import copies
+from jointplay.base.schema import known_keywords
 from jointplay.base.units import displayed
 from jointplay.physics.kernel import Status
 from jointplay.physics.kernel.constants import DEFAULT
@@ -95,6 +96,7 @@ that one step reaches and another does not.
 """
 
 
+@known_keywords
 def certify(
     source: Simulation | Result,
     *,

@@ -28,6 +28,7 @@ import numpy as np
 from scipy import stats
 
 from jointplay.base.errors import JointplayError, require_a, require_positive
+from jointplay.base.schema import known_keywords
 from jointplay.base.tables import Table, aligned
 from jointplay.base.units import readable
 from jointplay.model.mechanism import Mechanism
@@ -373,6 +374,7 @@ class Iso9283:
         return Table.of([(word, "s" if word == "time" else "") for word in words], rows)
 
 
+@known_keywords
 def iso9283(
     simulation: Simulation,
     cycles: int | Cycles = Cycles(),

@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from jointplay.base.errors import JointplayError, require_a
-from jointplay.base.schema import differences, short
+from jointplay.base.schema import differences, known_keywords, short
 from jointplay.base.tables import Column, Table
 from jointplay.base.units import told
 from jointplay.simulation.analysis.headline import figures
@@ -111,6 +111,7 @@ def _shown(figure: CertifiedFigure) -> str:
     return str(figure) if math.isfinite(figure.error) else told(figure.value, figure.unit)
 
 
+@known_keywords
 def compare(results: Mapping[str, Result], progress: bool = False) -> Comparison:
     """What differs between two runs: inputs, headline figures with errors, rattle, tool paths.
 
