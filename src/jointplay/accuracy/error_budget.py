@@ -6,7 +6,6 @@ rests; or of all causes.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -38,7 +37,7 @@ from jointplay.accuracy.rest import AGREES_M, RestPositions
 from jointplay.accuracy.robot_errors import RobotErrors
 from jointplay.base.errors import JointplayError, require_a, require_finite, require_known
 from jointplay.base.schema import known_keywords
-from jointplay.base.tables import Column, Table, few
+from jointplay.base.tables import Answer, Column, Table, few
 from jointplay.base.units import readable
 from jointplay.model.closed_loops import NOWHERE, ClosedLoops, turns_in_place
 from jointplay.model.mechanism import Mechanism, frame_index
@@ -69,7 +68,7 @@ AXES = ("x", "y", "z", "about x", "about y", "about z")
 
 
 @dataclass(frozen=True, repr=False)
-class Budget(ABC):
+class Budget(Answer):
     """Error of the tool at n poses by k contributions; lengths in m, angles in rad.
 
     `worst` is a bound that can be reached: no state of the contributions is worse, up to the second
@@ -89,20 +88,6 @@ class Budget(ABC):
     positions: np.ndarray
     """Of the ideal tool, shape (n, 3)."""
     farthest: Farthest
-
-    @property
-    @abstractmethod
-    def sentence(self) -> str:
-        """The answer in a sentence."""
-
-    def __str__(self) -> str:
-        return f"{self.sentence}\n{self.table()}"
-
-    __repr__ = __str__
-
-    @abstractmethod
-    def table(self) -> Table:
-        """What it is made up of."""
 
     @property
     def tool(self) -> str:

@@ -61,7 +61,8 @@ def rows_of(result: Result) -> list[tuple[str, str]]:
     rows.append(("energy residual", f"{audit.energy_residual:.3g} J, {percent:.2g} % of exchange"))
     if result.certificate is not None:
         how = "certified" if result.certificate.strict else "estimated"
-        rows += [(how, str(figure)) for figure in result.certificate.headline]
+        for figure in result.certificate.headline:
+            rows.append((figure.name, f"{figure} ({how})"))
     return rows
 
 

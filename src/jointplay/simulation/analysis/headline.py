@@ -6,6 +6,7 @@ import json
 import math
 from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +21,7 @@ from jointplay.simulation.analysis.claims import can_be_measured, measure
 from jointplay.simulation.analysis.end_stops import struck_stops
 from jointplay.simulation.analysis.parts import (
     ToolError,
+    cause,
     drives_alone,
     ended_words,
     since_words,
@@ -358,6 +360,24 @@ def headline_texts(result: Result) -> dict[str, str]:
         with suppress(JointplayError):
             texts["impacts a second"] = alone(rattle(result).rate)
     return texts
+
+
+def in_a_line(result: Result) -> str:
+    """Machine, play, length, how it ended, and the first figure that is known: nothing is run."""
+    machine = twins.inputs(result)["mechanism"]
+    parts = [Path(machine["urdf"]).stem]
+    with suppress(JointplayError):  # a law of the user's own that is not at hand
+        if twins.has_play(result):
+            parts.append(cause(result)[0].lower() + cause(result)[1:])
+    length = f"{counted(len(result.time), 'record')}"
+    parts.append(f"{length} to {result.time[-1]:.4g} s" if len(result.time) else length)
+    if result.status != Status.COMPLETED:
+        parts.append(result.status.name.lower().replace("_", " "))
+    elif "tool_error" in result.dataset:
+        parts.append(f"tool error up to {_mm(result.tool_error.peak)}")
+    elif result.joints:
+        parts.append(f"forces up to {alone(float(result.forces.max()))} N")
+    return ", ".join(parts)
 
 
 def summary(result: Result) -> str:

@@ -71,6 +71,9 @@ class Result:
         return self.dataset[name]
 
     def __repr__(self) -> str:
+        return f"<jointplay Result: {provided('in_a_line')(self)}>"
+
+    def __str__(self) -> str:
         sizes = ", ".join(f"{name}: {size}" for name, size in self.dataset.sizes.items())
         return f"<jointplay Result: {self.message}>\n  {sizes}\n{self.judgement}"
 
@@ -189,8 +192,9 @@ class Result:
     def to_dataframe(self, every: int = 1) -> pd.DataFrame:
         """Histories as a pandas table, one row a record, one column a number.
 
-        Columns are called ``tool_position.x``, ``q.joint_b.yaw``; ``attrs["units"]`` has their
-        units. `every`: only each n-th record and the last; peaks cover what lies between.
+        The index is the `time` [s]. Columns are called ``tool_position.x``, ``q.joint_b.yaw``;
+        ``attrs["units"]`` has their units. `every`: only each n-th record and the last; peaks cover
+        what lies between.
         """
         frame: pd.DataFrame = provided("dataframe")(self, every)
         return frame
