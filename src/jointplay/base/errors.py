@@ -72,6 +72,10 @@ class JointplayError(ValueError):
         return type(self), (str(self), self.where)
 
 
+class JointplayWarning(RuntimeWarning):
+    """What a result or a machine should be read with: given by `warnings`, never printed."""
+
+
 def closest(word: Any, choices: Iterable[str], likeness: float = 0.6) -> str:
     """Question after the one of `choices` that `word` resembles so much; empty if none does."""
     import difflib  # seldom needed

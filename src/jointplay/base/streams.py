@@ -105,7 +105,7 @@ def note(text: object) -> None:
 def release() -> None:
     """Say what was held back: the work begins."""
     for line in [] if _quiet else _held:
-        print(line, file=sys.stderr)
+        sys.stderr.write(f"{line}\n")
     _held.clear()
 
 

@@ -10,7 +10,6 @@ and rotors need; and the arrays that the kernels step. Where the machine then st
 from __future__ import annotations
 
 import math
-import sys
 import threading
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,7 +20,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from jointplay.base.errors import JointplayError, require_known, require_positive, require_whole
+from jointplay.base import signals
+from jointplay.base.errors import (
+    JointplayError,
+    JointplayWarning,
+    require_known,
+    require_positive,
+    require_whole,
+)
 from jointplay.base.tables import few
 from jointplay.model.impact import REFERENCE_SPEED, contact_duration, effective_mass, tooth_duration
 from jointplay.model.massless import require_inertia
@@ -117,7 +123,7 @@ def effort_bounds(simulation: Simulation, followed: Sequence[str]) -> dict[str, 
         assert simulation.motion is not None
         motion = simulation.motion
         for text in limits_of_joints.check_motion(simulation.mechanism, motion, followed):
-            warnings.warn(text, RuntimeWarning, stacklevel=6)
+            warnings.warn(text, JointplayWarning, stacklevel=6)
     if simulation.limits != "cut":
         return {}
     return limits_of_joints.bounds(simulation.mechanism)
@@ -352,7 +358,9 @@ def prepare(simulation: Simulation, in_memory: bool, progress: bool, ahead: bool
     if undamped:
         text = "without damping no bandwidth of a drive that its encoder is behind is stable: give "
         text += "the gear's damping or the drive's bandwidth, or put the encoder on the motor"
-        warnings.warn(f"through the teeth of {few(undamped)} {text}", RuntimeWarning, stacklevel=5)
+        warnings.warn(
+            f"through the teeth of {few(undamped)} {text}", JointplayWarning, stacklevel=5
+        )
     bounds = effort_bounds(simulation, followed)
     start = initial_state(simulation, followed)
     base_chart.check_start(mechanism, start.q)
@@ -413,12 +421,12 @@ _announced = threading.Event()
 
 @contextmanager
 def saying_if_long(say: bool) -> Iterator[None]:
-    """Say on standard error, once in a process, that kernels are compiled, if that takes long."""
+    """Say, once in a process, that kernels are compiled, if that takes long."""
     message = "compiling the kernels, half a minute or two; the next start loads them"
 
     def announce() -> None:
         _announced.set()
-        print(message, file=sys.stderr, flush=True)
+        signals.say(message)
 
     timer = threading.Timer(_COMPILES_S, announce)
     timer.daemon = True

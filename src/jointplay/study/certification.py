@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jointplay.base import signals
-from jointplay.base.errors import JointplayError, require_a
+from jointplay.base.errors import JointplayError, JointplayWarning, require_a
 from jointplay.base.processes import copies
 from jointplay.base.schema import known_keywords
 from jointplay.base.units import displayed
@@ -363,7 +363,7 @@ def _ideal(simulation: Simulation, result: Result, progress: bool) -> tuple[Resu
         return run.completed("the run"), ""
     except JointplayError as error:
         text = f"the tool error is unknown: the ideal mechanism cannot be simulated ({error})"
-    warnings.warn(text, RuntimeWarning, stacklevel=4)
+    warnings.warn(text, JointplayWarning, stacklevel=4)
     return None, text
 
 
@@ -380,7 +380,7 @@ def errors_if_possible(result: Result, strict: bool, **options: Any) -> Certific
     except Exception as error:  # noqa: BLE001
         reason = str(error) if isinstance(error, JointplayError) else repr(error)
         text = f"the result is complete, but its numerical errors cannot be estimated: {reason}"
-        warnings.warn(text, RuntimeWarning, stacklevel=3)
+        warnings.warn(text, JointplayWarning, stacklevel=3)
         return None
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from jointplay.base.errors import JointplayError
+from jointplay.base.errors import JointplayError, JointplayWarning
 from jointplay.base.origins import GUESSED, Value
 from jointplay.base.tables import few
 from jointplay.base.units import readable
@@ -133,7 +133,7 @@ class ToolError:
                 by_cause = {"elasticity": self.vector - play, "play": play}
             except JointplayError as error:
                 text = f"play and elasticity are not told apart: {error}"
-                warnings.warn(text, RuntimeWarning, stacklevel=2)
+                warnings.warn(text, JointplayWarning, stacklevel=2)
                 by_cause = {"play and elasticity": self.vector}
         sent = twins.without(self._result, "drive")
         if sent is not None:

@@ -16,7 +16,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from jointplay.base.errors import JointplayError, NothingHasPlay, require_finite, require_known
+from jointplay.base.errors import (
+    JointplayError,
+    JointplayWarning,
+    NothingHasPlay,
+    require_finite,
+    require_known,
+)
 from jointplay.model.frames import carried
 from jointplay.model.mechanism import frame_index
 from jointplay.simulation.analysis.twins import (
@@ -134,7 +140,7 @@ def has_tool_error(result: Result, progress: bool = False) -> bool:
         find_tool_error(result, progress)
     except JointplayError as error:
         text = f"the tool error is unknown: the ideal mechanism cannot be simulated ({error})"
-        warnings.warn(text, RuntimeWarning, stacklevel=2)
+        warnings.warn(text, JointplayWarning, stacklevel=2)
         return False
     return True
 
