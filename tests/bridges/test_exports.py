@@ -2,6 +2,7 @@
 
 import dataclasses
 import io
+import re
 import sys
 from contextlib import suppress
 
@@ -390,8 +391,28 @@ def test_a_notebook_shows_figures_and_a_picture(result):
     assert f"{alone(peak)} N" in page
     assert "data:image/png;base64," in page
     assert "http" not in page
+    judged = Result(result.dataset.copy())
+    judged.certificate = jp.certify(judged, strict=False)
+    names = re.findall(r"<th[^>]*>([^<]*)</th>", judged._repr_html_())
+    assert len(set(names)) == len(names) > 10
     ideal = dataclasses.replace(scara(None), duration=0.01).run()
     assert "no joint" in ideal._repr_html_()
+
+
+def test_at_a_prompt_results_and_answers_are_a_line(result):
+    shown = repr(result)
+    assert shown.startswith("<jointplay Result: scara, play of 0.2 mm in joint_b, 1001 records to ")
+    assert "\n" not in shown
+    robot = result.simulation.mechanism
+    for answer in (jp.budget(robot), jp.allocate(robot, {}, 1e-3)):
+        assert repr(answer) == f"<jointplay {type(answer).__name__}: {answer.sentence}>"
+        assert str(answer.table()) in str(answer)
+        assert "<table" in answer._repr_html_()
+    signals = {("motor", "joint_a"): np.zeros(50)}
+    measured = jp.Measurement(np.linspace(0.0, 1.0, 50), signals, source="a.csv")
+    assert repr(measured) == (
+        "<jointplay Measurement: a.csv, 50 records, 0 to 1 s; motor of joint_a>"
+    )
 
 
 def test_a_notebook_takes_no_markup_from_a_file(result):

@@ -49,6 +49,24 @@ def test_settings_are_not_text(settings):
         jp.Scenario.load(jp.shipped("scara.toml"), settings=settings)
 
 
+@pytest.mark.parametrize(
+    ("call", "wrong", "meant"),
+    [
+        (jp.simulate, "progres", "progress"),
+        (jp.budget, "forse", "force"),
+        (jp.allocate, "targt", "target"),
+        (jp.RevoluteClearance, "radial", "radial_clearance"),
+        (jp.Gear, "backlash", "play"),
+        (jp.Mechanism, "gravty", "gravity"),
+        (jp.contact.Flores, "resttution", ""),
+    ],
+)
+def test_a_wrong_keyword_is_answered_with_the_nearest_as_in_a_file(call, wrong, meant):
+    with pytest.raises(jp.JointplayError, match=f'unknown key "{wrong}" of ') as caught:
+        call(**{wrong: 1})
+    assert (f'did you mean "{meant}"?' in str(caught.value)) == bool(meant)
+
+
 def test_what_fits_is_accepted():
     require_a("path", Path("a"), "str", "Path")
     require_a("path", "a", "str", "Path")

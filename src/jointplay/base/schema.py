@@ -2,7 +2,7 @@
 
 @dataclass(frozen=True)
 class LinearSpring:
-    stiffness: float | None = quantity("N/m", default=None, above=0.0)
+    stiffness: OptionalQuantity = quantity("N/m", default=None, above=0.0)
 
     def __post_init__(self):
         check_fields(self)
@@ -29,6 +29,7 @@ from dataclasses import dataclass
 from functools import cache, wraps
 from itertools import pairwise
 from typing import (
+    TYPE_CHECKING,
     Any,
     ClassVar,
     Literal,
@@ -60,6 +61,27 @@ from jointplay.base.units import ask_scale, convert, expected, toml_text
 # Fields of values: each number has its unit, and the range that it must lie in, beside it.
 
 _VECTOR = tuple[float, float, float]
+
+
+if TYPE_CHECKING:
+
+    class Quantity:
+        """A field that takes a number in SI or text such as ``"0.2 mm"``, and holds the number.
+
+        What is set is Any, for str: mypy takes what is set for what a subclass's field holds.
+        """
+
+        def __get__(self, instance: object, owner: type | None = None) -> float: ...
+        def __set__(self, instance: object, value: float | Any) -> None: ...
+
+    class OptionalQuantity:
+        """The same where None can be given."""
+
+        def __get__(self, instance: object, owner: type | None = None) -> float | None: ...
+        def __set__(self, instance: object, value: float | Any | None) -> None: ...
+
+else:
+    Quantity, OptionalQuantity = float, float | None
 
 
 def quantity(
