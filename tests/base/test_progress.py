@@ -110,6 +110,15 @@ def test_a_terminal_has_a_bar(monkeypatch):
     assert "100%|##" in file.getvalue()
 
 
+def test_before_anything_is_done_no_time_left_is_told(monkeypatch):
+    file = Terminal()
+    monkeypatch.setattr("sys.stderr", file)
+    with ProgressBar(total=2, unit="run") as bar:
+        bar.refresh()
+        assert "0/2 run" in file.getvalue()
+        assert "?" not in file.getvalue()
+
+
 def test_runs_within_a_whole_add_to_its_one_bar(monkeypatch):
     file = Terminal()
     monkeypatch.setattr("sys.stderr", file)

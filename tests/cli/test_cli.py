@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 import warnings
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from conftest import body, joint
 from warm import JOINTPLAY, PYTHON
 
 from jointplay import JointplayError, Mechanism, Result, simulate
-from jointplay.base import streams
+from jointplay.base import files, streams
 from jointplay.base.errors import MissingName
 from jointplay.cli import main, parsers
 from jointplay.cli.commands import GROUPS, KINDS
@@ -25,6 +26,7 @@ from jointplay.model.urdf import shipped
 from jointplay.paper import CONDITIONS, output_names
 from jointplay.physics.kernel import Status
 from jointplay.simulation.loads import Free
+from jointplay.study.runs import Runs
 
 START = str(Path(sys.executable).parent / "jointplay")
 """The command as a new process."""
@@ -609,6 +611,27 @@ def test_an_interrupt_that_a_library_reports_as_a_wrong_value_is_an_interrupt(mo
     err = capsys.readouterr().err
     assert "interrupted" in err
     assert "Traceback" not in err
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_an_interrupted_study_says_which_runs_are_kept_or_leaves_nothing(
+    count, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setattr(files, "written", [])
+    out = tmp_path / "deep" / "out"
+
+    def stopped(options):
+        with closing(Runs(files.claim(out, []) / "trials.runs", {})) as runs:
+            for key in range(count):
+                runs.keep(key, {"swing": np.zeros(2)})
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("jointplay.cli.commands.robots.run", stopped)
+    assert main(["robots"]) == 130
+    err = capsys.readouterr().err
+    assert (f"{out} contains trials.runs" in err) == bool(count)
+    assert ("nothing was written" in err) == (not count)
+    assert (tmp_path / "deep").exists() == bool(count)
 
 
 def test_a_mistyped_command_is_answered_with_the_nearest(capsys):

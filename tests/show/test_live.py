@@ -376,6 +376,11 @@ def test_all_controls_and_charts_have_names(tab):
 def test_the_page_fits(browser, address, width, scheme):
     with opened(browser, address, size=(width, 800), color_scheme=scheme) as page:
         assert page.evaluate("() => document.documentElement.scrollWidth") <= width
+        error, controls = (page.locator(x).bounding_box() for x in (".first", ".controls"))
+        assert error["y"] + error["height"] <= 800.0  # seen without scrolling
+        assert "Tool error, at most" in page.inner_text(".first")
+        assert (controls["y"] >= error["y"] + error["height"]) == (width == 400)
+        assert controls["y"] < 800.0
         values = page.locator(".assumed").first
         assert not values.is_visible()  # folded
         page.locator("summary", has_text="What was assumed").press("Enter")

@@ -76,6 +76,9 @@ def _tqdm() -> Any:
 
         monitor_interval = 0
 
+        def __str__(self) -> str:
+            return str(super().__str__()).replace(", ? left", "")  # until something is done
+
     Bar.set_lock(RLock())
     return Bar
 

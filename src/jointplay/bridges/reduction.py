@@ -331,7 +331,7 @@ def reduce_all(
 
 def _remove_useless(store: Path, kept: Memory) -> None:
     if not any("numbers" in found for found in kept.values()):
-        store.unlink()
+        store.unlink(missing_ok=True)
 
 
 def _packed(

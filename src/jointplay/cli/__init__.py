@@ -226,9 +226,9 @@ def _interrupted(lost: str) -> int:
 
     files.remove_made_folders()
     parts = [lost] if lost else []
-    if files.written:
-        names = ", ".join(path.name for path in files.written)
-        parts.append(f"{files.written[0].parent} contains {names}")
+    if there := [path for path in files.written if path.exists()]:
+        names = ", ".join(path.name for path in there)
+        parts.append(f"{there[0].parent} contains {names}")
     kept = "; ".join(parts or ["nothing was written"])
     print(f"\ninterrupted; {kept}", file=sys.stderr)
     return INTERRUPTED

@@ -35,7 +35,8 @@ def impossible_inertias(
     Raises:
         JointplayError: numbers of an inertia are missing or none; a mass is negative.
     """
-    faults = inertia_faults(root)
+    inertias = _inertias(root)
+    faults = _faults(inertias)
     if not faults:
         return {}
     bodies = _bodies(root, loose)
@@ -45,7 +46,7 @@ def impossible_inertias(
         for first, places in bodies.items()
         if (free_base or first != ground)
         and not faults.keys().isdisjoint(places)
-        and _fault(first, *_united(root, places))
+        and _fault(first, *_united(root, places, inertias))
     }
     return {
         name: fault for name, fault in faults.items() if any(name in bodies[body] for body in wrong)
@@ -75,7 +76,11 @@ def harmless_inertias(root: ElementTree.Element) -> str:
 
 def inertia_faults(root: ElementTree.Element) -> dict[str, str]:
     """Why no rigid body has a link's inertia, of each such link; see `impossible_inertias`."""
-    faults = {name: _fault(name, *inertia) for name, inertia in _inertias(root).items()}
+    return _faults(_inertias(root))
+
+
+def _faults(inertias: Mapping[str, tuple[float, np.ndarray]]) -> dict[str, str]:
+    faults = {name: _fault(name, *inertia) for name, inertia in inertias.items()}
     return {name: fault for name, fault in faults.items() if fault}
 
 
@@ -169,15 +174,18 @@ def _bodies(root: ElementTree.Element, loose: Collection[str]) -> dict[str, dict
     return bodies
 
 
-def _united(root: ElementTree.Element, places: dict[str, pin.SE3]) -> tuple[float, np.ndarray]:
-    """Mass [kg] and inertia about its centre [kg m2] of links at places.
+def _united(
+    root: ElementTree.Element,
+    places: dict[str, pin.SE3],
+    inertias: Mapping[str, tuple[float, np.ndarray]],
+) -> tuple[float, np.ndarray]:
+    """Mass [kg] and inertia about its centre [kg m2] of links, whose own are `inertias`, at places.
 
     By hand, by parallel axes (Steiner), as Pinocchio refuses parts that no body has.
     """
     from jointplay.model.elements import place_of
 
     parts = []
-    inertias = _inertias(root)
     for link in root.findall("link"):
         name, inertial = link.get("name", ""), link.find("inertial")
         if name in places and inertial is not None:

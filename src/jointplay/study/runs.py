@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from jointplay.base import files
 from jointplay.base.errors import JointplayError
 from jointplay.base.files import system_errors
 from jointplay.study.database import Column, Rows
@@ -79,9 +80,14 @@ class Runs(Memory[Arrays]):
         packed = {name: _packed(array) for name, array in value.items()}
         self._rows.add(json.dumps(key), {_FOUND: json.dumps(packed)})
         super().keep(key, value)
+        if self._rows.path not in files.written:  # what an interruption says is there
+            files.written.append(self._rows.path)
 
     def close(self) -> None:
+        """Nothing is left of a file that has no runs."""
         self._rows.close()
+        if not self:
+            self._rows.path.unlink(missing_ok=True)
 
 
 def _packed(values: np.ndarray) -> tuple[str, tuple[int, ...], str]:

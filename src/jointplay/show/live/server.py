@@ -150,11 +150,13 @@ def serve(
 
     `say` receives one line for each thing the user should know.
     """
-    shown = page(*contents(state, simulation, title))
     workers = Workers(state)
     try:
         posts = Routes(state, workers).posts
-        serve_page(shown, "live", port=port, posts=posts, browser=browser, say=say)
+        serve_page(
+            lambda: page(*contents(state, simulation, title)),
+            "live", port=port, posts=posts, browser=browser, say=say,
+        )  # fmt: skip
     except KeyboardInterrupt:
         say("")
     finally:

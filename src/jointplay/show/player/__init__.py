@@ -7,13 +7,14 @@ with a player of its own, and everything it plays. So the server's memory is tha
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jointplay.base import files
 from jointplay.base.errors import require_a
 from jointplay.base.schema import known_keywords
-from jointplay.show.player.server import HOST, PORT, check_host, serve
+from jointplay.show.player.server import HOST, PORT, serve
 
 if TYPE_CHECKING:
     from jointplay.show.player.movie import MovieFile, Shot
@@ -111,7 +112,5 @@ def play(
         JointplayError: see `Server` and `playback.build`.
     """
     require_a("cases", cases, "Mapping")
-    check_host(host)  # a wrong host shows before the work
-    content, _ = page(cases, say=say, **options)
-    del cases
-    serve(content, "playing", host, port, browser=browser, say=say)
+    make = partial(page, cases, say=say, **options)
+    serve(lambda: make()[0], "playing", host, port, browser=browser, say=say)

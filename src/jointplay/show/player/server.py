@@ -189,8 +189,8 @@ class _Handler(BaseHTTPRequestHandler):
 
 
 def serve(
-    page: bytes,
-    words: str,
+    make: Callable[[], bytes],
+    doing: str,
     host: str = HOST,
     port: int = PORT,
     posts: Mapping[str, Post] | None = None,
@@ -198,17 +198,21 @@ def serve(
     browser: bool = True,
     say: Callable[[str], None] = print,
 ) -> None:
-    """Serve a page, open it in the browser, and say so in `words`; returns after Ctrl-C.
+    """Serve the page that `make` makes and open it in the browser; returns after Ctrl-C.
+
+    Where it will be, and what for (`doing`), is said before it is made, which may take long: a
+    browser that asks meanwhile waits.
 
     Raises:
         JointplayError: see `Server`.
     """
-    with Server(page, host, port, posts) as server:
+    with Server(b"", host, port, posts) as server:
         if port and server.port != port:
             say(f"port {port} is in use; using {server.port}")
         if host not in ("localhost", "::1") and not host.startswith("127."):
             say(f"listening on {host}: other machines can see this page")
-        say(f"{words} at {server.url} (stop with Ctrl-C)")
+        say(f"{doing} at {server.url} in a moment (stop with Ctrl-C)")
+        server.page = make()
         if browser and not open_browser(server.url):
             say("no browser could be opened; open this address yourself")
         try:

@@ -281,8 +281,9 @@ class Live {
         const orbit = card("orbit", "where the journal goes in its bearing: follows with the run", choice, this.charts.orbit.figure);
         robot.classList.add("machine");
         orbit.classList.add("orbit");
-        this.cards = {robot, budget, orbit, figures,
-            error: card("tool error", "the tool's error over time: follows with the run", this.charts.error.figure),
+        const error = card("tool error", "the tool's error over time: follows with the run", this.charts.error.figure);
+        error.classList.add("first");
+        this.cards = {error, robot, budget, orbit, figures,
             force: card("contact force", "the contact force over time: follows with the run", this.charts.force.figure),
             energy: card("energy", "energy and what is lost of it: follows with the run", this.charts.energy.figure)};
         orbit.hidden = this.cards.force.hidden = !this.contents.joints.length;
@@ -493,7 +494,8 @@ class Live {
                 found.flatMap(one => toSeries(pick(one.cycle.charts).marks, one)), title);
         };
         show("orbit", charts => charts.joints[joint]?.orbit, `Orbit of the journal in ${joint}; dotted: its clearance, and what is not judged`);
-        show("error", charts => charts.error);
+        const largest = this.answer.cycle?.figures.find(one => one.name === "largest tool error");
+        show("error", charts => charts.error, largest && `Tool error, at most ${inUnits(largest.value, largest.unit, 4)}`);
         show("force", charts => charts.joints[joint]?.force, `Contact force in ${joint}, peaks`);
         show("energy", charts => charts.energy, lost ? "Energy lost" : "Energy since the start", (marks, one) => lost
             ? marks.filter(mark => mark.name.startsWith("lost")).slice(0, 2).map((mark, i) =>
