@@ -1,6 +1,7 @@
 """What the public functions and classes say of an argument of the wrong kind."""
 
 import inspect
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -52,7 +53,7 @@ def test_settings_are_not_text(settings):
 @pytest.mark.parametrize(
     ("call", "wrong", "meant"),
     [
-        (jp.simulate, "progres", "progress"),
+        (partial(jp.simulate, None), "progres", "progress"),
         (jp.budget, "forse", "force"),
         (jp.allocate, "targt", "target"),
         (jp.RevoluteClearance, "radial", "radial_clearance"),
