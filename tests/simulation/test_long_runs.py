@@ -6,10 +6,12 @@ import os
 import re
 import signal
 import subprocess
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from conftest import checkpoint_arrays, save_checkpoint
 from warm import PYTHON, end, start, until
 
@@ -467,3 +469,23 @@ def test_a_result_that_is_no_interrupted_run_is_not_replaced_by_resuming(small_p
     path.unlink()
     assert one.run_to(path, resume=True).status == Status.COMPLETED
     assert names(tmp_path) == ["r.nc"]
+
+
+def test_histories_are_added_to_a_growing_file_portion_by_portion(tmp_path):
+    def part(begin, end, name):
+        values = np.arange(begin, end, dtype=float)
+        return xr.Dataset({name: ("time", values, {"units": "m"})}, {"time": values})
+
+    path = tmp_path / "r.nc"
+    with (
+        path.open("w+b") as file,
+        closing(netcdf.GrowingDataset(file, part(0, 5000, "q"))) as growing,
+    ):
+        growing.append(part(5000, 9000, "q"))
+        growing.finish({"case": "a"}, {})
+    parts = [part(begin, end, "tool_error") for begin, end in ((0, 4000), (4000, 9000))]
+    netcdf.add(path, {"certificate": "b"}, parts)
+    read = netcdf.load(path)
+    assert read["tool_error"].attrs["units"] == "m"
+    assert np.array_equal(read["tool_error"], read["q"])
+    assert (read.attrs["case"], read.attrs["certificate"]) == ("a", "b")
