@@ -12,7 +12,7 @@ import yourdfpy
 from conftest import body, joint
 
 from jointplay.base.errors import JointplayError
-from jointplay.bridges import reduction
+from jointplay.bridges import reduced_robot, reduction
 from jointplay.bridges.reduced_files import reach, to_sdf, to_urdf
 from jointplay.bridges.reduced_mjcf import compile_robot, find_play, find_reach
 from jointplay.bridges.reduction import Reduction, reduce_all
@@ -528,7 +528,8 @@ def test_joints_that_are_done_are_kept_when_interrupted_and_not_done_again(
 
 
 def test_what_was_interrupted_at_once_leaves_no_folder(path, tmp_path, monkeypatch):
-    monkeypatch.setattr(reduction, "reduce", lambda *_, **__: signal.raise_signal(signal.SIGINT))
+    for module in (reduction, reduced_robot):
+        monkeypatch.setattr(module, "reduce", lambda *_, **__: signal.raise_signal(signal.SIGINT))
     for choice in (["--all", "--jobs", "1", *OPTIONS], OPTIONS[2:]):
         order = ["export", "simulator", str(path), *choice, "--format", "sdf"]
         assert main([*order, "--out", str(tmp_path / "deep" / "out")]) == 130

@@ -529,13 +529,13 @@ def test_play_goes_into_ones_own_file_and_all_else_stays(own, tmp_path, capsys):
 def test_without_play_ones_own_file_moves_as_before(own, tmp_path):
     import mujoco
 
-    from jointplay.bridges.own_mjcf import own_robot
+    from jointplay.bridges.edited_mjcf import edited_robot
     from jointplay.bridges.reduction import Reduction
 
     mechanism = jp.Mechanism(own)
     plain = swung(mujoco.MjModel.from_xml_path(str(own)))
     assert np.ptp(plain, axis=0).min() > 0.01
-    robot = own_robot(mechanism, [], {}, tilt=False)
+    robot = edited_robot(mechanism, [], {}, tilt=False)
     text = robot.mjcf([Reduction("elbow", damping=0.0)])
     assert swung(mujoco.MjModel.from_xml_string(text)) == pytest.approx(plain, abs=1e-12)
     # And with a hinge whose teeth have next to none: as stiff as the step resolves.

@@ -443,26 +443,26 @@ def independent(one, start, lasts=20.0):
 
 
 def test_an_arm_that_shakes_upright_is_calm_where_it_bows_as_integrated_anew(urdf):
-    (found,) = calm.calm(bowing(urdf, "link"), places=9, jobs=1)
-    upright = found.places[4]
+    (found,) = calm.calm(bowing(urdf, "link"), positions=9, jobs=1)
+    upright = found.positions[4]
     assert upright.verdict == "shakes: play"
     assert upright.swing.amplitude == pytest.approx(
         independent(upright.axis, 2.0 * GEAR.play), rel=0.05
     )
-    verdicts = [one.verdict for one in found.places]
+    verdicts = [one.verdict for one in found.positions]
     assert "calm" in verdicts
     assert " is calm " in found.sentence
-    for place in found.places[4:]:
-        largest = max(independent(place.axis, start * GEAR.play) for start in (0.5, 2.0, 8.0))
-        assert (largest > 0.01 * GEAR.play) == (place.verdict != "calm")
-        if place.calm is not None and place.verdict != "calm":
-            at_ease = place.axis.with_gains(p_gain=place.calm)
+    for position in found.positions[4:]:
+        largest = max(independent(position.axis, start * GEAR.play) for start in (0.5, 2.0, 8.0))
+        assert (largest > 0.01 * GEAR.play) == (position.verdict != "calm")
+        if position.calm_gain is not None and position.verdict != "calm":
+            at_ease = position.axis.with_gains(p_gain=position.calm_gain)
             assert independent(at_ease, 2.0 * GEAR.play, 60.0) < 0.01 * GEAR.play
 
 
 @pytest.mark.thorough
 def test_with_the_encoder_on_the_motor_the_same_arm_is_calm_at_every_pose(urdf):
-    (found,) = calm.calm(bowing(urdf, "motor"), places=3, jobs=1)
+    (found,) = calm.calm(bowing(urdf, "motor"), positions=3, jobs=1)
     assert found.sentence == "a is calm at every pose"
     assert "nothing to do; calm up to P=" in found.advice
 
@@ -494,7 +494,7 @@ def test_chatter_of_uneven_records_is_rest_within_seconds():
     """
     servo = axis(54.6, resolution=2.0 * np.pi / 4096, dead_band_counts=1)
     time = np.arange(0.0, 20.0, 1e-3)
-    sizes = np.where(time > 15.0, 1.004, 1.0) * 0.5 * swings.LEAST * GEAR.play
+    sizes = np.where(time > 15.0, 1.004, 1.0) * 0.5 * swings.LEAST_SWING * GEAR.play
     places = sizes * np.vstack([np.sin(11.0 * time), 0.1 * np.sin(11.0 * time)])
     assert swings._judge(time, places, servo, last=False) == QUIET
     assert swings._judge(time, places, axis(54.6), last=False) is None

@@ -22,7 +22,7 @@ from jointplay.model.payload import Payload
 from jointplay.simulation.loads import ComputedTorque, JointFriction, Servo, Wrench
 from jointplay.simulation.run import Run
 from jointplay.study import courses as traces_module
-from jointplay.study.approaches import ANY, CORRECTED, ONE
+from jointplay.study.approaches import ANY_SIDE, COMPENSATED, ONE_SIDE
 from jointplay.study.courses import Trace, seeded, traces
 from jointplay.study.iso9283 import (
     Cycles,
@@ -212,7 +212,7 @@ def test_weight_puts_teeth_to_one_flank_whichever_way_seeds_laid_them(urdf):
     found = iso9283(geared(urdf, "0 1 0"), 3)
     (end,) = found.poses  # where it starts is not come back to
     assert end.figures["AP_z"].value == pytest.approx(-0.5e-3, rel=0.2)  # half the play, 0.5 m
-    assert all(poses[0].figures["RP_l"].value < 1e-7 for poses in found.ways.values())
+    assert all(poses[0].figures["RP_l"].value < 1e-7 for poses in found.approaches.values())
     assert "comes back to each stop alike: nothing differs" in found.sentence
     assert found.brief.columns[3].values[0] == 0.0
     said = " ".join(found.causes)
@@ -230,7 +230,8 @@ def test_teeth_of_an_upright_arm_lie_on_two_flanks_half_its_play_apart_by_static
     away = np.abs(across - across.mean())
     spread = away.mean() + 3.0 * away.std(ddof=1)
     assert found.poses[0].figures["RP_l"].value == pytest.approx(spread, rel=0.01)
-    one, corrected = (found.ways[way][0].figures["RP_l"].value for way in (ONE, CORRECTED))
+    stops = (found.approaches[side][0] for side in (ONE_SIDE, COMPENSATED))
+    one, corrected = (stop.figures["RP_l"].value for stop in stops)
     assert one < 0.01 * by_hand  # always the same flank
     assert corrected < 0.05 * by_hand  # friction is known, so is the flank
 
@@ -260,8 +261,8 @@ def test_a_servo_with_a_lever_of_10_cm_repeats_as_owners_measure(urdf, gain, low
         half = 0.5e3 * np.ptp(pose.attained[:, 1])
         assert low < half < high
     worst = {way: max(1e3 * np.ptp(one.attained[:, 1]) for one in poses)
-             for way, poses in found.ways.items()}  # fmt: skip
-    assert worst[ONE] < worst[CORRECTED] < worst[ANY]
+             for way, poses in found.approaches.items()}  # fmt: skip
+    assert worst[ONE_SIDE] < worst[COMPENSATED] < worst[ANY_SIDE]
     assert "from any side" in found.sentence
     assert "dead band of them, counts of them" in found.causes[0]
 

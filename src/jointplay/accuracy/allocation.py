@@ -132,9 +132,9 @@ class Corrected:
         known = [f"play known to {100 * self.offer.play:g} %"]
         if self.offer.friction:
             known.append(f"friction to {100 * self.offer.friction:g} %")
-        left = readable(self.error, "m", 3)
+        error = readable(self.error, "m", 3)
         part = f", {100 * self.error / self.before:.0f} % of the worst case as it is"
-        return f"compensated {left} at rest{part} (price {self.offer.price:g}, {', '.join(known)})"
+        return f"compensated {error} at rest{part} (price {self.offer.price:g}, {', '.join(known)})"
 
 
 def offers_of(
@@ -730,19 +730,19 @@ class _Search:
         play = budget(self.mechanism, self.q, force=self.force, **self.holding._asdict())
         beside = [k for k, c in enumerate(model.contributions) if c.cause != "play"]
         others = model.subset(beside).farthest().size if beside else np.zeros(len(self.q))
-        left = np.zeros((len(offers), len(self.q)))
+        residuals = np.zeros((len(offers), len(self.q)))
         poses, quiet = range(len(self.q)), not progress
         for k in ProgressBar(poses, "places of rest", disable=quiet, delay=PATIENCE_S, leave=False):
             rest = play.rest_positions.at(k)
             place = float(np.linalg.norm((rest.error - rest.sag)[:3]))
-            for offer, row in zip(offers, left, strict=True):
+            for offer, row in zip(offers, residuals, strict=True):
                 unknown = offer.play * min(place, play.worst[k])  # what gives way stays
                 row[k] = others[k] + play.compensated(k, 0.0, offer.friction) + unknown
-        if np.isnan(left).any():
+        if np.isnan(residuals).any():
             raise JointplayError(
                 "no place of rest was found: what compensation leaves is not known"
             )
-        before, after = float(model.farthest().size.max()), left.max(axis=1).tolist()
+        before, after = float(model.farthest().size.max()), residuals.max(axis=1).tolist()
         return tuple(Corrected(*pair, before) for pair in zip(offers, after, strict=True))
 
     def error(self, model: ErrorModel, x: np.ndarray, choice: Sequence[int] | None = None) -> Error:
@@ -828,14 +828,14 @@ class _Search:
                 last = self.error(model, x)
                 reached = last.at(x) if last.convex else float(model.farthest().size.max())
                 ends = reached, reached
-            left = _USED if error.convex else _USED_ROUGH
+            tolerance = _USED if error.convex else _USED_ROUGH
             moved = np.abs(x / before - 1.0).max(initial=0.0)
             settled = not curved or not error.convex or moved < _SETTLED
-            used = reached >= target * (1.0 - left) or "target" not in sizes.held(x)
+            used = reached >= target * (1.0 - tolerance) or "target" not in sizes.held(x)
             if settled and used and reached <= target:
                 break
             if settled:
-                aim *= target / reached * (1.0 - 0.5 * left)
+                aim *= target / reached * (1.0 - 0.5 * tolerance)
         else:
             raise JointplayError(
                 f"the allocation did not settle within {100 * abs(reached / target - 1.0):.2g} % "

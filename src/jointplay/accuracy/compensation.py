@@ -466,11 +466,11 @@ def _crossing(side: np.ndarray, fall: np.ndarray) -> np.ndarray:
     free, last = np.zeros(len(side), bool), len(side) - 1
     for k in np.flatnonzero(side[1:] * side[:-1] < 0):
         for step, node in ((-1, k), (1, k + 1)):
-            speed = left = 0.0
+            speed = separation = 0.0
             for at in range(node, node + step * CROSSING, step):
                 speed += fall[at] if 0 < at < last else np.inf
-                left += speed
-                if left > NEAR or side[at] != side[node]:
+                separation += speed
+                if separation > NEAR or side[at] != side[node]:
                     break
                 free[at] = True
     return free

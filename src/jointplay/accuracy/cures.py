@@ -42,73 +42,73 @@ class Cure(NamedTuple):
         return f"{self.words}: {now} instead of {then} {self.of}"
 
 
-def cures(found: PlayBudget) -> list[Cure]:
+def cures(budget: PlayBudget) -> list[Cure]:
     """What would make a machine more accurate at the worst pose, the best first."""
-    at = found.worst_pose
-    every = [*_tighter(found, at), *_sprung(found, at), *_at_rest(found, at)]
-    worth = [one for one in every if one.after < (1.0 - _WORTH) * one.before]
-    return sorted(worth, key=lambda one: one.after / one.before)[:_MOST]
+    at = budget.worst_pose
+    candidates = [*_tighter(budget, at), *_sprung(budget, at), *_at_rest(budget, at)]
+    worth = [cure for cure in candidates if cure.after < (1.0 - _WORTH) * cure.before]
+    return sorted(worth, key=lambda cure: cure.after / cure.before)[:_MOST]
 
 
-def _tighter(found: PlayBudget, at: int) -> Iterator[Cure]:
+def _tighter(budget: PlayBudget, at: int) -> Iterator[Cure]:
     """Half the play of the joint that adds most."""
-    worst = float(found.worst[at])
+    worst = float(budget.worst[at])
     if worst > 0.0:
-        most = int(found.shares.argmax())
-        words = f"half the play of {found.joints[most]} (jointplay allocate)"
-        after = _worst(found, at, most, 0.5)
-        yield Cure(words, worst, after, "at worst of play", found.unit)
+        most = int(budget.shares.argmax())
+        text = f"half the play of {budget.joints[most]} (jointplay allocate)"
+        after = _worst(budget, at, most, 0.5)
+        yield Cure(text, worst, after, "at worst of play", budget.unit)
 
 
-def _worst(found: PlayBudget, at: int, source: int, part: float) -> float:
+def _worst(budget: PlayBudget, at: int, source: int, part: float) -> float:
     """The worst case of play with one source of it smaller by a factor [m]."""
-    factors = np.ones(len(found.joints))
+    factors = np.ones(len(budget.joints))
     factors[source] = part
-    model = found.model.subset(poses=[at])
+    model = budget.model.subset(poses=[at])
     return float(model.scaled(factors).farthest().size[0])
 
 
-def _sprung(found: PlayBudget, at: int) -> Iterator[Cure]:
+def _sprung(budget: PlayBudget, at: int) -> Iterator[Cure]:
     """Springs that keep the teeth of a gear on one side at all poses that are looked at.
 
     The gear's play then is one offset, which a datum takes out.
     """
-    rest, entries = found.rest_positions, found.mechanism.description.joints
-    for k, one in enumerate(found.model.contributions):
-        if not one.gear or one.joint in rest.regulated:
+    rest, entries = budget.rest_positions, budget.mechanism.description.joints
+    for k, contribution in enumerate(budget.model.contributions):
+        if not contribution.gear or contribution.joint in rest.regulated:
             continue
-        torque = found.model.load[k, :, entries[one.joint].component]
+        torque = budget.model.load[k, :, entries[contribution.joint].component]
         ends = float(max(torque.max(), 0.0)), float(max(-torque.min(), 0.0))
         if not min(ends) > 0.0:
             continue
-        friction = rest.joint_friction.get(one.joint)
+        friction = rest.joint_friction.get(contribution.joint)
         more = 0.0 if friction is None else friction.coulomb
-        unit = "N" if entries[one.joint].slides else "N m"
-        words = (
-            f"a spring or counterweight of {min(ends) + more:.3g} {unit} in {one.joint}, which "
-            f"keeps its teeth on one side at all {len(torque)} poses"
+        unit = "N" if entries[contribution.joint].slides else "N m"
+        text = (
+            f"a spring or counterweight of {min(ends) + more:.3g} {unit} in {contribution.joint}, "
+            f"which keeps its teeth on one side at all {len(torque)} poses"
         )
-        worst, after = float(found.worst[at]), _worst(found, at, k, 0.0)
-        yield Cure(words, worst, after, "at worst of play", found.unit)
+        worst, after = float(budget.worst[at]), _worst(budget, at, k, 0.0)
+        yield Cure(text, worst, after, "at worst of play", budget.unit)
 
 
-def _at_rest(found: PlayBudget, at: int) -> Iterator[Cure]:
+def _at_rest(budget: PlayBudget, at: int) -> Iterator[Cure]:
     """A corrected motion, with stops approached from one side and without; stiffer servos."""
-    rest, largest = found.rest_positions, float(found.rest_positions.interval(at)[3, 1])
-    left = found.compensated(at, KNOWN)
-    if not np.isfinite(left) or found.unit == "rad":  # what compensation leaves is a distance
+    rest, largest = budget.rest_positions, float(budget.rest_positions.interval(at)[3, 1])
+    left = budget.compensated(at, KNOWN)
+    if not np.isfinite(left) or budget.unit == "rad":  # what compensation leaves is a distance
         return
-    words = f"compensated (jointplay compensate), its play known to {100 * KNOWN:g} %"
-    sided = found.compensated(at, KNOWN, friction=-1.0)
-    if any(one.gear for one in found.model.contributions) and sided < (1.0 - _WORTH) * left:
-        words += f", with --approach {readable(sided, 'm', 3)}, without"
-    yield Cure(words, largest, left, "at rest")
+    text = f"compensated (jointplay compensate), its play known to {100 * KNOWN:g} %"
+    sided = budget.compensated(at, KNOWN, friction=-1.0)
+    if any(one.gear for one in budget.model.contributions) and sided < (1.0 - _WORTH) * left:
+        text += f", with --approach {readable(sided, 'm', 3)}, without"
+    yield Cure(text, largest, left, "at rest")
     place = rest.at(at)
     size, sag = float(np.linalg.norm(place.error[:3])), place.sag[:3]
     if any(isinstance(one, Servo) for one in rest.drives.values()) and sag.any():
         half = float(np.linalg.norm(place.error[:3] - 0.5 * sag))
-        words = (
+        text = (
             "twice the P gain, if it is calm: jointplay study hunting with --of JOINT finds up to "
             "which it is, in some 20 s a joint"
         )
-        yield Cure(words, size, half, "at rest")
+        yield Cure(text, size, half, "at rest")

@@ -378,10 +378,10 @@ class ErrorModel:
 
         In each step d is replaced by the direction of the point that is farthest along d.
         """
-        wanted = slice(3, 6) if turn else slice(0, 3)
+        rows = slice(3, 6) if turn else slice(0, 3)
         for _ in range(_REFINEMENTS):
             before = d
-            d = toward(self.along(d[:, None], turn).error.sum(axis=0)[:, 0, wanted], d)
+            d = toward(self.along(d[:, None], turn).error.sum(axis=0)[:, 0, rows], d)
             if np.abs(d - before).max(initial=0.0) < _SETTLED:
                 break
         return d

@@ -312,12 +312,12 @@ def taken_up(
     return shifts, displacement - moves @ shifts
 
 
-def _least_squares(moves: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+def _least_squares(moves: np.ndarray, target: np.ndarray) -> np.ndarray:
     """Damped near singular poses only, shape (columns of moves,)."""
     left, values, right = np.linalg.svd(moves, full_matrices=False)
     least = SPARED * values.max(initial=0.0)
     gains = values / np.maximum(np.maximum(values, least) ** 2, 1e-300)
-    return np.asarray(right.T @ (gains * (left.T @ wanted)))
+    return np.asarray(right.T @ (gains * (left.T @ target)))
 
 
 def _of_joint(

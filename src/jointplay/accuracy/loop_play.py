@@ -97,12 +97,12 @@ class _Path:
         weight, last = float(self._count), self._count / _EXACT
         while True:
             near = _STAGE_GAIN if weight < last else _LAST_GAIN
-            left = np.arange(len(price))
+            active = np.arange(len(price))
             for _ in range(_STEPS):
-                step, price[left], gain = self._newton(y, weight, left)
-                self._move(y, step, gain, weight, left)
-                left = left[gain >= near]
-                if not len(left):
+                step, price[active], gain = self._newton(y, weight, active)
+                self._move(y, step, gain, weight, active)
+                active = active[gain >= near]
+                if not len(active):
                     break
             if weight >= last:
                 return y, -price / weight
@@ -142,16 +142,16 @@ class _Path:
     ) -> None:
         """Take steps, each halved until it stays inside and goes down; or none."""
         before = self._height(y, weight, some)
-        part, left = 1.0, np.arange(len(some))
+        part, active = 1.0, np.arange(len(some))
         for _ in range(_HALVINGS):
-            at = some[left]
-            trial = [point[at] + part * move[left] for point, move in zip(y, step, strict=True)]
+            at = some[active]
+            trial = [point[at] + part * move[active] for point, move in zip(y, step, strict=True)]
             after = self._height(trial, weight, at, selected=True)
-            good = after <= before[left] - 0.1 * part * gain[left] + 1e-9
+            good = after <= before[active] - 0.1 * part * gain[active] + 1e-9
             for point, moved in zip(y, trial, strict=True):
                 point[at[good]] = moved[good]
-            left, part = left[~good], 0.5 * part
-            if not len(left):
+            active, part = active[~good], 0.5 * part
+            if not len(active):
                 return
 
     def _height(
@@ -163,9 +163,9 @@ class _Path:
             place = places if selected else places[some]
             total -= weight * np.einsum("ni,ni->n", aim[some], place)
             for wall in cone.walls:
-                left = wall.room - place @ wall.along
-                inside = left**2 - ((place @ wall.across.T + wall.centre) ** 2).sum(axis=1)
-                good = (left > 0.0) & (inside > 0.0)
+                margin = wall.room - place @ wall.along
+                inside = margin**2 - ((place @ wall.across.T + wall.centre) ** 2).sum(axis=1)
+                good = (margin > 0.0) & (inside > 0.0)
                 total -= np.where(good, np.log(np.where(good, inside, 1.0)), -np.inf)
         return total
 
@@ -175,9 +175,9 @@ def _barrier(cones: Cones, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     slope, curvature = np.zeros_like(y), np.zeros((*y.shape, y.shape[1]))
     for wall in cones.walls:
         aside = y @ wall.across.T + wall.centre
-        left = wall.room - y @ wall.along
-        inside = left**2 - (aside**2).sum(axis=1)
-        term = 2.0 * (left[:, None] * wall.along + aside @ wall.across) / inside[:, None]
+        margin = wall.room - y @ wall.along
+        inside = margin**2 - (aside**2).sum(axis=1)
+        term = 2.0 * (margin[:, None] * wall.along + aside @ wall.across) / inside[:, None]
         curve = 2.0 * (wall.across.T @ wall.across - np.outer(wall.along, wall.along))
         slope += term
         curvature += curve / inside[:, None, None] + term[:, :, None] * term[:, None, :]

@@ -124,15 +124,15 @@ def poses_of(
         q, times = along_motion(mechanism, motion, near=near), times_along(motion)
         label = f"{counted(len(q), 'pose')} along the motion"
         return Poses(machine, q, "motion", label, (), times, driven)
-    asked, rows = named or {"": {}}, []
-    for name, positions in asked.items():
+    poses, rows = named or {"": {}}, []
+    for name, positions in poses.items():
         with _of_pose(name):
             rows.append(at_pose(mechanism, positions, driven, near))
     q = np.concatenate(rows)
-    if len(asked) > 1:
-        label = counted(len(asked), "pose")
-        return Poses(machine, q, "pose", label, tuple(asked), None, driven)
-    at, shown = {**middle(mechanism), **next(iter(asked.values()))}, driven or mechanism.movers()
+    if len(poses) > 1:
+        label = counted(len(poses), "pose")
+        return Poses(machine, q, "pose", label, tuple(poses), None, driven)
+    at, shown = {**middle(mechanism), **next(iter(poses.values()))}, driven or mechanism.movers()
     units = {name: joint.unit for name, joint in mechanism.description.joints.items()}
     label = "pose " + ", ".join(
         f"{name} {x:.4g}{f' {units[name]}' * (x != 0.0 and name in units)}"
@@ -224,8 +224,8 @@ def at_pose(
         require_known("moving joint", name, names)
         require_finite(f"position of joint {name!r}", value, "rad or m")
     begin = _begin(mechanism, near)
-    wanted = {**begin, **positions}
-    q = _fill(mechanism, np.array([[at[name] for name in names] for at in (wanted, begin)]))
+    coordinates = {**begin, **positions}
+    q = _fill(mechanism, np.array([[at[name] for name in names] for at in (coordinates, begin)]))
     _check(mechanism, q[:1])
     return _closed(mechanism, q[:1], driven, q[1], positions)
 

@@ -83,9 +83,9 @@ def check(path: str | Path, to: str | None = None, overwrite: bool = False) -> s
     if to is None:
         to = next((name for name, kind in EXPORT_KINDS.items() if suffix in kind.suffixes), None)
         if to is None:
-            known = dict.fromkeys(s for kind in EXPORT_KINDS.values() for s in kind.suffixes)
+            endings = dict.fromkeys(s for kind in EXPORT_KINDS.values() for s in kind.suffixes)
             raise JointplayError(
-                f"the name of the file must end in one of {', '.join(known)}, got {path.name!r}"
+                f"the name of the file must end in one of {', '.join(endings)}, got {path.name!r}"
             )
     require_known("kind of export", to, EXPORT_KINDS)
     if suffix not in EXPORT_KINDS[to].suffixes:

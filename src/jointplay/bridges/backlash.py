@@ -102,7 +102,7 @@ def corrected(compensation: Compensation) -> Reversals:
         k = motion.joints.index(name)
         q, v, shift = position[:, k], speed[:, k], compensation.shift[:, k]
         nominal = np.linspace(q.min(), q.max(), LINES)
-        columns = [_at(nominal, q[sign * v > STILL], shift[sign * v > STILL]) for sign in (1, -1)]
+        columns = [_mean(nominal, q[sign * v > STILL], shift[sign * v > STILL]) for sign in (1, -1)]
         tables[name] = np.column_stack([nominal, *columns])
     entries = mechanism.description.joints
     joints = tuple(mechanism.joints)
@@ -198,15 +198,15 @@ def _linuxcnc(reversals: Reversals) -> dict[str, str]:
     return contents
 
 
-def _at(places: np.ndarray, q: np.ndarray, shift: np.ndarray) -> np.ndarray:
+def _mean(grid: np.ndarray, q: np.ndarray, shift: np.ndarray) -> np.ndarray:
     """Mean shift of the visits nearest to each place; none where there are no visits."""
     if not len(q):
-        return np.zeros_like(places)
-    width = max(places[1] - places[0], 1e-12)
-    means = np.empty_like(places)
-    for i, place in enumerate(places):
-        away = np.abs(q - place)
-        means[i] = shift[away <= max(width, away.min())].mean()
+        return np.zeros_like(grid)
+    width = max(grid[1] - grid[0], 1e-12)
+    means = np.empty_like(grid)
+    for i, x in enumerate(grid):
+        distance = np.abs(q - x)
+        means[i] = shift[distance <= max(width, distance.min())].mean()
     return means
 
 

@@ -82,11 +82,11 @@ def _topics(result: Result) -> list[tuple[str, str, str, str, Any]]:
     ]
     kind = "geometry_msgs/msg/Vector3Stamped"
     for joint in result.joints:
-        place = joint_topic(joint)
+        prefix = joint_topic(joint)
         force = _vector(result["joint_force"].sel(joint=joint).values)
         centre = _vector(result["journal_centre"].sel(joint=joint).values)
-        topics.append((f"{place}/force", kind, "world", "vector", force))
-        topics.append((f"{place}/journal_centre", kind, f"{joint}_bearing", "vector", centre))
+        topics.append((f"{prefix}/force", kind, "world", "vector", force))
+        topics.append((f"{prefix}/journal_centre", kind, f"{joint}_bearing", "vector", centre))
     return topics
 
 

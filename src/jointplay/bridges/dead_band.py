@@ -46,8 +46,8 @@ class DeadBand(NamedTuple):
     def torque(self, motor: Any, motor_speed: Any, link: Any, link_speed: Any) -> Any:
         """Torque on the links [N m] at angles [rad] and speeds [rad/s]; on motors, the opposite."""
         twist = motor - link
-        beyond = twist - twist.clip(-self.half, self.half)
-        return self.stiffness * beyond + self.damping * (motor_speed - link_speed)
+        deflection = twist - twist.clip(-self.half, self.half)
+        return self.stiffness * deflection + self.damping * (motor_speed - link_speed)
 
     def step(
         self, drive: Any, motor: Any, motor_speed: Any, link: Any, link_speed: Any, dt: float
@@ -57,11 +57,11 @@ class DeadBand(NamedTuple):
         Implicit in the motors' speeds, so that light rotors stay calm; `drive` is their torque.
         """
         twist = motor - link
-        beyond = twist - twist.clip(-self.half, self.half)
-        slope = self.damping + dt * self.stiffness * (beyond != 0.0)
-        pushed = self.rotor * motor_speed + dt * (drive - self.stiffness * beyond)
-        speed = (pushed + dt * slope * link_speed) / (self.rotor + dt * slope)
-        torque = self.stiffness * beyond + slope * (speed - link_speed)
+        deflection = twist - twist.clip(-self.half, self.half)
+        slope = self.damping + dt * self.stiffness * (deflection != 0.0)
+        momentum = self.rotor * motor_speed + dt * (drive - self.stiffness * deflection)
+        speed = (momentum + dt * slope * link_speed) / (self.rotor + dt * slope)
+        torque = self.stiffness * deflection + slope * (speed - link_speed)
         return torque, motor + dt * speed, speed
 
 

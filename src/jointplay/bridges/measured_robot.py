@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 from jointplay.base import files
 from jointplay.base.errors import JointplayError
 from jointplay.base.tables import counted, few
-from jointplay.bridges.own_mjcf import corrected_mjcf
+from jointplay.bridges.edited_mjcf import corrected_mjcf
 from jointplay.bridges.reduced_robot import ReducedRobot, refuse_without_play
-from jointplay.bridges.reduction import is_own, reduce_all
+from jointplay.bridges.reduction import from_mjcf_file, reduce_all
 from jointplay.bridges.urdf import to_urdf
 from jointplay.estimate.pose_problem import CONSTANT
 from jointplay.model.mechanism import Mechanism
@@ -42,7 +42,7 @@ def write_play_mjcf(mechanism: Mechanism, path: Path, progress: bool = False) ->
     Raises:
         JointplayError: it would have no play.
     """
-    tilt = bool(mechanism.clearance) and not is_own(mechanism.description)
+    tilt = bool(mechanism.clearance) and not from_mjcf_file(mechanism.description)
     refuse_without_play(mechanism, [*mechanism.clearance, *mechanism.gears], ["mjcf"], tilt)
     reductions, refused = reduce_all(mechanism, progress=progress)
     robot = ReducedRobot(mechanism, reductions, {}, ["mjcf"], tilt)

@@ -22,7 +22,6 @@ from jointplay.simulation.result.result import Result
 
 _WIDTH, _HEIGHT = 6.6, 2.2
 """Of the picture [inches]."""
-_MOST = len(CONTACT_COLOURS)
 
 
 def page(result: Result) -> str:
@@ -87,9 +86,8 @@ def _chart(result: Result) -> Chart:
         title, up = "joint force, peaks", Axis("force", "N")
         peaks = np.linalg.norm(result["joint_force_peak"].values, axis=2)
         histories = dict(zip(result.joints, peaks.T, strict=True))
-    shown = list(histories.items())[:_MOST]
     marks = [
         Curve(result.time, values, name, colour)
-        for (name, values), colour in zip(shown, CONTACT_COLOURS, strict=False)
+        for (name, values), colour in zip(histories.items(), CONTACT_COLOURS, strict=False)
     ]
     return Chart([[tool, Panel(tool.x, up, marks, title, legend="best")]], (_WIDTH, _HEIGHT))

@@ -37,8 +37,8 @@ SPREAD = 0.3
 """Half width of ranges for randomisation, relative, of what is not measured: an assumption."""
 PLUGIN = "gz_ros2_control/GazeboSimSystem"
 """Hardware of ros2_control's tags, if no other is named: Gazebo's."""
-LEAST = pin.Inertia(1e-3, np.zeros(3), 1e-6 * np.eye(3))
-"""Of bodies without mass, which no simulator takes."""
+LIGHTEST = pin.Inertia(1e-3, np.zeros(3), 1e-6 * np.eye(3))
+"""Of bodies without mass, which no simulator takes (judged: a gram, of 3 cm)."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Body:
     parent: Body | None
     placement: pin.SE3
     """Of the joint's frame in the parent's, at position zero."""
-    place: pin.SE3
+    world_placement: pin.SE3
     """Of the joint's frame in the world, all positions zero."""
     slides: bool
     axis: np.ndarray
@@ -75,7 +75,7 @@ def bodies(mechanism: Mechanism, reductions: Iterable[Reduction] = ()) -> list[B
     """
     if mechanism.loops:
         raise JointplayError("a robot with closed loops cannot be written as a tree of bodies")
-    reduced = {one.joint: one for one in reductions}
+    reduced = {reduction.joint: reduction for reduction in reductions}
     refuse_taken(mechanism, reduced.values())
     ideal = mechanism.ideal()
     model, data = ideal.model, ideal.data
@@ -88,29 +88,30 @@ def bodies(mechanism: Mechanism, reductions: Iterable[Reduction] = ()) -> list[B
         joint, name = model.joints[index], names[index]
         if joint.nv != 1:
             raise JointplayError(f"joint {name!r} has {joint.nv} coordinates; one can be written")
-        (way,) = motions(model, data, index)
-        slides = bool(np.linalg.norm(way[3:]) < 0.5)
+        (direction,) = motions(model, data, index)
+        slides = bool(np.linalg.norm(direction[3:]) < 0.5)
         entry = mechanism.description.joints[name]
-        one = reduced.get(name, Reduction(name, friction=entry.friction, viscous=entry.damping))
+        losses = Reduction(name, friction=entry.friction, viscous=entry.damping)
+        reduction = reduced.get(name, losses)
         parent, placement = carriers[model.parents[index]], model.jointPlacements[index]
         inertia = model.inertias[index]
-        place = placement if parent is None else parent.place * placement
+        world_placement = placement if parent is None else parent.world_placement * placement
         limits = float(low[index - 1]), float(high[index - 1])
-        axis = way[:3] if slides else way[3:]
-        inertia = inertia if inertia.mass > 0.0 else LEAST
+        axis = direction[:3] if slides else direction[3:]
+        inertia = inertia if inertia.mass > 0.0 else LIGHTEST
         body = Body(
-            name, f"{name}_link", parent, placement, place, slides, axis, limits, inertia,
-            one.friction, one.viscous,
+            name, f"{name}_link", parent, placement, world_placement, slides, axis, limits, inertia,
+            reduction.friction, reduction.viscous,
         )  # fmt: skip
-        if one.dead_band > 0.0:
-            half = 0.5 * one.dead_band
-            turning = rotor(body.axis, one.rotor_inertia)
+        if reduction.dead_band > 0.0:
+            half = 0.5 * reduction.dead_band
+            turning = rotor(body.axis, reduction.rotor_inertia)
             motor = replace(body, link=f"{name}_motor", inertia=turning)
             tree.append(motor)
             body = replace(
                 body, name=f"{name}_play", parent=motor, placement=pin.SE3.Identity(),
-                limits=(-half, half), friction=0.0, damping=one.damping,
-                stop=(one.stiffness, one.damping),
+                limits=(-half, half), friction=0.0, damping=reduction.damping,
+                stop=(reduction.stiffness, reduction.damping),
             )  # fmt: skip
         tree.append(body)
         carriers.append(body)
@@ -139,12 +140,12 @@ def to_sdf(mechanism: Mechanism, *reductions: Reduction, encoder: str = "motor")
     ground = described.root if described.root != "world" else "base"  # a word of SDF's own
     names = {f"{name}_link": described.joints[name].child for name in ideal.names[1:]}
     base = ideal.inertias[0]
-    _put_link(model, ground, pin.SE3.Identity(), base if base.mass > 0.0 else LEAST)
+    _put_link(model, ground, pin.SE3.Identity(), base if base.mass > 0.0 else LIGHTEST)
     _put_texts(put(model, "joint", name="base_fixed", type="fixed"), parent="world", child=ground)
     published = []
     for body in bodies(mechanism, reductions):
         link = names.get(body.link, body.link)
-        _put_link(model, link, body.place, body.inertia)
+        _put_link(model, link, body.world_placement, body.inertia)
         joint = put(model, "joint", name=body.name, type="prismatic" if body.slides else "revolute")
         parent = ground if body.parent is None else names.get(body.parent.link, body.parent.link)
         _put_texts(joint, parent=parent, child=link)
@@ -165,8 +166,8 @@ def to_sdf(mechanism: Mechanism, *reductions: Reduction, encoder: str = "motor")
     for frame in ideal.frames:
         carrier = carriers[frame.parentJoint]
         if frame.type == pin.FrameType.BODY and frame.name not in (*carriers, "world"):
-            place = frame.placement
-            pose = [*place.translation, *pin.rpy.matrixToRpy(place.rotation)]
+            placement = frame.placement
+            pose = [*placement.translation, *pin.rpy.matrixToRpy(placement.rotation)]
             _put_texts(put(model, "frame", name=frame.name, attached_to=carrier), pose=pose)
     plugin = put(model, "plugin", name="gz::sim::systems::JointStatePublisher")
     plugin.set("filename", "gz-sim-joint-state-publisher-system")
@@ -175,9 +176,9 @@ def to_sdf(mechanism: Mechanism, *reductions: Reduction, encoder: str = "motor")
     return document(root)
 
 
-def _put_link(model: Element, name: str, place: pin.SE3, inertia: pin.Inertia) -> None:
+def _put_link(model: Element, name: str, placement: pin.SE3, inertia: pin.Inertia) -> None:
     link = put(model, "link", name=name)
-    _put_texts(link, pose=[*place.translation, *pin.rpy.matrixToRpy(place.rotation)])
+    _put_texts(link, pose=[*placement.translation, *pin.rpy.matrixToRpy(placement.rotation)])
     inertial = put(link, "inertial")
     _put_texts(inertial, pose=[*inertia.lever, 0.0, 0.0, 0.0], mass=inertia.mass)
     _put_texts(put(inertial, "inertia"), **moments(inertia.inertia))
@@ -191,9 +192,9 @@ def _put_texts(element: Element, /, **values: Any) -> None:
 def refuse_taken(mechanism: Mechanism, reductions: Iterable[Reduction]) -> None:
     """Refuse a robot that has a `J_motor` or a `J_play` of a joint J with a dead band."""
     described = mechanism.description
-    for one in reductions:
-        for name in (f"{one.joint}_motor", f"{one.joint}_play"):
-            if one.dead_band > 0.0 and name in {*described.joints, *described.links}:
+    for reduction in reductions:
+        for name in (f"{reduction.joint}_motor", f"{reduction.joint}_play"):
+            if reduction.dead_band > 0.0 and name in {*described.joints, *described.links}:
                 raise JointplayError(f"the URDF already has a {name!r}")
 
 
@@ -210,13 +211,13 @@ def to_urdf(mechanism: Mechanism, *reductions: Reduction, plugin: str = PLUGIN) 
     """
     refuse_taken(mechanism, reductions)
     root = mechanism.description.elements()
-    for one in root.findall(BEYOND):
-        root.remove(one)
-    joints = {one.get("name"): one for one in root.findall("joint")}
+    for element in root.findall(BEYOND):
+        root.remove(element)
+    joints = {element.get("name"): element for element in root.findall("joint")}
     for reduction in reductions:
         joint = joints[reduction.joint]
-        for old in joint.findall("dynamics"):
-            joint.remove(old)
+        for dynamics in joint.findall("dynamics"):
+            joint.remove(dynamics)
         put(joint, "dynamics", friction=reduction.friction, damping=reduction.viscous)
         if reduction.dead_band > 0.0:
             _put_play(root, joint, reduction)
@@ -226,9 +227,9 @@ def to_urdf(mechanism: Mechanism, *reductions: Reduction, plugin: str = PLUGIN) 
 
 def _put_play(root: Element, joint: Element, reduction: Reduction) -> None:
     motor = f"{reduction.joint}_motor"
-    child, given = joint.find("child"), joint.find("axis")
+    child, axis_element = joint.find("child"), joint.find("axis")
     assert child is not None
-    axis = "1 0 0" if given is None else given.get("xyz", "1 0 0")
+    axis = "1 0 0" if axis_element is None else axis_element.get("xyz", "1 0 0")
     vector = np.array([float(x) for x in axis.split()])
     turning = rotor(vector / np.linalg.norm(vector), reduction.rotor_inertia)
     put_inertial(put(root, "link", name=motor), turning)
@@ -250,18 +251,18 @@ def _put_control(
         system = put(root, "ros2_control", name=mechanism.description.path.stem, type="system")
         _put_texts(put(system, "hardware"), plugin=plugin)
         mimics = {n: mechanism.description.joints[n].mimic for n in mechanism.joints}
-        for name, follows in mimics.items():
-            _put_interfaces(system, name, () if follows else ("effort",))
-        for name, follows in mimics.items():
-            if not follows:
+        for name, mimic in mimics.items():
+            _put_interfaces(system, name, () if mimic else ("effort",))
+        for name, mimic in mimics.items():
+            if not mimic:
                 element = put(system, "transmission", name=f"{name}_transmission")
                 _put_texts(element, plugin="transmission_interface/SimpleTransmission")
                 put(element, "actuator", name=f"{name}_actuator", role="actuator1")
-                held = put(element, "joint", name=name, role="joint1")
-                _put_texts(held, mechanical_reduction="1.0")
-    for one in reductions:
-        if one.dead_band > 0.0:
-            _put_interfaces(system, f"{one.joint}_play", ())
+                joint = put(element, "joint", name=name, role="joint1")
+                _put_texts(joint, mechanical_reduction="1.0")
+    for reduction in reductions:
+        if reduction.dead_band > 0.0:
+            _put_interfaces(system, f"{reduction.joint}_play", ())
 
 
 def _put_interfaces(system: Element, joint: str, commands: Sequence[str]) -> None:
@@ -276,9 +277,9 @@ def to_yaml(reductions: Iterable[Reduction], encoder: str = "motor") -> str:
     """What a URDF cannot say, for a node to read: YAML by joint, SI units; see `to_json`."""
     check_encoder(encoder)
     lines = ["# Reduced models of joints with play; SI units. See docs/simulator.md of jointplay."]
-    for one in reductions:
-        lines.append(f"{json.dumps(one.joint)}:")
-        for key, value in (one.describe() | {"encoder": encoder}).items():
+    for reduction in reductions:
+        lines.append(f"{json.dumps(reduction.joint)}:")
+        for key, value in (reduction.describe() | {"encoder": encoder}).items():
             # Readers of YAML 1.1 take 1e-05 for a word.
             lines.append(re.sub(r"(?<![\d.])(\d+)e", r"\1.0e", f"  {key}: {json.dumps(value)}"))
     return "\n".join(lines) + "\n"
@@ -304,37 +305,37 @@ def to_json(
     require_non_negative("spread", spread, "")
     check_encoder(encoder)
     joints = []
-    plain = ("dead_band", "stiffness", "damping", "viscous", "tilt", "lateral", "axial")
-    for one in reductions:
+    names = ("dead_band", "stiffness", "damping", "viscous", "tilt", "lateral", "axial")
+    for reduction in reductions:
         ranges: dict[str, Any] = {}
         note = "5 % to 95 % of the full model's run; "
-        parts = dict.fromkeys(plain, (max(1.0 - spread, 0.0), 1.0 + spread))
+        parts = dict.fromkeys(names, (max(1.0 - spread, 0.0), 1.0 + spread))
         for name, bracket in BRACKETS.items():
-            if (one.joint, name) in by_rule:
+            if (reduction.joint, name) in by_rule:
                 parts[name] = bracket
                 wide = " to ".join(f"{part:g}" for part in bracket)
                 note += f"{name}: {wide} times what a rule has, as gears differ; "
         for name, (low, high) in parts.items():
-            if (value := getattr(one, name)) > 0.0:
+            if (value := getattr(reduction, name)) > 0.0:
                 ranges[name] = [value * low, value * high]
         note += f"all others: +-{100 * spread:g} %, assumed"
-        if one.friction > 0.0:
-            low, high = one.friction_range
-            ranges["friction"] = [min(low, one.friction), max(high, one.friction)]
-        more = {"encoder": encoder, "ranges": ranges, "ranges_note": f"friction: {note}"}
-        joints.append(one.describe() | more)
+        if reduction.friction > 0.0:
+            low, high = reduction.friction_range
+            ranges["friction"] = [min(low, reduction.friction), max(high, reduction.friction)]
+        extras = {"encoder": encoder, "ranges": ranges, "ranges_note": f"friction: {note}"}
+        joints.append(reduction.describe() | extras)
     return json.dumps({"joints": joints}, indent=2) + "\n"
 
 
 def actuator(reductions: Iterable[Reduction]) -> tuple[tuple[str, ...], dead_band.DeadBand]:
     """Joints with a dead band, and its numbers as an actuator has them."""
-    loose = [one for one in reductions if one.dead_band > 0.0]
+    loose = [r for r in reductions if r.dead_band > 0.0]
     rows = [
-        (0.5 * o.dead_band, o.stiffness, o.damping, o.rotor_inertia, o.friction, o.viscous)
-        for o in loose
+        (0.5 * r.dead_band, r.stiffness, r.damping, r.rotor_inertia, r.friction, r.viscous)
+        for r in loose
     ]
     numbers = np.array(rows).reshape(len(loose), 6).T
-    return tuple(one.joint for one in loose), dead_band.DeadBand(*numbers)
+    return tuple(r.joint for r in loose), dead_band.DeadBand(*numbers)
 
 
 def actuator_step(
@@ -347,13 +348,14 @@ def actuator_step(
     ideal = mechanism.ideal()
     mass = np.diag(pin.crba(ideal.model, ideal.data, ideal.configuration(pose)))
     step = LONGEST_STEP_S
-    for one in reductions:
-        if one.dead_band > 0.0:
-            link = max(float(mass[ideal.coordinate(one.joint)]), float(LEAST.inertia[2, 2]))
-            swing = math.sqrt(one.stiffness * (1.0 / link + 1.0 / one.rotor_inertia))
+    for reduction in reductions:
+        if reduction.dead_band > 0.0:
+            inertia = float(mass[ideal.coordinate(reduction.joint)])
+            link = max(inertia, float(LIGHTEST.inertia[2, 2]))
+            swing = math.sqrt(reduction.stiffness * (1.0 / link + 1.0 / reduction.rotor_inertia))
             step = min(step, RESOLVED / swing)
-            if one.damping > 0.0:
-                step = min(step, RESOLVED * link / one.damping)
+            if reduction.damping > 0.0:
+                step = min(step, RESOLVED * link / reduction.damping)
     return step
 
 
@@ -361,20 +363,20 @@ def to_python(
     mechanism: Mechanism, reductions: Iterable[Reduction], pose: Mapping[str, float]
 ) -> str:
     """The play as an actuator: `dead_band` with the numbers in it, which needs no jointplay."""
-    ones = list(reductions)
-    joints, play = actuator(ones)
+    reductions = list(reductions)
+    joints, play = actuator(reductions)
     rows = "".join(
         f"    {name}=np.array({numbers.tolist()!r}),\n" for name, numbers in play._asdict().items()
     )
-    said = {
+    assignments = {
         "JOINTS": f"JOINTS: tuple[str, ...] = {joints!r}",
         "PLAY": f"PLAY = DeadBand(\n{rows})",
-        "STEP": f"STEP = {actuator_step(mechanism, ones, pose):.4g}",
+        "STEP": f"STEP = {actuator_step(mechanism, reductions, pose):.4g}",
     }
     source = inspect.getsource(dead_band)
-    for name, line in said.items():
-        (old,) = re.findall(rf"^{name}\b.*=.*$", source, re.MULTILINE)
-        source = source.replace(old, line)
+    for name, line in assignments.items():
+        (original,) = re.findall(rf"^{name}\b.*=.*$", source, re.MULTILINE)
+        source = source.replace(original, line)
     return source
 
 
@@ -394,14 +396,15 @@ def reach(
     Of both the worst case. Files have no travel of journals aside and along; the axes of the joints
     `tilting` tilt in them.
     """
-    found = budget(mechanism, pose)
-    bands = {one.joint: one.dead_band for one in reductions}
-    tilts = {one.joint: one.tilt for one in reductions if one.joint in set(tilting)}
+    play_budget = budget(mechanism, pose)
+    bands = {r.joint: r.dead_band for r in reductions}
+    tilts = {r.joint: r.tilt for r in reductions if r.joint in set(tilting)}
 
-    def file_of(one: Contribution) -> Play:
-        if one.gear:
-            return Line((0.0,) * 5 + (0.5 * bands.get(one.joint, 0.0),))
-        return Tilt(tilts.get(one.joint, 0.0))
+    def written_play(contribution: Contribution) -> Play:
+        if contribution.gear:
+            return Line((0.0,) * 5 + (0.5 * bands.get(contribution.joint, 0.0),))
+        return Tilt(tilts.get(contribution.joint, 0.0))
 
-    own = tuple(replace(one, set=file_of(one)) for one in found.model.contributions)
-    return float(replace(found.model, contributions=own).farthest().size[0]), found
+    model = play_budget.model
+    contributions = tuple(replace(c, set=written_play(c)) for c in model.contributions)
+    return float(replace(model, contributions=contributions).farthest().size[0]), play_budget

@@ -40,8 +40,8 @@ class Simulator(NamedTuple):
 
     def notes(self, name: str) -> list[str]:
         """A line each of what it takes, of the play that it has, and of what is lost."""
-        told = (f"takes {self.takes}", f"has {self.has}", f"lacks {self.lacks}")
-        return [f"{name}: {words}" for words in told]
+        clauses = (f"takes {self.takes}", f"has {self.has}", f"lacks {self.lacks}")
+        return [f"{name}: {clause}" for clause in clauses]
 
 
 _HINGE = "dead band as limits of a second hinge, rotor as a body; friction and damping at the motor"
@@ -89,7 +89,7 @@ SIMULATORS = {
 
 
 def choose(
-    asked: Sequence[str], tilt: bool, simulator: str | None = None
+    requested: Sequence[str], tilt: bool, simulator: str | None = None
 ) -> tuple[list[str], list[str]]:
     """Formats to write: those asked for, or all that can be; and why others are left out.
 
@@ -100,32 +100,32 @@ def choose(
         JointplayError: formats and a simulator; one that was asked for cannot hold the tilt of an
             axis (`tilt`), or needs a package that is missing.
     """
-    if asked and simulator:
+    if requested and simulator:
         formats = ", ".join(SIMULATORS[simulator].formats)
         raise JointplayError(
             f"--for {simulator} chooses the formats ({formats}): leave out --format "
-            f"{' '.join(asked)}, or --for"
+            f"{' '.join(requested)}, or --for"
         )
     notes = SIMULATORS[simulator].notes(simulator) if simulator else []
-    whole: Sequence[str] = SIMULATORS[simulator].formats if simulator else tuple(FORMATS)
-    chosen = list(dict.fromkeys(asked or whole))
-    upright = [one for one in chosen if tilt and one not in _TILTED]
+    available: Sequence[str] = SIMULATORS[simulator].formats if simulator else tuple(FORMATS)
+    chosen = list(dict.fromkeys(requested or available))
+    upright = [name for name in chosen if tilt and name not in _TILTED]
     if upright:
-        can = f"the tilt of an axis, which --tilt writes, is held by {' and '.join(_TILTED)} only"
-        if asked or len(upright) == len(chosen):
+        limit = f"the tilt of an axis, which --tilt writes, is held by {' and '.join(_TILTED)} only"
+        if requested or len(upright) == len(chosen):
             option = f"--for {simulator}" if simulator else f"--format {upright[0]}"
-            raise JointplayError(f"{option} with --tilt: {can}")
-        chosen = [one for one in chosen if one in _TILTED]
-        notes.append(f"no {', '.join(upright)}: {can}")
-    for name, (package, use) in _NEEDS.items():
+            raise JointplayError(f"{option} with --tilt: {limit}")
+        chosen = [name for name in chosen if name in _TILTED]
+        notes.append(f"no {', '.join(upright)}: {limit}")
+    for name, (package, purpose) in _NEEDS.items():
         if name not in chosen or importlib.util.find_spec(package) is not None:
             continue
-        text = f"{use}, and the package {package} is missing: {how_to_install('simulators')}"
-        if asked or simulator:
+        text = f"{purpose}, and the package {package} is missing: {how_to_install('simulators')}"
+        if requested or simulator:
             raise JointplayError(text)
         chosen.remove(name)
         notes.append(f"no {name}: {text}")
     if simulator and "py" in chosen:
-        does = "motor, dead band and teeth as torques on a robot without play"
-        notes.append(f"{simulator}: *{FORMATS['py'][0]} has {does}")
+        content = "motor, dead band and teeth as torques on a robot without play"
+        notes.append(f"{simulator}: *{FORMATS['py'][0]} has {content}")
     return chosen, notes

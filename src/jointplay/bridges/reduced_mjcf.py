@@ -35,8 +35,9 @@ from jointplay.simulation.loads.drive import Servo
 
 _STIFF = np.array([0.99, 0.9999, 1e-6])
 """MuJoCo's impedance of the bore: as stiff as it bears."""
-_HELD = 1e6
-"""Inertia of what moves as prescribed, when models are compared [kg m^2]."""
+_PRESCRIBED = 1e6
+"""Inertia of what moves as prescribed, when models are compared [kg m^2]: of an arm of 3 kg 1e4
+gives the same reach within 1e-3, 1e8 one 1 % larger."""
 _MOST_IN_STL = 200_000
 """Triangles of an STL that MuJoCo reads (its error message says so); of an OBJ any number."""
 _COMPILER = {
@@ -86,8 +87,8 @@ class CompiledRobot:
             JointplayError: a servo whose encoder is on the link of a joint with play.
         """
         check_encoder(encoder)
-        reduced = {one.joint: one for one in reductions}
-        loose = {name: one for name, one in reduced.items() if one.dead_band > 0.0}
+        reduced = {reduction.joint: reduction for reduction in reductions}
+        loose = {name: r for name, r in reduced.items() if r.dead_band > 0.0}
         for name, servo in servos.items():
             require_known("moving joint", name, self.mechanism.joints)
             if name in loose and servo.encoder == "link":
@@ -111,8 +112,8 @@ class CompiledRobot:
                     if value > 0.0:
                         element.set(key, f"{value:.17g}")
         tendon, actuator, sensor = (put(root, tag) for tag in ("tendon", "actuator", "sensor"))
-        for name, one in loose.items():
-            put_play(tendon, one, f"{name}_play", one.friction, one.viscous)
+        for name, reduction in loose.items():
+            put_play(tendon, reduction, f"{name}_play", reduction.friction, reduction.viscous)
         for name in self.tilting:
             rim = put(
                 tendon, "spatial", name=f"{name}.rim", limited="true",
@@ -146,22 +147,22 @@ class CompiledRobot:
         if reduction is not None and reduction.dead_band > 0.0:
             return numbers | {"armature": reduction.rotor_inertia}
         entry = self.mechanism.description.joints[name]
-        own = (entry.friction, entry.damping)
+        losses = (entry.friction, entry.damping)
         if reduction is not None:
-            own = (reduction.friction, reduction.viscous)
-        numbers["frictionloss"] += own[0]
-        numbers["damping"] += own[1]
+            losses = (reduction.friction, reduction.viscous)
+        numbers["frictionloss"] += losses[0]
+        numbers["damping"] += losses[1]
         return numbers | {"armature": rotor_inertia(self.mechanism, name)}
 
     def step(self, reductions: Iterable[Reduction]) -> float:
         """A step that resolves the stiffest teeth with what they turn, at most 1 ms [s]."""
         loose = list(reductions)
-        matrix, own = self.mass.copy(), {one.joint: one.rotor_inertia for one in loose}
+        matrix, inertia = self.mass.copy(), {r.joint: r.rotor_inertia for r in loose}
         for name in self.mechanism.joints:
             row = self.dofs[name]
-            matrix[row, row] += own.get(name, rotor_inertia(self.mechanism, name))
-        rows = [self.dofs[f"{one.joint}_play"] for one in loose]
-        return resolving_step(matrix, rows, [one.stiffness for one in loose])
+            matrix[row, row] += inertia.get(name, rotor_inertia(self.mechanism, name))
+        rows = [self.dofs[f"{r.joint}_play"] for r in loose]
+        return resolving_step(matrix, rows, [r.stiffness for r in loose])
 
 
 def put_play(
@@ -187,9 +188,9 @@ def resolving_step(mass: np.ndarray, rows: Sequence[int], stiffness: Sequence[fl
     """
     if not rows:
         return LONGEST_STEP_S
-    gives = np.linalg.inv(mass)[np.ix_(rows, rows)]
+    compliance = np.linalg.inv(mass)[np.ix_(rows, rows)]
     root = np.sqrt(stiffness)
-    fastest = float(np.linalg.eigvalsh(root[:, None] * gives * root)[-1])
+    fastest = float(np.linalg.eigvalsh(root[:, None] * compliance * root)[-1])
     return min(LONGEST_STEP_S, RESOLVED / math.sqrt(fastest))
 
 
@@ -211,11 +212,11 @@ def compile_robot(
     """
     mujoco = load_mujoco()
     bodies(mechanism)
-    tilting = [one for one in reductions if tilt and one.tilt > 0.0]
+    tilting = [r for r in reductions if tilt and r.tilt > 0.0]
     refuse_taken(mechanism, reductions)
     root = mechanism.description.elements()
-    for old in root.findall("mujoco"):
-        root.remove(old)
+    for element in root.findall("mujoco"):
+        root.remove(element)
     put(put(root, "mujoco"), "compiler", **_COMPILER)
     meshes, notes = take_meshes(mechanism, root)
     text = ElementTree.tostring(root, encoding="unicode")
@@ -230,7 +231,7 @@ def compile_robot(
             spec.add_exclude(bodyname1=first, bodyname2=second)
         model = spec.compile()
         spec.meshdir = FOLDER
-        made = ElementTree.fromstring(spec.to_xml())
+        compiled = ElementTree.fromstring(spec.to_xml())
     except (ValueError, mujoco.FatalError) as error:
         reason = " ".join(str(error).split())
         raise JointplayError(f"MuJoCo cannot compile the robot's URDF: {reason}") from None
@@ -240,10 +241,10 @@ def compile_robot(
     mass = mass_at(model, pose)
     mass[np.diag_indices(model.nv)] -= model.dof_armature
     dofs = {model.joint(i).name: int(model.jnt_dofadr[i]) for i in range(model.njnt)}
-    if made.find("option") is None:
-        put(made, "option")
-    names = tuple(one.joint for one in tilting)
-    return CompiledRobot(mechanism, made, meshes, mass, dofs, tuple(notes), names)
+    if compiled.find("option") is None:
+        put(compiled, "option")
+    names = tuple(r.joint for r in tilting)
+    return CompiledRobot(mechanism, compiled, meshes, mass, dofs, tuple(notes), names)
 
 
 def take_meshes(mechanism: Mechanism, root: Element) -> tuple[dict[str, bytes], list[str]]:
@@ -251,8 +252,8 @@ def take_meshes(mechanism: Mechanism, root: Element) -> tuple[dict[str, bytes], 
     import trimesh
 
     folders, stored = mesh_folders(mechanism), mechanism.description.stored
-    known: dict[Path, str] = {}
-    made: dict[str, bytes] = {}
+    names_by_path: dict[Path, str] = {}
+    files: dict[str, bytes] = {}
     missing: dict[str, None] = {}
     for link in root.findall("link"):
         for shape in (*link.findall("visual"), *link.findall("collision")):
@@ -265,22 +266,20 @@ def take_meshes(mechanism: Mechanism, root: Element) -> tuple[dict[str, bytes], 
                 missing[mesh.get("filename", "")] = None
                 link.remove(shape)
                 continue
-            if path not in known:
+            if path not in names_by_path:
                 corners = np.concatenate([part.corners() for part in parts])
-                whole = trimesh.Trimesh(**trimesh.triangles.to_kwargs(corners))
+                solid = trimesh.Trimesh(**trimesh.triangles.to_kwargs(corners))
                 kind = "stl" if len(corners) <= _MOST_IN_STL else "obj"
                 name, number = f"{path.stem}.{kind}", 1
-                while name in made:
+                while name in files:
                     number += 1
                     name = f"{path.stem}_{number}.{kind}"
-                known[path], made[name] = name, _bytes(whole.export(file_type=kind))
-            mesh.set("filename", known[path])
-    left = f"shapes left out of the MJCF, their meshes are missing: {', '.join(missing)}"
-    return made, [left] * bool(missing)
-
-
-def _bytes(content: str | bytes) -> bytes:
-    return content.encode() if isinstance(content, str) else content
+                content = solid.export(file_type=kind)
+                files[name] = content.encode() if isinstance(content, str) else content
+                names_by_path[path] = name
+            mesh.set("filename", names_by_path[path])
+    note = f"shapes left out of the MJCF, their meshes are missing: {', '.join(missing)}"
+    return files, [note] * bool(missing)
 
 
 def _edit(
@@ -293,21 +292,21 @@ def _edit(
     hinge = mujoco.mjtJoint.mjJNT_HINGE
     spec.option.gravity = mechanism.gravity
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    for one in reductions:
-        if one.dead_band > 0.0:
-            motor = spec.joint(one.joint)
-            motor.armature = one.rotor_inertia  # without it two hinges would turn one inertia
-            where = {"type": hinge, "pos": motor.pos, "axis": motor.axis}
-            motor.parent.add_joint(name=f"{one.joint}_play", **where)
+    for reduction in reductions:
+        if reduction.dead_band > 0.0:
+            motor = spec.joint(reduction.joint)
+            motor.armature = reduction.rotor_inertia  # without it two hinges would turn one inertia
+            placement = {"type": hinge, "pos": motor.pos, "axis": motor.axis}
+            motor.parent.add_joint(name=f"{reduction.joint}_play", **placement)
     tree = {body.name: body for body in bodies(mechanism)}
-    for one in tilting:
-        body, moved = tree[one.joint], spec.joint(one.joint).parent
+    for reduction in tilting:
+        body, moving = tree[reduction.joint], spec.joint(reduction.joint).parent
         for part, axis in tilt_axes(body.axis).items():
-            moved.add_joint(name=f"{one.joint}.{part}", type=hinge, axis=axis)
-        end = one.half_length * body.axis
-        moved.add_site(name=f"{one.joint}.rim", pos=end)
+            moving.add_joint(name=f"{reduction.joint}.{part}", type=hinge, axis=axis)
+        end = reduction.half_length * body.axis
+        moving.add_site(name=f"{reduction.joint}.rim", pos=end)
         holder = spec.worldbody if body.parent is None else spec.joint(body.parent.name).parent
-        holder.add_site(name=f"{one.joint}.bore", pos=body.placement.act(end))
+        holder.add_site(name=f"{reduction.joint}.bore", pos=body.placement.act(end))
     ideal = mechanism.ideal()
     tool = ideal.model.frames[ideal.tool_frame]
     carrier = str(ideal.model.names[tool.parentJoint])
@@ -317,8 +316,8 @@ def _edit(
         mimic = mechanism.description.joints[name].mimic
         if mimic is not None:
             kind = {"type": mujoco.mjtEq.mjEQ_JOINT, "objtype": mujoco.mjtObj.mjOBJ_JOINT}
-            follows = spec.add_equality(name1=name, name2=mimic.leader, **kind)
-            follows.data[:2] = mimic.offset, mimic.multiplier
+            equality = spec.add_equality(name1=name, name2=mimic.leader, **kind)
+            equality.data[:2] = mimic.offset, mimic.multiplier
 
 
 def _place(mujoco: Any, model: Any, data: Any, pose: Mapping[str, float]) -> None:
@@ -340,11 +339,11 @@ def mass_at(model: Any, pose: Mapping[str, float]) -> np.ndarray:
 def _touching(mujoco: Any, model: Any, pose: Mapping[str, float]) -> list[tuple[str, str]]:
     data = mujoco.MjData(model)
     _place(mujoco, model, data, pose)
-    names = [[model.body(model.geom_bodyid[i]).name for i in one.geom] for one in data.contact]
+    names = [[model.body(model.geom_bodyid[i]).name for i in c.geom] for c in data.contact]
     return list(dict.fromkeys((first, second) for first, second in names))
 
 
-class PlayFound(NamedTuple):
+class MeasuredPlay(NamedTuple):
     """What MuJoCo's link does when it is pushed to and fro while its motor stands."""
 
     dead_band: float
@@ -353,7 +352,7 @@ class PlayFound(NamedTuple):
     """Of what stops it [N m/rad]."""
 
 
-def _alone(model: Any, bare: bool = False) -> Any:
+def _without_contacts(model: Any, bare: bool = False) -> Any:
     """A copy without contacts between shapes; a bare one also without gravity and friction."""
     model = copy.copy(model)
     model.opt.disableflags |= int(load_mujoco().mjtDisableBit.mjDSBL_CONTACT)
@@ -363,49 +362,49 @@ def _alone(model: Any, bare: bool = False) -> Any:
     return model
 
 
-def find_play(written: Any) -> dict[str, PlayFound]:
+def find_play(written: Any) -> dict[str, MeasuredPlay]:
     """Play of each joint of a compiled MJCF: pushed both ways with two torques in MuJoCo.
 
     All other joints are held; gravity, friction and contacts are switched off. The torques turn the
     link by a tenth and by a fifth of its play beyond it.
     """
     mujoco = load_mujoco()
-    model = _alone(written, bare=True)
-    found = {}
+    model = _without_contacts(written, bare=True)
+    plays = {}
     for index in range(model.ntendon):
         tendon = model.tendon(index)
         if not tendon.name.endswith(".play"):
             continue
         name = tendon.name.removesuffix(".play")
-        alone, hinge = copy.copy(model), play_hinge(model, name)
-        row = int(alone.joint(hinge).dofadr[0])
-        alone.dof_armature[np.arange(alone.nv) != row] = _HELD
+        single, hinge = copy.copy(model), play_hinge(model, name)
+        row = int(single.joint(hinge).dofadr[0])
+        single.dof_armature[np.arange(single.nv) != row] = _PRESCRIBED
         # Zero may lie outside a joint's limits, which throw what is held however heavy it is.
-        alone.jnt_limited[np.arange(alone.njnt) != alone.joint(hinge).id] = 0
-        data = mujoco.MjData(alone)
-        mujoco.mj_setConst(alone, data)
+        single.jnt_limited[np.arange(single.njnt) != single.joint(hinge).id] = 0
+        data = mujoco.MjData(single)
+        mujoco.mj_setConst(single, data)
         stiffness = float(np.ravel(model.tendon_stiffness[index])[0])
-        inertia = 1.0 / float(alone.dof_invweight0[row])
-        alone.dof_damping.reshape(alone.nv, -1)[row, 0] = 2.0 * math.sqrt(stiffness * inertia)
-        push = 0.1 * stiffness * float(np.ptp(alone.tendon_lengthspring[index]))
-        at = int(alone.joint(hinge).qposadr[0])
+        inertia = 1.0 / float(single.dof_invweight0[row])
+        single.dof_damping.reshape(single.nv, -1)[row, 0] = 2.0 * math.sqrt(stiffness * inertia)
+        push = 0.1 * stiffness * float(np.ptp(single.tendon_lengthspring[index]))
+        coordinate = int(single.joint(hinge).qposadr[0])
         widths = []
         for torque in (push, 2.0 * push):
             ends = []
             for sign in (-1.0, 1.0):
-                mujoco.mj_resetData(alone, data)
+                mujoco.mj_resetData(single, data)
                 data.qfrc_applied[row] = sign * torque
                 # Ten time constants of the spring, and as many of what the damper lets creep.
                 swing = math.sqrt(inertia / stiffness)
                 damping = 2.0 * inertia / swing + float(np.ravel(model.tendon_damping[index])[0])
                 settle = 40.0 * max(damping / stiffness, swing)
-                for _ in range(math.ceil(settle / alone.opt.timestep)):
-                    mujoco.mj_step(alone, data)
-                ends.append(float(data.qpos[at]))
+                for _ in range(math.ceil(settle / single.opt.timestep)):
+                    mujoco.mj_step(single, data)
+                ends.append(float(data.qpos[coordinate]))
             widths.append(ends[1] - ends[0])
-        beyond = widths[1] - widths[0]
-        found[name] = PlayFound(widths[0] - beyond, 2.0 * push / beyond)
-    return found
+        deflection = widths[1] - widths[0]
+        plays[name] = MeasuredPlay(widths[0] - deflection, 2.0 * push / deflection)
+    return plays
 
 
 def play_hinge(model: Any, joint: str) -> str | None:
@@ -418,7 +417,9 @@ def play_hinge(model: Any, joint: str) -> str | None:
 
 
 _PUSH_N, _CROSSING_S = 100.0, 0.05
-"""Force by which MuJoCo's tool is pushed, and time in which journals tilt from side to side."""
+"""Force by which MuJoCo's tool is pushed [N], and time in which journals tilt to the other side:
+with 10 N an arm's reach is the same within 1e-3, with 0.025 or 0.2 s within 6e-3; 1000 N press the
+rims into the bore."""
 
 
 def find_reach(written: Any, tool: str, pose: Mapping[str, float], direction: np.ndarray) -> float:
@@ -428,14 +429,14 @@ def find_reach(written: Any, tool: str, pose: Mapping[str, float], direction: np
     held at the pose, without gravity, friction and contacts.
     """
     mujoco = load_mujoco()
-    model = _alone(written, bare=True)
+    model = _without_contacts(written, bare=True)
     tilts = [
         int(model.jnt_dofadr[i])
         for i in range(model.njnt)
         if model.joint(i).name.endswith((".pitch", ".roll"))
     ]
-    held = np.setdiff1d(np.arange(model.nv), tilts)
-    model.dof_armature[held] = _HELD
+    locked = np.setdiff1d(np.arange(model.nv), tilts)
+    model.dof_armature[locked] = _PRESCRIBED
     data = mujoco.MjData(model)
     mujoco.mj_setConst(model, data)
     _place(mujoco, model, data, pose)
@@ -443,7 +444,7 @@ def find_reach(written: Any, tool: str, pose: Mapping[str, float], direction: np
     jacobian = np.zeros((3, model.nv))
     mujoco.mj_jacSite(model, data, jacobian, None, site)
     torque = _PUSH_N * direction @ jacobian
-    torque[held] = 0.0
+    torque[locked] = 0.0
     damping = model.dof_damping.reshape(model.nv, -1)
     for first, second in zip(tilts[::2], tilts[1::2], strict=True):
         name = model.joint(int(model.dof_jntid[first])).name.removesuffix(".pitch")
@@ -482,19 +483,19 @@ def dc_motor(servo: Servo) -> dict[str, Any]:
 
 def explain(servo: Servo) -> str:
     """What a reader of the file must know of its actuator."""
-    words = [f"servo: goal [rad], at most {servo.voltage:g} V"]
+    phrases = [f"servo: goal [rad], at most {servo.voltage:g} V"]
     if servo.d_gain > 0.0:
         part = servo.d_gain / (servo.d_gain + servo.torque_constant)
-        words.append(f"second input: the goal's speed [rad/s] times {part:.6g}")
-    lost = [f"I gain {servo.i_gain:g} V/(rad s)"] if servo.i_gain > 0.0 else []
-    lost += [f"dead band {servo.band:g} rad"] if servo.band > 0.0 else []
-    lost += [f"counts of {servo.resolution:g} rad"] if servo.resolution > 0.0 else []
-    lost += [] if servo.effort is None else [f"limit of effort {servo.effort:g} N m"]
-    lost += [] if servo.goals is None else ["goals {:g} to {:g} rad".format(*servo.goals)]
-    lost += [] if servo.period is None else [f"sampling every {servo.period:g} s"]
-    if lost:
-        words.append("not represented: " + ", ".join(lost))
-    return f" {'; '.join(words)} "
+        phrases.append(f"second input: the goal's speed [rad/s] times {part:.6g}")
+    omissions = [f"I gain {servo.i_gain:g} V/(rad s)"] if servo.i_gain > 0.0 else []
+    omissions += [f"dead band {servo.band:g} rad"] if servo.band > 0.0 else []
+    omissions += [f"counts of {servo.resolution:g} rad"] if servo.resolution > 0.0 else []
+    omissions += [] if servo.effort is None else [f"limit of effort {servo.effort:g} N m"]
+    omissions += [] if servo.goals is None else ["goals {:g} to {:g} rad".format(*servo.goals)]
+    omissions += [] if servo.period is None else [f"sampling every {servo.period:g} s"]
+    if omissions:
+        phrases.append("not represented: " + ", ".join(omissions))
+    return f" {'; '.join(phrases)} "
 
 
 def rotor_inertia(mechanism: Mechanism, joint: str) -> float:
@@ -510,7 +511,7 @@ def tilt_axes(axis: np.ndarray) -> dict[str, np.ndarray]:
     return {"pitch": first, "roll": np.cross(axis, first)}
 
 
-class Followed(NamedTuple):
+class Comparison(NamedTuple):
     """How MuJoCo's link followed the full model's."""
 
     time: np.ndarray
@@ -530,14 +531,14 @@ class Followed(NamedTuple):
     file's joint cannot tilt."""
 
 
-def follow(written: Any, reduction: Reduction, actuator: DeadBand | None = None) -> Followed:
+def follow(written: Any, reduction: Reduction, actuator: DeadBand | None = None) -> Comparison:
     """Move a motor of a compiled MJCF as the full model's, and compare the links.
 
     The other joints stand as in the full model's run, whose history the reduction has. With an
     `actuator` the file is without play, and its joint is the link, which the motor turns by it.
     """
     mujoco = load_mujoco()
-    model = _alone(written)
+    model = _without_contacts(written)
     data = mujoco.MjData(model)
     joint, past = reduction.joint, reduction.history
     time, step = past["time"], float(model.opt.timestep)
@@ -547,39 +548,39 @@ def follow(written: Any, reduction: Reduction, actuator: DeadBand | None = None)
     hinge = play_hinge(model, joint)
     free = [hinge, f"{joint}.pitch", f"{joint}.roll", *([] if actuator is None else [joint])]
     single = (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)
-    held = [
+    prescribed = [
         index
         for index, name in enumerate(names)
         if name not in free and mujoco.mjtJoint(model.jnt_type[index]) in single
     ]
     play = None if hinge is None else names.index(hinge)
-    goals = np.tile([reduction.pose.get(names[index], 0.0) for index in held], (len(grid), 1))
+    goals = np.tile([reduction.pose.get(names[index], 0.0) for index in prescribed], (len(grid), 1))
     if actuator is None:
-        goals[:, held.index(names.index(joint))] = motor
-    at, dof = model.jnt_qposadr[held], model.jnt_dofadr[held]
+        goals[:, prescribed.index(names.index(joint))] = motor
+    addresses, dof = model.jnt_qposadr[prescribed], model.jnt_dofadr[prescribed]
     moving = [int(model.joint(name).dofadr[0]) for name in free if name in names]
-    model.dof_armature[np.setdiff1d(np.arange(model.nv), moving)] = _HELD
+    model.dof_armature[np.setdiff1d(np.arange(model.nv), moving)] = _PRESCRIBED
     mujoco.mj_setConst(model, data)
-    data.qpos[at] = goals[0]
+    data.qpos[addresses] = goals[0]
     data.qvel[dof] = (goals[1] - goals[0]) / step
     link, row = [int(model.joint(joint).qposadr[0])], int(model.joint(joint).dofadr[0])
-    turned, speed = past["full"][0], (past["full"][1] - past["full"][0]) / (time[1] - time[0])
+    full_angle, speed = past["full"][0], (past["full"][1] - past["full"][0]) / (time[1] - time[0])
     if actuator is not None:
-        data.qpos[link], data.qvel[row] = turned, speed
+        data.qpos[link], data.qvel[row] = full_angle, speed
     if play is not None:
         link.append(int(model.jnt_qposadr[play]))
-        data.qpos[link[1]] = turned - motor[0]
+        data.qpos[link[1]] = full_angle - motor[0]
         data.qvel[model.jnt_dofadr[play]] = speed - (motor[1] - motor[0]) / step
     angle = np.empty(len(grid))
     angle[0] = data.qpos[link].sum()
     sites = [f"{joint}.{end}" for end in ("rim", "bore")]
-    named = {model.site(index).name for index in range(model.nsite)}
-    tilts = "tilt" in past and named.issuperset(sites)
+    site_names = {model.site(index).name for index in range(model.nsite)}
+    tilts = "tilt" in past and site_names.issuperset(sites)
     tilt = np.zeros((len(grid), 3))
-    begun = clock.process_time()
+    start = clock.process_time()
     for i in range(1, len(grid)):
-        speed = (goals[i] - data.qpos[at]) / step
-        data.qfrc_applied[dof] = _HELD * (speed - data.qvel[dof]) / step
+        speed = (goals[i] - data.qpos[addresses]) / step
+        data.qfrc_applied[dof] = _PRESCRIBED * (speed - data.qvel[dof]) / step
         if actuator is not None:
             lead = (motor[i] - motor[i - 1]) / step
             turning = actuator.torque(motor[i - 1], lead, data.qpos[link], data.qvel[[row]])
@@ -589,12 +590,14 @@ def follow(written: Any, reduction: Reduction, actuator: DeadBand | None = None)
         if tilts:
             rim, bore = (data.site(name).xpos for name in sites)
             tilt[i] = (rim - bore) / reduction.half_length
-    spent = clock.process_time() - begun
+    duration = clock.process_time() - start
     difference = angle - np.interp(grid, time, past["full"])
-    tilted = None
+    tilt_error = None
     if tilts:  # the beginning left aside, in which the journal falls
-        wanted = np.column_stack([np.interp(grid, time, one) for one in past["tilt"].T])
+        reference = np.column_stack(
+            [np.interp(grid, time, component) for component in past["tilt"].T]
+        )
         settled = grid >= grid[0] + SETTLED * (grid[-1] - grid[0])
-        tilted = float(np.linalg.norm(tilt - wanted, axis=1)[settled].max())
+        tilt_error = float(np.linalg.norm(tilt - reference, axis=1)[settled].max())
     largest, rms = float(np.abs(difference).max()), float(np.sqrt(np.mean(difference**2)))
-    return Followed(grid, angle, largest, rms, spent / max(len(grid) - 1, 1), step, tilted)
+    return Comparison(grid, angle, largest, rms, duration / max(len(grid) - 1, 1), step, tilt_error)

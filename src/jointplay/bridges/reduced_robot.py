@@ -11,27 +11,27 @@ from typing import Any
 from jointplay.accuracy.error_budget import PlayBudget
 from jointplay.base.errors import JointplayError
 from jointplay.base.tables import Column, Table
-from jointplay.bridges import reduced_files, reduction, webots
-from jointplay.bridges.own_mjcf import OwnRobot, own_robot
+from jointplay.bridges import reduced_files, webots
+from jointplay.bridges.edited_mjcf import EditedRobot, edited_robot
 from jointplay.bridges.reduced_formats import FORMATS
 from jointplay.bridges.reduced_mjcf import (
+    Comparison,
     CompiledRobot,
-    Followed,
     compile_robot,
     find_play,
     find_reach,
     follow,
 )
-from jointplay.bridges.reduction import Reduction, is_own
+from jointplay.bridges.reduction import Reduction, from_mjcf_file, reduce, reduce_all
 from jointplay.model.mechanism import Mechanism
 from jointplay.model.mjcf_whole import compile_text
 from jointplay.scenario.assumptions import by_rule
 from jointplay.scenario.posed import PosedMachine
 from jointplay.simulation.loads.drive import ENCODERS, Servo
 
-BEYOND = "beyond"
+EXCEEDS = "beyond"
 """Says in a line of `ReducedRobot.check` that what is written does not keep to what is stated."""
-SAME = 0.01
+PLAY_TOLERANCE = 0.01
 """Part by which the play that MuJoCo finds may differ from that which is written."""
 
 
@@ -53,8 +53,8 @@ def refuse_without_play(
         for name in dict.fromkeys(joints)
         if name in mechanism.clearance and mechanism.clearance[name].hinge is not None
     }
-    loose = [name for name, far in reach.items() if max(far) > 0.0]
-    tilts = tilt and any(turn > 0.0 for _, turn in reach.values())
+    loose = [name for name, ranges in reach.items() if max(ranges) > 0.0]
+    tilts = tilt and any(angle > 0.0 for _, angle in reach.values())
     empty = [name for name in dict.fromkeys(formats) if name != "json"]
     if not empty or not loose or tilts or bands:
         return
@@ -120,24 +120,24 @@ class ReducedRobot:
             JointplayError: see `reduce`; encoders that do not all sit alike.
         """
         mechanism, pose, holding = posed.mechanism, posed.poses.positions(), posed.poses.holding
-        rubs = holding["joint_friction"] or {}
-        how: dict[str, Any] = {**(reversals or {}), "progress": progress}
+        frictions = holding["joint_friction"] or {}
+        settings: dict[str, Any] = {**(reversals or {}), "progress": progress}
         notes = []
         if joint is None:
-            reductions, refused = reduction.reduce_all(mechanism, pose, joint_friction=rubs, **how)
-            notes += [f"not reduced: {why}" for why in refused.values()]
+            reductions, refused = reduce_all(mechanism, pose, joint_friction=frictions, **settings)
+            notes += [f"not reduced: {reason}" for reason in refused.values()]
         else:
-            rub = rubs.get(joint)
-            reductions = [reduction.reduce(mechanism, joint, pose, joint_friction=rub, **how)]
+            friction = frictions.get(joint)
+            reductions = [reduce(mechanism, joint, pose, joint_friction=friction, **settings)]
         drives, servos = holding["drive"], {}
-        if "mjcf" in formats and not is_own(mechanism.description):
+        if "mjcf" in formats and not from_mjcf_file(mechanism.description):
             servos = {name: drive for name, drive in drives.items() if isinstance(drive, Servo)}
             notes += [f"servos (MJCF): {', '.join(servos)}"] * bool(servos)
         names = [reduced.joint for reduced in reductions]
         sides = {name: getattr(drives.get(name), "encoder", ENCODERS[0]) for name in names}
         if len({*sides.values()}) > 1:
-            words = ", ".join(f"of {name} on the {side}" for name, side in sides.items())
-            raise JointplayError(f"encoders sit {words}: --encoder says where all of the file are")
+            places = ", ".join(f"of {name} on the {side}" for name, side in sides.items())
+            raise JointplayError(f"encoders sit {places}: --encoder says where all of the file are")
         options |= {"servos": servos, "encoder": next(iter(sides.values()), ENCODERS[0])}
         notes += by_rule(mechanism, "rotor_inertia")
         return cls(mechanism, reductions, pose, formats, tilt, **options), notes
@@ -145,12 +145,12 @@ class ReducedRobot:
     @property
     def tilting(self) -> list[str]:
         """Joints whose axes tilt in the files."""
-        return [one.joint for one in self.reductions if self.tilt and one.tilt > 0.0]
+        return [r.joint for r in self.reductions if self.tilt and r.tilt > 0.0]
 
     @cached_property
-    def _compiled(self) -> CompiledRobot | OwnRobot:
-        make = own_robot if is_own(self.mechanism.description) else compile_robot
-        return make(self.mechanism, self.reductions, self.pose, self.tilt)
+    def _compiled(self) -> CompiledRobot | EditedRobot:
+        compiler = edited_robot if from_mjcf_file(self.mechanism.description) else compile_robot
+        return compiler(self.mechanism, self.reductions, self.pose, self.tilt)
 
     @cached_property
     def _rigid(self) -> CompiledRobot:
@@ -159,8 +159,8 @@ class ReducedRobot:
     @property
     def meshes(self) -> dict[str, bytes]:
         """Shapes that MJCF and PROTO need, by file, for a folder of `model.meshes` beside it."""
-        found = dict(self._compiled.meshes) if "mjcf" in self.formats else {}
-        return found | (self._proto[1] if "proto" in self.formats else {})
+        files = dict(self._compiled.meshes) if "mjcf" in self.formats else {}
+        return files | (self._proto[1] if "proto" in self.formats else {})
 
     @property
     def notes(self) -> list[str]:
@@ -178,13 +178,13 @@ class ReducedRobot:
         """Numbers of the joints, a row each."""
         heads = ("joint", ""), ("half play", "rad"), ("friction", "N*m"), ("stiffness", "N*m/rad")
         rows = [
-            (one.joint, 0.5 * one.dead_band, one.friction, one.stiffness, one.rotor_inertia)
-            for one in self.reductions
+            (r.joint, 0.5 * r.dead_band, r.friction, r.stiffness, r.rotor_inertia)
+            for r in self.reductions
         ]
         table = Table.of([*heads, ("rotor", "kg*m^2")], rows)
         if not self.tilting:
             return table
-        tilts = [one.tilt if one.joint in self.tilting else 0.0 for one in self.reductions]
+        tilts = [r.tilt if r.joint in self.tilting else 0.0 for r in self.reductions]
         return Table([*table.columns, Column("tilt", tilts, "rad")])
 
     def files(self, stem: str) -> dict[str, str]:
@@ -226,27 +226,27 @@ class ReducedRobot:
     @property
     def coverage(self) -> list[str]:
         """What of the robot's play the files have, and which tilt they overstate, a line each."""
-        written, own = self.reach
-        left = dict.fromkeys([*self.mechanism.clearance, *self.mechanism.gears])
-        for one in self.reductions:
-            left.pop(one.joint)
-        missing = [f"all play of {', '.join(left)}"] if left else []
-        tilted = [one.joint for one in self.reductions if one.tilt > 0.0]
+        reach, budget = self.reach
+        omitted = dict.fromkeys([*self.mechanism.clearance, *self.mechanism.gears])
+        for reduction in self.reductions:
+            omitted.pop(reduction.joint)
+        missing = [f"all play of {', '.join(omitted)}"] if omitted else []
+        tilted = [r.joint for r in self.reductions if r.tilt > 0.0]
         if upright := [name for name in tilted if name not in self.tilting]:
             missing.append(f"the tilt of {', '.join(upright)} (--tilt writes it)")
-        if any(max(one.lateral, one.axial) > 0.0 for one in self.reductions):
+        if any(max(r.lateral, r.axial) > 0.0 for r in self.reductions):
             missing.append("the journals' travel aside and along")
-        more = f"; not written: {', '.join(missing)}" if missing else ""
+        omissions = f"; not written: {', '.join(missing)}" if missing else ""
         lines = [
-            f"the play written moves the tool by up to {1e3 * written:.5g} mm at the pose; the "
-            f"budget's worst case is {1e3 * own.worst[0]:.5g} mm{more}"
+            f"the play written moves the tool by up to {1e3 * reach:.5g} mm at the pose; the "
+            f"budget's worst case is {1e3 * budget.worst[0]:.5g} mm{omissions}"
         ]
         return lines + [
-            f"note: the error of the tilt of {one.joint} exceeds its dead band: its load does "
-            "not turn the journal to the rim (a side force presses both rims to one side, or "
+            f"note: the error of the tilt of {r.joint} exceeds its dead band: its load does not "
+            "turn the journal to the rim (a side force presses both rims to one side, or "
             "nothing does); leave --tilt out"
-            for one in self.reductions
-            if one.joint in self.tilting and one.tilt_error > one.tilt
+            for r in self.reductions
+            if r.joint in self.tilting and r.tilt_error > r.tilt
         ]
 
     @cached_property
@@ -263,58 +263,58 @@ class ReducedRobot:
         return compile_text(self._mjcf, self.meshes)
 
     @cached_property
-    def _followed(self) -> list[Followed]:
+    def _followed(self) -> list[Comparison]:
         """How MuJoCo moves the MJCF as it is written, by reduction."""
-        return [follow(self._written, one) for one in self.reductions]
+        return [follow(self._written, r) for r in self.reductions]
 
     def stated(self) -> tuple[Reduction, str]:
         """The one reduction with the errors of what is written, and how they were found."""
-        (one,) = self.reductions
+        (reduction,) = self.reductions
         if "mjcf" not in self.formats:
-            return one, "stated errors are those of the fit: no simulator has run the files"
-        (seen,) = self._followed
-        one = replace(
-            one,
-            angle_error=max(one.angle_error, seen.error),
-            angle_rms=max(one.angle_rms, seen.rms),
-            tilt_error=max(one.tilt_error, seen.tilt_error or 0.0),
+            return reduction, "stated errors are those of the fit: no simulator has run the files"
+        (comparison,) = self._followed
+        reduction = replace(
+            reduction,
+            angle_error=max(reduction.angle_error, comparison.error),
+            angle_rms=max(reduction.angle_rms, comparison.rms),
+            tilt_error=max(reduction.tilt_error, comparison.tilt_error or 0.0),
         )
-        others = [name for name in ("sdf", "usd", "urdf") if name in self.formats]
-        unseen = f"; no simulator has run {', '.join(others)}" if others else ""
-        words = "stated errors are the larger of the fit's and the written MJCF's, run in MuJoCo"
-        return one, f"{words}{unseen}"
+        formats = [name for name in ("sdf", "usd", "urdf") if name in self.formats]
+        exceptions = f"; no simulator has run {', '.join(formats)}" if formats else ""
+        basis = "stated errors are the larger of the fit's and the written MJCF's, run in MuJoCo"
+        return reduction, f"{basis}{exceptions}"
 
     def check(self) -> Iterator[str]:
         """Run the MJCF in MuJoCo: how it differs from the full model, and which play it has."""
-        for one, seen in zip(self.reductions, self._followed, strict=True):
-            yield f"MuJoCo: {one.joint}: {_angle_kept(seen, one)}"
-            if seen.tilt_error is not None:
-                kept = "within" if seen.tilt_error <= one.tilt_error else BEYOND
+        for reduction, comparison in zip(self.reductions, self._followed, strict=True):
+            yield f"MuJoCo: {reduction.joint}: {_angle_text(comparison, reduction)}"
+            if (error := comparison.tilt_error) is not None:
+                relation = "within" if error <= reduction.tilt_error else EXCEEDS
                 yield (
-                    f"MuJoCo: {one.joint}: axis' tilt off by up to {1e3 * seen.tilt_error:.4g} "
-                    f"mrad, {kept} the stated {1e3 * one.tilt_error:.4g}"
+                    f"MuJoCo: {reduction.joint}: axis' tilt off by up to {1e3 * error:.4g} mrad, "
+                    f"{relation} the stated {1e3 * reduction.tilt_error:.4g}"
                 )
-        found = find_play(self._written)
-        for one in self.reductions:
-            if one.joint in found:
-                pushed = found[one.joint]
-                pairs = (pushed.dead_band, one.dead_band), (pushed.stiffness, one.stiffness)
-                same = all(abs(has - wrote) <= SAME * wrote for has, wrote in pairs)
+        plays = find_play(self._written)
+        for reduction in self.reductions:
+            if reduction.joint in plays:
+                play = plays[reduction.joint]
+                pairs = (play.dead_band, reduction.dead_band), (play.stiffness, reduction.stiffness)
+                agrees = all(abs(x - written) <= PLAY_TOLERANCE * written for x, written in pairs)
                 yield (
-                    f"MuJoCo: {one.joint} turns freely by {1e3 * pushed.dead_band:.5g} mrad "
-                    f"(written: {1e3 * one.dead_band:.5g}), then {pushed.stiffness:.5g} N m/rad "
-                    f"(written: {one.stiffness:.5g})"
-                    f"{'' if same else f', {BEYOND} {SAME:.0%} of what is written'}"
+                    f"MuJoCo: {reduction.joint} turns freely by {1e3 * play.dead_band:.5g} mrad "
+                    f"(written: {1e3 * reduction.dead_band:.5g}), then {play.stiffness:.5g} "
+                    f"N m/rad (written: {reduction.stiffness:.5g})"
+                    f"{'' if agrees else f', {EXCEEDS} {PLAY_TOLERANCE:.0%} of what is written'}"
                 )
         if "py" in self.formats:
             yield from self._check_actuator()
-        if not found:
+        if not plays:
             yield "MuJoCo: no joint has a dead band about its axis"
         if self.tilting:
             direction = self.reach[1].direction[0]
-            moved = find_reach(self._written, self.mechanism.tool, self.pose, direction)
+            reach = find_reach(self._written, self.mechanism.tool, self.pose, direction)
             yield (
-                f"MuJoCo: the axes' tilt moves the tool by {1e3 * moved:.5g} mm along the "
+                f"MuJoCo: the axes' tilt moves the tool by {1e3 * reach:.5g} mm along the "
                 "budget's worst direction"
             )
 
@@ -325,24 +325,24 @@ class ReducedRobot:
         except JointplayError as error:
             yield f"the actuator was not run in MuJoCo: {error}"
             return
-        for one in self.reductions:
-            if one.dead_band <= 0.0:
+        for reduction in self.reductions:
+            if reduction.dead_band <= 0.0:
                 continue
-            _, play = reduced_files.actuator([one])
-            seen = follow(robot, one, play)
-            yield f"MuJoCo: {one.joint} by its actuator: {_angle_kept(seen, one)}"
+            _, play = reduced_files.actuator([reduction])
+            comparison = follow(robot, reduction, play)
+            yield f"MuJoCo: {reduction.joint} by its actuator: {_angle_text(comparison, reduction)}"
 
     def without_play(self) -> str:
         """MJCF of the robot for its play as an actuator: friction and damping, no dead bands."""
-        text = self._rigid.mjcf(replace(one, dead_band=0.0) for one in self.reductions)
+        text = self._rigid.mjcf(replace(r, dead_band=0.0) for r in self.reductions)
         step = reduced_files.actuator_step(self.mechanism, self.reductions, self.pose)
         return re.sub('timestep="[^"]*"', f'timestep="{step:.6g}"', text, count=1)
 
 
-def _angle_kept(seen: Followed, stated: Reduction) -> str:
-    kept = "within" if seen.error <= stated.angle_error else BEYOND
+def _angle_text(comparison: Comparison, stated: Reduction) -> str:
+    relation = "within" if comparison.error <= stated.angle_error else EXCEEDS
     return (
-        f"link's angle off by up to {1e6 * seen.error:.4g} µrad, {kept} the stated "
-        f"{1e6 * stated.angle_error:.4g}; {1e6 * seen.step_seconds:.3g} µs a step of "
-        f"{1e3 * seen.step:.3g} ms"
+        f"link's angle off by up to {1e6 * comparison.error:.4g} µrad, {relation} the stated "
+        f"{1e6 * stated.angle_error:.4g}; {1e6 * comparison.step_seconds:.3g} µs a step of "
+        f"{1e3 * comparison.step:.3g} ms"
     )

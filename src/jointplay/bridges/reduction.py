@@ -179,7 +179,7 @@ class Reduction:
         return "\n".join(aligned([("reduced joint", "value"), *rows]))
 
 
-def is_own(description: Description) -> bool:
+def from_mjcf_file(description: Description) -> bool:
     """Whether a robot was read of an MJCF that is there."""
     return (
         description.beyond.hinges is not None
@@ -213,55 +213,55 @@ def reduce(
         JointplayError: loops; a joint that slides or is a ball; a run that failed.
     """
     require_a("mechanism", mechanism, "Mechanism")
-    names = _with_play(mechanism)
+    names = _joints_with_play(mechanism)
     require_known("joint with play", joint, names)
-    if why := _no_hinge(mechanism, joint):
-        raise JointplayError(why)
+    if reason := _refusal(mechanism, joint):
+        raise JointplayError(reason)
     clearance = mechanism.clearance.get(joint)
     require_positive("amplitude", amplitude, "rad")
     require_positive("period", period, "s")
-    if joint_friction is None and is_own(mechanism.description):
+    if joint_friction is None and from_mjcf_file(mechanism.description):
         joint_friction = JointFriction()
     bearings = {} if clearance is None else {joint: clearance}
     gears = {joint: mechanism.gears[joint]} if joint in mechanism.gears else {}
-    alone = mechanism.with_clearance(bearings, gears)
+    isolated = mechanism.with_clearance(bearings, gears)
     entry, positions = mechanism.description.joints[joint], dict(pose or {})
     middle = positions.get(joint, 0.0)
     if entry.lower is not None and entry.upper is not None:  # it reverses within its limits
         amplitude = min(amplitude, 0.5 * (entry.upper - entry.lower))
         middle = min(max(middle, entry.lower + amplitude), entry.upper - amplitude)
     positions[joint] = middle
-    result = _full_run(alone, joint, positions, amplitude, period, joint_friction, progress)
-    own = joint_friction or JointFriction(entry.friction, entry.damping)
-    rubs = _fit_friction(result, alone, joint)
-    found: dict[str, Any] = {
-        "friction": own.coulomb + rubs.pop("dry", 0.0),
-        "viscous": own.viscous + rubs.pop("viscous", 0.0),
+    result = _full_run(isolated, joint, positions, amplitude, period, joint_friction, progress)
+    friction = joint_friction or JointFriction(entry.friction, entry.damping)
+    bearing = _fit_friction(result, isolated, joint)
+    fields: dict[str, Any] = {
+        "friction": friction.coulomb + bearing.pop("dry", 0.0),
+        "viscous": friction.viscous + bearing.pop("viscous", 0.0),
     }
-    link = _Link(alone, joint, positions, **found)
-    kept = result.time >= SETTLED * result.time[-1]
-    time, q, v = result.time[kept], result["q"].values[kept], result["v"].values[kept]
-    motor, full = q[:, alone.motor(joint)], q[:, alone.coordinate(joint)]
-    begin = float(full[0]), float(v[0, alone.coordinate(joint)])
+    link = _Link(isolated, joint, positions, **fields)
+    settled = result.time >= SETTLED * result.time[-1]
+    time, q, v = result.time[settled], result["q"].values[settled], result["v"].values[settled]
+    motor, full = q[:, isolated.motor(joint)], q[:, isolated.coordinate(joint)]
+    start = float(full[0]), float(v[0, isolated.coordinate(joint)])
     reduced, step_error = full, 0.0
     if gears:
-        top = float(np.abs(result["gear_torque"].sel(gear=joint).values).max())
-        tried = _plain_gears(gears[joint], top, link.inertia)
-        plain, damping, reduced = link.fit(time, motor, tried, begin, full)
-        found |= {"dead_band": plain.play, "stiffness": plain.stiffness, "damping": damping}
-        found["rotor_inertia"] = plain.rotor_inertia
-        step = Reduction(joint, **found).timestep
-        coarse = link.run(time, motor, plain, damping, begin, step)
+        peak = float(np.abs(result["gear_torque"].sel(gear=joint).values).max())
+        candidates = _equivalent_gears(gears[joint], peak, link.inertia)
+        fitted, damping, reduced = link.fit(time, motor, candidates, start, full)
+        fields |= {"dead_band": fitted.play, "stiffness": fitted.stiffness, "damping": damping}
+        fields["rotor_inertia"] = fitted.rotor_inertia
+        step = Reduction(joint, **fields).timestep
+        coarse = link.run(time, motor, fitted, damping, start, step)
         step_error = float(np.abs(coarse - reduced).max())
     history = {"time": time, "motor": motor, "full": full, "reduced": reduced}
-    found |= rubs | _across(alone, clearance, positions)
-    if (tilted := _compare_tilts(alone, joint, q)) is not None:
-        history["tilt"], largest, rms = tilted
-        found |= {"tilt_error": SAFETY * largest, "tilt_rms": rms}
-    away = np.abs(reduced - full)
-    found["angle_error"] = SAFETY * (float(away.max()) + step_error)
-    found["angle_rms"] = float(np.sqrt(np.mean(away**2)))
-    return Reduction(joint, **found, pose=positions, history=history)
+    fields |= bearing | _across(isolated, clearance, positions)
+    if (tilts := _compare_tilts(isolated, joint, q)) is not None:
+        history["tilt"], largest, rms = tilts
+        fields |= {"tilt_error": SAFETY * largest, "tilt_rms": rms}
+    difference = np.abs(reduced - full)
+    fields["angle_error"] = SAFETY * (float(difference.max()) + step_error)
+    fields["angle_rms"] = float(np.sqrt(np.mean(difference**2)))
+    return Reduction(joint, **fields, pose=positions, history=history)
 
 
 def reduce_all(
@@ -287,50 +287,50 @@ def reduce_all(
     Raises:
         KeyboardInterrupt: interrupted; it says how much is kept.
     """
-    names = _with_play(mechanism)
+    names = _joints_with_play(mechanism)
     if not names:
         raise NothingHasPlay(mechanism.joints)
-    refused = {name: why for name in names if (why := _no_hinge(mechanism, name))}
-    able = {name: name for name in names if name not in refused}
-    rubs = dict(joint_friction or {})
-    work = partial(_packed, mechanism, dict(pose or {}), amplitude, period, rubs)
+    refused = {name: reason for name in names if (reason := _refusal(mechanism, name))}
+    reducible = {name: name for name in names if name not in refused}
+    frictions = dict(joint_friction or {})
+    task = partial(_packed, mechanism, dict(pose or {}), amplitude, period, frictions)
     with ExitStack() as stack:
-        kept: Memory = Memory()
+        results: Memory = Memory()
         if store is not None:
-            asked = {
+            inputs = {
                 "robot": mechanism.describe(),
                 "pose": pose,
                 "reversals": [amplitude, period],
-                "joint_friction": plain(rubs),
+                "joint_friction": plain(frictions),
                 "version": version("jointplay"),
             }
-            kept = Runs(store, asked)
-            stack.callback(_remove_useless, store, kept)
-            stack.enter_context(closing(kept))
-        begun = len(kept)
+            results = Runs(store, inputs)
+            stack.callback(_remove_if_empty, store, results)
+            stack.enter_context(closing(results))
+        finished = len(results)
         try:
-            with overall(2.0 * period * (len(able) - begun), progress):
-                for _ in Study(able, work, kept).outcomes(jobs):
+            with overall(2.0 * period * (len(reducible) - finished), progress):
+                for _ in Study(reducible, task, results).outcomes(jobs):
                     pass
         except KeyboardInterrupt as error:
-            if store is None or not kept:
+            if store is None or not results:
                 raise
-            done = f"{len(kept)} of {len(able)} joints are kept in {str(store)!r}"
-            raise KeyboardInterrupt(f"{done}; the same command does the others") from error
+            count = f"{len(results)} of {len(reducible)} joints are kept in {str(store)!r}"
+            raise KeyboardInterrupt(f"{count}; the same command does the others") from error
         reductions = []
-        for name in able:
-            found = kept[name]
-            if "message" in found:
-                refused[name] = str(found["message"])
+        for name in reducible:
+            result = results[name]
+            if "message" in result:
+                refused[name] = str(result["message"])
             else:
-                reductions.append(_unpacked(found))
+                reductions.append(_unpacked(result))
     if not reductions:
         raise JointplayError(f"no joint with play can be reduced: {'; '.join(refused.values())}")
     return reductions, refused
 
 
-def _remove_useless(store: Path, kept: Memory) -> None:
-    if not any("numbers" in found for found in kept.values()):
+def _remove_if_empty(store: Path, results: Memory) -> None:
+    if not any("numbers" in result for result in results.values()):
         store.unlink(missing_ok=True)
 
 
@@ -339,28 +339,28 @@ def _packed(
     pose: Mapping[str, float],
     amplitude: float,
     period: float,
-    rubs: Mapping[str, JointFriction],
+    frictions: Mapping[str, JointFriction],
     name: str,
 ) -> Arrays:
     """The reduction of a joint as a file of runs keeps it, or the message of what refused it."""
-    how: dict[str, Any] = {"amplitude": amplitude, "period": period, "progress": True}
+    options: dict[str, Any] = {"amplitude": amplitude, "period": period, "progress": True}
     try:
-        found = reduce(mechanism, name, pose, joint_friction=rubs.get(name), **how)
+        reduction = reduce(mechanism, name, pose, joint_friction=frictions.get(name), **options)
     except JointplayError as error:
         return {"message": np.array(f"joint {name!r}: {error}")}
-    return {"numbers": np.array(json.dumps(found.describe())), **found.history}
+    return {"numbers": np.array(json.dumps(reduction.describe())), **reduction.history}
 
 
-def _unpacked(found: Arrays) -> Reduction:
-    history = dict(found)
+def _unpacked(arrays: Arrays) -> Reduction:
+    history = dict(arrays)
     numbers = json.loads(str(history.pop("numbers")))
-    given: dict[str, Any] = {
+    fields: dict[str, Any] = {
         name: tuple(x) if isinstance(x, list) else x for name, x in numbers.items()
     }
-    return Reduction(**given, history=history)
+    return Reduction(**fields, history=history)
 
 
-def _with_play(mechanism: Mechanism) -> list[str]:
+def _joints_with_play(mechanism: Mechanism) -> list[str]:
     if mechanism.loops:
         raise JointplayError(
             f"the mechanism has the loop {next(iter(mechanism.loops))!r}: a hinge is fitted to "
@@ -370,7 +370,7 @@ def _with_play(mechanism: Mechanism) -> list[str]:
     return list(dict.fromkeys([*mechanism.clearance, *mechanism.gears]))
 
 
-def _no_hinge(mechanism: Mechanism, joint: str) -> str:
+def _refusal(mechanism: Mechanism, joint: str) -> str:
     clearance = mechanism.clearance.get(joint)
     if joint in mechanism.mounts:
         return f"joint {joint!r} is a mount, which does not turn"
@@ -378,14 +378,14 @@ def _no_hinge(mechanism: Mechanism, joint: str) -> str:
         return f"joint {joint!r} slides, which cannot be represented by a hinge"
     if clearance is None or clearance.hinge is not None:
         return ""
-    kinds = [word for word, kind in JOINT_KINDS.items() if kind.hinge is not Clearance.hinge]
+    kinds = [name for name, kind in JOINT_KINDS.items() if kind.hinge is not Clearance.hinge]
     return (
         f"joint {joint!r} is {clearance.kind}, which cannot be represented by a hinge; kinds "
         f"that can be reduced: {', '.join(kinds)}"
     )
 
 
-def _plain_gears(gear: Gearing, top: float, inertia: float) -> list[Gear]:
+def _equivalent_gears(gear: Gearing, peak: float, inertia: float) -> list[Gear]:
     """What a dead band, one stiffness and a damper can say of a gear of any kind, to be tried.
 
     The stiffness is that up to the largest torque, `top` [N m]. Hysteresis is a dead band where the
@@ -393,8 +393,8 @@ def _plain_gears(gear: Gearing, top: float, inertia: float) -> list[Gear]:
     """
     if isinstance(gear, Gear):
         return [gear]
-    wound = float(gear.wound_up(top)) - gear.play / 2.0
-    stiffness = top / wound if wound > 0.0 else float(gear.curve().slopes[0])
+    windup = float(gear.wound_up(peak)) - gear.play / 2.0
+    stiffness = peak / windup if windup > 0.0 else float(gear.curve().slopes[0])
     damping = gear.damping
     if gear.bristles[0] > 0.0:
         damping = max(damping, 2.0 * _DAMPED * math.sqrt(stiffness * inertia))
@@ -416,11 +416,11 @@ def _full_run(
         require_known("moving joint", name, names)
     entries = mechanism.description.joints
     times = period * np.array([0.0, 0.25, 0.75, 1.25, 1.75, 2.0])
-    begin = {name: pose.get(name, entries[name].neutral) for name in names}
-    positions = np.tile(list(begin.values()), (len(times), 1))
+    start = {name: pose.get(name, entries[name].neutral) for name in names}
+    positions = np.tile(list(start.values()), (len(times), 1))
     positions[:, names.index(joint)] += amplitude * np.array([0.0, 1.0, -1.0, 1.0, -1.0, 0.0])
     motion = Motion(names, times, positions, "rest-to-rest")
-    step, q = OF_IMPACTS_S, mechanism.configuration(begin)
+    step, q = OF_IMPACTS_S, mechanism.configuration(start)
     if mechanism.clearance:
         step = fitting_step(mechanism, q)
     teeth = [tooth_duration(mechanism, name, q) for name in mechanism.gears]
@@ -451,12 +451,12 @@ def _fit_friction(result: Result, mechanism: Mechanism, joint: str) -> dict[str,
         torque = clearance.hinge.radius * force.sum(axis=1)[slides]
     if not len(torque):
         return {}
-    shape = np.column_stack([np.ones(len(torque)), speed[slides]])
-    (dry, viscous), _ = nnls(shape, torque)
-    left = float(np.sqrt(np.mean((shape @ [dry, viscous] - torque) ** 2)))
+    matrix = np.column_stack([np.ones(len(torque)), speed[slides]])
+    (dry, viscous), _ = nnls(matrix, torque)
+    rms = float(np.sqrt(np.mean((matrix @ [dry, viscous] - torque) ** 2)))
     low, high = np.quantile(torque, [0.05, 0.95])
     return {
-        **{"dry": float(dry), "viscous": float(viscous), "friction_error": left},
+        **{"dry": float(dry), "viscous": float(viscous), "friction_error": rms},
         "friction_range": (float(low), float(high)),
     }
 
@@ -469,14 +469,14 @@ class _Link:
         viscous: float,
     ) -> None:  # fmt: skip
         ideal = mechanism.ideal()
-        at = ideal.coordinate(joint)
+        index = ideal.coordinate(joint)
         q = ideal.configuration(pose)
         mass = pin.crba(ideal.model, ideal.data, q).reshape(ideal.model.nv, -1)
-        self.inertia = float(mass[at, at])
+        self.inertia = float(mass[index, index])
         torques = []
         for angle in (0.0, math.pi / 2.0, math.pi):
-            q[at] = angle
-            torques.append(-float(pin.computeGeneralizedGravity(ideal.model, ideal.data, q)[at]))
+            q[index] = angle
+            torques.append(-float(pin.computeGeneralizedGravity(ideal.model, ideal.data, q)[index]))
         # Gravity about a fixed axis: c + a cos(angle) + b sin(angle).
         self.even = 0.5 * (torques[0] - torques[2])
         self.mean = 0.5 * (torques[0] + torques[2])
@@ -492,13 +492,13 @@ class _Link:
         full: np.ndarray,
     ) -> tuple[Gear, float, np.ndarray]:
         """Gear and damping [N m s/rad] whose link comes closest to `full`, and its angle then."""
-        tried = {}
+        angles = {}
         for gear in gears:
-            for part in _DAMPINGS:
-                damping = part * gear.damping
-                tried[gear, damping] = self.run(time, motor, gear, damping, start)
-        best = min(tried, key=lambda one: float(np.square(tried[one] - full).sum()))
-        return *best, tried[best]
+            for factor in _DAMPINGS:
+                damping = factor * gear.damping
+                angles[gear, damping] = self.run(time, motor, gear, damping, start)
+        best = min(angles, key=lambda candidate: float(np.square(angles[candidate] - full).sum()))
+        return *best, angles[best]
 
     def run(
         self,
@@ -520,10 +520,10 @@ class _Link:
         count = math.ceil((time[-1] - time[0]) / step)
         grid = np.linspace(time[0], time[-1], count + 1)
         step = float(grid[1] - grid[0])
-        lead = np.interp(grid, time, motor)
+        motor_angles = np.interp(grid, time, motor)
         angles, weight = np.empty(count + 1), (self.mean, self.even, self.odd)
         _follow(
-            lead, np.gradient(lead, step), step, (half, stiffness, damping),
+            motor_angles, np.gradient(motor_angles, step), step, (half, stiffness, damping),
             (self.inertia, self.viscous, self.friction), weight, start, angles,
         )  # fmt: skip
         return np.interp(time, grid, angles)
@@ -572,26 +572,26 @@ def _across(
     load = play_model(mechanism, pose).load[0, 0]
     tilt = float(clearance.play(second_order=False).reach[1])
     arm = hinge.length / 2.0
-    found = {"lateral": hinge.lateral, "axial": hinge.axial, "load": tuple(load.tolist())}
+    fields = {"lateral": hinge.lateral, "axial": hinge.axial, "load": tuple(load.tolist())}
     if isinstance(clearance, RollingBearing):
-        rest = clearance.deflection(load[:3], [load[3], load[4], 0.0])
-        matrix = clearance.load(rest).stiffness
+        deflection = clearance.deflection(load[:3], [load[3], load[4], 0.0])
+        matrix = clearance.load(deflection).stiffness
         stiffness = float(np.linalg.eigvalsh(matrix[:2, :2]).mean())
-        tilting = float(np.linalg.eigvalsh(matrix[3:5, 3:5]).mean())
-        moment, turned = math.hypot(load[3], load[4]), math.hypot(rest[3], rest[4])
-        if moment > 0.0 and turned > (1.0 + _CHORD) * tilt:
-            tilting = moment / (turned - tilt)  # the chord beyond the play
+        tilt_stiffness = float(np.linalg.eigvalsh(matrix[3:5, 3:5]).mean())
+        moment, tilted = math.hypot(load[3], load[4]), math.hypot(deflection[3], deflection[4])
+        if moment > 0.0 and tilted > (1.0 + _CHORD) * tilt:
+            tilt_stiffness = moment / (tilted - tilt)  # the chord beyond the play
     else:
         # Each rim carries half the force, and what the moment over the length asks for.
         push = math.hypot(load[0], load[1]) / 2.0
         push += math.hypot(load[3], load[4]) / hinge.length if hinge.tilts else push
         push = max(push, 1.0)
         stiffness = push / float(depths(clearance, 0, np.array(push)))
-        tilting = 2.0 * stiffness * arm**2
-    found["contact_stiffness"] = stiffness
+        tilt_stiffness = 2.0 * stiffness * arm**2
+    fields["contact_stiffness"] = stiffness
     if hinge.tilts or isinstance(clearance, RollingBearing):
-        found |= {"tilt": tilt, "tilt_stiffness": tilting, "half_length": arm}
-    return found
+        fields |= {"tilt": tilt, "tilt_stiffness": tilt_stiffness, "half_length": arm}
+    return fields
 
 
 def _compare_tilts(
@@ -615,8 +615,8 @@ def _compare_tilts(
         axis = (data.oMi[b] * bearing).rotation[:, 2]
         full[i] = (data.oMi[j] * journal).rotation[:, 2] - axis
         axes[i] = seat.rotation
-    some = np.unique(np.linspace(0, len(q) - 1, min(_COMPARED, len(q))).astype(int))
-    upright = q[some].copy()
+    records = np.unique(np.linspace(0, len(q) - 1, min(_COMPARED, len(q))).astype(int))
+    upright = q[records].copy()
     for part in clearance.freedoms:
         if part not in clearance.ideal_freedoms:
             upright[:, mechanism.coordinates.index(Coordinate(joint, part))] = 0.0
@@ -626,7 +626,7 @@ def _compare_tilts(
     _, tilt = clearance.play(second_order=False).reach
     # The body turns about its moment; its axis goes across it.
     sign = -1.0 if clearance.exchanged else 1.0
-    turned = sign * tilt * np.column_stack([unit[:, 1], -unit[:, 0], np.zeros(len(unit))])
-    there = np.einsum("nij,nj->ni", axes[some], turned)
-    away = np.linalg.norm(full[some] - there, axis=1)
-    return full, float(away.max()), float(np.sqrt(np.mean(away**2)))
+    tilts = sign * tilt * np.column_stack([unit[:, 1], -unit[:, 0], np.zeros(len(unit))])
+    reduced = np.einsum("nij,nj->ni", axes[records], tilts)
+    differences = np.linalg.norm(full[records] - reduced, axis=1)
+    return full, float(differences.max()), float(np.sqrt(np.mean(differences**2)))

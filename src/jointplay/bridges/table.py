@@ -120,8 +120,8 @@ def mat(result: Result, suffix: str, progress: bool) -> bytes:
     histories = columns(result)
     names = {name: re.sub(r"\W", "_", name)[:_MOST_LETTERS] for name in histories}
     if len({*names.values()}) < len(names):
-        same = next(name for name in names.values() if [*names.values()].count(name) > 1)
-        raise JointplayError(f"several columns would be called {same!r} in MATLAB; export a table")
+        twin = next(name for name in names.values() if [*names.values()].count(name) > 1)
+        raise JointplayError(f"several columns would be called {twin!r} in MATLAB; export a table")
     content = {names[name]: values[:, None] for name, (values, _) in histories.items()}
     units = {names[name]: unit for name, (_, unit) in histories.items()}
     sink = io.BytesIO()

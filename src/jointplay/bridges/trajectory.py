@@ -48,27 +48,27 @@ class Trajectory:
 def encoders(result: Result) -> dict[str, int]:
     """Joints that have a single coordinate, each with its index in q; ball joints have none."""
     description = inputs(result)["mechanism"]
-    known, free_base = stored_coordinates(description), description.get("base") == FREE
-    at: dict[str, int] = {}
+    coordinates, free_base = stored_coordinates(description), description.get("base") == FREE
+    indices: dict[str, int] = {}
     for index, name in enumerate(result["coordinate"].values.tolist()):
-        coordinate = known.get(name, Coordinate(name))
+        coordinate = coordinates.get(name, Coordinate(name))
         joint, part = coordinate.joint, coordinate.part
         if part == MOTOR or (free_base and joint == BASE):
             continue
         kind = class_of(description["clearance"][joint]) if part else None
         if kind is None or kind.ideal_freedoms == (part,):
-            at[joint] = index
-    return at
+            indices[joint] = index
+    return indices
 
 
 def joint_trajectory(result: Result) -> Trajectory:
     """Positions, velocities and drive efforts of the joints as their encoders see them."""
-    at = encoders(result)
-    if not at:
+    indices = encoders(result)
+    if not indices:
         raise JointplayError("no joint of this result has one coordinate: there is no trajectory")
-    columns = list(at.values())
+    columns = list(indices.values())
     position, velocity, effort = (result[name].values[:, columns] for name in ("q", "v", "drive"))
-    return Trajectory(result.time, tuple(at), position, velocity, effort)
+    return Trajectory(result.time, tuple(indices), position, velocity, effort)
 
 
 def stamp(time: float) -> dict[str, int]:

@@ -70,18 +70,18 @@ def to_urdf(mechanism: Mechanism, corrections: Mapping[str, pin.SE3] | None = No
     elements = {joint.get("name", ""): joint for joint in joints}
     names = set(elements) | set(mechanism.description.links)
     pieces, end = [], 0
-    moved = corrections or {}
-    for name in moved:
+    corrections = corrections or {}
+    for name in corrections:
         require_known("joint", name, elements)
     for name, start, stop in _spans(data, "joint"):
-        if name in moved:
-            place = origin_of(place_of(elements[name]) * moved[name])
-            old = elements[name].find("origin")
-            if old is not None:
-                elements[name].remove(old)
-            elements[name].insert(0, place)
+        if name in corrections:
+            origin = origin_of(place_of(elements[name]) * corrections[name])
+            former = elements[name].find("origin")
+            if former is not None:
+                elements[name].remove(former)
+            elements[name].insert(0, origin)
             if name not in mechanism.clearance or name in mechanism.mounts:
-                pieces += [data[end:start], _with_origin(data[start:stop], place)]
+                pieces += [data[end:start], _with_origin(data[start:stop], origin)]
                 end = stop
         if name in mechanism.clearance and name not in mechanism.mounts:
             chain = _chain(mechanism, name, elements[name])
@@ -120,9 +120,9 @@ def _spans(data: bytes, sought: str) -> list[tuple[str, int, int]]:
     return spans
 
 
-def _with_origin(joint: bytes, place: Element) -> bytes:
+def _with_origin(joint: bytes, origin: Element) -> bytes:
     """The text of a joint with another origin; all else stays as written."""
-    text = ElementTree.tostring(place)
+    text = ElementTree.tostring(origin)
     for _, start, stop in _spans(joint, "origin"):
         return joint[:start] + text + joint[stop:]
     _, start, _ = _spans(joint, "parent")[0]
@@ -157,15 +157,15 @@ def _chain(mechanism: Mechanism, name: str, original: Element) -> list[Element]:
             kind = "revolute" if group else "prismatic"
             element = Element("joint", name=f"{name}.{freedom}", type=kind)
             put(element, "axis", xyz=axis)
-            far = joint.travel[freedom] * (LIMIT_FACTOR if joint.resultant is None else 1.0)
-            put(element, "limit", lower=-far, upper=far, effort=0.0, velocity=SPEED[kind])
+            reach = joint.travel[freedom] * (LIMIT_FACTOR if joint.resultant is None else 1.0)
+            put(element, "limit", lower=-reach, upper=reach, effort=0.0, velocity=SPEED[kind])
         last = freedom == joint.freedoms[-1]
         following = entry.child if last else f"{name}.{freedom}_link"
-        ends = [Element("parent", link=link), Element("child", link=following)]
+        links = [Element("parent", link=link), Element("child", link=following)]
         if not chain and (origin := original.find("origin")) is not None:
-            ends.append(origin)
-        for place, end in enumerate(ends):
-            element.insert(place, end)
+            links.append(origin)
+        for index, end in enumerate(links):
+            element.insert(index, end)
         chain.append(element)
         if not last:
             mass = max(MASS_FRACTION * carried, LEAST_MASS)

@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.base.imports import extra
-from jointplay.bridges.reduced_files import LEAST, Body, bodies
+from jointplay.bridges.reduced_files import LIGHTEST, Body, bodies
 from jointplay.bridges.reduction import Reduction
 from jointplay.model.mechanism import Mechanism
 
@@ -40,7 +40,7 @@ def to_usd(mechanism: Mechanism, *reductions: Reduction) -> str:
     stage = _Stage(mechanism)
     paths = {"": stage.base}
     for body in bodies(mechanism, reductions):
-        paths[body.link] = stage.body(body.link, body.place, body.inertia)
+        paths[body.link] = stage.body(body.link, body.world_placement, body.inertia)
         parent = "" if body.parent is None else body.parent.link
         joint = stage.joint(body, paths[parent], paths[body.link])
         per = 1.0 if body.slides else _PER_DEGREE
@@ -76,7 +76,7 @@ class _Stage:
         scene.CreateGravityMagnitudeAttr(size)
         physics.ArticulationRootAPI.Apply(robot.GetPrim())
         robot.GetPrim().AddAppliedSchema("NewtonArticulationRootAPI")
-        self.base = self.body("base", pin.SE3.Identity(), LEAST)
+        self.base = self.body("base", pin.SE3.Identity(), LIGHTEST)
         fixed = physics.FixedJoint.Define(self.stage, f"{self.root}/{self._name('base_fixed')}")
         fixed.CreateBody1Rel().SetTargets([self.base])
 

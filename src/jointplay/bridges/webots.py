@@ -44,15 +44,15 @@ def to_proto(
     check_encoder(encoder)
     with extra("simulators", "urdf2webots"):
         from urdf2webots.importer import convertUrdfContent
-    ones = list(reductions)
-    root = ElementTree.fromstring(to_urdf(mechanism, *ones))
+    reductions = list(reductions)
+    root = ElementTree.fromstring(to_urdf(mechanism, *reductions))
     meshes, _ = take_meshes(mechanism, root)
     for mesh in root.iter("mesh"):
         mesh.set("filename", f"{FOLDER}/{mesh.get('filename')}")
     for inertial in root.iter("inertial"):
         _turn_upright(inertial)
-    urdf, said = ElementTree.tostring(root, encoding="unicode"), StringIO()
-    with files.temporary() as folder, redirect_stdout(said), redirect_stderr(said):
+    urdf, log = ElementTree.tostring(root, encoding="unicode"), StringIO()
+    with files.temporary() as folder, redirect_stdout(log), redirect_stderr(log):
         path = Path(folder) / f"{NAME}.proto"
         try:
             convertUrdfContent(urdf, output=str(path), relativePathPrefix=folder, normal=True)
@@ -60,14 +60,14 @@ def to_proto(
             reason = " ".join(str(error).split())
             raise JointplayError(f"urdf2webots cannot convert the robot: {reason}") from error
         text = path.read_text()
-    left = [one for one in mechanism.joints if f'name "{one}_sensor"' not in text]
-    if left:
+    missing = [name for name in mechanism.joints if f'name "{name}_sensor"' not in text]
+    if missing:
         raise JointplayError(
-            f"urdf2webots leaves out {', '.join(left)}: it takes out links without mass"
+            f"urdf2webots leaves out {', '.join(missing)}: it takes out links without mass"
         )
-    for one in ones:
-        if one.dead_band > 0.0:
-            text = _made_passive(text, one, encoder == "link")
+    for reduction in reductions:
+        if reduction.dead_band > 0.0:
+            text = _passive(text, reduction, encoder == "link")
     return text, meshes
 
 
@@ -85,16 +85,16 @@ def _turn_upright(inertial: Element) -> None:
         inertia.set(key, f"{value:.17g}")
 
 
-def _made_passive(text: str, one: Reduction, sensor: bool) -> str:
+def _passive(text: str, reduction: Reduction, sensor: bool) -> str:
     """The PROTO with stops, not a motor, in the hinge of a joint's play."""
-    play, half = f"{one.joint}_play", 0.5 * one.dead_band
+    play, half = f"{reduction.joint}_play", 0.5 * reduction.dead_band
     motor = text.find(f'name "{play}"\n')
     if motor < 0:
-        raise JointplayError(f"urdf2webots leaves out {play}, the play of {one.joint}")
+        raise JointplayError(f"urdf2webots leaves out {play}, the play of {reduction.joint}")
     opening = "HingeJointParameters {\n"
     stops = text.rindex(opening, 0, motor) + len(opening)
     device = text.rindex("device [", 0, motor)
     end = text.index("]\n", motor) + 2
-    seen = f'device [ PositionSensor {{ name "{play}_sensor" }} ]\n' if sensor else "\n"
+    device_text = f'device [ PositionSensor {{ name "{play}_sensor" }} ]\n' if sensor else "\n"
     limits = f"minStop {-half:.9g}\nmaxStop {half:.9g}\n"
-    return text[:stops] + limits + text[stops:device] + seen + text[end:]
+    return text[:stops] + limits + text[stops:device] + device_text + text[end:]

@@ -219,10 +219,10 @@ class Gearing(Described, ABC):
             slope = curve.slope(depth)
         grip, bend = self.bristles
         if grip > 0.0:
-            left = math.exp(-abs(twist) / bend)
-            energy += grip * (abs(twist) - bend * (1.0 - left))
-            torque += grip * (1.0 - left)
-            slope += grip / bend * left
+            decay = math.exp(-abs(twist) / bend)
+            energy += grip * (abs(twist) - bend * (1.0 - decay))
+            torque += grip * (1.0 - decay)
+            slope += grip / bend * decay
         return energy, math.copysign(torque, twist), slope
 
     def wound_up(self, torque: Any) -> Any:
@@ -315,8 +315,8 @@ class Gearing(Described, ABC):
     def notes(self) -> str:
         """A clause that says which numbers a catalogue gave, and which of them are unchecked."""
         by_origin: dict[str, list[str]] = {}
-        for name, said in self.origins().items():
-            by_origin.setdefault(said.partition(":")[0], []).append(name)
+        for name, source in self.origins().items():
+            by_origin.setdefault(source.partition(":")[0], []).append(name)
         words = {"memory": "from memory, to be checked"}
         return "; ".join(
             f"{words.get(origin, origin)}: {', '.join(names)}"

@@ -188,10 +188,10 @@ def _root(axes: np.ndarray) -> Element:
 
 def _from_ground(joints: Sequence[Edge]) -> Iterator[Edge]:
     """The joints of a tree, each from the side of the ground, the nearest to it first."""
-    reached, left = {GROUND}, list(joints)
-    while left:
-        edge = next(joint for joint in left if reached & {joint.bearing, joint.journal})
-        left.remove(edge)
+    reached, open_joints = {GROUND}, list(joints)
+    while open_joints:
+        edge = next(joint for joint in open_joints if reached & {joint.bearing, joint.journal})
+        open_joints.remove(edge)
         if edge.bearing not in reached:
             axis = -edge.axis if edge.kind == SLIDE else edge.axis
             edge = edge._replace(bearing=edge.journal, journal=edge.bearing, axis=axis)

@@ -266,9 +266,9 @@ def newton_step(
     loops: Collection[str] | None = None,
 ) -> np.ndarray:
     """How far along `directions` (nv, k) from q (nq,) to close `loops`, (k,); see `newton`."""
-    left = weight * openings(mechanism, q, aside, loops)
+    residual = weight * openings(mechanism, q, aside, loops)
     rows = (np.reshape(weight, (-1, 1)) * closing_rows(mechanism, q, loops)) @ directions
-    change: np.ndarray = np.linalg.lstsq(rows, -left, rcond=SINGULAR)[0]
+    change: np.ndarray = np.linalg.lstsq(rows, -residual, rcond=SINGULAR)[0]
     return change
 
 
@@ -467,18 +467,18 @@ def consistent_velocity(
         return moved, float(np.abs(rows @ moved).max(initial=0.0))
 
     all_rows = closing_rows(mechanism, q)
-    moved, left = moving(all_rows, held)
-    if left <= limit:
+    moved, gap_rate = moving(all_rows, held)
+    if gap_rate <= limit:
         return moved
-    torn = f"the initial speeds would tear a loop apart at {left:.3g} m/s: "
+    torn = f"the initial speeds would tear a loop apart at {gap_rate:.3g} m/s: "
     if moving(all_rows, held if led is None else led)[1] > limit:
         raise JointplayError(f"{torn}the driven joints cannot move like this in this configuration")
     ideal = set(mechanism.loops) - set(mechanism.clearance)
-    moved, left = moving(closing_rows(mechanism, q, ideal), held)
-    if left > limit:
+    moved, gap_rate = moving(closing_rows(mechanism, q, ideal), held)
+    if gap_rate > limit:
         names = [name for name in mechanism.joints if mechanism.coordinate(name) in held]
         raise JointplayError(
-            f"the initial speeds would tear a loop apart at {left:.3g} m/s: those given for "
+            f"the initial speeds would tear a loop apart at {gap_rate:.3g} m/s: those given for "
             f"{', '.join(names)} contradict each other; give fewer of them"
         )
     return moved

@@ -102,13 +102,14 @@ def require_inertia(mechanism: Mechanism, q: np.ndarray) -> None:
             f"nothing that moves along {', '.join(names)} has mass or inertia to speak of beside "
             "the rest, so nothing says how it moves: give its links an <inertial> of their size"
         )
-    one = len(links) == 1
+    single = len(links) == 1
     able = [name for name in links.values() if name not in mechanism.clearance]
-    hold = f", or hold {'its joint' if one else 'their joints'} (--fix {as_option(able)})"
+    hold = f", or hold {'its joint' if single else 'their joints'} (--fix {as_option(able)})"
     when = f" when {', '.join(map(repr, play))} has clearance" if play else ""
+    hold = hold if len(able) == len(links) else ""
     raise JointplayError(
-        f"{'link' if one else 'links'} {', '.join(map(repr, links))} moved by joints "
-        f"{'has' if one else 'have'} no mass or inertia to speak of, so nothing says how "
-        f"{'it moves' if one else 'they move'}{when}: give {'it' if one else 'each'} an <inertial> "
-        f"in the URDF{hold if len(able) == len(links) else ''}; jointplay budget needs none"
+        f"{'link' if single else 'links'} {', '.join(map(repr, links))} moved by joints "
+        f"{'has' if single else 'have'} no mass or inertia to speak of, so nothing says how "
+        f"{'it moves' if single else 'they move'}{when}: give "
+        f"{'it' if single else 'each'} an <inertial> in the URDF{hold}; jointplay budget needs none"
     )

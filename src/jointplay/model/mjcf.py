@@ -115,9 +115,9 @@ def _refused(path: Path, error: Exception) -> JointplayError:
 
 def _unused(name: str, names: set[str]) -> str:
     """The name, or with a number behind it, that is not taken; it is then."""
-    number, wanted = 2, name
+    number, base = 2, name
     while name in names:
-        name, number = f"{wanted}_{number}", number + 1
+        name, number = f"{base}_{number}", number + 1
     names.add(name)
     return name
 

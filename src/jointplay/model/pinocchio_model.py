@@ -91,8 +91,8 @@ def _put_joint(
     if not free:
         low, high = model.lowerPositionLimit[at], model.upperPositionLimit[at]
     ends = bool(np.isfinite([low, high]).all() and abs(low) < 1e300 and abs(high) < 1e300)
-    word = "prismatic" if slides else "revolute" if ends else "continuous"
-    element = put(root, "joint", name=name, type=word)
+    kind_name = "prismatic" if slides else "revolute" if ends else "continuous"
+    element = put(root, "joint", name=name, type=kind_name)
     element.append(origin_of(model.jointPlacements[index]))
     put(element, "parent", link=carriers[model.parents[index]])
     put(element, "child", link=carriers[index])

@@ -38,8 +38,8 @@ def names() -> tuple[str, ...]:
 
 def full_name(name: str) -> str | None:
     """The description of a robot, with or without ``_description``; None if there is none."""
-    wanted = name.lower().replace("-", "_")
-    return next((n for n in (wanted, wanted + _SUFFIX) if n in names()), None)
+    normalized = name.lower().replace("-", "_")
+    return next((n for n in (normalized, normalized + _SUFFIX) if n in names()), None)
 
 
 def find(name: str) -> tuple[Path, dict[str, str]]:

@@ -101,19 +101,19 @@ def robot_urdf(name: str) -> Path:
         JointplayError: the package is not installed.
         MissingName: no such robot; the message lists those whose names resemble it, or all.
     """
-    wanted = _normal(name)
-    if wanted in OWN:
-        return shipped(OWN[wanted])
+    normalized = _normal(name)
+    if normalized in OWN:
+        return shipped(OWN[normalized])
     table = _table(share() / "robots")
-    variants = [known for known in table if known.startswith(f"{wanted}_")]
-    if wanted not in table and len(variants) == 1:
+    variants = [known for known in table if known.startswith(f"{normalized}_")]
+    if normalized not in table and len(variants) == 1:
         return table[variants[0]]
-    if wanted not in table:
+    if normalized not in table:
         known_too = [f"{robot_descriptions.PREFIX}{name_}" for name_ in robot_descriptions.names()]
-        similar = [known for known in (*table, *known_too) if wanted and wanted in known]
-        similar = similar or difflib.get_close_matches(wanted, table)
+        similar = [known for known in (*table, *known_too) if normalized and normalized in known]
+        similar = similar or difflib.get_close_matches(normalized, table)
         raise MissingName("robot", name, similar or table, "" if not similar else ", and others")
-    return table[wanted]
+    return table[normalized]
 
 
 def resolve(place: str | Path, folder: Path = Path()) -> Path:

@@ -78,7 +78,7 @@ class Survey:
         """Its name, its joints by their kind, and what is not as it should be."""
         lines = [self.name]
         for kind in dict.fromkeys(self.moving.values()):
-            joints = [joint for joint, its in self.moving.items() if its == kind]
+            joints = [joint for joint, joint_kind in self.moving.items() if joint_kind == kind]
             lines.append(wrapped(f"{len(joints)} {kind}: {', '.join(joints)}"))
         return "\n".join([*lines, *(wrapped(f"! {remark}") for remark in self.remarks)])
 

@@ -332,8 +332,8 @@ def with_geared(description: Description, joints: Collection[str]) -> Descriptio
     armature = description.beyond.armature
     if armature.keys().isdisjoint(joints):
         return description
-    left = {name: armature[name] for name in armature if name not in joints}
-    return with_armature(description, left)
+    direct = {name: armature[name] for name in armature if name not in joints}
+    return with_armature(description, direct)
 
 
 def with_armature(description: Description, armature: Mapping[str, float]) -> Description:

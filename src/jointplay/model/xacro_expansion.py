@@ -42,15 +42,15 @@ class _Arguments(dict[str, str]):
 
     def __init__(self, values: Mapping[str, str]) -> None:
         super().__init__(values)
-        self.asked: set[str] = set()
+        self.used: set[str] = set()
         self.missing = ""
 
     def __contains__(self, name: object) -> bool:
-        self.asked.add(str(name))
+        self.used.add(str(name))
         return super().__contains__(name)
 
     def __getitem__(self, name: str) -> str:
-        self.asked.add(name)
+        self.used.add(name)
         return super().__getitem__(name)
 
     def __missing__(self, name: str) -> str:
@@ -104,7 +104,7 @@ def serve(path: str) -> None:
             answer = {"text": root.toxml(), "said": list(dict.fromkeys(notes))}
         except Exception as error:  # noqa: BLE001 - expressions in files raise anything
             answer = {"fault": _fault(error, path, arguments, xacro)}
-        parent.tell(**answer, asked=sorted(arguments.asked))
+        parent.tell(**answer, asked=sorted(arguments.used))
         os._exit(0)
 
 

@@ -310,7 +310,7 @@ class LoadSchedule:
             for (name, load), site in zip(run.simulation.loads.items(), sites, strict=True)
             if isinstance(load, Controller) and load.period is not None
         ]
-        self._asked = -1
+        self._last_step = -1
         """Step at which they were asked last."""
         periods = map(float, self._workspace.servos["period"])  # servos sample in compiled code
         servos = [_steps_in(period, step, "a servo") for period in periods if period > 0.0]
@@ -359,12 +359,12 @@ class LoadSchedule:
         for load, site, interval, sampler in self._controllers:
             if w.steps % interval == 0:
                 inputs = list(site.inputs)
-                if self._asked == w.steps:
+                if self._last_step == w.steps:
                     torques = held(site.numbers)
                 else:
                     torques = load.torques(sampler, w.time, w.q[inputs].copy(), v[inputs].copy())
                 hold(site.numbers, w.time, torques, jumps)
-        self._asked = w.steps
+        self._last_step = w.steps
 
     def memory(self) -> dict[str, Any]:
         """What a checkpoint holds; the numbers of the loads are the workspace's.
@@ -373,10 +373,10 @@ class LoadSchedule:
             JointplayError: a controller that cannot say its state.
         """
         states = [load.remember(sampler) for load, _, _, sampler in self._controllers]
-        return {"asked": self._asked, "states": states, "reactions": self._reactions.memory()}
+        return {"step": self._last_step, "states": states, "reactions": self._reactions.memory()}
 
     def recall(self, memory: Mapping[str, Any]) -> None:
-        self._asked = int(memory["asked"])
+        self._last_step = int(memory["step"])
         for (_, _, _, sampler), state in zip(self._controllers, memory["states"], strict=True):
             if state is not None:
                 cast(Any, sampler).recall(state)

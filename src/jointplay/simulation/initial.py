@@ -354,5 +354,5 @@ def displace_journals(mechanism: Mechanism, q: np.ndarray, distance: Sequence[fl
             moves = mechanism.relative_jacobian(name, q)[:3]
             ideal = set(mechanism.loops) - set(mechanism.clearance)
             strict = loop.closing_rows(mechanism, q, ideal)
-            wanted = np.concatenate([aside[name], np.zeros(len(strict))])
-            q += np.linalg.pinv(np.concatenate([moves, strict])) @ wanted
+            offsets = np.concatenate([aside[name], np.zeros(len(strict))])
+            q += np.linalg.pinv(np.concatenate([moves, strict])) @ offsets

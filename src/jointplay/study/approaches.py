@@ -31,17 +31,17 @@ from jointplay.simulation.simulation import Simulation
 FRICTION = 0.2
 """Part by which dry friction differs from cycle to cycle, either way (judged)."""
 
-HOLDS, HOLDS_LEAST = 0.02, 1e-4
+PRESLIDING, RIGID_PRESLIDING = 0.02, 1e-4
 """Bend of the bristles by which known friction holds, in plays, and of a joint without play in rad
 or m (judged: small against what friction leaves)."""
 
-BEYOND = 3.0
-"""How far aside a joint turns round, in all that play, dead band and friction may leave (judged);
-at least `LEAST` [rad or m]."""
-LEAST = 2e-3
+APPROACH_FACTOR = 3.0
+"""How far beside a stop a joint turns round, in all that play, dead band and friction may leave
+(judged); at least `LEAST_APPROACH` [rad or m]."""
+LEAST_APPROACH = 2e-3
 
 APPROACH_S, DWELL_S = 0.25, 0.5
-"""Time of the last way to a stop, and of the stop, as in `cube_motion` [s]."""
+"""Time of the last motion to a stop (judged), and of the stop, as in `cube_motion` [s]."""
 
 REST_S = 1.0
 """Rest before a path, in which teeth fall to their sides and come to rest (judged: those of an AR4
@@ -50,8 +50,8 @@ have in 0.6 s) [s]."""
 NO_WEIGHT = 1e-3
 """Torque of weight, relative to the largest of all joints, that presses nothing (judged)."""
 
-ANY, ONE, CORRECTED = "from any side", "from one side", "compensated"
-WAYS = (ANY, ONE, CORRECTED)
+ANY_SIDE, ONE_SIDE, COMPENSATED = "from any side", "from one side", "compensated"
+APPROACHES = (ANY_SIDE, ONE_SIDE, COMPENSATED)
 
 
 @dataclass(frozen=True)
@@ -64,12 +64,12 @@ class Approaches:
     @property
     def _stops(self) -> list[Stop]:
         """Rests, that at its start first."""
-        return [one for one in stops(self._motion, self._motion.duration) if one.at_rest]
+        return [stop for stop in stops(self._motion, self._motion.duration) if stop.at_rest]
 
     @property
-    def places(self) -> np.ndarray:
+    def targets(self) -> np.ndarray:
         """Where its joints stop, after its start (stops, joints) [rad or m]."""
-        return self._motion(np.array([one.end for one in self._stops[1:]]))[0]
+        return self._motion(np.array([stop.end for stop in self._stops[1:]]))[0]
 
     @property
     def _motion(self) -> Motion:
@@ -79,12 +79,12 @@ class Approaches:
     @property
     def _times(self) -> np.ndarray:
         """When the last way to each stop begins, ends, and the stop (stops, 3) [s]."""
-        ways = [after.start - before.end for before, after in pairwise(self._stops)]
-        ends = np.cumsum([way + APPROACH_S + DWELL_S for way in ways])
+        durations = [after.start - before.end for before, after in pairwise(self._stops)]
+        ends = np.cumsum([duration + APPROACH_S + DWELL_S for duration in durations])
         return ends[:, None] - np.array([APPROACH_S + DWELL_S, DWELL_S, 0.0])
 
     @property
-    def looked_at(self) -> np.ndarray:
+    def stop_ends(self) -> np.ndarray:
         """When stops end (stops,) [s]."""
         return self._times[:, 2]
 
@@ -92,109 +92,109 @@ class Approaches:
     def _drives(self) -> dict[str, Any]:
         return dict(assign(self.simulation.mechanism, self._motion, self.simulation.drive))
 
-    def _aside(self) -> np.ndarray:
-        """How far aside joints turn round (joints,) [rad or m]."""
-        gears, ways = self.simulation.mechanism.gears, []
+    def _approach_distances(self) -> np.ndarray:
+        """How far beside its stop each joint turns round (joints,) [rad or m]."""
+        gears, distances = self.simulation.mechanism.gears, []
         for name in self._motion.joints:
-            drive, loose = self._drives[name], 0.0
+            drive, lost_motion = self._drives[name], 0.0
             if isinstance(drive, Servo):
-                loose = 2.0 * (drive.band + drive.friction / (drive.p_gain * drive.stall))
-            loose += gears[name].play if name in gears else 0.0
-            ways.append(max(BEYOND * loose, LEAST))
-        return np.array(ways)
+                lost_motion = 2.0 * (drive.band + drive.friction / (drive.p_gain * drive.stall))
+            lost_motion += gears[name].play if name in gears else 0.0
+            distances.append(max(APPROACH_FACTOR * lost_motion, LEAST_APPROACH))
+        return np.array(distances)
 
-    def _moved(self, sides: np.ndarray) -> Motion:
-        """The way through all stops, each reached from these sides (stops, joints)."""
-        motion, places, entries = self._motion, self.places, self.simulation.mechanism.description
-        away = places + sides * self._aside()
+    def _motion_from(self, sides: np.ndarray) -> Motion:
+        """The motion through all stops, each reached from these sides (stops, joints)."""
+        motion, targets = self._motion, self.targets
+        reversals = targets + sides * self._approach_distances()
         for k, name in enumerate(motion.joints):
-            joint = entries.joints.get(name)
+            joint = self.simulation.mechanism.description.joints.get(name)
             low, high = (joint.lower, joint.upper) if joint else (None, None)
-            out = np.zeros(len(places), bool)
-            out |= False if low is None else away[:, k] < low
-            out |= False if high is None else away[:, k] > high
-            away[out, k] = (2.0 * places - away)[out, k]
+            outside = np.zeros(len(targets), bool)
+            outside |= False if low is None else reversals[:, k] < low
+            outside |= False if high is None else reversals[:, k] > high
+            reversals[outside, k] = (2.0 * targets - reversals)[outside, k]
         times, rows = [0.0], [motion(np.zeros(1))[0][0]]
-        for at, place, beside in zip(self._times, places, away, strict=True):
-            times += at.tolist()
-            rows += [beside, place, place]
+        for instants, target, reversal in zip(self._times, targets, reversals, strict=True):
+            times += instants.tolist()
+            rows += [reversal, target, target]
         return Motion(motion.joints, times, np.array(rows), "rest-to-rest")
 
     def rested(self) -> Simulation:
         """The cycle itself, after a rest if it moves from rest to rest."""
-        motion, lasts = self._motion, self.simulation.duration
+        motion, duration = self._motion, self.simulation.duration
         if motion.interpolation != "rest-to-rest":
             return self.simulation
         times = np.concatenate([[0.0], np.add(motion.times, REST_S)])
         rows = np.concatenate([motion.positions[:1], motion.positions])
-        later = Motion(motion.joints, times, rows, motion.interpolation)
-        lasts = None if lasts is None else lasts + REST_S
-        return replace(self.simulation, motion=later, duration=lasts, judge_from=REST_S)
+        delayed = Motion(motion.joints, times, rows, motion.interpolation)
+        duration = None if duration is None else duration + REST_S
+        return replace(self.simulation, motion=delayed, duration=duration, judge_from=REST_S)
 
     def reference(self) -> Simulation:
         """A cycle by which others are judged, its machine to be made ideal."""
-        return self._with(self._moved(np.ones_like(self.places)))
+        return self._with_motion(self._motion_from(np.ones_like(self.targets)))
 
-    def _with(self, motion: Motion, **more: Any) -> Simulation:
-        return replace(self.simulation, motion=motion, duration=None, **more)
+    def _with_motion(self, motion: Motion, **changes: Any) -> Simulation:
+        return replace(self.simulation, motion=motion, duration=None, **changes)
 
-    def cycle(self, seed: int, way: str) -> Simulation:
-        """One of them, of `WAYS`.
+    def cycle(self, seed: int, approach: str) -> Simulation:
+        """The cycle of a seed, its stops reached by one of `APPROACHES`.
 
         Raises:
-            JointplayError: of a corrected one: nothing can be compensated, or not within limits.
+            JointplayError: nothing can be compensated, or not within limits.
         """
         random, joints, drives = np.random.default_rng(seed), self._motion.joints, self._drives
-        sides = random.choice([-1.0, 1.0], self.places.shape)
-        motion = self._moved(sides if way != ONE else np.ones_like(sides))
-        if way == CORRECTED:
-            motion = compensate(self._with(motion)).motion
-        counts = random.uniform(-0.5, 0.5, len(joints))
-        rubs = 1.0 + FRICTION * random.uniform(-1.0, 1.0, len(joints))
+        sides = random.choice([-1.0, 1.0], self.targets.shape)
+        motion = self._motion_from(sides if approach != ONE_SIDE else np.ones_like(sides))
+        if approach == COMPENSATED:
+            motion = compensate(self._with_motion(motion)).motion
+        offsets = random.uniform(-0.5, 0.5, len(joints))
+        factors = 1.0 + FRICTION * random.uniform(-1.0, 1.0, len(joints))
         losses, shift = dict(joint_friction(self.simulation)), np.zeros(len(joints))
         for k, name in enumerate(joints):
             gear = self.simulation.mechanism.gears.get(name)
-            bend = HOLDS * gear.play if gear is not None and gear.play else HOLDS_LEAST
+            play = gear.play if gear is not None else 0.0
+            bend = PRESLIDING * play or RIGID_PRESLIDING
             if (loss := losses.get(name, JointFriction())).coulomb:
                 losses[name] = replace(
                     loss,
-                    coulomb=rubs[k] * loss.coulomb,
-                    static=None if loss.static is None else rubs[k] * loss.static,
+                    coulomb=factors[k] * loss.coulomb,
+                    static=None if loss.static is None else factors[k] * loss.static,
                     presliding=loss.presliding or bend,
                 )
             if isinstance(servo := drives[name], Servo):
-                held = (servo.presliding or bend) if servo.friction else servo.presliding
-                drives[name] = replace(servo, friction=rubs[k] * servo.friction, presliding=held)
-                shift[k] = counts[k] * servo.resolution
+                friction = factors[k] * servo.friction
+                presliding = servo.presliding or (bend if friction else 0.0)
+                drives[name] = replace(servo, friction=friction, presliding=presliding)
+                shift[k] = offsets[k] * servo.resolution
         times, rows = motion.waypoints
-        moved = Motion(joints, times, rows + shift, motion.interpolation)
-        return self._with(moved, drive=drives, joint_friction=losses, seed=seed)
+        shifted = Motion(joints, times, rows + shift, motion.interpolation)
+        return self._with_motion(shifted, drive=drives, joint_friction=losses, seed=seed)
 
     @property
     def _pressed(self) -> list[str]:
         """Joints whose teeth weight presses to the same side at all stops, against friction."""
         robot, joints = self.simulation.mechanism, self._motion.joints
         bodies = loaded(robot.model, self.simulation.payloads, 0.0)
-        data, at = bodies.createData(), [robot.coordinate(name) for name in joints]
-        q = [
-            robot.configuration(dict(zip(joints, one.tolist(), strict=True))) for one in self.places
-        ]
-        weights = np.array([pin.computeGeneralizedGravity(bodies, data, one)[at] for one in q])
-        losses, found = joint_friction(self.simulation), []
-        for name, weight in zip(joints, weights.T, strict=True):
+        data, columns = bodies.createData(), [robot.coordinate(name) for name in joints]
+        q = [robot.configuration(dict(zip(joints, t.tolist(), strict=True))) for t in self.targets]
+        torques = np.array([pin.computeGeneralizedGravity(bodies, data, x)[columns] for x in q])
+        losses, pressed = joint_friction(self.simulation), []
+        for name, torque in zip(joints, torques.T, strict=True):
             loss, gear = losses.get(name, JointFriction()), robot.gears.get(name)
-            holds = max(loss.coulomb + loss.excess, NO_WEIGHT * float(np.abs(weights).max()))
-            same = (weight > holds).all() or (weight < -holds).all()
-            if same and gear is not None and gear.play:
-                found.append(name)
-        return found
+            resistance = max(loss.coulomb + loss.excess, NO_WEIGHT * float(np.abs(torques).max()))
+            one_sided = (torque > resistance).all() or (torque < -resistance).all()
+            if one_sided and gear is not None and gear.play:
+                pressed.append(name)
+        return pressed
 
     @property
     def causes(self) -> list[str]:
         """What differs from cycle to cycle, and what is not known of the machine, in words."""
         drives, losses = self._drives, joint_friction(self.simulation)
         loose = [n for n, gear in self.simulation.mechanism.gears.items() if gear.play]
-        known: Mapping[str, Sequence[str]] = {
+        joints_by_cause: Mapping[str, Sequence[str]] = {
             "dry friction": [
                 n for n in self._motion.joints
                 if losses.get(n, JointFriction()).coulomb or getattr(drives[n], "friction", 0.0)
@@ -202,16 +202,16 @@ class Approaches:
             "dead band": [n for n in drives if getattr(drives[n], "band", 0.0)],
             "counts": [n for n in drives if getattr(drives[n], "resolution", 0.0)],
         }  # fmt: skip
-        there = [
-            f"{what} of {'them' if list(names) == loose else few(list(names))}"
-            for what, names in known.items()
+        drawn = [
+            f"{cause} of {'them' if list(names) == loose else few(list(names))}"
+            for cause, names in joints_by_cause.items()
             if names
         ]
-        missing = [what for what, names in known.items() if not names]
+        missing = [cause for cause, names in joints_by_cause.items() if not names]
         lines = [
             "drawn anew in each cycle: the side from which joints arrive and where the teeth of "
             f"{few(loose)} lie at the start"
-            + (f"; {', '.join(there)} (friction +-{100 * FRICTION:g} %, judged)" if there else "")
+            + (f"; {', '.join(drawn)} (friction +-{100 * FRICTION:g} %, judged)" if drawn else "")
         ]
         pressed = self._pressed
         if pressed:
@@ -219,7 +219,7 @@ class Approaches:
                 f"weight presses the teeth of {few(pressed)} to one side at every stop, whichever "
                 "way they arrive"
             )
-        if floating := [n for n in loose if n not in {*pressed, *known["dry friction"]}]:
+        if floating := [n for n in loose if n not in {*pressed, *joints_by_cause["dry friction"]}]:
             lines.append(
                 f"neither weight nor friction that is known holds the teeth of {few(floating)} at "
                 "stops: give --joint-friction"
@@ -241,7 +241,7 @@ def applies(simulation: Simulation) -> bool:
         return False
     if set(motion.joints) - set(mechanism.description.joints):
         return False
-    if any(one.pick or one.release for one in simulation.payloads):
+    if any(payload.pick or payload.release for payload in simulation.payloads):
         return False
     return len(Approaches(simulation)._stops) > 1
 
@@ -249,20 +249,20 @@ def applies(simulation: Simulation) -> bool:
 def planned(
     simulation: Simulation, cycles: int
 ) -> tuple[Approaches, dict[str, list[Simulation]], list[str]]:
-    """Cycles by the way in which they reach places, and what is to be said of them."""
+    """The arm, its cycles by approach, and notes on them."""
     arm, first = Approaches(simulation), 1 if simulation.seed is None else simulation.seed
-    seeds, said = range(first, first + cycles), arm.causes
-    plans = {way: [arm.cycle(seed, way) for seed in seeds] for way in (ANY, ONE)}
+    seeds, notes = range(first, first + cycles), arm.causes
+    plans = {side: [arm.cycle(seed, side) for seed in seeds] for side in (ANY_SIDE, ONE_SIDE)}
     try:
         if simulation.mechanism.clearance:
             raise JointplayError("of journals see jointplay compensate")
-        plans[CORRECTED] = [arm.cycle(seed, CORRECTED) for seed in seeds]
-        left = compensate(arm.reference()).undecided_stops
+        plans[COMPENSATED] = [arm.cycle(seed, COMPENSATED) for seed in seeds]
+        undecided = compensate(arm.reference()).undecided_stops
     except JointplayError as error:
-        return arm, plans, [*said, f"not {CORRECTED}: {error}"]
-    if loose := list(dict.fromkeys(name for _, names in left for name in names)):
-        said.append(
+        return arm, plans, [*notes, f"not {COMPENSATED}: {error}"]
+    if loose := list(dict.fromkeys(name for _, names in undecided for name in names)):
+        notes.append(
             f"no torque decides at stops on which side the teeth of {few(loose)} lie: compensated "
             "motion takes their last one, and may repeat worse"
         )
-    return arm, plans, said
+    return arm, plans, notes

@@ -77,20 +77,20 @@ def read(name: str, table: Any) -> Axis:
         table = {"values": list(table)}
     if not isinstance(table, Mapping):
         raise JointplayError(f"{toml_text(table)} is not an axis; give a list of values or a table")
-    known = [*_KEYS, *dict.fromkeys(w for s, more in _SOURCES.items() for w in (s, *more))]
-    for word in table:
-        if word not in known:
-            raise JointplayError(unknown_key(str(word), known))
-    sources = [word for word in _SOURCES if word in table]
+    fields = [*_KEYS, *dict.fromkeys(w for s, f in _SOURCES.items() for w in (s, *f))]
+    for field in table:
+        if field not in fields:
+            raise JointplayError(unknown_key(str(field), fields))
+    sources = [field for field in _SOURCES if field in table]
     if "distribution" in sources:
         sources = ["distribution"]
     if len(sources) != 1:
         present = " and ".join(sources) or "none"
         raise JointplayError(f"needs one of {', '.join(_SOURCES)}; got {present}")
     (source,) = sources
-    for word in table:
-        if word not in (*_KEYS, source, *_SOURCES[source]):
-            raise JointplayError(f"{word} and {source} exclude each other; give only one of them")
+    for field in table:
+        if field not in (*_KEYS, source, *_SOURCES[source]):
+            raise JointplayError(f"{field} and {source} exclude each other; give only one of them")
     if source == "variants":
         return _variants(name, table)
     keys = _keys(name, table)
@@ -99,7 +99,7 @@ def read(name: str, table: Any) -> Axis:
         if units_of(key) != units:
             pair = f"{dotted(key)} and {dotted(keys[0])}"
             raise JointplayError(f"{pair} take values of different kinds")
-    label = name if any(word in table for word in _KEYS) else dotted(keys[0][-1:])
+    label = name if any(field in table for field in _KEYS) else dotted(keys[0][-1:])
     if source == "values":
         return _list(label, keys, table["values"], units)
     if units is None and not (source == "from" and is_whole(keys[0])):
@@ -118,9 +118,9 @@ def _keys(name: str, table: Mapping[str, Any]) -> tuple[Key, ...]:
         raise JointplayError(f"{toml_text(texts)} are not keys; give a list of dotted names")
     paths = tuple(path_of(text) for text in texts)
     for path in paths:
-        if len(path) == 1 and not any(word in table for word in _KEYS):
-            like = f'key = "joints.{name}..."'
-            raise JointplayError(f"the key is missing; give the one that varies, such as {like}")
+        if len(path) == 1 and not any(field in table for field in _KEYS):
+            example = f'key = "joints.{name}..."'
+            raise JointplayError(f"the key is missing; give the one that varies, such as {example}")
         kinds(path)
     if len(set(paths)) < len(paths):
         raise JointplayError("the same key is named twice")
@@ -128,16 +128,16 @@ def _keys(name: str, table: Mapping[str, Any]) -> tuple[Key, ...]:
 
 
 def _variants(name: str, table: Mapping[str, Any]) -> Axis:
-    if any(word in table for word in _KEYS):
+    if any(field in table for field in _KEYS):
         raise JointplayError("variants name the keys that they change; leave out key")
     tables = table["variants"]
     if not isinstance(tables, Mapping) or not tables:
-        shown = toml_text(tables)
-        raise JointplayError(f"{shown} are not variants; give a table of changes by label")
+        text = toml_text(tables)
+        raise JointplayError(f"{text} are not variants; give a table of changes by label")
     for label, changes in tables.items():
         if not isinstance(changes, Mapping):
-            shown = f"variant {toml_text(label)}: {toml_text(changes)}"
-            raise JointplayError(f"{shown} is not a table of changes")
+            text = f"variant {toml_text(label)}: {toml_text(changes)}"
+            raise JointplayError(f"{text} is not a table of changes")
         for key in changes:
             kinds((key,))
     labels = np.array(list(tables), dtype=object).astype(str)
@@ -161,42 +161,42 @@ def _coordinate(values: Sequence[Any], units: tuple[str, ...] | None) -> tuple[n
     """Numbers in SI and their unit if all values are quantities, else text."""
     if units is not None:
         try:
-            measured = [convert(value, *units) for value in values]
+            quantities = [convert(value, *units) for value in values]
         except ValueError as error:
             if not any(isinstance(value, str) and value[:1].isalpha() for value in values):
                 raise JointplayError(str(error)) from None
         else:
-            named = {quantity.unit for quantity in measured if quantity.unit}
-            if len(named) > 1:
-                raise JointplayError(f"values in {' and in '.join(sorted(named))}; take one kind")
-            unit = named.pop() if named else units[0] if len(units) == 1 else ""
-            return np.array([float(quantity) for quantity in measured]), unit
+            symbols = {quantity.unit for quantity in quantities if quantity.unit}
+            if len(symbols) > 1:
+                raise JointplayError(f"values in {' and in '.join(sorted(symbols))}; take one kind")
+            unit = symbols.pop() if symbols else units[0] if len(units) == 1 else ""
+            return np.array([float(quantity) for quantity in quantities]), unit
     if all(isinstance(v, int | float) and not isinstance(v, bool) for v in values):
         return np.array(values), ""
-    return np.array([v if isinstance(v, str) else shown_whole(v) for v in values]), ""
+    return np.array([v if isinstance(v, str) else value_label(v) for v in values]), ""
 
 
-def shown_whole(value: Any) -> str:
+def value_label(value: Any) -> str:
     """A value of a list as a label: tables too are told apart."""
     if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{k} = {shown_whole(v)}" for k, v in value.items()) + "}"
+        return "{" + ", ".join(f"{k} = {value_label(v)}" for k, v in value.items()) + "}"
     return toml_text(value)
 
 
-def _number(table: Mapping[str, Any], word: str, units: tuple[str, ...] | None) -> float:
-    if word not in table:
-        raise JointplayError(f"the key {word} is missing")
+def _number(table: Mapping[str, Any], field: str, units: tuple[str, ...] | None) -> float:
+    if field not in table:
+        raise JointplayError(f"the key {field} is missing")
     try:
-        return float(convert(table[word], *(units or ("",))))
+        return float(convert(table[field], *(units or ("",))))
     except ValueError as error:
-        raise JointplayError(f"{word}: {error}") from None
+        raise JointplayError(f"{field}: {error}") from None
 
 
-def _unit(table: Mapping[str, Any], words: Sequence[str], units: tuple[str, ...] | None) -> str:
+def _unit(table: Mapping[str, Any], fields: Sequence[str], units: tuple[str, ...] | None) -> str:
     """The SI unit in which the first of `words` that has one is given."""
     if units is None or len(units) == 1:
         return units[0] if units else ""
-    symbols = [convert(table[word], *units).unit for word in words if word in table]
+    symbols = [convert(table[field], *units).unit for field in fields if field in table]
     return next((unit for unit in symbols if unit), "")
 
 
@@ -228,30 +228,30 @@ def _distribution(
     kind = table["distribution"]
     if not isinstance(kind, str) or kind not in DISTRIBUTIONS:
         raise JointplayError(one_of("distribution", kind, DISTRIBUTIONS))
-    needed, optional = DISTRIBUTIONS[kind]
-    for word in table:
-        if word not in (*_KEYS, "distribution", *needed, *optional):
-            most = ", ".join((*needed, *optional))
-            hint = closest(word, needed)
-            raise JointplayError(f"{word} does not go with {kind}; {hint}it takes {most}")
+    required, optional = DISTRIBUTIONS[kind]
+    for field in table:
+        if field not in (*_KEYS, "distribution", *required, *optional):
+            allowed = ", ".join((*required, *optional))
+            hint = closest(field, required)
+            raise JointplayError(f"{field} does not go with {kind}; {hint}it takes {allowed}")
     if kind == "fit":
         return Axis(name, keys, (), np.zeros(0), "m", _fit(table, units).quantile)
-    at = {
-        word: _number(table, word, ("",) if word == "sigma" else units)
-        for word in (*needed, *(word for word in optional if word in table))
+    numbers = {
+        field: _number(table, field, ("",) if field == "sigma" else units)
+        for field in (*required, *(field for field in optional if field in table))
     }
     for low, high in (("from", "to"), ("from", "mode"), ("mode", "to")):
-        less = np.less_equal if "mode" in (low, high) else np.less
-        if low in at and high in at and not less(at[low], at[high]):
-            bounds = f"{at[low]:g} and {at[high]:g}"
+        compare = np.less_equal if "mode" in (low, high) else np.less
+        if {low, high} <= numbers.keys() and not compare(numbers[low], numbers[high]):
+            bounds = f"{numbers[low]:g} and {numbers[high]:g}"
             raise JointplayError(f"{low} must be less than {high}, got {bounds}")
-    for word in ("std", "sigma", "median"):
-        if word in at:
-            require_positive(word, at[word], "")
-    if kind == "log-uniform" and at["from"] <= 0.0:
+    for field in ("std", "sigma", "median"):
+        if field in numbers:
+            require_positive(field, numbers[field], "")
+    if kind == "log-uniform" and numbers["from"] <= 0.0:
         raise JointplayError("log-uniform needs from greater than zero")
     unit = _unit(table, ("from", "mean", "median"), units)
-    return Axis(name, keys, (), np.zeros(0), unit, _frozen(kind, at).ppf)
+    return Axis(name, keys, (), np.zeros(0), unit, _frozen(kind, numbers).ppf)
 
 
 def _fit(table: Mapping[str, Any], units: tuple[str, ...]) -> Fit:
@@ -264,21 +264,21 @@ def _fit(table: Mapping[str, Any], units: tuple[str, ...]) -> Fit:
     return fit
 
 
-def _frozen(kind: str, at: Mapping[str, float]) -> Any:
+def _frozen(kind: str, numbers: Mapping[str, float]) -> Any:
     from scipy import stats
 
-    low, high = at.get("from", -np.inf), at.get("to", np.inf)
+    low, high = numbers.get("from", -np.inf), numbers.get("to", np.inf)
     match kind:
         case "uniform":
             return stats.uniform(low, high - low)
         case "log-uniform":
             return stats.loguniform(low, high)
         case "lognormal":
-            return stats.lognorm(at["sigma"], scale=at["median"])
+            return stats.lognorm(numbers["sigma"], scale=numbers["median"])
         case "triangular":
-            return stats.triang((at["mode"] - low) / (high - low), low, high - low)
-    ends = [(end - at["mean"]) / at["std"] for end in (low, high)]
-    return stats.truncnorm(*ends, loc=at["mean"], scale=at["std"])
+            return stats.triang((numbers["mode"] - low) / (high - low), low, high - low)
+    limits = [(end - numbers["mean"]) / numbers["std"] for end in (low, high)]
+    return stats.truncnorm(*limits, loc=numbers["mean"], scale=numbers["std"])
 
 
 # Points of the unit cube that samples of distributions are made of.

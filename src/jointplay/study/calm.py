@@ -1,9 +1,9 @@
 """At which poses servos shake, and which P gain is calm at each.
 
-A joint is put to several places over its limits, the others held as they are: what differs is the
-weight that presses its teeth to one side, and the inertia that it moves. Places alike in both are
-run once. Each is released as `hunting` does; where the verdict changes from one place to the next,
-the place between is sought.
+A joint is put to several positions over its limits, the others held as they are: what differs is
+the weight that presses its teeth to one side, and the inertia that it moves. Positions alike in
+both are run once. Each is released as `hunting` does; where the verdict changes from one position
+to the next, the edge between is sought.
 """
 
 from __future__ import annotations
@@ -26,34 +26,35 @@ from jointplay.study.hunting import STARTS, UNITS, Search, store_in
 from jointplay.study.released import Axis, released
 from jointplay.study.swings import QUIET, Swing
 
-ALIKE = 0.02
-"""Part of the weight's torque, or inertia, by which places alike may differ (judged)."""
+LIKENESS = 0.02
+"""Part of the weight's torque, or inertia, by which positions alike may differ (judged)."""
 
 NO_LOAD = 1e-3
 """Torque of weight that is none [N m or N] (judged)."""
 
 HALVINGS = 4
-"""Of the way between two places."""
+"""Of the interval between two positions: an edge is known to a sixteenth of it, with 7 over a turn
+to 4 deg."""
 
 FACTOR, TRIES, BETWEEN = 2.0, 3, 3
-"""By what, and how often, a gain is raised or lowered until the verdict changes; how often the
-factor between two is halved then."""
+"""By what, and how often, a gain is raised or lowered until the verdict changes, from an eighth to
+eight times; how often the factor between two is halved then: 2^(1/8), 9 %, is left."""
 
 
 @dataclass
-class Place:
-    """A joint at one of its places."""
+class Position:
+    """A joint at one of its positions."""
 
-    at: float
+    value: float
     """[rad or m]"""
     axis: Axis
     swing: Swing = QUIET
     """The largest of all starts."""
     control: Swing = QUIET
     """Likewise without play."""
-    calm: float | None = None
+    calm_gain: float | None = None
     """Largest P gain at which all starts came to rest [V/rad or V/m]; None: none of those tried."""
-    shakes: float | None = None
+    shaking_gain: float | None = None
     """Smallest one tried above it at which it hunts or is unclear; None: none."""
 
     @property
@@ -65,10 +66,10 @@ class Place:
 
 @dataclass
 class Calm:
-    """A joint over its places, in their order."""
+    """A joint over its positions, in their order."""
 
     joint: str
-    places: list[Place]
+    positions: list[Position]
     edges: list[tuple[float, bool]] = field(default_factory=list)
     """Where it becomes calm (True) or no longer is, in order [rad or m]."""
 
@@ -77,30 +78,30 @@ class Calm:
 
     @property
     def _slides(self) -> bool:
-        return self.places[0].axis.slides
+        return self.positions[0].axis.slides
 
     @property
     def largest(self) -> float | None:
-        """P gain that is calm at all places; None: none of those tried is."""
-        gains = [one.calm for one in self.places]
+        """P gain that is calm at all positions; None: none of those tried is."""
+        gains = [position.calm_gain for position in self.positions]
         return None if None in gains else min(gain for gain in gains if gain is not None)
 
     @property
     def sentence(self) -> str:
-        kinds = {one.verdict.partition(":")[0] for one in self.places}
+        kinds = {position.verdict.partition(":")[0] for position in self.positions}
         if kinds == {"calm"}:
             return f"{self.joint} is calm at every pose"
         if len(kinds) == 1:
             (kind,) = kinds
             return f"{self.joint} {'shakes' if kind == 'shakes' else 'is unclear'} at every pose"
         unclear = " (elsewhere a longer --time must tell)" * ("unclear" in kinds)
-        begin, parts = "" if self.places[0].verdict == "calm" else None, []
-        for at, calm in self.edges:
+        begin, parts = "" if self.positions[0].verdict == "calm" else None, []
+        for edge, calm in self.edges:
             if calm:
-                begin = self._text(at)
+                begin = self._text(edge)
             elif begin is not None:
-                parts.append(f"from {begin} to {self._text(at)}" if begin else
-                             f"below {self._text(at)}")  # fmt: skip
+                parts.append(f"from {begin} to {self._text(edge)}" if begin else
+                             f"below {self._text(edge)}")  # fmt: skip
                 begin = None
         parts += [f"above {begin}"] if begin else []
         return f"{self.joint} is calm {' and '.join(parts) or 'nowhere'}{unclear}"
@@ -108,24 +109,25 @@ class Calm:
     @property
     def advice(self) -> str:
         """What to do, in a line."""
-        servo, largest = self.places[0].axis.drive, self.largest
+        servo, largest = self.positions[0].axis.drive, self.largest
         assert isinstance(servo, Servo)
-        worst = max((one.swing for one in self.places), key=lambda swing: swing.amplitude)
-        if all(one.verdict == "calm" for one in self.places):
-            more = "" if any(one.shakes is not None for one in self.places) else " at least"
-            return f"{self.joint}: nothing to do; calm up to {self._gain(servo, largest)}{more}"
+        amplitude = max(position.swing.amplitude for position in self.positions)
+        if all(position.verdict == "calm" for position in self.positions):
+            bounded = any(position.shaking_gain is not None for position in self.positions)
+            limit = self._gain_text(servo, largest) + " at least" * (not bounded)
+            return f"{self.joint}: nothing to do; calm up to {limit}"
         if largest is not None:
-            return f"{self.joint}: {self._gain(servo, largest)} is calm at every pose"
-        other = "set I to 0, or " * bool(servo.i_gain)
-        side = "an encoder on the motor's side, " * (servo.encoder == "link")
-        how = f" (+-{1e3 * worst.amplitude:.3g} {'mm' if self._slides else 'mrad'})"
+            return f"{self.joint}: {self._gain_text(servo, largest)} is calm at every pose"
+        integral = "set I to 0, or " * bool(servo.i_gain)
+        encoder = "an encoder on the motor's side, " * (servo.encoder == "link")
+        swing = f" (+-{1e3 * amplitude:.3g} {'mm' if self._slides else 'mrad'})"
         return (
-            f"{self.joint}: no P down to an eighth calms every pose{how * worst.hunts}: {other}"
-            f"{side}friction or a spring that keeps the teeth on one side"
+            f"{self.joint}: no P down to an eighth calms every pose{swing * (amplitude > 0.0)}: "
+            f"{integral}{encoder}friction or a spring that keeps the teeth on one side"
         )
 
     @staticmethod
-    def _gain(servo: Servo, gain: float | None) -> str:
+    def _gain_text(servo: Servo, gain: float | None) -> str:
         assert gain is not None
         number = _register(servo, gain)
         return f"{'' if number is None else f'P={number}, '}{gain:.3g} V/rad"
@@ -136,7 +138,7 @@ def calm(
     joints: Sequence[str] = (),
     pose: Mapping[str, float] | None = None,
     *,
-    places: int = 7,
+    positions: int = 7,
     longest: float | None = None,
     jobs: int | None = None,
     keep: Path | None = None,
@@ -146,59 +148,59 @@ def calm(
 
     Args:
         simulation, joints, pose, longest, jobs, keep, progress: see `hunting`.
-        places: of each joint, evenly over its limits, over a turn if it has none.
+        positions: of each joint, evenly over its limits, over a turn if it has none.
 
     Raises:
         JointplayError: see `hunting`; a joint that slides without limits, no servo.
     """
-    require_whole("places", places, 2, 200)
-    these = [one for one in released(simulation, joints, pose) if isinstance(one, Axis)]
-    if not these:
+    require_whole("poses", positions, 2, 200)
+    axes = [axis for axis in released(simulation, joints, pose) if isinstance(axis, Axis)]
+    if not axes:
         raise JointplayError("poses are of servos; controllers of your own are looked at as posed")
-    answers = []
-    for one in these:
-        entry = simulation.mechanism.description.joints[one.joint]
+    results = []
+    for axis in axes:
+        entry = simulation.mechanism.description.joints[axis.joint]
         low, high = entry.lower, entry.upper
         if low is None or high is None:
-            if one.slides:
-                raise JointplayError(f"{one.joint!r} has no limits: give them in the URDF")
+            if axis.slides:
+                raise JointplayError(f"{axis.joint!r} has no limits: give them in the URDF")
             low, high = -math.pi, math.pi
-        found = [
-            Place(at, _put(simulation, one.joint, pose, at))
-            for at in np.linspace(low, high, places).tolist()
+        postures = [
+            Position(value, _axis(simulation, axis.joint, pose, value))
+            for value in np.linspace(low, high, positions).tolist()
         ]
-        answers.append(Calm(one.joint, found))
+        results.append(Calm(axis.joint, postures))
     with store_in(keep) as store:
         search = partial(Search, STARTS, longest, jobs, store=store)
-        _judge([one for each in answers for one in each.places], search, progress)
-        _edges(simulation, pose, answers, search, progress)
-    return answers
+        _judge([p for result in results for p in result.positions], search, progress)
+        _edges(simulation, pose, results, search, progress)
+    return results
 
 
-def _put(simulation: Simulation, joint: str, pose: Mapping[str, float] | None, at: float) -> Axis:
-    (axis,) = released(simulation, [joint], dict(pose or {}) | {joint: at})
+def _axis(simulation: Simulation, joint: str, pose: Mapping[str, float] | None, q: float) -> Axis:
+    (axis,) = released(simulation, [joint], dict(pose or {}) | {joint: q})
     assert isinstance(axis, Axis)
     return axis
 
 
-def _kinds(places: Sequence[Place]) -> list[list[Place]]:
-    """Places of joints whose servos and gears are the same, with like inertia and weight."""
-    kinds: list[list[Place]] = []
-    for one in places:
+def _kinds(positions: Sequence[Position]) -> list[list[Position]]:
+    """Positions of joints whose servos and gears are the same, with like inertia and weight."""
+    kinds: list[list[Position]] = []
+    for position in positions:
         for kind in kinds:
-            a, b = one.axis, kind[0].axis
+            a, b = position.axis, kind[0].axis
             if (a.gear, a.drive, a.friction) != (b.gear, b.drive, b.friction):
                 continue
             loads = abs(abs(a.load) - abs(b.load))
             if (
-                loads <= max(ALIKE * abs(b.load), NO_LOAD)
+                loads <= max(LIKENESS * abs(b.load), NO_LOAD)
                 and a.slides == b.slides
-                and (abs(a.inertia - b.inertia) <= ALIKE * b.inertia)
+                and (abs(a.inertia - b.inertia) <= LIKENESS * b.inertia)
             ):
-                kind.append(one)
+                kind.append(position)
                 break
         else:
-            kinds.append([one])
+            kinds.append([position])
     return kinds
 
 
@@ -207,87 +209,82 @@ class _Gains:
 
     def __init__(self, axes: Sequence[Axis], search: Search) -> None:
         self.axes, self.search = axes, search
-        self.loose = search.each(axes, True)
-        tight = search.each(axes, False)
-        self.tight = [QUIET if one == QUIET else two
-                      for one, two in zip(self.loose, tight, strict=True)]  # fmt: skip
-        gains = [one.gains["p_gain"] for one in axes]
-        self.calm = [g if one == QUIET else None for g, one in zip(gains, self.loose, strict=True)]
-        self.shakes = [None if one == QUIET else g
-                       for g, one in zip(gains, self.loose, strict=True)]  # fmt: skip
+        self.loose = search.axis_swings(axes, True)
+        tight = search.axis_swings(axes, False)
+        self.tight = [QUIET if swing == QUIET else control
+                      for swing, control in zip(self.loose, tight, strict=True)]  # fmt: skip
+        gains = [(axis.gains["p_gain"], s) for axis, s in zip(axes, self.loose, strict=True)]
+        self.calm_gains = [gain if swing == QUIET else None for gain, swing in gains]
+        self.shaking_gains = [None if swing == QUIET else gain for gain, swing in gains]
         for _ in range(TRIES):
-            self._try(list(map(_outward, self.calm, self.shakes, axes)))
+            self._try(list(map(_outward, self.calm_gains, self.shaking_gains, axes)))
         for _ in range(BETWEEN):
-            both = zip(self.calm, self.shakes, strict=True)
+            both = zip(self.calm_gains, self.shaking_gains, strict=True)
             self._try([None if q is None or s is None else math.sqrt(q * s) for q, s in both])
 
     def _try(self, gains: Sequence[float | None]) -> None:
         """One gain of each axis, or none."""
-        wanted = {k: gain for k, gain in enumerate(gains) if gain is not None}
-        these = [self.axes[k].with_gains(p_gain=gain) for k, gain in wanted.items()]
-        found = self.search.each(these, True)
-        self.search.skip(len(gains) - len(these))
-        for (k, gain), swing in zip(wanted.items(), found, strict=True):
-            (self.calm if swing == QUIET else self.shakes)[k] = gain
-
-    @staticmethod
-    def runs(axes: int) -> int:
-        """Most gains of axes that are tried."""
-        return axes * (2 + TRIES + BETWEEN)
+        gain_by_index = {k: gain for k, gain in enumerate(gains) if gain is not None}
+        axes = [self.axes[k].with_gains(p_gain=gain) for k, gain in gain_by_index.items()]
+        swings = self.search.axis_swings(axes, True)
+        self.search.skip(len(gains) - len(axes))
+        for (k, gain), swing in zip(gain_by_index.items(), swings, strict=True):
+            (self.calm_gains if swing == QUIET else self.shaking_gains)[k] = gain
 
 
 def _judge(
-    places: Sequence[Place], search: Callable[[ProgressBar], Search], progress: bool
+    positions: Sequence[Position], search: Callable[[ProgressBar], Search], progress: bool
 ) -> None:
-    """Verdicts of all places, and their largest calm gain."""
-    kinds = _kinds(places)
-    total = len(STARTS) * _Gains.runs(len(kinds))
+    """Verdicts of all positions, and their largest calm gain."""
+    kinds = _kinds(positions)
+    # With play, without it, and the gains that `_Gains` tries at most.
+    total = len(STARTS) * len(kinds) * (2 + TRIES + BETWEEN)
     with ProgressBar(disable=not progress, unit="run", total=total) as bar:
-        found = _Gains([kind[0].axis for kind in kinds], search(bar))
-    told = zip(found.loose, found.tight, found.calm, found.shakes, strict=True)
-    for kind, (swing, control, quiet, shakes) in zip(kinds, told, strict=True):
-        for place in kind:
-            place.swing, place.control, place.calm, place.shakes = swing, control, quiet, shakes
+        gains = _Gains([kind[0].axis for kind in kinds], search(bar))
+    for k, kind in enumerate(kinds):
+        for p in kind:
+            p.swing, p.control = gains.loose[k], gains.tight[k]
+            p.calm_gain, p.shaking_gain = gains.calm_gains[k], gains.shaking_gains[k]
 
 
-def _outward(quiet: float | None, shake: float | None, axis: Axis) -> float | None:
+def _outward(calm_gain: float | None, shaking_gain: float | None, axis: Axis) -> float | None:
     """The next gain to be tried, up from one that is quiet, or down from one that is not."""
-    if quiet is not None and shake is not None:
+    if calm_gain is not None and shaking_gain is not None:
         return None
     servo = axis.drive
     assert isinstance(servo, Servo)
-    if quiet is None:
-        assert shake is not None
-        return shake / FACTOR
-    most = math.inf if servo.register is None else servo.register[0] * servo.register[1]
-    return min(quiet * FACTOR, most) if quiet < most else None
+    if calm_gain is None:
+        assert shaking_gain is not None
+        return shaking_gain / FACTOR
+    largest = math.inf if servo.register is None else servo.register[0] * servo.register[1]
+    return min(calm_gain * FACTOR, largest) if calm_gain < largest else None
 
 
 def _edges(
-    simulation: Simulation, pose: Mapping[str, float] | None, answers: Sequence[Calm],
+    simulation: Simulation, pose: Mapping[str, float] | None, results: Sequence[Calm],
     search: Callable[[ProgressBar], Search], progress: bool,
 ) -> None:  # fmt: skip
-    """Where verdicts change, by halving the way between two places; the calm end is taken."""
-    between = [
-        (one, [a.at, b.at], a.verdict == "calm")
-        for one in answers
-        for a, b in pairwise(one.places)
+    """Where verdicts change, by halving between two positions; the calm end is taken."""
+    brackets = [
+        (joint, [a.value, b.value], a.verdict == "calm")
+        for joint in results
+        for a, b in pairwise(joint.positions)
         if (a.verdict == "calm") != (b.verdict == "calm")
     ]
-    if not between:
+    if not brackets:
         return
-    total = len(STARTS) * HALVINGS * len(between)
+    total = len(STARTS) * HALVINGS * len(brackets)
     with ProgressBar(disable=not progress, unit="run", total=total) as bar:
         halving = search(bar)
         for _ in range(HALVINGS):
-            middles = [0.5 * sum(ends) for _, ends, _ in between]
-            axes = [_put(simulation, one.joint, pose, at)
-                    for (one, _, _), at in zip(between, middles, strict=True)]  # fmt: skip
-            found = halving.each(axes, True)
-            for (_, ends, first), at, swing in zip(between, middles, found, strict=True):
-                ends[0 if (swing == QUIET) == first else 1] = at
-    for one, ends, first in between:
-        one.edges.append((ends[0] if first else ends[1], not first))
+            middles = [0.5 * sum(bracket) for _, bracket, _ in brackets]
+            axes = [_axis(simulation, joint.joint, pose, middle)
+                    for (joint, _, _), middle in zip(brackets, middles, strict=True)]  # fmt: skip
+            swings = halving.axis_swings(axes, True)
+            for (_, bracket, calm), middle, swing in zip(brackets, middles, swings, strict=True):
+                bracket[0 if (swing == QUIET) == calm else 1] = middle
+    for joint, bracket, calm in brackets:
+        joint.edges.append((bracket[0] if calm else bracket[1], not calm))
 
 
 def _register(drive: Servo | Controller, gain: float | None) -> int | None:
@@ -296,20 +293,21 @@ def _register(drive: Servo | Controller, gain: float | None) -> int | None:
     return None if unit is None or gain is None else max(math.floor(gain / unit[0] + 1e-6), 1)
 
 
-def table(answers: Sequence[Calm]) -> Table:
-    """A row for each joint and place."""
-    rows = [(one, place) for one in answers for place in one.places]
-    places = [place for _, place in rows]
+def table(results: Sequence[Calm]) -> Table:
+    """A row for each joint and position."""
+    joints = [result.joint for result in results for _ in result.positions]
+    positions = [position for result in results for position in result.positions]
+    unit = UNITS["p_gain"]
     return Table(
         (
-            Column("joint", [one.joint for one, _ in rows]),
-            Column("at", [place.at for place in places], "rad", digits=4),
-            Column("load", [place.axis.load for place in places], "N*m", digits=3),
-            Column("verdict", [place.verdict for place in places]),
-            Column("amplitude", [p.swing.amplitude or None for p in places], "rad", digits=3),
-            Column("frequency", [p.swing.frequency or None for p in places], "Hz", digits=3),
-            Column("calm up to P gain", [p.calm for p in places], UNITS["p_gain"], digits=3),
-            Column("register P", [_register(p.axis.drive, p.calm) for p in places]),
-            Column("not calm at", [p.shakes for p in places], UNITS["p_gain"], digits=3),
+            Column("joint", joints),
+            Column("at", [p.value for p in positions], "rad", digits=4),
+            Column("load", [p.axis.load for p in positions], "N*m", digits=3),
+            Column("verdict", [p.verdict for p in positions]),
+            Column("amplitude", [p.swing.amplitude or None for p in positions], "rad", digits=3),
+            Column("frequency", [p.swing.frequency or None for p in positions], "Hz", digits=3),
+            Column("calm up to P gain", [p.calm_gain for p in positions], unit, digits=3),
+            Column("register P", [_register(p.axis.drive, p.calm_gain) for p in positions]),
+            Column("not calm at", [p.shaking_gain for p in positions], unit, digits=3),
         )
     )

@@ -86,9 +86,9 @@ class Bench:
 
     def __init__(self, work: Job) -> None:
         """Read the scenario and find the measures."""
-        mine = versions()["jointplay"]
-        if mine != work.version:
-            mismatch = f"a worker has jointplay {mine}, the sweep was started with {work.version}"
+        here = versions()["jointplay"]
+        if here != work.version:
+            mismatch = f"a worker has jointplay {here}, the sweep was started with {work.version}"
             raise JointplayError(f"{mismatch}; install the same version")
         self.job = work
         self._folder: tempfile.TemporaryDirectory[str] | None = None
@@ -111,14 +111,14 @@ class Bench:
         for number, (name, text) in enumerate(inputs.items()):
             if name.startswith(PREFIXES):
                 continue
-            place = folder / Path(name).name
-            if place.suffix == ".xacro":  # what it was expanded to
-                place = place.with_suffix(".urdf")
+            path = folder / Path(name).name
+            if path.suffix == ".xacro":  # what it was expanded to
+                path = path.with_suffix(".urdf")
             if not name.endswith(".py"):
-                place = folder / str(number) / place.name
-                place.parent.mkdir()
-                self._names[name] = str(place)
-            place.write_text(text, encoding="utf-8")
+                path = folder / str(number) / path.name
+                path.parent.mkdir()
+                self._names[name] = str(path)
+            path.write_text(text, encoding="utf-8")
         return folder
 
     def run(self, index: Index, changes: Mapping[str, Any]) -> Outcome:
@@ -139,8 +139,8 @@ class Bench:
 
     def _portable(self, text: str) -> str:
         """An error in a line, with the names that files have in the scenario, wherever it ran."""
-        for name, place in self._names.items():
-            text = text.replace(place, name)
+        for name, path in self._names.items():
+            text = text.replace(path, name)
         folder = str(self.scenario.path.parent)
         return " ".join(text.replace(f"{folder}{os.sep}", "").split())
 

@@ -43,7 +43,7 @@ class Case:
     """How numerical errors are found: ``certify``, ``estimate`` or not at all."""
     simulation: Simulation
     """What is run."""
-    meant: str = ""
+    reference: str = ""
     """The motion beside which the tool is put, as files have it."""
     length_s: float = 0.0
     """Of its runs: simulated, with those for its errors."""
@@ -55,7 +55,7 @@ class Case:
     """Whether nothing is missing."""
 
     @property
-    def gives(self) -> bool:
+    def has_play(self) -> bool:
         """Whether there is play, so that it is compared with the ideal mechanism."""
         return bool(self.simulation.mechanism.clearance or self.simulation.mechanism.gears)
 
@@ -153,11 +153,11 @@ class Cases:
         errors = "certify" if certify or integration.certify else errors
         case = Case(path, errors, simulation)
         if beside is not None:
-            case.meant = json.dumps(_meant(simulation, Path(beside)).describe())
+            case.reference = json.dumps(_reference_motion(simulation, Path(beside)).describe())
         length = run.total_steps * simulation.step
         case.length_s = length * (1 + (number_of_runs(simulation) if errors else 0))
         # What gives is compared with the ideal mechanism, for errors too, and without play.
-        case.twins_s = length * ((case.gives and not errors) + has_both(simulation.mechanism))
+        case.twins_s = length * ((case.has_play and not errors) + has_both(simulation.mechanism))
         for line in _length_and_size(run):
             self.remarks.setdefault(line, []).append(name)
         self.cases[name] = case
@@ -193,15 +193,15 @@ class Cases:
         """Run what is not done, several cases at a time; returns whether it was told to stop."""
         from jointplay.study import Study
 
-        left = [name for name, case in self.cases.items() if not case.done]
-        total = sum(self.cases[name].length_s for name in left)
+        pending = [name for name, case in self.cases.items() if not case.done]
+        total = sum(self.cases[name].length_s for name in pending)
         total += sum(case.twins_s for case in self.cases.values())
         stopped = False
         with overall(total, self.progress):
             for name in self.cases:
-                if name not in left:
+                if name not in pending:
                     self.keep(name)
-            study = Study(dict(zip(left, left, strict=True)), self.execute, self, early=True)
+            study = Study(dict(zip(pending, pending, strict=True)), self.execute, self, early=True)
             try:
                 with closing(study.outcomes(self.jobs)) as outcomes:
                     for _ in outcomes:
@@ -232,22 +232,22 @@ class Cases:
         from jointplay.study.certification import add_errors
 
         scenario, progress, case = self.scenario, self.progress, self.cases[name]
-        records, kept = working_paths(case.path)
+        records, checkpoint = working_paths(case.path)
         run, self._ready = self._ready, None
         run = run or scenario.ready_run(name, progress, records)
         notes = {"scenario": scenario.text, "scenario_file": scenario.path.name}
         notes |= {"title": scenario.title, "case": name}
         notes["values"] = to_text(values(run.simulation, scenario.origins(name)))
-        if case.meant:
-            notes["beside"] = case.meant
+        if case.reference:
+            notes["beside"] = case.reference
         if scenario.settings:
             notes["settings"] = "\n".join(setting_texts(scenario.settings))
         status, result = Status.COMPLETED, None
         if not case.finished:
             run.label = f"case {name} "
-            if resumed := kept.exists():
+            if resumed := checkpoint.exists():
                 check_replaceable(case.path)
-                continue_run(run, kept)
+                continue_run(run, checkpoint)
             status, result = run_and_save(run, case.path, progress, notes, overwrite=resumed)
         if result is not None:
             self._computed[name] = result
@@ -284,8 +284,8 @@ class Cases:
             only = None if self.figures else HISTORIES
             result = Result.load(path, most=thinning.SUMMARY_RECORDS, only=only)
         # What was run, rather than built once more from the file, recorded as seldom as this is.
-        every = json.loads(result.dataset.attrs["simulation"])["record_every"]
-        result.simulation = replace(self.cases[name].simulation, record_every=every)
+        interval = json.loads(result.dataset.attrs["simulation"])["record_every"]
+        result.simulation = replace(self.cases[name].simulation, record_every=interval)
         self.results[name] = result
 
     def _say_lines(self) -> None:
@@ -335,10 +335,10 @@ def _length_and_size(run: Run) -> list[str]:
     """What is said of a run that goes on without moving, or whose records fill the disk."""
     simulation, lines = run.simulation, []
     length = run.total_steps * simulation.step
-    ends = math.inf if simulation.motion is None else simulation.motion.still_from
-    if length - ends > max(IDLE * length, IDLE_S):
+    end = math.inf if simulation.motion is None else simulation.motion.still_from
+    if length - end > max(IDLE * length, IDLE_S):
         lines.append(
-            f"the motion ends at {ends:g} s: for the other {length - ends:.4g} s of the duration "
+            f"the motion ends at {end:g} s: for the other {length - end:.4g} s of the duration "
             "the machine stands still"
         )
     if run.overflow is not None and run.overflow.needed:
@@ -351,18 +351,18 @@ def _length_and_size(run: Run) -> list[str]:
     return lines
 
 
-def _meant(simulation: Simulation, path: Path) -> Motion:
+def _reference_motion(simulation: Simulation, path: Path) -> Motion:
     """The motion of a file, with the joints that it leaves out where the run's motion begins."""
     from jointplay.scenario.build import motion_from_file
 
     if simulation.motion is None:
         raise JointplayError("--beside is for a machine that follows a motion")
     motion, run = motion_from_file(path, None), simulation.motion
-    begin = dict(zip(run.joints, run.waypoints[1][0].tolist(), strict=True))
-    left = {name: at for name, at in begin.items() if name not in motion.joints}
-    meant = replace(simulation, motion=motion, state={**simulation.state, **left}).motion
-    assert meant is not None
-    return meant
+    start = dict(zip(run.joints, run.waypoints[1][0].tolist(), strict=True))
+    held_joints = {name: position for name, position in start.items() if name not in motion.joints}
+    reference = replace(simulation, motion=motion, state={**simulation.state, **held_joints}).motion
+    assert reference is not None
+    return reference
 
 
 def check_not_interrupted(out: Path, names: Iterable[str]) -> None:
@@ -373,18 +373,18 @@ def check_not_interrupted(out: Path, names: Iterable[str]) -> None:
     """
     for name in names:
         check_own(out / name)
-        kept = working_paths(out / name)[1]
-        if kept.exists():
+        checkpoint = working_paths(out / name)[1]
+        if checkpoint.exists():
             raise JointplayError(
-                f"{str(out)!r} holds an interrupted run ({kept.name}); --resume continues it, or "
-                "choose another folder"
+                f"{str(out)!r} holds an interrupted run ({checkpoint.name}); --resume continues "
+                "it, or choose another folder"
             )
 
 
-def check_output_folder(out: Path, names: Sequence[str], drawn: Iterable[str] = ()) -> None:
+def check_output_folder(out: Path, names: Sequence[str], figures: Iterable[str] = ()) -> None:
     """Refuse a folder that holds results of a run; of an interrupted one it says how to go on."""
     try:
-        refuse_present(out, [*names, *drawn])
+        refuse_present(out, [*names, *figures])
     except JointplayError:
         check_not_interrupted(out, names)
         raise
@@ -404,9 +404,9 @@ def _is_judged(path: Path, simulation: Simulation) -> bool | None:
     if working_paths(path)[1].exists() or not path.exists():
         return None
     with (result := Result.open(path)).dataset as dataset:
-        was = json.loads(dataset.attrs["simulation"])
+        stored = json.loads(dataset.attrs["simulation"])
         judged = result.certificate is not None
-    require_same(path, was, simulation)
+    require_same(path, stored, simulation)
     if result.status == Status.INTERRUPTED:
         raise JointplayError(
             f"{str(path)!r} was interrupted and has no checkpoint; delete it to start again, or "

@@ -134,7 +134,7 @@ def certify(
         note = f"none, for the run did not complete ({result.message})"
         return Certificate((), note=note, strict=strict)
     plans = further_runs(simulation, result)
-    ideal, unknown = _ideal_tool(simulation, result, progress)
+    ideal, reason = _ideal_tool(simulation, result, progress)
     with_claims = claims and fits(result)
     task = f"{'certifying' if strict else 'estimating'} errors{name and f' of {name}'}"
 
@@ -145,15 +145,15 @@ def certify(
         beside = ideal
         if ideal is not None and number == 1:
             # Of its own: what that of the run is off, runs beside it share with the run.
-            its, why_not = _ideal(further.simulation, result, progress)
+            its, absence = _ideal(further.simulation, result, progress)
             if its is None:
-                return f"with {further}, {why_not}"
+                return f"with {further}, {absence}"
             beside = Reference(its)
         figures = Headline(result.time, result.judge_from, beside, hinges(result))
         try:
             run = further.completed(figures, label, progress)
-        except JointplayError as why:
-            return f"with {further}, {why}"
+        except JointplayError as error:
+            return f"with {further}, {error}"
         of_run = figures.finish(run)
         if not with_claims or ideal is None:
             return of_run
@@ -173,7 +173,7 @@ def certify(
     measured = [outcome for outcome in outcomes if not isinstance(outcome, str)]
     certified, sensitive = [], {}
     for name, figure in headline.items():
-        further = [of[name] for of in measured if name in of]
+        further = [run[name] for run in measured if name in run]
         # Where a further run failed, nobody knows.
         error = math.inf if notes else max(numerical_error(figure, further), figure.sampling)
         if name in COUNTS and math.isfinite(error) and figure.value:
@@ -184,15 +184,15 @@ def certify(
         certified.append(CertifiedFigure(name, figure.value, float(error), figure.unit))
     if sensitive:
         spans = {name: np.ptp(_values(runs)) for name, runs in sensitive.items()}
-        most = max(spans, key=lambda name: spans[name] / headline[name].value)
-        factor, unit = displayed(headline[most].unit)
-        values = factor * np.array(_values(sensitive[most]))
+        widest = max(spans, key=lambda name: spans[name] / headline[name].value)
+        factor, unit = displayed(headline[widest].unit)
+        values = factor * np.array(_values(sensitive[widest]))
         notes.append(
             "the motion is sensitive: the further runs, which start up to 100 nm aside, differ "
-            f"among each other in {', '.join(sensitive)}; one run is one draw of many: {most} "
+            f"among each other in {', '.join(sensitive)}; one run is one draw of many: {widest} "
             f"{values.min():.4g} to {values.max():.4g} {unit} in {len(values)} runs"
         )
-    notes += [unknown] if unknown else []
+    notes += [reason] if reason else []
     if claims and not with_claims:
         notes.append(
             "the measures of the paper's claims are left out: they need all histories at once, "
@@ -216,37 +216,37 @@ def scatter(runs: Sequence[Measured]) -> float:
     those of largest values by how small the largest could be, had it been each stretch's least.
     """
     values = [run.value for run in runs]
-    apart = float(np.ptp(values)) if np.isfinite(values).all() else math.inf
-    if not math.isfinite(apart) or not runs[0].parts.size:
-        return apart
+    difference = float(np.ptp(values)) if np.isfinite(values).all() else math.inf
+    if not math.isfinite(difference) or not runs[0].parts.size:
+        return difference
     parts = np.array([run.parts for run in runs])
     power = runs[0].power
     if math.isinf(power):
-        return max(apart, max(values) - float(parts.min(axis=0).max()))
-    together = float(np.linalg.norm(np.ptp(parts, axis=0)))
+        return max(difference, max(values) - float(parts.min(axis=0).max()))
+    combined = float(np.linalg.norm(np.ptp(parts, axis=0)))
     if power > 1.0:
-        together /= power * max(max(values), 1e-300) ** (power - 1.0)
-    return max(apart, together)
+        combined /= power * max(max(values), 1e-300) ** (power - 1.0)
+    return max(difference, combined)
 
 
 def numerical_error(figure: Measured, further: Sequence[Measured]) -> float:
     """Error of a figure, given what the further runs made of it, the finest first."""
-    moved = abs(figure.value - further[0].value)
-    uncertain = scatter(further)
-    if not math.isfinite(moved + uncertain):
+    change = abs(figure.value - further[0].value)
+    uncertainty = scatter(further)
+    if not math.isfinite(change + uncertainty):
         return math.inf
-    if uncertain > CONTRACTS * moved:
+    if uncertainty > CONTRACTS * change:
         return SAFETY * scatter([figure, *further])
     # Further runs may agree by chance: no error is known to better than a tenth of itself.
-    return max(moved + SAFETY * uncertain, 1.1 * moved)
+    return max(change + SAFETY * uncertainty, 1.1 * change)
 
 
 def leave_open(figures: Mapping[str, Measured], further: Sequence[Mapping[str, Measured]]) -> bool:
     """Whether a figure's error, as two further runs (the finest first) have it, is noticeable."""
     return any(
-        numerical_error(figure, [of[name] for of in further]) > SENSITIVE * abs(figure.value)
+        numerical_error(figure, [run[name] for run in further]) > SENSITIVE * abs(figure.value)
         for name, figure in figures.items()
-        if name.startswith(HEADLINE) and name not in COUNTS and all(name in of for of in further)
+        if name.startswith(HEADLINE) and name not in COUNTS and all(name in run for run in further)
     )
 
 
@@ -256,9 +256,9 @@ def _values(runs: Sequence[Measured]) -> list[float]:
 
 def is_sensitive(figure: Measured, further: Sequence[Measured]) -> bool:
     """Whether the further runs differ more than the run does from them, and noticeably."""
-    uncertain = scatter(further)
-    moved = abs(figure.value - further[0].value)
-    return uncertain > max(CONTRACTS * moved, SENSITIVE * abs(figure.value))
+    uncertainty = scatter(further)
+    change = abs(figure.value - further[0].value)
+    return uncertainty > max(CONTRACTS * change, SENSITIVE * abs(figure.value))
 
 
 @dataclass(frozen=True)
@@ -274,10 +274,10 @@ class FurtherRun:
     def __str__(self) -> str:
         simulation = self.simulation
         if simulation.tolerance is None:
-            how = f"step {1e6 * simulation.step:.3g} µs"
+            setting = f"step {1e6 * simulation.step:.3g} µs"
         else:
-            how = f"tolerance {simulation.tolerance:g}"
-        text = f"{simulation.integrator}, {how}"
+            setting = f"tolerance {simulation.tolerance:g}"
+        text = f"{simulation.integrator}, {setting}"
         if simulation.macro_step is not None:
             text += f", macro step {1e6 * simulation.macro_step:.3g} µs"
         return text
@@ -313,19 +313,19 @@ def further_runs(simulation: Simulation, result: Result) -> list[FurtherRun]:
 
     By the multi-rate method, for as long as the run lasted.
     """
-    lasted = float(result.time[-1])  # whose last digits must not shift when judging begins
+    duration = float(result.time[-1])  # whose last digits must not shift when judging begins
     base = replace(
         simulation,
         integrator=DEFAULT,
-        duration=lasted,
+        duration=duration,
         settle=None,
         judge_from=result.audit.judged_from,
     )
-    given = simulation.tolerance
-    tolerances = TOLERANCES if given is None else [min(x * given, 1.0) for x in RELATIVE]
+    tolerance = simulation.tolerance
+    tolerances = TOLERANCES if tolerance is None else [min(x * tolerance, 1.0) for x in RELATIVE]
     simulations = [replace(base, tolerance=value) for value in tolerances]
     # As the run chose its macro steps, they would not show what they are off.
-    chosen = given is None and simulation.macro_step is None
+    chosen = tolerance is None and simulation.macro_step is None
     macros = [1.0 if chosen else 0.5, 1.0, 1.0]
     return [FurtherRun(*parts) for parts in zip(simulations, ASIDE_M, macros, strict=True)]
 
@@ -350,16 +350,16 @@ def _ideal(simulation: Simulation, result: Result, progress: bool) -> tuple[Resu
     """The ideal mechanism's run with the same settings, or None and why there is none."""
     if not has_play(result):
         return None, ""
-    same = replace(simulation, duration=float(result.time[-1]), start=result.audit.start)
+    twin = replace(simulation, duration=float(result.time[-1]), start=result.audit.start)
     if result.beside is not None:
-        same = replace(same, motion=Motion.from_description(result.beside))
+        twin = replace(twin, motion=Motion.from_description(result.beside))
     if not fits(result):  # what lies between records is interpolated
-        seldom = math.ceil(len(result.time) / SUMMARY_RECORDS)
-        same = replace(same, record_every=same.record_every * seldom)
+        stride = math.ceil(len(result.time) / SUMMARY_RECORDS)
+        twin = replace(twin, record_every=twin.record_every * stride)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # said below
-            run = tool_motion(ideal_simulation(same), progress)
+            run = tool_motion(ideal_simulation(twin), progress)
         return run.completed("the run"), ""
     except JointplayError as error:
         text = f"the tool error is unknown: the ideal mechanism cannot be simulated ({error})"

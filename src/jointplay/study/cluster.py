@@ -14,7 +14,7 @@ from typing import Any, Generic
 from jointplay.base.errors import JointplayError, one_line
 from jointplay.base.imports import extra
 from jointplay.simulation.result.stored import versions
-from jointplay.study.study import Item, Value
+from jointplay.study.study import Case, Value
 
 BATCH_S, MOST_BATCH = 2.0, 256
 """Work of one task: the scheduler's own milliseconds are then nothing [s]; and its items."""
@@ -38,7 +38,7 @@ def version() -> str:
 
 
 def _timed(
-    work: Callable[[Item], Value], items: Sequence[tuple[Any, Item]]
+    work: Callable[[Case], Value], items: Sequence[tuple[Any, Case]]
 ) -> list[tuple[float, Any, Value]]:
     """Do the work for some items: processor time [s], key and what came of each."""
     results = []
@@ -49,7 +49,7 @@ def _timed(
     return results
 
 
-class ClusterWorkers(Generic[Item, Value]):
+class ClusterWorkers(Generic[Case, Value]):
     """Workers of a Dask cluster; otherwise as a `Pool`.
 
     Args:
@@ -63,7 +63,7 @@ class ClusterWorkers(Generic[Item, Value]):
     """
 
     def __init__(
-        self, work: Callable[[Item], Value], address: str, lost: Callable[[Item], Value]
+        self, work: Callable[[Case], Value], address: str, lost: Callable[[Case], Value]
     ) -> None:
         with extra("cluster", "dask.distributed"):
             from distributed import Client
@@ -120,7 +120,7 @@ class ClusterWorkers(Generic[Item, Value]):
                     "same version everywhere"
                 )
 
-    def run(self, items: Iterable[tuple[Any, Item]]) -> Iterator[tuple[Any, Value]]:
+    def run(self, items: Iterable[tuple[Any, Case]]) -> Iterator[tuple[Any, Value]]:
         """Keys of items and what came of them, as they come.
 
         A worker that dies is of no consequence: the scheduler gives its items to others.
@@ -129,10 +129,10 @@ class ClusterWorkers(Generic[Item, Value]):
             JointplayError: the scheduler was lost.
         """
         waiting = iter(items)
-        pending: dict[Any, tuple[Any, Sequence[tuple[Any, Item]]]] = {}
+        pending: dict[Any, tuple[Any, Sequence[tuple[Any, Case]]]] = {}
         ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
 
-        def submit(batch: Sequence[tuple[Any, Item]]) -> None:
+        def submit(batch: Sequence[tuple[Any, Case]]) -> None:
             future = self.client.submit(_timed, self.work, batch, pure=False)
             pending[future.key] = future, batch
             future.add_done_callback(lambda f: ended.put(f.key))
@@ -160,7 +160,7 @@ class ClusterWorkers(Generic[Item, Value]):
         return JointplayError(f"the scheduler at {self.address!r} was lost{reason}")
 
     def _outcomes(
-        self, future: Any, batch: Sequence[tuple[Any, Item]], submit: Any
+        self, future: Any, batch: Sequence[tuple[Any, Case]], submit: Any
     ) -> Iterator[tuple[Any, Value]]:
         """What a task gave; one that took its workers with it is taken apart."""
         if future.status == "finished":

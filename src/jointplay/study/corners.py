@@ -58,7 +58,7 @@ Interval = tuple[float, float]
 Trust = Mapping[str, float | Mapping[str, Interval]]
 """By `QUANTITIES`, the part by which it may be off either way; or intervals [SI] of such numbers by
 their keys in a preset, such as ``elbow.gear.play``."""
-WHEN = ("before", "after")
+MOTIONS = ("before", "after")
 _RECORD_S = 1e-3
 """Least width of what a node's error is the mean of, either way [s]."""
 _STIFFNESSES = ("stiffness", "stiffness_1", "stiffness_2", "stiffness_3")
@@ -115,10 +115,10 @@ def correction(price: float, trust: str) -> Correction:
     """
     from jointplay.accuracy.allocation import Correction
 
-    known = trust_of(trust)
-    if strange := [name for name in known if name not in ("play", "friction")]:
-        raise JointplayError(f"--trust {strange[0]!r}: at rest only play and friction may be off")
-    return Correction(price, **{k: part for k, part in known.items() if isinstance(part, float)})
+    parts = trust_of(trust)
+    if extra := [name for name in parts if name not in ("play", "friction")]:
+        raise JointplayError(f"--trust {extra[0]!r}: at rest only play and friction may be off")
+    return Correction(price, **{k: part for k, part in parts.items() if isinstance(part, float)})
 
 
 def _part(key: str) -> tuple[str, str, str]:
@@ -189,22 +189,23 @@ class Judgement:
 
     @property
     def sentence(self) -> str:
-        was, now = self.nominal.before, self.nominal.after
+        original, corrected = self.nominal.before, self.nominal.after
         tool = self.compensation.simulation.mechanism.tool
-        verb = "takes" if now.rms < was.rms else "makes it worse: it takes"
+        verb = "takes" if corrected.rms < original.rms else "makes it worse: it takes"
         text = (
             f"In simulation the corrected motion {verb} the RMS error of the tool {tool!r} from "
-            f"{_mm(was.rms)} to {_mm(now.rms)} ({was.rms / now.rms:.2g} times)"
+            f"{_mm(original.rms)} to {_mm(corrected.rms)} "
+            f"({original.rms / corrected.rms:.2g} times)"
         )
         if len(self.corners) > 1:
-            least, most = self.least_gain, self.most_left
-            ratio = least.before.rms / least.after.rms
+            least_gain, worst = self.least_gain, self.most_left
+            ratio = least_gain.before.rms / least_gain.after.rms
             text += (
-                f", where it gains least ({least.label}) from {_mm(least.before.rms)} to "
-                f"{_mm(least.after.rms)} ({ratio:.2g} times)"
+                f", where it gains least ({least_gain.label}) from {_mm(least_gain.before.rms)} to "
+                f"{_mm(least_gain.after.rms)} ({ratio:.2g} times)"
             )
-            if most is not least:
-                text += f", where most is left ({most.label}) to {_mm(most.after.rms)}"
+            if worst is not least_gain:
+                text += f", where most is left ({worst.label}) to {_mm(worst.after.rms)}"
         return text + "; hardware may differ"
 
     @property
@@ -228,15 +229,15 @@ class Judgement:
                 f"warning: the largest error grows from {_mm(corner.before.largest)} to "
                 f"{_mm(corner.after.largest)} ({corner.label})"
             )
-        was, now = self.nominal.before.turn, self.nominal.after.turn
-        if now > was and self.compensation.size is None:
+        original, corrected = self.nominal.before.turn, self.nominal.after.turn
+        if corrected > original and self.compensation.size is None:
             lines.append(
-                f"warning: the tool's RMS turn grows from {1e3 * was:.3g} to {1e3 * now:.3g} mrad: "
-                "--tool-size weighs it against the position"
+                f"warning: the tool's RMS turn grows from {1e3 * original:.3g} to "
+                f"{1e3 * corrected:.3g} mrad: --tool-size weighs it against the position"
             )
         if self.firmware is not None:
-            rule, was = self.firmware.rms, self.nominal.before.rms
-            verdict = "better than nothing" if rule < was else "no better than nothing"
+            rule, original = self.firmware.rms, self.nominal.before.rms
+            verdict = "better than nothing" if rule < original else "no better than nothing"
             lines.append(
                 f"the firmware's rule, half the play by the sign of the commanded speed, would "
                 f"leave {_mm(rule)} ({verdict}), at stops {_mm(self.firmware.at_stops)}"
@@ -252,10 +253,10 @@ class Judgement:
         """A row for each corner: errors before and after."""
         columns = [Column("corner", [corner.label for corner in self.corners])]
         for name in ("rms", "on_the_way", "at_stops", "largest", "turn"):
-            for when in ("before", "after"):
-                values = [getattr(getattr(corner, when), name) for corner in self.corners]
+            for motion in ("before", "after"):
+                values = [getattr(getattr(corner, motion), name) for corner in self.corners]
                 unit = "rad" if name == "turn" else "m"
-                columns.append(Column(f"{name.replace('_', ' ')} {when}", values, unit))
+                columns.append(Column(f"{name.replace('_', ' ')} {motion}", values, unit))
         return Table(columns)
 
 
@@ -277,13 +278,14 @@ def judge(
         JointplayError: what a run refuses.
     """
     simulation, trust = compensation.simulation, trust or {}
-    has = _varied(simulation)
-    left_out = tuple(name for name in trust if name not in has)
-    choices = [_ends(name, how) for name, how in trust.items() if name in has]
-    ends: list[End] = [("as modelled", {}), *map(_together, product(*choices) if choices else ())]
+    quantities = _varied(simulation)
+    left_out = tuple(name for name in trust if name not in quantities)
+    choices = [_limits(name, limit) for name, limit in trust.items() if name in quantities]
+    combinations = map(_corner, product(*choices) if choices else ())
+    variants: list[Limit] = [("as modelled", {}), *combinations]
     rule = bool(firmware_rule(simulation, compensation.times).any())
     by_key: dict[int, ToolErrors] = {}
-    plan: list[Item] = [(compensation, changes, when) for _, changes in ends for when in WHEN]
+    plan: list[Trial] = [(compensation, c, motion) for _, c in variants for motion in MOTIONS]
     plan += [(compensation, {}, "firmware")] * rule
     complete = True
     try:
@@ -293,12 +295,12 @@ def judge(
         complete = False
     corners = [
         Corner(label, changes, by_key[2 * k], by_key[2 * k + 1])
-        for k, (label, changes) in enumerate(ends)
+        for k, (label, changes) in enumerate(variants)
         if 2 * k in by_key and 2 * k + 1 in by_key
     ]
     if not corners:
         raise KeyboardInterrupt
-    firmware = by_key.get(2 * len(ends))
+    firmware = by_key.get(2 * len(variants))
     return Judgement(compensation, tuple(corners), firmware, left_out, complete)
 
 
@@ -308,60 +310,61 @@ def learn(compensation: Compensation, passes: int) -> tuple[Compensation, list[f
     Returns:
         The best one, and the RMS error left by each pass that was tried, the first without [m].
     """
-    left = _errors((compensation, {}, "after"))
-    tried = [left.rms]
+    errors = _errors((compensation, {}, "after"))
+    rms_errors = [errors.rms]
     for _ in range(passes):
         nodes = compensation.times
         half = max(0.5 * (nodes[1] - nodes[0]), _RECORD_S)
-        means = [left.values[np.abs(left.times - t) <= half].mean(axis=0) for t in nodes]
-        more = -through_jacobian(compensation.simulation, nodes, np.array(means), compensation.size)
-        further = with_shift(compensation, more)
-        now = _errors((further, {}, "after"))
-        tried.append(now.rms)
-        if now.rms >= left.rms:
+        means = [errors.values[np.abs(errors.times - t) <= half].mean(axis=0) for t in nodes]
+        off = np.array(means)
+        shift = -through_jacobian(compensation.simulation, nodes, off, compensation.size)
+        further = with_shift(compensation, shift)
+        further_errors = _errors((further, {}, "after"))
+        rms_errors.append(further_errors.rms)
+        if further_errors.rms >= errors.rms:
             break
-        compensation, left = further, now
-    return compensation, tried
+        compensation, errors = further, further_errors
+    return compensation, rms_errors
 
 
-Item = tuple[Compensation, Mapping[str, float], str]
+Trial = tuple[Compensation, Mapping[str, float], str]
 """What is run: with which changes; `before`, `after`, or by the `firmware` rule."""
-End = tuple[str, Mapping[str, float]]
+Limit = tuple[str, Mapping[str, float]]
 """Changes of a quantity, in words first."""
 
 
-def _ends(name: str, trust: float | Mapping[str, Interval]) -> tuple[End, End]:
+def _limits(name: str, trust: float | Mapping[str, Interval]) -> tuple[Limit, Limit]:
     """The least and the largest that a quantity may be."""
     if not isinstance(trust, Mapping):
         low, high = ((f"{name} {100 * x:+.0f} %", {name: 1.0 + x}) for x in (-trust, trust))
         return low, high
     low, high = (
-        (f"{name} at its {word} ends", {key: ends[k] for key, ends in trust.items()})
-        for k, word in enumerate(("lower", "upper"))
+        (f"{name} at its {side} ends", {key: interval[k] for key, interval in trust.items()})
+        for k, side in enumerate(("lower", "upper"))
     )
     return low, high
 
 
-def _together(ends: Sequence[End]) -> End:
+def _corner(limits: Sequence[Limit]) -> Limit:
     """A corner: each quantity at one of its ends."""
-    changes = {key: value for _, its in ends for key, value in its.items()}
-    return ", ".join(label for label, _ in ends), changes
+    changes = {key: value for _, limit in limits for key, value in limit.items()}
+    return ", ".join(label for label, _ in limits), changes
 
 
-def _errors(item: Item) -> ToolErrors:
+def _errors(item: Trial) -> ToolErrors:
     """Run one motion on the changed machine; the error from the original motion's twin."""
-    compensation, changes, when = item
+    compensation, changes, motion_name = item
     plant = varied(compensation.simulation, changes)
     motion = plant.motion
     assert motion is not None
-    if when == "after":
-        moved = compensation.motion
-    elif when == "firmware":
+    if motion_name == "after":
+        sent = compensation.motion
+    elif motion_name == "firmware":
         shift = firmware_rule(compensation.simulation, compensation.times)
-        moved, _ = corrected_motion(compensation.simulation, compensation.times, shift)
+        sent, _ = corrected_motion(compensation.simulation, compensation.times, shift)
     else:
-        moved = motion
-    return tool_errors(replace(plant, motion=moved), plant)
+        sent = motion
+    return tool_errors(replace(plant, motion=sent), plant)
 
 
 def tool_errors(run: Simulation, original: Simulation) -> ToolErrors:
@@ -370,27 +373,25 @@ def tool_errors(run: Simulation, original: Simulation) -> ToolErrors:
         warnings.simplefilter("ignore")
         result = run.run(check_step=False, estimate=False, only=list(TOOL_MOTIONS))
         ideal = tool_motion(_as_sent(original))
-        moved, turn = (
-            difference(result, ideal, of) for of in ("tool_position", "tool_orientation")
-        )
+        shift, turn = (difference(result, ideal, f"tool_{x}") for x in ("position", "orientation"))
     motion = original.motion
     assert motion is not None
-    times, values = moved["time"].values, np.hstack([moved.values, turn.values])
-    size = np.linalg.norm(moved.values, axis=1)
+    times, values = shift["time"].values, np.hstack([shift.values, turn.values])
+    size = np.linalg.norm(shift.values, axis=1)
     halts = [halt for halt in stops(motion, float(times[-1])) if halt.at_rest and halt.end > 0.0]
     speed = np.abs(motion(times)[1]).max(axis=1)
     moving = speed > 1e-3 * speed.max()
-    at = size[np.searchsorted(times, [halt.end for halt in halts]).clip(0, len(size) - 1)]
-    weights, (off, turned) = (
+    stop_errors = size[np.searchsorted(times, [halt.end for halt in halts]).clip(0, len(size) - 1)]
+    weights, (shifts, turns) = (
         time_weights(times),
-        (error_statistics(error, 0.0) for error in (moved, turn)),
+        (error_statistics(error, 0.0) for error in (shift, turn)),
     )
     square = np.average(size[moving] ** 2, weights=weights[moving]) if moving.any() else np.nan
     underway = np.sqrt(square)
-    halted = np.sqrt(np.mean(at**2)) if len(at) else np.nan
+    halted = np.sqrt(np.mean(stop_errors**2)) if len(stop_errors) else np.nan
     return ToolErrors(
-        float(off.rms[-1]), float(underway), float(halted), float(off.peak[-1]),
-        float(turned.rms[-1]), times, values
+        float(shifts.rms[-1]), float(underway), float(halted), float(shifts.peak[-1]),
+        float(turns.rms[-1]), times, values
     )  # fmt: skip
 
 
@@ -399,7 +400,7 @@ def _as_sent(simulation: Simulation) -> Simulation:
     ideal, motion = ideal_simulation(simulation), simulation.motion
     assert motion is not None
     drives = assign(ideal.mechanism, motion, simulation.drive)
-    exact = {name: Prescribed() if held.follows else held for name, held in drives.items()}
+    exact = {name: Prescribed() if drive.follows else drive for name, drive in drives.items()}
     return replace(ideal, drive=exact)
 
 
@@ -407,14 +408,14 @@ def _varied(simulation: Simulation) -> set[str]:
     """Quantities that the machine has."""
     mechanism = simulation.mechanism
     friction = joint_friction(simulation).values()
-    has = {
+    presence = {
         "play": True,
         "friction": any(loss.coulomb or loss.viscous for loss in friction)
         or any(any(c.friction.coefficients.values()) for c in mechanism.clearance.values()),
         "payload": bool(simulation.payloads),
         "stiffness": bool(mechanism.gears),
     }
-    return {name for name, present in has.items() if present}
+    return {name for name, present in presence.items() if present}
 
 
 def varied(simulation: Simulation, changes: Mapping[str, float]) -> Simulation:
@@ -423,9 +424,9 @@ def varied(simulation: Simulation, changes: Mapping[str, float]) -> Simulation:
     Play is all clearances and gears' play, friction that of joints and journals, payload its mass
     and inertia, stiffness that of gears.
     """
-    new: dict[str, Any] = {}
+    fields: dict[str, Any] = {}
     play, stiffness = changes.get("play", 1.0), changes.get("stiffness", 1.0)
-    mechanism, rubs = simulation.mechanism, joint_friction(simulation)
+    mechanism, losses = simulation.mechanism, joint_friction(simulation)
     x = changes.get("friction", 1.0)
     clearance = {
         n: (c.scaled(play) if c.clearances else c).with_friction(c.friction.scaled(x))
@@ -435,32 +436,32 @@ def varied(simulation: Simulation, changes: Mapping[str, float]) -> Simulation:
     friction = {
         n: replace(loss, coulomb=x * loss.coulomb, viscous=x * loss.viscous,
                    static=None if loss.static is None else x * loss.static)
-        for n, loss in rubs.items()
+        for n, loss in losses.items()
     }  # fmt: skip
     for key, value in changes.items():
         joint, part, number = _part(key)
-        held: dict[str, Any] = {"gear": gears, "bearing": clearance, "friction": friction}
-        if joint not in held.get(part, ()):
+        tables: dict[str, Any] = {"gear": gears, "bearing": clearance, "friction": friction}
+        if joint not in tables.get(part, ()):
             continue
-        element = held[part][joint]
+        element = tables[part][joint]
         if number in getattr(element, "clearances", ()):
-            held[part][joint] = element.with_clearances({number: value})
+            tables[part][joint] = element.with_clearances({number: value})
         elif number == "play":
-            held[part][joint] = element.with_play(value)
+            tables[part][joint] = element.with_play(value)
         else:
             classless = {"clearance_class": None} if hasattr(element, "clearance_class") else {}
-            held[part][joint] = replace(element, **{number: value}, **classless)
+            tables[part][joint] = replace(element, **{number: value}, **classless)
     if clearance != mechanism.clearance or gears != mechanism.gears:
-        new["mechanism"] = mechanism.with_clearance(clearance, gears)
-    if friction != rubs:
-        new["joint_friction"] = friction
+        fields["mechanism"] = mechanism.with_clearance(clearance, gears)
+    if friction != losses:
+        fields["joint_friction"] = friction
     if (x := changes.get("payload", 1.0)) != 1.0:
-        new["payloads"] = tuple(
+        fields["payloads"] = tuple(
             replace(payload, mass=x * payload.mass, inertia=(x * a, x * b, x * c))
             for payload in simulation.payloads
             for a, b, c in [payload.inertia]
         )
-    return replace(simulation, **new)
+    return replace(simulation, **fields)
 
 
 def _gear(gear: Gearing, play: float, stiffness: float) -> Gearing:

@@ -52,8 +52,8 @@ def errors(runs: Sequence[Trace], ideal: Trace) -> np.ndarray:
     """
     time = ideal.time
     for run in runs:
-        same = len(run.time) == len(time)
-        if not same or not np.allclose(run.time, time, 0.0, 1e-9 + 1e-9 * time[-1]):
+        aligned = len(run.time) == len(time)
+        if not aligned or not np.allclose(run.time, time, 0.0, 1e-9 + 1e-9 * time[-1]):
             raise JointplayError("a run was not recorded at the times of the ideal mechanism's")
     return np.stack([run.position - ideal.position for run in runs])
 
@@ -68,9 +68,9 @@ def at_speed(simulation: Simulation, factor: float) -> Simulation:
     """The simulation whose motion has a part of its speed."""
     if factor == 1.0 or simulation.motion is None:
         return simulation
-    lasts = None if simulation.duration is None else simulation.duration / factor
+    duration = None if simulation.duration is None else simulation.duration / factor
     motion = simulation.motion.at_speed(factor)
-    return dataclasses.replace(simulation, motion=motion, duration=lasts)
+    return dataclasses.replace(simulation, motion=motion, duration=duration)
 
 
 RUNS = "runs"

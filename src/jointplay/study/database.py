@@ -153,7 +153,8 @@ class Rows:
 
     def _open(self) -> None:
         self._check_files()
-        mode = "rw" if self._write or self._is_to_be_rolled_back() else "ro"
+        # A journal is of a process that was killed as it wrote: whoever reads sets the file right.
+        mode = "rw" if self._write or os.path.lexists(f"{self.path}-journal") else "ro"
         if not self._write and self._is_without_its_log():  # SQLite would make files beside it
             mode += "&immutable=1"
         self.intact = True
@@ -188,10 +189,6 @@ class Rows:
                     raise damaged(file, self._noun, "it is no regular file")
                 if ending == "-journal" and file.read_bytes().endswith(_SUPER):
                     raise damaged(file, self._noun, "it names another file")
-
-    def _is_to_be_rolled_back(self) -> bool:
-        """Whether a process was killed as it changed the file: whoever reads it sets it right."""
-        return os.path.lexists(self.path.with_name(f"{self.path.name}-journal"))
 
     def _is_without_its_log(self) -> bool:
         """Whether the file says that a write-ahead log belongs to it, and there is none."""

@@ -33,25 +33,25 @@ def path_of(name: str) -> Key:
         JointplayError: it names none.
     """
     parts: list[str | int] = []
-    at = 0
+    start = 0
     text = name if isinstance(name, str) else ""
-    while at < len(text):
-        part = _PART.match(text, at)
+    while start < len(text):
+        part = _PART.match(text, start)
         if part is None:
             break
-        quoted, number, word = part.groups()
+        quoted, number, bare = part.groups()
         try:
-            name = tomllib.loads(f"name = {quoted}")["name"] if quoted else (word or "").strip()
+            name = tomllib.loads(f"name = {quoted}")["name"] if quoted else (bare or "").strip()
         except tomllib.TOMLDecodeError:  # an escape that TOML has not
             break
         if number and int(number) == 0:
-            first = f"elements of lists are counted from 1; the first is {text[:at]}[1]"
+            first = f"elements of lists are counted from 1; the first is {text[:start]}[1]"
             raise JointplayError(f"{toml_text(text)}: {first}")
         parts.append(int(number) - 1 if number else name)
-        at = part.end()
-        if at < len(text) and text[at] == ".":
-            at += 1
-    if not parts or at < len(text):
+        start = part.end()
+        if start < len(text) and text[start] == ".":
+            start += 1
+    if not parts or start < len(text):
         raise JointplayError(
             f"{toml_text(name)} is not a key of a scenario; write it like "
             '"joints.joint_b.radial_clearance" or "payloads[1].mass"'
@@ -76,8 +76,8 @@ def _alternatives(hint: Any, units: tuple[str, ...] = ("",)) -> Iterator[Kind]:
         for part in get_args(hint):
             yield from _alternatives(part, units)
     elif family is not None:
-        for word in family.members:
-            member = family.member(word)
+        for name in family.members:
+            member = family.member(name)
             fields = {n: f for n, f in fields_of(member.kind).items() if n not in member.given}
             choice = {family.key: Field(family.key, str, ("",), False)}
             yield Kind(member.kind, units, choice | fields)
@@ -93,23 +93,23 @@ def kinds(path: Key) -> list[Kind]:
     """
     level = list(_alternatives(Model))
     for depth, part in enumerate(path):
-        known = dict.fromkeys(name for kind in level for name in kind.fields)
-        deeper: list[Kind] = []
+        names = dict.fromkeys(name for kind in level for name in kind.fields)
+        children: list[Kind] = []
         for kind in level:
             origin, parts = get_origin(kind.hint), get_args(kind.hint)
             by_name = isinstance(origin, type) and issubclass(origin, Mapping)
             if isinstance(part, str) and part in kind.fields:
                 field = kind.fields[part]
-                deeper += _alternatives(field.hint, field.units)
+                children += _alternatives(field.hint, field.units)
             elif parts and origin is not Literal and by_name == isinstance(part, str):
-                deeper += _alternatives(parts[1 if by_name else 0], kind.units)
-        if not deeper:
-            where = f" in {dotted(path[:depth])}" if depth else ""
-            if not known:
-                above = dotted(path[:depth])
-                raise JointplayError(f"{dotted(path)}: {above} has no keys of its own")
-            raise JointplayError(unknown_key(str(part), known) + where)
-        level = deeper
+                children += _alternatives(parts[1 if by_name else 0], kind.units)
+        if not children:
+            location = f" in {dotted(path[:depth])}" if depth else ""
+            if not names:
+                parent = dotted(path[:depth])
+                raise JointplayError(f"{dotted(path)}: {parent} has no keys of its own")
+            raise JointplayError(unknown_key(str(part), names) + location)
+        level = children
     if path[0] in NOT_SWEPT:
         raise JointplayError(f"no sweep goes over {path[0]!r}")
     return level
@@ -137,26 +137,26 @@ def set_key(changes: dict[str, Any], base: Mapping[str, Any], path: Key, value: 
         JointplayError: `base` has no such element of a list.
     """
     table: Any = changes
-    under: Any = base
+    element: Any = base
     for depth, part in enumerate(path[:-1]):
-        under = _at(under, part, path[: depth + 1])
-        before = table[part] if not isinstance(table, Mapping) or part in table else None
-        if isinstance(under, str) and not isinstance(before, Mapping):
-            before = {"law" if path[0] == "joints" else "kind": under}  # a bare word
-        if isinstance(path[depth + 1], int) and before is None:
-            before = deepcopy(list(under)) if isinstance(under, Sequence) else []
-        table[part] = {} if before is None else before
+        element = _element(element, part, path[: depth + 1])
+        nested = table[part] if not isinstance(table, Mapping) or part in table else None
+        if isinstance(element, str) and not isinstance(nested, Mapping):
+            nested = {"law" if path[0] == "joints" else "kind": element}  # a bare word
+        if isinstance(path[depth + 1], int) and nested is None:
+            nested = deepcopy(list(element)) if isinstance(element, Sequence) else []
+        table[part] = {} if nested is None else nested
         table = table[part]
     if isinstance(path[-1], int):
-        _at(under, path[-1], path)
+        _element(element, path[-1], path)
     table[path[-1]] = value
 
 
-def _at(under: Any, part: str | int, path: Key) -> Any:
+def _element(element: Any, part: str | int, path: Key) -> Any:
     """What tables have at a key or index; None if nothing."""
     if isinstance(part, int):
-        size = len(under) if isinstance(under, Sequence) else 0
+        size = len(element) if isinstance(element, Sequence) else 0
         if part >= size:
             raise JointplayError(f"{dotted(path)} is not in the scenario, which has {size} of them")
-        return under[part]
-    return under.get(part) if isinstance(under, Mapping) else None
+        return element[part]
+    return element.get(part) if isinstance(element, Mapping) else None

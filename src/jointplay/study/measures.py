@@ -120,10 +120,11 @@ def measure(
         measures["dissipated_energy"] += float(np.maximum(absorbed, 0.0).sum())
     measures |= losses
     for k, joint in enumerate(result.joints):
-        at = f"_{joint}" if len(joints) > 1 else ""
+        suffix = f"_{joint}" if len(joints) > 1 else ""
         modes = np.bincount(_values(result, "mode")[judged, k], minlength=len(Mode))
         for mode in Mode:
-            measures[f"share_{mode.name.lower()}{at}"] = float(modes[mode] / max(judged.sum(), 1))
+            share = float(modes[mode] / max(judged.sum(), 1))
+            measures[f"share_{mode.name.lower()}{suffix}"] = share
     measures |= dict(_bearings(result, joints, judged))
     whole_run = bool(judged.all())
     measures["penetration"] = audit.largest_penetration if whole_run else _deepest(result, judged)
@@ -189,11 +190,11 @@ def _tool_error(
 ) -> Iterator[tuple[str, float]]:
     """Peak, RMS and largest error at rest of the tool: those of `analysis.error_statistics`."""
     last = error["time"].values[-1]
-    at = [error_at(error, rest) for rest in rests if start <= rest <= last]
-    statistics = {"stops": np.abs(at).max(axis=0)} if at else {}
+    stop_errors = [error_at(error, rest) for rest in rests if start <= rest <= last]
+    statistics = {"stops": np.abs(stop_errors).max(axis=0)} if stop_errors else {}
     if last >= start:
-        over = error_statistics(error, start)
-        statistics |= {"peak": over.peak, "rms": over.rms}
+        errors = error_statistics(error, start)
+        statistics |= {"peak": errors.peak, "rms": errors.rms}
     for name, values in statistics.items():
         for part, value in zip(COMPONENTS, values, strict=True):
             yield f"tool_error_{name}_{part}", float(value)
@@ -212,22 +213,22 @@ def _forces(
     """Peak and RMS of the joints' forces, of an ideal mechanism too: there they are reactions."""
     dimension = "joint" if result.joints else "moving_joint"
     labels = [str(label) for label in _values(result, dimension)]
-    wanted = [k for k, label in enumerate(labels) if label in joints] or range(len(labels))
-    for how, name in _JOINT_FORCE.items():
+    indices = [k for k, label in enumerate(labels) if label in joints] or range(len(labels))
+    for statistic, name in _JOINT_FORCE.items():
         values = _values(result, name if result.joints else "reaction_force")[judged]
         squares = np.einsum("njk,njk->nj", values, values)
-        sums = squares.max(axis=0) if how == "peak" else squares.mean(axis=0)
-        forces = {labels[k]: float(np.sqrt(sums[k])) for k in wanted}
-        yield f"{how}_force", max(forces.values())
+        sums = squares.max(axis=0) if statistic == "peak" else squares.mean(axis=0)
+        forces = {labels[k]: float(np.sqrt(sums[k])) for k in indices}
+        yield f"{statistic}_force", max(forces.values())
         if len(joints) > 1:
             for label, value in forces.items():
-                yield f"{how}_force_{label}", value
+                yield f"{statistic}_force_{label}", value
 
 
 def own_measures(name: str, returned: Any) -> dict[str, float]:
     """Numbers by name that the measure ``module:function`` returned: one, or several by name."""
-    several = returned if isinstance(returned, dict) else {name.rpartition(":")[2]: returned}
-    return {str(key): float(value) for key, value in several.items()}
+    values = returned if isinstance(returned, dict) else {name.rpartition(":")[2]: returned}
+    return {str(key): float(value) for key, value in values.items()}
 
 
 # Measures of a user's own: functions of a result, named ``module:function``.

@@ -28,7 +28,7 @@ from jointplay.simulation.prepare import joint_friction
 from jointplay.simulation.simulation import Simulation
 
 STEP_S, RECORD_S = 2e-4, 1e-3
-"""Longest step, and interval of records."""
+"""Longest step (teeth or sampling shorten it), and interval of records (judged: ten at 100 Hz)."""
 
 UNITS = {"p_gain": "V/rad", "i_gain": "V/(rad*s)", "d_gain": "V*s/rad"}
 """Of a servo's gains."""
@@ -118,8 +118,8 @@ class MultiAxis:
         """With other parameters of the controllers."""
         values, loads = iter((self.gains | gains).values()), dict(self.base.loads)
         for name, controller in _controllers(self.base).items():
-            new = tuple(next(values) for _ in controller.parameters)
-            loads[name] = replace(controller, parameters=new)
+            parameters = tuple(next(values) for _ in controller.parameters)
+            loads[name] = replace(controller, parameters=parameters)
         return replace(self, base=replace(self.base, loads=loads))
 
     def simulation(self, duration: float) -> Simulation:
@@ -142,8 +142,8 @@ def _at_rest(mechanism: Mechanism, sampled: Sequence[Any], duration: float) -> d
     if periods:
         step = min(periods) / math.ceil(min(periods) / step - 1e-9)
     interval = max(round(RECORD_S / step), 1)
-    how = {"start": "centred", "limits": "ignore"}
-    return {"duration": duration, "step": step, "record_every": interval, **how}
+    options = {"start": "centred", "limits": "ignore"}
+    return {"duration": duration, "step": step, "record_every": interval, **options}
 
 
 def _controllers(simulation: Simulation) -> dict[str, Controller]:
@@ -197,8 +197,8 @@ def released(
     loose = [name for name, gear in robot.gears.items() if gear.play > 0.0]
     for name in (*joints, *(pose or {})):
         require_known("moving joint", name, robot.joints)
-    able = [name for name in loose if name in drives]
-    for name in joints or able or [*loose, *robot.joints][:1]:
+    driven = [name for name in loose if name in drives]
+    for name in joints or driven or [*loose, *robot.joints][:1]:
         if name not in loose:
             raise JointplayError(
                 f'{name!r} has no gear with play: give --preset, or --gear {name}="10 arcmin" '
@@ -211,26 +211,26 @@ def released(
     if robot.loops:
         raise JointplayError("the other joints of a closed loop cannot be held: open it")
     motion = simulation.motion
-    begin = {} if motion is None else dict(zip(motion.joints, motion.positions[0], strict=True))
+    start = {} if motion is None else dict(zip(motion.joints, motion.positions[0], strict=True))
     entries = robot.description.joints
-    at = (
+    positions = (
         {name: entries[name].neutral for name in robot.joints if name in entries}
-        | begin
+        | start
         | dict(pose or {})
     )
-    axes = [_axis(simulation, name, at) for name in dict.fromkeys(joints or able)]
+    axes = [_axis(simulation, name, positions) for name in dict.fromkeys(joints or driven)]
     single: list[Released] = [axis for axis in axes if isinstance(axis.drive, Servo)]
     controlled = tuple(axis for axis in axes if isinstance(axis.drive, Controller))
-    together = [MultiAxis(controlled, _with_others_held(simulation, at))] if controlled else []
-    return [*single, *together]
+    multi = [MultiAxis(controlled, _with_others_held(simulation, positions))] if controlled else []
+    return [*single, *multi]
 
 
-def _axis(simulation: Simulation, joint: str, at: Mapping[str, float]) -> Axis:
+def _axis(simulation: Simulation, joint: str, positions: Mapping[str, float]) -> Axis:
     """A joint at a pose."""
     robot = simulation.mechanism
-    alone = robot.with_clearance({}, robot.gears)
-    bodies = loaded(alone.model, simulation.payloads, 0.0)
-    q, k, data = alone.configuration(at), alone.coordinate(joint), bodies.createData()
+    rigid = robot.with_clearance({}, robot.gears)
+    bodies = loaded(rigid.model, simulation.payloads, 0.0)
+    q, k, data = rigid.configuration(positions), rigid.coordinate(joint), bodies.createData()
     inertia = float(pin.crba(bodies, data, q)[k, k])
     load = 0.0 - float(pin.computeGeneralizedGravity(bodies, data, q)[k])
     friction = joint_friction(simulation).get(joint, JointFriction())
@@ -238,22 +238,22 @@ def _axis(simulation: Simulation, joint: str, at: Mapping[str, float]) -> Axis:
     return Axis(joint, slides, inertia, load, robot.gears[joint], drive, friction)
 
 
-def _with_others_held(simulation: Simulation, at: Mapping[str, float]) -> Simulation:
+def _with_others_held(simulation: Simulation, pose: Mapping[str, float]) -> Simulation:
     """The robot at a pose, with all joints held that no controller of the user's own sets."""
     robot, drive = simulation.mechanism, simulation.drive
     free = {name for c in _controllers(simulation).values() for name in c.joints}
     servos = drive if isinstance(drive, Mapping) else dict.fromkeys(free, drive)
-    drives = {name: servos.get(name, Free()) if name in free else Prescribed() for name in at}
-    held = [name for name, d in drives.items() if d.follows]
-    place = [at[name] for name in held]
+    drives = {name: servos.get(name, Free()) if name in free else Prescribed() for name in pose}
+    locked = [name for name, d in drives.items() if d.follows]
+    q = [pose[name] for name in locked]
     gears = {name: gear for name, gear in robot.gears.items() if name in free}
     payloads = (replace(p, release=None) for p in simulation.payloads if p.pick == 0.0)
     return Simulation(
         robot.with_clearance({}, gears),
-        Motion(held, [0.0, 1e-2], [place, place]) if held else None,
+        Motion(locked, [0.0, 1e-2], [q, q]) if locked else None,
         drive=drives,
         joint_friction=joint_friction(simulation),
         payloads=tuple(payloads),
         loads=simulation.loads,
-        state={name: at[name] for name in at if name not in held},
+        state={name: pose[name] for name in pose if name not in locked},
     )

@@ -79,16 +79,17 @@ class Convergence:
     def distance(self, name: str) -> np.ndarray:
         """How far a figure is from that with the finest, relative to it."""
         size = abs(self.truth[name])
-        away: np.ndarray = np.abs(self.values[name] - self.truth[name])
-        return away / size if size else np.full(len(away), np.nan)
+        difference: np.ndarray = np.abs(self.values[name] - self.truth[name])
+        return difference / size if size else np.full(len(difference), np.nan)
 
     def order(self, name: str) -> float:
         """Power of the size with which the distance falls: a line through logarithms; or nan."""
         distance = self.distance(name)
-        seen = np.isfinite(distance) & (distance > 0.0)
-        if np.count_nonzero(seen) < 3:
+        measured = np.isfinite(distance) & (distance > 0.0)
+        if np.count_nonzero(measured) < 3:
             return math.nan
-        return float(np.polyfit(np.log(np.array(self.sizes)[seen]), np.log(distance[seen]), 1)[0])
+        sizes = np.array(self.sizes)[measured]
+        return float(np.polyfit(np.log(sizes), np.log(distance[measured]), 1)[0])
 
     @property
     def table(self) -> Table:
@@ -102,18 +103,18 @@ class Convergence:
 
     def __str__(self) -> str:
         lines = []
-        at = self.sizes.index(self.own) if self.own in self.sizes else None
+        row = self.sizes.index(self.own) if self.own in self.sizes else None
         for name in self.values:
-            if at is None:
+            if row is None:
                 break
-            away = abs(float(self.values[name][at]) - self.truth[name])
+            distance = abs(float(self.values[name][row]) - self.truth[name])
             error = self.stated.get(name, math.nan)
-            within = "within" if away <= error else "beyond"
+            relation = "within" if distance <= error else "beyond"
             order = self.order(name)
-            falls = "" if math.isnan(order) else f"; order {order:.2g}"
+            order_text = "" if math.isnan(order) else f"; order {order:.2g}"
             lines.append(
-                f"{name}: {told(away, self.units[name], 2)} from the finest run, {within} the "
-                f"stated error {told(error, self.units[name], 2)}{falls}"
+                f"{name}: {told(distance, self.units[name], 2)} from the finest run, {relation} "
+                f"the stated error {told(error, self.units[name], 2)}{order_text}"
             )
         return "\n".join([*lines, "", str(self.table), *self.refused])
 
@@ -129,41 +130,41 @@ def convergence(
     Raises:
         JointplayError: the run itself, or the finest, cannot be made.
     """
-    of = "step" if simulation.tolerance is None else "tolerance"
-    own = float(getattr(simulation, of))
-    factors = [factor for factor in FACTORS if of == "step" or factor * own <= 1.0]
+    parameter = "step" if simulation.tolerance is None else "tolerance"
+    nominal = float(getattr(simulation, parameter))
+    factors = [factor for factor in FACTORS if parameter == "step" or factor * nominal <= 1.0]
     runs, refused = {}, []
     for factor in (*factors, FINEST):
-        size: dict[str, Any] = {of: factor * own}
+        size: dict[str, Any] = {parameter: factor * nominal}
         run = replace(simulation, **size)
-        if of == "step":  # records as far apart
+        if parameter == "step":  # records as far apart
             run = replace(run, record_every=max(round(simulation.record_every / factor), 1))
         try:
             Run(run)
         except JointplayError as error:
             if factor in (1.0, FINEST):
                 raise
-            refused.append(f"{of} {factor * own:g}: {error}")
+            refused.append(f"{parameter} {factor * nominal:g}: {error}")
             continue
         runs[factor] = run
-    found = ensemble([*runs.values()], jobs=jobs, keep=_or_reason, progress=progress)
+    outcomes = ensemble([*runs.values()], jobs=jobs, keep=_or_reason, progress=progress)
     figures: dict[float, Figures] = {}
-    for factor, one in zip(runs, found, strict=True):
-        if isinstance(one, str):
+    for factor, outcome in zip(runs, outcomes, strict=True):
+        if isinstance(outcome, str):
             if factor in (1.0, FINEST):
-                raise JointplayError(one)
-            refused.append(f"{of} {factor * own:g}: {one}")
+                raise JointplayError(outcome)
+            refused.append(f"{parameter} {factor * nominal:g}: {outcome}")
         else:
-            figures[factor] = one
+            figures[factor] = outcome
     truth = figures.pop(FINEST)
     stated = certify(simulation, progress=progress, strict=False, jobs=jobs)
     return Convergence(
-        of,
-        tuple(factor * own for factor in figures),
-        FINEST * own,
-        own,
+        parameter,
+        tuple(factor * nominal for factor in figures),
+        FINEST * nominal,
+        nominal,
         {name: unit for name, (_, unit) in truth.items()},
-        {name: np.array([one.get(name, (0.0,))[0] for one in figures.values()]) for name in truth},
+        {name: np.array([run.get(name, (0.0,))[0] for run in figures.values()]) for name in truth},
         {name: value for name, (value, _) in truth.items()},
         {figure.name: figure.error for figure in stated.headline},
         tuple(refused),
@@ -239,17 +240,17 @@ def laws(
     runs = {}
     for name in dict.fromkeys(names):
         law = NORMAL_LAWS[name]()
-        other = {joint: replace(mechanism.clearance[joint], normal=law) for joint in joints}
+        replaced = {joint: replace(mechanism.clearance[joint], normal=law) for joint in joints}
         runs[name] = replace(
-            simulation, mechanism=mechanism.with_clearance(mechanism.given_joints | other)
+            simulation, mechanism=mechanism.with_clearance(mechanism.given_joints | replaced)
         )
     keep = partial(_figures_and_force, joint=joints[0])
-    found = dict(
+    outcomes = dict(
         zip(runs, ensemble([*runs.values()], jobs=jobs, keep=keep, progress=progress), strict=True)
     )
     return LawComparison(
-        {name: figures for name, (figures, _) in found.items()},
-        {name: curve for name, (_, curve) in found.items()},
+        {name: figures for name, (figures, _) in outcomes.items()},
+        {name: curve for name, (_, curve) in outcomes.items()},
         joints[0],
     )
 
@@ -305,11 +306,11 @@ def spread(
     """
     require_whole("the number of runs", runs, 2)
     starts = [replace(simulation, seed=seed) for seed in range(runs)]
-    found = ensemble(starts, jobs=jobs, keep=_figures_and_curves, progress=progress)
-    figures, curves = [run[0] for run in found], [run[2] for run in found]
-    count = min(len(run[1]) for run in found)
-    times = found[0][1][:count]
-    judged = times >= max(run[3] for run in found)  # when no journal falls any more
+    results = ensemble(starts, jobs=jobs, keep=_figures_and_curves, progress=progress)
+    figures, curves = [run[0] for run in results], [run[2] for run in results]
+    count = min(len(run[1]) for run in results)
+    times = results[0][1][:count]
+    judged = times >= max(run[3] for run in results)  # when no journal falls any more
     return Spread(
         {name: np.array([run.get(name, (0.0,))[0] for run in figures]) for name in figures[0]},
         {name: unit for name, (_, unit) in figures[0].items()},

@@ -21,7 +21,7 @@ Arrays = dict[str, np.ndarray]
 """What is kept of a run: numbers of any shape, or texts, by name."""
 MOST_RUNS = 1_000_000
 """Runs at a time, at most."""
-_FOUND = "found"
+_VALUES = "found"
 _KIND = "file of runs"
 
 
@@ -39,28 +39,28 @@ class Runs(Memory[Arrays]):
     def __init__(self, path: Path, about: Mapping[str, Any]) -> None:
         super().__init__()
         self.recovery = f"the runs so far are in {str(path)!r}; the same command continues"
-        asked = {"asked": json.loads(json.dumps(dict(about)))}
+        inputs = {"inputs": json.loads(json.dumps(dict(about)))}
         with system_errors(f"cannot write {str(path)!r}"):
             path.parent.mkdir(parents=True, exist_ok=True)
             present = path.exists() and path.stat().st_size > 0
         if not present:
-            self._rows = Rows.make(path, asked, [Column(_FOUND, "TEXT")], _KIND)
+            self._rows = Rows.make(path, inputs, [Column(_VALUES, "TEXT")], _KIND)
             return
         try:
             self._rows = Rows(path, write=True, noun=_KIND)
         except JointplayError as error:
             raise JointplayError(f"{error}; delete it, or choose another folder") from None
         try:
-            self._take_up(asked["asked"])
+            self._take_up(inputs["inputs"])
         except BaseException:
             self._rows.close()
             raise
 
-    def _take_up(self, asked: Mapping[str, Any]) -> None:
-        was = self._rows.about.get("asked")
-        if not isinstance(was, dict) or [column.name for column in self._rows.columns] != [_FOUND]:
+    def _take_up(self, inputs: Mapping[str, Any]) -> None:
+        stored = self._rows.about.get("inputs")
+        if not isinstance(stored, dict) or [c.name for c in self._rows.columns] != [_VALUES]:
             raise JointplayError(f"{str(self._rows.path)!r} is no {_KIND}; delete it")
-        changed = [name for name in {**was, **asked} if was.get(name) != asked.get(name)]
+        changed = [name for name in {**stored, **inputs} if stored.get(name) != inputs.get(name)]
         if changed:
             raise JointplayError(
                 f"{str(self._rows.path)!r} was made for something else (another "
@@ -68,17 +68,17 @@ class Runs(Memory[Arrays]):
             )
         good = []
         for places, values in self._rows.blocks(MOST_RUNS):
-            for place, text in zip(places, values[_FOUND], strict=True):
+            for place, text in zip(places, values[_VALUES], strict=True):
                 with suppress(ValueError, TypeError, AttributeError):  # none of ours: run again
                     arrays = {name: _unpacked(column) for name, column in json.loads(text).items()}
                     self[_hashable(json.loads(place))] = arrays
-                    good.append((place, {_FOUND: text}))
+                    good.append((place, {_VALUES: text}))
         if not self._rows.intact:
-            self._rows.rebuild({"asked": asked}, self._rows.columns, good)
+            self._rows.rebuild({"inputs": inputs}, self._rows.columns, good)
 
     def keep(self, key: Any, value: Arrays) -> None:
         packed = {name: _packed(array) for name, array in value.items()}
-        self._rows.add(json.dumps(key), {_FOUND: json.dumps(packed)})
+        self._rows.add(json.dumps(key), {_VALUES: json.dumps(packed)})
         super().keep(key, value)
         if self._rows.path not in files.written:  # what an interruption says is there
             files.written.append(self._rows.path)

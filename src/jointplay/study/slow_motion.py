@@ -40,7 +40,7 @@ SAMPLES = 12_000
 def slow_motion(
     axis: Axis, start: float, play: bool, longest: float, first: float, later: float
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Times (n,) and places of link and motor (2, n), ever longer, from a start aside.
+    """Times (n,) and positions of link and motor (2, n), ever longer, from a start aside.
 
     Args:
         axis: under a servo.
@@ -53,19 +53,20 @@ def slow_motion(
         _rates(axis, 0.5 * axis.gear.play if play else 0.0), 0.0, [start] * 2 + [0.0] * 6,
         longest, rtol=RELATIVE, atol=ABSOLUTE,
     )  # fmt: skip
-    times, states, look = [0.0], [solver.y[:4].copy()], min(first, longest)
+    times, states, next_time = [0.0], [solver.y[:4].copy()], min(first, longest)
     for _ in range(STEPS):
         solver.step()
         if solver.status == "failed":
             return
         times.append(solver.t)
         states.append(solver.y[:4].copy())
-        if solver.t >= look or solver.status == "finished":
-            at, (q, v) = np.linspace(0.0, solver.t, SAMPLES), np.split(np.array(states), 2, axis=1)
-            yield at, CubicHermiteSpline(times, q, v)(at).T
+        if solver.t >= next_time or solver.status == "finished":
+            time = np.linspace(0.0, solver.t, SAMPLES)
+            q, v = np.split(np.array(states), 2, axis=1)
+            yield time, CubicHermiteSpline(times, q, v)(time).T
             if solver.status == "finished":
                 return
-            look *= later
+            next_time *= later
 
 
 def _friction(losses: JointFriction) -> Callable[[float, float], tuple[float, float]]:
@@ -93,7 +94,7 @@ def _rates(axis: Axis, half: float) -> Callable[[float, np.ndarray], tuple[float
     curve, loss, (grip, bend) = gear.curve(), gear.losses, gear.bristles
     slopes, ends = curve.slopes.tolist(), [*curve.twists.tolist(), math.inf]
     on_link, on_motor = _friction(axis.friction), _friction(servo.with_friction(JointFriction()))
-    most, limit = servo.voltage, math.inf if servo.effort is None else servo.effort
+    voltage, limit = servo.voltage, math.inf if servo.effort is None else servo.effort
 
     def rates(time: float, state: np.ndarray) -> tuple[float, ...]:
         link, motor, v, w, integral, link_bend, motor_bend, hysteresis = state.tolist()
@@ -107,25 +108,26 @@ def _rates(axis: Axis, half: float) -> Callable[[float, np.ndarray], tuple[float
             side = math.copysign(1.0, twist)
             elastic *= side
             teeth = side * max(side * elastic + gear.damping * side * rate, 0.0)
-        torque, held = teeth + hysteresis, elastic + hysteresis
+        torque, tooth_torque = teeth + hysteresis, elastic + hysteresis
         read, speed = (link, v) if servo.encoder == "link" else (motor, w)
         if servo.resolution:
             count = read / servo.resolution + 0.5
             steps = math.floor(count)
             read = servo.resolution * (steps - max(1.0 - (count - steps) / EDGE, 0.0))
         error = -math.copysign(max(abs(read) - servo.band, 0.0), read)
-        integral = min(max(integral, -most), most)
-        asked = servo.p_gain * error + integral - servo.d_gain * speed
-        effort = servo.stall * min(max(asked, -most), most) - servo.braking * w
+        integral = min(max(integral, -voltage), voltage)
+        command = servo.p_gain * error + integral - servo.d_gain * speed
+        effort = servo.stall * min(max(command, -voltage), voltage) - servo.braking * w
         rise = servo.i_gain * error
-        rise = 0.0 if abs(integral) >= most and rise * integral > 0.0 else rise
-        rubs, link_rate = on_link(v, link_bend)
-        brakes, motor_rate = on_motor(w, motor_bend)
-        dry = loss.running + (loss.driving if held * w > 0.0 else loss.driven) * abs(held)
-        brakes += dry * math.tanh(w / JOINT_FRICTION_SPEED) + loss.viscous * w
+        rise = 0.0 if abs(integral) >= voltage and rise * integral > 0.0 else rise
+        link_friction, link_rate = on_link(v, link_bend)
+        motor_friction, motor_rate = on_motor(w, motor_bend)
+        share = loss.driving if tooth_torque * w > 0.0 else loss.driven
+        dry = loss.running + share * abs(tooth_torque)
+        motor_friction += dry * math.tanh(w / JOINT_FRICTION_SPEED) + loss.viscous * w
         return (
-            v, w, (torque + axis.load - rubs) / axis.inertia,
-            (min(max(effort, -limit), limit) - brakes - torque) / gear.rotor_inertia,
+            v, w, (torque + axis.load - link_friction) / axis.inertia,
+            (min(max(effort, -limit), limit) - motor_friction - torque) / gear.rotor_inertia,
             rise, link_rate, motor_rate, grip / bend * rate - abs(rate) / bend * hysteresis,
         )  # fmt: skip
 

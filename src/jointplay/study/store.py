@@ -97,8 +97,8 @@ class SweepStore:
             for name, (along, values, about) in self.plan.coordinates.items()
             if name == along
         }
-        mine = {"identity": dict(self.plan.identity), "sizes": dict(self.plan.sizes)}
-        return {**self.plan.attributes, **mine, "labels": labels, "versions": versions()}
+        study = {"identity": dict(self.plan.identity), "sizes": dict(self.plan.sizes)}
+        return {**self.plan.attributes, **study, "labels": labels, "versions": versions()}
 
     def _values(self) -> list[Column]:
         """Columns of the values of cases, and `SAID`."""
@@ -113,15 +113,15 @@ class SweepStore:
         """Go on with an old store; of what is damaged the cases count as not run."""
         contents = Contents(self._rows)
         self._check_study(contents.about, extend)
-        before = contents.sizes
-        if list(before) != list(self.plan.sizes) or np.any(
-            np.array(list(before.values())) > self.plan.shape
+        sizes = contents.sizes
+        if list(sizes) != list(self.plan.sizes) or np.any(
+            np.array(list(sizes.values())) > self.plan.shape
         ):
             raise damaged(self._rows.path, "sweep", f"its sizes are {contents.sizes}")
         for index, values in contents.blocks():
             good = np.array([
-                not sealed or _is_sealed(self.path / RESULTS / file_of(at), sealed)
-                for at, sealed in zip(index.tolist(), values["result"], strict=True)
+                not sealed or _is_sealed(self.path / RESULTS / file_of(case), sealed)
+                for case, sealed in zip(index.tolist(), values["result"], strict=True)
             ])  # fmt: skip
             self.ran[tuple(index[good].T)] = True
             self.failed += int(np.count_nonzero(values["status"][good] == FAILED))
@@ -135,29 +135,29 @@ class SweepStore:
     def _rows_run(self, contents: Contents) -> Iterator[tuple[str, dict[str, Any]]]:
         """Rows of the cases that have been run, with their values as the plan has them now."""
         for index, values in contents.blocks():
-            for k, at in enumerate(map(tuple, index.tolist())):
-                if self.ran[at]:
+            for k, position in enumerate(map(tuple, index.tolist())):
+                if self.ran[position]:
                     row = {name: column[k] for name, column in values.items()}
-                    yield place_of(at), {**row, **self.plan.values(at)}
+                    yield place_of(position), {**row, **self.plan.values(position)}
 
     def _check_study(self, about: Mapping[str, Any], extend: bool) -> None:
         """Refuse a store of another study."""
         changes = differences(about["identity"], self.plan.identity)
         grown = self.plan.grown(about["identity"], list(about["sizes"]))
-        beyond = changes.keys() - grown
-        mine, theirs = self._about()["versions"]["jointplay"], about["versions"].get("jointplay")
-        if mine != theirs:
-            changes["version"] = f"jointplay is {mine} instead of {theirs}"
-            beyond |= {"version"}
-        if beyond or (changes and not extend):
-            shown = list(changes.values())[:MOST_DIFFERENCES]
-            more = len(changes) - len(shown)
-            shown += [f"and {more} more"] if more else []
+        conflicts = changes.keys() - grown
+        current, stored = self._about()["versions"]["jointplay"], about["versions"].get("jointplay")
+        if current != stored:
+            changes["version"] = f"jointplay is {current} instead of {stored}"
+            conflicts |= {"version"}
+        if conflicts or (changes and not extend):
+            messages = list(changes.values())[:MOST_DIFFERENCES]
+            hidden = len(changes) - len(messages)
+            messages += [f"and {hidden} more"] if hidden else []
             advice = (
-                "choose another name for the store" if beyond else "--extend adds the new cases"
+                "choose another name for the store" if conflicts else "--extend adds the new cases"
             )
             raise JointplayError(
-                f"{str(self.path)!r} belongs to another sweep: {'; '.join(shown)}; {advice}"
+                f"{str(self.path)!r} belongs to another sweep: {'; '.join(messages)}; {advice}"
             )
 
     def grow(self, plan: SweepPlan) -> None:
@@ -166,9 +166,9 @@ class SweepStore:
         Raises:
             JointplayError: the store cannot be written.
         """
-        self.plan, before = plan, self.ran
+        self.plan, ran = plan, self.ran
         self.ran = np.zeros(plan.shape, bool)
-        self.ran[tuple(map(slice, before.shape))] = before
+        self.ran[tuple(map(slice, ran.shape))] = ran
         self._rows.set_about(self._about())
 
     # ---- Cases ----------------------------------------------------------------------------------
@@ -183,21 +183,21 @@ class SweepStore:
             JointplayError: the disk is full; the cases before are kept.
         """
         outcome = self._fitted(outcome)
-        known = {column.name for column in self._rows.columns}
-        if new := [name for name in outcome.values if name not in known]:
-            self._rows.add_columns([self._measure(name) for name in new])
+        names = {column.name for column in self._rows.columns}
+        if new_names := [name for name in outcome.values if name not in names]:
+            self._rows.add_columns([self._measure(name) for name in new_names])
         sealed = ""
         if outcome.result is not None:
             from jointplay.simulation.result import netcdf
 
-            place = self.path / RESULTS / file_of(outcome.index)
-            with files.system_errors(f"cannot write {str(place)!r}"):
-                place.parent.mkdir(exist_ok=True)
-            files.write(place, outcome.result, overwrite=True, announced=False)
+            path = self.path / RESULTS / file_of(outcome.index)
+            with files.system_errors(f"cannot write {str(path)!r}"):
+                path.parent.mkdir(exist_ok=True)
+            files.write(path, outcome.result, overwrite=True, announced=False)
             sealed = netcdf.seal_of(outcome.result)
-        about = {"status": outcome.status, "error": outcome.error, "result": sealed}
+        fields = {"status": outcome.status, "error": outcome.error, "result": sealed}
         values = self.plan.values(outcome.index)
-        self._rows.add(place_of(outcome.index), {**outcome.values, **values, **about})
+        self._rows.add(place_of(outcome.index), {**outcome.values, **values, **fields})
         self.ran[outcome.index] = True
         self.failed += outcome.status == FAILED
 
@@ -208,15 +208,15 @@ class SweepStore:
     def _fitted(self, outcome: Outcome) -> Outcome:
         """The outcome; one that has failed if a measure's name is not to be had."""
         reserved = {*self.plan.coordinates, *(column.name for column in SAID)}
-        bad = [name for name in outcome.values if name in reserved or not name.isprintable()]
-        bad += [name for name in outcome.values if not name]
-        known = {column.name for column in self._rows.columns}
-        reason = f"a measure cannot be called {min(bad)!r}" if bad else ""
-        if len(known | outcome.values.keys()) > MOST_COLUMNS:
+        invalid = [name for name in outcome.values if name in reserved or not name.isprintable()]
+        invalid += [name for name in outcome.values if not name]
+        names = {column.name for column in self._rows.columns}
+        reason = f"a measure cannot be called {min(invalid)!r}" if invalid else ""
+        if len(names | outcome.values.keys()) > MOST_COLUMNS:
             reason = f"there are more than {MOST_COLUMNS} measures and values"
         if not reason:
             return outcome
-        values = {name: x for name, x in outcome.values.items() if name in known - reserved}
+        values = {name: x for name, x in outcome.values.items() if name in names - reserved}
         return Outcome(outcome.index, FAILED, values, reason)
 
     def column(self, name: str) -> np.ndarray:
@@ -227,8 +227,8 @@ class SweepStore:
         """
         contents = Contents(self._rows)
         if name not in (measure.name for measure in contents.measures):
-            known = ", ".join(measure.name for measure in contents.measures)
-            raise JointplayError(f"no case has the measure {name!r}; there are: {known}")
+            names = ", ".join(measure.name for measure in contents.measures)
+            raise JointplayError(f"no case has the measure {name!r}; there are: {names}")
         grid = np.full(self.plan.shape, np.nan)
         for index, values in contents.blocks():
             grid[tuple(index.T)] = values[name]
@@ -262,14 +262,14 @@ def _is_sealed(path: Path, sealed: str) -> bool:
     return False
 
 
-def differences(old: Mapping[str, str], new: Mapping[str, str]) -> dict[str, str]:
+def differences(former: Mapping[str, str], present: Mapping[str, str]) -> dict[str, str]:
     """In what two studies differ, in words by key."""
     changes = {}
-    for key in dict.fromkeys((*old, *new)):
-        was, now = old.get(key, "not given"), new.get(key, "not given")
-        if was != now:
-            file = key.startswith("file ") and "not given" not in (was, now)
-            text = "has changed" if file else f"is {_short(now)} instead of {_short(was)}"
+    for key in dict.fromkeys((*former, *present)):
+        before, now = former.get(key, "not given"), present.get(key, "not given")
+        if before != now:
+            file = key.startswith("file ") and "not given" not in (before, now)
+            text = "has changed" if file else f"is {_short(now)} instead of {_short(before)}"
             changes[key] = f"{key} {text}"
     return changes
 

@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     from jointplay.simulation.result.result import Result
     from jointplay.simulation.simulation import Simulation
 
-Item = TypeVar("Item")
+Case = TypeVar("Case")
 Value = TypeVar("Value")
-Taken = TypeVar("Taken", contravariant=True)
-Given = TypeVar("Given", covariant=True)
+Input = TypeVar("Input", contravariant=True)
+Output = TypeVar("Output", covariant=True)
 
 
-class Store(Protocol[Taken]):
+class Store(Protocol[Input]):
     """Keeps what was found, by the keys of cases."""
 
     @property
@@ -36,7 +36,7 @@ class Store(Protocol[Taken]):
     def __contains__(self, key: Any) -> bool:
         """Whether a case has been run."""
 
-    def keep(self, key: Any, value: Taken, /) -> None:
+    def keep(self, key: Any, value: Input, /) -> None:
         """Keep what was found of a case."""
 
 
@@ -49,17 +49,17 @@ class Memory(dict[Any, Value]):
         self[key] = value
 
 
-class Workers(Protocol[Taken, Given]):
+class Workers(Protocol[Input, Output]):
     """Who runs cases: this process, others of this machine, or those of a cluster."""
 
-    def run(self, items: Iterable[tuple[Any, Taken]]) -> Iterator[tuple[Any, Given]]:
+    def run(self, cases: Iterable[tuple[Any, Input]]) -> Iterator[tuple[Any, Output]]:
         """Do the work for these items, by key; gives what comes of them, as it comes."""
 
     def close(self) -> None:
         """End them; what they were doing is given up."""
 
 
-class Study(Generic[Item, Value]):
+class Study(Generic[Case, Value]):
     """Many runs.
 
     Args:
@@ -74,8 +74,8 @@ class Study(Generic[Item, Value]):
 
     def __init__(
         self,
-        plan: Mapping[Any, Item] | Iterable[Item],
-        measure: Callable[[Item], Value],
+        plan: Mapping[Any, Case] | Iterable[Case],
+        measure: Callable[[Case], Value],
         store: Store[Value] | None = None,
         *,
         name: str = "",
@@ -91,8 +91,8 @@ class Study(Generic[Item, Value]):
         jobs: int | None = None,
         progress: bool | ProgressBar = False,
         *,
-        workers: Workers[Item, Value] | None = None,
-        **shown: Any,
+        workers: Workers[Case, Value] | None = None,
+        **bar_options: Any,
     ) -> Generator[tuple[Any, Value]]:
         """Run what is left; gives each case's key and what was found, once that has been kept.
 
@@ -111,19 +111,19 @@ class Study(Generic[Item, Value]):
         finished = sum(key in self.store for key in self.plan) if by_key else 0
         with ExitStack() as stack:
             if workers is None:
-                left = None if self.count is None else range(self.count - finished)
-                workers = stack.enter_context(closing(self._workers(number_of(jobs, left))))
+                pending = None if self.count is None else range(self.count - finished)
+                workers = stack.enter_context(closing(self._workers(number_of(jobs, pending))))
             bar = progress if isinstance(progress, ProgressBar) else None
             if bar is None:
-                about = {"unit": "run", **shown, "total": self.count, "initial": finished}
-                bar = stack.enter_context(ProgressBar(disable=not progress, **about))
-            for key, value in workers.run(self._left()):
+                options = {"unit": "run", **bar_options, "total": self.count, "initial": finished}
+                bar = stack.enter_context(ProgressBar(disable=not progress, **options))
+            for key, value in workers.run(self._pending()):
                 self.store.keep(key, value)
                 yield key, value
                 bar.update()
 
     def run(
-        self, jobs: int | None = None, progress: bool | ProgressBar = False, **shown: Any
+        self, jobs: int | None = None, progress: bool | ProgressBar = False, **bar_options: Any
     ) -> list[Value]:
         """Run what is left; gives what was found of all cases, in order. See `outcomes`.
 
@@ -132,28 +132,28 @@ class Study(Generic[Item, Value]):
         """
         if not isinstance(self.store, Memory):
             raise TypeError("outcomes() runs a study whose store is not in memory")
-        for _ in self.outcomes(jobs, progress, **shown):
+        for _ in self.outcomes(jobs, progress, **bar_options):
             pass
         keys = self.plan if isinstance(self.plan, Mapping) else range(self._started)
         return [self.store[key] for key in keys]
 
-    def _left(self) -> Iterator[tuple[Any, Item]]:
+    def _pending(self) -> Iterator[tuple[Any, Case]]:
         """Cases that the store has not, by key, as they are taken."""
         if isinstance(self.plan, Mapping):
             yield from ((key, self.plan[key]) for key in self.plan if key not in self.store)
             return
-        for place, item in enumerate(self.plan):
-            self._started = place + 1
-            yield place, item
+        for number, case in enumerate(self.plan):
+            self._started = number + 1
+            yield number, case
 
-    def _workers(self, number: int) -> Workers[Item, Value]:
+    def _workers(self, number: int) -> Workers[Case, Value]:
         if number == 1:
             return Serial(self.measure, name=self.name)
         from jointplay.physics import kernel
 
         kernel.caller_of()  # once, for all of them
-        left = self.store.recovery
-        return Pool(self.measure, number, early=self._early, recovery=left, name=self.name)
+        recovery = self.store.recovery
+        return Pool(self.measure, number, early=self._early, recovery=recovery, name=self.name)
 
 
 @dataclass(frozen=True)

@@ -107,13 +107,13 @@ class SweepPlan:
 
     def changes(self, index: Index) -> dict[str, Any]:
         changes: dict[str, Any] = {}
-        at = dict(zip(self.sizes, index, strict=True))
+        position = dict(zip(self.sizes, index, strict=True))
         for axis in self.axes:
-            changes = self.with_value(axis, axis.values[at[axis.name]], changes)
+            changes = self.with_value(axis, axis.values[position[axis.name]], changes)
         for k, axis in enumerate(self.drawn):
-            changes = self.with_value(axis, float(self.drawn_values[at[SAMPLE], k]), changes)
+            changes = self.with_value(axis, float(self.drawn_values[position[SAMPLE], k]), changes)
         if self.repeats > 1:
-            set_key(changes, self.base, ("integration", "seed"), self.seed + at[REPEAT])
+            set_key(changes, self.base, ("integration", "seed"), self.seed + position[REPEAT])
         return changes
 
     def with_value(
@@ -128,12 +128,13 @@ class SweepPlan:
         return changed
 
     def values(self, index: Index) -> dict[str, Any]:
-        at = dict(zip(self.sizes, index, strict=True))
-        coordinates = {axis.name: axis.coordinate[at[axis.name]].item() for axis in self.axes}
+        position = dict(zip(self.sizes, index, strict=True))
+        coordinates = {axis.name: axis.coordinate[position[axis.name]].item() for axis in self.axes}
         coordinates |= {
-            axis.name: float(self.drawn_values[at[SAMPLE], k]) for k, axis in enumerate(self.drawn)
+            axis.name: float(self.drawn_values[position[SAMPLE], k])
+            for k, axis in enumerate(self.drawn)
         }
-        return coordinates | ({REPEAT: at[REPEAT]} if self.repeats > 1 else {})
+        return coordinates | ({REPEAT: position[REPEAT]} if self.repeats > 1 else {})
 
     @property
     def cases(self) -> Cases:
@@ -194,10 +195,10 @@ class SweepPlan:
             return set()
         keys = set()
         for key in (key for key in self.identity if key.startswith("sweep.")):
-            was, now = (json.loads(texts.get(key, "null")) for texts in (identity, self.identity))
-            longer = isinstance(was, list) and isinstance(now, list) and now[: len(was)] == was
+            old, new = (json.loads(texts.get(key, "null")) for texts in (identity, self.identity))
+            longer = isinstance(old, list) and isinstance(new, list) and new[: len(old)] == old
             grows = key == "sweep.repeats" or (key == "sweep.samples" and self.sampling in GROWING)
-            if (key.startswith("sweep.axes.") and longer) or (grows and now >= (was or 1)):
+            if (key.startswith("sweep.axes.") and longer) or (grows and new >= (old or 1)):
                 keys.add(key)
         return keys
 
@@ -207,7 +208,7 @@ class SweepPlan:
         base = {k: v for k, v in self.base.items() if k not in ("title", "output")}
         base["output"] = {"record_every": self.base.get("output", {}).get("record_every", 10)}
         entries = dict(_flat(base))
-        table = {word: self.table[word] for word in WORDS if word in self.table}
+        table = {option: self.table[option] for option in OPTIONS if option in self.table}
         table.setdefault("seed", self.seed)
         entries |= {f"sweep.{key}": text for key, text in _flat(table)}
         for name, text in self.inputs.items():
@@ -218,18 +219,18 @@ class SweepPlan:
     def inputs(self) -> dict[str, str]:
         """Text of the files that the cases need, by the names that the scenario gives them."""
         folder = self.scenario.path.parent
-        named: set[tuple[str, str]] = set(_named(self.base))
+        references: set[tuple[str, str]] = set(_references(self.base))
         for axis in self.axes:
             for value in axis.values:
-                named |= set(_named(value))
-                named |= {names for key in axis.keys for names in _named({key[-1]: value})}
-        named |= {("function", name) for name in self.measures}
+                references |= set(_references(value))
+                references |= {x for key in axis.keys for x in _references({key[-1]: value})}
+        references |= {("function", name) for name in self.measures}
         texts = {}
-        for word, name in sorted(named):
-            if word == "urdf":
+        for kind, name in sorted(references):
+            if kind == "urdf":
                 robot = self.base["robot"] if self.base["robot"]["urdf"] == name else {}
                 texts[name] = urdf_text(source_of(name, folder), robot.get("xacro", {}))
-            elif word == "file":
+            elif kind == "file":
                 texts[name] = read_text(resolve(name, folder), "file")
             elif (module := imported.get(name.partition(":")[0])) and (file := file_of(module)):
                 texts[file.name] = read_text(file, "module")
@@ -252,17 +253,17 @@ class Cases(Mapping[Index, tuple[Index, dict[str, Any]]]):
         return index, self.plan.changes(index)
 
 
-def _named(value: Any) -> Iterator[tuple[str, str]]:
+def _references(value: Any) -> Iterator[tuple[str, str]]:
     """Files and functions that tables of a scenario name: (kind, name)."""
     if isinstance(value, Mapping):
         for key, inner in value.items():
             if key in ("urdf", "file", "function") and isinstance(inner, str):
                 yield str(key), inner
             elif key != "xacro":  # whose arguments may have any name
-                yield from _named(inner)
+                yield from _references(inner)
     elif isinstance(value, list | tuple):
         for inner in value:
-            yield from _named(inner)
+            yield from _references(inner)
 
 
 def _flat(value: Any, path: Key = ()) -> Iterator[tuple[str, str]]:
@@ -295,11 +296,11 @@ def plan_of(
     table = {**scenario.sweep, **{k: v for k, v in options.items() if v is not None}}
     if axes is not None:
         table["axes"] = dict(axes)
-    for word in table:
-        if word not in WORDS:
-            raise scenario.error(("sweep", word), unknown_key(str(word), WORDS))
-    place = () if axes is not None else ("sweep", "axes")
-    all_axes = _axes(scenario, table.get("axes", {}), place)
+    for option in table:
+        if option not in OPTIONS:
+            raise scenario.error(("sweep", option), unknown_key(str(option), OPTIONS))
+    path = () if axes is not None else ("sweep", "axes")
+    all_axes = _axes(scenario, table.get("axes", {}), path)
     plan = SweepPlan(
         scenario,
         _case(scenario, table.get("case")),
@@ -315,13 +316,13 @@ def plan_of(
     return plan
 
 
-def _axes(scenario: Scenario, tables: Any, place: Key) -> list[Axis]:
+def _axes(scenario: Scenario, tables: Any, path: Key) -> list[Axis]:
     if not isinstance(tables, Mapping):
         message = f"{toml_text(tables)} is not a table of axes by name"
         raise scenario.error(("sweep", "axes"), message)
     axes: list[Axis] = []
     for name, table in tables.items():
-        where = (*place, name) if place else ()
+        axis_path = (*path, name) if path else ()
         try:
             axis = read(str(name), table)
             names = [a.name for a in axes]
@@ -331,8 +332,8 @@ def _axes(scenario: Scenario, tables: Any, place: Key) -> list[Axis]:
                 raise JointplayError(f"an axis cannot be called {toml_text(axis.name)}")
             axes.append(axis)
         except JointplayError as error:
-            message = str(error) if place else f"axis {toml_text(str(name))}: {error}"
-            raise scenario.error(where, message) from None
+            message = str(error) if path else f"axis {toml_text(str(name))}: {error}"
+            raise scenario.error(axis_path, message) from None
     return axes
 
 
@@ -346,8 +347,8 @@ def _case(scenario: Scenario, case: Any) -> str:
     return str(case)
 
 
-def _integer(least: int) -> Callable[[Any], int]:
-    return lambda value: require_whole("it", value, least, 2**62 - 1)
+def _integer(minimum: int) -> Callable[[Any], int]:
+    return lambda value: require_whole("it", value, minimum, 2**62 - 1)
 
 
 def _names(value: Any) -> tuple[str, ...]:
@@ -367,17 +368,17 @@ _READERS: dict[str, Callable[[Any], Any]] = {
     "until": read_until,
 }
 """What the keys of the table take, but for the axes and the case."""
-WORDS = ("axes", "case", *_READERS)
+OPTIONS = ("axes", "case", *_READERS)
 
 
 def _numbers(scenario: Scenario, table: Mapping[str, Any]) -> dict[str, Any]:
     fields = {}
-    for word, reader in _READERS.items():
+    for option, reader in _READERS.items():
         try:
-            if word in table:
-                fields[word] = reader(table[word])
+            if option in table:
+                fields[option] = reader(table[option])
         except JointplayError as error:
-            raise scenario.error(("sweep", word), f"{word}: {error}") from None
+            raise scenario.error(("sweep", option), f"{option}: {error}") from None
     return fields
 
 
@@ -397,10 +398,10 @@ def _check(plan: SweepPlan) -> None:
         if not plan.drawn:
             raise JointplayError("until needs an axis with a distribution; there is none")
         if plan.sampling not in GROWING:
-            others = " or ".join(GROWING)
-            raise JointplayError(f"until adds samples, which {plan.sampling} cannot; take {others}")
-        if (most := plan.until.most) < plan.samples:
-            raise JointplayError(f"until stops at {most} samples, but samples is {plan.samples}")
+            choice = " or ".join(GROWING)
+            raise JointplayError(f"until adds samples, which {plan.sampling} cannot; take {choice}")
+        if (limit := plan.until.most) < plan.samples:
+            raise JointplayError(f"until stops at {limit} samples, but samples is {plan.samples}")
     if plan.count > MOST_CASES:
         raise JointplayError(f"{plan.summary}; at most {MOST_CASES} are possible")
     if plan.drawn:
@@ -413,19 +414,19 @@ def _check(plan: SweepPlan) -> None:
 
 def _check_keys(plan: SweepPlan) -> None:
     """Refuse two axes that put their values at the same place."""
-    places: dict[Key, str] = {}
+    paths: dict[Key, str] = {}
     for axis in (*plan.axes, *plan.drawn):
         keys = axis.keys or tuple({(str(k),) for change in axis.values for k in change})
         for key in axis.keys:
-            for earlier, name in places.items():
+            for earlier, name in paths.items():
                 size = min(len(key), len(earlier))
                 if key[:size] == earlier[:size]:
                     raise JointplayError(
                         f"axes {toml_text(name)} and {toml_text(axis.name)} contradict each other: "
                         f"both set {dotted(min(key, earlier, key=len))}"
                     )
-        places |= dict.fromkeys(keys if axis.keys else (), axis.name)
+        paths |= dict.fromkeys(keys if axis.keys else (), axis.name)
     seed: Key = ("integration", "seed")
-    if plan.repeats > 1 and seed in places:
-        name = toml_text(places[seed])
+    if plan.repeats > 1 and seed in paths:
+        name = toml_text(paths[seed])
         raise JointplayError(f"repeats sets integration.seed, and so does axis {name}")

@@ -33,7 +33,7 @@ from jointplay.study.measures import BEARING, USER
 from jointplay.study.outcome import FAILED, NOT_RUN
 from jointplay.study.sweep_plan import REPEAT, SAMPLE
 
-SHOWN = (
+HEADLINE = (
     ("tool_error_rms_total", "µm", 1e6),
     ("tool_error_peak_total", "µm", 1e6),
     ("tool_error_stops_total", "µm", 1e6),
@@ -95,7 +95,7 @@ def columns_of(dataset: xr.Dataset) -> list[tuple[str, str, float]]:
         for name in _measures(dataset)
         if dataset[name].attrs.get("origin") == USER
     ]
-    return [column for column in (*SHOWN, *users) if column[0] in dataset]
+    return [column for column in (*HEADLINE, *users) if column[0] in dataset]
 
 
 def _measures(dataset: xr.Dataset) -> list[str]:
@@ -128,8 +128,8 @@ def scale(dataset: xr.Dataset, name: str) -> tuple[float, str]:
     if name not in dataset or dataset[name].dtype.kind not in "fi":
         return 1.0, ""
     values = np.abs(dataset[name].values.astype(float))
-    size, word = handy(float(np.nanmax(values, initial=0.0)), unit)
-    return 1.0 / size, word
+    size, symbol = handy(float(np.nanmax(values, initial=0.0)), unit)
+    return 1.0 / size, symbol
 
 
 def label(dataset: xr.Dataset, name: str) -> str:
@@ -138,8 +138,8 @@ def label(dataset: xr.Dataset, name: str) -> str:
 
 
 def _head(name: str, unit: str) -> str:
-    plain = name.replace("_", " ")
-    return f"{plain} [{unit}]" if unit and unit != "1" else plain
+    text = name.replace("_", " ")
+    return f"{text} [{unit}]" if unit and unit != "1" else text
 
 
 def coordinate_text(dataset: xr.Dataset, name: str, index: int) -> str:
@@ -168,17 +168,17 @@ def select(dataset: xr.Dataset, only: Mapping[str, str]) -> xr.Dataset:
         coordinates = dataset[name].values if labelled else np.arange(dataset.sizes[name])
         if labelled and coordinates.dtype.kind in "fi":
             unit = str(dataset[name].attrs.get("units", ""))
-            wanted: Any = text
+            quantity: Any = text
             with suppress(ValueError):  # plain numbers are in SI
-                wanted, unit = float(text), ""
+                quantity, unit = float(text), ""
             try:
-                index = int(np.abs(coordinates - float(convert(wanted, unit))).argmin())
+                index = int(np.abs(coordinates - float(convert(quantity, unit))).argmin())
             except ValueError as error:
                 raise JointplayError(f"{name}: {error}") from None
         else:
-            known = [str(value) for value in coordinates]
-            require_known(f"value of {name}:", text, known)
-            index = known.index(text)
+            labels = [str(value) for value in coordinates]
+            require_known(f"value of {name}:", text, labels)
+            index = labels.index(text)
         dataset = dataset.isel({name: [index]})
     return dataset
 

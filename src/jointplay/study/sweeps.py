@@ -75,8 +75,8 @@ def _first_run(plan: SweepPlan, bench: Bench, indices: Iterable[Index]) -> Run:
     raise errors[0]
 
 
-def _amount(value: float, units: Sequence[tuple[float, str]], least: float) -> str:
-    size, name = next((pair for pair in units[:-1] if value >= least * pair[0]), units[-1])
+def _amount(value: float, units: Sequence[tuple[float, str]], smallest: float) -> str:
+    size, name = next((pair for pair in units[:-1] if value >= smallest * pair[0]), units[-1])
     part = value / size
     return f"{part:.2g} {name}" if part < 100.0 and size > 1.0 else f"{part:.0f} {name}"
 
@@ -171,24 +171,24 @@ def run_plan(
     plan = _largest_so_far(plan, Path(path)) if resume or extend else plan
     with ExitStack() as stack:
 
-        def hire(left: int) -> Workers[Case, Outcome]:
-            workers = workers_for(plan, number if plan.until else min(number, left), scheduler)
+        def hire(count: int) -> Workers[Case, Outcome]:
+            workers = workers_for(plan, number if plan.until else min(number, count), scheduler)
             stack.callback(workers.close)
             return workers
 
-        new = not is_there(Path(path), resume or extend)
+        fresh = not is_there(Path(path), resume or extend)
         # Those of a cluster may not answer: then nothing is to be written.
-        workers = hire(plan.count) if new and scheduler is not None else None
+        workers = hire(plan.count) if fresh and scheduler is not None else None
         store = SweepStore(path, plan, resume, extend)
         try:
             while True:
-                left = int(np.count_nonzero(~store.ran))
-                workers = hire(left) if left and workers is None else workers
+                count = int(np.count_nonzero(~store.ran))
+                workers = hire(count) if count and workers is None else workers
                 if begin is not None:
                     begin(first.scenario.notes)
                     begin = None
                 if workers is not None:
-                    _run_all(store, workers, left, progress)
+                    _run_all(store, workers, count, progress)
                 if _enough(store):
                     break
                 store.grow(store.plan.with_samples(2 * store.plan.samples))
@@ -212,10 +212,10 @@ def workers_for(
     return Pool(partial(run_case, job(plan)), number, lost=_lost, small=True)
 
 
-def _run_all(store: SweepStore, workers: Workers[Case, Outcome], left: int, progress: bool) -> None:
+def _run_all(store: SweepStore, workers: Workers[Case, Outcome], runs: int, progress: bool) -> None:
     plan = store.plan
     bar = ProgressBar(
-        total=plan.count, initial=plan.count - left, disable=not progress, unit="cases"
+        total=plan.count, initial=plan.count - runs, disable=not progress, unit="cases"
     )
     study = Study(plan.cases, partial(run_case, job(plan)), store)
     with bar:
@@ -288,34 +288,34 @@ def _check_values(plan: SweepPlan, bench: Bench, progress: bool) -> None:
     Of a distribution, the extremes of its samples are looked at; of a long list or range, as many
     values as `MOST_CHECKED`, its ends among them.
     """
-    tried = [
+    rows = [
         (axis, number, axis.values[number], axis.coordinate[number])
         for axis in plan.axes
         for number in _spread(len(axis.values), MOST_CHECKED)
     ]
     for axis, column in zip(plan.drawn, plan.drawn_values.T if plan.drawn else (), strict=True):
-        ends = dict.fromkeys((int(np.argmin(column)), int(np.argmax(column))))
-        tried += [(axis, number, float(column[number]), column[number]) for number in ends]
-    bar = ProgressBar(tried, "checking values", disable=not progress, delay=PATIENCE_S, leave=False)
+        extremes = dict.fromkeys((int(np.argmin(column)), int(np.argmax(column))))
+        rows += [(axis, number, float(column[number]), column[number]) for number in extremes]
+    bar = ProgressBar(rows, "checking values", disable=not progress, delay=PATIENCE_S, leave=False)
     for axis, number, value, coordinate in bar:
         reason = _refusal(plan, bench, axis, number, value)
         if reason is None:
             continue
-        shown, more = toml_text(value) if axis.keys else str(coordinate), ""
+        text, detail = toml_text(value) if axis.keys else str(coordinate), ""
         if axis.sampled:
-            shown = f"{coordinate:g} {axis.unit}".rstrip()
-            more = f" (sample {number + 1} of {plan.sizes[SAMPLE]}; from and to keep them inside)"
+            text = f"{coordinate:g} {axis.unit}".rstrip()
+            detail = f" (sample {number + 1} of {plan.sizes[SAMPLE]}; from and to keep them inside)"
         raise JointplayError(
-            f"{plan.scenario.path}, sweep: axis {axis.name!r} cannot take {shown}: {reason}{more}"
+            f"{plan.scenario.path}, sweep: axis {axis.name!r} cannot take {text}: {reason}{detail}"
         )
 
 
 def _refusal(plan: SweepPlan, bench: Bench, axis: Axis, number: int, value: Any) -> str | None:
     """Why neither the scenario nor any of a few cases can take a value; None if one can."""
-    place = list(plan.sizes).index(SAMPLE if axis.sampled else axis.name)
+    dimension = list(plan.sizes).index(SAMPLE if axis.sampled else axis.name)
     candidates = (
         plan.with_value(axis, value),
-        *(plan.changes(case) for case in _some(plan, {place: number})),
+        *(plan.changes(case) for case in _some(plan, {dimension: number})),
     )
     reason = None
     for changes in candidates:
@@ -329,28 +329,28 @@ def _refusal(plan: SweepPlan, bench: Bench, axis: Axis, number: int, value: Any)
     return reason
 
 
-def _spread(size: int, most: int) -> list[int]:
+def _spread(size: int, count: int) -> list[int]:
     """As many whole numbers below `size`, or all; the first and the last are among them."""
-    return [int(k) for k in np.unique(np.linspace(0, size - 1, min(size, most)).astype(int))]
+    return [int(k) for k in np.unique(np.linspace(0, size - 1, min(size, count)).astype(int))]
 
 
-def _some(plan: SweepPlan, held: Mapping[int, int] | None = None) -> Iterator[Index]:
+def _some(plan: SweepPlan, fixed: Mapping[int, int] | None = None) -> Iterator[Index]:
     """A few cases from all of the sweep; `held` are indices by dimension that they have."""
-    held = held or {}
-    shape = tuple(1 if k in held else size for k, size in enumerate(plan.shape))
+    fixed = fixed or {}
+    shape = tuple(1 if k in fixed else size for k, size in enumerate(plan.shape))
     for number in _spread(math.prod(shape), 16):
         index = map(int, np.unravel_index(number, shape))
-        yield tuple(held.get(k, at) for k, at in enumerate(index))
+        yield tuple(fixed.get(k, position) for k, position in enumerate(index))
 
 
 def _check_joints(plan: SweepPlan, bench: Bench) -> None:
     """Say of a joint that does not exist that it is the axis which names it."""
     tables = plan.base.get("joints", {})
-    unknown = [name for name in plan.joints if name not in tables]
-    if unknown:
-        plain = {table: {"ideal": True} for table in tables}
-        mechanism = bench.simulation({"joints": plain}).mechanism
+    unlisted = [name for name in plan.joints if name not in tables]
+    if unlisted:
+        ideal = {table: {"ideal": True} for table in tables}
+        mechanism = bench.simulation({"joints": ideal}).mechanism
         names = [*mechanism.joints, *mechanism.loops]
-    for name in unknown:
+    for name in unlisted:
         if name not in names:
             raise JointplayError(f"{plan.scenario.path}, sweep: {one_of('joint', name, names)}")

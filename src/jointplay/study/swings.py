@@ -56,7 +56,7 @@ FIRST_LOOK_S, LATER = 0.7, 1.5
 """When a motion is looked at first, after several swings of what is fast, and by how much later
 each time (judged: they cost time only)."""
 
-LEAST = 0.01
+LEAST_SWING = 0.01
 """Half a swing, in plays of the gear, below which nothing is said to hunt (judged)."""
 
 ROUNDING = 1e-3
@@ -67,12 +67,12 @@ STEADY, EVEN = 0.02, 2e-3
 shrink or grow from each to the next by half as much again or more, as they do before they end or
 settle, by less than the second in all (judged)."""
 
-LASTS = 0.9
+SUSTAINED = 0.9
 """At the end of the time the last swings need only be so large, compared with those before; and
 always so quick, for in a dead band what creeps turns ever later: if the times until then grow in
 proportion, the last third of its turns takes 4^(2/3) = 2.5 times as long as the first."""
 
-DIES = math.sqrt(10.0)
+DECAY = math.sqrt(10.0)
 """What comes less times as far in the last nine tenths of a day as in nine tenths of the time
 before dies out: it is 10 times for what lasts, once for what slows down as 1/t."""
 
@@ -121,10 +121,10 @@ def swings(trial: Trial) -> list[Swing]:
     names = ", ".join(axis.joint for axis in trial.released.axes)
     with within(names):
         simulation = trial.released.simulation(stepped)
-        for finer in (1, FINER):
+        for division in (1, FINER):
             run = Run(replace(
-                simulation, step=simulation.step / finer,
-                record_every=simulation.record_every * finer,
+                simulation, step=simulation.step / division,
+                record_every=simulation.record_every * division,
             ))  # fmt: skip
             if steady := _stepped(run, trial, last=stepped == longest):
                 return steady
@@ -140,18 +140,18 @@ def _stepped(run: Run, trial: Trial, last: bool) -> list[Swing]:
     """What each axis does in a run, at the end of which it is said if it is the `last` one; none if
     not all are clear.
     """
-    robot, axes, look = run.mechanism, trial.released.axes, FIRST_LOOK_S
+    robot, axes, next_look = run.mechanism, trial.released.axes, FIRST_LOOK_S
 
-    def judged(end: bool) -> list[Swing]:
+    def judge(end: bool) -> list[Swing]:
         result = run.result(only=("q",))
         if end and result.status != Status.COMPLETED:
             return []
-        places = (
+        motions = (
             result["q"].values[:, [robot.coordinate(axis.joint), robot.motor(axis.joint)]].T
             for axis in axes
         )
-        seen = [_judge(result.time, at, axis, end) for axis, at in zip(axes, places, strict=True)]
-        clear = [swing for swing in seen if swing is not None]
+        verdicts = (_judge(result.time, *pair, end) for pair in zip(motions, axes, strict=True))
+        clear = [swing for swing in verdicts if swing is not None]
         return clear if len(clear) == len(axes) else []
 
     for name, gear in robot.gears.items():
@@ -159,46 +159,47 @@ def _stepped(run: Run, trial: Trial, last: bool) -> list[Swing]:
     if not trial.play:
         run.workspace.gears["half_play"] = 0.0
     for moment in run.steps(0.25 * FIRST_LOOK_S):
-        if moment.time >= look:
-            look *= LATER
-            if clear := judged(end=False):
+        if moment.time >= next_look:
+            next_look *= LATER
+            if clear := judge(end=False):
                 return clear
-    return judged(end=last)
+    return judge(end=last)
 
 
 def _solved(axis: Axis, trial: Trial, longest: float) -> Swing:
     """What an axis does that the engine does not tell."""
     start = trial.start * axis.gear.play
-    for time, places in slow_motion(axis, start, trial.play, longest, STEPPED_S, LATER):
-        if swing := _judge(time, places, axis, last=time[-1] >= longest):
+    for time, positions in slow_motion(axis, start, trial.play, longest, STEPPED_S, LATER):
+        if swing := _judge(time, positions, axis, last=time[-1] >= longest):
             return swing
     return UNCLEAR
 
 
-def _judge(time: np.ndarray, places: np.ndarray, axis: Axis, last: bool) -> Swing | None:
-    """What a motion of link and motor shows, times evenly apart (n,) and places (2, n); None if it
-    does not tell yet, and there is more.
+def _judge(time: np.ndarray, positions: np.ndarray, axis: Axis, last: bool) -> Swing | None:
+    """What a motion of link and motor shows, times evenly apart (n,) and positions (2, n); None if
+    it does not tell yet, and there is more.
     """
     servo = axis.drive if isinstance(axis.drive, Servo) else None
-    smallest = 2.0 * LEAST * axis.gear.play
+    least_span = 2.0 * LEAST_SWING * axis.gear.play
     quarter = (len(time) - 1) // 4
     late = len(time) - 1 - 3 * quarter
-    later = places[:, late:]
+    later = positions[:, late:]
     travels = [np.ptp(later[:, k * quarter :][:, : quarter + 1], axis=1) for k in range(3)]
-    in_a_day = travels[2] * (DAY_S if servo else LONGEST_S) / float(time[-1] - time[-1 - quarter])
-    rests = in_a_day < smallest * np.where(travels[2] <= travels[1], 1.0, ROUNDING)
-    if rests.all() or (last and rests[1]):
+    day = DAY_S if servo else LONGEST_S
+    day_travels = travels[2] * day / float(time[-1] - time[-1 - quarter])
+    at_rest = day_travels < least_span * np.where(travels[2] <= travels[1], 1.0, ROUNDING)
+    if at_rest.all() or (last and at_rest[1]):
         return QUIET  # in the end a link may float in its play, beside a motor that stands
     spans = np.ptp(later, axis=1)
-    farther = int(np.argmax(spans))  # the motor may swing within the play of a link that stands
-    rises = late + _rises(later[farther])
+    body = int(np.argmax(spans))  # the motor may swing within the play of a link that stands
+    rises = late + _rises(later[body])
     count = (len(rises) - 1) // 3
-    if count >= (1 if last else 2) and spans[farther] > smallest:
+    if count >= (1 if last else 2) and spans[body] > least_span:
         cut = rises[[-1 - 3 * count, -1 - 2 * count, -1 - count, -1]]
-        sizes = [float(np.ptp(places[farther, i:j])) for i, j in pairwise(cut)]
+        sizes = [float(np.ptp(positions[body, i:j])) for i, j in pairwise(cut)]
         durations = np.diff(time[cut])
-        if _are_alike(sizes, last) and durations[2] < durations[0] / LASTS:
-            link, motor = places[:, cut[1] : cut[3]]
+        if _are_sustained(sizes, last) and durations[2] < durations[0] / SUSTAINED:
+            link, motor = positions[:, cut[1] : cut[3]]
             frequency = 2.0 * count / float(time[cut[3]] - time[cut[1]])
             return Swing(
                 True, 0.5 * float(np.ptp(link)), frequency, 0.5 * float(np.ptp(motor - link))
@@ -207,39 +208,39 @@ def _judge(time: np.ndarray, places: np.ndarray, axis: Axis, last: bool) -> Swin
     if servo and servo.i_gain == 0.0 and time[-1] >= (CHATTERS_S if counts else STEPPED_S - STEP_S):
         # Beside the edge of a count it chatters where it came to rest, as nothing winds up.
         tail = later[:, quarter:]
-        chatters = len(_rises(tail[farther])) > 6 and np.ptp(tail, axis=1).max() < smallest
+        chatters = len(_rises(tail[body])) > 6 and np.ptp(tail, axis=1).max() < least_span
         grows = travels[2] > (1.0 + (STEADY if counts else EVEN)) * travels[1]
-        if chatters and not (grows[farther] if counts else grows.any()):
+        if chatters and not (grows[body] if counts else grows.any()):
             return QUIET
     if not last:
         return None
-    ends = rests
+    settling = at_rest
     if servo and servo.i_gain == 0.0:
-        one_way = np.abs(later[:, -1] - later[:, 0]) >= (1.0 - ROUNDING) * spans
-        ends = ends | one_way & (travels[2] <= (1.0 + ROUNDING) * travels[1])
+        monotonic = np.abs(later[:, -1] - later[:, 0]) >= (1.0 - ROUNDING) * spans
+        settling = settling | monotonic & (travels[2] <= (1.0 + ROUNDING) * travels[1])
     if time[-1] >= DAY_S:
         tenth = (len(time) - 1) // 10
-        traveled = np.cumsum(np.abs(np.diff(places, axis=1)), axis=1)[:, [tenth // 10, tenth, -1]]
-        before, after = np.diff(traveled, axis=1).T
-        ends = ends | (after < DIES * before)
-    return QUIET if ends.all() else UNCLEAR
+        travel = np.cumsum(np.abs(np.diff(positions, axis=1)), axis=1)
+        earlier, latest = np.diff(travel[:, [tenth // 10, tenth, -1]], axis=1).T
+        settling = settling | (latest < DECAY * earlier)
+    return QUIET if settling.all() else UNCLEAR
 
 
-def _are_alike(sizes: Sequence[float], last: bool) -> bool:
+def _are_sustained(sizes: Sequence[float], last: bool) -> bool:
     """Whether swings of these three sizes, one after the other, go on so."""
-    first, second, last_size = sizes
-    before, after = second - first, last_size - second
-    drifts = before * after > 0.0 and abs(after) > 0.5 * abs(before)
-    drifts = drifts and abs(before + after) > EVEN * last_size
+    first, second, third = sizes
+    before, after = second - first, third - second
+    drifting = before * after > 0.0 and abs(after) > 0.5 * abs(before)
+    drifting = drifting and abs(before + after) > EVEN * third
     if last:
-        return last_size > LASTS * max(first, second) and not (drifts and after < 0.0)
-    return max(abs(before), abs(after)) < STEADY * last_size and not drifts
+        return third > SUSTAINED * max(first, second) and not (drifting and after < 0.0)
+    return max(abs(before), abs(after)) < STEADY * third and not drifting
 
 
 def _rises(values: np.ndarray) -> np.ndarray:
     """Where values pass their middle upwards, an eighth of their range either way left out."""
     low, high = values.min(), values.max()
-    away = values - 0.5 * (low + high)
-    side = np.sign(np.where(np.abs(away) > 0.125 * (high - low), away, 0.0))
-    at = np.flatnonzero(side)
-    return at[1:][(side[at[1:]] > 0.0) & (side[at[:-1]] < 0.0)]
+    deviation = values - 0.5 * (low + high)
+    side = np.sign(np.where(np.abs(deviation) > 0.125 * (high - low), deviation, 0.0))
+    records = np.flatnonzero(side)
+    return records[1:][(side[records[1:]] > 0.0) & (side[records[:-1]] < 0.0)]

@@ -64,10 +64,10 @@ def worn_depth(result: Result, joint: str, part: str = "bore") -> np.ndarray:
     if "sliding_work" not in result.dataset or not set(names) <= set(result["contact"].values):
         raise JointplayError(f"the result has no wear of the joint {joint!r}: it is damaged")
     work = result["sliding_work"].sel(joint=joint, part=part, contact=names).values
-    which = WEARING_PARTS.index(part)
-    radius = (wear.radius, wear.journal_radius)[which]
+    index = WEARING_PARTS.index(part)
+    radius = (wear.radius, wear.journal_radius)[index]
     area = radius * (2.0 * math.pi / AZIMUTHS) * np.array(wear.widths)
-    return wear.rates[which] * work / area[:, None]
+    return wear.rates[index] * work / area[:, None]
 
 
 def worn_depths(result: Result) -> Depths:
@@ -104,13 +104,13 @@ def _wear(simulation: Simulation, joint: str) -> Wear:
 
 def first_profile(wear: Wear) -> np.ndarray:
     """What bore and journal begin with, at `AZIMUTHS` azimuths, shape (2, ends, AZIMUTHS) [m]."""
-    found = np.zeros((2, len(wear.widths), AZIMUTHS))
+    profiles = np.zeros((2, len(wear.widths), AZIMUTHS))
     start = wear.profile
     if start is not None:
-        places = np.arange(AZIMUTHS) / AZIMUTHS
+        azimuths = np.arange(AZIMUTHS) / AZIMUTHS
         measured = np.arange(start.shape[1]) / start.shape[1]
-        found[0] = [np.interp(places, measured, row, period=1.0) for row in start]
-    return found
+        profiles[0] = [np.interp(azimuths, measured, row, period=1.0) for row in start]
+    return profiles
 
 
 _SLICES = 8
@@ -137,32 +137,32 @@ def ground(profile: np.ndarray, volume: np.ndarray, clearance: float) -> np.ndar
     cosine = np.cos(2.0 * math.pi * reach / n)
     pressed = np.flatnonzero(share > 0.0)
     for turn in range(_SLICES):
-        for at in pressed[:: 1 - 2 * (turn % 2)]:  # to and fro, for what is first sinks deepest
-            near = (at + reach) % n
+        for azimuth in pressed[:: 1 - 2 * (turn % 2)]:  # to and fro: the first sinks deepest
+            near = (azimuth + reach) % n
             room = clearance + depth[near]
-            # Places are met one after the other as the journal sinks; between, the volume is
+            # The journal meets azimuths one after the other as it sinks; between, the volume is
             # linear in how far it has sunk.
             order = np.argsort(room / cosine)
-            met = (share[at] + np.cumsum(room[order])) / np.cumsum(cosine[order])
-            last = np.flatnonzero(met >= (room / cosine)[order])[-1]
-            depth[near] += np.maximum(met[last] * cosine - room, 0.0)
+            descent = (share[azimuth] + np.cumsum(room[order])) / np.cumsum(cosine[order])
+            last = np.flatnonzero(descent >= (room / cosine)[order])[-1]
+            depth[near] += np.maximum(descent[last] * cosine - room, 0.0)
     return depth
 
 
 def _ground_all(simulation: Simulation, worn: Depths, wear: Depths, cycles: float) -> Depths:
     """Profiles after so many cycles, each of which wears `wear`."""
     clearance = simulation.mechanism.clearance
-    found = {}
+    ground_profiles = {}
     for name, profile in worn.items():
-        how = clearance[name].wear
-        assert how is not None
-        room = how.radius - how.journal_radius
+        bearing = clearance[name].wear
+        assert bearing is not None
+        room = bearing.radius - bearing.journal_radius
         volumes = cycles * wear[name]
-        found[name] = np.array([
+        ground_profiles[name] = np.array([
             [ground(*row, room) for row in zip(*part, strict=True)]
             for part in zip(profile, volumes, strict=True)
         ])  # fmt: skip
-    return found
+    return ground_profiles
 
 
 def with_worn(simulation: Simulation, worn: Depths) -> Simulation:
@@ -212,7 +212,7 @@ class WearLife:
         return self.profiles.mean(axis=(2, 3)).sum(axis=1)
 
     @property
-    def both(self) -> bool:
+    def both_wear(self) -> bool:
         """Whether bore and journal wear."""
         return bool(self.bore[-1] > 0.0 and self.journal[-1] > 0.0)
 
@@ -226,9 +226,9 @@ class WearLife:
         rows = [
             (
                 block, self.cycles[block], WEARING_PARTS[part], "AB"[end],
-                2 * math.pi * at / azimuths, depth,
+                2 * math.pi * azimuth / azimuths, depth,
             )
-            for (block, part, end, at), depth in np.ndenumerate(self.profiles)
+            for (block, part, end, azimuth), depth in np.ndenumerate(self.profiles)
             if parts[part]
         ]  # fmt: skip
         heads = (
@@ -247,18 +247,18 @@ class WearLife:
             after, worn = f"{last:.6g}", self._spread(self.deepest)
             deepest += f" +- {readable(worn, 'm', 2)}" if worn else ""
         else:
-            apart = self._spread(self.cycles)
-            after = f"about {last:.3g}" + (f" +- {apart:.2g}" if apart else "")
+            spread = self._spread(self.cycles)
+            after = f"about {last:.3g}" + (f" +- {spread:.2g}" if spread else "")
         parts = ""
-        if self.both:
-            bore, journal = (readable(one[-1], "m", 3) for one in (self.bore, self.journal))
+        if self.both_wear:
+            bore, journal = (readable(depths[-1], "m", 3) for depths in (self.bore, self.journal))
             parts = f"; bore {bore}, journal {journal}"
-        ends = ""
+        target = ""
         if not self.reached and self.growth is not None:
-            ends = f", not yet by {readable(self.growth, 'm', 3)}"
+            target = f", not yet by {readable(self.growth, 'm', 3)}"
         return (
             f"{begins} {after} cycles the clearance of {self.joint!r} has grown by {deepest} "
-            f"where wear is deepest ({mean} in the mean{parts}){ends}: an estimate, by "
+            f"where wear is deepest ({mean} in the mean{parts}){target}: an estimate, by "
             f"{counted(blocks, 'block')} of equal cycles, each wearing as the runs at its "
             "beginning do"
         )
@@ -270,14 +270,14 @@ def _count(
     """Cycles that take the deepest places to `growth` beyond what they began with."""
     (name,) = worn
 
-    def left(count: float) -> float:
-        found = _ground_all(simulation, worn, wear, count)[name]
-        return float((found - begun).max(axis=(1, 2)).sum()) - growth
+    def shortfall(count: float) -> float:
+        profiles = _ground_all(simulation, worn, wear, count)[name]
+        return float((profiles - begun).max(axis=(1, 2)).sum()) - growth
 
-    most = float(growth / wear[name].max())  # if each azimuth wore for itself
-    while left(most) < 0.0:
-        most *= 2.0
-    return float(brentq(left, 0.0, most, rtol=1e-9))
+    upper = float(growth / wear[name].max())  # if each azimuth wore for itself
+    while shortfall(upper) < 0.0:
+        upper *= 2.0
+    return float(brentq(shortfall, 0.0, upper, rtol=1e-9))
 
 
 @known_keywords
@@ -350,8 +350,8 @@ def wear(
                     assert cycles is not None
                     count = cycles / blocks
                 else:
-                    own = {joint: worn[joint]}
-                    count = _count(simulation, own, mean, begun, growth * block / blocks)
+                    single = {joint: worn[joint]}
+                    count = _count(simulation, single, mean, begun, growth * block / blocks)
                 worn = _ground_all(simulation, worn, mean, count)
             except KeyboardInterrupt:
                 break

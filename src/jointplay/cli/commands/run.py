@@ -155,7 +155,7 @@ def _print_answer(cases: Cases, name: str, result: Result, detail: bool) -> None
     lines, completed = [*cases.lines[name]], result.status == Status.COMPLETED
     if result.message in lines[:1]:
         pass
-    elif not cases.cases[name].gives:  # there is no error to begin with
+    elif not cases.cases[name].has_play:  # there is no error to begin with
         lines = [result.message, *lines]
     elif result.message not in lines and (detail or not completed):
         lines.append(result.message)
@@ -183,7 +183,7 @@ def _ending(cases: Cases, detail: bool) -> str:
         lines += [str(Table.of_texts([["case", *heads], *table])), ""]
     lines.append(f"results in {cases.out}")
     if cases.results:
-        loose = (name for name in cases.results if cases.cases[name].gives)
+        loose = (name for name in cases.results if cases.cases[name].has_play)
         path = cases.cases[next(loose, next(iter(cases.results)))].path
         opened = shlex.join(["jointplay", "play", str(path)])
         report = shlex.join(["jointplay", "report", str(cases.out)])

@@ -56,7 +56,7 @@ def struck_stops(result: Result) -> list[StruckStop]:
     mechanism, start = result.simulation.mechanism, result.judge_from
     judged = result.time >= start
     time = result.time[judged]
-    found = []
+    struck = []
     for name, load in result.simulation.loads.items():
         if not isinstance(load, Stop) or len(time) < 2:
             continue
@@ -66,7 +66,7 @@ def struck_stops(result: Result) -> list[StruckStop]:
         begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
         at = int(push.argmax())
         impacts = len(begins) - int(pressed[0])  # what is pressed at the start strikes nothing
-        found.append(
+        struck.append(
             StruckStop(
                 name, load.joint, impacts, impacts / float(time[-1] - time[0]),
                 float(push[at]), float(time[at]),
@@ -74,4 +74,4 @@ def struck_stops(result: Result) -> list[StruckStop]:
                 int((ends - begins).min(initial=len(time))) if len(begins) else 0,
             )
         )  # fmt: skip
-    return found
+    return struck

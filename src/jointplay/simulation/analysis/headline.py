@@ -292,8 +292,8 @@ class _History:
         means = self._subsets / (self._seen // SUBSETS)
         # Each subset begins a record later: that of a smooth history shows a trend, no error.
         first = np.arange(SUBSETS)
-        left = means - np.polyval(np.polyfit(first, means, 1), first)
-        return float(np.linalg.norm(left) / math.sqrt((SUBSETS - 2) * SUBSETS) / value)
+        residual = means - np.polyval(np.polyfit(first, means, 1), first)
+        return float(np.linalg.norm(residual) / math.sqrt((SUBSETS - 2) * SUBSETS) / value)
 
 
 HISTORIES = (

@@ -130,8 +130,8 @@ def _phases(run: Run, simulation: Simulation) -> list[Phase]:
 def _statistics(run: Run) -> xr.Dataset:
     """Counts and impulses by joint and contact; not a number where there is no such contact."""
     joints, names = run.mechanism.clearance, contact_names(run.mechanism)
-    wanted = ("onsets", "ended", "shortest_steps", "under_resolved", "impulse")
-    tables = {name: np.full((len(joints), len(names)), np.nan) for name in wanted}
+    statistics = ("onsets", "ended", "shortest_steps", "under_resolved", "impulse")
+    tables = {name: np.full((len(joints), len(names)), np.nan) for name in statistics}
     counted = run.workspace.contact_statistics()
     for j, joint in enumerate(joints.values()):
         at = [names.index(contact) for contact in joint.contacts]

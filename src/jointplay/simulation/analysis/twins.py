@@ -67,7 +67,7 @@ def hinges(result: Result) -> set[str]:
     """
     if not any(HINGE in name for name in result.joints):
         return set()
-    return {name for its in result.simulation.mechanism.hinges.values() for name in its}
+    return {name for names in result.simulation.mechanism.hinges.values() for name in names}
 
 
 def at_joint(result: Result, joint: str) -> str:

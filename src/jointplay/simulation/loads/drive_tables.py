@@ -96,10 +96,10 @@ class Reference:
         return -(-self.nodes // self._block)
 
     def _take(self, at: int) -> None:
-        wanted = [k for k in (at, at + 1) if k < self._count]
-        self._blocks = {k: self._blocks[k] if k in self._blocks else self._make(k) for k in wanted}
+        indices = [k for k in (at, at + 1) if k < self._count]
+        self._blocks = {k: self._blocks[k] if k in self._blocks else self._make(k) for k in indices}
         self._at, self.first = at, at * self._block
-        parts = [self._blocks[k] for k in wanted]
+        parts = [self._blocks[k] for k in indices]
         self.table = parts[0] if len(parts) == 1 else np.concatenate(parts)
 
     def _make(self, block: int, progress: bool = False) -> np.ndarray:

@@ -85,9 +85,9 @@ class GearPair(base.OnJoint):
                 (lacking,),
             )
         if self.pressure_angle >= math.radians(45.0):
-            given = math.degrees(self.pressure_angle)
+            degrees = math.degrees(self.pressure_angle)
             raise JointplayError(
-                f"pressure angle must be below 45 degrees, got {given:g}", ("pressure_angle",)
+                f"pressure angle must be below 45 degrees, got {degrees:g}", ("pressure_angle",)
             )
 
     def follows(self, mechanism: Mechanism) -> Mimic:

@@ -130,8 +130,8 @@ def shown(certificate: Certificate | None, name: str, value: float, unit: str) -
     for figure in certificate.headline if certificate else ():
         if figure.name == name and math.isfinite(figure.error):
             return str(figure)
-    factor, word = displayed(unit)
-    return f"{alone(factor * value)} {word}".rstrip()
+    factor, symbol = displayed(unit)
+    return f"{alone(factor * value)} {symbol}".rstrip()
 
 
 @dataclass(frozen=True)

@@ -98,8 +98,8 @@ class HistoryBuilder:
         histories = variables.declared(values, tool=mechanism.tool)
         elastic = np.zeros(n)
         if mechanism.clearance:
-            wanted = variables.HISTORIES if self._only is None else self._only
-            contact, elastic = variables.contact_variables(mechanism, records, body, wanted)
+            selection = variables.HISTORIES if self._only is None else self._only
+            contact, elastic = variables.contact_variables(mechanism, records, body, selection)
             histories |= contact
         elif self._only is None or "reaction_force" in self._only:
             held = [self._constraints(phase, q[first]) for first, _, phase in stretches]

@@ -44,7 +44,7 @@ MOST_NAMES = {
     "basin": 0,
 }
 """Quantities that a kind takes, if not any number."""
-SAME = 1e-2
+NEAR = 1e-2
 """Points of a section are the same if they are nearer than this part of all points' range."""
 MOST_PLOTTED = 1500
 """Points of a recurrence plot."""
@@ -169,13 +169,13 @@ class Analysis:
     ) -> np.ndarray:
         """Numbers for each key, found or read; failures are said."""
         table = folder / f"{self.kind}.csv"
-        asked = {"kind": self.kind, **self.study.asked()}
-        numbers, computed, failures = rows(table, asked, columns, work, keys, jobs, progress)
+        inputs = {"kind": self.kind, **self.study.inputs()}
+        numbers, computed, failures = rows(table, inputs, columns, work, keys, jobs, progress)
         say(f"{computed} of {len(keys)} runs computed now, {len(keys) - computed} earlier")
         failed = [key for key in keys if key in failures]
         for key in failed[:3]:
-            at = f" at {', '.join(f'{x:g}' for x in key)}" if key else ""
-            say(f"failed{at}: {failures[key]}")
+            location = f" at {', '.join(f'{x:g}' for x in key)}" if key else ""
+            say(f"failed{location}: {failures[key]}")
         if len(failed) > 3:
             say(f"... and {len(failed) - 3} more, see {table}")
         if len(failed) == len(keys):
@@ -199,11 +199,11 @@ class Analysis:
         study = self.study
         base = f" Other keys as in case {study.case}." if study.case else ""
         changed = ", ".join(setting_texts(study.scenario.settings))
-        given = f" Changed: {changed}." if changed else ""
+        settings = f" Changed: {changed}." if changed else ""
         return (
             f"One point a turn (period of the motion), {study.phase:g} of a turn after its start: "
             f"turns {study.leave_out + 1} to {study.end} at each of {len(self.keys)} values, "
-            f"{study.leave_out} turns of settling left out.{base}{given}"
+            f"{study.leave_out} turns of settling left out.{base}{settings}"
         )
 
     @property
@@ -228,29 +228,29 @@ class Analysis:
 
 
 def _names(
-    kind: str, asked: tuple[str, ...], simulation: Simulation, joint: str
+    kind: str, requested: tuple[str, ...], simulation: Simulation, joint: str
 ) -> tuple[str, ...]:
     """Quantities that are looked at: those asked for, or those usual for the kind."""
-    if len(asked) > (most := MOST_NAMES.get(kind, len(asked))):
-        raise JointplayError(f"{kind} takes {most or 'no'} --of, got {len(asked)}")
+    if len(requested) > (limit := MOST_NAMES.get(kind, len(requested))):
+        raise JointplayError(f"{kind} takes {limit or 'no'} --of, got {len(requested)}")
     clearance, first = simulation.mechanism.clearance, observables.usual(simulation.mechanism)
     if kind == "lyapunov":
         return ()
     if kind == "basin":
         return f"{joint}.x", f"{joint}.y"
-    if kind == "poincare" and len(asked) < 2:
-        subject, _, quantity = (asked[0] if asked else first).rpartition(".")
+    if kind == "poincare" and len(requested) < 2:
+        subject, _, quantity = (requested[0] if requested else first).rpartition(".")
         pairs = {"acceleration": ("acceleration", "speed"), "position": ("position", "speed")}
         a, b = pairs.get(quantity, ("x", "y"))
         if subject not in clearance and quantity not in pairs:
             raise JointplayError("give both quantities of the map: --of NAME --of NAME")
         return f"{subject}.{a}", f"{subject}.{b}"
-    if kind == "recurrence" and not asked and clearance:
+    if kind == "recurrence" and not requested and clearance:
         joint = next(iter(clearance))
         return f"{joint}.x", f"{joint}.y"
-    if kind == "turns" and not asked and simulation.motion is not None:
+    if kind == "turns" and not requested and simulation.motion is not None:
         return first, f"{simulation.motion.joints[0]}.moment"
-    return asked or (first,)
+    return requested or (first,)
 
 
 Rows = Callable[[Sequence[str], Callable[[Key], np.ndarray], Sequence[Key]], np.ndarray]
@@ -261,15 +261,15 @@ Say = Callable[[str], object]
 def _bifurcation(job: Analysis, rows: Rows, say: Say) -> Findings:
     """A quantity once a turn over the values of a key."""
     samples = rows(job.per_turn(job.study.names[0]), job.study.section, job.keys)
-    near = SAME * float(np.nanmax(samples) - np.nanmin(samples))
+    near = NEAR * float(np.nanmax(samples) - np.nanmin(samples))
     good = [row for row in samples if np.isfinite(row).all()]
     periods = Counter(poincare.repeats_after(row, near) for row in good)
-    counts = sorted(periods.items(), key=lambda item: (item[0] is None, item[0] or 0))
+    counts = sorted(periods.items(), key=lambda pair: (pair[0] is None, pair[0] or 0))
     parts = [
         f"{n} {'do not repeat' if p is None else f'repeat after {p} turn' + 's' * (p > 1)}"
         for p, n in counts
     ]
-    say(f"of {len(good)} values {', '.join(parts)} (to {near:.3g}, {100 * SAME:g} % of all)")
+    say(f"of {len(good)} values {', '.join(parts)} (to {near:.3g}, {100 * NEAR:g} % of all)")
     (label,) = job.labels
     data = {
         "values": np.array(job.varied.values),
@@ -287,14 +287,14 @@ def _section(job: Analysis, rows: Rows, say: Say) -> Findings:
     points = rows(job.per_turn(*job.study.names), job.study.section, [()]).reshape(-1, 2)
     spread = np.ptp(points, axis=0)
     scaled = points / np.maximum(np.abs(points).max(axis=0), 1e-300)
-    period = poincare.repeats_after(scaled, SAME)
-    word = (
+    period = poincare.repeats_after(scaled, NEAR)
+    verdict = (
         "does not repeat itself"
         if period is None
         else f"repeats itself after {counted(period, 'turn')}"
     )
     sizes = [f"{size:.3g} in {label}" for size, label in zip(spread, job.labels, strict=True)]
-    say(f"the section {word} within {100 * SAME:g} %; it spans {' and '.join(sizes)}")
+    say(f"the section {verdict} within {100 * NEAR:g} %; it spans {' and '.join(sizes)}")
     return Findings("poincare", {"points": points, "labels": job.labels, "title": job.title})
 
 
@@ -338,8 +338,8 @@ def _turns(job: Analysis, rows: Rows, say: Say) -> Findings:
                for k in range(number) for name in study.names]  # fmt: skip
     values, ideal = rows(columns, study.beside_ideal, [()]).reshape(2, number, len(study.names))
     labels = job.labels
-    for name, history, plain in zip(labels, values.T, ideal.T, strict=True):
-        ratio = np.abs(history).max() / max(np.abs(plain).max(), 1e-300)
+    for name, history, reference in zip(labels, values.T, ideal.T, strict=True):
+        ratio = np.abs(history).max() / max(np.abs(reference).max(), 1e-300)
         say(f"{name}: largest {np.abs(history).max():.4g}, {ratio:.3g} of the ideal's")
     angle = study.leave_out + np.arange(number) / study.records
     data = {"angle": angle, "values": values, "ideal": ideal, "labels": labels}
@@ -374,10 +374,10 @@ def _run_up(job: Analysis, rows: Rows, say: Say) -> Findings:
     amplitudes = rows(columns, study.rising, [()]).reshape(number, len(order))
     rising = study.run_up()
     speeds = rising.speeds(number, study.window) * 60.0 / (2.0 * np.pi)
-    k, at = np.unravel_index(int(amplitudes.argmax()), amplitudes.shape)
+    k, peak = np.unravel_index(int(amplitudes.argmax()), amplitudes.shape)
     say(
         f"{number} windows of {study.window} turns, {speeds[0]:.5g} to {speeds[-1]:.5g} rpm; "
-        f"largest amplitude {amplitudes.max():.4g} at order {order[at]:g}, {speeds[k]:.5g} rpm"
+        f"largest amplitude {amplitudes.max():.4g} at order {order[peak]:g}, {speeds[k]:.5g} rpm"
     )
     data = {
         "values": speeds,
@@ -395,18 +395,18 @@ def _basin(job: Analysis, rows: Rows, say: Say) -> Findings:
     study = job.study
     reach = np.array(start_travel(study.simulation(), study.joint))
     steps = (np.arange(job.grid) + 0.5) * 2.0 / job.grid - 1.0
-    places = [(float(reach[0] * x), float(reach[1] * y)) for x in steps for y in steps
+    starts = [(float(reach[0] * x), float(reach[1] * y)) for x in steps for y in steps
               if np.hypot(x, y) < 1.0]  # fmt: skip
-    points = rows(job.per_turn(*(f"{name} m" for name in study.names)), study.section_from, places)
-    sections = points.reshape(len(places), study.keep, 2)
+    points = rows(job.per_turn(*(f"{name} m" for name in study.names)), study.section_from, starts)
+    sections = points.reshape(len(starts), study.keep, 2)
     good = np.isfinite(points).all(axis=1)
-    labels = np.full(len(places), -2)
-    labels[good], orbits = poincare.attractors(list(sections[good]), SAME * float(reach.max()))
+    labels = np.full(len(starts), -2)
+    labels[good], orbits = poincare.attractors(list(sections[good]), NEAR * float(reach.max()))
     for k, orbit in enumerate(orbits):
-        share = np.count_nonzero(labels == k) / len(places)
+        share = np.count_nonzero(labels == k) / len(starts)
         say(f"orbit {k + 1}, period {len(orbit)}: from {100 * share:.3g} % of the starts")
     say(f"does not repeat itself: from {100 * np.mean(labels == -1):.3g} % of the starts")
-    data = {"places": np.array(places), "labels": labels, "periods": list(map(len, orbits))}
+    data = {"places": np.array(starts), "labels": labels, "periods": list(map(len, orbits))}
     return Findings("basin", {**data, "joint": study.joint, "title": job.title})
 
 

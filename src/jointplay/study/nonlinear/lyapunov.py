@@ -91,7 +91,7 @@ def growths(
     advance: Callable[[np.ndarray], np.ndarray],
     state: np.ndarray,
     number: int,
-    apart: float = APART,
+    distance: float = APART,
     seed: int = 0,
 ) -> np.ndarray:
     """Growth of a small difference in each interval, for a plain map or flow.
@@ -107,22 +107,22 @@ def growths(
         Logarithms, shape (number,).
     """
     number, seed = require_whole("number", number, 1), require_whole("seed", seed)
-    apart = require_positive("apart", apart, "")
+    distance = require_positive("apart", distance, "")
     first = np.atleast_1d(np.asarray(state, float))
     difference = np.random.default_rng(seed).normal(size=first.shape)
     logarithms = np.empty(number)
     for k in range(number):
-        second = first + apart / np.linalg.norm(difference) * difference
+        second = first + distance / np.linalg.norm(difference) * difference
         first, second = advance(first), advance(second)
         difference = second - first
-        logarithms[k] = math.log(max(float(np.linalg.norm(difference)), 1e-300) / apart)
+        logarithms[k] = math.log(max(float(np.linalg.norm(difference)), 1e-300) / distance)
         if not difference.any():  # has died within rounding: any direction is as good
             difference = np.random.default_rng(k).normal(size=first.shape)
     return logarithms
 
 
 def stretching(
-    simulation: Simulation, interval: float, place: Callable[[Run], None] | None = None
+    simulation: Simulation, interval: float, prepare: Callable[[Run], None] | None = None
 ) -> np.ndarray:
     """Logarithm of how far two runs part in each interval, shape (intervals,).
 
@@ -141,19 +141,19 @@ def stretching(
     check_base(simulation.mechanism)
     runs = [Run(simulation) for _ in range(2)]
     for run in runs:
-        if place is not None:
-            place(run)
+        if prepare is not None:
+            prepare(run)
         run.begin()
     first, second = (run.workspace for run in runs)
     scale, free = _weights(runs[0])
     of_angles = np.tile(scale[: len(scale) // 2], 2)
-    apart = np.random.default_rng(0).normal(size=len(scale)) / of_angles
+    difference = np.random.default_rng(0).normal(size=len(scale)) / of_angles
     logarithms = []
     steps = round(interval / simulation.step)
     for _ in range(round(runs[0].total_steps / steps)):
-        apart = _allowed(runs[0], free * apart)
-        factor = APART / np.linalg.norm(scale * apart)
-        state = np.concatenate([first.q, first.v]) + factor * apart
+        difference = _allowed(runs[0], free * difference)
+        factor = APART / np.linalg.norm(scale * difference)
+        state = np.concatenate([first.q, first.v]) + factor * difference
         second.q[:], second.v[:] = np.split(state, 2)
         contacts = first.contacts.copy()
         shared = (contacts["steps"] > 0) & (second.contacts["steps"] > 0)
@@ -164,8 +164,8 @@ def stretching(
             if not run.advance(steps):
                 raise JointplayError(run.message(run.workspace.status))
             run.synchronize()
-        apart = free * np.concatenate([second.q - first.q, second.v - first.v])
-        logarithms.append(math.log(np.linalg.norm(scale * apart) / APART))
+        difference = free * np.concatenate([second.q - first.q, second.v - first.v])
+        logarithms.append(math.log(np.linalg.norm(scale * difference) / APART))
     return np.array(logarithms)
 
 
@@ -175,22 +175,22 @@ def _weights(run: Run) -> tuple[np.ndarray, np.ndarray]:
     lengths = np.array([unit_of(mechanism, name) == "m" for name in mechanism.coordinates])
     weights = np.where(lengths, 1.0, WEIGHT_OF_ANGLES)
     free = np.ones(len(weights))
-    led = [] if simulation.motion is None else simulation.motion.joints
-    for name in led:
+    driven = [] if simulation.motion is None else simulation.motion.joints
+    for name in driven:
         drive = simulation.drive
-        moved_by = drive.get(name) if isinstance(drive, Mapping) else drive
-        if isinstance(moved_by, Prescribed):
+        joint_drive = drive.get(name) if isinstance(drive, Mapping) else drive
+        if isinstance(joint_drive, Prescribed):
             free[[mechanism.coordinate(name), mechanism.motor(name)]] = 0.0
     return np.concatenate([weights, WEIGHT_OF_SPEEDS * weights]), np.tile(free, 2)
 
 
-def _allowed(run: Run, apart: np.ndarray) -> np.ndarray:
+def _allowed(run: Run, difference: np.ndarray) -> np.ndarray:
     """The part of a difference that keeps ideal loops closed."""
     mechanism = run.mechanism
     closed = set(mechanism.loops) - set(mechanism.clearance)
     if not closed and not mechanism.locks:
-        return apart
+        return difference
     rows = closing_rows(mechanism, run.workspace.q, closed)
-    rows = rows * np.tile(apart[: rows.shape[1]] != 0.0, (len(rows), 1))
+    rows = rows * np.tile(difference[: rows.shape[1]] != 0.0, (len(rows), 1))
     inverse = np.linalg.pinv(rows)
-    return np.concatenate([part - inverse @ (rows @ part) for part in np.split(apart, 2)])
+    return np.concatenate([part - inverse @ (rows @ part) for part in np.split(difference, 2)])

@@ -31,9 +31,9 @@ def check(name: str, mechanism: Mechanism) -> None:
         MissingName: there is none.
         JointplayError: it could be of the tool or of a joint of that name.
     """
-    known = names(mechanism)
-    require_known("quantity", name, known)
-    if known.count(name) > 1:
+    quantities = names(mechanism)
+    require_known("quantity", name, quantities)
+    if quantities.count(name) > 1:
         raise JointplayError(
             f"{name!r} is a quantity of the tool and of the joint {TOOL!r}; rename the joint"
         )
@@ -88,10 +88,10 @@ def observe(result: Result, name: str) -> np.ndarray:
         return _of_tool(result, quantity)
     if quantity in _OF_JOURNALS and subject in result.joints:
         return _of_journal(result, subject, quantity)
-    at = mechanism.coordinate(subject)
+    column = mechanism.coordinate(subject)
     if quantity == "moment":
         return np.asarray(result["drive"].values[:, mechanism.motor(subject)])
-    history = np.asarray(result["q" if quantity == "position" else "v"].values[:, at])
+    history = np.asarray(result["q" if quantity == "position" else "v"].values[:, column])
     if quantity == "acceleration":
         history = np.gradient(history, result.time, edge_order=2)
     return history

@@ -77,20 +77,20 @@ def attractors(
             labels.append(-1)
             continue
         orbit = points[-period:]
-        same = (k for k, known in enumerate(orbits) if _same(orbit, known, tolerance))
-        label = next(same, len(orbits))
+        matches = (k for k, earlier in enumerate(orbits) if _coincide(orbit, earlier, tolerance))
+        label = next(matches, len(orbits))
         if label == len(orbits):
             orbits.append(orbit)
         labels.append(label)
     return np.array(labels, int), orbits
 
 
-def _same(first: np.ndarray, second: np.ndarray, tolerance: float) -> bool:
+def _coincide(first: np.ndarray, second: np.ndarray, tolerance: float) -> bool:
     if len(first) != len(second):
         return False
-    apart = np.linalg.norm(first[:, None] - second[None], axis=2)
+    distances = np.linalg.norm(first[:, None] - second[None], axis=2)
     # Each of the two may be off by the tolerance.
-    return bool(max(apart.min(axis=0).max(), apart.min(axis=1).max()) <= 2.0 * tolerance)
+    return bool(max(distances.min(axis=0).max(), distances.min(axis=1).max()) <= 2.0 * tolerance)
 
 
 # Recurrence plots: when a motion comes back to where it has been.
@@ -122,8 +122,8 @@ def recurrence(points: np.ndarray, threshold: float = 0.1) -> np.ndarray:
     threshold = require_positive("the threshold", threshold, "")
     spread = points.std(axis=0)
     scaled = points / np.where(spread > 0.0, spread, 1.0)
-    apart = np.sqrt(sum((column[:, None] - column) ** 2 for column in scaled.T))
-    near: np.ndarray = apart <= threshold * apart.max()
+    distances = np.sqrt(sum((column[:, None] - column) ** 2 for column in scaled.T))
+    near: np.ndarray = distances <= threshold * distances.max()
     return near
 
 
@@ -139,11 +139,11 @@ def determinism(near: np.ndarray, shortest: int = 2) -> float:
     1 for periodic motion, low for noise; chaos lies between. The main diagonal does not count.
     """
     shortest = require_whole("shortest", shortest, 1)
-    counted = aligned = 0
+    near_points = aligned = 0
     for offset in range(1, len(near)):
         line = np.concatenate([[0], np.diagonal(near, offset).astype(int), [0]])
-        ends = np.flatnonzero(np.diff(line))
-        lengths = ends[1::2] - ends[::2]
-        counted += int(lengths.sum())
+        bounds = np.flatnonzero(np.diff(line))
+        lengths = bounds[1::2] - bounds[::2]
+        near_points += int(lengths.sum())
         aligned += int(lengths[lengths >= shortest].sum())
-    return aligned / counted if counted else 0.0
+    return aligned / near_points if near_points else 0.0

@@ -24,7 +24,7 @@ from jointplay.simulation.simulation import Simulation
 from jointplay.study.nonlinear import lyapunov, steady_motion
 from jointplay.study.nonlinear.poincare import once_per_turn
 from jointplay.study.nonlinear.run_up import RunUp
-from jointplay.study.nonlinear.steady_motion import Place
+from jointplay.study.nonlinear.steady_motion import Prepare
 from jointplay.study.runs import Runs
 from jointplay.study.study import Study
 
@@ -78,10 +78,10 @@ class Varied:
     @property
     def quantity(self) -> str:
         *group, name = self.key.split(".")
-        quantity, of = name.replace("_", " "), ".".join(group[1:])
+        quantity, subject = name.replace("_", " "), ".".join(group[1:])
         if group[:2] == ["motion", "speeds"]:  # the last part names a joint
-            quantity, of = "speed", name
-        return f"{quantity}{f' of {of}' if of else ''}"
+            quantity, subject = "speed", name
+        return f"{quantity}{f' of {subject}' if subject else ''}"
 
 
 @dataclass(frozen=True)
@@ -127,9 +127,9 @@ class Observation:
     def turning(self, simulation: Simulation) -> steady_motion.Turning:
         return steady_motion.Turning.of(simulation, self.leave_out, self.keep, self.records)
 
-    def _observed(self, simulation: Simulation, place: Place | None = None) -> np.ndarray:
+    def _observed(self, simulation: Simulation, prepare: Prepare | None = None) -> np.ndarray:
         turning = self.turning(simulation)
-        return turning.observed(turning.run(place), self.names)[:-1]
+        return turning.observed(turning.run(prepare), self.names)[:-1]
 
     def section(self, key: Key) -> np.ndarray:
         """Quantities once a turn, turn by turn, shape (keep names,)."""
@@ -179,7 +179,7 @@ class Observation:
         points = self._observed(centred, steady_motion.placing(self.joint, *key))
         return once_per_turn(points, self.records, self.phase).ravel()
 
-    def asked(self) -> dict[str, Any]:
+    def inputs(self) -> dict[str, Any]:
         """All that its rows depend on, but for their values, as plain data."""
         entries = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
         scenario = entries.pop("scenario")
@@ -193,7 +193,7 @@ class Observation:
 
 def rows(
     path: Path,
-    asked: Mapping[str, Any],
+    inputs: Mapping[str, Any],
     columns: Sequence[str],
     work: Callable[[Key], np.ndarray],
     keys: Sequence[Key],
@@ -223,11 +223,11 @@ def rows(
     runs_file = path.with_suffix(".runs")
     if path.exists() and not runs_file.exists():
         raise JointplayError(f"{str(path)!r} is no table of these; choose another folder")
-    with closing(Runs(runs_file, asked)) as store:
-        before = len(store)
+    with closing(Runs(runs_file, inputs)) as store:
+        present = len(store)
         Study({key: key for key in keys}, partial(_computed, work), store).run(jobs, progress)
-    nothing = np.full(len(columns), np.nan)
-    numbers = np.array([store[key].get("row", nothing) for key in keys])
+    missing = np.full(len(columns), np.nan)
+    numbers = np.array([store[key].get("row", missing) for key in keys])
     numbers = numbers.reshape(len(keys), len(columns))
     failures = {key: str(store[key]["message"]) for key in keys if "message" in store[key]}
     values = Column("value", [" ".join(map(repr, key)) for key in keys])
@@ -235,7 +235,7 @@ def rows(
     quantities = [Column(name, x, key=name) for name, x in zip(columns, numbers.T, strict=True)]
     table = Table((values, messages, *quantities)).csv(None)
     files.write(path, table, overwrite=True, announced=False)
-    return numbers, len(store) - before, failures
+    return numbers, len(store) - present, failures
 
 
 def _computed(work: Callable[[Key], np.ndarray], key: Key) -> dict[str, np.ndarray]:

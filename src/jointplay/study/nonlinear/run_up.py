@@ -51,20 +51,20 @@ class RunUp:
         if before is None or after is None or before.interpolation != "constant-speed":
             raise JointplayError("a run-up needs cranks at constant speed: give motion.speeds")
         first, last = (motion(np.zeros(1))[1][0] for motion in (before, after))
-        at = int(np.abs(np.stack([first, last])).max(axis=0).argmax())
-        if np.array_equal(first, last) or first[at] == 0.0 or first[at] * last[at] <= 0.0:
+        crank = int(np.abs(np.stack([first, last])).max(axis=0).argmax())
+        if np.array_equal(first, last) or first[crank] == 0.0 or first[crank] * last[crank] <= 0.0:
             raise JointplayError(
-                f"a run-up needs two speeds of the same direction, got {first[at]:g} and "
-                f"{last[at]:g} rad/s; --vary the crank's speed, such as "
+                f"a run-up needs two speeds of the same direction, got {first[crank]:g} and "
+                f"{last[crank]:g} rad/s; --vary the crank's speed, such as "
                 "motion.speeds.crank_pin=1000:6000:40 rpm"
             )
         turn = 2.0 * math.pi
-        steady = max(leave_out, 1) * turn / abs(first[at])
-        ramp = turns * turn / abs(0.5 * (first[at] + last[at]))
+        steady = max(leave_out, 1) * turn / abs(first[crank])
+        ramp = turns * turn / abs(0.5 * (first[crank] + last[crank]))
         start = before(np.zeros(1))[0][0]
         middle = start + steady * first
         positions = [start, middle, middle + 0.5 * ramp * (first + last)]
-        interval = turn / max(abs(first[at]), abs(last[at])) / records
+        interval = turn / max(abs(first[crank]), abs(last[crank])) / records
         stride = max(math.ceil(interval / slow.step - 1e-9), 1)
         changed = dataclasses.replace(
             slow,
@@ -75,7 +75,7 @@ class RunUp:
             settle=None,
             judge_from=0.0,
         )
-        return cls(changed, before.joints[at], max(leave_out, 1), turns, records)
+        return cls(changed, before.joints[crank], max(leave_out, 1), turns, records)
 
     def run(self) -> Result:
         """Simulate.
@@ -88,8 +88,8 @@ class RunUp:
     def over_angle(self, result: Result, name: str) -> np.ndarray:
         """A quantity at equal angles of the crank in the turns of the rise, (turns records,)."""
         angle = self._angle(result.time)
-        wanted = self.leave_out + np.arange(self.turns * self.records) / self.records
-        return np.asarray(np.interp(wanted, angle, observe(result, name)))
+        turns = self.leave_out + np.arange(self.turns * self.records) / self.records
+        return np.asarray(np.interp(turns, angle, observe(result, name)))
 
     def windows(self, number: int, window: int) -> np.ndarray:
         """First turns of `number` windows of so many turns, evenly over the rise.
@@ -127,8 +127,8 @@ class RunUp:
         time = np.linspace(0.0, motion.duration, 20001)
         angle = self._angle(time)
         middle = self.leave_out + self.windows(number, window) + 0.5 * window
-        at = motion.joints.index(self.joint)
-        return np.asarray(np.abs(motion(np.interp(middle, angle, time))[1][:, at]))
+        column = motion.joints.index(self.joint)
+        return np.asarray(np.abs(motion(np.interp(middle, angle, time))[1][:, column]))
 
     @property
     def _motion(self) -> Motion:
@@ -137,6 +137,6 @@ class RunUp:
         return motion
 
     def _angle(self, time: np.ndarray) -> np.ndarray:
-        at = self._motion.joints.index(self.joint)
-        start = self._motion(np.zeros(1))[0][0, at]
-        return np.asarray(np.abs(self._motion(time)[0][:, at] - start) / (2.0 * math.pi))
+        column = self._motion.joints.index(self.joint)
+        start = self._motion(np.zeros(1))[0][0, column]
+        return np.asarray(np.abs(self._motion(time)[0][:, column] - start) / (2.0 * math.pi))

@@ -23,7 +23,7 @@ from jointplay.simulation.run import Run
 from jointplay.simulation.simulation import Simulation
 from jointplay.study.nonlinear.observables import observe
 
-Place = Callable[[Run], None]
+Prepare = Callable[[Run], None]
 """Changes the state of a run before it begins."""
 RECORDS = 1000
 """Records in a turn."""
@@ -40,19 +40,19 @@ def turn(motion: Motion | None) -> float:
     if motion is None:
         raise JointplayError("without a motion there are no turns; give [motion]")
     if motion.interpolation != "constant-speed":
-        off = np.abs(motion.positions[-1] - motion.positions[0])
-        if off.max() > _CLOSED:
-            name = motion.joints[int(off.argmax())]
+        gap = np.abs(motion.positions[-1] - motion.positions[0])
+        if gap.max() > _CLOSED:
+            name = motion.joints[int(gap.argmax())]
             raise JointplayError(
-                f"the motion cannot be repeated: {name!r} ends {off.max():.3g} rad or m from where "
+                f"the motion cannot be repeated: {name!r} ends {gap.max():.3g} rad or m from where "
                 "it began; let its last waypoint be the first"
             )
         return motion.duration
     speeds = motion(np.zeros(1))[1][0]
     moving = np.abs(speeds[speeds != 0.0])
     if not len(moving) or not np.allclose(moving, moving[0], rtol=1e-9):
-        named = zip(motion.joints, speeds, strict=True)
-        text = ", ".join(f"{name} {speed:g}" for name, speed in named)
+        joints = zip(motion.joints, speeds, strict=True)
+        text = ", ".join(f"{name} {speed:g}" for name, speed in joints)
         raise JointplayError(
             f"turns need the same speed of all rotating joints, got {text} [rad/s]"
         )
@@ -61,12 +61,12 @@ def turn(motion: Motion | None) -> float:
 
 def check_turns(leave_out: int, keep: int, records: int) -> None:
     """Raise a JointplayError on numbers of turns, or of records in one, that make no sense."""
-    for word, value, least in (
+    for option, value, minimum in (
         ("leave-out", leave_out, 0),
         ("keep", keep, 1),
         ("records", records, 4),
     ):
-        require_whole(word, value, least)
+        require_whole(option, value, minimum)
 
 
 def check_base(mechanism: Mechanism) -> None:
@@ -121,15 +121,15 @@ class Turning:
         )
         return cls(changed, period, leave_out, keep, records)
 
-    def run(self, place: Place | None = None) -> Result:
+    def run(self, prepare: Prepare | None = None) -> Result:
         """Simulate to the end; `place` changes the state before the run begins.
 
         Raises:
             JointplayError: the run stopped early.
         """
         run = Run(self.simulation)
-        if place is not None:
-            place(run)
+        if prepare is not None:
+            prepare(run)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)
             result = run.finish(check_step=False)
@@ -147,16 +147,16 @@ def repeated(motion: Motion | None, turns: int) -> Motion | None:
     if motion is None or motion.interpolation == "constant-speed" or turns == 1:
         return motion
 
-    def again(times: np.ndarray) -> np.ndarray:
+    def repeat(times: np.ndarray) -> np.ndarray:
         parts = [times[:-1] + k * motion.duration for k in range(turns)]
         return np.append(parts, turns * times[-1])
 
     return Motion(
         motion.joints,
-        again(motion.times),
+        repeat(motion.times),
         np.vstack([np.tile(motion.positions[:-1], (turns, 1)), motion.positions[-1:]]),
         motion.interpolation,
-        None if motion.given is None else again(motion.given),
+        None if motion.given is None else repeat(motion.given),
     )
 
 
@@ -176,8 +176,8 @@ def orders(values: np.ndarray, turns: int, highest: float) -> tuple[np.ndarray, 
     values = np.asarray(values, float)
     window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(len(values)) / len(values))
     amplitudes = 2.0 * np.abs(np.fft.rfft((values - values.mean()) * window)) / window.sum()
-    at = np.arange(len(amplitudes)) / turns
-    return at[at <= highest + 1e-9], amplitudes[at <= highest + 1e-9]
+    order = np.arange(len(amplitudes)) / turns
+    return order[order <= highest + 1e-9], amplitudes[order <= highest + 1e-9]
 
 
 def start_travel(simulation: Simulation, joint: str) -> tuple[float, float]:
@@ -195,23 +195,23 @@ def start_travel(simulation: Simulation, joint: str) -> tuple[float, float]:
     return float(x), float(y)
 
 
-def placing(joint: str, x: float, y: float) -> Place:
+def placing(joint: str, x: float, y: float) -> Prepare:
     """What puts the journal of a joint at (x, y) in its bearing [m] before a run begins.
 
     In a loop the bodies that are not driven move for it.
     """
 
-    def place(run: Run) -> None:
+    def prepare(run: Run) -> None:
         mechanism, q = run.mechanism, run.workspace.q
-        named = enumerate(mechanism.coordinates)
-        offsets = [k for k, c in named if c.joint == joint and c.part in ("x", "y")]
+        coordinates = enumerate(mechanism.coordinates)
+        offsets = [k for k, c in coordinates if c.joint == joint and c.part in ("x", "y")]
         motion = run.simulation.motion
-        led = [] if motion is None else [mechanism.coordinate(name) for name in motion.joints]
-        moved = offsets or [k for k in range(len(q)) if k not in led]
+        driven = [] if motion is None else [mechanism.coordinate(name) for name in motion.joints]
+        free = offsets or [k for k in range(len(q)) if k not in driven]
         for _ in range(3):  # the way is a curve, if a short one
             pin.forwardKinematics(mechanism.model, mechanism.data, q)
             centre = mechanism.journal_pose(joint).translation[:2]
-            moves = mechanism.relative_jacobian(joint, q)[:2, moved]
-            q[moved] += np.linalg.pinv(moves) @ (np.array([x, y]) - centre)
+            moves = mechanism.relative_jacobian(joint, q)[:2, free]
+            q[free] += np.linalg.pinv(moves) @ (np.array([x, y]) - centre)
 
-    return place
+    return prepare

@@ -71,13 +71,13 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.model.meshes import FOLDER, write_meshes
 
     out = Outputs(options.out, names + [FOLDER] * bool({"mjcf", "proto"}.intersection(formats)))
-    from jointplay.bridges.reduced_robot import BEYOND, ReducedRobot, refuse_without_play
-    from jointplay.bridges.reduction import is_own
+    from jointplay.bridges.reduced_robot import EXCEEDS, ReducedRobot, refuse_without_play
+    from jointplay.bridges.reduction import from_mjcf_file
 
     posed = inputs.posed_machine(options, single=True)
     mechanism = posed.mechanism
     free = posed.scenario.mechanism(posed.case).free_base is not None
-    if free and not is_own(mechanism.description):
+    if free and not from_mjcf_file(mechanism.description):
         raise JointplayError(
             "--base free: the files hold the base, as a URDF does; export from an MJCF with a free "
             "joint, or add <freejoint/> to the MJCF's first body"
@@ -117,7 +117,7 @@ def run(options: argparse.Namespace) -> int:
     if options.check:
         lines = [*robot.check()]
         print(*lines, sep="\n")
-        return int(any(BEYOND in line for line in lines))
+        return int(any(EXCEEDS in line for line in lines))
     return 0
 
 

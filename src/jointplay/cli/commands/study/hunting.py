@@ -101,7 +101,7 @@ def run(options: argparse.Namespace) -> int:
     if options.poses is not None:
         from jointplay.study import calm
 
-        answers = calm.calm(simulation, options.of, held, places=options.poses, **how)
+        answers = calm.calm(simulation, options.of, held, positions=options.poses, **how)
         table, notes = calm.table(answers), [answer.advice for answer in answers]
         sentence = "; ".join(answer.sentence for answer in answers)
     else:

@@ -54,7 +54,7 @@ def run(options: argparse.Namespace) -> int:
     counts = Cycles.up_to(options.cycles)
     if options.path_cycles is not None:
         counts = replace(counts, path=options.path_cycles)
-    check_numbers(counts.most, options.jobs)
+    check_numbers(counts.runs, options.jobs)
     for percent in names:
         require_positive("--speed", percent, "%")
     simulation, poses = _in_cube(options, simulation_of(options))

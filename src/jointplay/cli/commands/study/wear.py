@@ -50,7 +50,7 @@ def run(options: argparse.Namespace) -> int:
         progress=not options.quiet,
     )
     columns = [Column("cycles", life.cycles)]
-    names = ("deepest", "mean", *(("bore", "journal") if life.both else ()))
+    names = ("deepest", "mean", *(("bore", "journal") if life.both_wear else ()))
     columns += [Column(name, getattr(life, name), "m", fine=True) for name in names]
     print_answer(str(life), Table(columns), (), options)
     if options.out:

@@ -21,7 +21,7 @@ from jointplay.base.errors import JointplayError
 from jointplay.base.files import read_text
 from jointplay.bridges.reduced_files import check_encoder
 from jointplay.bridges.reduced_mjcf import compile_robot, mass_at, put_play, resolving_step
-from jointplay.bridges.reduction import Reduction, is_own
+from jointplay.bridges.reduction import Reduction, from_mjcf_file
 from jointplay.bridges.urdf import to_urdf
 from jointplay.model.elements import Element, put, written
 from jointplay.model.mechanism import Mechanism
@@ -30,7 +30,7 @@ from jointplay.model.mjcf_whole import compile_file, compile_text
 from jointplay.model.urdf import parse
 
 _DEEPEST = 20
-"""Files that may include each other, one in the other."""
+"""Files that may include each other, one in the other (judged: more is a circle)."""
 _PLAIN = {
     **dict.fromkeys(("limited", "actuatorfrclimited"), "false"),
     **dict.fromkeys(("armature", "damping", "frictionloss", "stiffness", "ref", "springref"), "0"),
@@ -40,7 +40,7 @@ _PLAIN = {
 
 
 @dataclass(frozen=True)
-class OwnRobot:
+class EditedRobot:
     """An MJCF into which play is put; in use as `reduced_mjcf.CompiledRobot`."""
 
     mechanism: Mechanism
@@ -71,18 +71,18 @@ class OwnRobot:
         root, added = copy.deepcopy(self.root), []
         tendon = root.find("tendon")
         tendon = Element("tendon") if tendon is None else tendon
-        ones = list(reductions)
-        loose = [one for one in ones if one.dead_band > 0.0]
+        reductions = list(reductions)
+        loose = [r for r in reductions if r.dead_band > 0.0]
         hinges = []
-        for one in ones:
-            losses = one.friction, one.viscous
-            if one in loose:
-                hinge, new = self._hinge(root, one)
-                added += [one.joint] * new
+        for r in reductions:
+            losses = r.friction, r.viscous
+            if r in loose:
+                hinge, inserted = self._hinge(root, r)
+                added += [r.joint] * inserted
                 hinges.append(hinge)
-                _put_tendons(tendon, one, hinge, *losses)
+                _put_tendons(tendon, r, hinge, *losses)
             elif any(losses):
-                self._rub(root, one.joint, *losses)
+                self._add_friction(root, r.joint, *losses)
         self._resize_keys(root, added)
         if len(tendon) and tendon not in root:
             root.append(tendon)
@@ -95,68 +95,66 @@ class OwnRobot:
     @property
     def notes(self) -> tuple[str, ...]:
         """What is in the file, and what is not as it was."""
-        return tuple(self._said())
+        return tuple(self._notes())
 
-    def _said(self) -> Iterator[str]:
+    def _notes(self) -> Iterator[str]:
         path = self.mechanism.description.path.resolve()
-        assets = " and its meshes and textures in " + str(path.parent) if self._has_files else ""
+        files = [*_with_files(self.root)]
+        assets = f" and its meshes and textures in {path.parent}" if files else ""
         yield (
             f"the MJCF is {path.name} with play put in: its friction stays before the play, at the "
             f"motors,{assets}".rstrip(",")
         )
         written = ElementTree.fromstring(self.mjcf(self.reductions))
-        steps = [one.get("timestep") for one in written.findall("option")]
-        step = float(next((one for one in reversed(steps) if one), self.model.opt.timestep))
+        steps = [option.get("timestep") for option in written.findall("option")]
+        step = float(next(filter(None, reversed(steps)), self.model.opt.timestep))
         if step < self.model.opt.timestep:
             yield (
                 f"note: the step of the MJCF is now {1e3 * step:.4g} ms, for the teeth; it was "
                 f"{1e3 * self.model.opt.timestep:.4g} ms"
             )
-        held = self.mechanism.description.beyond.hinges or {}
-        for one in self.reductions:
-            hinge = held.get(one.joint)
-            if hinge and one.dead_band > 0.0 and [*_equalities(self.root, hinge)]:
+        play_hinges = self.mechanism.description.beyond.hinges or {}
+        for reduction in self.reductions:
+            hinge = play_hinges.get(reduction.joint)
+            if hinge and reduction.dead_band > 0.0 and [*_equalities(self.root, hinge)]:
                 yield f"note: the equality of {hinge}, which would hold the play shut, is left out"
 
-    @property
-    def _has_files(self) -> bool:
-        return bool([*_with_files(self.root)])
-
-    def _hinge(self, root: Element, one: Reduction) -> tuple[str, bool]:
+    def _hinge(self, root: Element, reduction: Reduction) -> tuple[str, bool]:
         """Name of a joint's hinge of play, and whether it was put in."""
-        holder, joint = _find(root, one.joint)
-        row = self.model.joint(one.joint).dofadr[0]
-        if not np.isclose(self.model.dof_armature[row], one.rotor_inertia, rtol=1e-9, atol=0.0):
-            joint.set("armature", written(one.rotor_inertia))
-        known = (self.mechanism.description.beyond.hinges or {}).get(one.joint)
-        if known is not None:
-            _find(root, known)[1].set("limited", "false")
-            for holder, equality in [*_equalities(root, known)]:  # it would hold the play shut
+        holder, joint = _find(root, reduction.joint)
+        row = self.model.joint(reduction.joint).dofadr[0]
+        rotor = reduction.rotor_inertia
+        if not np.isclose(self.model.dof_armature[row], rotor, rtol=1e-9, atol=0.0):
+            joint.set("armature", written(rotor))
+        play_hinge = (self.mechanism.description.beyond.hinges or {}).get(reduction.joint)
+        if play_hinge is not None:
+            _find(root, play_hinge)[1].set("limited", "false")
+            for holder, equality in [*_equalities(root, play_hinge)]:  # it would hold the play shut
                 holder.remove(equality)
                 if not len(holder):
                     root.remove(holder)
-            return known, False
-        name = f"{one.joint}_play"
-        place = {key: value for key, value in joint.items() if key in ("class", "pos", "axis")}
-        hinge = Element("joint", {"name": name, "type": "hinge", **place, **_PLAIN})
+            return play_hinge, False
+        name = f"{reduction.joint}_play"
+        attributes = {key: value for key, value in joint.items() if key in ("class", "pos", "axis")}
+        hinge = Element("joint", {"name": name, "type": "hinge", **attributes, **_PLAIN})
         holder.insert([*holder].index(joint) + 1, hinge)
         return name, True
 
-    def _rub(self, root: Element, name: str, friction: float, viscous: float) -> None:
+    def _add_friction(self, root: Element, name: str, friction: float, viscous: float) -> None:
         """Add the friction of a bearing to a joint without play about its axis."""
         _, joint = _find(root, name)
         row = self.model.joint(name).dofadr[0]
-        for key, more in (("frictionloss", friction), ("damping", viscous)):
-            own = getattr(self.model, f"dof_{key}").reshape(self.model.nv, -1)[row, 0]
-            joint.set(key, written(own + more))
+        for key, addition in (("frictionloss", friction), ("damping", viscous)):
+            value = getattr(self.model, f"dof_{key}").reshape(self.model.nv, -1)[row, 0]
+            joint.set(key, written(value + addition))
 
     def _resize_keys(self, root: Element, added: Sequence[str]) -> None:
         """Put zeros for the new hinges into the keyframes."""
         for key in root.findall("keyframe/key"):
-            for name, first in (("qpos", "qposadr"), ("qvel", "dofadr")):
+            for name, address in (("qpos", "qposadr"), ("qvel", "dofadr")):
                 if values := key.get(name, "").split():
-                    behind = [getattr(self.model.joint(one), first)[0] + 1 for one in added]
-                    key.set(name, " ".join(np.insert(np.array(values, object), behind, "0")))
+                    indices = [getattr(self.model.joint(joint), address)[0] + 1 for joint in added]
+                    key.set(name, " ".join(np.insert(np.array(values, object), indices, "0")))
 
     def _resolving_step(
         self, root: Element, loose: Sequence[Reduction], hinges: Sequence[str]
@@ -165,12 +163,12 @@ class OwnRobot:
         model = compile_text(_text(root))
         rows = [int(model.joint(name).dofadr[0]) for name in hinges]
         mass = mass_at(model, self.pose)
-        return resolving_step(mass, rows, [one.stiffness for one in loose])
+        return resolving_step(mass, rows, [r.stiffness for r in loose])
 
 
-def own_robot(
+def edited_robot(
     mechanism: Mechanism, reductions: Sequence[Reduction], pose: Mapping[str, float], tilt: bool
-) -> OwnRobot:
+) -> EditedRobot:
     """A robot's own MJCF, files that it includes put in their place; `pose` as for `compile_robot`.
 
     Raises:
@@ -181,8 +179,8 @@ def own_robot(
             "--tilt is for MJCFs that are made of a URDF; into an MJCF of your own only play about "
             "an axis is put"
         )
-    root, model = _whole(mechanism)
-    return OwnRobot(mechanism, root, model, pose, tuple(reductions), {})
+    root, model = _load_included(mechanism)
+    return EditedRobot(mechanism, root, model, pose, tuple(reductions), {})
 
 
 def corrected_mjcf(
@@ -201,40 +199,41 @@ def corrected_mjcf(
         JointplayError: MuJoCo is not installed or cannot compile the robot; a body of the MJCF that
             has several joints, lies in a <frame>, or is not written there once.
     """
-    if not is_own(mechanism.description):
+    if not from_mjcf_file(mechanism.description):
         text = to_urdf(mechanism.ideal(), corrections)
-        new = Mechanism(parse(text, mechanism.description.path, mechanism.allow_unphysical))
-        made = compile_robot(new, ())
-        root = ElementTree.fromstring(made.mjcf(()))
-        for name, joint in new.description.joints.items():
-            body = next((one for one in root.iter("body") if one.get("name") == joint.child), None)
+        corrected = Mechanism(parse(text, mechanism.description.path, mechanism.allow_unphysical))
+        compiled = compile_robot(corrected, ())
+        root = ElementTree.fromstring(compiled.mjcf(()))
+        bodies, model = {body.get("name"): body for body in root.iter("body")}, corrected.model
+        for name, joint in corrected.description.joints.items():
+            body = bodies.get(joint.child)
             if body is not None and name in corrections:
-                _set_place(body, new.model.jointPlacements[new.model.getJointId(name)])
-        return _text(root), made.meshes
-    root, model = _whole(mechanism)
+                _set_placement(body, model.jointPlacements[model.getJointId(name)])
+        return _text(root), compiled.meshes
+    root, model = _load_included(mechanism)
     hidden = set((mechanism.description.beyond.hinges or {}).values())
-    for name, off in corrections.items():
+    for name, correction in corrections.items():
         joint = model.joint(name)
         number = int(joint.bodyid[0])
         element, _ = _find(root, name)
-        others = {model.joint(int(j)).name for j in np.flatnonzero(model.jnt_bodyid == number)}
-        if others - hidden - {name}:
+        names = {model.joint(int(j)).name for j in np.flatnonzero(model.jnt_bodyid == number)}
+        if names - hidden - {name}:
             raise JointplayError(
                 f"the correction of {name!r} cannot be written: its body has several joints"
             )
         if any(element in frame.iter("body") for frame in root.iter("frame")):
             raise JointplayError(f"the correction of {name!r} cannot be written: a <frame> has it")
         anchor = pin.SE3(np.eye(3), joint.pos.copy())
-        way = -float(joint.qpos0[0]) * joint.axis
-        turns = joint.type[0] == load_mujoco().mjtJoint.mjJNT_HINGE
-        zero = pin.SE3(pin.exp3(way), np.zeros(3)) if turns else pin.SE3(np.eye(3), way)
-        at = anchor * zero  # the joint's frame, its coordinate zero
-        place = placed(model.body_pos[number], model.body_quat[number])
-        _set_place(element, place * at * off * at.inverse())
+        offset = -float(joint.qpos0[0]) * joint.axis
+        rotates = joint.type[0] == load_mujoco().mjtJoint.mjJNT_HINGE
+        zero = pin.SE3(pin.exp3(offset), np.zeros(3)) if rotates else pin.SE3(np.eye(3), offset)
+        joint_frame = anchor * zero  # the joint's frame, its coordinate zero
+        body_frame = placed(model.body_pos[number], model.body_quat[number])
+        _set_placement(element, body_frame * joint_frame * correction * joint_frame.inverse())
     return _text(root), {}
 
 
-def _whole(mechanism: Mechanism) -> tuple[Element, Any]:
+def _load_included(mechanism: Mechanism) -> tuple[Element, Any]:
     """The text of an MJCF in one piece, and as MuJoCo compiles it."""
     path = mechanism.description.path.resolve()
     model = compile_file(path)
@@ -270,15 +269,15 @@ def _equalities(root: Element, hinge: str) -> Iterator[tuple[Element, Element]]:
 
 def _last(root: Element, tag: str) -> Element:
     """The last section of this name, which counts most; a new one if there is none."""
-    found = root.findall(tag)
-    return found[-1] if found else put(root, tag)
+    sections = root.findall(tag)
+    return sections[-1] if sections else put(root, tag)
 
 
-def _set_place(body: Element, place: pin.SE3) -> None:
+def _set_placement(body: Element, placement: pin.SE3) -> None:
     for key in ("quat", "axisangle", "xyaxes", "zaxis", "euler"):
         body.attrib.pop(key, None)
-    x, y, z, w = pin.Quaternion(place.rotation).coeffs()
-    body.set("pos", written(place.translation))
+    x, y, z, w = pin.Quaternion(placement.rotation).coeffs()
+    body.set("pos", written(placement.translation))
     body.set("quat", written([w, x, y, z]))
 
 
@@ -296,42 +295,42 @@ def _include(element: Element, folder: Path, deepest: int) -> None:
     if not deepest:
         raise JointplayError(f"files of the MJCF include each other more than {_DEEPEST} deep")
     for position in range(len(element) - 1, -1, -1):
-        one = element[position]
-        if one.tag == "include":
-            content = _parse(folder / one.get("file", ""))
+        child = element[position]
+        if child.tag == "include":
+            content = _parse(folder / child.get("file", ""))
             _include(content, folder, deepest - 1)
             element[position : position + 1] = [*content]
         else:
-            _include(one, folder, deepest)
+            _include(child, folder, deepest)
 
 
 def _find(root: Element, name: str) -> tuple[Element, Element]:
     """A joint of the file, and the body in which it is."""
-    found = [
-        (body, one)
+    matches = [
+        (body, element)
         for world in root.findall("worldbody")
         for body in world.iter()
-        for one in body
-        if one.tag == "joint" and one.get("name") == name
+        for element in body
+        if element.tag == "joint" and element.get("name") == name
     ]
-    if len(found) != 1:
+    if len(matches) != 1:
         raise JointplayError(
             f"the joint {name!r} is not written in the MJCF by this name, once: it has no name, or "
             "comes of <replicate> or <attach>; give it one, or write it out"
         )
-    return found[0]
+    return matches[0]
 
 
 def _put_tendons(
-    tendon: Element, one: Reduction, hinge: str, friction: float, viscous: float
+    tendon: Element, reduction: Reduction, hinge: str, friction: float, viscous: float
 ) -> None:
     """Put in what holds a hinge of play, in the place of what held it before."""
     names = {part.get("name") for part in tendon}
     for part in list(tendon):
-        if part.get("name") == f"{one.joint}.play":
+        if part.get("name") == f"{reduction.joint}.play":
             tendon.remove(part)
         elif [wrapped.get("joint") for wrapped in part] == [hinge]:
             part.attrib.update({"stiffness": "0", "limited": "false"})
-    put_play(tendon, one, hinge, friction, viscous)
-    if f"{one.joint}.link" in names:  # and its losses are there
+    put_play(tendon, reduction, hinge, friction, viscous)
+    if f"{reduction.joint}.link" in names:  # and its losses are there
         tendon.remove(tendon[-1])

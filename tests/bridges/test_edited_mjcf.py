@@ -9,8 +9,8 @@ import pytest
 
 import jointplay as jp
 from jointplay.base.errors import JointplayError
-from jointplay.bridges import own_mjcf
-from jointplay.bridges.own_mjcf import corrected_mjcf
+from jointplay.bridges import edited_mjcf
+from jointplay.bridges.edited_mjcf import corrected_mjcf
 from jointplay.bridges.urdf import to_urdf
 from jointplay.cli import main
 from jointplay.model.formats import read
@@ -145,9 +145,9 @@ def test_the_stated_error_is_that_of_the_file_as_written(tmp_path, capsys, monke
         assert "the written MJCF's, run in MuJoCo" in told
         return float(re.findall(r"link's angle, stated error +([0-9.e-]+) mrad", told)[0])
 
-    fine, whole = stated("fine"), own_mjcf._put_tendons
+    fine, whole = stated("fine"), edited_mjcf._put_tendons
     monkeypatch.setattr(  # a writer that loses half of the play, 1 degree
-        own_mjcf,
+        edited_mjcf,
         "_put_tendons",
         lambda to, one, *more: whole(to, replace(one, dead_band=0.5 * one.dead_band), *more),
     )
@@ -182,6 +182,6 @@ def test_an_equality_that_shuts_the_play_is_left_out_and_a_check_that_fails_exit
     assert "holds j_b and so shuts the play of j in MuJoCo" in told
     assert "the equality of j_b, which would hold the play shut, is left out" in told
     assert "<equality" not in (tmp_path / "out" / "robot.xml").read_text()
-    monkeypatch.setattr("jointplay.bridges.own_mjcf._equalities", lambda *_: iter(()))
+    monkeypatch.setattr("jointplay.bridges.edited_mjcf._equalities", lambda *_: iter(()))
     assert main([*said, "--out", str(tmp_path / "shut")]) == 1
     assert "beyond" in capsys.readouterr().out
