@@ -16,6 +16,7 @@ from sweep_scenario import GRID, SCENARIO
 from warm import System, close
 
 from jointplay import JointplayError, Mechanism, Motion, RevoluteClearance, Simulation, simulate
+from jointplay.base import compiler, streams
 from jointplay.physics.geometry import touch_cylinder
 from jointplay.physics.kernel.constants import DEFAULT
 from jointplay.simulation import Run
@@ -32,6 +33,9 @@ if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
 # the work. What is started from here inherits this, workers of pytest-xdist among it.
 for library in ("OPENBLAS", "OMP"):
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+
+# What commands print is not to depend on what was compiled before.
+streams.announced.add(compiler.COMPILES)
 
 # Tests wait for progress: it is to be said often.
 os.environ["JOINTPLAY_PROGRESS_S"] = "0"

@@ -31,7 +31,9 @@ ALSO = (
 def warm() -> None:
     """Import all that commands need, and load the kernels."""
     import jointplay as jp
+    from jointplay.base import compiler, streams
 
+    streams.announced.add(compiler.COMPILES)
     for module in pkgutil.walk_packages(jp.__path__, "jointplay."):
         importlib.import_module(module.name)
     for name in ALSO:

@@ -1,12 +1,15 @@
 """What is said of the package in several places says the same."""
 
+import email
 import os
 import re
 import runpy
 import shutil
 import subprocess
 import sys
+import tarfile
 import tomllib
+import zipfile
 from importlib.resources import files
 from pathlib import Path
 
@@ -16,6 +19,7 @@ from sweep_scenario import GRID, SCENARIO
 
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+RECIPE = yaml.safe_load((ROOT / "packaging/conda/recipe.yaml").read_text())
 DATA = ROOT / "benchmarks" / "truth" / "validation" / "data"
 LICENCES = runpy.run_path(str(DATA / "__init__.py"))["LICENCES"]
 CONDA_NAMES = {"pin": "pinocchio", "matplotlib": "matplotlib-base", "meshcat": "meshcat-python"}
@@ -143,20 +147,25 @@ def test_what_is_advised_to_install_is_there():
     assert advice.findall(readme)[0] == ".[robots]"  # its first commands name robots
 
 
-def test_citation_and_recipe_have_the_version_of_the_project():
+def test_citation_and_recipe_say_what_the_project_says():
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
-    recipe = yaml.safe_load((ROOT / "packaging/conda/recipe.yaml").read_text())
-    assert citation["version"] == recipe["context"]["version"] == PROJECT["version"]
+    assert citation["version"] == RECIPE["context"]["version"] == PROJECT["version"]
+    about, urls = RECIPE["about"], PROJECT["urls"]
+    source = citation["repository-code"]
+    assert source == about["homepage"] == about["repository"] == urls["Source"]
+    assert about["documentation"] == urls["Documentation"]
+    assert about["license"] == PROJECT["license"]
 
 
 def test_the_conda_recipe_needs_what_the_project_needs():
-    recipe = yaml.safe_load((ROOT / "packaging/conda/recipe.yaml").read_text())
-    assert recipe["schema_version"] == 1
-    wanted = {"python >=3.11"}
+    assert RECIPE["schema_version"] == 1
+    assert f">={RECIPE['context']['python_min']}" == PROJECT["requires-python"]
+    wanted = {"python >=${{ python_min }}"}
     for entry in PROJECT["dependencies"]:
         name, version = re.fullmatch(r"([\w-]+)(.*)", entry).groups()
-        wanted.add(f"{CONDA_NAMES.get(name, name)} {version}".strip())
-    assert {str(entry) for entry in recipe["requirements"]["run"]} == wanted
+        bound = "" if name == "eigenpy" else version  # conda-forge has an older one
+        wanted.add(f"{CONDA_NAMES.get(name, name)} {bound}".strip())
+    assert {str(entry) for entry in RECIPE["requirements"]["run"]} == wanted
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / ".github").rglob("*.yml")), ids=lambda p: p.name)
@@ -192,15 +201,34 @@ def test_data_say_whose_they_are_and_under_which_licence(path):
     assert said["Source"].split(",")[0] in row
 
 
-def test_the_licence_of_the_source_distribution_names_all_that_it_ships():
-    found = set()
-    for path in DATA.glob("*.csv"):
-        found |= set(re.findall(r"SPDX-License-Identifier: (\S+)", path.read_text()))
-    assert set(PROJECT["license"].split(" AND ")) == found | {"MIT"}
-    for pattern in PROJECT["license-files"]:
-        assert list(ROOT.glob(pattern)), pattern
-    shipped = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["hatch"]["build"]
-    assert {"LICENSE", "LICENSES"} <= set(shipped["targets"]["sdist"]["include"])
+@pytest.mark.thorough
+@pytest.mark.needs("hatchling", "hatch_fancy_pypi_readme")
+def test_packages_carry_their_licences_and_a_readme_whose_links_lead_somewhere(tmp_path):
+    command = [sys.executable, "-m", "hatchling", "build", "-d", str(tmp_path)]
+    subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
+    with zipfile.ZipFile(next(tmp_path.glob("*.whl"))) as wheel:
+        shipped = {path: wheel.read(path) for path in wheel.namelist()}
+    with tarfile.open(next(tmp_path.glob("*.tar.gz"))) as source:
+        sources = {path.partition("/")[2] for path in source.getnames()}
+    about = f"jointplay-{PROJECT['version']}.dist-info/"
+    said = email.message_from_bytes(shipped[about + "METADATA"])
+    assert said["License-Expression"] == "MIT AND Apache-2.0"
+    assert said.get_all("License-File") == ["LICENSE", *sorted(PROJECT["license-files"][1:])]
+    assert all(f"{about}licenses/{path}" in shipped for path in said.get_all("License-File"))
+    # What README and the comment above `license` name, and nothing else.
+    apache = {path for path in shipped if b"Apache License" in shipped[path]}
+    assert apache == {"jointplay/shipped/so101.urdf", f"{about}licenses/LICENSES/Apache-2.0.txt"}
+    assert not [path for path in shipped if b"SPDX-License-Identifier" in shipped[path]]
+
+    data = [path for path in DATA.iterdir() if path.suffix in (".csv", ".md", ".LICENSE")]
+    assert {str(path.relative_to(ROOT)) for path in data} <= sources
+    assert {path for path in sources if path.startswith("LICENSE")} >= {*PROJECT["license-files"]}
+
+    links = re.findall(r"\]\(([^)#]+)", said.get_payload())
+    ours = re.compile(rf"{PROJECT['urls']['Source']}/(?:blob|raw)/v{PROJECT['version']}/(.+)")
+    assert all(link.startswith("https://") for link in links)
+    assert len(paths := [found[1] for link in links if (found := ours.fullmatch(link))]) > 10
+    assert all((ROOT / path).exists() for path in paths)
 
 
 def test_an_extract_of_share_alike_data_stays_share_alike():

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jointplay.base import objects, progress
+from jointplay.base import objects, progress, streams
 
 _PACKAGE = Path(__file__).parents[1]
 
@@ -52,6 +52,9 @@ _TYPES = {
 
 targets: list[objects.Target] = []
 """What is compiled is compiled for these, of which the first is run; none: for this processor."""
+
+COMPILES = "compiling for this processor, once: some 15 s, more if it is busy"
+"""What a user is told who waits for it (measured: docs/cost.md)."""
 
 _turn = threading.RLock()
 """Of the threads, one compiles at a time."""
@@ -197,7 +200,8 @@ class Compiled:
                     return False
                 from jointplay.base import processes
 
-                end = self._begun(signature, objects.host())
+                with streams.saying_if_long(COMPILES):
+                    end = self._begun(signature, objects.host())
                 process = processes.beside(end)  # it holds the lock, too, by its descriptor
                 if process is None:
                     end()
@@ -212,7 +216,8 @@ class Compiled:
         with _turn:
             if loaded := self._loaded(signature):
                 return loaded
-            with progress.aside(), nullcontext() if _held(self) else objects.alone():
+            compiling = streams.saying_if_long(COMPILES)
+            with progress.aside(), nullcontext() if _held(self) else objects.alone(), compiling:
                 if loaded := self._loaded(signature):
                     return loaded
                 built = [self._begun(signature, target)() for target in targets or [objects.host()]]

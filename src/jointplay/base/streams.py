@@ -4,6 +4,7 @@ import os
 import re
 import sys
 import tempfile
+import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -107,6 +108,31 @@ def release() -> None:
     for line in [] if _quiet else _held:
         sys.stderr.write(f"{line}\n")
     _held.clear()
+
+
+_LONG_S = 2.0
+"""After which it is said what takes so long (judged: sooner, it ends while one reads)."""
+
+announced: set[str] = set()
+"""What need not be said again in this process."""
+
+
+@contextmanager
+def saying_if_long(text: str) -> Iterator[None]:
+    """Say once what is done in the block, if it takes long and the user is not to be left alone."""
+
+    def say() -> None:
+        if text not in announced and not _quiet:
+            announced.add(text)
+            print(text, file=sys.stderr, flush=True)
+
+    timer = threading.Timer(_LONG_S, say)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 def full(stream: Any) -> bool:

@@ -10,17 +10,14 @@ and rotors need; and the arrays that the kernels step. Where the machine then st
 from __future__ import annotations
 
 import math
-import threading
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 
-from jointplay.base import signals
 from jointplay.base.errors import (
     JointplayError,
     JointplayWarning,
@@ -375,9 +372,8 @@ def prepare(simulation: Simulation, in_memory: bool, progress: bool, ahead: bool
         ahead_s, start.v,
     )  # fmt: skip
     start.move()
-    with saying_if_long(progress and ahead):
-        # What else is compiled, by this process, is so while another one ends the kernel.
-        compiles = ahead and kernel_ahead(method.command)
+    # What else is compiled, by this process, is so while another one ends the kernel.
+    compiles = ahead and kernel_ahead(method.command)
     model = mechanism.model.copy()
     for at, value in armature.items():
         model.armature[at] += value
@@ -411,28 +407,3 @@ def prepare(simulation: Simulation, in_memory: bool, progress: bool, ahead: bool
         method, total_steps, stepper, macro_step, drives, friction, start, reference,
         model, data, sites, workspace, compiles,
     )  # fmt: skip
-
-
-_COMPILES_S = 5.0
-"""Loading compiled kernels takes less than this; compiling them, at the first start, much more."""
-_announced = threading.Event()
-"""Whether this process has said so: each of several kernels is compiled when it is called for."""
-
-
-@contextmanager
-def saying_if_long(say: bool) -> Iterator[None]:
-    """Say, once in a process, that kernels are compiled, if that takes long."""
-    message = "compiling the kernels, half a minute or two; the next start loads them"
-
-    def announce() -> None:
-        _announced.set()
-        signals.say(message)
-
-    timer = threading.Timer(_COMPILES_S, announce)
-    timer.daemon = True
-    if say and not _announced.is_set():
-        timer.start()
-    try:
-        yield
-    finally:
-        timer.cancel()

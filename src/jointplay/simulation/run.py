@@ -36,7 +36,7 @@ from jointplay.simulation.base_chart import BaseChart
 from jointplay.simulation.initial import named
 from jointplay.simulation.judging import Judging
 from jointplay.simulation.loads.drive import assign
-from jointplay.simulation.prepare import CHUNK, Prepared, prepare, saying_if_long
+from jointplay.simulation.prepare import CHUNK, Prepared, prepare
 from jointplay.simulation.result.histories import compile_histories, histories
 from jointplay.simulation.result.variables import Phase, Records
 from jointplay.simulation.spool import DiskRecords, Overflow, PassedRecords
@@ -323,10 +323,9 @@ class Run:
         workspace = self.workspace
         if workspace.steps == 0:
             self._origin = workspace.q.copy(), workspace.v.copy()
-        with saying_if_long(progress and not self._loop.compiled):
-            if self._compiles:
-                compile_histories(self)
-            self._loop.compile()
+        if self._compiles:
+            compile_histories(self)
+        self._loop.compile()
         bar = Simulated(
             self.total_steps * self.simulation.step, progress, self.label, workspace.time
         )

@@ -12,7 +12,7 @@ import pinocchio as pin
 from jointplay.model.frames import Frame
 from jointplay.model.loop import PROXIMAL
 from jointplay.model.tree import Tree
-from jointplay.physics.kernel import REACHED, Command, caller_of, entry_of, layout
+from jointplay.physics.kernel import REACHED, Command, caller_of, layout
 from jointplay.physics.kernel.adaptive import STABLE_TURN
 from jointplay.physics.kernel.layout import CarriedFrame, JointSite, LoadSite
 
@@ -72,10 +72,6 @@ class TimeLoop(ABC):
     def commands(self) -> tuple[Command, ...]:
         """One of each compiled entry that the loop calls."""
         return (self.method.command,)
-
-    @property
-    def compiled(self) -> bool:
-        return all(entry_of(command).ready for command in self.commands)
 
     def compile(self) -> None:
         for command in self.commands:

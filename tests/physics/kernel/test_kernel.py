@@ -21,7 +21,7 @@ import pytest
 from numba import njit
 
 import jointplay as jp
-from jointplay.base import compiler, linking, locks, objects, processes, progress
+from jointplay.base import compiler, linking, locks, objects, processes, progress, streams
 from jointplay.base.compiler import compiled
 from jointplay.base.objects import Unresolved
 
@@ -159,6 +159,17 @@ def test_a_stopped_process_that_holds_the_lock_is_waited_for_with_a_word_and_a_l
     assert "compiling without waiting" in said
     with objects.alone():
         assert capsys.readouterr().err == ""
+
+
+def test_who_waits_for_the_compiler_is_told_once_unless_to_be_quiet(monkeypatch, capsys):
+    monkeypatch.setattr(streams, "_LONG_S", 0.0)
+    monkeypatch.setattr(streams, "announced", set())
+    for quiet, said in ((True, ""), (False, f"{compiler.COMPILES}\n"), (False, "")):
+        kept_nowhere = {}
+        exec("def twice(x): return 2.0 * x", kept_nowhere)
+        with streams.noting(quiet):
+            assert compiler.compiled(kept_nowhere["twice"])(2.0) == 4.0
+        assert capsys.readouterr() == ("", said)
 
 
 def test_an_object_that_cannot_be_written_is_done_without(kept, monkeypatch, tmp_path):

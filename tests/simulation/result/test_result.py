@@ -123,3 +123,10 @@ def test_histories_that_are_compiled_ahead_leave_no_trace(name):
     compile_histories(ahead)
     found = [run.finish(check_step=False).dataset for run in (ahead, jp.Run(simulation))]
     assert found[0].drop_attrs().identical(found[1].drop_attrs())
+
+
+def test_a_file_that_is_deleted_after_what_it_writes_to_says_nothing(tmp_path):
+    """Python 3.13 prints what goes wrong there."""
+    with (tmp_path / "result.nc").open("wb") as file:
+        behind = netcdf._CheckedFile(file)
+    behind.close()

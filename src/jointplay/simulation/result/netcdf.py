@@ -331,4 +331,5 @@ class _CheckedFile(io.RawIOBase):
         return size or 0
 
     def flush(self) -> None:
-        self._try(self._inner.flush)
+        if not self._inner.closed:  # as it may be when this is deleted
+            self._try(self._inner.flush)
