@@ -124,7 +124,8 @@ def saying_if_long(text: str) -> Iterator[None]:
     def say() -> None:
         if text not in announced and not _quiet:
             announced.add(text)
-            print(text, file=sys.stderr, flush=True)
+            sys.stderr.write(f"{text}\n")
+            sys.stderr.flush()
 
     timer = threading.Timer(_LONG_S, say)
     timer.daemon = True
