@@ -58,8 +58,8 @@ def accuracy():
     """Errors of the default settings, relative: the loaded SCARA against a finer run of itself."""
     case = Case(loaded=True)
     simulation = case.simulation(duration=ACCURACY_S)
-    plain = figures(simulation.run(), None)
-    fine = figures(replace(simulation, **FINE).run(), None)
+    plain = figures(simulation.run())
+    fine = figures(replace(simulation, **FINE).run())
     return {
         f"accuracy: {name}": abs(plain[name][0] - value) / abs(value)
         for name, (value, _) in fine.items()

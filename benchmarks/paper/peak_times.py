@@ -21,6 +21,7 @@ from jointplay.base.progress import ProgressBar
 from jointplay.paper.cases import CASES, scara
 from jointplay.paper.page import PRINTED_PEAKS, largest_peaks
 from jointplay.simulation.analysis.claims import Verdict, judge, measure
+from jointplay.simulation.analysis.tool_error import measured_against
 
 PRINTED = np.concatenate(list(PRINTED_PEAKS.values()))
 CYCLE = 3.0
@@ -98,7 +99,10 @@ def misses(jobs: int, motions: list[jp.Motion | None], seeds, bar: ProgressBar) 
 def claims(motion: jp.Motion, seeds: Iterable[int]) -> list[Verdict]:
     """The paper's claims with this motion, weight balanced, consistent inertias."""
     ideal = moved(motion, next(label for label in CASES if label not in LABELS), None)
-    found = [[measure(moved(motion, label, seed), ideal) for seed in seeds] for label in LABELS]
+    found = [
+        [measure(measured_against(moved(motion, label, seed), ideal)) for seed in seeds]
+        for label in LABELS
+    ]
     return judge(*found, "balanced, consistent")
 
 

@@ -60,10 +60,8 @@ def numbers(name: str) -> list[dict[str, str]]:
     for case, result in results.items():
         if not analysis.has_play(result):
             continue
-        ideal = next((r for r in results.values() if analysis.is_twin(result, r)), None)
-        ideal = analysis.twin(result) if ideal is None else ideal
         start = result.judge_from
-        error = analysis.deviation(result, ideal)
+        error = analysis.deviation(result)
         sizes = np.linalg.norm(error.sel(time=error["time"] >= start).values, axis=1)
         force, count = float("nan"), 0
         if result.joints:

@@ -224,7 +224,8 @@ def truth(simulation: jp.Simulation, by: str = DEFAULT) -> tuple[dict[str, Truth
     ideal = converged(analysis.ideal_simulation(finer(simulation, times // 2)))
 
     def found(times: int, aside: Vector | None = None) -> dict[str, tuple[float, str]]:
-        return headline(figures(converged(finer(simulation, times, by), aside), ideal))
+        run = converged(finer(simulation, times, by), aside)
+        return headline(figures(analysis.measured_against(run, ideal)))
 
     coarser = found(times // 2)
     for halving in range(HALVINGS + 1):
@@ -317,7 +318,8 @@ def judge(
     once = time.process_time() - once
     if result.status != jp.Status.COMPLETED:
         return outcome([], f"the run {result.message}")
-    own = headline(figures(result, converged(analysis.ideal_simulation(result))))
+    ideal = converged(analysis.ideal_simulation(result))
+    own = headline(figures(analysis.measured_against(result, ideal)))
     try:
         known, step = truth(case.simulation, by)
     except NoTruthError as error:

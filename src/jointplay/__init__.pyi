@@ -11,6 +11,7 @@ from .accuracy.error_budget import budget as budget
 from .accuracy.robot_errors import JointErrors as JointErrors
 from .accuracy.robot_errors import RobotErrors as RobotErrors
 from .base.errors import JointplayError as JointplayError
+from .base.errors import JointplayWarning as JointplayWarning
 from .base.modules import import_module as import_module
 from .bridges import export as export
 from .bridges.reduction import reduce as reduce

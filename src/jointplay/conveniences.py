@@ -7,9 +7,11 @@ places |= {
     "dataframe": ("jointplay.bridges.table", "dataframe"),
     "export": ("jointplay.bridges", "export"),
     "notebook_page": ("jointplay.bridges.notebook", "page"),
+    "in_a_line": ("jointplay.simulation.analysis.headline", "in_a_line"),
     "summary": ("jointplay.simulation.analysis.headline", "summary"),
-    "tool_error": ("jointplay.simulation.analysis.headline", "tool_error"),
-    "rattle": ("jointplay.simulation.analysis.headline", "rattle_of"),
+    "tool_error": ("jointplay.simulation.analysis.parts", "ToolError"),
+    "find_tool_error": ("jointplay.simulation.analysis.tool_error", "find_tool_error"),
+    "rattle": ("jointplay.simulation.analysis.vibration", "rattle"),
     "simulation": ("jointplay.simulation", "Simulation"),
     "errors_of_run": ("jointplay.study.certification", "errors_if_possible"),
 }

@@ -18,6 +18,7 @@ from jointplay import (
     PrismaticClearance,
     RevoluteClearance,
     Simulation,
+    robot_scenario,
     shipped,
 )
 from jointplay.accuracy import poses, rest
@@ -647,3 +648,12 @@ def test_the_worst_turn_in_the_answer_is_that_of_all_poses():
     found = budget(both, q)
     assert found.worst_turn.argmax() != found.worst_pose
     assert f"turn by up to {1e3 * found.worst_turn.max():.3g} mrad" in found.sentence
+
+
+def test_without_a_pose_it_is_that_of_the_command(capsys):
+    order = ["budget", "ur5", "--joint", "elbow_joint", "--quiet"]
+    assert main(order) == 0
+    robot = robot_scenario("ur5", ["elbow_joint"]).simulation().mechanism
+    known = budget(robot)
+    assert np.array_equal(known.q, poses.poses_of(robot).q)
+    assert known.sentence in capsys.readouterr().out

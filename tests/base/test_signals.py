@@ -1,6 +1,8 @@
 """Requests to stop, whenever they come."""
 
 import signal
+import subprocess
+import sys
 import time
 import weakref
 
@@ -38,3 +40,12 @@ def test_what_else_is_dropped_is_reported_as_before(monkeypatch):
         del thing
     assert callback() is None
     assert [one.exc_type for one in seen] == [ZeroDivisionError]
+
+
+def test_notes_are_logged_where_somebody_listens_and_else_written_to_standard_error(caplog):
+    signals.say("kept")
+    assert [record.getMessage() for record in caplog.records] == ["kept"]
+    assert caplog.records[0].name == "jointplay"
+    code = "from jointplay.base import signals; signals.say('kept')"
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert (said.stdout, said.stderr) == ("", "\nkept\n")

@@ -2,6 +2,7 @@
 
 import dataclasses
 import io
+import re
 import sys
 from contextlib import suppress
 
@@ -51,13 +52,15 @@ def bag(path):
 def test_the_table_has_a_row_for_each_record_and_a_column_for_each_number(result):
     table = result.to_dataframe()
     assert len(table) == len(result.time)
-    assert np.array_equal(table["time"], result.time)
+    assert np.array_equal(table.index, result.time)
+    assert table.index.name == "time"
     assert np.array_equal(table["q.joint_b.yaw"], result["q"].sel(coordinate="joint_b.yaw"))
     peaks = result["normal_force_peak"].sel(joint="joint_b", contact="axial_A")
     assert np.array_equal(table["normal_force_peak.joint_b.axial_A"], peaks)
     assert np.array_equal(table["tool_orientation.w"], result["tool_orientation"][:, 0])
     units = table.attrs["units"]
-    assert list(units) == list(table.columns)
+    assert list(units) == ["time", *table.columns]
+    assert units["time"] == "s"
     assert units["q.joint_b.x"] == "m"
     assert units["v.joint_b.yaw"] == "rad/s"
     assert (units["drive.joint_a"], units["drive.stroke"]) == ("N m", "N")
@@ -66,7 +69,7 @@ def test_the_table_has_a_row_for_each_record_and_a_column_for_each_number(result
         for variable in result.dataset.data_vars.values()
         if "time" in variable.dims
     )
-    assert table.shape[1] == 1 + numbers  # nothing of the SCARA's one bearing is missing
+    assert table.shape[1] == numbers  # nothing of the SCARA's one bearing is missing
 
 
 def test_contacts_that_a_joint_does_not_have_give_no_column():
@@ -104,7 +107,7 @@ def test_csv_reads_back_bit_for_bit_with_units_in_its_header(result, tmp_path):
     assert list(pd.read_csv(path).columns[:2]) == ["time [s]", "q.joint_a [rad]"]
     read = np.loadtxt(path, delimiter=",", skiprows=1)
     assert len(read) > 1000  # more than are written at a time
-    assert np.array_equal(read, result.to_dataframe().to_numpy())
+    assert np.array_equal(read, result.to_dataframe().reset_index().to_numpy())
 
 
 def test_matlab_reads_every_column_and_its_unit(result, tmp_path):
@@ -112,7 +115,7 @@ def test_matlab_reads_every_column_and_its_unit(result, tmp_path):
 
     read = loadmat(result.export(tmp_path / "r.mat"), simplify_cells=True)
     table = result.to_dataframe()
-    np.testing.assert_array_equal(read["time"], table["time"].values)
+    np.testing.assert_array_equal(read["time"], table.index.values)
     name = next(name for name in table.columns if name.startswith("joint_force."))
     np.testing.assert_array_equal(read[name.replace(".", "_")], table[name].values)
     assert read["units"][name.replace(".", "_")] == "N"
@@ -388,8 +391,28 @@ def test_a_notebook_shows_figures_and_a_picture(result):
     assert f"{alone(peak)} N" in page
     assert "data:image/png;base64," in page
     assert "http" not in page
+    judged = Result(result.dataset.copy())
+    judged.certificate = jp.certify(judged, strict=False)
+    names = re.findall(r"<th[^>]*>([^<]*)</th>", judged._repr_html_())
+    assert len(set(names)) == len(names) > 10
     ideal = dataclasses.replace(scara(None), duration=0.01).run()
     assert "no joint" in ideal._repr_html_()
+
+
+def test_at_a_prompt_results_and_answers_are_a_line(result):
+    shown = repr(result)
+    assert shown.startswith("<jointplay Result: scara, play of 0.2 mm in joint_b, 1001 records to ")
+    assert "\n" not in shown
+    robot = result.simulation.mechanism
+    for answer in (jp.budget(robot), jp.allocate(robot, {}, 1e-3)):
+        assert repr(answer) == f"<jointplay {type(answer).__name__}: {answer.sentence}>"
+        assert str(answer.table()) in str(answer)
+        assert "<table" in answer._repr_html_()
+    signals = {("motor", "joint_a"): np.zeros(50)}
+    measured = jp.Measurement(np.linspace(0.0, 1.0, 50), signals, source="a.csv")
+    assert repr(measured) == (
+        "<jointplay Measurement: a.csv, 50 records, 0 to 1 s; motor of joint_a>"
+    )
 
 
 def test_a_notebook_takes_no_markup_from_a_file(result):

@@ -250,7 +250,7 @@ def test_payload_that_a_tumbling_robot_picks_brings_its_energy(walker):
 def test_error_is_seen_from_a_body(walker):
     result = run(walker(LOOSE), swing(), state=TUMBLING)
     ideal = analysis.twin(result)
-    seen = analysis.deviation(result, ideal, relative_to="thigh").values
+    seen = analysis.difference(result, ideal, relative_to="thigh").values
     mechanism = result.simulation.mechanism
     frames = [mechanism.model.getFrameId(name) for name in ("thigh", mechanism.tool)]
     row, places = 700, []
@@ -261,14 +261,14 @@ def test_error_is_seen_from_a_body(walker):
         thigh, tool = (data.oMf[model.getFrameId(model.frames[i].name)] for i in frames)
         places.append(thigh.actInv(tool).translation)
     assert seen[row] == pytest.approx(places[0] - places[1], abs=1e-12)
-    assert np.abs(seen).max() < np.abs(analysis.deviation(result, ideal).values).max()
+    assert np.abs(seen).max() < np.abs(analysis.deviation(result).values).max()
     held = run(walker(LOOSE, base="held"), swing())
     twin = analysis.twin(held)
     for of in analysis.tool_error.TOOL_MOTIONS:
-        world = analysis.deviation(held, twin, of).values
-        assert analysis.deviation(held, twin, of, "base").values == pytest.approx(world, abs=1e-12)
+        world = analysis.difference(held, twin, of).values
+        assert analysis.difference(held, twin, of, "base").values == pytest.approx(world, abs=1e-12)
     with pytest.raises(MissingName, match=r"no body .leg.; available: .*thigh"):
-        analysis.deviation(held, twin, relative_to="leg")
+        analysis.difference(held, twin, relative_to="leg")
 
 
 def test_two_triples_of_angles_join_without_a_jump():

@@ -1,6 +1,7 @@
 """What the public functions and classes say of an argument of the wrong kind."""
 
 import inspect
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -47,6 +48,24 @@ def test_text_is_no_list_of_names_and_no_mechanism():
 def test_settings_are_not_text(settings):
     with pytest.raises(jp.JointplayError, match=r"setting.* must be"):
         jp.Scenario.load(jp.shipped("scara.toml"), settings=settings)
+
+
+@pytest.mark.parametrize(
+    ("call", "wrong", "meant"),
+    [
+        (partial(jp.simulate, None), "progres", "progress"),
+        (jp.budget, "forse", "force"),
+        (jp.allocate, "targt", "target"),
+        (jp.RevoluteClearance, "radial", "radial_clearance"),
+        (jp.Gear, "backlash", "play"),
+        (jp.Mechanism, "gravty", "gravity"),
+        (jp.contact.Flores, "resttution", ""),
+    ],
+)
+def test_a_wrong_keyword_is_answered_with_the_nearest_as_in_a_file(call, wrong, meant):
+    with pytest.raises(jp.JointplayError, match=f'unknown key "{wrong}" of ') as caught:
+        call(**{wrong: 1})
+    assert (f'did you mean "{meant}"?' in str(caught.value)) == bool(meant)
 
 
 def test_what_fits_is_accepted():

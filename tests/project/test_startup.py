@@ -10,6 +10,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from warm import call
 
@@ -208,14 +209,25 @@ def test_decisions_import_neither_a_compiler_nor_figures(line, folder, monkeypat
 
 def test_the_ideal_mechanism_of_a_run_is_not_simulated_for_its_figures(folder, monkeypatch):
     from jointplay.cli import main
-    from jointplay.simulation.analysis import twins
+    from jointplay.simulation.analysis import tool_error
+    from jointplay.study import certification
 
-    made, own = [], twins.tool_motion
-    monkeypatch.setattr(twins, "tool_motion", lambda *asked: made.append(own(*asked)) or made[-1])
+    made, own = [], tool_error.tool_motion
+    for module in (tool_error, certification):
+        monkeypatch.setattr(
+            module, "tool_motion", lambda *asked: made.append(own(*asked)) or made[-1]
+        )
     run = ["run", str(folder / "good.toml"), "--duration", "1 ms", "--no-error-estimate"]
     assert main([*run, "--out", str(folder / "drawn"), "--quiet"]) == 0
     assert len(made) == 1
     assert (folder / "drawn" / "overview.png").exists()
+    (file,) = (folder / "drawn").glob("*.nc")
+    saved = jp.Result.load(file)
+    assert saved["tool_error"].attrs["units"] == "m"
+    assert len(made) == 1  # it is in the file
+    off = saved["tool_position"].values - saved["ideal_tool_position"].values
+    assert np.array_equal(off, saved["tool_error_vector"])
+    assert np.array_equal(np.linalg.norm(off, axis=1), saved["tool_error"])
 
 
 def test_an_occupied_folder_is_not_claimed_and_a_free_one_not_made(folder):

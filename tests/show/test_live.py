@@ -112,7 +112,7 @@ def type_in(tab, name, text):
 def expected(simulation):
     """Figures of a run, by ways of their own."""
     result = simulation.run(estimate=False, check_step=False)
-    error = np.linalg.norm(tool_error.deviation(result, twin(result)).values, axis=1)
+    error = np.linalg.norm(tool_error.deviation(result).values, axis=1)
     force = np.linalg.norm(result["joint_force_peak"].values[:, 0], axis=1)
     return {"largest tool error": error.max(), "peak force, joint_b": force.max()}
 
@@ -286,7 +286,7 @@ def test_a_saved_scenario_runs_to_the_same_numbers(tab, tmp_path):
     (file,) = (tmp_path / "out").glob("*.nc")
     result = jp.Result.load(file)
     force = np.linalg.norm(result["joint_force_peak"].values[:, 0], axis=1).max()
-    off = tool_error.deviation(result, twin(result))
+    off = tool_error.deviation(result)
     error = float(tool_error.error_statistics(off, result.judge_from).peak[-1])
     assert shown["peak force, joint_b"] == pytest.approx(force, rel=1e-12)
     assert shown["largest tool error"] == pytest.approx(error, rel=1e-9)

@@ -67,7 +67,7 @@ def test_a_single_runs_overview_shows_its_tool_error(cases):
     assert not figure.legends
     error = next(axes for axes in figure.axes if axes.get_ylabel() == "tool error [mm]")
     line, peak = error.get_lines()
-    expected = analysis.deviation(cases["0.5 mm"], cases["ideal"]).values
+    expected = analysis.difference(cases["0.5 mm"], cases["ideal"]).values
     expected = 1e3 * np.linalg.norm(expected, axis=1)
     assert np.allclose(line.get_ydata(), expected, atol=1e-3 * expected.max())
     assert figure.axes[0] is error
@@ -230,7 +230,7 @@ def test_plots_go_into_axes_of_ones_own(cases):
     assert cases["0.2 mm"].plot.orbit(ax=panel, color="green") is figure
     assert to_hex("green") in colours(panel)
     played = cases["0.2 mm"]
-    error = played.plot.deviation(ideal=cases["ideal"])
+    error = played.plot.deviation()
     drawn = error.axes[0].get_lines()[0].get_ydata()
     expected = played["tool_position"].values - cases["ideal"]["tool_position"].values
     assert any(np.allclose(drawn, scale * expected[: len(drawn), 0]) for scale in (1.0, 1e3, 1e6))

@@ -92,7 +92,7 @@ def test_numbers_are_those_of_the_results(page, folder):
     from jointplay import analysis
 
     worn, ideal = (jp.Result.load(folder / f"{name}.nc") for name in ("worn", "ideal"))
-    error = analysis.error_statistics(analysis.deviation(worn, ideal), 0.15)
+    error = analysis.error_statistics(analysis.difference(worn, ideal), 0.15)
     text = page.read_text(encoding="utf-8")
     assert f"{1e3 * error.rms[3]:.3g}" in text
     assert f"{1e6 * worn.audit.largest_penetration:.3g}" in text

@@ -6,10 +6,12 @@ import os
 import re
 import signal
 import subprocess
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from conftest import checkpoint_arrays, save_checkpoint
 from warm import PYTHON, end, start, until
 
@@ -131,13 +133,13 @@ def test_errors_of_a_run_on_disk_are_those_of_one_in_memory(tmp_path, monkeypatc
 def test_no_damage_is_sealed_with_a_certificate(tmp_path):
     path = tmp_path / "r.nc"
     simulation(duration=0.005).run_to(path).dataset.close()
-    netcdf.add_attributes(path, {"title": "x" * 100_000})
+    netcdf.add(path, {"title": "x" * 100_000})
     assert jp.Result.load(path).dataset.attrs["title"] == "x" * 100_000
     content = bytearray(path.read_bytes())
     content[len(content) // 2] ^= 1
     path.write_bytes(content)
     with pytest.raises(jp.JointplayError, match="checksum"):
-        netcdf.add_attributes(path, {"title": "y"})
+        netcdf.add(path, {"title": "y"})
     assert path.read_bytes() == content
     assert names(tmp_path) == ["r.nc"]
 
@@ -467,3 +469,23 @@ def test_a_result_that_is_no_interrupted_run_is_not_replaced_by_resuming(small_p
     path.unlink()
     assert one.run_to(path, resume=True).status == Status.COMPLETED
     assert names(tmp_path) == ["r.nc"]
+
+
+def test_histories_are_added_to_a_growing_file_portion_by_portion(tmp_path):
+    def part(begin, end, name):
+        values = np.arange(begin, end, dtype=float)
+        return xr.Dataset({name: ("time", values, {"units": "m"})}, {"time": values})
+
+    path = tmp_path / "r.nc"
+    with (
+        path.open("w+b") as file,
+        closing(netcdf.GrowingDataset(file, part(0, 5000, "q"))) as growing,
+    ):
+        growing.append(part(5000, 9000, "q"))
+        growing.finish({"case": "a"}, {})
+    parts = [part(begin, end, "tool_error") for begin, end in ((0, 4000), (4000, 9000))]
+    netcdf.add(path, {"certificate": "b"}, parts)
+    read = netcdf.load(path)
+    assert read["tool_error"].attrs["units"] == "m"
+    assert np.array_equal(read["tool_error"], read["q"])
+    assert (read.attrs["case"], read.attrs["certificate"]) == ("a", "b")

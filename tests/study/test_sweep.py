@@ -75,9 +75,9 @@ def test_cases_are_those_that_single_runs_give(done):
         "integration": {"seed": 1},
     }
     result = jp.Scenario.load(path).simulation(changes=changes).run()
-    from jointplay.simulation.analysis import deviation, error_statistics, time_fractions, twin
+    from jointplay.simulation.analysis import deviation, error_statistics, time_fractions
 
-    error = error_statistics(deviation(result, twin(result)))
+    error = error_statistics(deviation(result))
     assert float(found["tool_error_rms_total"]) == pytest.approx(error.rms[3], rel=1e-12)
     assert float(found["tool_error_peak_x"]) == pytest.approx(error.peak[0], rel=1e-12)
     peak = np.linalg.norm(result["joint_force_peak"].values, axis=2).max()

@@ -40,7 +40,8 @@ from jointplay.base.errors import (
     require_whole,
 )
 from jointplay.base.progress import ProgressBar
-from jointplay.base.tables import Column, Table, few
+from jointplay.base.schema import known_keywords
+from jointplay.base.tables import Answer, Column, Table, few
 from jointplay.base.units import readable
 from jointplay.model.closed_loops import NOWHERE
 from jointplay.model.mechanism import Mechanism
@@ -215,8 +216,8 @@ class Choice:
         return self.joint.endswith(GEAR)
 
 
-@dataclass(frozen=True)
-class Allocation:
+@dataclass(frozen=True, repr=False)
+class Allocation(Answer):
     """Sizes and bearings that keep a target."""
 
     target: float
@@ -400,14 +401,12 @@ class Allocation:
             line += f"; a target 1 % wider saves {0.01 * self.target * self.relief:.4g}"
         return line
 
-    def __str__(self) -> str:
-        return str(self.table())
-
 
 _SUMMED = {"added": "before", "adds": "after"}
 """Columns of which there are sums."""
 
 
+@known_keywords
 def allocate(
     mechanism: Mechanism,
     poses: np.ndarray | Mapping[str, float],

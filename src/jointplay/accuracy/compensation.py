@@ -27,6 +27,7 @@ from jointplay.accuracy.compensator import STILL
 from jointplay.accuracy.jacobians import static_loads, taken_up, tool_place, with_force
 from jointplay.base.errors import JointplayError, require_a, require_positive
 from jointplay.base.progress import ProgressBar
+from jointplay.base.schema import known_keywords
 from jointplay.base.tables import Column, Table, counted, few
 from jointplay.model.mechanism import Coordinate, Mechanism, loaded
 from jointplay.physics.joints import Clearance
@@ -183,6 +184,7 @@ def _stops_text(open_stops: Sequence[tuple[float, tuple[str, ...]]]) -> str:
     return ", ".join(parts) + (f" and {len(open_stops) - 8} more" if len(open_stops) > 8 else "")
 
 
+@known_keywords
 def compensate(
     simulation: Simulation,
     *,

@@ -6,7 +6,6 @@ rests; or of all causes.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -33,10 +32,12 @@ from jointplay.accuracy.jacobians import (
     tool_place,
     with_force,
 )
+from jointplay.accuracy.poses import poses_of
 from jointplay.accuracy.rest import AGREES_M, RestPositions
 from jointplay.accuracy.robot_errors import RobotErrors
 from jointplay.base.errors import JointplayError, require_a, require_finite, require_known
-from jointplay.base.tables import Column, Table, few
+from jointplay.base.schema import known_keywords
+from jointplay.base.tables import Answer, Column, Table, few
 from jointplay.base.units import readable
 from jointplay.model.closed_loops import NOWHERE, ClosedLoops, turns_in_place
 from jointplay.model.mechanism import Mechanism, frame_index
@@ -67,7 +68,7 @@ AXES = ("x", "y", "z", "about x", "about y", "about z")
 
 
 @dataclass(frozen=True, repr=False)
-class Budget(ABC):
+class Budget(Answer):
     """Error of the tool at n poses by k contributions; lengths in m, angles in rad.
 
     `worst` is a bound that can be reached: no state of the contributions is worse, up to the second
@@ -87,20 +88,6 @@ class Budget(ABC):
     positions: np.ndarray
     """Of the ideal tool, shape (n, 3)."""
     farthest: Farthest
-
-    @property
-    @abstractmethod
-    def sentence(self) -> str:
-        """The answer in a sentence."""
-
-    def __str__(self) -> str:
-        return f"{self.sentence}\n{self.table()}"
-
-    __repr__ = __str__
-
-    @abstractmethod
-    def table(self) -> Table:
-        """What it is made up of."""
 
     @property
     def tool(self) -> str:
@@ -689,7 +676,7 @@ class ErrorBudget(Budget):
 @overload
 def budget(
     mechanism: Mechanism,
-    poses: np.ndarray | Mapping[str, float],
+    poses: np.ndarray | Mapping[str, float] | None = None,
     *,
     causes: None = None,
     force: Sequence[float] = ...,
@@ -707,7 +694,7 @@ def budget(
 @overload
 def budget(
     mechanism: Mechanism,
-    poses: np.ndarray | Mapping[str, float],
+    poses: np.ndarray | Mapping[str, float] | None = None,
     *,
     causes: Collection[str | Cause],
     force: Sequence[float] = ...,
@@ -723,9 +710,10 @@ def budget(
 ) -> ErrorBudget: ...
 
 
+@known_keywords
 def budget(
     mechanism: Mechanism,
-    poses: np.ndarray | Mapping[str, float],
+    poses: np.ndarray | Mapping[str, float] | None = None,
     *,
     causes: Collection[str | Cause] | None = None,
     force: Sequence[float] = (0.0, 0.0, 0.0),
@@ -749,8 +737,10 @@ def budget(
 
     Args:
         mechanism: with play; of several causes with or without.
-        poses: joint positions by name [rad or m], the rest zero; or configurations, (n, nq). Loops
-            that are open there are closed by the joints that are not driven.
+        poses: joint positions by name [rad or m], the rest zero or in the middle of their limits;
+            or configurations, (n, nq). Loops that are open there are closed by the joints that are
+            not driven. None: the pose at which the command `jointplay budget` looks if it is given
+            none (`poses_of`), its base held.
         causes: those that count, such as `CAUSES`, by name or as a `Cause` of one's own. None: play
             alone, by joints and gears, with where the machine rests.
         force: on the tool, besides gravity, in world axes, shape (3,) [N].
@@ -787,6 +777,9 @@ def budget(
         MissingName: no such joint, body, class or cause.
     """
     require_a("mechanism", mechanism, "Mechanism")
+    if poses is None:
+        standing = poses_of(mechanism)
+        mechanism, poses, driven = standing.mechanism, standing.q, driven or standing.driven
     drives = holding_drives(mechanism, drive)
     acting = with_force(mechanism, force, loads)
     losses = urdf_friction(mechanism) | dict(joint_friction or {})

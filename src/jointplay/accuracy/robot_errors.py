@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from jointplay.base.errors import JointplayError, require_known, within
-from jointplay.base.schema import Described, check_fields, choice, quantity
+from jointplay.base.schema import Described, OptionalQuantity, check_fields, choice, quantity
 from jointplay.physics.joints.elasticity import ABOUT_AXIS, ALONG_AXIS, Elasticity
 
 if TYPE_CHECKING:
@@ -24,19 +24,21 @@ CLASSES = ("calibrated-industrial", "industrial", "printed")
 class JointErrors(Described):
     """Errors of one joint besides its play; what is not given is that of the robot."""
 
-    encoder: float | None = quantity("rad", "m", default=None, least=0.0, label="resolution")
+    encoder: OptionalQuantity = quantity("rad", "m", default=None, least=0.0, label="resolution")
     """Resolution of the encoder, at the joint [rad or m]."""
-    zero_offset: float | None = quantity("rad", "m", default=None, least=0.0, label="zero offset")
+    zero_offset: OptionalQuantity = quantity(
+        "rad", "m", default=None, least=0.0, label="zero offset"
+    )
     """How far the encoder's zero may be off, either way [rad or m]."""
-    gear_error: float | None = quantity("rad", "m", default=None, least=0.0, label="gear error")
+    gear_error: OptionalQuantity = quantity("rad", "m", default=None, least=0.0, label="gear error")
     """Amplitude of the gear's own error [rad or m]."""
-    axis_offset: float | None = quantity("m", default=None, least=0.0, label="axis offset")
+    axis_offset: OptionalQuantity = quantity("m", default=None, least=0.0, label="axis offset")
     """How far the axis may be off along each of x, y, z, either way [m]."""
-    axis_tilt: float | None = quantity("rad", default=None, least=0.0, label="axis tilt")
+    axis_tilt: OptionalQuantity = quantity("rad", default=None, least=0.0, label="axis tilt")
     """How far it may be tilted about x and y, either way [rad]."""
-    heating: float | None = quantity("K", default=None, least=0.0, label="heating")
+    heating: OptionalQuantity = quantity("K", default=None, least=0.0, label="heating")
     """By how much its link may become warmer [K]."""
-    torsional_stiffness: float | None = quantity("N*m/rad", "N/m", default=None, above=0.0)
+    torsional_stiffness: OptionalQuantity = quantity("N*m/rad", "N/m", default=None, above=0.0)
     """About (along) the axis, of gear and shaft [N m/rad or N/m]; if not given, a gear's own, or by
     a rule."""
     elasticity: Elasticity | None = None
@@ -55,25 +57,25 @@ class RobotErrors(Described):
     assumed: str | None = choice("class of errors", CLASSES, default=None)
     """Class of robots from which all that is not given is assumed: ``calibrated-industrial``,
     ``industrial`` or ``printed``."""
-    encoder: float | None = quantity("rad", default=None, least=0.0, label="resolution")
+    encoder: OptionalQuantity = quantity("rad", default=None, least=0.0, label="resolution")
     """Resolution of the encoders of joints that turn, at the joint [rad]."""
-    zero_offset: float | None = quantity("rad", default=None, least=0.0, label="zero offset")
+    zero_offset: OptionalQuantity = quantity("rad", default=None, least=0.0, label="zero offset")
     """How far their zeros may be off, either way [rad]."""
-    gear_error: float | None = quantity("rad", default=None, least=0.0, label="gear error")
+    gear_error: OptionalQuantity = quantity("rad", default=None, least=0.0, label="gear error")
     """Amplitude of the error of their gears [rad]."""
-    axis_offset: float | None = quantity("m", default=None, least=0.0, label="axis offset")
+    axis_offset: OptionalQuantity = quantity("m", default=None, least=0.0, label="axis offset")
     """How far each axis may be off along each of x, y, z, either way [m]."""
-    axis_tilt: float | None = quantity("rad", default=None, least=0.0, label="axis tilt")
+    axis_tilt: OptionalQuantity = quantity("rad", default=None, least=0.0, label="axis tilt")
     """How far it may be tilted about x and y, either way [rad]."""
-    heating: float | None = quantity("K", default=None, least=0.0, label="heating")
+    heating: OptionalQuantity = quantity("K", default=None, least=0.0, label="heating")
     """By how much links may become warmer [K]."""
-    expansion: float | None = quantity("1/K", default=None, least=0.0, label="expansion")
+    expansion: OptionalQuantity = quantity("1/K", default=None, least=0.0, label="expansion")
     """By how much they grow [1/K]."""
-    stiffness_spread: float | None = quantity("", default=None, least=0.0, label="spread")
+    stiffness_spread: OptionalQuantity = quantity("", default=None, least=0.0, label="spread")
     """Relative uncertainty of all stiffnesses, either way."""
-    tilt_stiffness: float | None = quantity("N*m/rad", default=None, above=0.0)
+    tilt_stiffness: OptionalQuantity = quantity("N*m/rad", default=None, above=0.0)
     """In tilt, of joints without bearing or clearance of their own [N m/rad]."""
-    torsional_stiffness: float | None = quantity("N*m/rad", default=None, above=0.0)
+    torsional_stiffness: OptionalQuantity = quantity("N*m/rad", default=None, above=0.0)
     """About the axes of joints that turn without gear [N m/rad]; by a rule if not given."""
     joints: Mapping[str, JointErrors] = field(default_factory=dict)
     """What differs at single joints."""

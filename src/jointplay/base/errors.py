@@ -72,6 +72,10 @@ class JointplayError(ValueError):
         return type(self), (str(self), self.where)
 
 
+class JointplayWarning(RuntimeWarning):
+    """What a result or a machine should be read with: given by `warnings`, never printed."""
+
+
 def closest(word: Any, choices: Iterable[str], likeness: float = 0.6) -> str:
     """Question after the one of `choices` that `word` resembles so much; empty if none does."""
     import difflib  # seldom needed
@@ -79,6 +83,7 @@ def closest(word: Any, choices: Iterable[str], likeness: float = 0.6) -> str:
     plain_words = {choice.lower().replace("-", "_"): choice for choice in choices}
     wanted = str(word).lower().replace("-", "_")
     near = difflib.get_close_matches(wanted, plain_words, 1, likeness)
+    near = near or [word for word in plain_words if word.startswith(f"{wanted}_")]
     return f'did you mean "{plain_words[near[0]]}"? ' if near else ""
 
 

@@ -12,6 +12,7 @@ The process runs `serve`; it must start quickly, and so imports nothing else of 
 import codecs
 import math
 import os
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -74,7 +75,8 @@ def serve(path: str) -> None:
             with h5netcdf.File(file, "r") as opened:
                 _read(opened)
     except Exception as error:  # noqa: BLE001 - HDF5 raises whatever it stumbles over
-        print(" ".join(str(error).split()) or type(error).__name__, flush=True)
+        sys.stdout.write(" ".join(str(error).split()) or type(error).__name__)
+        sys.stdout.flush()
         os._exit(_REFUSED)
     os._exit(0)
 

@@ -26,6 +26,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from jointplay.base import locks, signals
+from jointplay.base.errors import JointplayWarning
 from jointplay.base.files import temporary
 
 FOLDER = "objects"
@@ -134,7 +135,7 @@ def folder() -> Path:
             place.mkdir(mode=0o700, parents=True, exist_ok=True)
             if os.access(place, os.W_OK) and _ours(place.stat()):
                 return place
-    warnings.warn(NO_PLACE, RuntimeWarning, stacklevel=2)
+    warnings.warn(NO_PLACE, JointplayWarning, stacklevel=2)
     scratch = temporary("objects")
     atexit.register(scratch.cleanup)
     return Path(scratch.name)

@@ -2,7 +2,7 @@
 
 @dataclass(frozen=True)
 class LinearSpring:
-    stiffness: float | None = quantity("N/m", default=None, above=0.0)
+    stiffness: OptionalQuantity = quantity("N/m", default=None, above=0.0)
 
     def __post_init__(self):
         check_fields(self)
@@ -26,12 +26,14 @@ from collections.abc import (
     Sequence,
 )
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, wraps
 from itertools import pairwise
 from typing import (
+    TYPE_CHECKING,
     Any,
     ClassVar,
     Literal,
+    ParamSpec,
     Self,
     TypeVar,
     Union,
@@ -59,6 +61,27 @@ from jointplay.base.units import ask_scale, convert, expected, toml_text
 # Fields of values: each number has its unit, and the range that it must lie in, beside it.
 
 _VECTOR = tuple[float, float, float]
+
+
+if TYPE_CHECKING:
+
+    class Quantity:
+        """A field that takes a number in SI or text such as ``"0.2 mm"``, and holds the number.
+
+        What is set is Any, for str: mypy takes what is set for what a subclass's field holds.
+        """
+
+        def __get__(self, instance: object, owner: type | None = None) -> float: ...
+        def __set__(self, instance: object, value: float | Any) -> None: ...
+
+    class OptionalQuantity:
+        """The same where None can be given."""
+
+        def __get__(self, instance: object, owner: type | None = None) -> float | None: ...
+        def __set__(self, instance: object, value: float | Any | None) -> None: ...
+
+else:
+    Quantity, OptionalQuantity = float, float | None
 
 
 def quantity(
@@ -378,6 +401,8 @@ def names_of(kind: Any) -> Sequence[str]:
 
 
 T = TypeVar("T")
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
 class Described:
@@ -387,6 +412,10 @@ class Described:
     """Key of the word that selects the class, and attribute that has it."""
     written: ClassVar[type | None] = None
     """Dataclass of the fields as they are written; None: those of the class."""
+
+    def __new__(cls, *arguments: Any, **keywords: Any) -> Self:
+        require_keywords(cls.__init__, keywords, cls.__name__)
+        return super().__new__(cls)
 
     def describe(self) -> dict[str, Any]:
         """All fields as plain data, for result files; `from_description` reads it back."""
@@ -676,6 +705,29 @@ def unknown_key(key: str, keys: Iterable[str], whose: str = "") -> str:
     keys = list(keys)
     meant = SYNONYMS.get(key) if SYNONYMS.get(key) in keys else key
     return f'unknown key "{key}"{whose}; {closest(meant, keys)}valid keys: {", ".join(keys)}'
+
+
+def require_keywords(function: Any, given: Iterable[str], name: str) -> None:
+    """Refuse keywords that a function does not take, as `unknown_key` has it."""
+    code = getattr(function, "__code__", None)
+    if code is None or code.co_flags & inspect.CO_VARKEYWORDS:
+        return
+    known = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
+    for key in given:
+        if key not in known:
+            keys = [known_key for known_key in known if known_key != "self"]
+            raise JointplayError(unknown_key(key, keys, f" of {name}"), where=(key,))
+
+
+def known_keywords(function: Callable[P, R]) -> Callable[P, R]:
+    """The same function, which answers a wrong keyword with the nearest that it takes."""
+
+    @wraps(function)
+    def call(*arguments: P.args, **keywords: P.kwargs) -> R:
+        require_keywords(function, keywords, function.__name__)
+        return function(*arguments, **keywords)
+
+    return call
 
 
 def one_of(kind: str, value: Any, choices: Iterable[str]) -> str:

@@ -90,10 +90,20 @@ def stop(*_: Any) -> None:
 
 
 def say(text: str) -> None:
-    """Print to the standard error, if there is one."""
+    """Log a note as "jointplay"; where nobody listens, it goes to standard error, if there is one.
+
+    On a line of its own: a progress bar may be there.
+    """
+    import logging  # seldom needed
+
+    logger = logging.getLogger("jointplay")
+    if logger.hasHandlers():
+        logger.warning(text)
+        return
     with suppress(OSError, ValueError, AttributeError):  # closed, full, or none
         try:
-            print(f"\n{text}", file=sys.stderr, flush=True)
+            sys.stderr.write(f"\n{text}\n")
+            sys.stderr.flush()
         except RuntimeError:  # a signal came while a bar was being written
             os.write(sys.__stderr__.fileno() if sys.__stderr__ else 2, f"\n{text}\n".encode())
 

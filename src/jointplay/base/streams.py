@@ -106,7 +106,7 @@ def note(text: object) -> None:
 def release() -> None:
     """Say what was held back: the work begins."""
     for line in [] if _quiet else _held:
-        print(line, file=sys.stderr)
+        sys.stderr.write(f"{line}\n")
     _held.clear()
 
 
@@ -124,7 +124,8 @@ def saying_if_long(text: str) -> Iterator[None]:
     def say() -> None:
         if text not in announced and not _quiet:
             announced.add(text)
-            print(text, file=sys.stderr, flush=True)
+            sys.stderr.write(f"{text}\n")
+            sys.stderr.flush()
 
     timer = threading.Timer(_LONG_S, say)
     timer.daemon = True

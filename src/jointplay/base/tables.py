@@ -174,6 +174,28 @@ Head = tuple[str, str] | tuple[str, str, bool]
 """Name and unit of a column, and whether its lengths are clearances."""
 
 
+class Answer(ABC):
+    """What answers in a sentence, at a prompt, and has a table, which notebooks and `print` add."""
+
+    @property
+    @abstractmethod
+    def sentence(self) -> str:
+        """The answer in a sentence."""
+
+    @abstractmethod
+    def table(self) -> Table:
+        """What it is made up of."""
+
+    def __repr__(self) -> str:
+        return f"<jointplay {type(self).__name__}: {self.sentence}>"
+
+    def __str__(self) -> str:
+        return f"{self.sentence}\n{self.table()}"
+
+    def _repr_html_(self) -> str:
+        return f"<div><p>{html.escape(self.sentence)}</p>{self.table()._repr_html_()}</div>"
+
+
 @dataclass(frozen=True)
 class Table:
     """Rows with names, units and values: shown as text, Markdown and HTML, written as data.

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from jointplay.base import files
 from jointplay.base.errors import JointplayError, require_a, require_known
+from jointplay.base.schema import known_keywords
 
 if TYPE_CHECKING:
     from jointplay.simulation.result.result import Result
@@ -46,6 +47,7 @@ EXPORT_KINDS = {
 }
 
 
+@known_keywords
 def export(
     result: Result,
     path: str | Path,

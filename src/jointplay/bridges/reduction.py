@@ -46,7 +46,7 @@ from jointplay.base.errors import (
 )
 from jointplay.base.files import is_file
 from jointplay.base.progress import overall
-from jointplay.base.schema import plain
+from jointplay.base.schema import known_keywords, plain
 from jointplay.base.tables import aligned
 from jointplay.base.units import told
 from jointplay.model.gear import Gear, Gearing
@@ -188,6 +188,7 @@ def from_mjcf_file(description: Description) -> bool:
     )
 
 
+@known_keywords
 def reduce(
     mechanism: Mechanism,
     joint: str,

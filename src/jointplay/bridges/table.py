@@ -54,9 +54,10 @@ def _unit(result: Result, name: str, index: tuple[int, ...]) -> str:
 
 
 def dataframe(result: Result, every: int = 1) -> pd.DataFrame:
-    """A pandas table, one row a record, one column a number, the time [s] among them.
+    """A pandas table, one row a record, one column a number; its index is the `time` [s].
 
-    ``attrs["units"]`` has the units by column, ``attrs["message"]`` how the run ended.
+    ``attrs["units"]`` has the units by column and of the time, ``attrs["message"]`` how the run
+    ended.
 
     Raises:
         JointplayError: `every` is not a whole number from 1 on.
@@ -64,8 +65,8 @@ def dataframe(result: Result, every: int = 1) -> pd.DataFrame:
     import xarray as xr
 
     histories = columns(result.thinned(every))
-    dataset = xr.Dataset({name: ("record", values) for name, (values, _) in histories.items()})
-    table: pd.DataFrame = dataset.to_dataframe().rename_axis(None)
+    dataset = xr.Dataset({name: ("time", values) for name, (values, _) in histories.items()})
+    table: pd.DataFrame = dataset.to_dataframe()
     table.attrs = {
         "units": {name: unit for name, (_, unit) in histories.items()},
         "message": result.message,
@@ -82,7 +83,7 @@ def csv(result: Result, suffix: str, progress: bool) -> bytes:
     units = table.attrs["units"]
     table.columns = [f"{name} [{units[name]}]" for name in table.columns]
     parts = [
-        table.iloc[block].to_csv(index=False, header=block.start == 0)
+        table.iloc[block].to_csv(index_label="time [s]", header=block.start == 0)
         for block in bridges.in_blocks(len(table), _BLOCK, "table", progress)
     ]
     return "".join(parts).encode()
@@ -94,7 +95,7 @@ def parquet(result: Result, suffix: str, progress: bool) -> bytes:
         import pyarrow as pa
         import pyarrow.parquet as pq
     frame = dataframe(result)
-    table = pa.Table.from_pandas(frame, preserve_index=False)
+    table = pa.Table.from_pandas(frame, preserve_index=True).select(["time", *frame.columns])
     units = frame.attrs["units"]
     fields = [field.with_metadata({"units": units[field.name]}) for field in table.schema]
     audit: dict[Any, Any] = {"jointplay_audit": json.dumps(result.audit.describe())}

@@ -16,6 +16,7 @@ from xml.parsers import expat
 import pinocchio as pin
 
 from jointplay.base.errors import JointplayError, require_a, require_known
+from jointplay.base.schema import known_keywords
 from jointplay.model.elements import Element, origin_of, place_of, put, put_inertial
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import VIRTUAL_LINK
@@ -36,6 +37,7 @@ SPEED = {"prismatic": 10.0, "revolute": 100.0}
 """Velocity limits of the freedoms that play adds, for the format demands some [m/s or rad/s]."""
 
 
+@known_keywords
 def to_urdf(mechanism: Mechanism, corrections: Mapping[str, pin.SE3] | None = None) -> str:
     """Text of the mechanism's URDF in which each joint with clearance is a chain of single joints.
 

@@ -22,6 +22,7 @@ from scipy.spatial.transform import Rotation
 from jointplay.accuracy.poses import moving
 from jointplay.base.errors import JointplayError, require_a
 from jointplay.base.progress import ProgressBar
+from jointplay.base.schema import known_keywords
 from jointplay.base.units import told
 from jointplay.estimate import planning, static_poses
 from jointplay.estimate.calibrated import Calibration
@@ -251,6 +252,7 @@ class Placed(Problem):
         return replace(self, turned=(base, grip)), start[self._free]
 
 
+@known_keywords
 def calibrate(
     mechanism: Mechanism | str | Path,
     poses: static_poses.StaticPoses | str | Path,

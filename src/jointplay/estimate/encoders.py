@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from jointplay.base.errors import JointplayError, require_a
+from jointplay.base.schema import known_keywords
 from jointplay.estimate.calibrated import Calibration
 from jointplay.estimate.inference import infer
 from jointplay.estimate.inference import notes as notes_on
@@ -85,6 +86,7 @@ class Difference(Problem):
         )  # fmt: skip
 
 
+@known_keywords
 def encoder_differences(
     mechanism: Mechanism,
     poses: StaticPoses,

@@ -13,7 +13,7 @@ import numpy as np
 from jointplay.accuracy.poses import moving
 from jointplay.base.errors import JointplayError, require_a, require_known
 from jointplay.base.pairs import misread, pair, quantity
-from jointplay.base.schema import shortest
+from jointplay.base.schema import known_keywords, shortest
 from jointplay.base.tables import Table, few
 from jointplay.base.units import told
 from jointplay.estimate import measurement, planning
@@ -336,6 +336,7 @@ def read_stiffness(texts: Iterable[str]) -> dict[str, tuple[float, float]]:
     return stiffness
 
 
+@known_keywords
 def identify(
     machine: Simulation | Mechanism,
     measured: Measurement | Recording | str | Path,

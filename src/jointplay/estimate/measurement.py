@@ -15,7 +15,7 @@ from scipy.stats import median_abs_deviation, norm
 
 from jointplay.accuracy.poses import middle, moving
 from jointplay.base.errors import JointplayError, MissingName, require_positive
-from jointplay.base.tables import Column, Table
+from jointplay.base.tables import Column, Table, counted, few
 from jointplay.estimate import columns
 from jointplay.estimate.columns import Key
 from jointplay.estimate.unknowns import TINY, TWO_SIDED, UNIFORM
@@ -50,7 +50,7 @@ SHOWN = {"tool": "m", "link": "rad", "torque": "N*m"}
 _TIME: Key = ("time", "")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Measurement:
     """Signals over time, SI units.
 
@@ -92,6 +92,12 @@ class Measurement:
         for key, values in self.signals.items():
             if np.shape(values) != time.shape:
                 raise JointplayError(f"{self.source}: {' '.join(key)} is not as long as the times")
+
+    def __repr__(self) -> str:
+        kinds = dict.fromkeys(kind for kind, _ in self.signals)
+        signals = "; ".join(f"{kind} of {few(self.has(kind))}" for kind in kinds)
+        length = f"{counted(len(self.time), 'record')}, {self.time[0]:g} to {self.time[-1]:g} s"
+        return f"<jointplay Measurement: {self.source}, {length}; {signals or 'no signals'}>"
 
     def has(self, kind: str) -> list[str]:
         """Axes or joints of which there is a signal of this kind."""

@@ -25,6 +25,7 @@ import pinocchio as pin
 
 from jointplay.accuracy.poses import moving, over_workspace
 from jointplay.base.errors import JointplayError, require_a, require_positive
+from jointplay.base.schema import known_keywords
 from jointplay.base.tables import Table, few
 from jointplay.estimate.least_squares import LeastSquares, basis, partners
 from jointplay.estimate.machine import TOOL, WAYS, Given, Machine, compliances
@@ -32,7 +33,7 @@ from jointplay.estimate.measurement import SHOWN, Key, Visits, tool_positions
 from jointplay.estimate.model import StaticModel
 from jointplay.estimate.nuisances import offsets
 from jointplay.estimate.parts import WOUND
-from jointplay.estimate.unknowns import LARGEST_SHARE, NORMAL, SMALL, TINY, Unknown
+from jointplay.estimate.unknowns import LARGEST_SHARE, NORMAL, TINY, Unknown
 from jointplay.model.collisions import SelfCollision
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.loads.drive import JointFriction, urdf_friction
@@ -145,6 +146,7 @@ class MeasurementPlan:
         return "\n".join([*lines, *self.notes, str(Table.of_texts(rows)), self.basis])
 
 
+@known_keywords
 def plan_measurement(
     mechanism: Mechanism,
     *,
@@ -391,7 +393,7 @@ def informations(
     torques = np.array([kind == "torque" for kind, _ in keys])
     held = visits.stopped[:, None] & torques  # the drive may hold any part of friction
     at = np.array([unknown.nominal for unknown in unknowns]) if theta is None else theta
-    least = [x.least if x.least < 0.0 else SMALL * x.scale for x in unknowns]
+    least = [x.least if x.least < 0.0 else LARGEST_SHARE * x.scale for x in unknowns]
     at = np.maximum(at, least)  # of none at all no slope shows what more would do
     problem = LeastSquares(
         unknowns, lambda x: model.predict(x).ravel(), np.zeros(n * c), np.tile(error, n)

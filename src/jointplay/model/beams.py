@@ -21,7 +21,7 @@ from functools import cached_property
 import numpy as np
 
 from jointplay.base.errors import JointplayError, require_whole
-from jointplay.base.schema import Described, check_fields, quantity
+from jointplay.base.schema import Described, OptionalQuantity, Quantity, check_fields, quantity
 from jointplay.base.units import convert
 from jointplay.model.payload import Vector
 from jointplay.physics.joints.base import Material
@@ -194,7 +194,7 @@ class FlexibleLink(Described):
     """Material of the section, with a density."""
     segments: int = 7
     """Number of hinges; with one more rigid pieces."""
-    damping_ratio: float = quantity("", default=0.01, least=0.0, label="damping ratio")
+    damping_ratio: Quantity = quantity("", default=0.01, least=0.0, label="damping ratio")
     """Of the first bending mode of the link alone, clamped and free; it grows in proportion to the
     frequency."""
     torsion: bool = True
@@ -210,13 +210,13 @@ class FlexibleLink(Described):
     height_along: Vector | None = quantity("", default=None)
     """Direction of the section's height in the link's frame; if not given, z, or y of a link along
     z."""
-    bending_stiffness: float | None = quantity("N*m^2", default=None, above=0.0)
+    bending_stiffness: OptionalQuantity = quantity("N*m^2", default=None, above=0.0)
     """EI in both planes, instead of section and material [N m^2]."""
-    torsion_stiffness: float | None = quantity("N*m^2", default=None, above=0.0)
+    torsion_stiffness: OptionalQuantity = quantity("N*m^2", default=None, above=0.0)
     """GJ, likewise [N m^2]."""
-    line_mass: float | None = quantity("kg/m", default=None, above=0.0, label="mass per length")
+    line_mass: OptionalQuantity = quantity("kg/m", default=None, above=0.0, label="mass per length")
     """Mass per length, likewise [kg/m]."""
-    gyration_radius: float | None = quantity("m", default=None, above=0.0)
+    gyration_radius: OptionalQuantity = quantity("m", default=None, above=0.0)
     """Of the section's mass about the beam's axis, likewise [m]."""
 
     def __post_init__(self) -> None:

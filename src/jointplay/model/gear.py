@@ -19,7 +19,16 @@ import numpy as np
 
 from jointplay.base.errors import JointplayError
 from jointplay.base.files import shipped_table
-from jointplay.base.schema import Described, Family, check_fields, one_of, quantity, register
+from jointplay.base.schema import (
+    Described,
+    Family,
+    OptionalQuantity,
+    Quantity,
+    check_fields,
+    one_of,
+    quantity,
+    register,
+)
 from jointplay.physics.kernel.constants import GEAR_ORDERS
 
 SOFTEST = 1e-4
@@ -331,13 +340,19 @@ class Gear(Gearing):
     linear: ClassVar[bool] = True
     ruled: ClassVar[tuple[str, ...]] = ("rotor_inertia", "stiffness", "damping")
 
-    play: float = quantity("rad", "m", least=0.0, label="gear play")
+    play: Quantity = quantity("rad", "m", least=0.0, label="gear play")
     """Angle or way by which the joint moves freely while the motor stands [rad or m]."""
-    rotor_inertia: float = quantity("kg*m^2", "kg", default=None, above=0.0, label="rotor inertia")
+    rotor_inertia: Quantity = quantity(
+        "kg*m^2", "kg", default=None, above=0.0, label="rotor inertia"
+    )
     """Inertia of the rotor, referred to the joint [kg m^2 or kg]; by a rule if not given."""
-    stiffness: float = quantity("N*m/rad", "N/m", default=None, above=0.0, label="gear stiffness")
+    stiffness: Quantity = quantity(
+        "N*m/rad", "N/m", default=None, above=0.0, label="gear stiffness"
+    )
     """Stiffness of the teeth in contact and the shaft [N m/rad or N/m]; by a rule if not given."""
-    damping: float = quantity("N*m*s/rad", "N*s/m", default=None, least=0.0, label="gear damping")
+    damping: Quantity = quantity(
+        "N*m*s/rad", "N*s/m", default=None, least=0.0, label="gear damping"
+    )
     """Damping of the teeth in contact and the shaft [N m s/rad or N s/m]; if not given, by a rule
     where the stiffness is, else 0."""
 
@@ -376,15 +391,17 @@ def _back_driving(efficiency: float, stated: float | None) -> float:
 class _Lossy(Gearing):
     """What refined gears have in common."""
 
-    rotor_inertia: float = quantity("kg*m^2", default=None, above=0.0, label="rotor inertia")
+    rotor_inertia: Quantity = quantity("kg*m^2", default=None, above=0.0, label="rotor inertia")
     """Inertia of the rotor, referred to the joint [kg m^2]; by a rule if not given."""
-    damping: float = quantity("N*m*s/rad", default=0.0, least=0.0, label="gear damping")
+    damping: Quantity = quantity("N*m*s/rad", default=0.0, least=0.0, label="gear damping")
     """Damping of the teeth in contact and the shaft [N m s/rad]."""
-    rated_torque: float | None = quantity("N*m", default=None, above=0.0, label="rated torque")
+    rated_torque: OptionalQuantity = quantity("N*m", default=None, above=0.0, label="rated torque")
     """To which catalogues refer lost motion and hysteresis [N m]."""
-    no_load_torque: float = quantity("N*m", default=0.0, least=0.0, label="no-load running torque")
+    no_load_torque: Quantity = quantity(
+        "N*m", default=0.0, least=0.0, label="no-load running torque"
+    )
     """Dry friction of the gear without load, referred to the joint [N m]."""
-    viscous: float = quantity("N*m*s/rad", default=0.0, least=0.0, label="viscous gear friction")
+    viscous: Quantity = quantity("N*m*s/rad", default=0.0, least=0.0, label="viscous gear friction")
     """Viscous friction of the gear, referred to the joint [N m s/rad]."""
 
 
@@ -394,18 +411,22 @@ class _Catalogued(_Lossy):
 
     catalogue: str | None = None
     """Name of a gear whose catalogue gives the numbers that are not given here."""
-    play: float = quantity("rad", default=None, least=0.0, label="gear play")
+    play: Quantity = quantity("rad", default=None, least=0.0, label="gear play")
     """Angle by which the joint turns freely while the motor stands [rad]; 0 if not given."""
-    hysteresis: float = quantity("rad", default=None, least=0.0, label="hysteresis")
+    hysteresis: Quantity = quantity("rad", default=None, least=0.0, label="hysteresis")
     """Width of the torsion loop at zero torque beyond the play [rad]; 0 if not given."""
-    presliding: float | None = quantity("rad", default=None, above=0.0, label="presliding angle")
+    presliding: OptionalQuantity = quantity(
+        "rad", default=None, above=0.0, label="presliding angle"
+    )
     """Angle in which hysteresis turns over by all but 1/e [rad]; a quarter of it if not given."""
-    stated_lost_motion: float | None = quantity("rad", default=None, above=0.0, label="lost motion")
+    stated_lost_motion: OptionalQuantity = quantity(
+        "rad", default=None, above=0.0, label="lost motion"
+    )
     """Lost motion of the catalogue [rad]: it makes the gear softer below the torque at which it is
     measured. If not given, lost motion follows from the other numbers."""
-    efficiency: float = quantity("", default=1.0)
+    efficiency: Quantity = quantity("", default=1.0)
     """Efficiency under load where the motor drives."""
-    back_driving_efficiency: float | None = quantity("", default=None)
+    back_driving_efficiency: OptionalQuantity = quantity("", default=None)
     """Where the joint drives; the friction of `efficiency` if not given."""
 
     needs: ClassVar[tuple[str, ...]]
@@ -546,21 +567,25 @@ class StrainWaveGear(_Catalogued):
     kind: ClassVar[str] = "strain-wave"
     needs: ClassVar[tuple[str, ...]] = ("ratio", "stiffness_1")
 
-    ratio: float = quantity("", default=None, above=0.0, label="gear ratio")
+    ratio: Quantity = quantity("", default=None, above=0.0, label="gear ratio")
     """Turns of the motor in a turn of the joint."""
-    stiffness_1: float = quantity("N*m/rad", default=None, above=0.0, label="stiffness K1")
+    stiffness_1: Quantity = quantity("N*m/rad", default=None, above=0.0, label="stiffness K1")
     """K1, up to `torque_1` [N m/rad]."""
-    stiffness_2: float | None = quantity("N*m/rad", default=None, above=0.0, label="stiffness K2")
+    stiffness_2: OptionalQuantity = quantity(
+        "N*m/rad", default=None, above=0.0, label="stiffness K2"
+    )
     """K2, up to `torque_2` [N m/rad]; K1 if not given."""
-    stiffness_3: float | None = quantity("N*m/rad", default=None, above=0.0, label="stiffness K3")
+    stiffness_3: OptionalQuantity = quantity(
+        "N*m/rad", default=None, above=0.0, label="stiffness K3"
+    )
     """K3, beyond [N m/rad]; K2 if not given."""
-    torque_1: float | None = quantity("N*m", default=None, above=0.0, label="torque T1")
+    torque_1: OptionalQuantity = quantity("N*m", default=None, above=0.0, label="torque T1")
     """T1 [N m]."""
-    torque_2: float | None = quantity("N*m", default=None, above=0.0, label="torque T2")
+    torque_2: OptionalQuantity = quantity("N*m", default=None, above=0.0, label="torque T2")
     """T2 [N m]."""
-    error_amplitude: float = quantity("rad", default=None, least=0.0, label="kinematic error")
+    error_amplitude: Quantity = quantity("rad", default=None, least=0.0, label="kinematic error")
     """Amplitude of the kinematic error, an angle of the joint [rad]; 0 if not given."""
-    error_phase: float = quantity("rad", default=0.0, label="phase of the kinematic error")
+    error_phase: Quantity = quantity("rad", default=0.0, label="phase of the kinematic error")
     """Its phase where the motor is at zero [rad]."""
 
     def _check(self) -> None:
@@ -610,7 +635,7 @@ class CycloidalGear(_Catalogued):
     kind: ClassVar[str] = "cycloidal"
     needs: ClassVar[tuple[str, ...]] = ("stiffness",)
 
-    stiffness: float = quantity("N*m/rad", default=None, above=0.0, label="gear stiffness")
+    stiffness: Quantity = quantity("N*m/rad", default=None, above=0.0, label="gear stiffness")
     """Torsional stiffness of the catalogue [N m/rad]."""
     error_orders: tuple[float, ...] = quantity("", default=(), label="error order")
     """Cycles of the kinematic error in a turn of the joint."""
@@ -653,13 +678,13 @@ class GearStage(Described):
         JointplayError: a value that cannot be.
     """
 
-    ratio: float = quantity("", above=0.0, label="ratio of a stage")
+    ratio: Quantity = quantity("", above=0.0, label="ratio of a stage")
     """Turns of its input in a turn of its output."""
-    backlash: float = quantity("rad", default=0.0, least=0.0, label="backlash of a stage")
+    backlash: Quantity = quantity("rad", default=0.0, least=0.0, label="backlash of a stage")
     """Free angle of its output shaft while its input stands [rad]."""
-    efficiency: float = quantity("", default=1.0)
+    efficiency: Quantity = quantity("", default=1.0)
     """Where the motor drives."""
-    back_driving_efficiency: float | None = quantity("", default=None)
+    back_driving_efficiency: OptionalQuantity = quantity("", default=None)
     """Where the joint drives; the friction of `efficiency` if not given."""
 
     def __post_init__(self) -> None:
@@ -682,7 +707,7 @@ class GearTrain(_Lossy):
 
     stages: tuple[GearStage, ...]
     """From the motor to the joint."""
-    stiffness: float = quantity("N*m/rad", above=0.0, label="gear stiffness")
+    stiffness: Quantity = quantity("N*m/rad", above=0.0, label="gear stiffness")
     """Stiffness of all teeth in contact and shafts, referred to the joint [N m/rad]."""
 
     def __post_init__(self) -> None:

@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jointplay.base.errors import JointplayError, require_known, within
-from jointplay.base.schema import Described, check, check_fields, choice, quantity
+from jointplay.base.schema import Described, OptionalQuantity, check, check_fields, choice, quantity
 from jointplay.model.beams import section
 from jointplay.physics.joints.base import Material
 from jointplay.physics.joints.materials import material
@@ -56,11 +56,11 @@ class LinkageLink(Described):
 
     points: tuple[str, ...]
     """Names of the points that it joins."""
-    mass: float | None = quantity("kg", default=None, above=0.0)
+    mass: OptionalQuantity = quantity("kg", default=None, above=0.0)
     """If not given, that of the section."""
     centre: tuple[float, ...] | None = quantity("m", default=None)
     """Of mass, in the drawing; if not given, that of the lines."""
-    inertia: float | None = quantity("kg*m^2", default=None, above=0.0)
+    inertia: OptionalQuantity = quantity("kg*m^2", default=None, above=0.0)
     """About the centre of mass and the normal of the plane, or of a spatial linkage the largest
     principal moment; if not given, that of the lines."""
     section: str | None = None

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from jointplay.base.errors import JointplayError
+from jointplay.base.errors import JointplayError, JointplayWarning
 from jointplay.base.schema import Described, check_fields, quantity
 from jointplay.model.frames import Frame, Frames, pose_between
 from jointplay.physics.joints import RELATIVE, VIRTUAL_LINK
@@ -385,7 +385,7 @@ def _corrected(
         return None
     changes = ", ".join(f"{name} {q[i]:.8g} to {freed[i]:.8g}" for name, i in moved.items())
     text = f"start corrected, for loops determine it: {changes} [rad or m]"
-    warnings.warn(text, RuntimeWarning, stacklevel=2)
+    warnings.warn(text, JointplayWarning, stacklevel=2)
     for name in moved.keys() & mechanism.gears.keys():
         freed[mechanism.motor(name)] += freed[moved[name]] - q[moved[name]]
     return freed

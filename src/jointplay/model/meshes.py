@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from jointplay.base import files
-from jointplay.base.errors import JointplayError
+from jointplay.base.errors import JointplayError, JointplayWarning
 from jointplay.base.units import NUMBER
 
 FORMATS = (".dae", ".obj", ".stl")
@@ -103,7 +103,7 @@ def readable(path: Path) -> Parts | None:
     try:
         return parts_of(path)
     except JointplayError as error:
-        warnings.warn(f"a mesh is not shown: {error}", RuntimeWarning, stacklevel=2)
+        warnings.warn(f"a mesh is not shown: {error}", JointplayWarning, stacklevel=2)
         return None
 
 

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from jointplay.base import confined
+from jointplay.base import confined, signals
 from jointplay.base.errors import LARGEST, JointplayError
 from jointplay.base.files import begins, is_file, read_text
 from jointplay.base.imports import extra
@@ -68,11 +68,11 @@ _COLLISION_GROUP = 3
 
 
 def load_mujoco() -> Any:
-    """The package mujoco; its warnings go to stderr, not to a file in the working folder."""
+    """The package mujoco; its warnings are logged, not written to a file in the working folder."""
     with extra("simulators", "mujoco"):
         import mujoco
     if mujoco.get_mju_user_warning() is None:
-        mujoco.set_mju_user_warning(lambda text: print(f"MuJoCo: {text}", file=sys.stderr))
+        mujoco.set_mju_user_warning(lambda text: signals.say(f"MuJoCo: {text}"))
     return mujoco
 
 

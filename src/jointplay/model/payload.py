@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jointplay.base.errors import JointplayError
-from jointplay.base.schema import Described, check_fields, quantity
+from jointplay.base.schema import Described, OptionalQuantity, Quantity, check_fields, quantity
 
 if TYPE_CHECKING:
     import pinocchio as pin
@@ -32,11 +32,11 @@ class Payload(Described):
 
     frame: str
     """Frame that holds the payload; usually the tool."""
-    mass: float = quantity("kg", least=0.0, label="payload mass")
+    mass: Quantity = quantity("kg", least=0.0, label="payload mass")
     """Mass [kg]; 0: no payload."""
-    pick: float = quantity("s", default=0.0, least=0.0, label="payload pick time")
+    pick: Quantity = quantity("s", default=0.0, least=0.0, label="payload pick time")
     """Time at which it is picked up [s]; a payload picked up at 0 is there from the start."""
-    release: float | None = quantity("s", default=None, label="payload release time")
+    release: OptionalQuantity = quantity("s", default=None, label="payload release time")
     """Time at which it is released [s]; None: never."""
     centre: Vector = quantity("m", default=(0.0, 0.0, 0.0), label="payload centre")
     """Centre of mass in the frame [m]."""

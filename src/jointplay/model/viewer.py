@@ -124,7 +124,8 @@ def main(address: str, parent: int) -> None:
     # A signal on the parent's death would come with the end of the thread that began us, and a pipe
     # stays open in processes that the parent has forked.
     look()
-    print(bridge.web_url, flush=True)
+    sys.stdout.write(f"{bridge.web_url}\n")
+    sys.stdout.flush()
     try:
         bridge.run()
     finally:

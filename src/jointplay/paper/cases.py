@@ -19,11 +19,12 @@ from jointplay.physics.kernel.constants import DEFAULT
 from jointplay.scenario import Scenario
 from jointplay.simulation.analysis.claims import Measures, measure
 from jointplay.simulation.analysis.headline import figures
+from jointplay.simulation.analysis.tool_error import measured_against
 from jointplay.simulation.result.result import Result
 from jointplay.simulation.run import Run
 from jointplay.simulation.saving import run_and_save
 from jointplay.simulation.simulation import Simulation
-from jointplay.study.certification import add_certificate
+from jointplay.study.certification import add_errors
 
 
 @cache
@@ -112,7 +113,7 @@ def perturbed(condition: Condition, label: str, seed: int, integrator: str = DEF
     """Measures of one perturbed run of the case `label`."""
     simulation = judged(scara(CASES[label], condition, _RECORD_EVERY, seed, integrator))
     run = simulation.run(estimate=False).completed(f"{condition}, {label}, seed {seed}")
-    return measure(run, _ideal(condition, integrator))
+    return measure(measured_against(run, _ideal(condition, integrator)))
 
 
 def length() -> float:
@@ -142,7 +143,7 @@ def run_case(
     assert result is not None  # it is no long run
     if result.status == Status.INTERRUPTED or signals.stop_requested():
         raise KeyboardInterrupt
-    add_certificate(result, file, simulation, progress, claims=True)
+    add_errors(result, file, simulation, progress, claims=True)
     if signals.stop_requested():
         raise KeyboardInterrupt
     return result
@@ -180,6 +181,7 @@ def by_method(label: str, method: str, condition: Condition = CONDITIONS[0]) -> 
     result = _with(CASES[label], method, condition).completed(f"{label}, {method}")
     values = {EARLY: early_peak(result)}
     if METHODS[method].get("duration", np.inf) > EARLY_S:
-        ideal = None if CASES[label] is None else _ideal_with(method, condition)
-        values |= {name: value for name, (value, _) in figures(result, ideal).items()}
+        if CASES[label] is not None:
+            result = measured_against(result, _ideal_with(method, condition))
+        values |= {name: value for name, (value, _) in figures(result).items()}
     return MethodFigures(values, tuple(result.audit.warnings))

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 from jointplay.accuracy.robot_errors import RobotErrors
 from jointplay.base.errors import JointplayError
-from jointplay.base.schema import choice, quantity
+from jointplay.base.schema import OptionalQuantity, choice, quantity
 from jointplay.model.beams import FlexibleLink
 from jointplay.model.free_base import BASES, HELD
 from jointplay.model.gear import Gearing
@@ -115,7 +115,7 @@ class MotionTable:
     """Its roll, pitch and yaw at each time; free if not given."""
     frame: str | None = None
     """Frame that follows these positions; if not given, the tool."""
-    faster: float | None = quantity("", default=None)
+    faster: OptionalQuantity = quantity("", default=None)
     """Factor by which the motion is run faster than given."""
     path: str | None = choice("path", PATHS, default=None)
     """Between Cartesian waypoints: ``joint`` moves all joints in step, ``line`` moves the frame on

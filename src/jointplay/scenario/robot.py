@@ -11,7 +11,7 @@ import numpy as np
 from jointplay.base import files
 from jointplay.base.errors import JointplayError, NothingHasPlay, require_a, require_names
 from jointplay.base.origins import ASSUMED
-from jointplay.base.schema import Preset, one_of
+from jointplay.base.schema import Preset, known_keywords, one_of
 from jointplay.base.tables import few
 from jointplay.base.units import round_below
 from jointplay.model.robots import SHIPPED, SUFFIXES, with_package
@@ -67,6 +67,7 @@ MARGIN = 1.2
 mass that falls by a third on the way)."""
 
 
+@known_keywords
 def robot_scenario(
     place: str | None,
     joints: Sequence[str] = (),

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pinocchio as pin
 
-from jointplay.base.errors import JointplayError, MissingName, require_finite
+from jointplay.base.errors import JointplayError, JointplayWarning, MissingName, require_finite
 from jointplay.model import loop
 from jointplay.model.frames import WORLD_FRAME
 from jointplay.model.mechanism import Mechanism
@@ -153,7 +153,7 @@ class InitialState:
                     f"move at up to {fastest:.3g} m/s: the speeds given for "
                     f"{', '.join(sorted(joints))} do not fit together, and figures begin with that "
                     "impact",
-                    RuntimeWarning,
+                    JointplayWarning,
                     stacklevel=5,
                 )
 

@@ -18,7 +18,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from jointplay.base.errors import JointplayError, require_known, require_positive, require_whole
+from jointplay.base.errors import (
+    JointplayError,
+    JointplayWarning,
+    require_known,
+    require_positive,
+    require_whole,
+)
 from jointplay.base.tables import few
 from jointplay.model.impact import REFERENCE_SPEED, contact_duration, effective_mass, tooth_duration
 from jointplay.model.massless import require_inertia
@@ -114,7 +120,7 @@ def effort_bounds(simulation: Simulation, followed: Sequence[str]) -> dict[str, 
         assert simulation.motion is not None
         motion = simulation.motion
         for text in limits_of_joints.check_motion(simulation.mechanism, motion, followed):
-            warnings.warn(text, RuntimeWarning, stacklevel=6)
+            warnings.warn(text, JointplayWarning, stacklevel=6)
     if simulation.limits != "cut":
         return {}
     return limits_of_joints.bounds(simulation.mechanism)
@@ -349,7 +355,9 @@ def prepare(simulation: Simulation, in_memory: bool, progress: bool, ahead: bool
     if undamped:
         text = "without damping no bandwidth of a drive that its encoder is behind is stable: give "
         text += "the gear's damping or the drive's bandwidth, or put the encoder on the motor"
-        warnings.warn(f"through the teeth of {few(undamped)} {text}", RuntimeWarning, stacklevel=5)
+        warnings.warn(
+            f"through the teeth of {few(undamped)} {text}", JointplayWarning, stacklevel=5
+        )
     bounds = effort_bounds(simulation, followed)
     start = initial_state(simulation, followed)
     base_chart.check_start(mechanism, start.q)

@@ -17,6 +17,7 @@ import pinocchio as pin
 from jointplay.base import signals
 from jointplay.base.errors import (
     JointplayError,
+    JointplayWarning,
     require_a,
     require_known,
     require_positive,
@@ -345,7 +346,7 @@ class Run:
             self._elapsed, self._since = self.elapsed, None
             bar.close()
         if workspace.status != Status.COMPLETED:
-            warnings.warn(self.message(workspace.status), RuntimeWarning, stacklevel=3)
+            warnings.warn(self.message(workspace.status), JointplayWarning, stacklevel=3)
         return workspace.status
 
     @property

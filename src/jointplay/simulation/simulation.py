@@ -13,7 +13,13 @@ from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 import numpy as np
 
 from jointplay.base.conveniences import provided
-from jointplay.base.errors import JointplayError, require_a, require_non_negative, require_table
+from jointplay.base.errors import (
+    JointplayError,
+    JointplayWarning,
+    require_a,
+    require_non_negative,
+    require_table,
+)
 from jointplay.base.schema import check_fields, read, unknown_key
 from jointplay.base.tables import Overview, few
 from jointplay.base.units import readable
@@ -259,7 +265,7 @@ class Simulation(Overview, Inputs):
                 certificate = find_errors(result, certify, simulation=self, progress=progress)
             except KeyboardInterrupt:
                 text = "interrupted: the result is complete, but its numerical errors are unknown"
-                warnings.warn(text, RuntimeWarning, stacklevel=2)
+                warnings.warn(text, JointplayWarning, stacklevel=2)
             else:
                 if certificate is not None:
                     result.certificate = certificate
@@ -304,9 +310,10 @@ def simulate(
     Raises:
         JointplayError: on anything that cannot be simulated.
     """
-    unknown = [name for name in settings if name not in Settings.__annotations__]
-    if unknown:
-        raise JointplayError(unknown_key(unknown[0], Settings.__annotations__))
+    for name in settings:
+        if name not in Settings.__annotations__:
+            known = [*Settings.__annotations__, "progress", "certify", "estimate"]
+            raise JointplayError(unknown_key(name, known, " of simulate"), where=(name,))
     return Simulation(mechanism, motion, **settings).run(  # type: ignore[arg-type]
         progress, certify, estimate=estimate
     )

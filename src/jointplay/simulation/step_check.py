@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jointplay.base import signals
-from jointplay.base.errors import JointplayError
+from jointplay.base.errors import JointplayError, JointplayWarning
 from jointplay.physics.kernel import Status
 from jointplay.physics.kernel.constants import integrator
 from jointplay.simulation.loads.gear_pair import GearPair
@@ -81,7 +81,7 @@ def step_error(
     except KeyboardInterrupt:
         return None
     except JointplayError as error:  # no memory, or too many steps
-        warnings.warn(f"the step was not checked: {error}", RuntimeWarning, stacklevel=2)
+        warnings.warn(f"the step was not checked: {error}", JointplayWarning, stacklevel=2)
         return None
     fall = coarse[1] / fine[1] if fine[1] > 0.0 else math.inf
     fall = min(max(fall, 2.0), 16.0)

@@ -23,6 +23,7 @@ from jointplay.model.robots import PREFIXES
 from jointplay.physics.kernel import Status
 from jointplay.scenario import Scenario
 from jointplay.scenario.reading import Setting
+from jointplay.simulation.analysis.tool_error import compare_tools, difference
 from jointplay.simulation.analysis.twins import ideal_simulation, task, tool_motion
 from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.result import netcdf
@@ -169,9 +170,14 @@ class Bench:
         result = simulation.run(certify=certify, estimate=False, only=only)
         if result.status != Status.COMPLETED:
             raise JointplayError(result.message)
-        ideal = self._ideal(result, simulation) if self.job.tool_error else None
-        rests = self._rests_of(simulation.motion, float(result.time[-1])) if ideal else ()
-        values = measure(result, ideal, self.job.joints, rests)
+        error, rests = None, tuple[float, ...]()
+        if self.job.tool_error:
+            ideal = self._ideal(result, simulation)
+            if complete and ideal is not result:
+                compare_tools(result, ideal)
+            error = difference(result, ideal)
+            rests = self._rests_of(simulation.motion, float(result.time[-1]))
+        values = measure(result, error, self.job.joints, rests)
         for name, function in self.measures.items():
             own_values = own_measures(name, function(result))
             for label in own_values:

@@ -67,7 +67,6 @@ class Cases:
         cases: what is run, by label.
         remarks: cases by what is said of them.
         results: of the cases that are there, in the order of the scenario once all are.
-        ideals: by case, the ideal mechanism's run with which it is compared.
         lines: what came out of each, in sentences.
     """
 
@@ -101,8 +100,7 @@ class Cases:
             jobs: processes; None: one per core.
             detail: whether `lines` have everything that is known.
             progress: show bars on standard error.
-            say: called with label and result of each case, once the ideal mechanism is there with
-                which it is compared, or is no case.
+            say: called with label and result of each case as it is done.
 
         Raises:
             JointplayError: no such case, a case that cannot be, or a folder that holds one of the
@@ -125,7 +123,6 @@ class Cases:
         self._computed: dict[str, Result] = {}
         """Results that this process has computed; of others there is the file alone."""
         self.results: dict[str, Result] = {}
-        self.ideals: dict[str, Result | None] = {}
         self.lines: dict[str, list[str]] = {}
         self.recovery = f"completed results are in {str(self.out)!r}"
         for name in names:
@@ -138,7 +135,6 @@ class Cases:
             "_ready": None,
             "_computed": {},
             "results": {},
-            "ideals": {},
             "_say": None,
         }
         return {**vars(self), **empty}
@@ -160,9 +156,8 @@ class Cases:
             case.reference = json.dumps(_reference_motion(simulation, Path(beside)).describe())
         length = run.total_steps * simulation.step
         case.length_s = length * (1 + (number_of_runs(simulation) if errors else 0))
-        # What gives is compared with the ideal mechanism, if no case is it, and without play.
-        ideal = case.has_play and (len(self._files) > 1 or not errors)
-        case.twins_s = length * (ideal + has_both(simulation.mechanism))
+        # What gives is compared with the ideal mechanism, for errors too, and without play.
+        case.twins_s = length * ((case.has_play and not errors) + has_both(simulation.mechanism))
         for line in _length_and_size(run):
             self.remarks.setdefault(line, []).append(name)
         self.cases[name] = case
@@ -200,8 +195,7 @@ class Cases:
 
         pending = [name for name, case in self.cases.items() if not case.done]
         total = sum(self.cases[name].length_s for name in pending)
-        if all(case.has_play for case in self.cases.values()):
-            total += sum(case.twins_s for case in self.cases.values())
+        total += sum(case.twins_s for case in self.cases.values())
         stopped = False
         with overall(total, self.progress):
             for name in self.cases:
@@ -235,7 +229,7 @@ class Cases:
         from jointplay.simulation.checkpoint import check_replaceable, continue_run
         from jointplay.simulation.saving import run_and_save
         from jointplay.simulation.values import values
-        from jointplay.study.certification import add_certificate
+        from jointplay.study.certification import add_errors
 
         scenario, progress, case = self.scenario, self.progress, self.cases[name]
         records, checkpoint = working_paths(case.path)
@@ -257,12 +251,8 @@ class Cases:
             status, result = run_and_save(run, case.path, progress, notes, overwrite=resumed)
         if result is not None:
             self._computed[name] = result
-        if case.errors:
-            jobs = self._asked_jobs if run.elapsed > SHARED_S else 1
-            add_certificate(
-                result, case.path, run.simulation, progress, case.errors == "certify",
-                name=name, jobs=jobs,
-            )  # fmt: skip
+        jobs = self._asked_jobs if run.elapsed > SHARED_S else 1
+        add_errors(result, case.path, run.simulation, progress, case.errors, name=name, jobs=jobs)
         if status == Status.INTERRUPTED or signals.stop_requested():
             raise KeyboardInterrupt
 
@@ -272,10 +262,8 @@ class Cases:
         return name in self.results
 
     def keep(self, name: str, _: None = None) -> None:
-        """It is done. Those are said whose ideal mechanism is there or is no case's."""
         self._load(name)
-        if {name for name, case in self.cases.items() if not case.has_play} <= set(self.results):
-            self._say_lines()
+        self._say_lines()
         if (bar := current()) is not None:
             bar.say(f"{len(self.results)} of {len(self.cases)} cases done")
             bar.update()
@@ -301,21 +289,18 @@ class Cases:
         self.results[name] = result
 
     def _say_lines(self) -> None:
-        from jointplay.simulation.analysis import is_twin
-        from jointplay.simulation.analysis.headline import headline, reference
+        from jointplay.simulation.analysis.headline import headline
 
         for name, result in self.results.items():
             if name in self.lines:
                 continue
-            results = self.results.values()
-            ideal = next((other for other in results if is_twin(result, other)), None)
-            ideal = self.ideals[name] = ideal or reference(result, self.progress)
-            self.lines[name] = headline(result, ideal, self._detail) or [result.message]
+            self.lines[name] = headline(result, self._detail) or [result.message]
             if self._say is not None:
                 self._say(name, result)
 
     def data(self) -> dict[str, Any]:
         """What came out of each case: its measures, their units, errors and inputs."""
+        from jointplay.simulation.analysis import deviation, has_tool_error
         from jointplay.simulation.values import values
         from jointplay.study.measures import measure, rests_of, shipped
 
@@ -324,8 +309,8 @@ class Cases:
             measures = {}
             if len(result.time) > 1:
                 rests = rests_of(result.simulation.motion, float(result.time[-1]))
-                ideal = self.ideals[name] if self.cases[name].has_play else None
-                measures = measure(result, ideal, result.joints, rests)
+                error = deviation(result) if has_tool_error(result) else None
+                measures = measure(result, error, result.joints, rests)
             units = {key: unit for key, (unit, _) in shipped(result.joints).items()}
             certificate = result.certificate
             figures = certificate.headline if certificate else []

@@ -7,41 +7,57 @@ stated errors cover the true ones.
 
 from __future__ import annotations
 
-import json
 import math
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from jointplay.base import signals
-from jointplay.base.errors import JointplayError, require_a
+from jointplay.base.errors import JointplayError, JointplayWarning, require_a
 from jointplay.base.processes import copies
+from jointplay.base.schema import known_keywords
 from jointplay.base.units import displayed
 from jointplay.physics.kernel import Status
 from jointplay.physics.kernel.constants import DEFAULT
 from jointplay.simulation import spool
 from jointplay.simulation.analysis.headline import (
+    AT_ONCE,
     Headline,
     Measured,
     claims_of,
     fits,
     headline_of,
 )
-from jointplay.simulation.analysis.twins import has_play, hinges, ideal_simulation, tool_motion
+from jointplay.simulation.analysis.tool_error import (
+    Reference,
+    compare_tools,
+    compared,
+    ideal_forces,
+)
+from jointplay.simulation.analysis.twins import (
+    TOOL_MOTIONS,
+    has_play,
+    hinges,
+    ideal_simulation,
+    tool_motion,
+)
 from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.result import netcdf
 from jointplay.simulation.result.certificate import COUNTS, HEADLINE, Certificate, CertifiedFigure
 from jointplay.simulation.result.histories import HistoryBuilder
-from jointplay.simulation.result.result import Result
+from jointplay.simulation.result.result import COMPARED, Result
 from jointplay.simulation.result.thinning import SUMMARY_RECORDS
 from jointplay.simulation.run import Run
 from jointplay.simulation.simulation import Simulation
 from jointplay.study.study import Study
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 SAFETY = 2.5
 """What differences between runs are multiplied by to make an error of them.
@@ -80,6 +96,7 @@ that one step reaches and another does not.
 """
 
 
+@known_keywords
 def certify(
     source: Simulation | Result,
     *,
@@ -117,7 +134,7 @@ def certify(
         note = f"none, for the run did not complete ({result.message})"
         return Certificate((), note=note, strict=strict)
     plans = further_runs(simulation, result)
-    ideal, reason = _ideal(simulation, result, progress)
+    ideal, reason = _ideal_tool(simulation, result, progress)
     with_claims = claims and fits(result)
     task = f"{'certifying' if strict else 'estimating'} errors{name and f' of {name}'}"
 
@@ -128,16 +145,21 @@ def certify(
         beside = ideal
         if ideal is not None and number == 1:
             # Of its own: what that of the run is off, runs beside it share with the run.
-            beside, absence = _ideal(further.simulation, result, progress)
-            if beside is None:
+            its, absence = _ideal(further.simulation, result, progress)
+            if its is None:
                 return f"with {further}, {absence}"
+            beside = Reference(its)
         figures = Headline(result.time, result.judge_from, beside, hinges(result))
         try:
             run = further.completed(figures, label, progress)
         except JointplayError as error:
             return f"with {further}, {error}"
         of_run = figures.finish(run)
-        return of_run | (claims_of(run.result(Status.COMPLETED), ideal) if with_claims else {})
+        if not with_claims or ideal is None:
+            return of_run
+        its_result = run.result(Status.COMPLETED)
+        its_result.dataset = compared(its_result.dataset, ideal)
+        return of_run | claims_of(its_result)
 
     finest, middle, first = reversed(plans)
     numbered = [*enumerate([finest, middle, first] if strict else [finest, first], 1)]
@@ -308,6 +330,22 @@ def further_runs(simulation: Simulation, result: Result) -> list[FurtherRun]:
     return [FurtherRun(*parts) for parts in zip(simulations, ASIDE_M, macros, strict=True)]
 
 
+def _ideal_tool(
+    simulation: Simulation, result: Result, progress: bool
+) -> tuple[Reference | None, str]:
+    """The motion of the ideal mechanism's tool, which the result then has, if memory has room for
+    it; or None and why there is none.
+    """
+    if "tool_error" in result.dataset and fits(result):
+        return Reference(result, "ideal_"), ""
+    ideal, unknown = _ideal(simulation, result, progress)
+    if ideal is not None and fits(result):
+        compare_tools(result, ideal)
+    elif ideal is not None:
+        result.dataset.attrs |= ideal_forces(result, ideal)
+    return (None if ideal is None else Reference(ideal)), unknown
+
+
 def _ideal(simulation: Simulation, result: Result, progress: bool) -> tuple[Result | None, str]:
     """The ideal mechanism's run with the same settings, or None and why there is none."""
     if not has_play(result):
@@ -325,7 +363,7 @@ def _ideal(simulation: Simulation, result: Result, progress: bool) -> tuple[Resu
         return run.completed("the run"), ""
     except JointplayError as error:
         text = f"the tool error is unknown: the ideal mechanism cannot be simulated ({error})"
-    warnings.warn(text, RuntimeWarning, stacklevel=4)
+    warnings.warn(text, JointplayWarning, stacklevel=4)
     return None, text
 
 
@@ -342,43 +380,61 @@ def errors_if_possible(result: Result, strict: bool, **options: Any) -> Certific
     except Exception as error:  # noqa: BLE001
         reason = str(error) if isinstance(error, JointplayError) else repr(error)
         text = f"the result is complete, but its numerical errors cannot be estimated: {reason}"
-        warnings.warn(text, RuntimeWarning, stacklevel=3)
+        warnings.warn(text, JointplayWarning, stacklevel=3)
         return None
 
 
-def add_certificate(
+def add_errors(
     result: Result | None,
     path: Path,
     simulation: Simulation,
     progress: bool = False,
-    strict: bool = True,
+    errors: str = "certify",
     claims: bool = False,
     name: str = "",
     jobs: int | None = 1,
 ) -> None:
-    """Certify a saved result, or estimate its errors, and add that to its file.
+    """Add to the file of a saved result the error of its tool, and the numerical errors.
 
-    A run that was told to stop, or while it was saved, is not certified.
+    Not of a run that was told to stop, or while it was saved.
 
     Args:
         result, path: what `run_and_save` gave, and its file.
-        simulation, progress, strict, claims, name, jobs: see `certify`.
+        simulation, progress, claims, name, jobs: see `certify`.
+        errors: how numerical errors are found: ``certify``, ``estimate`` or not at all.
 
     Raises:
         JointplayError: the file cannot be written again; it is as it was.
-        KeyboardInterrupt: told to stop; the result is there without certificate.
+        KeyboardInterrupt: told to stop; the result is there without them.
     """
     if signals.stop_requested():
         return
     options: dict[str, Any] = {"progress": progress, "claims": claims, "name": name, "jobs": jobs}
     saved = result or Result.open(path)
-    with closing(saved.dataset):
+    with closing(saved.dataset) as dataset:
         if saved.status == Status.INTERRUPTED:
             return
-        certificate = errors_if_possible(saved, strict, simulation=simulation, **options)
-    if certificate is None:
-        return
-    with signals.keeping(f"the certificate of {path}"):
-        if result is not None:
-            result.certificate = certificate
-        netcdf.add_attributes(path, {"certificate": json.dumps(certificate.describe())})
+        if errors:
+            strict = errors == "certify"
+            certificate = errors_if_possible(saved, strict, simulation=simulation, **options)
+            if certificate is not None:
+                saved.certificate = certificate
+        ideal = None
+        if "tool_error" not in dataset and (
+            "tool_error" in saved.dataset or not (errors and fits(saved))  # else it has been tried
+        ):
+            ideal, _ = _ideal_tool(simulation, saved, progress)
+        attrs = saved.dataset.attrs
+        known = {name: attrs[name] for name in ("certificate", "ideal_forces") if name in attrs}
+        histories = () if ideal is None else _histories_against(ideal, dataset)
+        if known or histories:
+            with signals.keeping(f"the errors of {path}"):
+                netcdf.add(path, known, histories)
+
+
+def _histories_against(ideal: Reference, dataset: xr.Dataset) -> Iterator[xr.Dataset]:
+    """The histories `COMPARED`, portion by portion."""
+    tool = dataset[[name for name in TOOL_MOTIONS if name in dataset]]
+    for first in range(0, tool.sizes["time"], AT_ONCE):
+        part = compared(tool.isel(time=slice(first, first + AT_ONCE)).load(), ideal)
+        yield part[[name for name in COMPARED if name in part]]

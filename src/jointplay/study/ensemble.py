@@ -9,6 +9,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from jointplay.base.errors import require_a
+from jointplay.base.schema import known_keywords
 from jointplay.physics.kernel import Status
 from jointplay.study.study import Study
 
@@ -32,6 +33,7 @@ class EnsembleInterrupted(KeyboardInterrupt):
         self.finished = dict(finished)
 
 
+@known_keywords
 def ensemble(
     simulations: Iterable[Simulation],
     *,

@@ -18,6 +18,7 @@ import numpy as np
 from jointplay.base.errors import JointplayError, require_known, require_positive
 from jointplay.base.pairs import misread, pair
 from jointplay.base.progress import ProgressBar
+from jointplay.base.schema import known_keywords
 from jointplay.base.tables import Column, Table, counted, few
 from jointplay.physics.kernel import JOINT_FRICTION_SPEED
 from jointplay.simulation.loads import Controller, Servo
@@ -242,6 +243,7 @@ class Search:
         return bracket()
 
 
+@known_keywords
 def hunting(
     simulation: Simulation,
     joints: Sequence[str] = (),

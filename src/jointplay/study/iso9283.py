@@ -30,6 +30,7 @@ from scipy import stats
 from scipy.integrate import cumulative_trapezoid
 
 from jointplay.base.errors import JointplayError, require_a, require_positive
+from jointplay.base.schema import known_keywords
 from jointplay.base.tables import Table, aligned
 from jointplay.base.units import readable
 from jointplay.model.mechanism import Mechanism
@@ -365,6 +366,7 @@ class Iso9283:
         return Table.of([(name, "s" if name == "time" else "") for name in names], rows)
 
 
+@known_keywords
 def iso9283(
     simulation: Simulation,
     cycles: int | Cycles = Cycles(),

@@ -13,7 +13,6 @@ from jointplay.physics.geometry import Mode
 from jointplay.simulation.analysis.bearings import bearing_life
 from jointplay.simulation.analysis.tool_error import (
     COMPONENTS,
-    difference,
     error_at,
     error_statistics,
     stops,
@@ -24,6 +23,8 @@ from jointplay.simulation.result.result import Result
 from jointplay.simulation.result.variables import LOSSES
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from jointplay.simulation.simulation import Simulation
 
 COST = "cost"
@@ -90,7 +91,7 @@ def _of_figure(name: str) -> str:
 
 
 def measure(
-    result: Result, ideal: Result | None, joints: Sequence[str], rests: Sequence[float] = ()
+    result: Result, error: xr.DataArray | None, joints: Sequence[str], rests: Sequence[float] = ()
 ) -> dict[str, float]:
     """Measures of a run, by name; `shipped` has their units.
 
@@ -98,15 +99,14 @@ def measure(
 
     Args:
         result: the run, completed.
-        ideal: the ideal mechanism's run of the same work, or the run itself if it is ideal; None if
-            the tool error is not wanted.
+        error: the tool's `deviation`; None if it is not wanted.
         joints: the joints that have clearance in some case, whose forces are wanted.
         rests: times at which the reference stands still [s].
     """
     measures: dict[str, float] = {}
     start = result.judge_from
-    if ideal is not None:
-        measures |= dict(_tool_error(result, ideal, start, rests))
+    if error is not None:
+        measures |= dict(_tool_error(error, start, rests))
     judged = result.time >= start
     measures |= dict(_forces(result, joints, judged))
     audit = result.audit
@@ -186,10 +186,9 @@ def _values(result: Result, name: str) -> np.ndarray:
 
 
 def _tool_error(
-    result: Result, ideal: Result, start: float, rests: Sequence[float]
+    error: xr.DataArray, start: float, rests: Sequence[float]
 ) -> Iterator[tuple[str, float]]:
     """Peak, RMS and largest error at rest of the tool: those of `analysis.error_statistics`."""
-    error = difference(result, ideal)
     last = error["time"].values[-1]
     stop_errors = [error_at(error, rest) for rest in rests if start <= rest <= last]
     statistics = {"stops": np.abs(stop_errors).max(axis=0)} if stop_errors else {}

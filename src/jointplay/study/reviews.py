@@ -18,7 +18,8 @@ from jointplay.base.errors import JointplayError, require_known, require_whole
 from jointplay.base.tables import Column, Table
 from jointplay.base.units import displayed, told
 from jointplay.physics.contact import NORMAL_LAWS
-from jointplay.simulation.analysis.headline import headline_of, reference
+from jointplay.simulation.analysis.headline import headline_of
+from jointplay.simulation.analysis.tool_error import ideal_tool
 from jointplay.simulation.result.certificate import COUNTS, HEADLINE
 from jointplay.simulation.result.result import Result
 from jointplay.simulation.run import Run
@@ -38,7 +39,7 @@ Figures = dict[str, tuple[float, str]]
 
 
 def _figures(result: Result) -> Figures:
-    measured = headline_of(result, reference(result), claims=False)
+    measured = headline_of(result, ideal_tool(result), claims=False)
     return {
         name: (figure.value, figure.unit)
         for name, figure in measured.items()

@@ -18,6 +18,7 @@ from jointplay.base.errors import (
     require_known,
     require_share,
 )
+from jointplay.base.schema import known_keywords
 from jointplay.base.tables import Column, Table, counted
 from jointplay.base.units import convert, handy
 from jointplay.simulation.analysis.uncertainty import (
@@ -229,6 +230,7 @@ def indices_of(dataset: xr.Dataset, measure: str) -> SobolIndices | None:
     return sobol_indices(values.values.ravel(), tuple(dataset.attrs["sampled"]))
 
 
+@known_keywords
 def uncertainty(dataset: xr.Dataset, measure: str, precision: float) -> str:
     """Mean, standard deviation, quantiles, how many runs are enough, Sobol indices: in lines.
 

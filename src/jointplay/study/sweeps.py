@@ -17,7 +17,7 @@ from jointplay.base import files
 from jointplay.base.errors import JointplayError, require_a
 from jointplay.base.processes import MOST_DEATHS, Pool, number_of
 from jointplay.base.progress import ProgressBar
-from jointplay.base.schema import one_of
+from jointplay.base.schema import known_keywords, one_of
 from jointplay.base.units import toml_text
 from jointplay.physics import kernel
 from jointplay.scenario import Scenario
@@ -86,6 +86,7 @@ def _lost(case: Case) -> Outcome:
     return Outcome(case[0], FAILED, {}, f"{ended} (killed, out of memory, or crashed)")
 
 
+@known_keywords
 def sweep(
     source: Scenario | str | Path,
     store: str | Path,

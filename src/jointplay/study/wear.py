@@ -28,6 +28,7 @@ from jointplay.base.errors import (
     require_whole,
 )
 from jointplay.base.progress import ProgressBar
+from jointplay.base.schema import known_keywords
 from jointplay.base.tables import Table, counted
 from jointplay.base.units import readable
 from jointplay.physics.joints import RollingBearing
@@ -279,6 +280,7 @@ def _count(
     return float(brentq(shortfall, 0.0, upper, rtol=1e-9))
 
 
+@known_keywords
 def wear(
     simulation: Simulation,
     joint: str,

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from jointplay import analysis
 from jointplay.paper import scara
 from jointplay.simulation.analysis.claims import CLAIMS, can_be_measured, judge
 
@@ -88,5 +87,6 @@ def test_every_claim_is_judged_with_its_numbers():
 def test_runs_of_any_length_are_measured_if_more_of_them_is_judged_than_not(judge_from, right):
     """A start that lasts longer than the run is in all of it."""
     run = replace(scara(2e-4), duration=0.045, judge_from=judge_from).run(estimate=False)
-    assert can_be_measured(run, analysis.twin(run)) is right
-    assert not can_be_measured(run, None)
+    assert not can_be_measured(run)
+    run["tool_error"]
+    assert can_be_measured(run) is right

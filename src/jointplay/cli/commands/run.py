@@ -95,7 +95,7 @@ def run(options: argparse.Namespace) -> int:
     drawable = {name: result for name, result in cases.results.items() if len(result.time) > 1}
     if cases.figures and drawable:
         short = len(cases.cases) == 1 and not options.figures
-        plots.save(drawable, cases.out, options.pdf, cases.ideals, short)
+        plots.save(drawable, cases.out, options.pdf, short)
     if options.json:
         print_json(options, cases.data())
     print(_ending(cases, options.detail))
@@ -175,7 +175,7 @@ def _ending(cases: Cases, detail: bool) -> str:
 
     lines, rows = [""], {}
     if len(cases.cases) > 1 and not detail:
-        texts = {n: headline_texts(result, cases.ideals[n]) for n, result in cases.results.items()}
+        texts = {n: headline_texts(result) for n, result in cases.results.items()}
         rows = {name: row for name, row in texts.items() if row}
     if rows:
         heads = list(dict.fromkeys(head for row in rows.values() for head in row))

@@ -17,7 +17,7 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
-from jointplay.base.schema import quantity
+from jointplay.base.schema import Quantity, quantity
 from jointplay.physics.contact.law import BRISTLE_NUMBERS, FrictionLaw
 from jointplay.physics.contact.machine_code import MAX_PARAMETERS, compiled_law
 
@@ -68,17 +68,17 @@ class BristleLaw(FrictionLaw):
 class StribeckBristles(BristleLaw):
     """What laws have in common whose bristles let go at a coefficient that falls with the speed."""
 
-    mu_d: float = quantity("", default=0.1, above=0.0)
+    mu_d: Quantity = quantity("", default=0.1, above=0.0)
     """Dynamic friction coefficient."""
-    mu_s: float = quantity("", default=None, above=0.0)
+    mu_s: Quantity = quantity("", default=None, above=0.0)
     """Static friction coefficient, >= mu_d; 1.5 mu_d if not given."""
-    v_s: float = quantity("m/s", default=1e-2, above=0.0)
+    v_s: Quantity = quantity("m/s", default=1e-2, above=0.0)
     """Speed over which the friction falls from static to dynamic [m/s]."""
-    sigma0: float = quantity("1/m", default=1e5, above=0.0)
+    sigma0: Quantity = quantity("1/m", default=1e5, above=0.0)
     """Stiffness of the bristles per normal force [1/m]."""
-    sigma1: float = quantity("s/m", default=10.0, least=0.0)
+    sigma1: Quantity = quantity("s/m", default=10.0, least=0.0)
     """Their damping per normal force [s/m]."""
-    sigma2: float = quantity("s/m", default=0.0, least=0.0)
+    sigma2: Quantity = quantity("s/m", default=0.0, least=0.0)
     """Viscous friction per normal force [s/m]."""
 
 
@@ -98,9 +98,9 @@ class Dahl(BristleLaw):
     reference = "P. R. Dahl, Aerospace Corporation, TOR-0158(3107-18)-1 (1968)"
     validity = "sticking and sliding at one coefficient; no Stribeck fall, no growth at rest"
 
-    mu_d: float = quantity("", default=0.1, above=0.0)
+    mu_d: Quantity = quantity("", default=0.1, above=0.0)
     """Friction coefficient."""
-    sigma0: float = quantity("1/m", default=1e5, above=0.0)
+    sigma0: Quantity = quantity("1/m", default=1e5, above=0.0)
     """Stiffness of the bristles per normal force [1/m]."""
 
     @staticmethod
@@ -206,11 +206,11 @@ class GonthierFriction(StribeckBristles):
     )
     validity = "sticking that grows with the time at rest, and sliding at mu_d"
 
-    v_s: float = quantity("m/s", default=1e-3, above=0.0)
+    v_s: Quantity = quantity("m/s", default=1e-3, above=0.0)
     """Speed over which sticking turns into sliding [m/s]."""
-    sigma1: float = quantity("s/m", default=10.0, above=0.0)
+    sigma1: Quantity = quantity("s/m", default=10.0, above=0.0)
     """Damping of the bristles per normal force, > 0 [s/m]."""
-    dwell_time: float = quantity("s", default=0.1, above=0.0)
+    dwell_time: Quantity = quantity("s", default=0.1, above=0.0)
     """Time constant tau_d with which static friction grows [s]."""
 
     @staticmethod

@@ -19,7 +19,7 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 from jointplay.base.errors import JointplayError
-from jointplay.base.schema import quantity
+from jointplay.base.schema import Quantity, quantity
 from jointplay.physics.contact.bristle import BristleLaw
 from jointplay.physics.contact.film import FilmLaw
 from jointplay.physics.contact.functions import Absent, FunctionDescription, OfFunction
@@ -40,13 +40,13 @@ _DEPTHS, _SPEEDS = (1e-7, 1e-5), (1e-3, 1.0, 3.0)
 class FilmDescription(FunctionDescription):
     """How files describe a user's film law; see docs/bearings.md."""
 
-    viscosity: float = quantity("Pa*s", default=1.0)
+    viscosity: Quantity = quantity("Pa*s", default=1.0)
     """Dynamic viscosity."""
     hybrid: bool = True
     """Dry contact takes over where the journal touches the bore."""
-    transition: float = quantity("m", default=1e-6)
+    transition: Quantity = quantity("m", default=1e-6)
     """Penetration depth at which the film has vanished."""
-    least_thickness: float = quantity("m", default=1e-6)
+    least_thickness: Quantity = quantity("m", default=1e-6)
     """Smallest film thickness."""
 
 

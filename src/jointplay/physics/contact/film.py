@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
 from jointplay.base.errors import JointplayError
-from jointplay.base.schema import choice, quantity
+from jointplay.base.schema import Quantity, choice, quantity
 from jointplay.base.units import readable
 from jointplay.physics.contact.law import FILM_NUMBERS, Law
 
@@ -72,16 +72,16 @@ class FilmLaw(Law):
     slenderness: ClassVar[tuple[float, float]] = (0.0, math.inf)
     """Length over diameter, the range that the law is good for."""
 
-    viscosity: float = quantity("Pa*s", above=0.0)
+    viscosity: Quantity = quantity("Pa*s", above=0.0)
     """Dynamic viscosity of the lubricant [Pa s]."""
     hybrid: bool = True
     """Dry contact takes over where the journal touches the bore.
 
     The film then fades over the depth `transition`. Without it a journal that touches ends the run.
     """
-    transition: float = quantity("m", default=1e-6, above=0.0)
+    transition: Quantity = quantity("m", default=1e-6, above=0.0)
     """Penetration depth e_t at which the film has vanished [m]."""
-    least_thickness: float = quantity("m", default=1e-6, above=0.0, label="least film thickness")
+    least_thickness: Quantity = quantity("m", default=1e-6, above=0.0, label="least film thickness")
     """Smallest film thickness, because the surfaces are rough [m]."""
 
     def parameters(self, film: FilmProperties) -> tuple[float, ...]:

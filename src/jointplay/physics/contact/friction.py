@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from jointplay.base.errors import JointplayError
-from jointplay.base.schema import quantity
+from jointplay.base.schema import Quantity, quantity
 from jointplay.physics.contact.law import FrictionLaw
 
 
@@ -27,11 +27,11 @@ class Ambrosio(FrictionLaw):
     )
     validity = "sliding; no sticking: a resting contact creeps below v1, freely below v0"
 
-    mu_d: float = quantity("", default=0.1, least=0.0, label="friction coefficient")
+    mu_d: Quantity = quantity("", default=0.1, least=0.0, label="friction coefficient")
     """Dynamic friction coefficient."""
-    v0: float = quantity("m/s", default=1e-4, least=0.0)
+    v0: Quantity = quantity("m/s", default=1e-4, least=0.0)
     """Sliding speed at which the ramp begins [m/s]."""  # v0, v1: docs/assumptions.md
-    v1: float = quantity("m/s", default=1e-3, least=0.0)
+    v1: Quantity = quantity("m/s", default=1e-3, least=0.0)
     """Sliding speed at which it ends, > v0 [m/s]."""
 
     def __post_init__(self) -> None:
@@ -66,9 +66,9 @@ class Coulomb(FrictionLaw):
     reference = "C. A. de Coulomb, Theorie des machines simples (1785)"
     validity = "sliding; no sticking: a resting contact creeps below v_t"
 
-    mu_d: float = quantity("", default=0.1, least=0.0, label="friction coefficient")
+    mu_d: Quantity = quantity("", default=0.1, least=0.0, label="friction coefficient")
     """Dynamic friction coefficient."""
-    v_t: float = quantity("m/s", default=1e-3, above=0.0)
+    v_t: Quantity = quantity("m/s", default=1e-3, above=0.0)
     """Sliding speed at which the ramp ends [m/s]."""
 
     @staticmethod
@@ -89,9 +89,9 @@ class Threlfall(FrictionLaw):
     reference = "D. C. Threlfall, Mech. Mach. Theory 13 (1978) 475-483"
     validity = "sliding, where it is 0.95 mu_d; no sticking: a resting contact creeps below v_r"
 
-    mu_d: float = quantity("", default=0.1, least=0.0, label="friction coefficient")
+    mu_d: Quantity = quantity("", default=0.1, least=0.0, label="friction coefficient")
     """Friction coefficient."""
-    v_r: float = quantity("m/s", default=1e-3, above=0.0)
+    v_r: Quantity = quantity("m/s", default=1e-3, above=0.0)
     """Sliding speed at which the rise ends [m/s]."""
 
     @staticmethod
@@ -114,13 +114,13 @@ class BengisuAkay(FrictionLaw):
     reference = "M. T. Bengisu, A. Akay, J. Sound Vib. 171 (1994) 557-570"
     validity = "sliding with a Stribeck fall; no sticking: a resting contact creeps below v0"
 
-    mu_s: float = quantity("", default=None, least=0.0)
+    mu_s: Quantity = quantity("", default=None, least=0.0)
     """Static friction coefficient, >= mu_d; 1.5 mu_d if not given."""
-    mu_d: float = quantity("", default=0.1, least=0.0)
+    mu_d: Quantity = quantity("", default=0.1, least=0.0)
     """Dynamic friction coefficient."""
-    v0: float = quantity("m/s", default=1e-3, above=0.0)
+    v0: Quantity = quantity("m/s", default=1e-3, above=0.0)
     """Sliding speed of the largest friction [m/s]."""
-    xi: float = quantity("s/m", default=100.0, above=0.0)
+    xi: Quantity = quantity("s/m", default=100.0, above=0.0)
     """Rate of the fall [s/m]."""
 
     @staticmethod
@@ -148,11 +148,11 @@ class BrownMcPhee(FrictionLaw):
     reference = "P. Brown, J. McPhee, J. Comput. Nonlinear Dyn. 11 (2016) 054502"
     validity = "sliding with a Stribeck fall; no sticking: a resting contact creeps below v_t"
 
-    mu_s: float = quantity("", default=None, least=0.0)
+    mu_s: Quantity = quantity("", default=None, least=0.0)
     """Static friction coefficient, >= mu_d: the largest, near v_t; 1.5 mu_d if not given."""
-    mu_d: float = quantity("", default=0.1, least=0.0)
+    mu_d: Quantity = quantity("", default=0.1, least=0.0)
     """Dynamic friction coefficient."""
-    v_t: float = quantity("m/s", default=1e-3, above=0.0)
+    v_t: Quantity = quantity("m/s", default=1e-3, above=0.0)
     """Transition speed [m/s]."""
 
     @staticmethod

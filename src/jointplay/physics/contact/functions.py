@@ -17,7 +17,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass, fields
 from typing import Any, Self
 
-from jointplay.base.errors import JointplayError
+from jointplay.base.errors import JointplayError, JointplayWarning
 from jointplay.base.modules import how_to_import, imported, named
 from jointplay.base.schema import Described, quantity
 
@@ -193,7 +193,7 @@ class OfFunction(Described):
             warnings.warn(
                 f"the function {path!r} here differs from the one in the result; a rerun uses the "
                 "one that is here",
-                RuntimeWarning,
+                JointplayWarning,
                 stacklevel=2,
             )
         return cls(function=function, **arguments)  # type: ignore[call-arg]

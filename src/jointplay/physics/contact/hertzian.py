@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, TypeVar
 
 from jointplay.base.errors import JointplayError
-from jointplay.base.schema import quantity
+from jointplay.base.schema import OptionalQuantity, Quantity, quantity
 from jointplay.physics.contact.law import ContactProperties, NormalForceLaw
 
 CONTACT_WIDTH_LIMIT = 0.3
@@ -157,15 +157,15 @@ class HuntCrossley(PointContactLaw):
     reference = "K. H. Hunt, F. R. E. Crossley, J. Appl. Mech. 42 (1975) 440-445"
     validity = "c_e above 0.8, as Lankarani-Nikravesh; away from 10 µm and n = p, q = 1 unproven"
 
-    n: float = quantity("", default=1.5, above=0.0, label="exponent n")
+    n: Quantity = quantity("", default=1.5, above=0.0, label="exponent n")
     """Exponent of the elastic part, >= 1."""
-    p: float = quantity("", default=1.5, least=0.0, label="exponent p")
+    p: Quantity = quantity("", default=1.5, least=0.0, label="exponent p")
     """Exponent of the penetration in the damping; with 0 the force jumps at the first touch."""
-    q: float = quantity("", default=1.0, above=0.0, label="exponent q")
+    q: Quantity = quantity("", default=1.0, above=0.0, label="exponent q")
     """Exponent of the penetration rate."""
-    stiffness: float | None = quantity("", default=None, above=0.0, label="stiffness k")
+    stiffness: OptionalQuantity = quantity("", default=None, above=0.0, label="stiffness k")
     """Stiffness k [N/m^n], a number without its unit; None: from the joint's Hertz stiffness."""
-    damping: float | None = quantity("", default=None, least=0.0, label="damping b")
+    damping: OptionalQuantity = quantity("", default=None, least=0.0, label="damping b")
     """Damping b [N s^q/m^(p+q)], a number without its unit; None: from c_e."""
 
     def __post_init__(self) -> None:

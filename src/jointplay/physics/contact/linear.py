@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from jointplay.base.errors import JointplayError
-from jointplay.base.schema import quantity
+from jointplay.base.schema import OptionalQuantity, Quantity, quantity
 from jointplay.physics.contact.hertzian import REFERENCE_PENETRATION_M
 from jointplay.physics.contact.law import ContactProperties, NormalForceLaw
 
@@ -38,7 +38,7 @@ class LinearSpring(NormalForceLaw):
     reference = "doi 10.3390/app13042211, eq. 16"
     validity = "rough estimates near the depth that the stiffness is chosen for; no loss"
 
-    stiffness: float | None = quantity("N/m", default=None, above=0.0)
+    stiffness: OptionalQuantity = quantity("N/m", default=None, above=0.0)
     """Stiffness k [N/m]; None derives it from the joint's Hertz stiffness (`linear_stiffness`)."""
 
     @staticmethod
@@ -65,9 +65,9 @@ class KelvinVoigt(NormalForceLaw):
     reference = "doi 10.3390/app13042211, eq. 17"
     validity = "rough estimates: the force jumps at the first touch; c_e does not enter"
 
-    damping: float = quantity("N*s/m", least=0.0)
+    damping: Quantity = quantity("N*s/m", least=0.0)
     """Damping coefficient b [N s/m]."""
-    stiffness: float | None = quantity("N/m", default=None, above=0.0)
+    stiffness: OptionalQuantity = quantity("N/m", default=None, above=0.0)
     """k [N/m]; None takes it from the joint's Hertz stiffness (`linear_stiffness`)."""
 
     function = staticmethod(spring_and_dashpot)
@@ -107,11 +107,11 @@ class Anagnostopoulos(NormalForceLaw):
         "at the end too elastic below c_e = 0.5"
     )
 
-    mass: float | None = quantity("kg", default=None, above=0.0)
+    mass: OptionalQuantity = quantity("kg", default=None, above=0.0)
     """Effective mass m of the impact [kg], m_1 m_2/(m_1 + m_2) for two free bodies; required.
     `jointplay.model.impact.effective_mass` computes it for a mechanism.
     """
-    stiffness: float | None = quantity("N/m", default=None, above=0.0)
+    stiffness: OptionalQuantity = quantity("N/m", default=None, above=0.0)
     """k [N/m]; None takes it from the joint's Hertz stiffness (`linear_stiffness`)."""
 
     def __post_init__(self) -> None:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jointplay.base.schema import quantity
+from jointplay.base.schema import OptionalQuantity, Quantity, quantity
 from jointplay.physics.contact.law import ContactProperties, FrictionLaw, NormalForceLaw
 
 (
@@ -124,9 +124,9 @@ class ElementContact(NormalForceLaw):
     formula = r"Q = K \delta^n"
     reference = "Hertz (1882) for balls; ISO/TS 16281 for rollers"
 
-    exponent: float = quantity("", default=BALL_EXPONENT, above=0.0)
+    exponent: Quantity = quantity("", default=BALL_EXPONENT, above=0.0)
     """n."""
-    rated_load: float | None = quantity("N", default=None, above=0.0)
+    rated_load: OptionalQuantity = quantity("N", default=None, above=0.0)
     """Load of an element at the bearing's static rating [N]; None: nothing is rated."""
 
     @staticmethod

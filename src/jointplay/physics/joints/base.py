@@ -24,7 +24,7 @@ from jointplay.base.errors import (
     require_positive,
     within,
 )
-from jointplay.base.schema import Described, check_fields, quantity
+from jointplay.base.schema import Described, OptionalQuantity, Quantity, check_fields, quantity
 from jointplay.base.units import readable
 from jointplay.physics.contact import (
     Ambrosio,
@@ -91,13 +91,15 @@ class Material(Described):
         JointplayError: a constant that is not positive, or Poisson's ratio outside (-1, 0.5].
     """
 
-    young: float = quantity("Pa", default=207e9, above=0.0, label="Young's modulus")
+    young: Quantity = quantity("Pa", default=207e9, above=0.0, label="Young's modulus")
     """Young's modulus E [Pa]."""
-    poisson: float = quantity("", default=0.3, label="Poisson's ratio")
+    poisson: Quantity = quantity("", default=0.3, label="Poisson's ratio")
     """Poisson's ratio nu."""
-    density: float | None = quantity("kg/m^3", default=None, above=0.0)
+    density: OptionalQuantity = quantity("kg/m^3", default=None, above=0.0)
     """rho [kg/m^3]; None leaves the speed of impacts unchecked."""
-    yield_strength: float | None = quantity("Pa", default=None, above=0.0, label="yield strength")
+    yield_strength: OptionalQuantity = quantity(
+        "Pa", default=None, above=0.0, label="yield strength"
+    )
     """Yield strength [Pa]; None leaves the pressure of contacts unchecked."""
     name: str | None = None
     """What the material is called."""
@@ -552,12 +554,12 @@ class SlidingClearance(Clearance):
 
     bearing_material: Material = PAPER_STEEL
     journal_material: Material = PAPER_STEEL
-    restitution: float = quantity("", default=0.9)
+    restitution: Quantity = quantity("", default=0.9)
     """Nominal coefficient of restitution c_e, in [0, 1]; 0, a plastic impact, needs a law that has
     one: `zhang-sharf`, `gonthier`, `flores`, `hu-guo` or `gharib-hurmuzlu`."""
     normal: NormalForceLaw = field(default_factory=LankaraniNikravesh)
     friction: FrictionLaw = field(default_factory=Ambrosio)
-    stiffness: float | None = quantity("N/m^1.5", default=None, above=0.0)
+    stiffness: OptionalQuantity = quantity("N/m^1.5", default=None, above=0.0)
     """Hertz stiffness [N/m^1.5]; None derives it from geometry and materials. A linear law that has
     its own stiffness does not use it.
     """
@@ -567,7 +569,7 @@ class SlidingClearance(Clearance):
     Where surfaces slide, its bush is then a body of its own between the two, held by a
     `CompliantMount`. An ideal joint gives way nowhere. Seats of rolling bearings have no `torsion`.
     """
-    seat_mass: float | None = quantity("kg", default=None, above=0.0, label="mass of the bush")
+    seat_mass: OptionalQuantity = quantity("kg", default=None, above=0.0, label="mass of the bush")
     """Of the bush in its seat [kg]; None takes a steel one as long as the bearing, its wall half as
     thick as its bore's half width (`compliance.parts_of_seat`).
     """
@@ -751,11 +753,11 @@ class RoundClearance(SlidingClearance):
     clearance_fields: ClassVar[Mapping[str, str | None]] = {"radial_clearance": "journal_radius"}
     fit_size: ClassVar[tuple[str, float] | None] = ("bearing_radius", 0.5)
 
-    bearing_radius: float = quantity("m", default=10e-3, above=0.0, label="bearing radius")
+    bearing_radius: Quantity = quantity("m", default=10e-3, above=0.0, label="bearing radius")
     """R_i [m]; 10 mm is usual in the literature on clearance."""
-    radial_clearance: float | None = quantity("m", default=None, label="radial clearance")
+    radial_clearance: OptionalQuantity = quantity("m", default=None, label="radial clearance")
     """C_r, radial, not diametral [m]; 0: an ideal joint."""
-    journal_radius: float | None = quantity("m", default=None, label="journal radius")
+    journal_radius: OptionalQuantity = quantity("m", default=None, label="journal radius")
     """R_j [m]."""
 
     def __post_init__(self) -> None:

@@ -26,7 +26,7 @@ import numpy as np
 
 from jointplay.base.errors import JointplayError, MissingName, require_known, within
 from jointplay.base.files import shipped_table
-from jointplay.base.schema import check_fields, choice, quantity
+from jointplay.base.schema import OptionalQuantity, Quantity, check_fields, choice, quantity
 from jointplay.base.units import readable
 from jointplay.physics.contact import resultant
 from jointplay.physics.contact.law import ContactProperties, NormalForceLaw
@@ -222,43 +222,45 @@ class RollingBearing(WholeLawJoint):
 
     designation: str | None = None
     """Of a catalogue, with its class behind a stroke or a space: ``"6010/C3"``, ``"RB5013 C0"``."""
-    bore: float | None = quantity("m", default=None, above=0.0, label="bore")
+    bore: OptionalQuantity = quantity("m", default=None, above=0.0, label="bore")
     """Diameter of the shaft [m]; None takes the designation's."""
-    outside_diameter: float | None = quantity(
+    outside_diameter: OptionalQuantity = quantity(
         "m", default=None, above=0.0, label="outside diameter"
     )
     """[m]; None takes the designation's."""
-    width: float | None = quantity("m", default=None, above=0.0, label="width")
+    width: OptionalQuantity = quantity("m", default=None, above=0.0, label="width")
     """Of one row's rings [m]; None takes the designation's."""
     clearance_class: str | None = None
     """Class of internal clearance, the middle of its range; None takes the designation's, or CN."""
-    radial_clearance: float | None = quantity("m", default=None, label="radial clearance")
+    radial_clearance: OptionalQuantity = quantity("m", default=None, label="radial clearance")
     """C_r as bought, half of the full travel; negative for preload [m]. None: the class's."""
     elements: int | None = quantity("", default=None, above=0.0, label="number of elements")
     """Z, in each row; None estimates."""
-    element_diameter: float | None = quantity("m", default=None, above=0.0, label="diameter")
+    element_diameter: OptionalQuantity = quantity("m", default=None, above=0.0, label="diameter")
     """D [m]; None estimates."""
-    pitch_diameter: float | None = quantity("m", default=None, above=0.0, label="pitch diameter")
+    pitch_diameter: OptionalQuantity = quantity(
+        "m", default=None, above=0.0, label="pitch diameter"
+    )
     """d_m, of the circle of the elements' centres [m]; None takes the mean of bore and outside."""
-    element_stiffness: float | None = quantity("", default=None, above=0.0)
+    element_stiffness: OptionalQuantity = quantity("", default=None, above=0.0)
     """K of an element between both rings [N/m^n]; None: Hertz's of the geometry."""
-    shaft_interference: float = quantity("m", default=0.0, least=0.0)
+    shaft_interference: Quantity = quantity("m", default=0.0, least=0.0)
     """By how much the shaft's diameter exceeds the bore [m]."""
-    housing_interference: float = quantity("m", default=0.0, least=0.0)
+    housing_interference: Quantity = quantity("m", default=0.0, least=0.0)
     """By how much the outside diameter exceeds the housing's [m]."""
-    temperature_difference: float = quantity("K", default=0.0)
+    temperature_difference: Quantity = quantity("K", default=0.0)
     """By how much the inner ring is warmer than the outer one [K]."""
-    dynamic_rating: float | None = quantity("N", default=None, above=0.0)
+    dynamic_rating: OptionalQuantity = quantity("N", default=None, above=0.0)
     """C, basic dynamic load rating of one row [N]; None: the catalogue's, or an estimate."""
-    static_rating: float | None = quantity("N", default=None, above=0.0)
+    static_rating: OptionalQuantity = quantity("N", default=None, above=0.0)
     """C_0, basic static load rating of one row [N]; None: the catalogue's, or an estimate."""
-    drag_torque: float | None = quantity("N*m", default=None, least=0.0)
+    drag_torque: OptionalQuantity = quantity("N*m", default=None, least=0.0)
     """M_0, friction torque without load [N m]; None estimates it for grease."""
-    rolling_friction: float | None = quantity("", default=None, least=0.0)
+    rolling_friction: OptionalQuantity = quantity("", default=None, least=0.0)
     """M_1 over half of the bore and the sum of the element loads; None: typical of the kind."""
-    damping_time: float = quantity("s", default=STIFFNESS_DAMPING_S, least=0.0)
+    damping_time: Quantity = quantity("s", default=STIFFNESS_DAMPING_S, least=0.0)
     """Damping over stiffness of the loaded elements [s]."""
-    cage_angle: float = quantity("rad", default=0.0)
+    cage_angle: Quantity = quantity("rad", default=0.0)
     """Azimuth of the first element at the start, from the outer ring's x axis [rad]."""
     seat: Elasticity | None = None
     """How the bearing's outer ring gives way in its seat, in series; None: not at all."""
@@ -970,15 +972,17 @@ class BallBearing(RollingBearing):
     arrangement: str | None = choice("arrangement", ARRANGEMENTS, default=None)
     """``single``, or a pair: ``DB`` back to back, ``DF`` face to face, ``DT`` in tandem. None takes
     the designation's, or ``single``."""
-    spacing: float | None = quantity("m", default=None, above=0.0, label="spacing")
+    spacing: OptionalQuantity = quantity("m", default=None, above=0.0, label="spacing")
     """Distance of the centres of a pair's rows [m]; None puts the rings side by side."""
-    contact_angle: float | None = quantity("rad", default=None, least=0.0, label="contact angle")
+    contact_angle: OptionalQuantity = quantity(
+        "rad", default=None, least=0.0, label="contact angle"
+    )
     """Nominal contact angle [rad]; None takes the designation's, 0 for deep-groove bearings."""
-    preload: float | None = quantity("N", default=None, least=0.0)
+    preload: OptionalQuantity = quantity("N", default=None, least=0.0)
     """Axial force by which a pair is preloaded [N]; None goes by the clearance."""
-    inner_groove: float = quantity("", default=0.52)
+    inner_groove: Quantity = quantity("", default=0.52)
     """f_i, radius of the inner groove over D."""
-    outer_groove: float = quantity("", default=0.52)
+    outer_groove: Quantity = quantity("", default=0.52)
     """f_o, radius of the outer groove over D."""
 
     def __post_init__(self) -> None:
@@ -1216,7 +1220,7 @@ class CrossedRollerBearing(RollingBearing):
     _filling: ClassVar[float] = ROLLER_FILLING
     _most: ClassVar[float] = 4.08
 
-    roller_length: float | None = quantity("m", default=None, above=0.0, label="roller length")
+    roller_length: OptionalQuantity = quantity("m", default=None, above=0.0, label="roller length")
     """L [m]; None takes 0.9 of the diameter."""
 
     def __post_init__(self) -> None:

@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from jointplay.base.errors import JointplayError
-from jointplay.base.schema import quantity
+from jointplay.base.schema import Quantity, quantity
 from jointplay.base.units import readable
 from jointplay.physics.contact import ContactProperties
 from jointplay.physics.joints.base import Outline, RoundClearance
@@ -94,9 +94,9 @@ class CylindricalClearance(RoundClearance):
     ideal_freedoms: ClassVar[tuple[str, ...]] = ("z", "yaw")
     touch: ClassVar[Callable[..., Any]] = staticmethod(touch)
 
-    bearing_length: float = quantity("m", default=40e-3, above=0.0, label="bearing length")
+    bearing_length: Quantity = quantity("m", default=40e-3, above=0.0, label="bearing length")
     """L_i, of the bushing [m]."""
-    stroke: float = quantity("m", default=0.1, above=0.0, label="stroke")
+    stroke: Quantity = quantity("m", default=0.1, above=0.0, label="stroke")
     """How far the rod slides, either way [m]; a limit in URDFs that are written, no force."""
 
     def __post_init__(self) -> None:

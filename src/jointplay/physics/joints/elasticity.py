@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from jointplay.base.errors import JointplayError, require_numbers
-from jointplay.base.schema import Described, check_fields, quantity
+from jointplay.base.schema import Described, OptionalQuantity, Quantity, check_fields, quantity
 from jointplay.physics.contact import resultant
 
 _MOST_BENDS = 60
@@ -50,15 +50,17 @@ class Elasticity(Described):
     matrix: Sequence[Sequence[float]] | None = quantity("", default=None)
     """Instead of numbers: of displacements along x, y, z and rotations about them, (6, 6); zero
     in the row and column of a direction that is free."""
-    damping_time: float = quantity("s", default=1e-5, least=0.0, label="damping time")
+    damping_time: Quantity = quantity("s", default=1e-5, least=0.0, label="damping time")
     """Damping over stiffness [s]: a swing of angular frequency w decays by w damping_time / 2."""
-    radial: float | None = quantity("N/m", default=None, above=0.0, label="radial stiffness")
+    radial: OptionalQuantity = quantity("N/m", default=None, above=0.0, label="radial stiffness")
     """Across z, in x and y alike [N/m]."""
-    axial: float | None = quantity("N/m", default=None, above=0.0, label="axial stiffness")
+    axial: OptionalQuantity = quantity("N/m", default=None, above=0.0, label="axial stiffness")
     """Along z [N/m]."""
-    tilt: float | None = quantity("N*m/rad", default=None, above=0.0, label="tilt stiffness")
+    tilt: OptionalQuantity = quantity("N*m/rad", default=None, above=0.0, label="tilt stiffness")
     """About x and y alike [N m/rad]."""
-    torsion: float | None = quantity("N*m/rad", default=None, above=0.0, label="torsion stiffness")
+    torsion: OptionalQuantity = quantity(
+        "N*m/rad", default=None, above=0.0, label="torsion stiffness"
+    )
     """About z [N m/rad]."""
     radial_curve: Sequence[Sequence[float]] | None = quantity("", default=None)
     """Points (displacement [m], force [N]), added in x and in y; at most 12."""

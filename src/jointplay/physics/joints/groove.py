@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from jointplay.base.errors import JointplayError, within
-from jointplay.base.schema import choice, quantity
+from jointplay.base.schema import Quantity, choice, quantity
 from jointplay.base.units import readable
 from jointplay.physics.contact import ContactProperties
 from jointplay.physics.geometry.curve import Curve, nearest_on_curve, place_words
@@ -85,9 +85,9 @@ class GrooveClearance(SlidingClearance):
     walls: str = choice("walls", list(_SIDES), default="both")
     """``both``, a groove, or the one wall of a cam, ``left`` or ``right`` of whoever goes along the
     points."""
-    pin_radius: float = quantity("m", default=5e-3, above=0.0, label="pin radius")
+    pin_radius: Quantity = quantity("m", default=5e-3, above=0.0, label="pin radius")
     """R_j [m]."""
-    wall_clearance: float = quantity(
+    wall_clearance: Quantity = quantity(
         "m", default=0.1e-3, least=0.0, label="clearance between pin and wall"
     )
     """C, from the pin to each wall where its centre is on the curve [m]."""

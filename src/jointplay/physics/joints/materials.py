@@ -12,7 +12,7 @@ from typing import Any
 
 from jointplay.base.errors import JointplayError, MissingName, require_a, require_finite
 from jointplay.base.files import shipped_table
-from jointplay.base.schema import check_fields, quantity
+from jointplay.base.schema import Quantity, check_fields, quantity
 from jointplay.physics.joints.base import Material
 
 ZERO_CELSIUS = 273.15
@@ -112,13 +112,13 @@ class Oil:
     """
 
     name: str
-    kinematic_40: float = quantity("m^2/s", above=0.0, label="kinematic viscosity at 40 C")
+    kinematic_40: Quantity = quantity("m^2/s", above=0.0, label="kinematic viscosity at 40 C")
     """nu at 40 C [m^2/s]."""
-    kinematic_100: float = quantity("m^2/s", above=0.0, label="kinematic viscosity at 100 C")
+    kinematic_100: Quantity = quantity("m^2/s", above=0.0, label="kinematic viscosity at 100 C")
     """nu at 100 C [m^2/s]."""
-    density_40: float = quantity("kg/m^3", default=870.0, above=0.0, label="density")
+    density_40: Quantity = quantity("kg/m^3", default=870.0, above=0.0, label="density")
     """rho at 40 C [kg/m^3]."""
-    expansion: float = quantity("1/K", default=7e-4)
+    expansion: Quantity = quantity("1/K", default=7e-4)
     """Relative fall of the density with temperature [1/K]."""
 
     def __post_init__(self) -> None:

@@ -11,7 +11,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from jointplay.base.errors import JointplayError
-from jointplay.base.schema import quantity
+from jointplay.base.schema import OptionalQuantity, Quantity, quantity
 from jointplay.base.units import readable
 from jointplay.physics.contact import ContactProperties
 from jointplay.physics.geometry import Shape
@@ -40,19 +40,19 @@ class PrismaticClearance(SlidingClearance):
     clearance_fields: ClassVar[Mapping[str, str | None]] = {"clearance": None, "clearance_y": None}
     fit_size: ClassVar[tuple[str, float] | None] = ("width", 1.0)
 
-    length: float = quantity("m", default=80e-3, above=0.0, label="slider length")
+    length: Quantity = quantity("m", default=80e-3, above=0.0, label="slider length")
     """Of the slider, along z [m]."""
-    width: float = quantity("m", default=40e-3, above=0.0, label="slider width")
+    width: Quantity = quantity("m", default=40e-3, above=0.0, label="slider width")
     """Of the slider, along x [m]."""
-    height: float = quantity("m", default=40e-3, above=0.0, label="slider height")
+    height: Quantity = quantity("m", default=40e-3, above=0.0, label="slider height")
     """Of the slider, along y [m]."""
-    clearance: float | None = quantity("m", default=None, least=0.0, label="slider clearance")
+    clearance: OptionalQuantity = quantity("m", default=None, least=0.0, label="slider clearance")
     """On each side, across x [m]; 0: an ideal joint; None: that of the fit."""
-    clearance_y: float | None = quantity(
+    clearance_y: OptionalQuantity = quantity(
         "m", default=None, least=0.0, label="slider clearance across y"
     )
     """On each side, across y [m]; None takes that across x, 0 is `planar`."""
-    corner_radius: float = quantity("m", default=1e-3, above=0.0, label="slider corner radius")
+    corner_radius: Quantity = quantity("m", default=1e-3, above=0.0, label="slider corner radius")
     """Rounding of the corners [m]: each touches as a sphere on a plane."""
     lock_tilt: bool = False
     """The slider stays parallel to the guide: whole faces touch."""

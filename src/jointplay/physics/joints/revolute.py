@@ -10,7 +10,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from jointplay.base.errors import JointplayError, require_numbers, require_positive, within
-from jointplay.base.schema import quantity
+from jointplay.base.schema import OptionalQuantity, Quantity, quantity
 from jointplay.base.units import readable
 from jointplay.physics import geometry
 from jointplay.physics.contact import ContactProperties, FilmLaw, FilmProperties
@@ -43,13 +43,13 @@ class RevoluteClearance(base.RoundClearance):
         "axial_clearance": "journal_length",
     }
 
-    bearing_length: float = quantity("m", default=40e-3, above=0.0, label="bearing length")
+    bearing_length: Quantity = quantity("m", default=40e-3, above=0.0, label="bearing length")
     """L_i, between the end walls [m]."""
-    axial_clearance: float | None = quantity("m", default=None, label="axial clearance")
+    axial_clearance: OptionalQuantity = quantity("m", default=None, label="axial clearance")
     """C_a, on each side [m]; None takes C_r unless `journal_length` is given; 0 is `lock_axial`."""
-    journal_length: float | None = quantity("m", default=None, label="journal length")
+    journal_length: OptionalQuantity = quantity("m", default=None, label="journal length")
     """L_j [m]."""
-    axial_stiffness: float | None = quantity(
+    axial_stiffness: OptionalQuantity = quantity(
         "N/m^1.5", default=None, above=0.0, label="axial stiffness"
     )
     """Hertz stiffness of the axial contacts [N/m^1.5]; None takes the radial one."""
@@ -61,9 +61,9 @@ class RevoluteClearance(base.RoundClearance):
     """No end walls; a run ends where none of the journal is left in the bearing."""
     lubricant: FilmLaw | None = None
     """Oil between journal and bore; None for a dry joint. End walls stay dry."""
-    wear_rate: float | None = quantity("m^3/(N*m)", default=None, above=0.0, label="wear rate")
+    wear_rate: OptionalQuantity = quantity("m^3/(N*m)", default=None, above=0.0, label="wear rate")
     """Specific wear rate of the bearing K/H [m^3/(N m)]; None: it does not wear (`wear`)."""
-    journal_wear_rate: float | None = quantity(
+    journal_wear_rate: OptionalQuantity = quantity(
         "m^3/(N*m)", default=None, above=0.0, label="wear rate of the journal"
     )
     """Specific wear rate of the journal K/H [m^3/(N m)]; None: it does not wear."""

@@ -27,8 +27,7 @@ from jointplay.show.live.state import WHOLE, State
 from jointplay.show.player import playback
 from jointplay.show.plots.chart import Axis, Curve, Panel
 from jointplay.show.plots.result import TIME
-from jointplay.simulation.analysis.parts import ToolError
-from jointplay.simulation.analysis.tool_error import deviation, error_statistics
+from jointplay.simulation.analysis.tool_error import deviation, error_statistics, measured_against
 from jointplay.simulation.analysis.twins import has_play, ideal_simulation, tool_motion
 from jointplay.simulation.result.result import Result
 from jointplay.simulation.result.variables import TERMS
@@ -264,6 +263,8 @@ def cycle_message(
 
     `steps` say in words how long those of a quick run were, `reason` why there is no twin.
     """
+    if twin is not None:
+        result = measured_against(result, twin)
     few = result.thinned(max(-(-len(result.time) // SHOWN), 1))
     few.simulation = result.simulation  # made already
     kept = np.searchsorted(result.time, few.time)
@@ -279,7 +280,7 @@ def cycle_message(
     for what, of, unit in (("error", "tool_position", "m"), ("turn", "tool_orientation", "rad")):
         if twin is None:
             break
-        off = deviation(result, twin, of)
+        off = deviation(result, of)
         sizes = np.linalg.norm(off.values, axis=1)
         if what == "error":
             largest = np.maximum.reduceat(sizes, np.minimum(begin, len(sizes) - 1))
@@ -320,7 +321,7 @@ def cycle_message(
     part = bool(steps) and result.status == Status.INTERRUPTED
     answer = ""
     if twin is not None and not steps and result.status == Status.COMPLETED and has_play(result):
-        answer = f"{ToolError(result, twin).sentence()}."
+        answer = f"{result.tool_error.sentence()}."
     head = {
         "kind": "cycle",
         "answer": answer,

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from jointplay.base import files
 from jointplay.base.errors import require_a
+from jointplay.base.schema import known_keywords
 from jointplay.show.player.server import HOST, PORT, serve
 
 if TYPE_CHECKING:
@@ -87,6 +88,7 @@ def save_movie(
     return movie.film(content, scene.contents, path, shot or movie.Shot(), progress)
 
 
+@known_keywords
 def play(
     cases: Mapping[str, Result],
     *,

@@ -23,7 +23,7 @@ import numpy as np
 from jointplay.base import files
 from jointplay.base.errors import JointplayError, closest, require_whole
 from jointplay.base.imports import how_to_install
-from jointplay.base.schema import check_fields, choice, quantity
+from jointplay.base.schema import OptionalQuantity, Quantity, check_fields, choice, quantity
 
 SUFFIXES = (".png", ".gif", ".mp4", ".webm", ".webp")  # files that can be made, by their ending
 _CODECS = {".mp4": "libx264", ".webm": "libvpx-vp9", ".webp": "libwebp_anim"}
@@ -46,12 +46,12 @@ _READY_MS = 300_000
 class Shot:
     """What a picture or film shows, and how; numbers that make no sense are refused."""
 
-    speed: float | None = quantity("", above=0.0, default=None)
+    speed: OptionalQuantity = quantity("", above=0.0, default=None)
     """Relative to real time; None chooses one with which the film lasts 4 to 20 s."""
-    begin: float | None = quantity("s", least=0.0, default=None)
+    begin: OptionalQuantity = quantity("s", least=0.0, default=None)
     """From when on [s]; None: from the start. Of a picture the moment; None: the hardest impact."""
-    end: float | None = quantity("s", least=0.0, default=None)  # None: to the end
-    frames_per_second: float = quantity("", default=25.0)
+    end: OptionalQuantity = quantity("s", least=0.0, default=None)  # None: to the end
+    frames_per_second: Quantity = quantity("", default=25.0)
     size: tuple[int, int] = (1280, 720)  # width and height [pixels], even
     view: str = choice("view", VIEWS, default="both")
     signal: str | None = None

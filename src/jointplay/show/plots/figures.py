@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
@@ -21,7 +21,6 @@ from jointplay.show.plots.draw import draw
 from jointplay.show.plots.names import MARK, PAPER, SHORT, is_paper_robot, kinds
 from jointplay.show.plots.palette import GREY, VERMILION, Cases, colours, many, reference
 from jointplay.simulation import analysis
-from jointplay.simulation.analysis.headline import reference as ideal_run
 from jointplay.simulation.analysis.twins import has_play
 from jointplay.simulation.analysis.vibration import TooShort
 from jointplay.simulation.result.result import AXES, Result
@@ -68,35 +67,23 @@ def _over(cases: Cases, name: str, *asked: Any) -> Panel:
     )
 
 
-def difference_panels(cases: Cases, of: str, ideals: Mapping[str, Result]) -> list[Panel]:
+def difference_panels(cases: Cases, of: str) -> list[Panel]:
     """What play does to the tool: differences from the ideal mechanism, one for each axis."""
-    drawn = [item for item in coloured(cases) if item[0] in ideals]
+    drawn = [item for item in coloured(cases) if analysis.has_tool_error(item[1])]
     return [
         overlaid(
-            result.plot.panel("deviation", axis, ideals[label], of=of).styled(
-                colour=tone, name=label
-            )
+            result.plot.panel("deviation", axis, of=of).styled(colour=tone, name=label)
             for label, result, tone in drawn
         ).renamed(f"{axis} - ideal")
         for axis in (moving_axes(cases) if drawn else ())
     ]
 
 
-def ideals_of(cases: Cases) -> dict[str, Result]:
-    """The ideal mechanism among the cases, for each that it is the reference of."""
-    ideal = reference(cases)
-    return {
-        label: ideal
-        for label, result in cases.items()
-        if ideal is not None and analysis.has_play(result) and analysis.is_twin(result, ideal)
-    }
-
-
 def _tool_history(cases: Cases, of: str) -> Chart:
     """x, y, z over time; beside it the difference from the ideal robot, which is what play does."""
     axes = moving_axes(cases)
     panels, grey = _with_start(tool_panels(cases, of), cases)
-    beside, _ = _with_start(difference_panels(cases, of, ideals_of(cases)), cases)
+    beside, _ = _with_start(difference_panels(cases, of), cases)
     rows: list[list[Panel | None]] = [[panel] for panel in panels]
     if beside:
         beside[0] = replace(beside[0], title="difference from the ideal robot")
@@ -127,7 +114,7 @@ def path_panel(cases: Cases) -> Panel:
 
 def tool_path(cases: Cases) -> Chart:
     """Path of the end effector in `plane_of` the cases, a close-up where it differs (Figure 11)."""
-    pairs, panel = ideals_of(cases), path_panel(cases)
+    panel = path_panel(cases)
     across = [AXES.index(axis) for axis in plane_of(cases)]
     whole, note = panel, ""
     look: dict[str, Any] = {"colour": "black", "line": "", "frame": True, "order": 4.0}
@@ -140,12 +127,12 @@ def tool_path(cases: Cases) -> Chart:
         late = max(result.judge_from for result in begins)
         note = f"x: where the tool is when judging begins, {late:g} s after the start."
     worst, spot = 0.0, np.zeros(2)
-    for label, ideal in pairs.items():
-        error = analysis.deviation(cases[label], ideal)
-        away = np.hypot(*error.values[:, across].T)
+    beside = [] if reference(cases) is None else filter(analysis.has_tool_error, cases.values())
+    for result in beside:
+        away = np.nan_to_num(np.hypot(*result["tool_error_vector"].values[:, across].T))
         if away.max() > worst:
             worst, k = float(away.max()), int(away.argmax())
-            spot = (cases[label]["tool_position"].values[k] - error.values[k])[across]
+            spot = result["ideal_tool_position"].values[k, across]
     row: list[Panel | None] = [whole]
     if worst > 0.0:
         x_axis, y_axis = (
@@ -156,7 +143,7 @@ def tool_path(cases: Cases) -> Chart:
         frame = Curve([spot[0]], [spot[1]], marker="s", size=9.0, hollow=True, **look)
         row = [whole.with_marks(frame)]
         row.append(replace(panel, x=x_axis, y=y_axis, title=title, equal="box"))
-    size = (9.0 if pairs else 5.0, 4.4)
+    size = (9.0 if worst > 0.0 else 5.0, 4.4)
     return Chart([row], size, note=note, key=_LEGEND_COLUMNS)
 
 
@@ -336,25 +323,18 @@ def _journal(result: Result, joint: str, label: str, colour: str) -> Panel:
     )
 
 
-def overview(cases: Cases, known: Mapping[str, Result | None] | None = None) -> Chart:
+def overview(cases: Cases) -> Chart:
     """The tool's error (or the tilt), the robot from above, the force, the journal's orbit.
 
     Of a single case the forces of all joints, which the legend names; of several, of the first.
     Where play is in gears alone, there is neither orbit nor force.
-
-    `known`: the ideal mechanism's run by case, as `headline.reference` gives it; None: it is
-    simulated, where it can be, if it is none of the cases.
     """
-    every, ideals = coloured(cases), ideals_of(cases)
+    every = coloured(cases)
     single = len(every) == 1
     several = single and len(every[0][1].joints) > 1  # then colours are theirs
     if several:
         every = [(label, result, "black") for label, result, _ in every]
     shown = [item for item in every[::-1] if item[1].joints]  # these have errors and contacts
-    if not ideals:
-        if known is None:
-            known = {label: ideal_run(result) for label, result in cases.items()}
-        ideals = {label: ideal for label in cases if (ideal := known.get(label)) is not None}
     first = reference(cases) or next(iter(cases.values()))
     mechanism, plane = first.simulation.mechanism, plane_of(cases)
     across = [AXES.index(axis) for axis in plane]
@@ -373,18 +353,16 @@ def overview(cases: Cases, known: Mapping[str, Result | None] | None = None) -> 
     plan = replace(plan, marks=[*bones, *plan.marks], title=f"{plane} plane, with the tool's path")
     error: Panel | None = None
     until = max(float(result.time[-1]) for result in cases.values())
-    if ideals:
-        seen = [
-            (result, ideals[name], tone) for name, result, tone in every[::-1] if name in ideals
-        ]
-        angle = all(analysis.ToolError(result, ideal).is_angle for result, ideal, _ in seen)
+    seen = [item for item in every[::-1] if analysis.has_tool_error(item[1])]
+    if seen:
+        angle = all(result.tool_error.is_angle for _, result, _ in seen)
         of, name = ("tool_orientation", "turn") if angle else ("tool_position", "error")
         error = overlaid(
-            result.plot.panel("deviation", "total", ideal, of=of).styled(colour=tone)
-            for result, ideal, tone in seen
+            result.plot.panel("deviation", "total", of=of).styled(colour=tone)
+            for _, result, tone in seen
         ).renamed(f"tool {name}")
         error = replace(error, title=f"{error.y.name} against the ideal mechanism")
-        error = _with_peak(error, max(result.judge_from for result, *_ in seen), until)
+        error = _with_peak(error, max(result.judge_from for _, result, _ in seen), until)
     elif shown:
         error = overlaid(result.plot.panel("tilt").styled(colour=tone) for _, result, tone in shown)
         error = replace(error, title=f"tilt of the journal, {shown[0][1].joints[0]}")
@@ -443,21 +421,18 @@ _NEEDS: dict[str, Callable[[Cases], Any]] = {
 }
 
 
-def _charts(
-    cases: Cases, known: Mapping[str, Result | None] | None = None, short: bool = False
-) -> Iterator[tuple[str, Chart]]:
+def _charts(cases: Cases, short: bool = False) -> Iterator[tuple[str, Chart]]:
     names = [name for name in CHARTS if name not in _NEEDS or _NEEDS[name](cases)]
     if short and "overview" in names:
         names = [name for name in names if name in SHORT]
     for name in names:
-        yield name, overview(cases, known) if name == "overview" else CHARTS[name](cases)
+        yield name, CHARTS[name](cases)
 
 
 def save(
     cases: Cases,
     folder: str | Path,
     pdf: bool = False,
-    ideals: Mapping[str, Result | None] | None = None,
     short: bool = False,
 ) -> list[Path]:
     """Draw all figures into `folder` as PNG; the paper's under their numbers.
@@ -470,7 +445,6 @@ def save(
         cases: results by label.
         folder: where the files go.
         pdf: draw each as PDF, too.
-        ideals: see `overview`.
         short: only the overview, and the loads of rolling bearings; all where nothing has play.
 
     Returns:
@@ -479,7 +453,7 @@ def save(
     Raises:
         JointplayError: another file has the name of one, or it cannot be written.
     """
-    charts, written = list(_charts(cases, ideals, short)), []
+    charts, written = list(_charts(cases, short)), []
     paper = is_paper(cases)
     half = (len(charts) + 1) // 2 if len(charts) > 2 else len(charts)  # a process costs a figure
     rest = partial(_drawn, charts[half:], pdf)

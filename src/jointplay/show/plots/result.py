@@ -328,14 +328,11 @@ class Plots:
         return self._components(self.result["tool_velocity"].values, axis, Axis("velocity", "m/s"))
 
     @_drawn()
-    def deviation(
-        self, axis: str | None = None, ideal: Result | None = None, *, of: str = "tool_position"
-    ) -> Panel:
+    def deviation(self, axis: str | None = None, *, of: str = "tool_position") -> Panel:
         """Tool's difference from the ideal robot over time [mm, mm/s, mrad, mrad/s].
 
         Args:
             axis: x, y, z, total, or None for x, y and z.
-            ideal: the ideal robot's run; None simulates it.
             of: one of `analysis.tool_error.TOOL_MOTIONS`.
         """
         if not analysis.has_play(self.result):
@@ -343,8 +340,7 @@ class Plots:
                 "plot 'deviation' needs clearance or a gear with play, and this run has neither; "
                 f"it can plot {', '.join(self.available)}"
             )
-        reference = analysis.twin(self.result) if ideal is None else ideal
-        error = analysis.deviation(self.result, reference, of)
+        error = analysis.deviation(self.result, of)
         unit = str(error.attrs["units"])
         shown = Axis("deviation", unit, "fine" if unit.endswith("/s") else "")
         return self._components(error.values, axis, shown, error["time"].values)
@@ -362,7 +358,6 @@ class Plots:
     def spectrum(
         self,
         axis: str | None = None,
-        ideal: Result | None = None,
         *,
         of: str = "acceleration",
         start: float | None = None,
@@ -371,19 +366,18 @@ class Plots:
 
         Args:
             axis: x, y, z, total, or None for x, y and z.
-            ideal: ideal run whose motion is subtracted; needed for ``deviation``.
-            of: ``acceleration`` or ``deviation``.
+            of: ``acceleration``, ``acceleration_error`` or ``deviation``.
             start: records before this are left out [s]; None: before the run is judged.
         """
-        density = analysis.spectrum(self.result, ideal, of, start)
+        density = analysis.spectrum(self.result, of, start)
         frequency = density["frequency"].values[1:]
         marks = [
             Curve(frequency, values, **look)
             for name, look in _axes_of(axis).items()
             if (values := density.sel(axis=name).values[1:]).any()  # else it does not move this way
         ]
-        unit = "(m/s^2)^2/Hz" if of == "acceleration" else "m^2/Hz"
-        y = Axis(f"PSD of {of}{f' {axis}' if axis else ''}", unit, log=True)
+        about = of.replace("_", " ")
+        y = Axis(f"PSD of {about}{f' {axis}' if axis else ''}", density.attrs["units"], log=True)
         return Panel(Axis("frequency", "Hz", log=True), y, marks, columns=0 if axis else 3)
 
     @_drawn()

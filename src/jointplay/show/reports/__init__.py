@@ -14,6 +14,7 @@ from jointplay.base.errors import JointplayError, require_a
 from jointplay.base.files import check_new
 from jointplay.base.files import write as write_file
 from jointplay.base.processes import in_parallel
+from jointplay.base.schema import known_keywords
 from jointplay.show.plots.names import load as load
 from jointplay.show.plots.names import robot_of, title_of
 from jointplay.show.reports import runs, sweep
@@ -31,6 +32,7 @@ from jointplay.study.outcome import NOT_RUN
 IMPACTS = 5  # impacts of each case that are followed step by step, unless told otherwise
 
 
+@known_keywords
 def report(
     results: Mapping[str, Result],
     path: str | Path,

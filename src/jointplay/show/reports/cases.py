@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Collection, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -27,7 +26,8 @@ from jointplay.simulation.analysis.replay import (
     replay,
     window,
 )
-from jointplay.simulation.result.result import Result
+from jointplay.simulation.analysis.tool_error import Reference, compared
+from jointplay.simulation.result.result import COMPARED, Result
 from jointplay.simulation.result.variables import contact_names
 
 Say = Callable[[str], None]
@@ -41,9 +41,8 @@ class Case:
     result: Result
     colour: str
     alone: bool = False  # whether it is the only one, so that nothing needs its name
-    ideal: Result | None = None  # what its tool is measured against; itself for an ideal run
     error: xr.DataArray | None = None
-    """The tool's deviation from `ideal` (time, axis) [m]; None for an ideal run."""
+    """The tool's deviation from the ideal one (time, axis) [m]; None for an ideal run."""
     turn: xr.DataArray | None = None  # the same of its orientation [rad]
     replay: Replay | None = None
     impacts: list[Impact] = field(default_factory=list)
@@ -63,10 +62,10 @@ class Case:
 
     @cached_property
     def sent(self) -> ToolError | None:
-        """Its error if what the sentence begins with is not that against `ideal`."""
-        if self.error is not None and self.ideal is not None and analysis.has_play(self.result):
+        """Its error if what the sentence begins with is not that against the ideal mechanism."""
+        if self.error is not None:
             with suppress(JointplayError):  # a law of the user's own that may not be imported
-                error = ToolError(self.result, self.ideal)
+                error = self.result.tool_error
                 return None if error.reported is error.vector else error
         return None
 
@@ -94,11 +93,14 @@ class Case:
             time = part["time"].values
             coarse &= (self.result.time < time[0]) | (self.result.time > time[-1])
             parts.append(part.assign({peak: part[name] for name, peak in held.items()}))
-        parts.append(self.result.dataset.isel(time=coarse))
+        parts.append(self.result.dataset.drop_vars(COMPARED, errors="ignore").isel(time=coarse))
         merged = xr.concat(parts[::-1], "time", data_vars="minimal", combine_attrs="override")
         merged = merged.sortby("time")
         _, first = np.unique(merged["time"].values, return_index=True)
-        return Result(merged.isel(time=first))
+        merged = merged.isel(time=first)
+        if self.error is not None:
+            merged = compared(merged, Reference(self.result, "ideal_"))
+        return Result(merged)
 
 
 @dataclass(eq=False)
@@ -150,29 +152,14 @@ def build(results: Mapping[str, Result], say: Say) -> list[Case]:
     alone = len(results) == 1
     cases = [Case(*case, alone) for case in figures.coloured(results)]
     ideals = [case for case in cases if not analysis.has_play(case.result)]
-    simulated: dict[str, Result] = {}
-
-    def reference(case: Case) -> Result:
-        """What a case is measured against, with a note of where it comes from."""
-        for ideal in ideals:
-            if analysis.is_twin(case.result, ideal.result) and len(ideal.result.time) > 1:
-                case.notes.append(f"Tool errors are measured against {ideal.label!r}.")
-                return ideal.result
-        key = json.dumps([analysis.task(case.result), case.duration], sort_keys=True)
-        if key not in simulated:
-            say(f"simulating the ideal mechanism that {case.label!r} is measured against")
-            simulated[key] = analysis.twin(case.result)
-        case.notes.append("Tool errors are measured against the ideal mechanism, simulated here.")
-        return simulated[key]
-
     for case in cases:
         if case in ideals:
-            case.ideal = case.result
             continue
         try:
-            case.ideal = reference(case)
-            case.error = analysis.deviation(case.result, case.ideal)
-            case.turn = analysis.deviation(case.result, case.ideal, "tool_orientation")
+            if "tool_error" not in case.result.dataset:
+                _measure(case, ideals, say)
+            case.error = analysis.deviation(case.result)
+            case.turn = analysis.deviation(case.result, "tool_orientation")
             simulation = case.result.simulation
             drive = simulation.drive
             drives = drive.values() if isinstance(drive, Mapping) else [drive]
@@ -186,9 +173,24 @@ def build(results: Mapping[str, Result], say: Say) -> list[Case]:
                     f"The reference ends at {until:g} s; tool errors are those up to there."
                 )
         except JointplayError as error:
-            case.ideal = case.error = case.turn = None
+            case.error = case.turn = None
             case.notes.append(f"No tool errors: the ideal mechanism cannot be simulated ({error}).")
     return cases
+
+
+def _measure(case: Case, ideals: Iterable[Case], say: Say) -> None:
+    """Give a result the error of its tool, by an ideal run among the cases or a simulated one."""
+    for ideal in ideals:
+        if len(ideal.result.time) > 1 and analysis.is_twin(case.result, ideal.result):
+            case.result = analysis.measured_against(case.result, ideal.result)
+            case.notes.append(f"Tool errors are measured against {ideal.label!r}.")
+            return
+    say(f"simulating the ideal mechanism that {case.label!r} is measured against")
+    analysis.find_tool_error(case.result)
+    case.notes.append(
+        "Tool errors are measured against the ideal mechanism, simulated for this report because "
+        "no ideal run with the same inputs was given."
+    )
 
 
 def follow_impacts(cases: Iterable[Case], number: int, say: Say) -> None:

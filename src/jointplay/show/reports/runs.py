@@ -41,7 +41,7 @@ from jointplay.show.reports.parts import (
 from jointplay.simulation import analysis
 from jointplay.simulation.analysis.bearings import Contacts
 from jointplay.simulation.analysis.headline import headline
-from jointplay.simulation.analysis.parts import DECISIVE, ToolError
+from jointplay.simulation.analysis.parts import DECISIVE
 from jointplay.simulation.result.certificate import MARKED, CertifiedFigure
 from jointplay.simulation.result.result import AXES, Result
 
@@ -58,7 +58,7 @@ def glance(runs: Runs) -> Iterator[Part]:
     for case in runs.judged:
         if case.error is not None and analysis.has_play(case.result):
             with suppress(JointplayError):  # a law of the user's own that may not be imported
-                sentence = headline(case.result, case.ideal)[0]
+                sentence = headline(case.result)[0]
                 largest = float(np.linalg.norm(case.error.values, axis=1).max())
                 answers.append((largest, markup("{}{}.", case.prefix, sentence)))
     answers.sort(key=lambda answer: -answer[0])
@@ -79,13 +79,11 @@ def _first_error(runs: Runs) -> Iterator[Part]:
         panels = figures.tool_panels(runs.detailed, "tool_position")
         yield from _graph(runs, "tool_displacement", "Displacement of the tool", panels)
         return
-    angle = all(ToolError(case.result, case.ideal).is_angle for case in runs.judged if case.ideal)
+    angle = all(case.result.tool_error.is_angle for case in runs.judged)
     of, name = ("orientation", "tool turn") if angle else ("position", "tool error")
     panels = []
     for case in runs.judged:
-        panel = runs.detailed[case.label].plot.panel(
-            "deviation", "total", case.ideal, of=f"tool_{of}"
-        )
+        panel = runs.detailed[case.label].plot.panel("deviation", "total", of=f"tool_{of}")
         off = None if angle else case.sent
         label = "from the ideal machine" if case.alone and off else case.label
         panel = panel.styled(colour=case.colour, name=label)
@@ -184,7 +182,7 @@ def _figures(runs: Runs, case: Case) -> Row:
 def _rattle(runs: Runs, case: Case) -> analysis.Rattle | None:
     if case.joints and runs.start == case.result.judge_from:
         with suppress(JointplayError):  # too few records
-            return analysis.rattle(case.result, case.ideal)
+            return analysis.rattle(case.result)
     return None
 
 
@@ -334,13 +332,12 @@ def motion(runs: Runs) -> Iterator[Part]:
     yield markup('<p class="screen">{}</p>', hint)
     axes = figures.moving_axes(runs.detailed)
     along = f" (along {' and '.join(axes)}, the others are at rest)" if len(axes) < 3 else ""
-    ideals = {case.label: case.ideal for case in runs.judged if case.ideal is not None}
     for of, quantity in (("position", "displacement"), ("velocity", "velocity")):
         title = f"{quantity.capitalize()} of the tool{along}"
         if of == "velocity" or runs.judged:  # else it stands at a glance
             panels = figures.tool_panels(runs.detailed, f"tool_{of}")
             yield from _graph(runs, f"tool_{quantity}", title, panels)
-        panels = figures.difference_panels(runs.detailed, f"tool_{of}", ideals)
+        panels = figures.difference_panels(runs.detailed, f"tool_{of}")
         title += ", less the ideal mechanism's"
         yield from _graph(runs, f"tool_{quantity}_error", title, panels)
     if not figures.is_straight(runs.detailed):

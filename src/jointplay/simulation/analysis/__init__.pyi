@@ -12,8 +12,12 @@ from .tool_error import COMPONENTS as COMPONENTS
 from .tool_error import ErrorStatistics as ErrorStatistics
 from .tool_error import Stop as Stop
 from .tool_error import deviation as deviation
+from .tool_error import difference as difference
 from .tool_error import error_at as error_at
 from .tool_error import error_statistics as error_statistics
+from .tool_error import find_tool_error as find_tool_error
+from .tool_error import has_tool_error as has_tool_error
+from .tool_error import measured_against as measured_against
 from .tool_error import stops as stops
 from .twins import ROLLING_KINDS as ROLLING_KINDS
 from .twins import SLIDING_KINDS as SLIDING_KINDS

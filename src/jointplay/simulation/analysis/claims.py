@@ -36,22 +36,21 @@ def _path(points: np.ndarray) -> np.ndarray:
     return np.asarray(points[np.unique(np.floor(length / APART_M), return_index=True)[1]])
 
 
-def can_be_measured(result: Result, ideal: Result | None) -> bool:
+def can_be_measured(result: Result) -> bool:
     """Whether `measure` has what it needs, and more of the run is judged than not."""
-    if ideal is None or len(result.joints) != 1:
+    if "tool_error" not in result.dataset or len(result.joints) != 1:
         return False
     settled = result.judge_from > 0.0 or result.audit.start == "rest"
     longer = float(result.time[-1]) > 2.0 * result.judge_from
-    same = result.time.shape == ideal.time.shape and np.allclose(result.time, ideal.time, 0.0, 1e-9)
-    return settled and longer and same
+    whole = bool(np.isfinite(result["tool_error"].values[-1]))
+    return settled and longer and whole
 
 
-def measure(result: Result, ideal: Result) -> Measures:
+def measure(result: Result) -> Measures:
     """Reduce a run to the numbers that the claims are about.
 
     Args:
         result: a run with one clearance joint, judged from `Result.judge_from` on.
-        ideal: the ideal robot's run of the same motion, recorded at the same times.
 
     Returns:
         deviation_mm, path_mm, speed_mm_s: RMS over time of the tool's fluctuation about its mean
@@ -68,9 +67,9 @@ def measure(result: Result, ideal: Result) -> Measures:
     judged = slice(int(np.searchsorted(result.time, result.judge_from)), len(result.time))
     time = result.time[judged]
     position = result["tool_position"].values[judged]
-    away = position - ideal["tool_position"].values[judged]
-    speed = result["tool_velocity"].values[judged] - ideal["tool_velocity"].values[judged]
-    distance, _ = cKDTree(_path(ideal["tool_position"].values[:, :2])).query(position[:, :2])
+    away = position - result["ideal_tool_position"].values[judged]
+    speed = result["tool_velocity"].values[judged] - result["ideal_tool_velocity"].values[judged]
+    distance, _ = cKDTree(_path(result["ideal_tool_position"].values[:, :2])).query(position[:, :2])
     mode = result["mode"].values[judged, 0]
     force = result["joint_force_peak"].values[judged, 0]
     magnitude = np.linalg.norm(force, axis=1)

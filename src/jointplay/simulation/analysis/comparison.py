@@ -8,11 +8,16 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from jointplay.base.errors import JointplayError, require_a
-from jointplay.base.schema import differences, short
+from jointplay.base.schema import differences, known_keywords, short
 from jointplay.base.tables import Column, Table
 from jointplay.base.units import told
-from jointplay.simulation.analysis.headline import figures, reference
-from jointplay.simulation.analysis.tool_error import difference, error_statistics
+from jointplay.simulation.analysis.headline import figures
+from jointplay.simulation.analysis.tool_error import (
+    compare_tools,
+    difference,
+    error_statistics,
+    has_tool_error,
+)
 from jointplay.simulation.analysis.twins import inputs, is_twin
 from jointplay.simulation.analysis.vibration import rattle
 from jointplay.simulation.result.certificate import HEADLINE, CertifiedFigure
@@ -106,6 +111,7 @@ def _shown(figure: CertifiedFigure) -> str:
     return str(figure) if math.isfinite(figure.error) else told(figure.value, figure.unit)
 
 
+@known_keywords
 def compare(results: Mapping[str, Result], progress: bool = False) -> Comparison:
     """What differs between two runs: inputs, headline figures with errors, rattle, tool paths.
 
@@ -126,10 +132,11 @@ def compare(results: Mapping[str, Result], progress: bool = False) -> Comparison
         if len(result.time) < 2:
             raise JointplayError(f"{label} has {len(result.time)} record; nothing can be compared")
     (first, a), (second, b) = results.items()
-    tables = [
-        _figures(run, partner if is_twin(run, partner) else reference(run, progress))
-        for run, partner in ((a, b), (b, a))
-    ]
+    for run, partner in ((a, b), (b, a)):
+        if "tool_error" not in run.dataset and is_twin(run, partner):
+            compare_tools(run, partner)
+        has_tool_error(run, progress)
+    tables = [_figures(run) for run in (a, b)]
     pairs = tuple(
         Pair(name, tables[0][name], tables[1][name]) for name in tables[0] if name in tables[1]
     )
@@ -140,18 +147,18 @@ def compare(results: Mapping[str, Result], progress: bool = False) -> Comparison
     return Comparison((first, second), tuple(differences(inputs(a), inputs(b))), pairs, apart)
 
 
-def _figures(result: Result, ideal: Result | None) -> dict[str, CertifiedFigure]:
+def _figures(result: Result) -> dict[str, CertifiedFigure]:
     """Headline figures by name, then those of rattle, whose errors nobody knows."""
     if result.certificate is not None:
         certified = {figure.name: figure for figure in result.certificate.headline}
     else:
         certified = {
             name: CertifiedFigure(name, value, math.inf, unit)
-            for name, (value, unit) in figures(result, ideal).items()
+            for name, (value, unit) in figures(result).items()
             if name.startswith(HEADLINE)
         }
     with suppress(JointplayError):  # nothing that rattles, or too few records
-        noise = rattle(result, ideal)
+        noise = rattle(result)
         more = {
             "impacts a second": (noise.rate, "1/s"),
             "power lost in impacts": (noise.power, "W"),

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import math
-import warnings
 from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from jointplay.base.errors import JointplayError, NothingHasPlay
+from jointplay.base.errors import JointplayError
 from jointplay.base.tables import counted, few
 from jointplay.physics.kernel import Status
 from jointplay.simulation import spool
@@ -20,6 +21,7 @@ from jointplay.simulation.analysis.claims import can_be_measured, measure
 from jointplay.simulation.analysis.end_stops import struck_stops
 from jointplay.simulation.analysis.parts import (
     ToolError,
+    cause,
     drives_alone,
     ended_words,
     since_words,
@@ -28,20 +30,23 @@ from jointplay.simulation.analysis.parts import (
 from jointplay.simulation.analysis.tool_error import (
     Reference,
     deviation,
+    difference,
     error_at,
     error_statistics,
     growth,
+    has_tool_error,
+    ideal_tool,
     stops,
     time_weights,
     tops,
 )
 from jointplay.simulation.analysis.twins import TOOL_MOTIONS, hinges
-from jointplay.simulation.analysis.vibration import Rattle, rattle
+from jointplay.simulation.analysis.vibration import rattle
 from jointplay.simulation.motion.reference import GOES_ON
 from jointplay.simulation.result import netcdf
 from jointplay.simulation.result.certificate import alone, shown
 from jointplay.simulation.result.histories import HistoryBuilder
-from jointplay.simulation.result.result import Result
+from jointplay.simulation.result.result import COMPARED, Result
 from jointplay.simulation.result.variables import LOSSES, Records
 from jointplay.simulation.run import Run
 
@@ -91,9 +96,9 @@ class Measured:
     """How far it may be off because it is computed from records, not from all steps."""
 
 
-def figures(result: Result, ideal: Result | None) -> dict[str, tuple[float, str]]:
+def figures(result: Result) -> dict[str, tuple[float, str]]:
     """Value and unit of headline figures from `Result.judge_from` on, and of what claims use."""
-    measured = headline_of(result, ideal, claims=True)
+    measured = headline_of(result, ideal_tool(result), claims=True)
     return {name: (figure.value, figure.unit) for name, figure in measured.items()}
 
 
@@ -102,8 +107,10 @@ def fits(result: Result) -> bool:
     return result.dataset.nbytes <= spool.MOST_BYTES
 
 
-def headline_of(result: Result, ideal: Result | None, claims: bool) -> dict[str, Measured]:
-    """The headline figures of a run, and where it can be what the claims use."""
+def headline_of(result: Result, ideal: Reference | None, claims: bool) -> dict[str, Measured]:
+    """The headline figures of a run, against the motion of the ideal tool, if that is known, and
+    where it can be what the claims use.
+    """
     figures = Headline(result.time, result.judge_from, ideal, hinges(result))
     dataset, rows = result.dataset, len(result.time)
     if not fits(result):
@@ -112,14 +119,14 @@ def headline_of(result: Result, ideal: Result | None, claims: bool) -> dict[str,
     for first in range(0, len(result.time), rows):
         figures.add(dataset.isel(time=slice(first, first + rows)).load())
     measured = figures.measured(result.audit.judged_impacts)
-    return measured | (claims_of(result, ideal) if claims and fits(result) else {})
+    return measured | (claims_of(result) if claims and fits(result) else {})
 
 
-def claims_of(result: Result, ideal: Result | None) -> dict[str, Measured]:
+def claims_of(result: Result) -> dict[str, Measured]:
     """What the claims use, of a long run with one joint with clearance."""
-    if ideal is None or not can_be_measured(result, ideal):
+    if not can_be_measured(result):
         return {}
-    measures = measure(result, ideal)
+    measures = measure(result)
     return {
         name: Measured(float(measures[name]), unit, np.empty(0))
         for name, unit in CLAIM_UNITS.items()
@@ -129,8 +136,9 @@ def claims_of(result: Result, ideal: Result | None) -> dict[str, Measured]:
 class Headline:
     """The headline figures of a run, from its histories, in one part or in many.
 
-    `time` is that of all records [s]; `soft` are hinges of flexible links, which hold their bodies
-    by more than the force of their springs.
+    `time` is that of all records [s]; `ideal` the motion of the ideal mechanism's tool, if it is
+    known; `soft` are hinges of flexible links, which hold their bodies by more than the force of
+    their springs.
     """
 
     HISTORIES = (
@@ -141,12 +149,11 @@ class Headline:
     builder: HistoryBuilder
 
     def __init__(
-        self, time: np.ndarray, judge_from: float, ideal: Result | None, soft: set[str]
+        self, time: np.ndarray, judge_from: float, ideal: Reference | None, soft: set[str]
     ) -> None:
-        self._judge_from, self._soft = judge_from, soft
-        self._ideal = None if ideal is None else Reference(ideal)
+        self._judge_from, self._soft, self._ideal = judge_from, soft, ideal
         judged = time[time >= judge_from]
-        compared = judged[:0] if self._ideal is None else judged[judged <= self._ideal.until]
+        compared = judged[:0] if ideal is None else judged[judged <= ideal.until]
         self._count, self._weights, self._compared_weights = (
             len(judged),
             time_weights(judged),
@@ -290,39 +297,23 @@ class _History:
 
 
 HISTORIES = (
-    *(*twins.TOOL_MOTIONS, "joint_force_peak", "normal_force_peak"),
+    *(*TOOL_MOTIONS, *COMPARED, "joint_force_peak", "normal_force_peak"),
     *("q", "v", "cage_angle", "normal_dissipation"),
 )
-"""What `headline` looks at, in the run and in the ideal mechanism's."""
+"""What `headline` looks at."""
 
 MOST_STOPS = 6
 """Stops that are listed one by one."""
 
 
-def reference(result: Result, progress: bool = False) -> Result | None:
-    """The ideal mechanism's run against which the tool's error is measured, simulated now.
-
-    None where the result has no play; with a warning, where the ideal mechanism cannot be
-    simulated.
-    """
-    if not twins.has_play(result) or len(result.time) < 2:
-        return None
-    try:
-        return twins.tool_motion(twins.ideal_simulation(result), progress)
-    except JointplayError as error:
-        text = f"the tool error is unknown: the ideal mechanism cannot be simulated ({error})"
-        warnings.warn(text, RuntimeWarning, stacklevel=2)
-        return None
-
-
-def headline(result: Result, ideal: Result | None, detail: bool = False) -> list[str]:
+def headline(result: Result, detail: bool = False) -> list[str]:
     """Lines that say what came out of a run from `Result.judge_from` on.
 
     Args:
-        result: the run.
-        ideal: see `reference`; without it nothing is said of the tool.
+        result: the run; where its ideal mechanism cannot be simulated, nothing is said of the tool.
         detail: whether its acceleration in bands of frequency, and what the run cost, are said too.
     """
+    known = has_tool_error(result)
     finite = np.isfinite(result["tool_position"].values).all(axis=1)
     if not finite.all():  # where the run stopped
         result = Result(result.dataset.isel(time=finite))
@@ -333,8 +324,8 @@ def headline(result: Result, ideal: Result | None, detail: bool = False) -> list
     if failed:
         lines.append(result.message)
     # Of what diverged, how far it came says nothing of the machine.
-    if ideal is not None and twins.has_play(result) and result.status != Status.RUN_AWAY:
-        lines += _tool(result, ideal, detail)
+    if known and result.status != Status.RUN_AWAY:
+        lines += _tool(result, detail)
     elif not (failed or twins.has_play(result)):
         lines += drives_alone(result)
     if result.joints:
@@ -342,10 +333,10 @@ def headline(result: Result, ideal: Result | None, detail: bool = False) -> list
         if bearings := [joint for joint in result.joints if joint not in hinged]:
             fall = result.audit.start == "centred" and not start
             note = ", judged from the start, with the fall of the journals" if fall else ""
-            lines.append(_forces(result, ideal, bearings, since, detail) + note)
+            lines.append(_forces(result, bearings, since, detail) + note)
         lines += _bearings(result, since)
         with suppress(JointplayError):  # too few records
-            noise = rattle(result, ideal)
+            noise = rattle(result)
             lines.append(f"{noise if detail else noise.impacts_words}{since}")
     lines += [f"{stop}{since}" for stop in struck_stops(result)]
     simulated = float(result.time[-1]) if len(result.time) else 0.0
@@ -355,61 +346,58 @@ def headline(result: Result, ideal: Result | None, detail: bool = False) -> list
     return lines
 
 
-def headline_texts(result: Result, ideal: Result | None) -> dict[str, str]:
+def headline_texts(result: Result) -> dict[str, str]:
     """The figures of `headline` by name, as a table of several runs shows them."""
     texts: dict[str, str] = {}
-    if ideal is not None and twins.has_play(result) and result.status != Status.RUN_AWAY:
+    if has_tool_error(result) and result.status != Status.RUN_AWAY:
         with suppress(JointplayError):  # no records
-            texts = ToolError(result, ideal).columns()
+            texts = ToolError(result).columns()
     if loose := [joint for joint in result.joints if joint not in twins.hinges(result)]:
         forces = result.forces.sel(joint=loose)
         sizes = forces.sel(time=forces["time"] >= result.judge_from).max("time").values
         worst = int(sizes.argmax())
         texts["peak force"] = peak_force(result, loose[worst], float(sizes[worst]))
         with suppress(JointplayError):
-            texts["impacts a second"] = alone(rattle(result, ideal).rate)
+            texts["impacts a second"] = alone(rattle(result).rate)
     return texts
 
 
-def tool_error(result: Result) -> ToolError:
-    """The tool's error against the ideal mechanism, which is simulated for it.
-
-    Raises:
-        JointplayError: the result has no play, or its ideal mechanism cannot be simulated.
-    """
-    if not twins.has_play(result):
-        raise NothingHasPlay(result.simulation.mechanism.joints)
-    return ToolError(result, twins.tool_motion(twins.ideal_simulation(result)))
+def in_a_line(result: Result) -> str:
+    """Machine, play, length, how it ended, and the first figure that is known: nothing is run."""
+    machine = twins.inputs(result)["mechanism"]
+    parts = [Path(machine["urdf"]).stem]
+    with suppress(JointplayError):  # a law of the user's own that is not at hand
+        if twins.has_play(result):
+            parts.append(cause(result)[0].lower() + cause(result)[1:])
+    length = f"{counted(len(result.time), 'record')}"
+    parts.append(f"{length} to {result.time[-1]:.4g} s" if len(result.time) else length)
+    if result.status != Status.COMPLETED:
+        parts.append(result.status.name.lower().replace("_", " "))
+    elif "tool_error" in result.dataset:
+        parts.append(f"tool error up to {_mm(result.tool_error.peak)}")
+    elif result.joints:
+        parts.append(f"forces up to {alone(float(result.forces.max()))} N")
+    return ", ".join(parts)
 
 
 def summary(result: Result) -> str:
     """What `jointplay run` prints of a result: tool error, forces, rattle, warnings."""
-    lines, ideal = [], None
-    if twins.has_play(result):
-        try:
-            ideal = result.tool_error.ideal
-        except JointplayError as error:
-            lines.append(f"the tool error is unknown: {error}")
-    lines = [*headline(result, ideal), *lines] or [result.message]
+    lines = headline(result) or [result.message]
     return "\n".join([*lines, *(f"warning: {text}" for text in result.audit.warnings)])
 
 
-def rattle_of(result: Result) -> Rattle:
-    """Its impacts, and the tool's vibration against the ideal mechanism's where there is play."""
-    return rattle(result, result.tool_error.ideal if twins.has_play(result) else None)
-
-
-def _tool(result: Result, ideal: Result, detail: bool) -> list[str]:
-    until = deviation(result, ideal)
+def _tool(result: Result, detail: bool) -> list[str]:
+    until = deviation(result)
     if not len(until) or float(until["time"][-1]) < result.judge_from:
         since, ended = since_words(result), ended_words(result, until)
         return [f"the tool error{since} is unknown{ended}"]
-    error = ToolError(result, ideal)
+    error = ToolError(result)
     lines = [error.sentence(detail), *error.further()]
     mechanism = result.simulation.mechanism
     if mechanism.free_base is not None:
         base = mechanism.description.root
-        seen = error_statistics(deviation(result, ideal, relative_to=base))
+        ideal = twins.tool_motion(twins.ideal_simulation(result))
+        seen = error_statistics(difference(result, ideal, relative_to=base))
         lines.append(
             f"seen from the free base {base!r}, whose own motion differs as well: up to "
             f"{_mm(seen.peak[-1])} off{since_words(result)}, RMS {_mm(seen.rms[-1])}"
@@ -443,9 +431,7 @@ def _at_stops(result: Result, error: xr.DataArray) -> list[str]:
     return [f"at its stops: {listed}"]
 
 
-def _forces(
-    result: Result, ideal: Result | None, joints: list[str], since: str, detail: bool
-) -> str:
+def _forces(result: Result, joints: list[str], since: str, detail: bool) -> str:
     forces = result.forces
     forces = forces.sel(time=forces["time"] >= result.judge_from)
     parts: list[str] = []
@@ -454,20 +440,15 @@ def _forces(
         at = float(forces["time"][int(sizes.argmax())])
         peak = peak_force(result, joint, float(sizes.max()), detail)
         if result.simulation.mechanism.loops:
-            peak += _ideal_force(ideal, joint, result.judge_from)
+            peak += _ideal_force(result, joint)
         parts.append(f"in {joint}{'' if parts else since} {peak} at t = {at:.4g} s")
     return f"peak force {few(parts)}"
 
 
-def _ideal_force(ideal: Result | None, joint: str, start: float) -> str:
+def _ideal_force(result: Result, joint: str) -> str:
     """The largest force in the same pin of the ideal linkage, where it is known, in brackets."""
-    if ideal is None or "reaction_force" not in ideal.dataset:
-        return ""
-    forces = ideal["reaction_force"].sel(time=ideal.time >= start)
-    if joint not in forces["moving_joint"].values:
-        return ""
-    largest = float(np.linalg.norm(forces.sel(moving_joint=joint).values, axis=1).max())
-    return f" (ideal {alone(largest)} N)"
+    largest = json.loads(result.dataset.attrs.get("ideal_forces", "{}")).get(joint)
+    return "" if largest is None else f" (ideal {alone(largest)} N)"
 
 
 def peak_force(result: Result, joint: str, largest: float, detail: bool = False) -> str:

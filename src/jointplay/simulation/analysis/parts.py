@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from jointplay.base.errors import JointplayError
+from jointplay.base.errors import JointplayError, JointplayWarning
 from jointplay.base.origins import GUESSED, Value
 from jointplay.base.tables import few
 from jointplay.base.units import readable
@@ -59,28 +59,24 @@ class ToolError:
 
     `print` shows it in a sentence, by cause.
 
+    Args:
+        result: the run; if its tool's error is not known yet, its ideal mechanism is simulated.
+
     Attributes:
         vector: error along x, y, z over time (time, axis) [m].
         distance: its size over time (time,) [m].
         turn: angle between the two tools over time (time,) [rad].
-        ideal: the ideal mechanism's run.
+
+    Raises:
+        JointplayError: the result has no play, or its ideal mechanism cannot be simulated.
     """
 
-    def __init__(self, result: Result, ideal: Result) -> None:
-        self._result, self.ideal = result, ideal
-        self.vector = deviation(result, ideal)
-        about = "distance of the tool from the ideal one"
-        self.distance = self._size(self.vector, "tool_error", about)
-        turn = deviation(result, ideal, "tool_orientation")
-        self.turn = self._size(turn, "tool_turn", "angle between the tool and the ideal one")
+    def __init__(self, result: Result) -> None:
+        self._result = result
+        self.vector = deviation(result)
+        self.distance, self.turn = result["tool_error"], result["tool_turn"]
         self._off = error_statistics(self.vector)
-        self._turned = error_statistics(turn)
-
-    @staticmethod
-    def _size(vectors: xr.DataArray, name: str, about: str) -> xr.DataArray:
-        size = vectors.reduce(np.linalg.norm, "axis").rename(name)
-        size.attrs = {"units": vectors.attrs["units"], "long_name": about}
-        return size
+        self._turned = error_statistics(deviation(result, "tool_orientation"))
 
     @property
     def peak(self) -> float:
@@ -137,7 +133,7 @@ class ToolError:
                 by_cause = {"elasticity": self.vector - play, "play": play}
             except JointplayError as error:
                 text = f"play and elasticity are not told apart: {error}"
-                warnings.warn(text, RuntimeWarning, stacklevel=2)
+                warnings.warn(text, JointplayWarning, stacklevel=2)
                 by_cause = {"play and elasticity": self.vector}
         sent = twins.without(self._result, "drive")
         if sent is not None:

@@ -6,19 +6,35 @@ velocities; `replay` goes down to single steps.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import copy
+import json
+import warnings
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
 
-from jointplay.base.errors import JointplayError, require_finite, require_known
+from jointplay.base.errors import (
+    JointplayError,
+    JointplayWarning,
+    NothingHasPlay,
+    require_finite,
+    require_known,
+)
 from jointplay.model.frames import carried
 from jointplay.model.mechanism import frame_index
-from jointplay.simulation.analysis.twins import TOOL_MOTIONS, has_play, is_twin
+from jointplay.simulation.analysis.twins import (
+    TOOL_MOTIONS,
+    has_play,
+    ideal_simulation,
+    is_twin,
+    tool_motion,
+)
 from jointplay.simulation.motion.reference import Motion
-from jointplay.simulation.result.result import AXES, Result
+from jointplay.simulation.result.result import AXES, COMPARED, Result
+from jointplay.simulation.result.variables import HISTORIES, declared
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -29,31 +45,111 @@ COMPONENTS = (*AXES, "total")
 """Columns of accuracies and spectra: x, y, z, and all three together."""
 
 
-def deviation(
-    result: Result, ideal: Result, of: str = "tool_position", relative_to: str | None = None
-) -> xr.DataArray:
-    """Difference of the tool's motion from the ideal robot's at the same time.
+def deviation(result: Result, of: str = "tool_position") -> xr.DataArray:
+    """Difference of the tool's motion from the ideal mechanism's at the same time.
 
-    Where the two were not recorded at the same times, the ideal motion is interpolated: by cubics
-    through its recorded positions and velocities, by cubic splines through its orientations and
-    angular velocities.
+    By the histories of the ideal tool in the result, which are simulated if it has none.
 
     Args:
         result: the run.
-        ideal: the ideal robot's run of the same work; see `is_twin`, `twin`.
         of: ``tool_position`` [m], ``tool_velocity`` [m/s], ``tool_orientation`` (the rotation
             vector that turns the ideal tool into the tool, world axes [rad]) or
             ``tool_angular_velocity`` [rad/s].
-        relative_to: link or frame, whose motion does not count then: the tool's motion is that
-            which is seen from it, in its axes, in each of the two runs. None: the world.
 
     Returns:
         (time, axis), for the time that both runs cover; with how fast it changes as coordinate
         `rate`, if it is a position or an orientation and velocities were recorded.
 
     Raises:
-        JointplayError: `ideal` is not the result's twin.
+        JointplayError: the result has no play, or its ideal mechanism cannot be simulated.
+    """
+    require_known("tool motion", of, TOOL_MOTIONS)
+    find_tool_error(result)
+    return _judged(deviation_of(result.dataset, of), result)
+
+
+def deviation_of(dataset: xr.Dataset, of: str = "tool_position") -> xr.DataArray:
+    """The same of histories that have those of the ideal tool."""
+    ideal = {
+        name: dataset[f"ideal_{name}"].values
+        for name in (of, RATES.get(of, ""))
+        if f"ideal_{name}" in dataset
+    }
+    known = np.isfinite(ideal[of]).all(axis=1) & np.isfinite(dataset[of].values).all(axis=1)
+    if not known.all():
+        dataset = dataset.isel(time=known)
+        ideal = {name: values[known] for name, values in ideal.items()}
+    return _error(dataset, ideal, of)
+
+
+def difference(
+    result: Result, other: Result, of: str = "tool_position", relative_to: str | None = None
+) -> xr.DataArray:
+    """Difference of the tool's motion from that in any other run; see `deviation`.
+
+    Where the two were not recorded at the same times, the other motion is interpolated: by cubics
+    through its recorded positions and velocities, by cubic splines through its orientations and
+    angular velocities.
+
+    Args:
+        result, other: the two runs.
+        of: see `deviation`.
+        relative_to: link or frame, whose motion does not count then: the tool's motion is that
+            which is seen from it, in its axes, in each of the two runs. None: the world.
+
+    Raises:
         MissingName: no such link or frame.
+    """
+    require_known("tool motion", of, TOOL_MOTIONS)
+    if relative_to is not None:
+        result, other = seen_from(result, relative_to), seen_from(other, relative_to)
+    error = _judged(Reference(other).difference(result.dataset, of), result)
+    if relative_to is not None:
+        error.attrs["long_name"] = f"{of.replace('_', ' ')} - reference, axes of {relative_to}"
+    return error
+
+
+def _judged(error: xr.DataArray, result: Result) -> xr.DataArray:
+    error.attrs["judge_from"] = result.judge_from
+    return error
+
+
+def find_tool_error(result: Result, progress: bool = False) -> None:
+    """Give a result the histories `COMPARED`, if it has none: its ideal mechanism is simulated.
+
+    Raises:
+        JointplayError: the result has no play, or its ideal mechanism cannot be simulated.
+    """
+    if "tool_error" in result.dataset:
+        return
+    if not has_play(result):
+        raise NothingHasPlay(result.simulation.mechanism.joints)
+    compare_tools(result, tool_motion(ideal_simulation(result), progress))
+
+
+def has_tool_error(result: Result, progress: bool = False) -> bool:
+    """Whether the error of a result's tool is known, or can be found, which is done then.
+
+    With a warning where the ideal mechanism cannot be simulated.
+    """
+    if "tool_error" in result.dataset:
+        return True
+    if not has_play(result) or len(result.time) < 2:
+        return False
+    try:
+        find_tool_error(result, progress)
+    except JointplayError as error:
+        text = f"the tool error is unknown: the ideal mechanism cannot be simulated ({error})"
+        warnings.warn(text, JointplayWarning, stacklevel=2)
+        return False
+    return True
+
+
+def measured_against(result: Result, ideal: Result) -> Result:
+    """The same run with its tool's error against a run of the ideal mechanism that is at hand.
+
+    Raises:
+        JointplayError: `ideal` is not the result's twin.
     """
     if not is_twin(result, ideal):
         reason = (
@@ -67,11 +163,54 @@ def deviation(
             f"the reference {reason}; take an ideal run of the same robot, motion, drive and "
             "gravity, such as analysis.twin(result)"
         )
-    if relative_to is None:
-        return difference(result, ideal, of)
-    error = difference(seen_from(result, relative_to), seen_from(ideal, relative_to), of)
-    error.attrs["long_name"] = f"{of.replace('_', ' ')} - reference, axes of {relative_to}"
-    return error
+    measured = copy.copy(result)
+    vars(measured).pop("tool_error", None)
+    compare_tools(measured, ideal)
+    return measured
+
+
+def compare_tools(result: Result, ideal: Result) -> None:
+    """Give a result the histories `COMPARED`, against this run of its ideal mechanism."""
+    result.dataset = compared(result.dataset, Reference(ideal))
+    result.dataset.attrs |= ideal_forces(result, ideal)
+
+
+def ideal_forces(result: Result, ideal: Result) -> dict[str, str]:
+    """What a result says of the ideal linkage: the largest force in each of its pins [N]."""
+    if "reaction_force" not in ideal.dataset:
+        return {}
+    forces = ideal["reaction_force"].sel(time=ideal.time >= result.judge_from)
+    largest = np.linalg.norm(forces.values, axis=2).max(axis=0, initial=0.0)
+    by_joint = dict(zip(forces["moving_joint"].values.tolist(), largest.tolist(), strict=True))
+    return {"ideal_forces": json.dumps(by_joint)}
+
+
+def compared(dataset: xr.Dataset, ideal: Reference) -> xr.Dataset:
+    """Histories with `COMPARED` among them, NaN where the ideal mechanism's run has ended.
+
+    Those of what is not among the histories are left out.
+    """
+    dataset = dataset.drop_vars(COMPARED, errors="ignore")
+    time = dataset["time"].values
+    histories = {f"ideal_{of}": ideal.at(of, time) for of in TOOL_MOTIONS if of in dataset}
+    dataset = _with(dataset, histories)
+    vector = dataset["tool_position"].values - histories["ideal_tool_position"]
+    histories = {"tool_error": np.linalg.norm(vector, axis=1), "tool_error_vector": vector}
+    if "tool_orientation" in dataset:
+        turns = deviation_of(dataset, "tool_orientation")
+        turn = np.full(len(time), np.nan)
+        turn[np.isin(time, turns["time"].values)] = np.linalg.norm(turns.values, axis=1)
+        histories["tool_turn"] = turn
+    return _with(dataset, histories)
+
+
+def _with(dataset: xr.Dataset, histories: Mapping[str, np.ndarray]) -> xr.Dataset:
+    return dataset.assign(
+        {
+            name: (dims, values, {"units": unit, "long_name": text})
+            for name, (dims, values, unit, text) in declared(histories).items()
+        }
+    )
 
 
 def seen_from(result: Result, body: str) -> Result:
@@ -96,64 +235,88 @@ def seen_from(result: Result, body: str) -> Result:
     return Result(dataset)
 
 
-def difference(result: Result, ideal: Result, of: str = "tool_position") -> xr.DataArray:
-    """The same between any two runs; see `deviation`."""
-    require_known("tool motion", of, TOOL_MOTIONS)
-    error = Reference(ideal).difference(result.dataset, of)
-    error.attrs["judge_from"] = result.judge_from
-    return error
-
-
 class Reference:
     """The motion of a tool from which another's is told, at any time that its run covers.
 
-    What is between its records is interpolated, see `deviation`.
+    What is between its records is interpolated, see `difference`.
+
+    Args:
+        run: whose tool it is.
+        prefix: ``ideal_`` for that of the ideal mechanism that the run was compared with.
 
     Attributes:
         until: the last time that it covers [s].
     """
 
-    def __init__(self, run: Result) -> None:
-        self._run = run
-        last = float(run.time[-1])
+    def __init__(self, run: Result, prefix: str = "") -> None:
+        self._time = run.time
+        self._motions = {
+            of: run[f"{prefix}{of}"].values for of in TOOL_MOTIONS if f"{prefix}{of}" in run.dataset
+        }
+        if prefix:
+            known = np.isfinite(self._motions["tool_position"]).all(axis=1)
+            self._time = self._time[known]
+            self._motions = {of: values[known] for of, values in self._motions.items()}
+        last = float(self._time[-1])
         # Times that are multiples of another step differ in their last bits.
         self._rounding = 1e-9 * max(last, 1e-3)
         self.until = last + self._rounding
         self._between: dict[str, Callable[[np.ndarray], Any]] = {}
 
-    def difference(self, dataset: xr.Dataset, of: str) -> xr.DataArray:
-        """Of the histories of another run, or of a part of it; see `deviation`."""
-        ours = dataset[of].sel(time=dataset["time"].values <= self.until)
-        time, run = ours["time"].values, self._run
-        if len(run.time) >= len(time) and np.allclose(
-            run.time[: len(time)], time, 0.0, self._rounding
+    def at(self, of: str, time: np.ndarray) -> np.ndarray:
+        """One of its motions at these times (n, 3 or 4); NaN after its end."""
+        values = self._motions[of]
+        motion = np.full((len(time), values.shape[1]), np.nan)
+        covered = time[time <= self.until]
+        begin = covered[0] - self._rounding if len(covered) else 0.0
+        first = int(np.searchsorted(self._time, begin))
+        rows = slice(first, first + len(covered))
+        if len(values[rows]) == len(covered) and np.allclose(
+            self._time[rows], covered, 0.0, self._rounding
         ):
-            reference = run[of].values[: len(time)]
-        elif len(run.time) < 2:
-            raise JointplayError(f"the reference has {len(run.time)} record; it needs at least 2")
+            motion[: len(covered)] = values[rows]
+        elif len(values) < 2:
+            raise JointplayError(f"the reference has {len(values)} record; it needs at least 2")
         else:
             if of not in self._between:
-                self._between[of] = _between(run, of)
-            reference = self._between[of](time)
-        error: xr.DataArray
-        if of == "tool_orientation":
-            turns = _turns(ours.values, reference)
-            along = {"time": time, "axis": dataset["axis"].values}
-            error = xr.DataArray(turns, along, ("time", "axis"), of)
-        else:
-            error = ours - reference
-        pace = RATES.get(of)
-        if pace is not None and pace in dataset and pace in run.dataset:
-            rate = self.difference(dataset, pace).values
-            if of == "tool_orientation":  # of a rotation vector, to first order in it
-                twice = 2.0 * dataset[pace].values[: len(time)] - rate
-                rate = rate - 0.5 * np.cross(error.values, twice)
-            error = error.assign_coords(rate=(("time", "axis"), rate))
-        error.attrs = {
-            "units": "rad" if of == "tool_orientation" else ours.attrs["units"],
-            "long_name": f"{of.replace('_', ' ')} - reference, world axes",
-        }
-        return error
+                self._between[of] = _between(self._time, self._motions, of)
+            motion[: len(covered)] = self._between[of](covered)
+        return motion
+
+    def difference(self, dataset: xr.Dataset, of: str) -> xr.DataArray:
+        """Of the histories of another run, or of a part of it; see `difference`."""
+        dataset = dataset.isel(time=dataset["time"].values <= self.until)
+        time = dataset["time"].values
+        names = (name for name in (of, RATES.get(of)) if name in self._motions)
+        return _error(dataset, {name: self.at(name, time) for name in names}, of)
+
+
+def ideal_tool(result: Result) -> Reference | None:
+    """The motion of the ideal mechanism's tool, if it is known or can be found."""
+    return Reference(result, "ideal_") if has_tool_error(result) else None
+
+
+def _error(dataset: xr.Dataset, ideal: Mapping[str, np.ndarray], of: str) -> xr.DataArray:
+    """Histories less a reference's at the same times, with the `rate` where that is known."""
+    ours = dataset[of]
+    error: xr.DataArray
+    if of == "tool_orientation":
+        turns = _turns(ours.values, ideal[of])
+        along = {"time": dataset["time"].values, "axis": dataset["axis"].values}
+        error = xr.DataArray(turns, along, ("time", "axis"), of)
+    else:
+        error = ours - ideal[of]
+    pace = RATES.get(of, "")
+    if pace in ideal and pace in dataset:
+        rate = dataset[pace].values - ideal[pace]
+        if of == "tool_orientation":  # of a rotation vector, to first order in it
+            rate = rate - 0.5 * np.cross(error.values, 2.0 * dataset[pace].values - rate)
+        error = error.assign_coords(rate=(("time", "axis"), rate))
+    error.attrs = {
+        "units": "rad" if of == "tool_orientation" else HISTORIES[of].unit,
+        "long_name": f"{of.replace('_', ' ')} - reference, world axes",
+    }
+    return error
 
 
 def rotations(quaternions: np.ndarray) -> Rotation:
@@ -175,18 +338,18 @@ def _turns(ours: np.ndarray, reference: np.ndarray) -> np.ndarray:
     return np.asarray((rotations(ours) * rotations(reference).inv()).as_rotvec())
 
 
-def _between(ideal: Result, of: str) -> Callable[[np.ndarray], Any]:
+def _between(
+    time: np.ndarray, motions: Mapping[str, np.ndarray], of: str
+) -> Callable[[np.ndarray], Any]:
     from scipy.interpolate import CubicHermiteSpline, CubicSpline  # takes long to import
     from scipy.spatial.transform import RotationSpline
 
     if of == "tool_orientation":
-        curve = RotationSpline(ideal.time, rotations(ideal[of].values))
-        return lambda time: curve(time).as_quat(scalar_first=True)
+        curve = RotationSpline(time, rotations(motions[of]))
+        return lambda at: curve(at).as_quat(scalar_first=True)
     if of == "tool_angular_velocity":
-        return CubicSpline(ideal.time, ideal[of].values)  # type: ignore[no-any-return]
-    path = CubicHermiteSpline(
-        ideal.time, ideal["tool_position"].values, ideal["tool_velocity"].values
-    )
+        return CubicSpline(time, motions[of])  # type: ignore[no-any-return]
+    path = CubicHermiteSpline(time, motions["tool_position"], motions["tool_velocity"])
     return path if of == "tool_position" else path.derivative()  # type: ignore[no-any-return]
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from jointplay.base.errors import JointplayError, require_share, require_whole
 from jointplay.base.imports import extra
-from jointplay.base.schema import choice, one_of, quantity, read
+from jointplay.base.schema import Quantity, choice, one_of, quantity, read
 from jointplay.base.tables import Column, Table
 
 STATISTICS = ("mean", "quantile", "std")
@@ -54,11 +54,11 @@ class Until:
     """The precision that ends a sweep."""
 
     measure: str
-    precision: float = quantity("")
+    precision: Quantity = quantity("")
     """Half the width of the confidence interval, relative to the value."""
     statistic: str = choice("statistic", STATISTICS, default="mean")
-    probability: float = quantity("", default=0.5)
-    confidence: float = quantity("", default=CONFIDENCE)
+    probability: Quantity = quantity("", default=0.5)
+    confidence: Quantity = quantity("", default=CONFIDENCE)
     most: int = 65536
     """Samples after which it ends in any case."""
 

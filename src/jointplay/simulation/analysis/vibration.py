@@ -12,7 +12,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from jointplay.base.errors import JointplayError, require_finite, require_known, require_whole
 from jointplay.base.tables import counted
 from jointplay.base.units import readable, told, typeset
-from jointplay.simulation.analysis.tool_error import COMPONENTS, deviation
+from jointplay.simulation.analysis.tool_error import COMPONENTS, deviation, has_tool_error
 from jointplay.simulation.result.result import Result
 
 
@@ -20,9 +20,16 @@ class TooShort(JointplayError):
     """A run of too few records for a spectrum."""
 
 
+SPECTRA = {
+    "acceleration": "(m/s^2)^2/Hz",
+    "acceleration_error": "(m/s^2)^2/Hz",
+    "deviation": "m^2/Hz",
+}
+"""What a spectrum can be of, with units."""
+
+
 def spectrum(
     result: Result,
-    ideal: Result | None = None,
     of: str = "acceleration",
     start: float | None = None,
     segment: int = 4096,
@@ -38,8 +45,8 @@ def spectrum(
 
     Args:
         result: the run, recorded at even intervals.
-        ideal: its ideal twin, whose motion is subtracted first; needed for ``deviation``.
-        of: ``acceleration`` [(m/s^2)^2/Hz] or ``deviation`` [m^2/Hz].
+        of: ``acceleration`` [(m/s^2)^2/Hz], ``acceleration_error``, the same less the ideal tool's,
+            or ``deviation`` from the ideal tool [m^2/Hz].
         start: records before this are left out [s]; None: before the run is judged.
         segment: samples in a window; shorter if the run has fewer.
 
@@ -50,15 +57,11 @@ def spectrum(
     Raises:
         JointplayError: too few even records.
     """
-    require_known("spectrum", of, ("acceleration", "deviation"))
-    if of == "deviation":
-        if ideal is None:
-            raise JointplayError("the spectrum of the deviation needs the ideal run: ideal=...")
-        signal = deviation(result, ideal)
-    elif ideal is not None:
-        signal = deviation(result, ideal, "tool_velocity")
-    else:
+    require_known("spectrum", of, SPECTRA)
+    if of == "acceleration":
         signal = result["tool_velocity"]
+    else:
+        signal = deviation(result, "tool_position" if of == "deviation" else "tool_velocity")
     segment = require_whole("segment", segment, 2)
     start = result.judge_from if start is None else require_finite("start", start, "s")
     signal = signal.sel(time=signal["time"] >= start)
@@ -66,7 +69,7 @@ def spectrum(
     if len(time) > 2 and not np.isclose(time[-1] - time[-2], time[1] - time[0], rtol=1e-6):
         time = time[:-1]  # the last record is the end, wherever that falls
     values = signal.values[: len(time)]
-    if len(time) > 1 and of == "acceleration":
+    if len(time) > 1 and of != "deviation":
         values = np.diff(values, axis=0) / np.diff(time)[:, None]
     if len(values) < 16:
         raise TooShort(f"a spectrum needs at least 17 records from {start:g} s on, got {len(time)}")
@@ -79,9 +82,9 @@ def spectrum(
         {"frequency": ("frequency", frequency, {"units": "Hz"}), "axis": list(COMPONENTS)},
         ("frequency", "axis"),
         attrs={
-            "units": "(m/s^2)^2/Hz" if of == "acceleration" else "m^2/Hz",
-            "long_name": f"power spectral density of the tool's {of}"
-            + (" from the ideal robot" if ideal is not None else ""),
+            "units": SPECTRA[of],
+            "long_name": f"power spectral density of the tool's {of.replace('_', ' ')}"
+            + ("" if of == "acceleration" else " against the ideal robot"),
             "sampling_frequency_hz": 1.0 / interval,
             "window_s": length * interval,
             "windows": 1 + (len(values) - length) // max(length - length // 2, 1),
@@ -178,12 +181,12 @@ class Rattle:
         return text
 
 
-def rattle(result: Result, ideal: Result | None = None) -> Rattle:
+def rattle(result: Result) -> Rattle:
     """Impacts a second, their energy, and the tool's vibration in bands of frequency.
 
     All from when on the run is judged. The bands meet at `BANDS_HZ` and end at half the frequency
-    of the records; each is the sum of the density that `spectrum` finds. The motion of the ideal
-    twin, if it is given, is subtracted before the spectrum is taken.
+    of the records; each is the sum of the density that `spectrum` finds, less the motion of the
+    ideal tool where that is known.
 
     Raises:
         JointplayError: a run without clearance, or of too few records.
@@ -195,14 +198,15 @@ def rattle(result: Result, ideal: Result | None = None) -> Rattle:
     if len(time) < 2:
         raise JointplayError(f"fewer than two records from {start:g} s on")
     lost = result["normal_dissipation"].values[result.time >= start]
+    against_ideal = has_tool_error(result)
     return Rattle(
         start,
         float(time[-1] - time[0]),
         result.audit.judged_impacts,
         float(lost[-1] - lost[0]),
-        _bands(result, ideal),
+        _bands(result, "acceleration_error" if against_ideal else "acceleration"),
         _turns(result, float(time[0]), float(time[-1])),
-        ideal is not None,
+        against_ideal,
     )
 
 
@@ -218,9 +222,9 @@ def _turns(result: Result, begin: float, end: float) -> float | None:
     return abs(float(last - first)) / (2.0 * np.pi) or None
 
 
-def _bands(result: Result, ideal: Result | None) -> tuple[Band, ...]:
+def _bands(result: Result, of: str) -> tuple[Band, ...]:
     try:
-        density = spectrum(result, ideal).sel(axis="total")
+        density = spectrum(result, of).sel(axis="total")
     except TooShort:
         return ()
     frequency = density["frequency"].values

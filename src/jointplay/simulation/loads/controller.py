@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from jointplay.base.errors import JointplayError
-from jointplay.base.schema import choice, quantity
+from jointplay.base.schema import OptionalQuantity, choice, quantity
 from jointplay.physics.contact.functions import Absent, OfFunction, path_of
 from jointplay.simulation.loads import drive
 from jointplay.simulation.loads.base import Load, Series, Site
@@ -44,7 +44,9 @@ class ControllerDescription(LoadFunctionDescription):
 
     joints: tuple[str, ...]
     """Joints whose torques it sets."""
-    period: float | None = quantity("s", default=None, above=0.0, label="period of a controller")
+    period: OptionalQuantity = quantity(
+        "s", default=None, above=0.0, label="period of a controller"
+    )
     """Sampling period [s]; if not given, the function is compiled."""
     encoder: str = choice("encoder", ENCODERS, default=ENCODERS[0])
     """What it measures: ``link``, ``motor``, or ``both``."""
@@ -86,7 +88,9 @@ class Controller(OfFunction, Load):
     """At module level of an importable file (files then name it as ``module:function``)."""
     parameters: tuple[float, ...] = quantity("", default=())
     """Numbers for the function."""
-    period: float | None = quantity("s", default=None, above=0.0, label="period of a controller")
+    period: OptionalQuantity = quantity(
+        "s", default=None, above=0.0, label="period of a controller"
+    )
     """Sampling period [s]; if not given, the function is compiled."""
     encoder: str = choice("encoder", ENCODERS, default=ENCODERS[0])
     """What it measures: ``link``, ``motor``, or ``both``."""

@@ -19,6 +19,8 @@ from jointplay.base.files import shipped_table
 from jointplay.base.schema import (
     Described,
     Family,
+    OptionalQuantity,
+    Quantity,
     check_fields,
     choice,
     one_of,
@@ -64,23 +66,23 @@ class JointFriction(Described):
     Automatic Control 40 (1995) 419-425, for the bristles.
     """
 
-    coulomb: float = quantity("N*m", "N", default=0.0, least=0.0, label="Coulomb joint friction")
+    coulomb: Quantity = quantity("N*m", "N", default=0.0, least=0.0, label="Coulomb joint friction")
     """Dry friction [N m, or N for prismatic joints]."""
-    viscous: float = quantity(
+    viscous: Quantity = quantity(
         "N*m*s/rad", "N*s/m", default=0.0, least=0.0, label="viscous joint friction"
     )
     """Viscous friction [N m s/rad, or N s/m for prismatic joints]."""
-    static: float | None = quantity(
+    static: OptionalQuantity = quantity(
         "N*m", "N", default=None, least=0.0, label="static joint friction"
     )
     """Friction at breakaway [N m or N]; None: equal to the dry friction."""
-    stribeck_speed: float = quantity(
+    stribeck_speed: Quantity = quantity(
         "rad/s", "m/s", default=0.01, above=0.0, label="Stribeck speed"
     )
     """Speed at which the excess over dry friction has fallen to 1/e [rad/s or m/s]."""
-    presliding: float = quantity("rad", "m", default=0.0, least=0.0, label="presliding")
+    presliding: Quantity = quantity("rad", "m", default=0.0, least=0.0, label="presliding")
     """Bend of the bristles at breakaway [rad or m]; 0: no bristles, it creeps."""
-    presliding_damping: float = quantity(
+    presliding_damping: Quantity = quantity(
         "N*m*s/rad", "N*s/m", default=0.0, least=0.0, label="damping of joint friction's bristles"
     )
     """Of the bristles [N m s/rad, or N s/m for prismatic joints]."""
@@ -141,10 +143,10 @@ class ComputedTorque(Drive):
     kind: ClassVar[str] = "computed-torque"
     follows: ClassVar[bool] = True
 
-    bandwidth: float | None = quantity("rad/s", default=None, above=0.0)
+    bandwidth: OptionalQuantity = quantity("rad/s", default=None, above=0.0)
     """Closed-loop natural frequency of each axis [rad/s]; None: `BANDWIDTH`, or less where its
     encoder sits behind a gear (`through_teeth`)."""
-    damping_ratio: float = quantity("", default=1.0, least=0.0, label="damping ratio")
+    damping_ratio: Quantity = quantity("", default=1.0, least=0.0, label="damping ratio")
     encoder: str = choice("encoder", ENCODERS, default=ENCODERS[0])
     """Where it sits: on the "motor", before the gear, or on the joint ("link")."""
 
@@ -239,51 +241,53 @@ class Servo(Drive):
 
     catalogue: str | None = None
     """Name of a servo whose numbers are taken where none are given here."""
-    voltage: float = quantity("V", above=0.0)
+    voltage: Quantity = quantity("V", above=0.0)
     """Of the supply, the largest on the motor [V]."""
-    p_gain: float = quantity("V/rad", "V/m", above=0.0, label="P gain")
+    p_gain: Quantity = quantity("V/rad", "V/m", above=0.0, label="P gain")
     """Voltage per error of position beyond the dead band [V/rad or V/m]."""
-    i_gain: float = quantity("V/(rad*s)", "V/(m*s)", default=0.0, least=0.0, label="I gain")
+    i_gain: Quantity = quantity("V/(rad*s)", "V/(m*s)", default=0.0, least=0.0, label="I gain")
     """Rate of voltage per error of position beyond the dead band [V/(rad s) or V/(m s)]."""
-    d_gain: float = quantity("V*s/rad", "V*s/m", default=0.0, least=0.0, label="D gain")
+    d_gain: Quantity = quantity("V*s/rad", "V*s/m", default=0.0, least=0.0, label="D gain")
     """Voltage per error of speed [V s/rad or V s/m]."""
     speed: str = choice("speed", SPEEDS, default=SPEEDS[0])
     """What the D term takes: the "exact" one, or as firmware does the "difference" of the encoder's
     readings over a period."""
-    torque_constant: float = quantity(
+    torque_constant: Quantity = quantity(
         "N*m/A", "N/A", default=None, above=0.0, label="torque constant"
     )
     """Torque or force per current, referred to the joint [N m/A or N/A]; V s/rad or V s/m of
     back-EMF as well."""
-    resistance: float = quantity("ohm", default=None, above=0.0)
+    resistance: Quantity = quantity("ohm", default=None, above=0.0)
     """Of the winding [ohm]."""
-    friction: float = quantity("N*m", "N", default=None, least=0.0, label="friction of a servo")
+    friction: Quantity = quantity("N*m", "N", default=None, least=0.0, label="friction of a servo")
     """Dry friction of the motor, referred to the joint [N m or N]; 0 if not given."""
-    viscous: float = quantity(
+    viscous: Quantity = quantity(
         "N*m*s/rad", "N*s/m", default=None, least=0.0, label="viscous friction"
     )
     """Viscous friction of the motor, referred to the joint [N m s/rad or N s/m]; 0 if not given."""
-    presliding: float = quantity("rad", "m", default=0.0, least=0.0, label="presliding")
+    presliding: Quantity = quantity("rad", "m", default=0.0, least=0.0, label="presliding")
     """Bend of the bristles of its dry friction when they let go [rad or m]; 0: it creeps."""
-    presliding_damping: float = quantity(
+    presliding_damping: Quantity = quantity(
         "N*m*s/rad", "N*s/m", default=0.0, least=0.0, label="damping of joint friction's bristles"
     )
     """Of the bristles [N m s/rad or N s/m]."""
-    dead_band: float = quantity("rad", "m", default=0.0, least=0.0, label="dead band")
+    dead_band: Quantity = quantity("rad", "m", default=0.0, least=0.0, label="dead band")
     """Error of position up to which no voltage answers [rad or m]."""
-    dead_band_counts: float = quantity("", default=0.0, least=0.0, label="dead band in counts")
+    dead_band_counts: Quantity = quantity("", default=0.0, least=0.0, label="dead band in counts")
     """The same in counts of the encoder."""
-    resolution: float = quantity(
+    resolution: Quantity = quantity(
         "rad", "m", default=0.0, least=0.0, label="resolution of the encoder"
     )
     """Angle or way of the joint in a count of the encoder [rad or m]; 0: it reads exactly."""
     encoder: str = choice("encoder", ENCODERS, default=ENCODERS[0])
     """Where it sits: on the "motor", before the gear, or on the joint ("link")."""
-    effort: float | None = quantity("N*m", "N", default=None, above=0.0, label="effort of a servo")
+    effort: OptionalQuantity = quantity(
+        "N*m", "N", default=None, above=0.0, label="effort of a servo"
+    )
     """Largest effort, what the back-EMF takes counted [N m or N]; None: no limit."""
     goals: tuple[float, float] | None = quantity("rad", "m", default=None, label="goals of a servo")
     """Lowest and highest position to which the reference is cut [rad or m]; None: no limit."""
-    period: float | None = quantity("s", default=None, above=0.0, label="period of a servo")
+    period: OptionalQuantity = quantity("s", default=None, above=0.0, label="period of a servo")
     """Sampling period, between whose ends the voltage is held [s]; continuous if not given."""
 
     def __post_init__(self) -> None:

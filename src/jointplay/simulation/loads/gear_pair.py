@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from jointplay.base.errors import JointplayError, require_known
-from jointplay.base.schema import quantity
+from jointplay.base.schema import OptionalQuantity, Quantity, quantity
 from jointplay.model.urdf import Mimic
 from jointplay.physics.kernel.constants import ALWAYS, IF_PRESSED, NEVER
 from jointplay.simulation.loads import base
@@ -55,20 +55,20 @@ class GearPair(base.OnJoint):
     leader: str | None = None
     """Joint that it follows; with `ratio`, or neither: then as the URDF has `joint` mimic one."""
     _: KW_ONLY
-    ratio: float | None = quantity("", default=None, label="gear ratio")
+    ratio: OptionalQuantity = quantity("", default=None, label="gear ratio")
     """Speed of `joint` over the leader's, negative for external teeth: -z_leader/z_joint [1, or
     rad/m or m/rad where one of them slides]."""
-    offset: float | None = quantity("rad", "m", default=None)
+    offset: OptionalQuantity = quantity("rad", "m", default=None)
     """Where `joint` is with the leader at 0, in the middle of the play; 0, or the mimic's."""
-    play: float = quantity("rad", "m", default=0.0, least=0.0, label="play of teeth")
+    play: Quantity = quantity("rad", "m", default=0.0, least=0.0, label="play of teeth")
     """Of `joint`, leader held, from one flank to the other [rad or m]."""
-    stiffness: float = quantity("N*m/rad", "N/m", above=0.0)
+    stiffness: Quantity = quantity("N*m/rad", "N/m", above=0.0)
     """[N m/rad, or N/m for prismatic joints]."""
-    damping: float = quantity("N*m*s/rad", "N*s/m", default=0.0, least=0.0)
+    damping: Quantity = quantity("N*m*s/rad", "N*s/m", default=0.0, least=0.0)
     """[N m s/rad or N s/m]."""
-    centre_distance: float | None = quantity("m", default=None, above=0.0)
+    centre_distance: OptionalQuantity = quantity("m", default=None, above=0.0)
     """Between the axes, by which results have the teeth's force [m]."""
-    pressure_angle: float = quantity("rad", default=math.radians(20.0), least=0.0)
+    pressure_angle: Quantity = quantity("rad", default=math.radians(20.0), least=0.0)
     """Between that force and the common tangent of the pitch circles, 20 degrees if not given."""
 
     def __post_init__(self) -> None:

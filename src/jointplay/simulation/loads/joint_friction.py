@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from jointplay.base.errors import JointplayError
-from jointplay.base.schema import quantity
+from jointplay.base.schema import Quantity, quantity
 from jointplay.physics.kernel.constants import ALWAYS, JOINT_FRICTION_SPEED
 from jointplay.simulation.loads.base import OnJoint, Site
 
@@ -44,11 +44,11 @@ class LoadedFriction(OnJoint):
     kind: ClassVar[str] = "loaded-friction"
     stores: ClassVar[bool] = True  # its answer at rest is zero
 
-    coefficient: float = quantity("", least=0.0, label="coefficient of friction")
+    coefficient: Quantity = quantity("", least=0.0, label="coefficient of friction")
     """Of friction."""
-    radius: float = quantity("m", default=0.0, least=0.0, label="bearing radius")
+    radius: Quantity = quantity("m", default=0.0, least=0.0, label="bearing radius")
     """Of the bearing [m]."""
-    axial_radius: float = quantity("m", default=0.0, least=0.0, label="axial radius")
+    axial_radius: Quantity = quantity("m", default=0.0, least=0.0, label="axial radius")
     """Mean radius of the face that takes the force along the axis [m]."""
 
     def site(self, mechanism: Mechanism) -> Site:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from jointplay.base.errors import JointplayError, require_increasing
-from jointplay.base.schema import quantity
+from jointplay.base.schema import OptionalQuantity, Quantity, quantity
 from jointplay.physics.kernel.constants import ALWAYS, IF_PRESSED, NEVER
 from jointplay.simulation.loads import base
 
@@ -69,7 +69,7 @@ class _Between(base.OnFrame):
     """Link or frame at its other end; ``world`` is the ground."""
     other_at: base.Vector = quantity("m", default=(0.0, 0.0, 0.0))
     """Point in the axes of `other` [m]."""
-    damping: float = quantity("N*s/m", default=0.0, least=0.0, label="spring damping")
+    damping: Quantity = quantity("N*s/m", default=0.0, least=0.0, label="spring damping")
     """[N s/m]."""
 
     def site(self, mechanism: Mechanism) -> base.Site:
@@ -99,9 +99,9 @@ class Spring(_Between):
 
     kind: ClassVar[str] = "spring"
 
-    stiffness: float = quantity("N/m", above=0.0, label="spring stiffness")
+    stiffness: Quantity = quantity("N/m", above=0.0, label="spring stiffness")
     """[N/m]."""
-    free_length: float = quantity("m", least=0.0, label="free length")
+    free_length: Quantity = quantity("m", least=0.0, label="free length")
     """Length at which it does not pull [m]."""
 
     def law(self) -> Callable[..., None]:
@@ -185,9 +185,9 @@ class _AtJoint(base.OnJoint):
 
     stores: ClassVar[bool] = True
 
-    stiffness: float = quantity("N*m/rad", "N/m", above=0.0)
+    stiffness: Quantity = quantity("N*m/rad", "N/m", above=0.0)
     """[N m/rad, or N/m for prismatic joints]."""
-    damping: float = quantity("N*m*s/rad", "N*s/m", default=0.0, least=0.0)
+    damping: Quantity = quantity("N*m*s/rad", "N*s/m", default=0.0, least=0.0)
     """[N m s/rad or N s/m]."""
 
     def steepest(self) -> float:
@@ -200,7 +200,7 @@ class TorsionSpring(_AtJoint):
 
     kind: ClassVar[str] = "torsion-spring"
 
-    rest: float = quantity("rad", "m", default=0.0)
+    rest: Quantity = quantity("rad", "m", default=0.0)
     """Position at which it does not push [rad or m]."""
 
     def law(self) -> Callable[..., None]:
@@ -222,9 +222,9 @@ class Stop(_AtJoint):
 
     kind: ClassVar[str] = "stop"
 
-    lower: float | None = quantity("rad", "m", default=None, label="lower stop")
+    lower: OptionalQuantity = quantity("rad", "m", default=None, label="lower stop")
     """Where the lower one begins; the URDF's limit if not given [rad or m]."""
-    upper: float | None = quantity("rad", "m", default=None, label="upper stop")
+    upper: OptionalQuantity = quantity("rad", "m", default=None, label="upper stop")
     """The upper one."""
 
     def __post_init__(self) -> None:

@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass
 
 from jointplay.base.errors import JointplayError, MissingName
-from jointplay.base.schema import Described, quantity
+from jointplay.base.schema import Described, Quantity, quantity
 from jointplay.base.tables import aligned
 from jointplay.base.units import displayed
 
@@ -37,9 +37,9 @@ class CertifiedFigure(Described):
     """A figure of a run, and how far it may be from what the model says."""
 
     name: str
-    value: float = quantity("", finite=False)
+    value: Quantity = quantity("", finite=False)
     """In its own unit, as its error."""
-    error: float = quantity("", finite=False)
+    error: Quantity = quantity("", finite=False)
     """Numerical error, as large as it is expected to be in 9 of 10 cases; inf if unknown."""
     unit: str  # type: ignore[misc]  # those before have no default either
 

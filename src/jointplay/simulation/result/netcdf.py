@@ -15,11 +15,13 @@ import hashlib
 import io
 import math
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, BinaryIO
+
+import numpy as np
 
 from jointplay.base import files
 from jointplay.base.confined import MEMORY_SHARE, memory
@@ -238,8 +240,9 @@ class GrowingDataset:
         self._h5.close()
 
 
-def add_attributes(path: Path, attributes: Mapping[str, Any]) -> None:
-    """Give a file that `pack` or `GrowingDataset` made further attributes, whatever its size.
+def add(path: Path, attributes: Mapping[str, Any], histories: Iterable[xr.Dataset] = ()) -> None:
+    """Give a file that `pack` or `GrowingDataset` made further attributes, whatever its size, and
+    further histories, portion by portion.
 
     Raises:
         JointplayError: it cannot be read or written, or is damaged; it is as it was.
@@ -258,8 +261,27 @@ def add_attributes(path: Path, attributes: Mapping[str, Any]) -> None:
         disk = _CheckedFile(file)
         with h5py.File(disk, "r+") as inner, h5netcdf.File(inner, "r+") as dataset:
             dataset.attrs.update(attributes)
+            begin = 0
+            for portion in histories:
+                end = begin + portion.sizes["time"]
+                for name, variable in portion.data_vars.items():
+                    if not begin:
+                        _create(dataset, str(name), variable)
+                    dataset[name][begin:end] = variable.values
+                begin = end
         disk.check()
         _seal_file(file)
+
+
+def _create(dataset: Any, name: str, variable: xr.DataArray) -> None:
+    """Make room for a history in a file, compressed as `compression` has it."""
+    sizes = [dataset.dimensions[str(dimension)].size for dimension in variable.dims]
+    made = dataset.create_variable(
+        name, variable.dims, variable.dtype, fillvalue=np.nan,
+        chunks=(min(CHUNK, sizes[0]), *sizes[1:]), compression="gzip", compression_opts=1,
+        shuffle=True,
+    )  # fmt: skip
+    made.attrs.update(variable.attrs)
 
 
 def _seal_file(file: BinaryIO) -> None:

@@ -36,6 +36,13 @@ FORMAT = 6
 
 AXES = ("x", "y", "z")
 
+COMPARED = (
+    *("tool_error", "tool_error_vector", "tool_turn"),
+    *("ideal_tool_position", "ideal_tool_velocity"),
+    *("ideal_tool_orientation", "ideal_tool_angular_velocity"),
+)
+"""Histories of the ideal mechanism's tool, and of the tool's error against it."""
+
 
 class Result:
     """Time histories of a run and their meaning.
@@ -58,9 +65,15 @@ class Result:
         self.message: str = dataset.attrs["message"]
 
     def __getitem__(self, name: str) -> xr.DataArray:
+        """A history by its name; those of the tool's error are found if they are not there yet."""
+        if name in COMPARED and name not in self.dataset:
+            provided("find_tool_error")(self)
         return self.dataset[name]
 
     def __repr__(self) -> str:
+        return f"<jointplay Result: {provided('in_a_line')(self)}>"
+
+    def __str__(self) -> str:
         sizes = ", ".join(f"{name}: {size}" for name, size in self.dataset.sizes.items())
         return f"<jointplay Result: {self.message}>\n  {sizes}\n{self.judgement}"
 
@@ -179,8 +192,9 @@ class Result:
     def to_dataframe(self, every: int = 1) -> pd.DataFrame:
         """Histories as a pandas table, one row a record, one column a number.
 
-        Columns are called ``tool_position.x``, ``q.joint_b.yaw``; ``attrs["units"]`` has their
-        units. `every`: only each n-th record and the last; peaks cover what lies between.
+        The index is the `time` [s]. Columns are called ``tool_position.x``, ``q.joint_b.yaw``;
+        ``attrs["units"]`` has their units. `every`: only each n-th record and the last; peaks cover
+        what lies between.
         """
         frame: pd.DataFrame = provided("dataframe")(self, every)
         return frame

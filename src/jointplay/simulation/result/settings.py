@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from jointplay.base.schema import choice, quantity
+from jointplay.base.schema import OptionalQuantity, Quantity, choice, quantity
 from jointplay.physics.kernel.constants import DEFAULT, INTEGRATORS
 from jointplay.simulation.loads.limits import LIMITS
 
@@ -16,18 +16,18 @@ STARTS = ("rest", "centred")
 class Integration:
     """Time integration, and the start."""
 
-    step: float = quantity("s", default=1e-5)
+    step: Quantity = quantity("s", default=1e-5)
     """Time step."""
     integrator: str = choice("integrator", INTEGRATORS, default=DEFAULT)
     """Method."""
-    macro_step: float | None = quantity("s", default=None)
+    macro_step: OptionalQuantity = quantity("s", default=None)
     """Interval at which `multi-rate` updates the arm's inertia with Pinocchio; if not given, it is
     chosen by an error estimate."""
-    tolerance: float | None = quantity("", default=None)
+    tolerance: OptionalQuantity = quantity("", default=None)
     """Error allowed in a macro step, relative to the momentum that contacts and inertia exchange in
     it; `multi-rate` chooses its micro steps accordingly. If not given, all micro steps are as long
     as the step; if given, the step sets only the times of records."""
-    duration: float | None = quantity("s", default=None)
+    duration: OptionalQuantity = quantity("s", default=None)
     """Simulated time; if not given, the duration of the motion."""
     seed: int | None = None
     """Seed of random displacements: each journal starts displaced by up to half its clearances,
@@ -40,7 +40,7 @@ class Integration:
     settle: float | str | None = quantity("s", default=None)
     """Time at the start in which the motion settles and figures are not judged, or ``"2 turns"``:
     until a driven joint has made so many turns."""
-    judge_from: float | None = quantity("s", default=None)
+    judge_from: OptionalQuantity = quantity("s", default=None)
     """Time from which figures are judged; if not given, when the start has died away."""
 
 

@@ -66,7 +66,8 @@ class History:
     unit: str
     text: str
     of: str = "all"
-    """Which results have it: ``all``, those with ``play``, the ``ideal`` ones; or ``some``."""
+    """Which results have it: ``all``, those with ``play``, the ``ideal`` ones, those that were
+    ``compared`` with the ideal mechanism's; or ``some``."""
 
 
 _EACH, _JOINT, _VECTOR = ("joint", "contact"), ("joint",), ("joint", "axis")
@@ -120,7 +121,23 @@ HISTORIES = {
     "loop_drift": History(("loop",), "m", "gap of the ideal loop", "some"),
     "contact_elastic_energy": History((), "J", "stored in the contacts"),
     "payload_energy": History((), "J", "brought in by payloads", "some"),
-    "energy_residual": History((), "J", "error of the energy balance")
+    "energy_residual": History((), "J", "error of the energy balance"),
+    "tool_error": History((), "m", "distance of the tool from the ideal one", "compared"),
+    "tool_error_vector": History(
+        ("axis",), "m", "position of the tool less the ideal one's, world axes", "compared"
+    ),
+    "tool_turn": History((), "rad", "angle between the tool and the ideal one", "compared"),
+    "ideal_tool_position": History(
+        ("axis",), "m", "tool of the ideal mechanism, world axes", "compared"
+    ),
+    "ideal_tool_velocity": History(("axis",), "m/s", "of the ideal tool, world axes", "compared"),
+    "ideal_tool_orientation": History(
+        ("quaternion",), "1", "orientation of the ideal tool, unit quaternion w, x, y, z",
+        "compared"
+    ),
+    "ideal_tool_angular_velocity": History(
+        ("axis",), "rad/s", "angular velocity of the ideal tool, world axes", "compared"
+    )
 }  # fmt: skip
 """By name; gears and loads add their own."""
 
