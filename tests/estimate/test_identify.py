@@ -21,8 +21,15 @@ from jointplay import (
     identify,
     loads,
 )
+from jointplay.base.progress import ProgressBar
 from jointplay.cli import main
-from jointplay.estimate import Measurement, columns, plan_measurement, planning
+from jointplay.estimate import (
+    Measurement,
+    columns,
+    least_squares,
+    plan_measurement,
+    planning,
+)
 from jointplay.estimate.identification import reason
 from jointplay.estimate.least_squares import Fit, LeastSquares, minimum
 from jointplay.estimate.measurement import resolution, scatter, turns
@@ -518,6 +525,24 @@ def test_a_robot_that_hits_itself_is_told_and_links_that_always_touch_are_left_o
     bent = {"shoulder_lift_joint": -1.57}
     assert any(arm.hits(bent | {"elbow_joint": angle}) for angle in (2.9, 3.0, 3.14))
     assert "for they touch at zero" in SelfCollision(Mechanism("kinova")).notes[0]
+
+
+def test_a_search_moves_its_bar_to_the_end(monkeypatch):
+    bars = []
+
+    class Bar(ProgressBar):
+        def __init__(self, *given, **shown):
+            super().__init__(*given, **shown)
+            bars.append(self)
+
+    monkeypatch.setattr(least_squares, "ProgressBar", Bar)
+    unknowns = tuple(Unknown("j", name, "m", 1e-4, 1e-4, 1e-2) for name in ("gear_play", "offset"))
+    measured, rows = np.array([2e-4, 5e-4, 3e-4]), np.array([[1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    problem = LeastSquares(unknowns, lambda x: rows @ x, measured, np.full(3, 1e-6))
+    fitted = least_squares.search(problem, progress=True)
+    assert fitted.theta == pytest.approx([2e-4, 3e-4], rel=1e-3)
+    (bar,) = bars
+    assert bar.n == bar.total > 0
 
 
 @pytest.mark.parametrize(("spread", "freedom"), [(1e3, 12.0), (1e-3, 17.0)])

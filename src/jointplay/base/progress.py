@@ -11,7 +11,9 @@ from collections.abc import Callable, Iterable, Iterator, Sized
 from contextlib import contextmanager, suppress
 from functools import cache
 from threading import RLock
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self, TypeVar
+
+Item = TypeVar("Item")
 
 LINE_EVERY_S = 10.0
 """Interval at which progress is said where there is no terminal [s]; `JOINTPLAY_PROGRESS_S` of the
@@ -125,9 +127,13 @@ class ProgressBar:
 
     def __iter__(self) -> Iterator[Any]:
         with self:
-            for item in self.items:
-                yield item
-                self.update()
+            yield from self.passed(self.items)
+
+    def passed(self, items: Iterable[Item], weight: float = 1) -> Iterator[Item]:
+        """Each of further items; the bar moves by `weight` when it is done."""
+        for item in items:
+            yield item
+            self.update(weight)
 
     def update(self, more: float = 1) -> None:
         self.n += more

@@ -272,6 +272,7 @@ def identify_gauged(
     *,
     noise: Mapping[str, float] | None = None,
     pose: Mapping[str, float] | None = None,
+    progress: bool = False,
 ) -> Gauged:
     """Play and compliance of single joints from readings of a dial gauge.
 
@@ -281,6 +282,7 @@ def identify_gauged(
         noise: see `Readings.from_csv`.
         pose: joint positions in which was measured, for the load of gravity [rad or m]; None: not
             known.
+        progress: show a bar where a joint takes longer than 2 s.
 
     Raises:
         JointplayError: see `Readings.from_csv`; readings of a joint that can tell nothing.
@@ -294,7 +296,7 @@ def identify_gauged(
         problem = _problem(readings, joint, mine, friction[joint].coulomb, slides)
         play, give, rubs, bends = problem.unknowns
         start = np.array([0.5 * play.scale, give.scale, rubs.nominal, bends.nominal])
-        fitted = fits[joint] = search(problem, start)
+        fitted = fits[joint] = search(problem, start, progress)
         (first, second, *_) = fitted.estimates()
         sure = excludes_zero(first.value - first.half_width)
         reason = ""

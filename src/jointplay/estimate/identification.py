@@ -377,7 +377,7 @@ def identify(
         lag: standard deviation of the time by which readings of the tool, and of links, may be late
             behind the motors' encoders [s]; 0: they are simultaneous; ``inf``: nothing is known.
             None takes the measurement's: 0, but ``inf`` of a `Recording`.
-        progress: show a bar for reading.
+        progress: show bars for reading and for what takes longer than 2 s.
 
     Raises:
         JointplayError: bad data (see `Measurement`); loops; nothing has play; a motion that never
@@ -389,7 +389,7 @@ def identify(
         lag=lag, progress=progress,
     )  # fmt: skip
     made, unknowns = model.visits, model.unknowns
-    fit = search(problem)
+    fit = search(problem, progress=progress)
     problem = fit.least
     if fit.freedom < 1:
         raise JointplayError(

@@ -22,6 +22,7 @@ from scipy.optimize import brentq, least_squares
 from scipy.stats import qmc
 from scipy.stats import t as student
 
+from jointplay.base.progress import ProgressBar
 from jointplay.estimate.unknowns import (
     MINOR,
     MISJUDGED,
@@ -465,42 +466,55 @@ def information(effect: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
     return axes @ axes.T, right[~clear].T @ right[~clear], int(clear.sum())
 
 
-def search(problem: LeastSquares, start: np.ndarray | None = None) -> Fit:
+def search(problem: LeastSquares, start: np.ndarray | None = None, progress: bool = False) -> Fit:
     """Least squares with errors as large as the residuals demand, by kind of signal.
 
     From a start (p,), or from nominal values and half of the scale where they are zero.
     Means scatter by more than their records do: journals do not come to rest at quite the same
-    place, and the model is not exact. That is added to the errors.
+    place, and the model is not exact. That is added to the errors. With `progress`, a bar.
     """
     if start is None:
-        start = np.array([one.nominal or 0.5 * one.scale for one in problem.unknowns])
-    tried = [fit(problem, one, _FIRST_STEPS) for one in _starts(problem, start)]
-    best = min(tried, key=lambda one: problem.cost(one.theta))
+        start = np.array([x.nominal or 0.5 * x.scale for x in problem.unknowns])
+    starts = _starts(problem, start)
+    # Of an interval each end takes at least a fit.
+    steps = 2 * len(starts) + _ERROR_ROUNDS + len(problem.softening) + 2 * len(start)
+    with ProgressBar(
+        total=steps, desc="least squares", unit="fit", delay=2.0, disable=not progress, leave=False
+    ) as bar:
+        return _search(problem, starts, bar)
+
+
+def _search(problem: LeastSquares, starts: Sequence[np.ndarray], bar: ProgressBar) -> Fit:
+    tried = [fit(problem, start, _FIRST_STEPS) for start in bar.passed(starts)]
+    best = min(tried, key=lambda candidate: problem.cost(candidate.theta))
     # Residuals of where a short search stopped would grow the errors.
     best = fit(problem, best.theta, _BEST_STEPS)
-    own = problem.error
-    kinds = np.zeros(len(own), int) if problem.kinds is None else problem.kinds
-    for _ in range(_ERROR_ROUNDS):
-        left = best.residual[: len(own)] * problem.error
+    measured = problem.error
+    kinds = np.zeros(len(measured), int) if problem.kinds is None else problem.kinds
+    for _ in bar.passed(range(_ERROR_ROUNDS)):
+        left = best.residual[: len(measured)] * problem.error
         rough = _MODEL_ERROR * np.abs(problem.predict(best.theta))
-        share = max(best.freedom, 1.0) / len(own)
-        more = np.zeros(len(own))
+        share = max(best.freedom, 1.0) / len(measured)
+        more = np.zeros(len(measured))
         for kind in np.unique(kinds):
-            mine = kinds == kind
-            more[mine] = _excess(left[mine], np.hypot(own, rough)[mine], share * mine.sum())
-        problem = replace(problem, error=np.sqrt(own**2 + more**2 + rough**2))
+            alike = kinds == kind
+            error = np.hypot(measured, rough)[alike]
+            more[alike] = _excess(left[alike], error, share * alike.sum())
+        problem = replace(problem, error=np.sqrt(measured**2 + more**2 + rough**2))
         best = fit(problem, best.theta, _LATER_STEPS)
     far = np.minimum(best.half_width, problem.scale)  # another minimum, not within the intervals
     others = [
-        fit(problem, one.theta, _LATER_STEPS).theta
-        for one in tried
-        if (np.abs(one.theta - best.theta) > far).any()
+        fit(problem, candidate.theta, _LATER_STEPS).theta
+        for candidate in bar.passed(tried)
+        if (np.abs(candidate.theta - best.theta) > far).any()
     ]
     others += _with_other_walls(problem, best.theta)
     limit = _AS_GOOD * problem.cost(best.theta)
     away = [np.abs(theta - best.theta) for theta in others if problem.cost(theta) <= limit]
-    plays = [one.name.endswith("clearance") for one in problem.unknowns]
-    for soft in filter(None, map(problem.softened, problem.softening)):
+    plays = [unknown.name.endswith("clearance") for unknown in problem.unknowns]
+    for joint in bar.passed(problem.softening):
+        if (soft := problem.softened(joint)) is None:
+            continue
         softer = fit(soft, best.theta, _LATER_STEPS)
         cost = soft.cost(softer.theta)
         if cost <= limit:
@@ -509,7 +523,7 @@ def search(problem: LeastSquares, start: np.ndarray | None = None) -> Fit:
             size = np.abs(softer.theta - best.theta) + nearer.half_width
             away.append(np.where(plays, size, 0.0))
     wide = np.max([best.half_width, *away], axis=0)
-    wide = np.array([_profiled(best, wide, i) for i in range(len(wide))])
+    wide = np.array([_profiled(best, wide, i) for i in bar.passed(range(len(wide)), 2)])
     return replace(best, widened=wide)
 
 

@@ -225,7 +225,7 @@ def _readings(options: argparse.Namespace, stairs: bool) -> None:
         from jointplay.estimate.gauge import identify_gauged
 
         assert posed is not None
-        fit = identify_gauged(posed.mechanism, options.data, **how)
+        fit = identify_gauged(posed.mechanism, options.data, progress=not options.quiet, **how)
     _answer(fit, posed, notes, options)
     if commands.typed(options, commands.MEASURED):
         preset = fit.preset(robot_named(options))
