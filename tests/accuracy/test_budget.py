@@ -651,7 +651,7 @@ def test_the_worst_turn_in_the_answer_is_that_of_all_poses():
 
 
 def test_without_a_pose_it_is_that_of_the_command(capsys):
-    order = ["budget", "ur5", "--joint", "elbow_joint", "--quiet"]
+    order = ["budget", "ur5", "--joint", "elbow_joint"]
     assert main(order) == 0
     robot = robot_scenario("ur5", ["elbow_joint"]).simulation().mechanism
     known = budget(robot)

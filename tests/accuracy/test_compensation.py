@@ -3,7 +3,6 @@
 import csv
 import subprocess
 import sys
-import timeit
 from dataclasses import replace
 
 import numpy as np
@@ -267,10 +266,7 @@ def test_a_compensator_keeps_the_side_that_friction_holds():
     assert one.update(zero, zero, np.array([-3.0])) == [-0.005]
 
 
-def test_a_compensator_takes_microseconds_and_nothing_but_numpy():
-    one, six = Compensator(np.full(6, 0.01), np.full(6, 1e3), np.full(6, 2.0)), np.ones(6)
-    calls = timeit.repeat(lambda: one.update(six, six, six), number=200, repeat=25)
-    assert min(calls) / 200 < 20e-6
+def test_a_compensator_takes_nothing_but_numpy():
     code = (
         "import sys, numpy; from jointplay.accuracy.compensator import Compensator; "
         "print(Compensator([1.0], [1.0], [0.0]).update(*3 * [numpy.ones(1)]), "

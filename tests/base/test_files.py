@@ -360,12 +360,13 @@ WRITERS = re.compile(
 ELSEWHERE = {
     "in memory": "bridges/notebook bridges/table show/plots/style "
     "show/reports/template show/reports/pdf simulation/result/netcdf simulation/checkpoint "
-    "simulation/analysis/parts simulation/result/result",
+    "simulation/result/result show/reports/runs",
     "text, or standard output": "bridges/trajectory cli/commands/check base/streams",
     "in temporary folders and the user's cache": "model/viewer model/meshes model/design "
     "model/mjcf_whole "
     "show/player/movie study/case base/locks",
     "pieces whose checksums tell what is whole": "base/objects simulation/spool study/database",
+    "a file without runs, deleted as it is closed": "study/runs",
     "joints that are done, deleted once all are": "bridges/reduction cli/commands/export/simulator",
 }
 """Modules that write without `files`, by why that loses nothing."""

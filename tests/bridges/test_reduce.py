@@ -366,7 +366,7 @@ def test_the_file_says_what_of_a_servo_it_leaves_out(geared):
 
 
 @pytest.mark.needs("mujoco")
-def test_what_mujoco_warns_of_leaves_no_file_behind(tmp_path, monkeypatch, capsys):
+def test_what_mujoco_warns_of_leaves_no_file_behind(tmp_path, monkeypatch, caplog):
     mujoco = load_mujoco()
     monkeypatch.chdir(tmp_path)
     model = mujoco.MjModel.from_xml_string(
@@ -375,5 +375,5 @@ def test_what_mujoco_warns_of_leaves_no_file_behind(tmp_path, monkeypatch, capsy
     data = mujoco.MjData(model)
     data.qvel[:] = 1e300
     mujoco.mj_step(model, data)
-    assert "MuJoCo: " in capsys.readouterr().err
+    assert "MuJoCo: " in caplog.text
     assert not list(tmp_path.iterdir())

@@ -129,7 +129,7 @@ def test_an_allocation_says_first_what_each_joint_may_have():
     assert not faults(figure)
 
 
-# M. Machado, M. Oliveira, L. Fernandes, IEEE TVCG 15 (2009) 1291, severity 1, of linear RGB.
+# Machado et al. 2009, severity 1, of linear RGB.
 SIGHT = {
     "usual": np.eye(3),
     "deuteranopia": [

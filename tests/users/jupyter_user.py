@@ -16,4 +16,4 @@ for shown in (robot, budget, result):
 assert "tool error up to" in repr(result)
 figure = result.plot.deviation(axis="total")
 figure.savefig("deviation.png")
-jp.play({"0.2 mm": result}, "scene.html")
+result.save("result.nc")

@@ -8,7 +8,7 @@ import jointplay as jp
 model = pin.buildModelFromUrdf(jp.shipped("scara.urdf"))
 time = np.linspace(0.0, 0.2, 41)
 way = 0.5 - 0.5 * np.cos(np.pi * time / time[-1])
-positions = np.outer(way, [0.4, 0.3, -0.05])  # two turning joints and a stroke [rad, m]
+positions = np.outer(way, [0.4, 0.3, -0.05, 0.2])  # a stroke between turning joints [rad, m]
 
 bearing = jp.RevoluteClearance(radial_clearance="0.2 mm", axial_clearance="0.1 mm")
 robot = jp.Mechanism(model, {"joint_b": bearing}, tool=model.frames[-1].name)

@@ -500,8 +500,8 @@ def _problem(
             joint, "friction", "N" if slides else "N*m", friction, rub, sought=False, spread=rub,
             model_error=0.0,
         ),
-        Unknown(
-            joint, "stiffening", "", _EXPONENT, _EXPONENT, sought=False, spread=_STIFFENS,
+        Unknown(  # with a scale of its value itself, intervals of changes are wider by a third
+            joint, "stiffening", "", _EXPONENT, 0.1, sought=False, spread=_STIFFENS,
             least=_SOFTEST, model_error=0.0,
         ),
     )  # fmt: skip
