@@ -120,7 +120,8 @@ def _fitting(columns: int, names: Sequence[str], figure: Figure) -> int:
     """So many columns of a legend, or fewer where names are long or few."""
     size = mpl.rcParams["font.size"]
     column = size * (_LETTER * max(map(len, names)) + _HANDLE)
-    return max(1, min(columns, len(names), int(_ACROSS * 72.0 * figure.bbox.width / figure.dpi / column)))
+    across = _ACROSS * 72.0 * figure.bbox.width / figure.dpi  # of a part of a figure, too
+    return max(1, min(columns, len(names), int(across / column)))
 
 
 def draw_panel(panel: Panel, axes: Axes, **options: Any) -> None:
