@@ -242,6 +242,9 @@ PUSH_STEPS = 4.0
 and inertia's. Judged."""
 STOP_S = 0.15
 """Shortest stop that is looked at [s] (judged)."""
+LARGEST_LAG_S = 0.03
+"""For which readings whose lag is unknown leave records out, at both ends of a visit [s] (judged:
+with a quarter of each visit the intervals of a late tracker are a fifth wider)."""
 FEWEST_IN_VISIT = 3
 """Records: fewer have no second difference, by which they scatter."""
 _INTERVAL_RECORDS = 8
@@ -642,8 +645,7 @@ def _inner(measured: Measurement, piece: slice) -> slice:
     """
     if not measured.lag:
         return piece
-    time, begin, end = measured.time, measured.time[piece.start], measured.time[piece.stop - 1]
-    margin = min(2.0 * measured.lag, (end - begin) / 4.0)
-    first = int(np.searchsorted(time, begin + margin))
-    last = int(np.searchsorted(time, end - margin, "right"))
+    time, margin = measured.time, min(2.0 * measured.lag, LARGEST_LAG_S)
+    first = int(np.searchsorted(time, time[piece.start] + margin))
+    last = int(np.searchsorted(time, time[piece.stop - 1] - margin, "right"))
     return slice(first, last) if last - first >= FEWEST_IN_VISIT else piece

@@ -233,11 +233,17 @@ def workspace_map(budget: PlayBudget) -> Figure:
     (x, y, z), worst = budget.positions[order].T, budget.worst[order]
     scale = Axis(f"worst-case error of {budget.tool!r}", budget.unit)
     panels = []
+
+    def axis(values: np.ndarray, name: str) -> Axis:
+        middle = 0.5 * float(values.min() + values.max())
+        reach = max(float(np.ptp(values)), 1e-2)  # a point is no axis
+        return Axis(name, "m", "large", low=middle - 0.55 * reach, high=middle + 0.55 * reach)
+
     for across, up, *words in (
         (np.hypot(x, y), z, "distance from the z axis", "z"),
         (x, y, "x", "y"),
     ):
-        sideways, upwards = (Axis(word, "m", "large") for word in words)
+        sideways, upwards = map(axis, (across, up), words)
         panels.append(Panel(sideways, upwards, [Dots(across, up, worst, scale)], equal="data"))
     return _row(panels, (8.0, 4.0), note=budget.validity)
 

@@ -158,6 +158,22 @@ def draw_panel(panel: Panel, axes: Axes, **options: Any) -> None:
         _enlarge(axes.legend(ncols=columns, handlelength=1.3, columnspacing=1.2, **at))
 
 
+class _Ticks(MaxNLocator):
+    """Ticks as far apart as their numbers are long: matplotlib's leave room for three letters."""
+
+    def __init__(self) -> None:
+        super().__init__("auto", steps=[1, 2, 5, 10])  # steps of 2.5 have long numbers
+
+    def tick_values(self, low: float, high: float) -> np.ndarray:
+        ticks = super().tick_values(low, high)
+        letters = max(len(f"{tick:.6g}") for tick in ticks)
+        # Letters of 0.64 of the font's size, and a gap of 0.8 of it.
+        count = int(self.axis.get_tick_space() * 3.0 / (0.64 * letters + 0.8))
+        if len(ticks) > count + 1:
+            ticks = MaxNLocator(max(count, 2), steps=[1, 2, 5, 10]).tick_values(low, high)
+        return np.asarray(ticks)
+
+
 def _set_axis(axes: Axes, which: str, axis: Axis, panel: Panel) -> None:
     factor, _ = axis.shown
     drawn_axis = getattr(axes, f"{which}axis")
@@ -180,8 +196,8 @@ def _set_axis(axes: Axes, which: str, axis: Axis, panel: Panel) -> None:
         drawn_axis.set_major_locator(
             MaxNLocator(axis.ticks, symmetric=-(axis.low or 0.0) == (axis.high or 0.0))
         )
-    elif which == "x" and not axis.log:  # steps of 2.5 have long numbers
-        drawn_axis.set_major_locator(MaxNLocator("auto", steps=[1, 2, 5, 10]))
+    elif which == "x" and not axis.log:
+        drawn_axis.set_major_locator(_Ticks())
     if axis.whole:
         drawn_axis.set_major_locator(MaxNLocator(integer=True))
 
