@@ -227,24 +227,32 @@ def before_and_after(judgement: Judgement) -> Figure:
     return _row(panels, (4.8 * len(panels), 3.6), key=2)
 
 
+_LEAST_REACH_M = 1e-2
+"""Axes of a workspace that is smaller, a point, are as long (judged)."""
+
+
 def workspace_map(budget: PlayBudget) -> Figure:
     """Where in the workspace the worst case is large: from the side and from above."""
     order = np.argsort(budget.worst)
     (x, y, z), worst = budget.positions[order].T, budget.worst[order]
     scale = Axis(f"worst-case error of {budget.tool!r}", budget.unit)
-    panels = []
+    point = np.ptp(budget.positions, axis=0).max() < _LEAST_REACH_M
 
     def axis(values: np.ndarray, name: str) -> Axis:
-        middle = 0.5 * float(values.min() + values.max())
-        reach = max(float(np.ptp(values)), 1e-2)  # a point is no axis
-        return Axis(name, "m", "large", low=middle - 0.55 * reach, high=middle + 0.55 * reach)
+        if not point:
+            return Axis(name, "m", "large")
+        middle = float(values.mean())
+        low, high = middle - 0.5 * _LEAST_REACH_M, middle + 0.5 * _LEAST_REACH_M
+        return Axis(name, "m", "large", low=low, high=high)
 
+    panels = []
     for across, up, *words in (
         (np.hypot(x, y), z, "distance from the z axis", "z"),
         (x, y, "x", "y"),
     ):
         sideways, upwards = map(axis, (across, up), words)
-        panels.append(Panel(sideways, upwards, [Dots(across, up, worst, scale)], equal="data"))
+        dots = [Dots(across, up, worst, scale)]
+        panels.append(Panel(sideways, upwards, dots, equal="" if point else "data"))
     return _row(panels, (8.0, 4.0), note=budget.validity)
 
 

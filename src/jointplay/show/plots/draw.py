@@ -164,14 +164,15 @@ class _Ticks(MaxNLocator):
     def __init__(self) -> None:
         super().__init__("auto", steps=[1, 2, 5, 10])  # steps of 2.5 have long numbers
 
-    def tick_values(self, low: float, high: float) -> np.ndarray:
+    def tick_values(self, low: float, high: float) -> Sequence[float]:
+        axis: Any = self.axis
         ticks = super().tick_values(low, high)
         letters = max(len(f"{tick:.6g}") for tick in ticks)
         # Letters of 0.64 of the font's size, and a gap of 0.8 of it.
-        count = int(self.axis.get_tick_space() * 3.0 / (0.64 * letters + 0.8))
+        count = int(axis.get_tick_space() * 3.0 / (0.64 * letters + 0.8))
         if len(ticks) > count + 1:
             ticks = MaxNLocator(max(count, 2), steps=[1, 2, 5, 10]).tick_values(low, high)
-        return np.asarray(ticks)
+        return ticks
 
 
 def _set_axis(axes: Axes, which: str, axis: Axis, panel: Panel) -> None:
