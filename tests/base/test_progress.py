@@ -98,7 +98,7 @@ def test_into_a_file_go_whole_lines_and_seldom(monkeypatch):
     list(ProgressBar(range(4), "wear", unit="run"))
     lines = file.getvalue().splitlines()
     assert len(lines) == len(set(lines)) == 4
-    assert lines[1].startswith("wear  50%, 2/4 run, ")
+    assert lines[1].startswith("wear  50%, 2/4 run")
     assert not {"|", "\r"} & set(file.getvalue())
 
 
