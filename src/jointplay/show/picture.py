@@ -247,15 +247,20 @@ def _write(axes: Any, notes: Sequence[_Note], triangles: np.ndarray) -> None:
     bodies = np.histogram2d(at_x, at_y, (across, up))[0]
     words = np.zeros_like(bodies)
 
+    last = np.array(bodies.shape) - 1
+
     def cells(low: np.ndarray, high: np.ndarray) -> tuple[slice, slice]:
         """Those of a box of the picture [pixels]."""
-        first, last = (np.maximum(corner // _CELL_PX, 0).astype(int) for corner in (low, high))
-        return slice(first[0], last[0] + 1), slice(first[1], last[1] + 1)
+        start, stop = (np.maximum(corner // _CELL_PX, 0).astype(int) for corner in (low, high))
+        return slice(start[0], stop[0] + 1), slice(start[1], stop[1] + 1)
+
+    def at(points: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Those of points (n, 2) [pixels]; a point beside the picture has the nearest."""
+        return tuple(np.clip(points // _CELL_PX, 0, last).astype(int).T)
 
     def along(start: np.ndarray, end: np.ndarray, count: int) -> tuple[np.ndarray, ...]:
         """Those on a line [pixels]."""
-        points = start + np.linspace(0.0, 1.0, count)[:, None] * (end - start)
-        return tuple((points // _CELL_PX).astype(int).T)
+        return at(start + np.linspace(0.0, 1.0, count)[:, None] * (end - start))
 
     axles = (axes.xaxis, axes.yaxis, axes.zaxis)
     for axis in axles:
@@ -270,7 +275,7 @@ def _write(axes: Any, notes: Sequence[_Note], triangles: np.ndarray) -> None:
     tries = [(far, way) for far in np.arange(_NEAR_PT, _FAR_PT, 10.0) for way in ways]
     marks = [(seen(points), text) for points, text in notes]
     for outline, _ in marks:
-        bodies[tuple((outline // _CELL_PX).astype(int).T)] += _MARKED
+        bodies[at(outline)] += _MARKED
     for outline, text in sorted(marks, key=lambda mark: -mark[0][:, 1].mean()):
         centre = outline.mean(axis=0)
         look: dict[str, Any] = {"fontsize": _TYPE_PT, "va": "center", "ha": "center", "zorder": 6.0}
@@ -295,5 +300,5 @@ def _write(axes: Any, notes: Sequence[_Note], triangles: np.ndarray) -> None:
         look |= {"xytext": (middle - mark) / point, "textcoords": "offset points"}
         lead = {"arrowstyle": "-", "color": _TOOL, "lw": 0.8, "shrinkA": 0.0, "shrinkB": 0.0}
         lead |= {"relpos": tuple(0.5 + 0.5 * (near - middle) / half), "path_effects": _HALO}
-        at = axes.transData.inverted().transform(mark)
-        axes.annotate(text, at, arrowprops=lead, in_layout=False, **look)
+        tip = axes.transData.inverted().transform(mark)
+        axes.annotate(text, tip, arrowprops=lead, in_layout=False, **look)
