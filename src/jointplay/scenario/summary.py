@@ -13,6 +13,7 @@ from jointplay.base.units import readable
 from jointplay.model.gear import Gear
 from jointplay.model.impact import contact_duration
 from jointplay.model.mechanism import Mechanism
+from jointplay.physics.contact.functions import OfFunction
 from jointplay.physics.contact.law import Law
 from jointplay.physics.joints import RollingBearing
 from jointplay.scenario.build import errors_of
@@ -165,20 +166,22 @@ def _fields(described: Any, joint: Any = None, zeros: bool = True) -> str:
     """Fields of a value, with units; those not set left out, and without `zeros` those of zero."""
     parts = []
     kind: Any = type(described)
+    # A user's function has a name and numbers only as files describe it.
+    texts = described.describe() if isinstance(described, OfFunction) else None
     for name, field in fields_of(kind).items():
-        value = getattr(described, name, None)
+        value = getattr(described, name, None) if texts is None else texts.get(name)
         slides = len(field.units) > 1 and joint is not None and joint.slides
         unit = field.units[slides]
         name = name.replace("_", " ")
         unset = value is None or value is False
-        unset = unset or (isinstance(value, Mapping | tuple) and not value)
-        if unset or name == "frame" or (value == 0 and not zeros):
+        unset = unset or (isinstance(value, Mapping | list | tuple) and not value)
+        if unset or name in ("frame", "source") or (value == 0 and not zeros):
             continue
         if value is True:
             parts.append(name)
         elif isinstance(value, float | int):
             parts.append(f"{name} {readable(value, unit)}")
-        elif isinstance(value, tuple):
+        elif isinstance(value, list | tuple):
             parts.append(f"{name} ({', '.join(_part(item, unit) for item in value)})")
         elif isinstance(value, str):
             parts.append(f"{name} {value}")
