@@ -163,7 +163,7 @@ def test_a_servo_arm_rests_in_its_budget_as_far_off_as_its_run_begins(capsys, tm
 
 
 OWN = """[preset]
-words = "my arm"
+description = "my arm"
 [joint.elbow_joint.bearing]
 radial_clearance = "30 um"
 [joint.wrist_1_joint.gear]
@@ -192,7 +192,7 @@ interval = [1, 2]
 """
 
 WHOLE = """[preset]
-words = "my arm"
+description = "my arm"
 known = "its catalogue"
 errors = "printed"
 [joint.elbow.gear]
@@ -258,7 +258,7 @@ def test_what_a_contribution_lacks_is_said(tmp_path, capsys, change, said):
          'no .*"bcklash"; did you mean "backlash"'),
         ((OWN, "joint.elbow_joint.gear = 'backlash'"), '"backlash" is not a table'),
         ((OWN, "joint.elbow_joint.drive = 7"), "7 is not a table"),
-        (('"my arm"', "5"), "preset.words: expected text in quotes, got 5"),
+        (('"my arm"', "5"), "preset.description: expected text in quotes, got 5"),
         (('"my arm"', '"my arm"\nrobots = "ur5"'), "preset.robots: expected a list"),
         (('"my arm"', '"my arm"\nrobot = 5'), "preset.robot: expected text"),
         (('"my arm"', '"my arm"\nerrors = "print"'), 'no class of errors "print"; did you mean'),

@@ -353,8 +353,8 @@ def typeset(unit: str) -> str:
     return unit.replace("^2", "²").replace("^3", "³").replace("*", " ")
 
 
-def told(value: float, unit: str, digits: int = 4, fine: bool = False) -> str:
-    """A value in SI in the unit in which tables have it (`displayed`)."""
+def rounded(value: float, unit: str, digits: int = 4, fine: bool = False) -> str:
+    """A value in SI, rounded, in the unit in which tables have it (`displayed`)."""
     factor, word = displayed(unit, fine)
     return f"{float(f'{factor * value:.{digits}g}'):g} {word}".rstrip()
 

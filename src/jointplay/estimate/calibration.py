@@ -23,7 +23,7 @@ from jointplay.accuracy.poses import moving
 from jointplay.base.errors import JointplayError, require_a
 from jointplay.base.progress import ProgressBar
 from jointplay.base.schema import known_keywords
-from jointplay.base.units import told
+from jointplay.base.units import rounded
 from jointplay.estimate import planning, static_poses
 from jointplay.estimate.calibrated import Calibration
 from jointplay.estimate.inference import half_widths, infer
@@ -378,7 +378,9 @@ def plan_calibration(
     rows, nominal = np.arange(n), np.array([column.nominal for column in base.unknowns])
     information = planning.Information.of(base.at(rows), nominal, base.owner(rows))
     options = [planning.Experiment(tuple(row), None, passes=False) for row in motor.tolist()]
-    text = f"scatter of positions {told(error[0], 'm')}, of orientations {told(error[1], 'rad')}"
+    text = (
+        f"scatter of positions {rounded(error[0], 'm')}, of orientations {rounded(error[1], 'rad')}"
+    )
     return planning.planned(
         ideal, base.unknowns, information, options, count, f"statistical, linearised; {text}", notes
     )

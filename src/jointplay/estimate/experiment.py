@@ -18,7 +18,7 @@ import numpy as np
 
 from jointplay.base.errors import JointplayError, require_a, require_whole
 from jointplay.base.tables import Column, Table, few
-from jointplay.base.units import displayed, readable, told
+from jointplay.base.units import displayed, readable, rounded
 from jointplay.estimate import columns
 from jointplay.estimate.unknowns import CONFIDENCE
 from jointplay.simulation.result.result import AXES, Result
@@ -190,9 +190,9 @@ class ExperimentComparison:
         for curve in self.curves:
             part = f", {100.0 * curve.relative:.3g} % of what was measured"
             lines.append(
-                f"{curve.name}: computed and measured differ by {told(curve.rms, curve.unit)} RMS"
-                f"{'' if math.isnan(curve.relative) else part}; the run's own error is "
-                f"{told(curve.own_error, curve.unit, 2)}"
+                f"{curve.name}: computed and measured differ by {rounded(curve.rms, curve.unit)} "
+                f"RMS{'' if math.isnan(curve.relative) else part}; the run's own error is "
+                f"{rounded(curve.own_error, curve.unit, 2)}"
             )
         how = "found, as it fits best" if self.found else "as given"
         lines.append(f"measured times are shifted by {readable(self.shift, 's', 4)} ({how})")

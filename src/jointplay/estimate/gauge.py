@@ -27,7 +27,7 @@ from jointplay.base import files
 from jointplay.base.errors import JointplayError, MissingName, require_known, require_positive
 from jointplay.base.pairs import name_and_number
 from jointplay.base.tables import counted, few
-from jointplay.base.units import NUMBER, convert, readable, told
+from jointplay.base.units import NUMBER, convert, readable, rounded
 from jointplay.estimate import columns
 from jointplay.estimate.least_squares import Fit, LeastSquares, search
 from jointplay.estimate.machine import preset_found
@@ -649,7 +649,7 @@ def plan_gauge(
         wide = _expected(name, entry.slides, np.array(forces) * lever, lever, turned, noise or {})
         numbers = zip(known, poses[best][[ideal.coordinate(joint) for joint in known]], strict=True)
         pose = ",".join(f"{joint}={x:.3g}" for joint, x in numbers)
-        half = f"+- {told(wide, 'm' if entry.slides else 'rad', 2, entry.slides)}"
+        half = f"+- {rounded(wide, 'm' if entry.slides else 'rad', 2, entry.slides)}"
         steps.append(Step(name, arm, forces, pose, half, bar, gravity))
     return GaugePlan(tuple(steps), tuple(notes))
 

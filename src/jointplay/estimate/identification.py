@@ -15,7 +15,7 @@ from jointplay.base.errors import JointplayError, require_a, require_known
 from jointplay.base.pairs import misread, pair, quantity
 from jointplay.base.schema import known_keywords, shortest
 from jointplay.base.tables import Table, few
-from jointplay.base.units import told
+from jointplay.base.units import rounded
 from jointplay.estimate import measurement, planning
 from jointplay.estimate.least_squares import NULL, Fit, LeastSquares, basis, information, search
 from jointplay.estimate.machine import TOOL, Given, Machine, apply, compliances, preset_found
@@ -655,7 +655,7 @@ def _assumptions(
     for (kind, name), spread in zip(observed.keys, observed.noise, strict=True):
         unit = measurement.SHOWN[kind]
         source = "given" if kind in measured.noise else "of the records"
-        deviations.append(f"{kind} {name} {told(spread, unit, 3, True)} ({source})")
+        deviations.append(f"{kind} {name} {rounded(spread, unit, 3, True)} ({source})")
     lines.append(f"noise of a record (--noise): {', '.join(deviations)}")
     if expected := _taken(machine, {(unknown.joint, unknown.name) for unknown in model.unknowns}):
         lines.append(f"taken from the scenario: {', '.join(expected)}")
@@ -681,14 +681,14 @@ def _taken(machine: Machine, sought: Collection[tuple[str, str]]) -> list[str]:
         text = "no law of friction known" if value is None else f"{value:g}"
         rows.append((joint, "friction", f"bearing {text}"))
         for name, size in bearing.clearances.items():
-            rows.append((joint, name, f"{name.replace('_', ' ')} {told(size, 'm', fine=True)}"))
+            rows.append((joint, name, f"{name.replace('_', ' ')} {rounded(size, 'm', fine=True)}"))
     for joint in mechanism.joints:
         own = machine.friction.get(joint, JointFriction())
         rows.append((joint, "dry_friction", f"dry friction {own.coulomb:g} N m"))
         if own.viscous:
             rows.append((joint, "", f"viscous friction {own.viscous:g} N m s/rad"))
     for joint, gear in mechanism.gears.items():
-        rows.append((joint, "gear_play", f"gear play {told(gear.play, 'rad')}"))
+        rows.append((joint, "gear_play", f"gear play {rounded(gear.play, 'rad')}"))
         if f"{joint} torsional" not in machine.compliances:
             text = f"gear stiffness {Teeth(joint, gear).stiffness[0]:.4g} N m/rad"
             rows.append((joint, "gear_compliance", text))

@@ -12,7 +12,7 @@ from scipy.stats import norm, uniform
 
 from jointplay.base.errors import MissingName
 from jointplay.base.tables import Table
-from jointplay.base.units import told
+from jointplay.base.units import rounded
 
 CANNOT_TELL = "this measurement cannot tell"
 CONFIDENCE = 0.95
@@ -99,7 +99,7 @@ class Unknown:
         """A value in the unit of tables."""
         if math.isnan(value):
             return ""
-        return told(value, self.unit, fine=self.fine)
+        return rounded(value, self.unit, fine=self.fine)
 
     def widest(self, value: float) -> float:
         """Largest half width of an interval about `value` with which it is known [SI]."""

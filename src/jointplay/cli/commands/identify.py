@@ -265,8 +265,8 @@ def _changes(options: argparse.Namespace) -> None:
     gauged = [is_readings(path) for path in paths]
     if len(set(gauged)) > 1:
         kinds = {True: "a table of a dial gauge", False: "a measurement in motion"}
-        words = [f"{path} is {kinds[kind]}" for path, kind in zip(paths, gauged, strict=True)]
-        raise JointplayError(", and ".join(words))
+        kinds_given = [f"{path} is {kinds[kind]}" for path, kind in zip(paths, gauged, strict=True)]
+        raise JointplayError(", and ".join(kinds_given))
     out = Outputs(options.out, ["changes.csv", "changes.json"])
     if gauged[0]:
         from jointplay.estimate.gauge import gauge_problems

@@ -71,8 +71,8 @@ def run(options: argparse.Namespace) -> int:
             raise JointplayError(f"no result file {name!r}")
     shot: Any = given(options, *FILM)
     if shot and options.movie is None:
-        words = ", ".join(f"--{FILM[name]}" for name in shot)
-        raise JointplayError(f"{words} needs --movie FILE")
+        options_given = ", ".join(f"--{FILM[name]}" for name in shot)
+        raise JointplayError(f"{options_given} needs --movie FILE")
     if options.html is not None:
         files.check_new(options.html)
     elif options.movie is not None:
