@@ -128,7 +128,7 @@ def test_a_spring_holds_the_teeth_where_the_weight_changes_sides(arm):
     found = budget(robot, q, drive=ComputedTorque(encoder="motor"))
     spring = next(one for one in found.cures if one.action.startswith("a spring"))
     needed = 3.0 * 9.81 * REACH * np.sin(0.1)
-    assert f"of {needed:.3g} N m in j, which" in spring.words
+    assert f"of {needed:.3g} N m in j, which" in spring.action
     assert spring.after == pytest.approx(0.0, abs=1e-9)
     one_side = budget(robot, q[1:], drive=ComputedTorque(encoder="motor"))
     assert not any(one.action.startswith("a spring") for one in one_side.cures)
