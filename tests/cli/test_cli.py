@@ -22,7 +22,7 @@ from jointplay.base.errors import MissingName
 from jointplay.cli import main, parsers
 from jointplay.cli.commands import GROUPS, KINDS
 from jointplay.model.gear import Gear
-from jointplay.model.urdf import shipped
+from jointplay.model.robots import shipped
 from jointplay.paper import CONDITIONS, output_names
 from jointplay.physics.kernel import Status
 from jointplay.simulation.loads import Free

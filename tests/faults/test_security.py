@@ -398,7 +398,7 @@ def test_no_markup_is_made_of_text_that_was_put_together():
 SHOWING = """
 import time
 import jointplay as jp
-from jointplay.model.urdf import shipped
+from jointplay.model.robots import shipped
 if __name__ == "__main__":
     viewer = jp.Mechanism(shipped("scara.urdf")).visualizer().viewer
     print(viewer.window.server_proc.pid, viewer.url(), viewer.window.zmq_url, flush=True)

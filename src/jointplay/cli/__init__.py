@@ -7,6 +7,7 @@ import gc
 import importlib
 import inspect
 import io
+import os
 import sys
 from collections.abc import Sequence
 from contextlib import redirect_stdout
@@ -149,6 +150,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             typed = sys.argv[1:] if arguments is None else arguments
             if arguments is None:  # a process of our own
                 gc.set_threshold(*_GARBAGE)
+                # Of matrices as small as a machine's, threads of numpy's wait for each other.
+                os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
             command = parser(next((word for word in typed if not word.startswith("-")), ""))
             options = command.parse_args(typed)
             with signals.listening():
