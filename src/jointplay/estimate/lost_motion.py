@@ -29,6 +29,7 @@ from scipy.stats import t as student
 from jointplay.accuracy.poses import moving
 from jointplay.base import files
 from jointplay.base.errors import JointplayError, MissingName
+from jointplay.base.schema import known_keywords
 from jointplay.base.tables import counted, few
 from jointplay.base.units import readable
 from jointplay.estimate import columns
@@ -78,6 +79,7 @@ _COLUMNS = (
 )
 
 
+@known_keywords
 @dataclass(frozen=True)
 class Stairs:
     """Places to which joints were sent, and what a dial read there; SI units."""
@@ -230,6 +232,7 @@ class LostMotion(Answer):
         return preset_found(self.mechanism, self.estimates, self.stairs.source, robot)
 
 
+@known_keywords
 def identify_lost_motion(
     mechanism: Mechanism,
     stairs: Stairs | str | Path,
@@ -548,6 +551,7 @@ def _told(value: float, slides: bool) -> str:
     return f"{1e3 * value:.3g} mm" if slides else f"{math.degrees(value):.3g} deg"
 
 
+@known_keywords
 def plan_lost_motion(mechanism: Mechanism, joints: Sequence[str] = ()) -> LostMotionPlan:
     """Moves that tell the lost motion of joints; none named: of all that move.
 
