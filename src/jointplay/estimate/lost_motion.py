@@ -127,6 +127,8 @@ class Stairs:
         motor, reading, arm = (numbers.get((name, ""), nothing) for name in _NUMBERS)
         if (bad := np.flatnonzero(~np.isfinite(motor))).size:
             raise JointplayError(f"{path}: move {bad[0] + 1} has no motor position")
+        if not np.isfinite(reading).any():
+            raise JointplayError(f"{path}: no reading is filled in")
         if not slide and not angular:
             if (bad := np.flatnonzero(np.isfinite(reading) & ~(arm > 0.0))).size:
                 raise JointplayError(
@@ -344,6 +346,10 @@ class _Profile:
                 )
             setups.append((motor, reading))
         span = max(float(np.ptp(reading[np.isfinite(reading)])) for _, reading in setups)
+        if span == 0.0:
+            raise JointplayError(
+                f"{stairs.source}: {joint}: all readings are the same: the dial does not follow it"
+            )
         floor = max(UNIFORM * stairs.step, ROUNDING * span)
         return cls(joint, slides, setups, floor if scatter is None else scatter, stairs.step)
 
