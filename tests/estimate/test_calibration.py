@@ -501,7 +501,7 @@ def test_the_command_tells_of_the_encoders_alone(arm, tmp_path, capsys):
         (lambda t: t.replace("waist motor [deg]", "waist motor"), "", "has no unit"),
         (lambda t: t.replace("waist motor", "knee motor"), "", "'knee motor [deg]' is unknown"),
         (lambda t: t.replace("waist motor", "elbow motor"), "", "'elbow motor' appears twice"),
-        (lambda t: t.replace("[mm]", "[s]"), "", "column 'tool x [s]'"),
+        (lambda t: t.replace("[mm]", "[s]"), "", "columns 'tool x [s]'"),
         (lambda t: t.replace("tool y", "marker a y"), "", "not both"),
         (lambda t: "\n".join(t.splitlines()[:5]), "", "3 poses; at least 6 are needed"),
         (lambda t: t + t.splitlines()[-1].replace(".", "x", 1) + "\n", "", "line 15: 'waist motor"),

@@ -445,6 +445,7 @@ def test_the_command_plans_and_refuses_in_one_line(arm, tmp_path, capsys):
     assert "expected 95 % interval" in capsys.readouterr().out
     for order, words in (
         (["identify", str(arm), *play], "give a measurement"),
+        (["identify", str(arm), "--preset", "x.csv", *play], "--preset took 'x.csv'"),
         (["identify", str(arm), "x.csv", "--plan", *play], "not both"),
         (["identify", str(arm), str(tmp_path / "none.csv"), *play], "cannot read the measurement"),
         (["identify", str(arm), "--plan", "--noise", "tool", *play], "--noise must read"),

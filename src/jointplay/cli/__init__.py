@@ -162,7 +162,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
             streams.silence(sys.stdout)
             return STOPPED
         except OSError as error:  # of a file that has a name, else standard output on a full disk
-            # Files of ours say their name; what is left of a full disk is standard output.
             full = error.errno in (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
             what = "cannot print" if full or streams.full(sys.stdout) else "the system reports"
             if error.filename:
@@ -208,8 +207,9 @@ def _command(parser: Parser, options: argparse.Namespace) -> int:
         return _refuse(options, str(error))
     except KeyboardInterrupt as error:
         return _interrupted(str(error))
-    except (ArithmeticError, ValueError) as error:
-        # Converters written in C, such as matplotlib's, report the interrupt as a wrong value.
+    except (ArithmeticError, ValueError, RuntimeError) as error:
+        # Converters written in C report the interrupt as a wrong value, and Python 3.11 as a
+        # RuntimeError where it falls into the making of a class.
         if signals.stop_requested():
             return _interrupted("")
         numpy = sys.modules.get("numpy")

@@ -335,6 +335,7 @@ def calibrate(
     )  # fmt: skip
 
 
+@known_keywords
 def plan_calibration(
     mechanism: Mechanism,
     terms: Sequence[Term | str] = TERMS,

@@ -61,10 +61,7 @@ def read(
         key, goal = meant
         if key[0] == _GOAL:
             continue
-        try:
-            factor = float(convert(f"1 {unit}", goal))
-        except ValueError as error:
-            raise JointplayError(f"{path}, column {title!r}: {error}") from None
+        factor = float(convert(f"1 {unit}", goal))
         if key in numbers:
             raise JointplayError(f"{path}: {name!r} appears twice")
         values = np.full(len(cells), np.nan)
@@ -108,7 +105,7 @@ def _check_titles(
     known: str,
     words: Collection[str],
 ) -> None:
-    """Refuse columns without a unit or of an unknown name, all in one message."""
+    """Refuse columns without a unit, of an unknown one or name, all in one message."""
     wrong, unknown = [], False
     for title in titles:
         if title in words:
@@ -117,10 +114,15 @@ def _check_titles(
         if not unit:
             said = as_written(name, meaning) or "'time [s]', 'elbow motor [deg]'"
             wrong.append(f"{title!r} has no unit; write {said}")
-        elif meaning(name) is None:
+        elif (meant := meaning(name)) is None:
             unknown = True
             said = as_written(name, meaning)
             wrong.append(f"{title!r} is unknown{f'; did you mean {said}?' if said else ''}")
+        elif meant[0][0] != _GOAL:
+            try:
+                convert(f"1 {unit}", meant[1])
+            except ValueError as error:
+                wrong.append(f"{title!r}: {error}")
     if wrong:
         there = f"; there are: {known}" if unknown else ""
         number = "column" if len(wrong) == 1 else "columns"

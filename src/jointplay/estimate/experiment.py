@@ -33,6 +33,8 @@ BAND = (100.0 * (1.0 - CONFIDENCE), 100.0 * CONFIDENCE)
 MOST_SHIFT = 0.25
 """Part of the run's length by which a measurement is shifted at most when the shift is found
 (judged: two turns of a crank in a run of eight)."""
+_LEAST = 3
+"""Measured times within the run at least: a constant and a slope fit two."""
 _SHIFTS = 2001
 """Shifts that are tried, before the best is refined: of a signal of 100 periods 10 a period."""
 
@@ -235,10 +237,11 @@ def beside_experiment(
     best = _best_shift(known, times, measured, end)
     shift = best if shift is None else shift
     within = (times + shift >= 0.0) & (times + shift <= end)
-    if np.count_nonzero(within) < 3:
+    if (there := np.count_nonzero(within)) < _LEAST:
+        hint = "; give a shift" if len(times) >= _LEAST else ""
         raise JointplayError(
-            f"{path}: of {len(times)} measured times {np.count_nonzero(within)} lie within the "
-            f"run, 0 to {end:g} s (shift {shift:g} s); give a shift"
+            f"{path}: of {len(times)} measured times {there} lie within the run, 0 to {end:g} s "
+            f"(shift {shift:g} s), and {_LEAST} are needed at least{hint}"
         )
     at = times[within] + shift
     keep = partial(_at_times, names=tuple(measured), at=at)

@@ -26,6 +26,7 @@ from jointplay.accuracy.poses import moving, over_workspace
 from jointplay.base import files
 from jointplay.base.errors import JointplayError, MissingName, require_known, require_positive
 from jointplay.base.pairs import name_and_number
+from jointplay.base.schema import known_keywords
 from jointplay.base.tables import counted, few
 from jointplay.base.units import NUMBER, convert, readable, rounded
 from jointplay.estimate import columns
@@ -100,6 +101,7 @@ class Posed(Protocol):
     def source(self) -> str: ...
 
 
+@known_keywords
 @dataclass(frozen=True)
 class Readings:
     """How far links turned under pushes; SI units, of joints that slide forces and lengths."""
@@ -266,6 +268,7 @@ class Gauged(Answer):
         )  # fmt: skip
 
 
+@known_keywords
 def identify_gauged(
     mechanism: Mechanism,
     readings: Readings | str | Path,
@@ -595,6 +598,7 @@ class Step:
         )
 
 
+@known_keywords
 def plan_gauge(
     mechanism: Mechanism,
     joints: Sequence[str] = (),

@@ -17,6 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.base.errors import JointplayError, require_known
+from jointplay.base.schema import known_keywords
 from jointplay.base.tables import counted
 from jointplay.estimate.parts import SPRINGS, WOUND, Elements, Springs, bearing_parts
 from jointplay.estimate.static_poses import StaticPoses, rotations_of
@@ -47,6 +48,7 @@ _TURN_WIDTH = 2.5
 [rad/m]."""
 
 
+@known_keywords
 @dataclass(frozen=True)
 class Term:
     """A possible cause of errors, in some joints.

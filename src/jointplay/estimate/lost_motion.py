@@ -29,6 +29,7 @@ from scipy.stats import t as student
 from jointplay.accuracy.poses import moving
 from jointplay.base import files
 from jointplay.base.errors import JointplayError, MissingName
+from jointplay.base.schema import known_keywords
 from jointplay.base.tables import counted, few
 from jointplay.base.units import readable
 from jointplay.estimate import columns
@@ -78,6 +79,7 @@ _COLUMNS = (
 )
 
 
+@known_keywords
 @dataclass(frozen=True)
 class Stairs:
     """Places to which joints were sent, and what a dial read there; SI units."""
@@ -125,6 +127,8 @@ class Stairs:
         motor, reading, arm = (numbers.get((name, ""), nothing) for name in _NUMBERS)
         if (bad := np.flatnonzero(~np.isfinite(motor))).size:
             raise JointplayError(f"{path}: move {bad[0] + 1} has no motor position")
+        if not np.isfinite(reading).any():
+            raise JointplayError(f"{path}: no reading is filled in")
         if not slide and not angular:
             if (bad := np.flatnonzero(np.isfinite(reading) & ~(arm > 0.0))).size:
                 raise JointplayError(
@@ -230,6 +234,7 @@ class LostMotion(Answer):
         return preset_found(self.mechanism, self.estimates, self.stairs.source, robot)
 
 
+@known_keywords
 def identify_lost_motion(
     mechanism: Mechanism,
     stairs: Stairs | str | Path,
@@ -341,6 +346,10 @@ class _Profile:
                 )
             setups.append((motor, reading))
         span = max(float(np.ptp(reading[np.isfinite(reading)])) for _, reading in setups)
+        if span == 0.0:
+            raise JointplayError(
+                f"{stairs.source}: {joint}: all readings are the same: the dial does not follow it"
+            )
         floor = max(UNIFORM * stairs.step, ROUNDING * span)
         return cls(joint, slides, setups, floor if scatter is None else scatter, stairs.step)
 
@@ -548,6 +557,7 @@ def _told(value: float, slides: bool) -> str:
     return f"{1e3 * value:.3g} mm" if slides else f"{math.degrees(value):.3g} deg"
 
 
+@known_keywords
 def plan_lost_motion(mechanism: Mechanism, joints: Sequence[str] = ()) -> LostMotionPlan:
     """Moves that tell the lost motion of joints; none named: of all that move.
 

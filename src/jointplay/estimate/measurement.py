@@ -15,6 +15,7 @@ from scipy.stats import median_abs_deviation, norm
 
 from jointplay.accuracy.poses import middle, moving
 from jointplay.base.errors import JointplayError, MissingName, require_positive
+from jointplay.base.schema import known_keywords
 from jointplay.base.tables import Column, Table, counted, few
 from jointplay.estimate import columns
 from jointplay.estimate.columns import Key
@@ -50,6 +51,7 @@ SHOWN = {"tool": "m", "link": "rad", "torque": "N*m"}
 _TIME: Key = ("time", "")
 
 
+@known_keywords
 @dataclass(frozen=True, repr=False)
 class Measurement:
     """Signals over time, SI units.

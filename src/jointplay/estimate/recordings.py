@@ -23,6 +23,7 @@ from jointplay.base import files
 from jointplay.base.errors import JointplayError, MissingName, require_a, require_known
 from jointplay.base.imports import extra
 from jointplay.base.progress import ProgressBar
+from jointplay.base.schema import known_keywords
 from jointplay.simulation.motion import rosbag
 
 if TYPE_CHECKING:
@@ -90,6 +91,7 @@ _Series = tuple[np.ndarray, dict[str, np.ndarray]]
 """Times of n records, integers (n,) [ns]; values by the recorded name, (n,), nan for none."""
 
 
+@known_keywords
 @dataclass(frozen=True)
 class Recording:
     """A ROS 2 bag or a LeRobot dataset, and which signals are taken from it.

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from jointplay.base.errors import JointplayError, MissingName, require_known
+from jointplay.base.schema import known_keywords
 from jointplay.estimate import columns
 from jointplay.estimate.unknowns import MINOR
 from jointplay.simulation.result.result import AXES
@@ -32,6 +33,7 @@ _MOST_LABELS = 6
 """Markers whose labels can be checked: all permutations are tried."""
 
 
+@known_keywords
 @dataclass(frozen=True)
 class StaticPoses:
     """Joint positions and what was measured there: n rows in the order of approach, j joints.

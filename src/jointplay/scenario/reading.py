@@ -18,7 +18,7 @@ from jointplay.base.errors import JointplayError, MissingName, require_a
 from jointplay.base.files import is_file, read_text
 from jointplay.base.origins import ASSUMED, FILE, GIVEN
 from jointplay.base.pairs import divided
-from jointplay.base.schema import ask_scales, check, fields_of, make, unknown_key
+from jointplay.base.schema import ask_scales, check, fields_of, known_keywords, make, unknown_key
 from jointplay.base.tables import Overview, few
 from jointplay.base.units import not_lost, toml_text
 from jointplay.model.robots import SHIPPED, is_robot, resolve
@@ -367,6 +367,7 @@ _WORDS = {"normal": "law", "friction": "law", "lubricant": "law", "drive": "kind
 """Keys whose bare word stands for a table with this one key."""
 
 
+@known_keywords
 class Scenario(Overview):
     """A TOML file that describes one or several cases to simulate.
 

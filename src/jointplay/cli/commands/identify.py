@@ -120,9 +120,11 @@ def run(options: argparse.Namespace) -> int:
         _readings(options, True)
         return 0
     if (options.plan is None) == (options.data is None):
+        also = "; not both" if options.plan else ""
+        if (options.preset or "").endswith(".csv"):
+            also = f"; --preset took {options.preset!r}"
         raise JointplayError(
-            "give a measurement (CSV, bag or dataset), or --plan to ask what to measure"
-            + ("; not both" if options.plan else "")
+            f"give a measurement (CSV, bag or dataset), or --plan to ask what to measure{also}"
         )
     commands.check_measured(options, "a measurement")
     if options.against:
