@@ -57,11 +57,14 @@ class Changes(Answer):
         return f"Play {'; '.join(parts)}"
 
 
-def changes(first: Sequence[LeastSquares], second: Sequence[LeastSquares]) -> Changes:
+def changes(
+    first: Sequence[LeastSquares], second: Sequence[LeastSquares], progress: bool = False
+) -> Changes:
     """How plays changed from one measurement of a machine to another.
 
     Args:
         first, second: least squares of each measurement; those with the same unknowns are compared.
+        progress: show a bar where a fit takes longer than 2 s.
 
     Raises:
         JointplayError: no play was measured both times; signals of other kinds.
@@ -76,7 +79,8 @@ def changes(first: Sequence[LeastSquares], second: Sequence[LeastSquares]) -> Ch
     found = list[Estimate]()
     for label in both:
         pair = before[label], after[label]
-        fit, last = search(*_stacked(*pair)), search(pair[1], _begin(pair[1].unknowns))
+        fit = search(*_stacked(*pair), progress)
+        last = search(pair[1], _begin(pair[1].unknowns), progress)
         for j, i in enumerate(_plays(pair[1].unknowns)):
             found += [_told(last, i), _told(fit, len(pair[0].unknowns) + j)]
     once = [one for one in {**before, **after} if one not in both]
