@@ -155,7 +155,7 @@ def test_play_is_found_with_its_friction_and_told_from_compliance(arm):
     assert step[0] - step[1] == pytest.approx(8e-3, abs=1e-3)
     text = str(fit)
     assert re.search(r"^elbow +gear play ", text, re.M)
-    assert text.count(elbow.words()[1]) == 1
+    assert text.count(elbow.cells()[1]) == 1
     assert "waist gear play: gravity does not load this joint" in text
     # What is told of play stands in one place, not once more among the coefficients.
     assert not [one for one in fit.coefficients if "play" in one.label]
@@ -610,7 +610,7 @@ def test_the_effect_of_a_term_is_what_it_moves_the_tool_by(arm):
     (effect,) = fit.effects
     assert effect.value == pytest.approx(wanted, rel=0.05)
     assert effect.low <= wanted <= effect.high
-    assert effect.words()[1] in str(fit)
+    assert effect.cells()[1] in str(fit)
     assert "compliance,m," in fit.data.csv(6)
 
 

@@ -101,7 +101,7 @@ class Measurement:
 
     def has(self, kind: str) -> list[str]:
         """Axes or joints of which there is a signal of this kind."""
-        return [name for one, name in self.signals if one == kind]
+        return [name for present, name in self.signals if present == kind]
 
     @classmethod
     def from_csv(
@@ -494,11 +494,11 @@ def _pieces(
 
 def _rates(time: np.ndarray, q: np.ndarray, directions: np.ndarray, piece: slice) -> np.ndarray:
     """Mean speed and acceleration, (2, j): of a parabola through the piece and its neighbours."""
-    more = (piece.stop - piece.start) // 2
+    margin = (piece.stop - piece.start) // 2
     first, last, way = piece.start, piece.stop, directions[piece.start]
-    while first > max(piece.start - more, 0) and (directions[first - 1] == way).all():
+    while first > max(piece.start - margin, 0) and (directions[first - 1] == way).all():
         first -= 1
-    end = min(piece.stop + more, len(time))
+    end = min(piece.stop + margin, len(time))
     while last < end and (directions[last] == way).all():
         last += 1
     t = time[first:last] - 0.5 * (time[piece.start] + time[piece.stop - 1])
@@ -605,7 +605,7 @@ def places(middles: np.ndarray, stopped: np.ndarray, size: np.ndarray) -> np.nda
 def _observe(
     mechanism: Mechanism,
     measured: Measurement,
-    made: Visits,
+    visits: Visits,
     q: np.ndarray,
     pieces: Sequence[slice],
 ) -> Observed:
@@ -619,7 +619,7 @@ def _observe(
     mean = np.full((len(pieces), len(keys)), np.nan)
     error, rate, noise = mean.copy(), np.zeros(mean.shape), []
     inner = [_inner(measured, piece) for piece in pieces]
-    off = departures(mechanism, made.joints, q, signals)
+    off = departures(mechanism, visits.joints, q, signals)
     for column, (key, records) in enumerate(signals.items()):
         values, kind = off[key], key[0]
         spread = measured.noise.get(kind) or scatter(values)
@@ -628,10 +628,10 @@ def _observe(
         for i, piece in enumerate(inner if kind in READINGS else pieces):
             good = ~np.isnan(values[piece])
             known = values[piece][good]
-            if len(known) >= FEWEST_IN_VISIT and not (kind == "torque" and made.stopped[i]):
+            if len(known) >= FEWEST_IN_VISIT and not (kind == "torque" and visits.stopped[i]):
                 mean[i, column] = known.mean()
                 error[i, column] = np.hypot(noise[-1] / np.sqrt(len(known)), floor)
-                if not made.stopped[i]:
+                if not visits.stopped[i]:
                     at = measured.time[piece][good]
                     slope, _ = np.polyfit(at - at.mean(), records[piece][good], 1)
                     rate[i, column] = slope

@@ -172,7 +172,7 @@ class Estimate:
             return f"at most {shown(self.upper)}"
         return f"{shown(low)} to {shown(high)}" if high < math.inf else f"at least {shown(low)}"
 
-    def words(self) -> tuple[str, str]:
+    def cells(self) -> tuple[str, str]:
         """Value and interval as tables have them."""
         if self.reason:
             return "-", CANNOT_TELL
@@ -182,7 +182,7 @@ class Estimate:
         return self.unknown.shown(self.value), f"{self.span}{note}"
 
     def __str__(self) -> str:
-        value, interval = self.words()
+        value, interval = self.cells()
         return f"{self.label}: " + ": ".join(filter(None, [value, interval, self.reason]))
 
     def describe(self) -> dict[str, Any]:
@@ -224,18 +224,18 @@ class Loop:
         unit: str,
         branch: np.ndarray,
         effect: np.ndarray,
-        left: np.ndarray,
+        residual: np.ndarray,
     ) -> Loop:
         """With all else as it was fitted: what is left of k signals is added to the joint's own.
 
         Args:
             joint, over, fitted, unit, branch: see the class; `over` is x with its name and unit.
             effect: of the joint's motion by one on the signals, in standard errors, shape (n, k).
-            left: measured less fitted, in standard errors, shape (n, k).
+            residual: measured less fitted, in standard errors, shape (n, k).
         """
         size = np.sum(effect**2, axis=1)
         use = size > MINOR**2 * size.max(initial=0.0)
-        measured = fitted[use] + np.sum(effect * left, axis=1)[use] / size[use]
+        measured = fitted[use] + np.sum(effect * residual, axis=1)[use] / size[use]
         x, name, its_unit = over
         return cls(joint, x[use], name, its_unit, measured, fitted[use], unit, branch[use])
 
@@ -264,7 +264,7 @@ def listed(
             else [estimate.joint or "all", estimate.unknown.name.replace("_", " ")]
         )
         before = [estimate.unknown.shown(estimate.unknown.nominal)] if expected else []
-        rows.append([*names, *before, *estimate.words()])
+        rows.append([*names, *before, *estimate.cells()])
     lines = [str(Table.of_texts(rows))] if shown else []
     if hidden:
         lines.append(f"{vague}: {', '.join(estimate.label for estimate in hidden)}")
