@@ -242,6 +242,9 @@ PUSH_STEPS = 4.0
 and inertia's. Judged."""
 STOP_S = 0.15
 """Shortest stop that is looked at [s] (judged)."""
+SETTLING = 0.4
+"""Part of a stop that is left out at its beginning, while the machine calms down (judged: with 0.5
+intervals of 64 machines of benchmarks/truth/identify.py are 2 % wider, and hold as often)."""
 LARGEST_LAG_S = 0.03
 """For which readings whose lag is unknown leave records out, at both ends of a visit [s] (judged:
 with a quarter of each visit the intervals of a late tracker are a fifth wider)."""
@@ -483,7 +486,7 @@ def _pieces(
             long = time[last - 1] - time[first]
             if long < STOP_S:
                 continue
-            calm = int(np.searchsorted(time, time[first] + 0.5 * long))  # as it calms down before
+            calm = int(np.searchsorted(time, time[first] + SETTLING * long))
             first = max(first, min(calm, last - FEWEST_IN_VISIT))
         elif not (np.ptp(q[first:last], axis=0) > 0.5 * size).any():
             continue  # a drive that gives way to a push: the journals hardly turn
