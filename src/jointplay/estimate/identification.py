@@ -45,6 +45,8 @@ from jointplay.simulation.simulation import Simulation
 if TYPE_CHECKING:
     from jointplay.scenario.presets import Preset
 
+_LARGE = 3.0
+"""Times the records' scatter from which on residuals are said to be large (judged)."""
 _FINEST = 1e-9
 """Error of a mean below which none is taken, far below what instruments resolve: records of a
 simulation have none at all [m, rad, N m]."""
@@ -200,16 +202,21 @@ def advice(
         noise[kind] = max(spread, _FINEST)
     offers = planning.offers(model.machine, unknowns, model.keys, noise, fit.theta)
     lines = []
+    widths = [[planning.half_widths(unknowns, before + x) for x in gains] for gains, _ in offers]
     for i, (unknown, why) in enumerate(zip(unknowns, reasons, strict=True)):
-        best, experiment = np.inf, ""
-        for gain, text in offers if why and unknown.sought else ():
-            half = planning.half_widths(unknowns, before + gain)[i]
-            if half < 0.5 * best:  # simpler ones come first: what is harder must tell far more
-                best, experiment = half, text
+        if not why or not unknown.sought:
+            lines.append("")
+            continue
         limit = unknown.widest(fit.theta[i])
+        # The best of the simplest kind that determines it, else of all.
+        least = [
+            min(zip((half[i] for half in halves), texts, strict=True))
+            for halves, (_, texts) in zip(widths, offers, strict=True)
+        ]
+        best, experiment = next((offer for offer in least if offer[0] <= limit), min(least))
         if best <= limit:
             lines.append(f"would determine it, to +- {unknown.shown(best)}: {experiment}")
-        elif experiment and best < 0.5 * fit.half_width[i] and best < 4.0 * limit:
+        elif best < 0.5 * fit.half_width[i] and best < 4.0 * limit:
             times = int(np.ceil((best / limit) ** 2))
             lines.append(f"would determine it if done about {times} times: {experiment}")
         else:
@@ -301,6 +308,8 @@ class Identification:
             f"{self.excess:.2g} times what the records' scatter explains (RMS); errors and "
             "intervals are enlarged by what is over 1"
         )
+        if self.excess > _LARGE:
+            lines.append("note: the model does not explain all of it")
         return "\n".join(lines)
 
     @property

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import islice
+from itertools import groupby, islice
 from typing import Any
 
 import numpy as np
@@ -49,8 +49,12 @@ SPEED = 0.2
 """At which poses are passed [rad/s or m/s] (judged: slow for robots; stated with the plan)."""
 PUSH_N = 20.0
 """With which the tool is pushed [N] (judged; given by `push`)."""
+_STRONG_WEIGHTS, _STRONGEST_N = 2.0, 100.0
+"""Weights of the machine with which advice pushes, too, and the most [N] (judged: of 30 unknowns
+that 15 machines of benchmarks/truth/identify.py leave open it is what helps 8)."""
 POSES = 32
-"""Among which a plan, and advice after a measurement, choose."""
+"""Among which a plan chooses, and of half as many advice after a measurement (measured: with all,
+advice determines as many of these 30)."""
 SIZES = (1.0, 0.4)
 """Of a push, where play is to be told from elasticity."""
 _WAY = 0.5
@@ -429,15 +433,25 @@ def offers(
     keys: tuple[Key, ...],
     noise: Mapping[str, float],
     theta: np.ndarray,
-) -> list[tuple[np.ndarray, str]]:
-    """What could be measured besides: information (see `Information`) and words, simplest first.
+) -> list[tuple[np.ndarray, list[str]]]:
+    """What could be measured besides: of each kind of experiment, simplest first, the information
+    (see `Information`) of k of them, and their texts.
 
     At values `theta` (p,) of the unknowns, with the signals `keys` that are measured already and
     the noise of a record by kind of signal [SI].
     """
     mechanism, parts = machine.mechanism, sizes(machine, unknowns)
-    options = experiments(mechanism, over_workspace(mechanism, POSES), PUSH_N, parts)
-    options.sort(key=lambda option: (option.force is not None, option.passes))
+    weight = sum(body.mass for body in mechanism.model.inertias) * np.linalg.norm(mechanism.gravity)
+    strong = float(f"{min(_STRONG_WEIGHTS * weight, _STRONGEST_N):.1g}")
+
+    def kind(option: Experiment) -> tuple[bool, bool, float]:
+        return option.force is not None, option.passes, max(map(abs, option.force or (0.0,)))
+
+    poses = over_workspace(mechanism, POSES // 2)
+    options = experiments(mechanism, poses, PUSH_N, parts)
+    if strong > PUSH_N:
+        options += [x for x in experiments(mechanism, poses, strong, parts) if x.force is not None]
+    options.sort(key=kind)
     sets = [(keys, "")]
     if tracker := tuple(("tool", axis) for axis in AXES if ("tool", axis) not in keys):
         sets.append(((*keys, *tracker), "with a tracker of the tool's position, "))
@@ -447,8 +461,9 @@ def offers(
     names, offered = tuple(moving(mechanism)), []
     for signals, text in sets:
         gains = informations(machine, unknowns, signals, noise, options, theta).gains
-        texts = [text + option.instruction(names) for option in options]
-        offered += list(zip(gains, texts, strict=True))
+        for _, group in groupby(range(len(options)), lambda i: kind(options[i])):
+            alike = list(group)
+            offered.append((gains[alike], [text + options[i].instruction(names) for i in alike]))
     return offered
 
 
