@@ -13,7 +13,7 @@ from conftest import body, joint, tip
 
 from jointplay import JointplayError, Mechanism, calibrate, encoder_differences
 from jointplay.cli import main
-from jointplay.estimate import StaticPoses, Term, inference, plan_calibration
+from jointplay.estimate import StaticPoses, Term, calibration, inference, plan_calibration
 from jointplay.estimate.kinematic_model import Poses
 from jointplay.estimate.selection import improves
 from jointplay.estimate.static_poses import rigid_body, rotation_vectors, rotations_of, same_labels
@@ -612,6 +612,16 @@ def test_the_effect_of_a_term_is_what_it_moves_the_tool_by(arm):
     assert effect.low <= wanted <= effect.high
     assert effect.cells()[1] in str(fit)
     assert "compliance,m," in fit.data.csv(6)
+
+
+@pytest.mark.thorough
+def test_a_plan_chooses_among_many_more_poses_than_it_needs(monkeypatch):
+    """Poses that are nearly all that there are would be as they come."""
+    robot, widths = Mechanism("so101"), []
+    for candidates in (calibration.CANDIDATES, 32):
+        monkeypatch.setattr(calibration, "CANDIDATES", candidates)
+        widths.append(plan_calibration(robot, count=30).half_width[-1])
+    assert np.exp(np.mean(np.log(widths[1] / widths[0]))) > 1.05
 
 
 def test_a_plan_promises_what_its_poses_then_tell(arm):

@@ -49,6 +49,9 @@ if TYPE_CHECKING:
 
 TERMS = ("offset", "placement", "compliance", "eccentricity", "play")
 """Causes that are tried if none are named."""
+CANDIDATES = 200
+"""Poses among which a plan chooses (measured: half widths of the SO-101's 30 poses from 48 are 5 %
+wider, from 32 they are 9 %, and a single one by 60 %)."""
 DRAWS = 1000
 """Of coefficients for an effect's interval, whose ends are each beyond 25 of them."""
 _FRAME = tuple(f"{what} {axis}" for what in ("base", "base r", "tool", "tool r") for axis in "xyz")
@@ -362,7 +365,7 @@ def plan_calibration(
     """
     require_a("mechanism", mechanism, "Mechanism")
     ideal = mechanism.ideal()
-    free, notes = planning.free_poses(ideal, None, seed)
+    free, notes = planning.free_poses(ideal, None, seed, CANDIDATES)
     names = tuple(moving(ideal))
     motor = free[:, [ideal.coordinate(name) for name in names]]
     n = len(motor)
