@@ -505,6 +505,16 @@ def test_a_plan_has_different_experiments_that_can_be_done(robot, name):
     assert (np.diff(plan.half_width, axis=0) <= 1e-12).all()
 
 
+@pytest.mark.thorough
+def test_a_plan_does_not_refine_what_is_known_as_well_as_the_model_at_the_cost_of_the_rest():
+    play = RevoluteClearance(radial_clearance=5e-5, axial_clearance=5e-5, bearing_radius=20e-3)
+    worn = {name: play for name in ("shoulder_lift", "elbow_flex")}
+    plan = plan_measurement(Mechanism("so101", worn), count=4)
+    wide = [half / x.scale for half, x in zip(plan.half_width[-1], plan.unknowns, strict=True)]
+    sought = [half for half, x in zip(wide, plan.unknowns, strict=True) if x.sought]
+    assert max(sought) < 0.28
+
+
 def test_a_plan_says_when_no_more_experiments_differ(arm):
     mechanism = Mechanism(arm, {"j": planar()})
     poses = np.tile(mechanism.configuration({}), (5, 1))

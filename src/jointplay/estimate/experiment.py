@@ -142,7 +142,7 @@ class ExperimentComparison:
     curves: tuple[MeasuredCurve, ...]
     shift: float
     """Added to the measured times [s]."""
-    found: bool
+    fitted: bool
     """Whether the shift was found."""
     left_out: int
     """Measured times outside the run."""
@@ -196,7 +196,7 @@ class ExperimentComparison:
                 f"RMS{'' if math.isnan(curve.relative) else part}; the run's own error is "
                 f"{rounded(curve.own_error, curve.unit, 2)}"
             )
-        how = "found, as it fits best" if self.found else "as given"
+        how = "found, as it fits best" if self.fitted else "as given"
         lines.append(f"measured times are shifted by {readable(self.shift, 's', 4)} ({how})")
         if self.left_out:
             lines.append(f"{self.left_out} measured times outside the run are left out")
@@ -233,7 +233,7 @@ def beside_experiment(
     times, measured = _read(Path(path), known)
     simulation = result.simulation
     end = float(result.time[-1])
-    found = shift is None
+    fitted = shift is None
     best = _best_shift(known, times, measured, end)
     shift = best if shift is None else shift
     within = (times + shift >= 0.0) & (times + shift <= end)
@@ -248,19 +248,19 @@ def beside_experiment(
     finest = replace(further_runs(simulation, result)[-1].simulation, start=result.audit.start)
     starts = [replace(simulation, seed=seed, duration=end) for seed in range(runs)]
     values = ensemble([finest, *starts], jobs=jobs, keep=keep, progress=progress)
-    finer, others = values[0], values[1:]
+    finer, members = values[0], values[1:]
     rows = []
     for name, column in measured.items():
         computed = np.interp(at, *known[name][:2])
         band = None
-        if others:
-            low, high = np.percentile([curve[name] for curve in others], BAND, axis=0)
+        if members:
+            low, high = np.percentile([curve[name] for curve in members], BAND, axis=0)
             band = (low, high)
         error = float(np.sqrt(np.mean((finer[name] - computed) ** 2)))
         rows.append(MeasuredCurve(name, known[name][2], at, column[within], computed, error, band))
     return ExperimentComparison(
-        tuple(rows), float(shift), found, int(np.count_nonzero(~within)),
-        "" if found else _hint(known, times, measured, shift, best),
+        tuple(rows), float(shift), fitted, int(np.count_nonzero(~within)),
+        "" if fitted else _hint(known, times, measured, shift, best),
     )  # fmt: skip
 
 

@@ -331,12 +331,12 @@ class _Profile:
 
     @classmethod
     def of(
-        cls, stairs: Stairs, joint: str, mine: np.ndarray, slides: bool, scatter: float | None
+        cls, stairs: Stairs, joint: str, of_joint: np.ndarray, slides: bool, scatter: float | None
     ) -> _Profile:
         names = np.array(stairs.setup)
         setups = []
-        for name in dict.fromkeys(names[mine]):
-            rows = np.flatnonzero(mine & (names == name))
+        for name in dict.fromkeys(names[of_joint]):
+            rows = np.flatnonzero(of_joint & (names == name))
             motor, reading = stairs.motor[rows], stairs.reading[rows]
             read = np.isfinite(reading)
             ways = np.sign(np.diff(motor, prepend=motor[0]))[read]
@@ -369,8 +369,8 @@ class _Profile:
                 x, y = link[..., read], reading[read]
                 x, y = x - x @ span @ span.T, y - span @ (span.T @ y)
                 scale = (x @ y + weight) / (np.square(x).sum(axis=-1) + weight)
-                left = np.square(y - scale[..., None] * x).sum(axis=-1)
-                tried.append((scale, left + weight * np.square(scale - 1.0)))
+                misfit = np.square(y - scale[..., None] * x).sum(axis=-1)
+                tried.append((scale, misfit + weight * np.square(scale - 1.0)))
             scales, squares = (np.array(sums) for sums in zip(*tried, strict=True))
             total += np.min(squares, axis=(0, 2))
             candidates.append((link, scales, squares))
@@ -543,7 +543,7 @@ class LostMotionPlan:
     def __str__(self) -> str:
         rows = [
             f"{number}. {joint}: {_PLACES} places from both sides, twice, "
-            f"{_told(stride, slides)} apart from {_told(begin, slides)} on"
+            f"{_shown(stride, slides)} apart from {_shown(begin, slides)} on"
             for number, (joint, (slides, begin, stride)) in enumerate(self.joints.items(), 1)
         ]
         how = (
@@ -552,7 +552,7 @@ class LostMotionPlan:
         return "\n".join([*self.notes, *rows, how])
 
 
-def _told(value: float, slides: bool) -> str:
+def _shown(value: float, slides: bool) -> str:
     """A place in the unit of the table."""
     return f"{1e3 * value:.3g} mm" if slides else f"{math.degrees(value):.3g} deg"
 

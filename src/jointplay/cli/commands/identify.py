@@ -284,7 +284,7 @@ def _changes(options: argparse.Namespace) -> None:
         machine, about = _of_motion(options, posed)
         out.claim()
         old, new = ([identify_problem(machine, data, **about)] for data in recordings)
-    changed = changes(old, new)
+    changed = changes(old, new, progress=not options.quiet)
     notes = [*changed.notes, *posed.notes]
     print_answer(
         changed.sentence, replace(changed, notes=()), notes, options, data=changed.describe
