@@ -240,7 +240,7 @@ def test_what_a_contribution_lacks_is_said(tmp_path, capsys, change, said):
         (("elbow_joint.bearing", "elbow_jnt.bearing"), r"no joint 'elbow_jnt'; did you mean"),
         (("bearing]", "bearng]"), r'line 3, joint.elbow_joint.bearng: unknown key.*mean "bearing"'),
         (("[preset]", "[presett]"), r'line 1, presett: unknown key "presett"; did you mean'),
-        (("description", "descripton"), r"line 2, preset.descripton: unknown key .*mean .description"),
+        (("description", "descriptn"), r"line 2, preset.descriptn: unknown key.*mean .description"),
         (("30 um", "30 umm"), r'line 4, .*unknown unit "umm"'),
         (("radial_clearance", "radial"), r'line 4, .*unknown key "radial"'),
         (("[preset]", "[preset"), "line 1, .*Expected"),
