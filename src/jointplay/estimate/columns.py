@@ -5,7 +5,6 @@ A column is called ``tool x [mm]``: what it is, and its unit in brackets (or ``t
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 
@@ -13,11 +12,10 @@ import numpy as np
 
 from jointplay.base import files
 from jointplay.base.errors import JointplayError
-from jointplay.base.units import convert, plain_number
+from jointplay.base.units import convert, plain_number, titled
 
 Key = tuple[str, str]
 """``("tool", "x")``, ``("link", "elbow")``: kind of a signal, then its axis or joint."""
-_BRACKETS = re.compile(r"^(.*?)\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\))\s*$")
 _MOTOR, _GOAL = "motor", "goal"
 _LARGEST = 1e12
 """Largest number in a measurement [SI]: times since 1970 have ten digits, all else has fewer."""
@@ -144,9 +142,8 @@ def as_written(name: str, meaning: Callable[[str], tuple[Key, str] | None]) -> s
 
 def split_title(title: str) -> tuple[str, str]:
     """A column's name and unit, of ``tool x [mm]`` or ``tool_x_mm``; no unit if it has none."""
-    match = _BRACKETS.match(title)
-    if match:
-        return match[1].strip(), (match[2] or match[3] or "").strip()
+    if (in_brackets := titled(title)) != (title, ""):
+        return in_brackets
     name, _, unit = title.rpartition("_")
     try:
         convert(f"1 {unit}", "s", "m", "rad", "N", "N*m")

@@ -119,7 +119,7 @@ def run(options: argparse.Namespace) -> int:
     if poses.link is not None:
         asked = [*always, *terms] if options.term or options.always else None
         fits += encoder_differences(mechanism, poses, payloads, asked)
-        notes += ["encoders, link less motor:", *(f"{fit}\n" for fit in fits)]
+        notes = [*(f"link less motor, {fit}\n" for fit in fits), *notes]
         contents[ENCODERS] = data([row for fit in fits for row in fit.rows]).csv(6)
         poses = poses.read_by_link(*options.link)
     elif options.link:
