@@ -32,7 +32,7 @@ from jointplay.estimate import (
 )
 from jointplay.estimate.identification import reason
 from jointplay.estimate.least_squares import Fit, LeastSquares, minimum
-from jointplay.estimate.measurement import resolution, scatter, turns
+from jointplay.estimate.measurement import places, resolution, scatter, turns
 from jointplay.estimate.unknowns import Unknown
 from jointplay.model.collisions import SelfCollision
 from jointplay.physics.contact import Ambrosio
@@ -503,6 +503,18 @@ def test_a_plan_has_different_experiments_that_can_be_done(robot, name):
     assert f"information x {plan.gains[7]:.3g} (its determinant)" in str(plan)
     assert f"most about {name}" in plan.reason(0)
     assert (np.diff(plan.half_width, axis=0) <= 1e-12).all()
+
+
+def test_stops_are_at_the_same_place_only_close_together():
+    """Else what the geometry errs by between them would be the tool's scatter."""
+    at, stopped = np.array([[0.0], [0.3], [0.0], [0.3]]), np.array([True, True, False, False])
+    assert places(at, stopped, np.ones(1)).tolist() == [0, 1, 2, 2]
+
+
+def test_small_values_are_told_with_an_interval_up_to_an_eighth_of_their_scale():
+    clearance = Unknown("j", "radial_clearance", "m", 4e-5, 4e-5, 1e-3)
+    assert clearance.widest(0.0) == clearance.widest(1e-5) == pytest.approx(5e-6)
+    assert clearance.widest(2e-5) == pytest.approx(1e-5)
 
 
 @pytest.mark.thorough

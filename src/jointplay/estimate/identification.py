@@ -46,7 +46,9 @@ if TYPE_CHECKING:
     from jointplay.scenario.presets import Preset
 
 _LARGE = 3.0
-"""Times the records' scatter from which on residuals are said to be large (judged)."""
+"""Times the records' scatter from which on residuals are said to be large (judged: of 38 arms of
+benchmarks/truth/identify.py with parts an interval misses the truth in 4 of 12 with more, and in 2
+of 26 with less)."""
 _FINEST = 1e-9
 """Error of a mean below which none is taken, far below what instruments resolve: records of a
 simulation have none at all [m, rad, N m]."""

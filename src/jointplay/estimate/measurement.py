@@ -246,13 +246,13 @@ _STOP_CELL = 0.2
 """Part of a cell within which stops are at the same place (judged: with 0.5, of 18 machines whose
 stops lie apart by up to 0.6 cells one interval more misses the truth)."""
 _TRAVEL = 0.5
-"""Part of a cell that a joint must move in a visit (judged: with 0.3 nothing changes in 114
+"""Part of a cell that a joint must move in a visit (judged: with 0.3 nothing changes in 115
 machines of benchmarks/truth/identify.py)."""
 STOP_S = 0.15
 """Shortest stop that is looked at [s] (judged)."""
 SETTLING = 0.4
 """Part of a stop that is left out at its beginning, while the machine calms down (judged: with 0.5,
-of 114 machines three told values miss the truth, else one, and as many are told)."""
+of 115 machines three told values miss the truth, else one, and as many are told)."""
 LARGEST_LAG_S = 0.03
 """For which readings whose lag is unknown leave records out, at both ends of a visit [s] (judged:
 with a quarter of each visit the intervals of a late tracker are a fifth wider)."""
