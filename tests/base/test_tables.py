@@ -100,3 +100,9 @@ def test_one_thing_is_singular(number, words):
 
 def test_a_plural_can_be_given():
     assert counted(2, "mesh", "meshes") == "2 meshes"
+
+
+def test_numbers_beside_a_far_larger_one_keep_their_units():
+    assert Column("ratio", [103787.0, 12.6, 8.52, 0.3], digits=3).texts() == [
+        "103787", "13", "9", "0.3"
+    ]  # fmt: skip

@@ -148,7 +148,7 @@ class Column:
         elif not sizes:
             form = ".0f"
         # What is not nothing must not look like it; rounding errors may.
-        least = 0.5 * 10.0**-places
+        least = 0.5 * 10.0 ** -max(places, 0)
         noise = _NOISE * max(sizes, default=0.0)
 
         def text(value: Any) -> str:
