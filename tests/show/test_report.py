@@ -150,7 +150,7 @@ def test_a_glance_shows_errors_and_marks_uncertain_figures(folder, tmp_path, err
     reports.report({"0.2 mm": result}, tmp_path / "a.html", impacts=0, pdf=False)
     text = (tmp_path / "a.html").read_text(encoding="utf-8")
     seen = text[text.index('id="glance"') : text.index("<h2>Parameters")]
-    assert f"± {error:.0f}" in seen
+    assert f"±\u00a0{error:.0f}" in seen
     assert (">uncertain</strong>" in seen) == marked
     assert ("compare designs" in seen) == marked
 

@@ -188,7 +188,7 @@ def _rattle(runs: Runs, case: Case) -> analysis.Rattle | None:
 
 def _marked(figure: CertifiedFigure) -> Html:
     pattern = '{} <strong class="warn">uncertain</strong>' if figure.marked else "{}"
-    return markup(pattern, figure.number)
+    return markup(pattern, figure.number.replace("± ", "±\u00a0"))  # a line may end before ±
 
 
 def _joint_forces(case: Case, start: float) -> dict[str, float]:
