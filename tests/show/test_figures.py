@@ -1,10 +1,11 @@
 """Every figure of four machines: texts apart, inside, with units; colours that all can tell."""
 
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
+from mpl_toolkits.mplot3d.proj3d import proj_transform
 from texts import faults
 
 import jointplay as jp
@@ -101,6 +102,18 @@ def test_words_of_a_robots_joints_stand_apart():
     figure = picture(robot, poses[0])
     assert len(figure.axes[0].texts) == len(names) + 1
     assert not faults(figure)
+
+
+def test_a_small_picture_of_a_tall_arm_has_room_for_its_numbers_and_its_box():
+    robot = jp.Mechanism(robot_urdf("ar4"))
+    figure = picture(robot, size_in=(4.4, 3.6))
+    assert not faults(figure)
+    axes = figure.axes[0]
+    limits = (axes.get_xlim(), axes.get_ylim(), axes.get_zlim())
+    corners = proj_transform(*np.array([*product(*limits)]).T, axes.get_proj())[:2]
+    shares = axes.transLimits.transform(np.column_stack(corners))
+    assert shares.min() > -0.01
+    assert shares.max() < 1.01
 
 
 def test_a_budget_by_gears_names_their_joints_in_the_picture():

@@ -204,12 +204,12 @@ def _picture(runs: Runs) -> list[Part]:
     shown = next((case for case in runs.cases if analysis.has_play(case.result)), runs.cases[0])
     try:
         mechanism = shown.result.simulation.mechanism
-        labels = {
-            name: f"{name}\nplay {mechanism.clearance[name].play_words}"
-            if shown.alone
-            else f"{name}: play"
-            for name in shown.joints
-        }
+        loose = {n: gear.play for n, gear in mechanism.gears.items() if gear.play > 0.0}
+        units = mechanism.description.joints
+        sizes = {name: readable(play, units[name].unit) for name, play in loose.items()}
+        sizes |= {name: mechanism.clearance[name].play_words for name in shown.joints}
+        pattern = "{}\nplay {}" if shown.alone else "{}: play"
+        labels = {name: pattern.format(name, size) for name, size in sizes.items()}
         q, size_in = shown.result["q"].values[0], (4.4, 3.6)  # whose letters can be read
         figure, content = picture(mechanism, q, labels=labels, size_in=size_in), io.BytesIO()
     except JointplayError:  # such as a law of the user's own that may not be imported
@@ -217,8 +217,7 @@ def _picture(runs: Runs) -> list[Part]:
     with style("screen"):
         figure.savefig(content, format="png", dpi=150, bbox_inches="tight", pad_inches=0.05)
     places = [name for name, joint in mechanism.clearance.items() if joint.has_play]
-    gears = [name for name, gear in mechanism.gears.items() if gear.play > 0.0]
-    places += [f"the gear{'s' if len(gears) > 1 else ''} of {', '.join(gears)}"] if gears else []
+    places += [f"the gear{'s' if len(loose) > 1 else ''} of {', '.join(loose)}"] if loose else []
     play = f"play in {', '.join(places)}" if places else "nothing has play"
     title = f"{robot_of(shown.result)} at the start of the run; {play}"
     return [Drawing(title, content.getvalue())]
