@@ -37,6 +37,7 @@ def grid(tmp_path_factory):
     return swept(tmp_path_factory.mktemp("grid"), AXES, "repeats = 2")
 
 
+@pytest.mark.usefixtures("checked_figures")
 def test_the_page_has_table_lines_maps_and_failed_cases(grid, tmp_path):
     page = tmp_path / "p.html"
     assert main(["report", str(grid), "-o", str(page), "--quiet"]) == 0
@@ -105,6 +106,7 @@ def test_a_sweep_is_answered_on_the_first_screens(tmp_path, open_page):
     assert all(one.is_visible() for one in tab.locator("main img").all())
 
 
+@pytest.mark.usefixtures("checked_figures")
 def test_the_page_of_samples_has_their_distributions(tmp_path):
     store = swept(tmp_path, SAMPLED, "samples = 8")
     assert main(["report", str(store), "--quiet", "--no-pdf"]) == 0

@@ -154,7 +154,8 @@ class Decades(LogFormatterSciNotation):
     """Labels of a logarithmic axis as plain text, 10⁻³: text here is not parsed for formulas."""
 
     def __call__(self, x: float, pos: int | None = None) -> str:
-        low, high = self.axis.get_view_interval()
+        axis: Any = self.axis
+        low, high = axis.get_view_interval()
         if high > _NEAR * low and f"{x:.0e}"[0] not in "125":  # 3 and 4 would touch
             return ""
         formula = super().__call__(x, pos)

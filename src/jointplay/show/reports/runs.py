@@ -494,7 +494,10 @@ def forces(runs: Runs) -> Iterator[Part]:
     ]
     if rows:
         yield from shortened(Grid.of_rows(rows, "largest force"), "joint")
-    for axis in AXES:
+    loaded = figures.loaded_axes(runs.detailed)
+    if idle := " and ".join(axis for axis in AXES if axis not in loaded):
+        yield paragraph(f"No force acts along {idle}.")
+    for axis in loaded:
         panels = figures.force_panels(runs.detailed, axis)
         title = f"Force in the joint along world {axis}"
         yield from _graph(runs, f"force_{axis}", title, panels, same=True)
