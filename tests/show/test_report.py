@@ -99,6 +99,21 @@ def test_numbers_are_those_of_the_results(page, folder):
 
 
 @pytest.mark.thorough
+def test_a_planar_machine_has_no_charts_of_zeros_and_no_empty_columns(tmp_path):
+    scenario = jp.Scenario.load("jointplay:slider_crank.toml")
+    integration = {"duration": "0.01 s"}
+    result = scenario.simulation("0.2 mm", {"integration": integration}).run(estimate=False)
+    reports.report({"crank": result}, tmp_path / "a.html", impacts=0, pdf=False)
+    text = (tmp_path / "a.html").read_text(encoding="utf-8")
+    assert "No force acts along y." in text
+    assert 'id="chart-force_x"' in text
+    assert 'id="chart-force_y"' not in text
+    assert 'id="chart-tilt"' not in text
+    assert '<th scope="col">case</th>' not in text
+    assert '<th scope="col">axis</th>' in text
+
+
+@pytest.mark.thorough
 def test_balls_oil_and_wear_without_a_motion(urdf, tmp_path):
     path = urdf(
         body("a"), body("b", com="0.1 0 0"), joint("one", "base", "a"),

@@ -408,7 +408,7 @@ def bearings(runs: Runs) -> Iterator[Part]:
             timelines.append(replace(panel, y=axis, marks=[replace(row, name="") for row in rows]))
         yield from _graph(runs, f"{kind}s", f"Contact {kind}", timelines)
     yield from _shares(runs)
-    tilt = _of_joints(runs, "tilt")
+    tilt = _of_joints(runs, "tilt", where=lambda r, joint: bool(r["tilt"].sel(joint=joint).any()))
     yield from _graph(runs, "tilt", "Angle between the axes of journal and bearing", tilt)
     loaded = _of_joints(runs, "loaded", where=analysis.rolls)
     yield from _graph(runs, "loaded", "Balls or rollers that bear load", loaded)
