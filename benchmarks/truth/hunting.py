@@ -25,7 +25,7 @@ import jointplay as jp
 from jointplay.base.processes import cores
 from jointplay.base.progress import ProgressBar
 from jointplay.study import hunting
-from jointplay.study.swings import LEAST, Swing
+from jointplay.study.swings import LEAST_SWING, Swing
 
 CLOSE, CLOSE_HZ = 0.2, 0.1
 """Relative difference of amplitudes, and of frequencies, that counts as the same."""
@@ -213,7 +213,7 @@ def truth(axis: hunting.Axis, start: float, duration: float, step: float) -> Swi
     _integrate(Numbers.of(axis), start, step, count, every, out)
     third = len(out) // 3
     before, after = (np.ptp(part, axis=0) for part in (out[third : 2 * third], out[-third:]))
-    least = 2.0 * LEAST * axis.gear.play
+    least = 2.0 * LEAST_SWING * axis.gear.play
     place = out[-third:, int(np.argmax(after))]
     away = place - 0.5 * (place.max() + place.min())
     side = np.sign(away[np.abs(away) > 0.25 * np.abs(away).max()])

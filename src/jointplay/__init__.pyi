@@ -37,7 +37,7 @@ from .model.linkage import LinkageSlider as LinkageSlider
 from .model.loop import Loop as Loop
 from .model.payload import Payload as Payload
 from .model.robots import robots as robots
-from .model.urdf import shipped as shipped
+from .model.robots import shipped as shipped
 from .physics import contact as contact
 from .physics import geometry as geometry
 from .physics.joints import BallBearing as BallBearing

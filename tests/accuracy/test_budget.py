@@ -100,9 +100,9 @@ def test_cures_of_play_are_told_beside_each_other(urdf, axis, axial, left):
     found = budget(Mechanism(path, {"j": own}), {})
     rest = np.linalg.norm(found.rest_positions.at(0).error[:3])
     assert found.compensated(0, 0.3) == pytest.approx((left + 0.3) * rest, abs=0.08 * rest)
-    tighter = next(one for one in found.cures if one.words.startswith("half the play of j "))
+    tighter = next(one for one in found.cures if one.action.startswith("half the play of j "))
     assert tighter.after == pytest.approx(found.worst[0] / 2.0, rel=1e-3)
-    assert any("jointplay compensate" in one.words for one in found.cures) == (left == 0.0)
+    assert any("jointplay compensate" in one.action for one in found.cures) == (left == 0.0)
 
 
 def test_compensated_motion_takes_back_a_servos_sag_and_a_stiffer_gain_half_of_it(arm):
@@ -110,7 +110,7 @@ def test_compensated_motion_takes_back_a_servos_sag_and_a_stiffer_gain_half_of_i
     servo = Servo(voltage=480.0, torque_constant=1.0, resistance=1.0, p_gain=200.0, encoder="motor")
     robot = Mechanism(arm, gears={"j": Gear(2e-3, 0.1, 1e4, 5.0)}, gravity=(0.0, -9.81, 0.0))
     found = budget(robot, {}, drive=servo)
-    words = {one.words.split(",")[0].split(" (")[0]: one for one in found.cures}
+    words = {one.action.split(",")[0].split(" (")[0]: one for one in found.cures}
     sag = 3.0 * 9.81 * REACH / 200.0
     half = words["twice the P gain"]
     assert half.before - half.after == pytest.approx(0.5 * sag * REACH, rel=0.05)
@@ -126,12 +126,12 @@ def test_a_spring_holds_the_teeth_where_the_weight_changes_sides(arm):
     robot = Mechanism(arm, gears={"j": Gear(2e-3, 0.1, 1e4)}, gravity=(-9.81, 0.0, 0.0))
     q = np.concatenate([poses.at_pose(robot, {"j": x}) for x in (-0.1, 0.2)])
     found = budget(robot, q, drive=ComputedTorque(encoder="motor"))
-    spring = next(one for one in found.cures if one.words.startswith("a spring"))
+    spring = next(one for one in found.cures if one.action.startswith("a spring"))
     needed = 3.0 * 9.81 * REACH * np.sin(0.1)
-    assert f"of {needed:.3g} N m in j, which" in spring.words
+    assert f"of {needed:.3g} N m in j, which" in spring.action
     assert spring.after == pytest.approx(0.0, abs=1e-9)
     one_side = budget(robot, q[1:], drive=ComputedTorque(encoder="motor"))
-    assert not any(one.words.startswith("a spring") for one in one_side.cures)
+    assert not any(one.action.startswith("a spring") for one in one_side.cures)
 
 
 def test_a_planar_journal_displaces_the_tool_by_its_clearance(arm):

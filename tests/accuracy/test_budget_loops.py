@@ -29,7 +29,7 @@ from jointplay.accuracy.robot_errors import RobotErrors
 from jointplay.cli import main
 from jointplay.model.closed_loops import ClosedLoops, is_closed
 from jointplay.model.loop import assemble
-from jointplay.model.urdf import shipped
+from jointplay.model.robots import shipped
 from jointplay.physics.joints.play import BallPlay, BlockPlay, JournalPlay
 from jointplay.simulation.loads import Prescribed
 

@@ -706,3 +706,14 @@ def test_what_the_budget_says_compensation_leaves_is_what_its_motion_does(name, 
     left = float(np.linalg.norm(run["tool_position"].values[-1] - place))
     without_friction = told.compensated(0, 0.3, friction=-1.0)
     assert 0.5 * without_friction < left < (1.0 + more) * told.compensated(0, 0.3)
+
+
+def test_a_motion_without_stops_is_told_nothing_of_them(level):
+    """Large ratios are told as numbers of two digits."""
+    judged = judge(compensate(simulated(machine(level))), jobs=1)
+    judged = replace(judged, firmware=replace(judged.firmware, at_stops=np.nan))
+    (rule,) = [note for note in judged.notes if "firmware's rule" in note]
+    assert "at stops" not in rule
+    many = replace(judged.nominal.before, rms=950.0 * judged.nominal.after.rms)
+    judged = replace(judged, corners=(replace(judged.nominal, before=many),))
+    assert "(950 times)" in judged.sentence

@@ -22,7 +22,7 @@ from jointplay.base.errors import MissingName
 from jointplay.cli import main, parsers
 from jointplay.cli.commands import GROUPS, KINDS
 from jointplay.model.gear import Gear
-from jointplay.model.urdf import shipped
+from jointplay.model.robots import shipped
 from jointplay.paper import CONDITIONS, output_names
 from jointplay.physics.kernel import Status
 from jointplay.simulation.loads import Free
@@ -596,15 +596,18 @@ sys.exit(cli.main(sys.argv[1:]))
     assert "interrupted; no result of: 0.2 mm" in done.stderr
 
 
-def test_an_interrupt_that_a_library_reports_as_a_wrong_value_is_an_interrupt(monkeypatch, capsys):
-    """Converters of matplotlib, written in C, turn the KeyboardInterrupt into a ValueError."""
+@pytest.mark.parametrize("kind", [ValueError, RuntimeError])
+def test_an_interrupt_that_a_library_reports_as_another_error_is_one(monkeypatch, capsys, kind):
+    """Converters of matplotlib, written in C, turn the KeyboardInterrupt into a ValueError, and
+    Python 3.11 into a RuntimeError while a class is made.
+    """
 
     def stopped(options):
         try:
             os.kill(os.getpid(), signal.SIGTERM)
             time.sleep(1.0)
         except KeyboardInterrupt:
-            raise ValueError("Invalid affine transformation matrix") from None
+            raise kind("Invalid affine transformation matrix") from None
 
     monkeypatch.setattr("jointplay.cli.commands.robots.run", stopped)
     assert main(["robots"]) == 130
@@ -632,6 +635,29 @@ def test_an_interrupted_study_says_which_runs_are_kept_or_leaves_nothing(
     assert (f"{out} contains trials.runs" in err) == bool(count)
     assert ("nothing was written" in err) == (not count)
     assert (tmp_path / "deep").exists() == bool(count)
+
+
+@pytest.mark.parametrize(
+    ("typed", "said"),
+    [
+        (
+            "run ur5 --clearanse 1 --out o",
+            'run: error: .*--clearanse 1; did you mean "--clearance"',
+        ),
+        ("run ur5 --dur 1 --out o", '--dur 1; did you mean "--duration"'),
+        ("run ur5 --all --out o", r"unrecognized arguments: --all \(see jointplay run --help"),
+        (
+            "export urdf ar4 --gear j=1 --out o",
+            r"export urdf: error: .*--gear j=1 \(see jointplay exp",
+        ),
+    ],
+)
+def test_an_unknown_option_is_answered_by_its_command_and_never_taken_for_another(
+    capsys, typed, said
+):
+    with pytest.raises(SystemExit, match="2"):
+        main(typed.split())
+    assert re.search(said, capsys.readouterr().err)
 
 
 def test_a_mistyped_command_is_answered_with_the_nearest(capsys):

@@ -8,7 +8,7 @@ from warm import call
 
 from jointplay import Result
 from jointplay.cli import main
-from jointplay.model.urdf import shipped
+from jointplay.model.robots import shipped
 
 
 @pytest.fixture

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 from jointplay import Gear, JointplayError, Mechanism
+from jointplay.base.progress import ProgressBar
 from jointplay.cli import main
+from jointplay.estimate import least_squares
 from jointplay.estimate.changes import changes
 from jointplay.estimate.gauge import Readings, gauge_problems, identify_gauged
 from jointplay.estimate.identification import identify_problem
@@ -136,6 +138,22 @@ def test_the_command_compares_two_measurements_in_either_order_of_its_words(tmp_
     assert {one.name for one in out.iterdir()} == {"changes.csv", "changes.json"}
     assert main([*order, str(new), "--against", str(old)]) == 0
     assert capsys.readouterr().out == said.rpartition("written to")[0]
+
+
+def test_the_command_shows_how_far_its_searches_are(tmp_path, monkeypatch, capsys):
+    class AtOnce(ProgressBar):
+        def __init__(self, *given, **shown):
+            super().__init__(*given, **shown | {"delay": 0.0})
+
+    monkeypatch.setenv("JOINTPLAY_PROGRESS_S", "0")
+    monkeypatch.setattr(least_squares, "ProgressBar", AtOnce)
+    old, new = (table(tmp_path / f"{k}.csv", [5e-3], seed=k) for k in range(2))
+    order = ["identify", "so101", "--noise", "link=1e-4", "--against", str(old), str(new)]
+    assert main(order) == 0
+    said = capsys.readouterr().err
+    assert said.count("least squares 100%") == 2  # both together, and the second
+    assert main([*order, "--quiet"]) == 0
+    assert capsys.readouterr().err == ""
 
 
 @pytest.mark.parametrize(

@@ -102,6 +102,11 @@ def test_an_ensemble_has_a_band_in_which_the_run_lies(result, measured):
         ("time [s],slider [N]\n0,1\n1,2\n", "column 'slider \\[N\\]'"),
         ("time [s],slider [m]\n0,1\n0,2\n", "times must increase; number 2 is 0 s"),
         ("time [s],slider [m]\n5,1\n6,2\n7,3\n", "of 3 measured times 0 lie within the run"),
+        ("time [s],slider [m]\n0,1\n0.1,2\n", "of 2 .* and 3 are needed at least$"),
+        (
+            "tme [s],slider [N]\n0,1\n",
+            "'tme \\[s\\]' is unknown, 'slider \\[N\\]': .*expected a length",
+        ),
         ("slider [m]\n5\n6\n", "no column 'time \\[s\\]'"),
         ("time [s]\n5\n6\n", "no column beside the time"),
     ],

@@ -126,7 +126,7 @@ def test_a_joint_without_play_is_told_to_have_little(arm):
     found = identify_gauged(arm, read(0.0, noise=1e-4))["j gear play"]
     assert found.bounded
     assert found.upper < 6e-3  # beside a wind-up of 8 mrad
-    assert "none told; at most" in found.words()[1]
+    assert "none told; at most" in found.cells()[1]
 
 
 @pytest.mark.parametrize(
@@ -193,7 +193,7 @@ def test_a_joint_that_slides_is_read_along_its_way(arm, tmp_path):
     path.write_text("\n".join(["joint,force [N],reading [mm]", *rows]) + "\n")
     found = identify_gauged(arm, path, noise={"tool": 1e-6})["x gear play"]
     assert found.low <= 5e-5 <= found.high
-    assert "µm" in found.words()[0]
+    assert "µm" in found.cells()[0]
 
 
 @pytest.mark.usefixtures("checked_figures")

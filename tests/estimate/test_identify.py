@@ -32,7 +32,7 @@ from jointplay.estimate import (
 )
 from jointplay.estimate.identification import reason
 from jointplay.estimate.least_squares import Fit, LeastSquares, minimum
-from jointplay.estimate.measurement import resolution, scatter, turns
+from jointplay.estimate.measurement import places, resolution, scatter, turns
 from jointplay.estimate.unknowns import Unknown
 from jointplay.model.collisions import SelfCollision
 from jointplay.physics.contact import Ambrosio
@@ -447,6 +447,7 @@ def test_the_command_plans_and_refuses_in_one_line(arm, tmp_path, capsys):
     assert "expected 95 % interval" in capsys.readouterr().out
     for order, words in (
         (["identify", str(arm), *play], "give a measurement"),
+        (["identify", str(arm), "--preset", "x.csv", *play], "--preset took 'x.csv'"),
         (["identify", str(arm), "x.csv", "--plan", *play], "not both"),
         (["identify", str(arm), str(tmp_path / "none.csv"), *play], "cannot read the measurement"),
         (["identify", str(arm), "--plan", "--noise", "tool", *play], "--noise must read"),
@@ -504,6 +505,28 @@ def test_a_plan_has_different_experiments_that_can_be_done(robot, name):
     assert f"information x {plan.gains[7]:.3g} (its determinant)" in str(plan)
     assert f"most about {name}" in plan.reason(0)
     assert (np.diff(plan.half_width, axis=0) <= 1e-12).all()
+
+
+def test_stops_are_at_the_same_place_only_close_together():
+    """Else what the geometry errs by between them would be the tool's scatter."""
+    at, stopped = np.array([[0.0], [0.3], [0.0], [0.3]]), np.array([True, True, False, False])
+    assert places(at, stopped, np.ones(1)).tolist() == [0, 1, 2, 2]
+
+
+def test_small_values_are_told_with_an_interval_up_to_an_eighth_of_their_scale():
+    clearance = Unknown("j", "radial_clearance", "m", 4e-5, 4e-5, 1e-3)
+    assert clearance.widest(0.0) == clearance.widest(1e-5) == pytest.approx(5e-6)
+    assert clearance.widest(2e-5) == pytest.approx(1e-5)
+
+
+@pytest.mark.thorough
+def test_a_plan_does_not_refine_what_is_known_as_well_as_the_model_at_the_cost_of_the_rest():
+    play = RevoluteClearance(radial_clearance=5e-5, axial_clearance=5e-5, bearing_radius=20e-3)
+    worn = {name: play for name in ("shoulder_lift", "elbow_flex")}
+    plan = plan_measurement(Mechanism("so101", worn), count=4)
+    wide = [half / x.scale for half, x in zip(plan.half_width[-1], plan.unknowns, strict=True)]
+    sought = [half for half, x in zip(wide, plan.unknowns, strict=True) if x.sought]
+    assert max(sought) < 0.28
 
 
 def test_a_plan_says_when_no_more_experiments_differ(arm):

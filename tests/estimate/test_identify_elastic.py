@@ -117,6 +117,8 @@ def test_elasticity_is_not_taken_for_play(arm, case):
     # Who believes the machine to be rigid is misled, and by the elasticity.
     rigid = identify(believed, seen(machine, TWO), stiffness={"all": math.inf})
     assert not honest(rigid, label, play) or rigid.excess > 3.0
+    for fitted in (found, rigid):
+        assert ("the model does not explain all of it" in str(fitted)) == (fitted.excess > 3.0)
 
 
 def test_pushes_of_one_size_cannot_tell_and_the_message_names_more(arm):
@@ -127,6 +129,15 @@ def test_pushes_of_one_size_cannot_tell_and_the_message_names_more(arm):
     assert "--known-stiffness" in found.estimates[0].reason
     assert "would determine it" in found.estimates[0].advice
     assert "N and" in found.estimates[0].advice  # two sizes, or a third besides
+
+
+@pytest.mark.thorough
+def test_advice_is_the_simplest_kind_of_experiment_that_determines_an_unknown():
+    machine = importlib.import_module("truth.identify").elastic_machine(5)
+    found = identify(machine.believed, machine.measured, **machine.options)
+    advice = found["elbow radial clearance"].advice
+    assert advice.startswith("would determine it, to +- ")
+    assert "100 N" in advice  # 20 N would have to push more than once
 
 
 def test_a_stiffness_that_is_given_is_used_and_printed(arm):

@@ -170,6 +170,11 @@ def test_axes_without_a_robot_have_all_but_weight(tmp_path, capsys, unit, size):
         ("joint,motor [mm],reading [mm]\ny,0,0\n", "no joint 'y'"),
         ("joint,motor [mm],reading [mm]\nx,,0\n", "move 1 has no motor position"),
         ("joint,motor [mm],reading [mm]\nx,0,0\n", "needs 6 readings at two places"),
+        ("joint,motor [mm],reading [mm]\nx,0,\nx,1,\n", "no reading is filled in"),
+        (
+            "joint,motor [mm],reading [mm]\n" + "x,0,5\nx,1,5\nx,2,5\nx,1,5\n" * 2,
+            "x: all readings are the same",
+        ),
         ("joint,motor [mm],dial [mm]\nx,0,0\n", "column 'dial [mm]' is unknown"),
     ],
 )

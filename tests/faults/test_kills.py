@@ -3,6 +3,7 @@
 Nothing here waits for a time: processes are watched until they have said or done something.
 """
 
+import logging
 import os
 import random
 import re
@@ -299,5 +300,6 @@ def test_a_signal_in_the_midst_of_a_write_is_answered_all_the_same(monkeypatch, 
         flush = write
 
     monkeypatch.setattr(sys, "stderr", Busy())
+    monkeypatch.setattr(logging.Logger, "hasHandlers", lambda self: False)  # pytest listens
     signals.say("stopping")
     assert capfd.readouterr().err == "\nstopping\n"

@@ -133,7 +133,7 @@ def test_pages_run_only_scripts_whose_hash_they_name(pages):
 def test_no_script_of_a_result_runs_in_a_browser(pages, open_page):
     """Names are escaped, not merely blocked: of what is blocked the page would tell."""
     for page, ready in zip(
-        pages, ("window.jointplayReport.ready", "document.body.className"), strict=True
+        pages, ("window.jointplayReport.whole", "document.body.className"), strict=True
     ):
         tab = open_page(page.as_uri())
         until(tab, ready)
@@ -398,7 +398,7 @@ def test_no_markup_is_made_of_text_that_was_put_together():
 SHOWING = """
 import time
 import jointplay as jp
-from jointplay.model.urdf import shipped
+from jointplay.model.robots import shipped
 if __name__ == "__main__":
     viewer = jp.Mechanism(shipped("scara.urdf")).visualizer().viewer
     print(viewer.window.server_proc.pid, viewer.url(), viewer.window.zmq_url, flush=True)

@@ -36,7 +36,7 @@ from jointplay import cli
 from jointplay.base.errors import JointplayError
 from jointplay.base.pairs import number
 from jointplay.cli.commands.inputs import FLAGS
-from jointplay.model.urdf import shipped
+from jointplay.model.robots import shipped
 from jointplay.simulation.result import netcdf
 from jointplay.simulation.simulation import Simulation
 from jointplay.simulation.working_files import CHECKPOINT

@@ -151,6 +151,19 @@ def test_a_scenario_is_not_mended(tmp_path, capsys):
 
 
 @pytest.mark.needs("mujoco")
+def test_an_mjcf_which_has_no_such_limits_is_not_doubted_for_them(tmp_path, capsys):
+    path = tmp_path / "arm.xml"
+    path.write_text(
+        '<mujoco><worldbody><body name="m"><joint name="j" axis="0 1 0" range="-1 1"/>'
+        '<geom type="capsule" fromto="0 0 0 .3 0 0" size=".02" mass="1"/></body></worldbody>'
+        "</mujoco>"
+    )
+    code, said = checked(capsys, path)
+    assert code == 0
+    assert "doubtful" not in said
+
+
+@pytest.mark.needs("mujoco")
 def test_mujoco_compiles_what_is_mended(written, tmp_path, capsys):
     import mujoco
 

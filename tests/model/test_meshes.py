@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 import jointplay as jp
 from jointplay import JointplayError
+from jointplay.base import files
 from jointplay.model import meshes
 from jointplay.model.meshes import parts_of, surface
 from jointplay.model.survey import survey
@@ -81,7 +82,7 @@ def test_a_damaged_cache_is_no_cache(tmp_path):
     path = tmp_path / "box.stl"
     trimesh.creation.box((1, 1, 1)).export(path)
     parts_of(path)
-    (kept,) = meshes.cache_folder().glob("*.npz")
+    (kept,) = (files.cache_folder() / meshes.FOLDER).glob("*.npz")
     kept.write_bytes(b"nothing")
     meshes._parts.cache_clear()
     assert len(parts_of(path)[0].triangles) == 12

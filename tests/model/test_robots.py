@@ -1,10 +1,11 @@
+import os
 import re
 import sys
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pytest
-from conftest import body, joint
+from conftest import ARM_WITH_HAND, body, joint
 
 from jointplay import (
     JointplayError,
@@ -17,7 +18,7 @@ from jointplay import (
 )
 from jointplay.base.errors import MissingName
 from jointplay.cli import main
-from jointplay.model import robots
+from jointplay.model import robot_list, robots
 from jointplay.model.survey import survey
 from jointplay.simulation.analysis import inputs
 
@@ -204,6 +205,35 @@ def test_command_lists_all_robots(capsys):
     for name in JOINTS["ur5"]:
         assert name in out
     assert max(map(len, out.splitlines())) <= 100
+
+
+def test_the_list_is_kept_until_a_robot_is_another(monkeypatch, tmp_path):
+    cache, urdf = tmp_path / "cache", tmp_path / "robots" / "lamp_data" / "robots" / "lamp.urdf"
+    monkeypatch.setenv("JOINTPLAY_CACHE", str(cache))
+    monkeypatch.setattr(robots, "share", lambda: tmp_path)
+    urdf.parent.mkdir(parents=True)
+    urdf.write_text(ARM_WITH_HAND)
+    loaded, own = [], robot_list._found
+    monkeypatch.setattr(robot_list, "_found", lambda places: loaded.append(1) or own(places))
+
+    def listed(times):
+        loaded.clear()
+        text = robot_list.listed(("lamp",))
+        assert len(loaded) == times
+        return text
+
+    assert "lamp\n    2 revolute: j, k\n" in (first := listed(1))
+    assert listed(0) == first
+    kept = cache / "robots.txt"
+    for damaged in (kept.read_bytes()[:-1], b"\xff", b""):
+        kept.write_bytes(damaged)
+        assert listed(1) == first
+    urdf.write_text(ARM_WITH_HAND.replace('name="k"', 'name="x"'))  # of the same size
+    os.utime(urdf, ns=(0, 0))  # another time even where the clock is coarse
+    assert "2 revolute: j, x\n" in listed(1)
+    listed(0)
+    monkeypatch.setenv("JOINTPLAY_CACHE", str(urdf))  # no folder
+    listed(1)
 
 
 def test_command_lists_one_robot(capsys):

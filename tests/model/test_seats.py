@@ -13,7 +13,7 @@ from jointplay.accuracy import poses
 from jointplay.accuracy.causes import CAUSES
 from jointplay.accuracy.error_budget import budget
 from jointplay.base.errors import JointplayError
-from jointplay.model.urdf import shipped
+from jointplay.model.robots import shipped
 from jointplay.physics.contact.resultant import NoFriction
 from jointplay.scenario import Scenario
 from jointplay.simulation.loads.drive import Prescribed

@@ -12,7 +12,7 @@ import pytest
 
 import jointplay as jp
 from jointplay.base.units import convert
-from jointplay.model.urdf import shipped
+from jointplay.model.robots import shipped
 from jointplay.physics.geometry import CONTACT_TOLERANCE_M, touch_cylinder
 
 ARMS = {  # Table 2: length m, mass kg, Jxx, Jyy, Jzz, Jxy, Jxz, Jyz kg m2

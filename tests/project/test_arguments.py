@@ -1,5 +1,6 @@
 """What the public functions and classes say of an argument of the wrong kind."""
 
+import enum
 import inspect
 from functools import partial
 from pathlib import Path
@@ -60,12 +61,39 @@ def test_settings_are_not_text(settings):
         (jp.Gear, "backlash", "play"),
         (jp.Mechanism, "gravty", "gravity"),
         (jp.contact.Flores, "resttution", ""),
+        (jp.Scenario, "pth", "path"),
+        (jp.Motion.from_csv, "pat", "path"),
+        (jp.Result.load, "evry", "every"),
+        (jp.Simulation.resume, "pth", "path"),
+        (jp.Run, "simulatoin", "simulation"),
+        (partial(jp.play, {}), "jont", "joint"),
     ],
 )
 def test_a_wrong_keyword_is_answered_with_the_nearest_as_in_a_file(call, wrong, meant):
     with pytest.raises(jp.JointplayError, match=f'unknown key "{wrong}" of ') as caught:
         call(**{wrong: 1})
     assert (f'did you mean "{meant}"?' in str(caught.value)) == bool(meant)
+
+
+def _made_by_users():
+    """Functions, classes and class methods of the package's first level."""
+    for name in sorted(jp.__all__):
+        made = getattr(jp, name)
+        if inspect.isfunction(made) and len(inspect.signature(made).parameters) > 1:
+            yield name, made
+        if inspect.isclass(made) and not issubclass(made, BaseException | enum.Enum):
+            if made is not jp.Cause:  # only a protocol of what has its name
+                yield name, made
+            methods = [key for key, method in vars(made).items() if type(method) is classmethod]
+            yield from ((f"{name}.{key}", getattr(made, key)) for key in sorted(methods))
+
+
+@pytest.mark.parametrize(("name", "made"), list(_made_by_users()))
+def test_whatever_a_user_calls_answers_a_wrong_keyword(name, made):
+    if inspect.getfullargspec(made).varkw:
+        pytest.skip("hands keywords on")
+    with pytest.raises(jp.JointplayError, match=r'unknown key "zzz" of .*; valid keys: '):
+        made(zzz=1)
 
 
 def test_what_fits_is_accepted():

@@ -257,6 +257,14 @@ def test_packages_have_all_that_their_stubs_name(front):
 
 
 @pytest.mark.thorough
+def test_a_list_of_robots_that_is_kept_loads_none(folder, monkeypatch):
+    monkeypatch.setenv("JOINTPLAY_CACHE", str(folder / "cache"))
+    (_, _, slow), (status, _, slow_again) = outcomes([["robots"], ["robots"]], folder)
+    assert "pinocchio" in slow
+    assert (status, slow_again) == (0, [])
+
+
+@pytest.mark.thorough
 def test_a_budget_at_a_pose_does_not_import_statistics(tmp_path):
     program = (
         "import sys; from jointplay.cli import main\n"

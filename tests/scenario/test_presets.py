@@ -163,7 +163,7 @@ def test_a_servo_arm_rests_in_its_budget_as_far_off_as_its_run_begins(capsys, tm
 
 
 OWN = """[preset]
-words = "my arm"
+description = "my arm"
 [joint.elbow_joint.bearing]
 radial_clearance = "30 um"
 [joint.wrist_1_joint.gear]
@@ -192,7 +192,7 @@ interval = [1, 2]
 """
 
 WHOLE = """[preset]
-words = "my arm"
+description = "my arm"
 known = "its catalogue"
 errors = "printed"
 [joint.elbow.gear]
@@ -240,7 +240,7 @@ def test_what_a_contribution_lacks_is_said(tmp_path, capsys, change, said):
         (("elbow_joint.bearing", "elbow_jnt.bearing"), r"no joint 'elbow_jnt'; did you mean"),
         (("bearing]", "bearng]"), r'line 3, joint.elbow_joint.bearng: unknown key.*mean "bearing"'),
         (("[preset]", "[presett]"), r'line 1, presett: unknown key "presett"; did you mean'),
-        (("words", "wrds"), r'line 2, preset.wrds: unknown key "wrds"; did you mean "words"'),
+        (("description", "descriptn"), r"line 2, preset.descriptn: unknown key.*mean .description"),
         (("30 um", "30 umm"), r'line 4, .*unknown unit "umm"'),
         (("radial_clearance", "radial"), r'line 4, .*unknown key "radial"'),
         (("[preset]", "[preset"), "line 1, .*Expected"),
@@ -258,7 +258,7 @@ def test_what_a_contribution_lacks_is_said(tmp_path, capsys, change, said):
          'no .*"bcklash"; did you mean "backlash"'),
         ((OWN, "joint.elbow_joint.gear = 'backlash'"), '"backlash" is not a table'),
         ((OWN, "joint.elbow_joint.drive = 7"), "7 is not a table"),
-        (('"my arm"', "5"), "preset.words: expected text in quotes, got 5"),
+        (('"my arm"', "5"), "preset.description: expected text in quotes, got 5"),
         (('"my arm"', '"my arm"\nrobots = "ur5"'), "preset.robots: expected a list"),
         (('"my arm"', '"my arm"\nrobot = 5'), "preset.robot: expected text"),
         (('"my arm"', '"my arm"\nerrors = "print"'), 'no class of errors "print"; did you mean'),

@@ -279,6 +279,10 @@ def test_a_scenario_says_what_is_estimated(robot):
     assert "free ±13.5 µm across, ±96.2 µm along, ±2.94 mrad tilt" in text
     assert "estimated: pitch diameter 65 mm" in text
     assert "shaft interference" not in text  # none
+    tight = replace(BALLS, shaft_interference=1e-5, housing_interference=5e-6)
+    fitted = replace(simulation, mechanism=jp.Mechanism(robot, {"balls": tight}, tool="tip"))
+    text = facts(Run(fitted))["joint balls"]  # as check and reports have it
+    assert "shaft interference 0.01 mm, housing interference 5 µm" in text
     assert "play none (preloaded)" in repr(jp.Mechanism(robot, {"pair": PAIR}, tool="tip"))
 
 

@@ -16,6 +16,7 @@ from packed import unpack, unpack_mesh
 from warm import JOINTPLAY
 
 import jointplay as jp
+from jointplay.cli import main
 from jointplay.model.meshes import surface
 from jointplay.model.robots import robot_urdf
 from jointplay.paper import scara
@@ -165,11 +166,23 @@ def test_command_serves_and_says_where(cases, tmp_path):
         assert process.wait(900) == 0
 
 
+def test_a_folder_stands_for_its_results(cases, tmp_path):
+    (tmp_path / "run").mkdir()
+    cases["0.2 mm"].save(tmp_path / "run" / "a.nc")
+    assert main(["play", str(tmp_path / "run"), "--html", str(tmp_path / "a.html")]) == 0
+    assert (tmp_path / "a.html").exists()
+    table = tmp_path / "a.csv"
+    assert main(["export", "result", str(tmp_path / "run"), "--out", str(table)]) == 0
+    assert table.exists()
+
+
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
         (["none.nc"], "no result file"),
         (["bad.nc"], "damaged or not a result"),
+        (["."], "'bad.nc' is damaged or not a result"),
+        (["none"], "no result file"),
         (["a.nc", "a.nc"], "given twice"),
         (["a.nc", "--joint", "elbow"], "joint_b"),
         (["a.nc", "--port", "99999"], "whole number from 0 to 65535"),

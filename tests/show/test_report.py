@@ -303,9 +303,9 @@ def test_answer_picture_and_three_charts_come_first_the_rest_is_folded(
         text = tab.inner_text("#at-a-glance")
         assert f"in {', '.join(TURNING[:number])} puts the tool" in text
         assert tab.locator("#at-a-glance img").count() == 1
-        # What nobody gave is on the first screen, one key away, and as wide as that.
-        unfold = tab.locator("#at-a-glance summary", has_text="values are assumed")
-        assert unfold.bounding_box()["y"] < 900
+        # What nobody gave is on the first screen; one key away, and as wide as that, what it does.
+        assert tab.locator("#at-a-glance h3", has_text="assumed").bounding_box()["y"] < 900
+        unfold = tab.locator("#at-a-glance summary", has_text="what others would change")
         unfold.press("Enter")
         cells = tab.locator("#assumed").locator("tbody th, tbody td")
         assert "joints" in " ".join(cells.all_inner_texts())

@@ -8,7 +8,7 @@ from conftest import body, joint
 
 import jointplay as jp
 from jointplay.model.impact import tooth_duration
-from jointplay.model.urdf import shipped
+from jointplay.model.robots import shipped
 from jointplay.paper import scara
 from jointplay.physics.kernel import Status
 from jointplay.simulation import step_check

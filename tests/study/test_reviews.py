@@ -23,11 +23,11 @@ def test_a_run_of_equal_steps_converges_and_states_its_error(simulation):
     fixed = dataclasses.replace(simulation, tolerance=None, step=2e-6, record_every=10)
     found = reviews.convergence(fixed, jobs=1)
     assert found.of == "step"
-    assert found.own in found.sizes
+    assert found.chosen in found.sizes
     error = found.distance("RMS tool error")
     assert error[-1] < 0.5 * error[0]
     assert found.order("RMS tool error") > 0.2
-    at = found.sizes.index(found.own)
+    at = found.sizes.index(found.chosen)
     away = abs(found.values["RMS tool error"][at] - found.truth["RMS tool error"])
     assert away <= found.stated["RMS tool error"]
     assert "within the stated error" in str(found)

@@ -281,6 +281,13 @@ def test_wrong_questions_are_answered(urdf):
         (simulation, "pin", None, {}, "either"),
         (simulation, "pin", None, {"cycles": -1}, "cycles"),
         (still, "pin", 1e-5, {}, "does not slide"),
+        (
+            rubbing(urdf, 30.0, wear_rate=None),
+            "pin",
+            1e-5,
+            {},
+            r"give --set 'joints.pin.wear_rate=",
+        ),
     ):
         with pytest.raises(jp.JointplayError, match=text):
             wear(machine, name, growth, **more)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from jointplay.base.schema import known_keywords
 from jointplay.physics.kernel.constants import JOINT_FRICTION_SPEED
 
 if TYPE_CHECKING:
@@ -17,6 +18,7 @@ STILL = 5.0 * JOINT_FRICTION_SPEED
 """Speed below which a joint stands, and its friction may have either sign [rad/s or m/s]."""
 
 
+@known_keywords
 class Compensator:
     """Shifts a command by the play and wind-up of gears, step by step, in a controller.
 

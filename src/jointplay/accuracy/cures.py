@@ -30,7 +30,7 @@ _WORTH = 0.05
 class Cure(NamedTuple):
     """A cure, and the error without and with it [m or rad]."""
 
-    words: str
+    action: str
     before: float
     after: float
     of: str
@@ -39,7 +39,7 @@ class Cure(NamedTuple):
 
     def __str__(self) -> str:
         now, then = (readable(error, self.unit, 3) for error in (self.after, self.before))
-        return f"{self.words}: {now} instead of {then} {self.of}"
+        return f"{self.action}: {now} instead of {then} {self.of}"
 
 
 def cures(budget: PlayBudget) -> list[Cure]:
@@ -100,12 +100,12 @@ def _at_rest(budget: PlayBudget, at: int) -> Iterator[Cure]:
         return
     text = f"compensated (jointplay compensate), its play known to {100 * KNOWN:g} %"
     sided = budget.compensated(at, KNOWN, friction=-1.0)
-    if any(one.gear for one in budget.model.contributions) and sided < (1.0 - _WORTH) * left:
+    if any(part.gear for part in budget.model.contributions) and sided < (1.0 - _WORTH) * left:
         text += f", with --approach {readable(sided, 'm', 3)}, without"
     yield Cure(text, largest, left, "at rest")
     place = rest.at(at)
     size, sag = float(np.linalg.norm(place.error[:3])), place.sag[:3]
-    if any(isinstance(one, Servo) for one in rest.drives.values()) and sag.any():
+    if any(isinstance(drive, Servo) for drive in rest.drives.values()) and sag.any():
         half = float(np.linalg.norm(place.error[:3] - 0.5 * sag))
         text = (
             "twice the P gain, if it is calm: jointplay study hunting with --of JOINT finds up to "

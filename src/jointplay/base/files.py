@@ -12,6 +12,7 @@ import os
 import re
 import shutil
 import stat
+import sys
 import tempfile
 import time
 import weakref
@@ -278,6 +279,13 @@ def _sweep(place: Path) -> None:
 def is_file(path: Path) -> bool:
     """Whether there is such a file; False also for names that none can have."""
     return os.path.isfile(path)
+
+
+def cache_folder() -> Path:
+    """Where what takes long to find is kept: ``JOINTPLAY_CACHE``, else in the user's cache."""
+    default = "~/Library/Caches" if sys.platform == "darwin" else "~/.cache"
+    user = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser(default)
+    return Path(os.environ.get("JOINTPLAY_CACHE") or Path(user) / "jointplay")
 
 
 def is_folder(path: Path) -> bool:

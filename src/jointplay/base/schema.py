@@ -33,10 +33,10 @@ from typing import (
     Any,
     ClassVar,
     Literal,
-    ParamSpec,
     Self,
     TypeVar,
     Union,
+    cast,
     get_args,
     get_origin,
     get_type_hints,
@@ -401,8 +401,7 @@ def names_of(kind: Any) -> Sequence[str]:
 
 
 T = TypeVar("T")
-P = ParamSpec("P")
-R = TypeVar("R")
+Made = TypeVar("Made", bound=Callable[..., Any])
 
 
 class Described:
@@ -412,6 +411,10 @@ class Described:
     """Key of the word that selects the class, and attribute that has it."""
     written: ClassVar[type | None] = None
     """Dataclass of the fields as they are written; None: those of the class."""
+
+    def __init_subclass__(cls, **keywords: Any) -> None:
+        super().__init_subclass__(**keywords)
+        _know_class_methods(cls)
 
     def __new__(cls, *arguments: Any, **keywords: Any) -> Self:
         require_keywords(cls.__init__, keywords, cls.__name__)
@@ -715,19 +718,34 @@ def require_keywords(function: Any, given: Iterable[str], name: str) -> None:
     known = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
     for key in given:
         if key not in known:
-            keys = [known_key for known_key in known if known_key != "self"]
+            keys = [known_key for known_key in known if known_key not in ("self", "cls")]
             raise JointplayError(unknown_key(key, keys, f" of {name}"), where=(key,))
 
 
-def known_keywords(function: Callable[P, R]) -> Callable[P, R]:
-    """The same function, which answers a wrong keyword with the nearest that it takes."""
+def known_keywords(made: Made) -> Made:
+    """The same function, or class, which answers a wrong keyword with the nearest that it takes.
 
-    @wraps(function)
-    def call(*arguments: P.args, **keywords: P.kwargs) -> R:
-        require_keywords(function, keywords, function.__name__)
-        return function(*arguments, **keywords)
+    Of a class its constructor and its class methods do; a `Described` one does so by itself.
+    """
+    if isinstance(made, type):
+        made.__init__ = known_keywords(made.__init__)  # type: ignore[misc]
+        _know_class_methods(made)
+        return made
+    taken, name = inspect.unwrap(made), made.__qualname__.removesuffix(".__init__")
 
-    return call
+    @wraps(made)
+    def call(*arguments: Any, **keywords: Any) -> Any:
+        require_keywords(taken, keywords, name)
+        return made(*arguments, **keywords)
+
+    return cast(Made, call)
+
+
+def _know_class_methods(kind: type) -> None:
+    """The same of the class methods that a class itself has for its users."""
+    for name, method in list(vars(kind).items()):
+        if isinstance(method, classmethod) and not name.startswith("_"):
+            setattr(kind, name, classmethod(known_keywords(method.__func__)))
 
 
 def one_of(kind: str, value: Any, choices: Iterable[str]) -> str:

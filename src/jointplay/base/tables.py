@@ -7,6 +7,7 @@ import html
 import io
 import math
 import re
+import textwrap
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -43,6 +44,13 @@ class Overview(ABC):
 def fact_lines(facts: Mapping[str, str]) -> list[str]:
     """A line for each fact, its name in front."""
     return [f"  {name:<16} {text}" for name, text in facts.items()]
+
+
+def wrapped(text: str) -> str:
+    """A paragraph below a heading."""
+    return textwrap.fill(
+        text, 100, initial_indent="    ", subsequent_indent="      ", break_on_hyphens=False
+    )
 
 
 def aligned(rows: Sequence[Sequence[str]], others: str = "<") -> list[str]:

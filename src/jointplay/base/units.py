@@ -154,6 +154,15 @@ def convert(value: Any, *units: str) -> Measured:
     )
 
 
+_TITLE = re.compile(r"^(.*?)\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\))\s*$")
+
+
+def titled(title: str) -> tuple[str, str]:
+    """A column's name and unit, of ``tool x [mm]`` or ``tool x (mm)``; no unit if it has none."""
+    match = _TITLE.match(title)
+    return (match[1].strip(), (match[2] or match[3] or "").strip()) if match else (title, "")
+
+
 def plain_number(text: str) -> float:
     """A number without a unit, `nan` and `inf` too.
 
@@ -353,8 +362,8 @@ def typeset(unit: str) -> str:
     return unit.replace("^2", "²").replace("^3", "³").replace("*", " ")
 
 
-def told(value: float, unit: str, digits: int = 4, fine: bool = False) -> str:
-    """A value in SI in the unit in which tables have it (`displayed`)."""
+def rounded(value: float, unit: str, digits: int = 4, fine: bool = False) -> str:
+    """A value in SI, rounded, in the unit in which tables have it (`displayed`)."""
     factor, word = displayed(unit, fine)
     return f"{float(f'{factor * value:.{digits}g}'):g} {word}".rstrip()
 

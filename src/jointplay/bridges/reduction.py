@@ -48,7 +48,7 @@ from jointplay.base.files import is_file
 from jointplay.base.progress import overall
 from jointplay.base.schema import known_keywords, plain
 from jointplay.base.tables import aligned
-from jointplay.base.units import told
+from jointplay.base.units import rounded
 from jointplay.model.gear import Gear, Gearing
 from jointplay.model.impact import LONGEST_STEP_S as OF_IMPACTS_S
 from jointplay.model.impact import fitting_step, tooth_duration
@@ -175,7 +175,7 @@ class Reduction:
             ("link's angle, stated error", self.angle_error, "rad"),
             ("link's angle, RMS difference", self.angle_rms, "rad"),
         ]
-        rows = [(name, told(value, unit, 5, fine=unit == "m")) for name, value, unit in figures]
+        rows = [(name, rounded(value, unit, 5, fine=unit == "m")) for name, value, unit in figures]
         return "\n".join(aligned([("reduced joint", "value"), *rows]))
 
 

@@ -7,6 +7,7 @@ import gc
 import importlib
 import inspect
 import io
+import os
 import sys
 from collections.abc import Sequence
 from contextlib import redirect_stdout
@@ -149,6 +150,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             typed = sys.argv[1:] if arguments is None else arguments
             if arguments is None:  # a process of our own
                 gc.set_threshold(*_GARBAGE)
+                # Of matrices as small as a machine's, threads of numpy's wait for each other.
+                os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
             command = parser(next((word for word in typed if not word.startswith("-")), ""))
             options = command.parse_args(typed)
             with signals.listening():
@@ -156,7 +159,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
             output.finish()  # what cannot be written must show here
             return status
         except OSError as error:  # of a file that has a name, else standard output on a full disk
-            # Files of ours say their name; what is left of a full disk is standard output.
             full = error.errno in (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
             what = "cannot print" if full or error is output.failure else "the system reports"
             if error.filename:
@@ -201,8 +203,9 @@ def _command(parser: Parser, options: argparse.Namespace) -> int:
         return _refuse(options, str(error))
     except KeyboardInterrupt as error:
         return _interrupted(str(error))
-    except (ArithmeticError, ValueError) as error:
-        # Converters written in C, such as matplotlib's, report the interrupt as a wrong value.
+    except (ArithmeticError, ValueError, RuntimeError) as error:
+        # Converters written in C report the interrupt as a wrong value, and Python 3.11 as a
+        # RuntimeError where it falls into the making of a class.
         if signals.stop_requested():
             return _interrupted("")
         numpy = sys.modules.get("numpy")

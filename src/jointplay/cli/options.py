@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable, Sequence
 from typing import Any, NoReturn
 
-from jointplay.base.errors import JointplayError, one_line
+from jointplay.base.errors import JointplayError, closest, one_line
 from jointplay.base.pairs import quantity
 
 STOPPED, BAD_INPUT = 1, 2
@@ -145,7 +145,7 @@ class Parser(argparse.ArgumentParser):
     """Says what is wrong in one line, and takes -1e-4 and -1,0,0 for values, not for options."""
 
     def __init__(self, *args: Any, **options: Any) -> None:
-        options |= {"add_help": False, "conflict_handler": "resolve"}
+        options |= {"add_help": False, "allow_abbrev": False, "conflict_handler": "resolve"}
         super().__init__(*args, **options | {"formatter_class": _Formatter})
         self._negative_number_matcher = re.compile(r"-\.?\d")
         self.explained: dict[str, Callable[[], tuple[str, str]]] = {}
@@ -179,6 +179,11 @@ class Parser(argparse.ArgumentParser):
             empty = action.nargs == "?" and getattr(options, action.dest, None) is None
             if not action.option_strings and empty and left and not left[0].startswith("-"):
                 setattr(options, action.dest, self._get_value(action, left.pop(0)))
+        if left and self._subparsers is None:  # else who holds this command's parser says it
+            begun = [name for name in self._option_string_actions if name.startswith(left[0])]
+            hint = closest(left[0], begun or self._option_string_actions, 0.5 if begun else 0.75)
+            said = "; ".join(filter(None, (" ".join(left), hint.strip())))
+            self.error(f"unrecognized arguments: {said}")
         return options, left
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:

@@ -48,44 +48,48 @@ class Changes(Answer):
                 if estimate.high < 0.0
             ],
         }
-        parts = [f"has {how} in {few(some)}" for how, some in sure.items() if some]
-        same = len(known_changes) - sum(map(len, sure.values()))
-        if same:
-            parts.append(f"may be as it was in {same} of {counted(len(known), 'joint')}")
+        parts = [f"has {how} in {few(changed)}" for how, changed in sure.items() if changed]
+        unchanged = len(known_changes) - sum(map(len, sure.values()))
+        if unchanged:
+            parts.append(f"may be as it was in {unchanged} of {counted(len(known), 'joint')}")
         if untold := [estimate.joint for estimate in known if not estimate.known]:
             parts.append(f"of {few(untold)} no change can be told")
         return f"Play {'; '.join(parts)}"
 
 
-def changes(first: Sequence[LeastSquares], second: Sequence[LeastSquares]) -> Changes:
+def changes(
+    first: Sequence[LeastSquares], second: Sequence[LeastSquares], progress: bool = False
+) -> Changes:
     """How plays changed from one measurement of a machine to another.
 
     Args:
         first, second: least squares of each measurement; those with the same unknowns are compared.
+        progress: show a bar where a fit takes longer than 2 s.
 
     Raises:
         JointplayError: no play was measured both times; signals of other kinds.
     """
     before, after = (
-        {", ".join(unknown.label for unknown in one.unknowns): one for one in problems}
+        {", ".join(unknown.label for unknown in problem.unknowns): problem for problem in problems}
         for problems in (first, second)
     )
     both = [label for label in before if label in after]
     if not any(_plays(before[label].unknowns) for label in both):
         raise JointplayError("no play was measured both times")
-    found = list[Estimate]()
+    estimates = list[Estimate]()
     for label in both:
         pair = before[label], after[label]
-        fit, last = search(*_stacked(*pair)), search(pair[1], _begin(pair[1].unknowns))
+        fit = search(*_stacked(*pair), progress)
+        last = search(pair[1], _begin(pair[1].unknowns), progress)
         for j, i in enumerate(_plays(pair[1].unknowns)):
-            found += [_told(last, i), _told(fit, len(pair[0].unknowns) + j)]
-    once = [one for one in {**before, **after} if one not in both]
-    notes = [f"note: {one}: measured once, no change is told" for one in once]
+            estimates += [_estimate(last, i), _estimate(fit, len(pair[0].unknowns) + j)]
+    once = [label for label in {**before, **after} if label not in both]
+    notes = [f"note: {label}: measured once, no change is told" for label in once]
     notes.append(
         f"assumed: between the measurements compliances differ by {100.0 * SAME['']:g} %, friction "
         f"by {100.0 * SAME['friction']:g} % (standard deviations)"
     )
-    return Changes(estimates=tuple(found), notes=tuple(notes))
+    return Changes(estimates=tuple(estimates), notes=tuple(notes))
 
 
 def _plays(unknowns: Sequence[Unknown]) -> list[int]:
@@ -99,7 +103,7 @@ def _begin(unknowns: Sequence[Unknown]) -> np.ndarray:
     return np.array([value or half for value, half in zip(known, halves, strict=True)])
 
 
-def _told(fit: Fit, i: int) -> Estimate:
+def _estimate(fit: Fit, i: int) -> Estimate:
     half = float(fit.half_width[i])
     reason = "" if np.isfinite(half) else fit.why_not(i) or "nothing that was measured tells it"
     return Estimate(fit.least.unknowns[i], float(fit.theta[i]), half, reason)
@@ -111,13 +115,15 @@ def _stacked(first: LeastSquares, second: LeastSquares) -> tuple[LeastSquares, n
     Its unknowns are those of the first, then by what each play, and each other that is not known
     exactly, differs in the second.
     """
-    own, (low, high) = first.unknowns, first.limits
-    plays = _plays(own)
-    others = [i for i, one in enumerate(own) if i not in plays and one.spread != 0.0]
-    p, at = len(own), [*plays, *others]
+    unknowns, (low, high) = first.unknowns, first.limits
+    plays = _plays(unknowns)
+    differing = [
+        i for i, unknown in enumerate(unknowns) if i not in plays and unknown.spread != 0.0
+    ]
+    p, at = len(unknowns), [*plays, *differing]
 
     def moved(i: int) -> Unknown:
-        unknown = own[i]
+        unknown = unknowns[i]
         part = np.inf if i in plays else SAME["friction" if "friction" in unknown.name else ""]
         return replace(
             unknown, name=f"{unknown.name} change", nominal=0.0, sought=False,
@@ -140,9 +146,9 @@ def _stacked(first: LeastSquares, second: LeastSquares) -> tuple[LeastSquares, n
 
     nuisance, spread = _nuisances(first, second)
     kinds = first.kinds, second.kinds
-    whole = replace(
+    stacked = replace(
         first,
-        unknowns=(*own, *map(moved, at)),
+        unknowns=(*unknowns, *map(moved, at)),
         predict=predicted,
         measured=np.concatenate([first.measured, second.measured]),
         error=np.concatenate([first.error, second.error]),
@@ -152,11 +158,11 @@ def _stacked(first: LeastSquares, second: LeastSquares) -> tuple[LeastSquares, n
         kinds=None if kinds[0] is None else np.concatenate(kinds),  # type: ignore[arg-type]
         jacobian=None,
         softening={
-            joint: np.concatenate([one, second.softening[joint]])
-            for joint, one in first.softening.items()
+            joint: np.concatenate([softening, second.softening[joint]])
+            for joint, softening in first.softening.items()
         },
     )
-    return whole, np.concatenate([_begin(own), np.zeros(len(at))])
+    return stacked, np.concatenate([_begin(unknowns), np.zeros(len(at))])
 
 
 def _nuisances(first: LeastSquares, second: LeastSquares) -> tuple[np.ndarray, np.ndarray]:
@@ -172,12 +178,12 @@ def _nuisances(first: LeastSquares, second: LeastSquares) -> tuple[np.ndarray, n
         )
         effects.append(effect)
         wide.append(np.full(effect.shape[1], np.inf) if problem.spread is None else problem.spread)
-    (a, b), (known, other) = effects, wide
+    (a, b), (before, after) = effects, wide
     i, j = a.shape[1] - count, b.shape[1] - count
-    differ = np.flatnonzero(np.isfinite(other[j:]))
+    differ = np.flatnonzero(np.isfinite(after[j:]))
     columns = np.zeros((m + n, i + j + len(differ) + count))
     columns[:m, :i], columns[m:, i : i + j] = a[:, :i], b[:, :j]
     columns[m:, i + j : i + j + len(differ)] = b[:, j + differ]
     columns[:, i + j + len(differ) :] = np.concatenate([a[:, i:], b[:, j:]])
-    spread = [known[:i], other[:j], SAME[""] * other[j + differ], other[j:]]
+    spread = [before[:i], after[:j], SAME[""] * after[j + differ], after[j:]]
     return columns, np.concatenate(spread)

@@ -5,7 +5,6 @@ A column is called ``tool x [mm]``: what it is, and its unit in brackets (or ``t
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 
@@ -13,11 +12,10 @@ import numpy as np
 
 from jointplay.base import files
 from jointplay.base.errors import JointplayError
-from jointplay.base.units import convert, plain_number
+from jointplay.base.units import convert, plain_number, titled
 
 Key = tuple[str, str]
 """``("tool", "x")``, ``("link", "elbow")``: kind of a signal, then its axis or joint."""
-_BRACKETS = re.compile(r"^(.*?)\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\))\s*$")
 _MOTOR, _GOAL = "motor", "goal"
 _LARGEST = 1e12
 """Largest number in a measurement [SI]: times since 1970 have ten digits, all else has fewer."""
@@ -25,10 +23,10 @@ _LARGEST = 1e12
 
 def read(
     path: Path,
-    what: str,
+    kind: str,
     meaning: Callable[[str], tuple[Key, str] | None],
     known: str,
-    words: Collection[str] = (),
+    labels: Collection[str] = (),
     gaps: Collection[str] = (),
 ) -> tuple[dict[Key, np.ndarray], dict[str, tuple[str, ...]]]:
     """Numbers of a CSV file by what they are [SI], shape (n,) each, and texts by column.
@@ -37,20 +35,20 @@ def read(
         path: lines beginning with # are comments.
         what, known: the file is, and which columns there may be, for messages.
         meaning: what a column of this name is, and its unit in SI; None for nothing.
-        words: columns of text.
+        labels: columns of text.
         gaps: kinds of column that may have empty cells, which are nan.
 
     Raises:
         JointplayError: no such file; a column without unit, of an unknown name or given twice; a
             cell that is not a number, or larger than any (with its line).
     """
-    rows = files.csv_rows(path, what)
+    rows = files.csv_rows(path, kind)
     numbers: dict[Key, np.ndarray] = {}
     texts: dict[str, tuple[str, ...]] = {}
-    _check_titles(path, [cell.strip() for cell in rows[0][1]], meaning, known, words)
+    _check_titles(path, [cell.strip() for cell in rows[0][1]], meaning, known, labels)
     for column, title in enumerate(cell.strip() for cell in rows[0][1]):
         cells = [(line, row[column].strip()) for line, row in rows[1:]]
-        if title in words:
+        if title in labels:
             if title in texts:
                 raise JointplayError(f"{path}: {title!r} appears twice")
             texts[title] = tuple(cell for _, cell in cells)
@@ -61,10 +59,7 @@ def read(
         key, goal = meant
         if key[0] == _GOAL:
             continue
-        try:
-            factor = float(convert(f"1 {unit}", goal))
-        except ValueError as error:
-            raise JointplayError(f"{path}, column {title!r}: {error}") from None
+        factor = float(convert(f"1 {unit}", goal))
         if key in numbers:
             raise JointplayError(f"{path}: {name!r} appears twice")
         values = np.full(len(cells), np.nan)
@@ -106,25 +101,30 @@ def _check_titles(
     titles: list[str],
     meaning: Callable[[str], tuple[Key, str] | None],
     known: str,
-    words: Collection[str],
+    labels: Collection[str],
 ) -> None:
-    """Refuse columns without a unit or of an unknown name, all in one message."""
+    """Refuse columns without a unit, of an unknown one or name, all in one message."""
     wrong, unknown = [], False
     for title in titles:
-        if title in words:
+        if title in labels:
             continue
         name, unit = split_title(title)
         if not unit:
-            said = as_written(name, meaning) or "'time [s]', 'elbow motor [deg]'"
-            wrong.append(f"{title!r} has no unit; write {said}")
-        elif meaning(name) is None:
+            proposal = as_written(name, meaning) or "'time [s]', 'elbow motor [deg]'"
+            wrong.append(f"{title!r} has no unit; write {proposal}")
+        elif (known_as := meaning(name)) is None:
             unknown = True
-            said = as_written(name, meaning)
-            wrong.append(f"{title!r} is unknown{f'; did you mean {said}?' if said else ''}")
+            proposal = as_written(name, meaning)
+            wrong.append(f"{title!r} is unknown{f'; did you mean {proposal}?' if proposal else ''}")
+        elif known_as[0][0] != _GOAL:
+            try:
+                convert(f"1 {unit}", known_as[1])
+            except ValueError as error:
+                wrong.append(f"{title!r}: {error}")
     if wrong:
-        there = f"; there are: {known}" if unknown else ""
+        choices = f"; there are: {known}" if unknown else ""
         number = "column" if len(wrong) == 1 else "columns"
-        raise JointplayError(f"{path}: {number} {', '.join(wrong)}{there}")
+        raise JointplayError(f"{path}: {number} {', '.join(wrong)}{choices}")
 
 
 def as_written(name: str, meaning: Callable[[str], tuple[Key, str] | None]) -> str:
@@ -135,16 +135,15 @@ def as_written(name: str, meaning: Callable[[str], tuple[Key, str] | None]) -> s
         return f"'{name} [{'deg' if known[1] == 'rad' else known[1].replace('*', ' ')}]'"
     joint, _, last = name.rpartition(".")
     kind = {"pos": "", "position": "", "goal": " goal", "cmd": " goal", "action": " goal"}.get(last)
-    if joint and kind is not None and (found := meaning(f"{joint}{kind}")):
-        return f"'{joint}{kind} [{'deg' if found[1] == 'rad' else 'mm'}]'"
+    if joint and kind is not None and (quantity := meaning(f"{joint}{kind}")):
+        return f"'{joint}{kind} [{'deg' if quantity[1] == 'rad' else 'mm'}]'"
     return ""
 
 
 def split_title(title: str) -> tuple[str, str]:
     """A column's name and unit, of ``tool x [mm]`` or ``tool_x_mm``; no unit if it has none."""
-    match = _BRACKETS.match(title)
-    if match:
-        return match[1].strip(), (match[2] or match[3] or "").strip()
+    if (in_brackets := titled(title)) != (title, ""):
+        return in_brackets
     name, _, unit = title.rpartition("_")
     try:
         convert(f"1 {unit}", "s", "m", "rad", "N", "N*m")

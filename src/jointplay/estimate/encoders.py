@@ -125,22 +125,22 @@ def _compared(poses: Poses, joint: str, terms: Sequence[Term] | None) -> Calibra
     # A pose that was approached from nowhere says nothing of friction: left out of everything, so
     # that all models are compared on the same poses.
     came = poses.approach[:, j] != 0.0
-    kept = np.flatnonzero(np.isfinite(poses.link[:, j]) & (came | (not came.any())))
-    if len(kept) < FEWEST:
+    rows = np.flatnonzero(np.isfinite(poses.link[:, j]) & (came | (not came.any())))
+    if len(rows) < FEWEST:
         return None
-    poses = poses.rows(kept)
+    poses = poses.rows(rows)
     base = Difference(poses, (1.0,), joint=joint)
     size = float(np.std(base.off))
     if size == 0.0:
         return None
-    n, largest = len(kept), {"compliance": poses.load[:, j], "ratio": poses.q[:, j]}
+    n, largest = len(rows), {"compliance": poses.load[:, j], "ratio": poses.q[:, j]}
     widths = {
         kind: _WIDE * size / max(float(np.abs(by).max()), TINY) for kind, by in largest.items()
     }
-    asked = {one.kind for one in terms or () if not one.joints or joint in one.joints}
+    requested = {term.kind for term in terms or () if not term.joints or joint in term.joints}
     causes = CAUSES
     if terms is not None:
-        named = (tuple(kind for kind in kinds if kind in asked) for kinds in CAUSES)
+        named = (tuple(kind for kind in kinds if kind in requested) for kinds in CAUSES)
         causes = tuple(filter(None, dict.fromkeys(named)))
     candidates = [
         [Term(kind, (joint,), widths.get(kind, _WIDE * size)) for kind in kinds]
@@ -150,10 +150,10 @@ def _compared(poses: Poses, joint: str, terms: Sequence[Term] | None) -> Calibra
         and (came.any() or kinds[0] != "hysteresis")
     ]
 
-    def may_be(now: Sequence[Term], more: Sequence[Term]) -> bool:
-        terms = [*now, *more]
+    def may_be(now: Sequence[Term], added: Sequence[Term]) -> bool:
+        terms = [*now, *added]
         kinds = {term.kind for term in terms}
-        both = any(kinds & term and kinds & other for term, other in _EXCLUSIVE)
+        both = any(kinds & term and kinds & excluded for term, excluded in _EXCLUSIVE)
         return not both and sum(len(poses.columns(term)) for term in terms) + 3 <= n
 
     folds, held = held_back(poses.measured, "rows")
@@ -161,27 +161,27 @@ def _compared(poses: Poses, joint: str, terms: Sequence[Term] | None) -> Calibra
     fits = Selection(base, folds, np.zeros(1), (joint,))
     step = fits.run("constant", (), candidates, may_be)
     ratio, begin = Term("ratio", (joint,), widths["ratio"]), len(fits.steps)
-    if terms is not None and not {"ratio", "sawtooth"} & {one.kind for one in step.terms}:
-        left = fits.tried([*step.terms, ratio]).held_back[0]
+    if terms is not None and not {"ratio", "sawtooth"} & {term.kind for term in step.terms}:
+        error = fits.tried([*step.terms, ratio]).held_back[0]
         # Beside a wrong ratio nothing else could be told: a right one leaves all, a wrong one a
         # hundredth.
-        if left < 0.5 * step.held_back[0]:
+        if error < 0.5 * step.held_back[0]:
             step = fits.run("constant, ratio", (ratio,), candidates, may_be)
             del fits.steps[:begin]
     if step.held_back[0] > 0.0:  # what priors are weighed against
         fits.base = replace(base, error=(step.held_back[0],))
-    play = [one for many in candidates for one in many if one.kind == "play"]
+    play = [term for combination in candidates for term in combination if term.kind == "play"]
     known = infer(fits, step, play if may_be(step.terms, play) else ())
     unknown = Unknown(joint, "difference", base.unit, fine=False)
-    explained = " + ".join(_WORDS.get(one.kind, one.kind) for one in step.terms)
+    explained = " + ".join(_WORDS.get(term.kind, term.kind) for term in step.terms)
     head = (
         f"{joint}: differs by {unknown.shown(size)} (standard deviation), "
         f"{unknown.shown(step.held_back[0])} left when predicted by {explained or 'nothing here'}"
     )
     notes = [head, *notes_on(fits, step)]
-    for one in known.coefficients:
-        if one.unknown.name == "ratio error":
-            factor = f"{1.0 + one.value:.4g} +- {one.half_width:.1g}"
+    for coefficient in known.coefficients:
+        if coefficient.unknown.name == "ratio error":
+            factor = f"{1.0 + coefficient.value:.4g} +- {coefficient.half_width:.1g}"
             notes.append(f"{joint}: its link turns {factor} as far as the motor")
     return Calibration(
         poses.measured, tuple(fits.steps), known.coefficients, known.play, folds=held,

@@ -18,7 +18,7 @@ import numpy as np
 
 from jointplay.base.errors import JointplayError, require_a, require_whole
 from jointplay.base.tables import Column, Table, few
-from jointplay.base.units import displayed, readable, told
+from jointplay.base.units import displayed, readable, rounded
 from jointplay.estimate import columns
 from jointplay.estimate.unknowns import CONFIDENCE
 from jointplay.simulation.result.result import AXES, Result
@@ -33,6 +33,8 @@ BAND = (100.0 * (1.0 - CONFIDENCE), 100.0 * CONFIDENCE)
 MOST_SHIFT = 0.25
 """Part of the run's length by which a measurement is shifted at most when the shift is found
 (judged: two turns of a crank in a run of eight)."""
+_LEAST = 3
+"""Measured times within the run at least: a constant and a slope fit two."""
 _SHIFTS = 2001
 """Shifts that are tried, before the best is refined: of a signal of 100 periods 10 a period."""
 
@@ -140,7 +142,7 @@ class ExperimentComparison:
     curves: tuple[MeasuredCurve, ...]
     shift: float
     """Added to the measured times [s]."""
-    found: bool
+    fitted: bool
     """Whether the shift was found."""
     left_out: int
     """Measured times outside the run."""
@@ -190,11 +192,11 @@ class ExperimentComparison:
         for curve in self.curves:
             part = f", {100.0 * curve.relative:.3g} % of what was measured"
             lines.append(
-                f"{curve.name}: computed and measured differ by {told(curve.rms, curve.unit)} RMS"
-                f"{'' if math.isnan(curve.relative) else part}; the run's own error is "
-                f"{told(curve.own_error, curve.unit, 2)}"
+                f"{curve.name}: computed and measured differ by {rounded(curve.rms, curve.unit)} "
+                f"RMS{'' if math.isnan(curve.relative) else part}; the run's own error is "
+                f"{rounded(curve.own_error, curve.unit, 2)}"
             )
-        how = "found, as it fits best" if self.found else "as given"
+        how = "found, as it fits best" if self.fitted else "as given"
         lines.append(f"measured times are shifted by {readable(self.shift, 's', 4)} ({how})")
         if self.left_out:
             lines.append(f"{self.left_out} measured times outside the run are left out")
@@ -231,33 +233,34 @@ def beside_experiment(
     times, measured = _read(Path(path), known)
     simulation = result.simulation
     end = float(result.time[-1])
-    found = shift is None
+    fitted = shift is None
     best = _best_shift(known, times, measured, end)
     shift = best if shift is None else shift
     within = (times + shift >= 0.0) & (times + shift <= end)
-    if np.count_nonzero(within) < 3:
+    if (there := np.count_nonzero(within)) < _LEAST:
+        hint = "; give a shift" if len(times) >= _LEAST else ""
         raise JointplayError(
-            f"{path}: of {len(times)} measured times {np.count_nonzero(within)} lie within the "
-            f"run, 0 to {end:g} s (shift {shift:g} s); give a shift"
+            f"{path}: of {len(times)} measured times {there} lie within the run, 0 to {end:g} s "
+            f"(shift {shift:g} s), and {_LEAST} are needed at least{hint}"
         )
     at = times[within] + shift
     keep = partial(_at_times, names=tuple(measured), at=at)
     finest = replace(further_runs(simulation, result)[-1].simulation, start=result.audit.start)
     starts = [replace(simulation, seed=seed, duration=end) for seed in range(runs)]
     values = ensemble([finest, *starts], jobs=jobs, keep=keep, progress=progress)
-    finer, others = values[0], values[1:]
+    finer, members = values[0], values[1:]
     rows = []
     for name, column in measured.items():
         computed = np.interp(at, *known[name][:2])
         band = None
-        if others:
-            low, high = np.percentile([curve[name] for curve in others], BAND, axis=0)
+        if members:
+            low, high = np.percentile([curve[name] for curve in members], BAND, axis=0)
             band = (low, high)
         error = float(np.sqrt(np.mean((finer[name] - computed) ** 2)))
         rows.append(MeasuredCurve(name, known[name][2], at, column[within], computed, error, band))
     return ExperimentComparison(
-        tuple(rows), float(shift), found, int(np.count_nonzero(~within)),
-        "" if found else _hint(known, times, measured, shift, best),
+        tuple(rows), float(shift), fitted, int(np.count_nonzero(~within)),
+        "" if fitted else _hint(known, times, measured, shift, best),
     )  # fmt: skip
 
 

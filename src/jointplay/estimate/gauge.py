@@ -26,8 +26,9 @@ from jointplay.accuracy.poses import moving, over_workspace
 from jointplay.base import files
 from jointplay.base.errors import JointplayError, MissingName, require_known, require_positive
 from jointplay.base.pairs import name_and_number
+from jointplay.base.schema import known_keywords
 from jointplay.base.tables import counted, few
-from jointplay.base.units import NUMBER, convert, readable, told
+from jointplay.base.units import NUMBER, convert, readable, rounded
 from jointplay.estimate import columns
 from jointplay.estimate.least_squares import Fit, LeastSquares, search
 from jointplay.estimate.machine import preset_found
@@ -100,6 +101,7 @@ class Posed(Protocol):
     def source(self) -> str: ...
 
 
+@known_keywords
 @dataclass(frozen=True)
 class Readings:
     """How far links turned under pushes; SI units, of joints that slide forces and lengths."""
@@ -192,10 +194,10 @@ class Readings:
             if (bad := np.flatnonzero(~np.isfinite(motor))).size:
                 raise JointplayError(f"{path}: reading {bad[0] + 1} has no motor position")
             for name in np.unique(setups):  # which way is positive, nobody says: it gives way
-                mine = setups == name
-                side = float(np.sign(motor[mine] @ (push[mine] - push[mine].mean())))
-                turned[mine] -= side * (motor[mine] - motor[mine].mean())
-                error[mine] = np.hypot(error[mine], quantisation(np.sort(motor[mine])))
+                of_setup = setups == name
+                side = float(np.sign(motor[of_setup] @ (push[of_setup] - push[of_setup].mean())))
+                turned[of_setup] -= side * (motor[of_setup] - motor[of_setup].mean())
+                error[of_setup] = np.hypot(error[of_setup], quantisation(np.sort(motor[of_setup])))
         pose = texts.get("pose", ())
         return cls(tuple(names), tuple(map(str, setups)), push, turned, error, str(path), pose)
 
@@ -249,10 +251,10 @@ class Gauged(Answer):
         return tuple(self._loop(joint, fitted) for joint, fitted in self.fits.items())
 
     def _loop(self, joint: str, fitted: Fit) -> Loop:
-        mine = np.array([name == joint for name in self.readings.joint])
-        setup, push = np.array(self.readings.setup)[mine], self.readings.push[mine]
+        of_joint = np.array([name == joint for name in self.readings.joint])
+        setup, push = np.array(self.readings.setup)[of_joint], self.readings.push[of_joint]
         largest = float(np.abs(push).max())
-        turned, says = self.readings.turned[mine].copy(), _bent(push, largest, *fitted.theta)
+        turned, says = self.readings.turned[of_joint].copy(), _bent(push, largest, *fitted.theta)
         says[push == 0.0] = np.nan  # anywhere within the play
         for name in np.unique(setup):
             turned[setup == name] -= np.nanmean((turned - says)[setup == name])
@@ -266,6 +268,7 @@ class Gauged(Answer):
         )  # fmt: skip
 
 
+@known_keywords
 def identify_gauged(
     mechanism: Mechanism,
     readings: Readings | str | Path,
@@ -289,11 +292,11 @@ def identify_gauged(
     """
     ideal, readings = mechanism.ideal(), _read(mechanism, readings, noise)
     friction, estimates, fits, notes = urdf_friction(ideal), list[Estimate](), dict[str, Fit](), []
-    for joint, mine, slides in _by_joint(mechanism, readings):
-        smallest, unit = _smallest(readings, mine), "N" if slides else "N*m"
-        weight, posed = gravity_load(ideal, readings, joint, mine, pose)
-        _require_yielding(readings, joint, mine)
-        problem = _problem(readings, joint, mine, friction[joint].coulomb, slides)
+    for joint, of_joint, slides in _by_joint(mechanism, readings):
+        smallest, unit = _smallest(readings, of_joint), "N" if slides else "N*m"
+        weight, posed = gravity_load(ideal, readings, joint, of_joint, pose)
+        _require_yielding(readings, joint, of_joint)
+        problem = _problem(readings, joint, of_joint, friction[joint].coulomb, slides)
         play, give, rubs, bends = problem.unknowns
         start = np.array([0.5 * play.scale, give.scale, rubs.nominal, bends.nominal])
         fitted = fits[joint] = search(problem, start, progress)
@@ -322,14 +325,14 @@ def identify_gauged(
             upper = first.value + first.half_width
             first = replace(first, reason="", bounded=not sure, upper=upper)
         vague = first.half_width > first.unknown.widest(first.value)
-        if vague and _forces(readings, mine) == 2:
+        if vague and _forces(readings, of_joint) == 2:
             notes.append(
                 f"note: two forces do not tell the play of {joint} from teeth that stiffen: push "
                 f"with a third one, as far below {readable(smallest, unit, 2)} as friction and "
                 "gravity allow"
             )
         most = mechanism.description.joints[joint].effort
-        largest = float(np.abs(readings.push[mine]).max())
+        largest = float(np.abs(readings.push[of_joint]).max())
         if most and largest > most:
             notes.append(
                 f"warning: a push on {joint} is {readable(largest, unit, 3)}, beyond its limit of "
@@ -341,7 +344,7 @@ def identify_gauged(
                 "title?"
             )
         estimates += [first, second]
-        notes += _outside(readings, joint, mine, fitted)
+        notes += _outside(readings, joint, of_joint, fitted)
     return Gauged(
         estimates=tuple(estimates), mechanism=mechanism, readings=readings, fits=fits,
         notes=tuple(notes),
@@ -360,10 +363,10 @@ def gauge_problems(
     ideal = mechanism.ideal()
     readings = _read(mechanism, readings, noise)
     return [
-        _problem(readings, joint, mine, urdf_friction(ideal)[joint].coulomb, slides)
-        for joint, mine, slides in _by_joint(mechanism, readings)
-        if not (gravity := gravity_load(ideal, readings, joint, mine, pose))[1]
-        or gravity[0] < _smallest(readings, mine)
+        _problem(readings, joint, of_joint, urdf_friction(ideal)[joint].coulomb, slides)
+        for joint, of_joint, slides in _by_joint(mechanism, readings)
+        if not (gravity := gravity_load(ideal, readings, joint, of_joint, pose))[1]
+        or gravity[0] < _smallest(readings, of_joint)
     ]
 
 
@@ -380,40 +383,40 @@ def _read(
 def _by_joint(mechanism: Mechanism, readings: Readings) -> Iterator[tuple[str, np.ndarray, bool]]:
     """Joints, which readings are of each, and whether it slides."""
     for joint in dict.fromkeys(readings.joint):
-        mine = np.array([name == joint for name in readings.joint])
-        _require_recipe(readings, joint, mine)
-        yield joint, mine, mechanism.description.joints[joint].slides
+        of_joint = np.array([name == joint for name in readings.joint])
+        _require_recipe(readings, joint, of_joint)
+        yield joint, of_joint, mechanism.description.joints[joint].slides
 
 
-def _smallest(readings: Readings, mine: np.ndarray) -> float:
+def _smallest(readings: Readings, of_joint: np.ndarray) -> float:
     """Push of these readings [N m or N]."""
-    return float(np.abs(readings.push[mine & (readings.push != 0.0)]).min())
+    return float(np.abs(readings.push[of_joint & (readings.push != 0.0)]).min())
 
 
-def _require_recipe(readings: Readings, joint: str, mine: np.ndarray) -> None:
+def _require_recipe(readings: Readings, joint: str, of_joint: np.ndarray) -> None:
     sizes = []
-    for setup in dict.fromkeys(np.array(readings.setup)[mine]):
-        push = readings.push[mine & (np.array(readings.setup) == setup)]
+    for setup in dict.fromkeys(np.array(readings.setup)[of_joint]):
+        push = readings.push[of_joint & (np.array(readings.setup) == setup)]
         if push.min() < 0.0 < push.max():
             sizes += [abs(force) for force in push if force]
     if len(sizes) < 4 or max(sizes) < _UNLIKE * min(sizes):
-        raise JointplayError(f"{readings.source}: {joint}: {RECIPE}; got {int(mine.sum())}")
+        raise JointplayError(f"{readings.source}: {joint}: {RECIPE}; got {int(of_joint.sum())}")
 
 
-def _forces(readings: Readings, mine: np.ndarray) -> int:
+def _forces(readings: Readings, of_joint: np.ndarray) -> int:
     """How many pushes count as different in size."""
     last, count = 0.0, 0
-    for force in np.sort(np.abs(readings.push[mine & (readings.push != 0.0)])):
+    for force in np.sort(np.abs(readings.push[of_joint & (readings.push != 0.0)])):
         if force >= _UNLIKE * last:
             last, count = float(force), count + 1
     return count
 
 
-def _require_yielding(readings: Readings, joint: str, mine: np.ndarray) -> None:
+def _require_yielding(readings: Readings, joint: str, of_joint: np.ndarray) -> None:
     """Refuse readings that fall while the push grows: no link turns against what pushes it."""
     setups = np.array(readings.setup)
-    for setup in dict.fromkeys(setups[mine]):
-        rows = np.flatnonzero(mine & (setups == setup) & (readings.push != 0.0))
+    for setup in dict.fromkeys(setups[of_joint]):
+        rows = np.flatnonzero(of_joint & (setups == setup) & (readings.push != 0.0))
         push, turned, error = (
             values[rows] for values in (readings.push, readings.turned, readings.error)
         )
@@ -432,13 +435,15 @@ def gravity_load(
     ideal: Mechanism,
     readings: Posed,
     joint: str,
-    mine: np.ndarray,
+    of_joint: np.ndarray,
     pose: Mapping[str, float] | None,
 ) -> tuple[float, bool]:
     """Load of gravity on a joint [N m or N], the largest where it differs, and whether the pose is
     known: by the readings, or else `pose`."""
     at, data = ideal.coordinate(joint), ideal.model.createData()
-    texts = dict.fromkeys(readings.pose[i] for i in np.flatnonzero(mine)) if readings.pose else {}
+    texts = (
+        dict.fromkeys(readings.pose[i] for i in np.flatnonzero(of_joint)) if readings.pose else {}
+    )
     poses = [_pose(ideal, text, readings.source) for text in texts if text]
     if pose is not None and (not poses or "" in texts):
         poses.append(dict(pose))
@@ -474,9 +479,9 @@ def _bent(
 
 
 def _problem(
-    readings: Readings, joint: str, mine: np.ndarray, friction: float, slides: bool
+    readings: Readings, joint: str, of_joint: np.ndarray, friction: float, slides: bool
 ) -> LeastSquares:
-    use = np.flatnonzero(mine & (readings.push != 0.0))
+    use = np.flatnonzero(of_joint & (readings.push != 0.0))
     push, turned = readings.push[use], readings.turned[use]
     setups = np.array(readings.setup)[use]
     zeros = np.column_stack([setups == name for name in dict.fromkeys(setups)]).astype(float)
@@ -518,12 +523,12 @@ def _problem(
     )
 
 
-def _outside(readings: Readings, joint: str, mine: np.ndarray, fitted: Fit) -> list[str]:
+def _outside(readings: Readings, joint: str, of_joint: np.ndarray, fitted: Fit) -> list[str]:
     """Readings without a push that lie beyond both sides of the play, and pushed ones far off."""
     notes, setups = [], np.array(readings.setup)
-    theta, largest = fitted.theta, float(np.abs(readings.push[mine]).max())
-    for setup in dict.fromkeys(setups[mine]):
-        rows = np.flatnonzero(mine & (setups == setup) & (readings.push != 0.0))
+    theta, largest = fitted.theta, float(np.abs(readings.push[of_joint]).max())
+    for setup in dict.fromkeys(setups[of_joint]):
+        rows = np.flatnonzero(of_joint & (setups == setup) & (readings.push != 0.0))
         off = readings.turned[rows] - _bent(readings.push[rows], largest, *theta)
         away = np.abs(off - np.median(off)) - 2.0 * _STRAYS * theta[1] * largest
         if away.max() > 2.0 * _OUTSIDE * readings.error[rows].max():
@@ -532,9 +537,9 @@ def _outside(readings: Readings, joint: str, mine: np.ndarray, fitted: Fit) -> l
                 f"m{fitted.least.unknowns[0].unit}: has a push the wrong sign, or has the gauge "
                 "slipped?"
             )
-    for number in np.flatnonzero(mine & (readings.push == 0.0)):
-        same = mine & (setups == setups[number]) & (readings.push != 0.0)
-        off = readings.turned[same] - _bent(readings.push[same], largest, *theta)
+    for number in np.flatnonzero(of_joint & (readings.push == 0.0)):
+        of_setup = of_joint & (setups == setups[number]) & (readings.push != 0.0)
+        off = readings.turned[of_setup] - _bent(readings.push[of_setup], largest, *theta)
         away = (
             abs(float(readings.turned[number] - off.mean())) - theta[0] / 2.0 - theta[1] * theta[2]
         )
@@ -595,6 +600,7 @@ class Step:
         )
 
 
+@known_keywords
 def plan_gauge(
     mechanism: Mechanism,
     joints: Sequence[str] = (),
@@ -649,7 +655,7 @@ def plan_gauge(
         wide = _expected(name, entry.slides, np.array(forces) * lever, lever, turned, noise or {})
         numbers = zip(known, poses[best][[ideal.coordinate(joint) for joint in known]], strict=True)
         pose = ",".join(f"{joint}={x:.3g}" for joint, x in numbers)
-        half = f"+- {told(wide, 'm' if entry.slides else 'rad', 2, entry.slides)}"
+        half = f"+- {rounded(wide, 'm' if entry.slides else 'rad', 2, entry.slides)}"
         steps.append(Step(name, arm, forces, pose, half, bar, gravity))
     return GaugePlan(tuple(steps), tuple(notes))
 

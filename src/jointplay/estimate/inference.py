@@ -50,9 +50,9 @@ class Inference(NamedTuple):
     """The fit that these are of."""
 
 
-def infer(selection: Selection, kept: Step, candidates: Sequence[Term]) -> Inference:
+def infer(selection: Selection, selected: Step, candidates: Sequence[Term]) -> Inference:
     """What is known of the coefficients of the model that was kept, and of every joint's play."""
-    table, chosen = selection.fit(_full_model(selection, kept, candidates), selection.rows)
+    table, chosen = selection.fit(_full_model(selection, selected, candidates), selection.rows)
     full = _refined(selection, table, chosen)
     ends, plays = _likelihood_region(selection, full)
     # A refined best may be one of several that are nearly as good: the table's counts, too.
@@ -62,7 +62,7 @@ def infer(selection: Selection, kept: Step, candidates: Sequence[Term]) -> Infer
     half, _ = half_widths(selection, full)
     coefficients, first = [], len(selection.start)
     for i, column in enumerate(full.problem.columns):
-        if column.term.kind != "play" and column.term in kept.terms:
+        if column.term.kind != "play" and column.term in selected.terms:
             k = first + i
             partner = full.informed(k)[2]
             interval = float(ends[0, k]) - float(half[k]), float(ends[1, k]) + float(half[k])
@@ -72,7 +72,7 @@ def infer(selection: Selection, kept: Step, candidates: Sequence[Term]) -> Infer
                     note=partner and f"acts together with {partner}", ends=interval,
                 )
             )  # fmt: skip
-    predictive = {c.joint for c in kept.fitted.problem.columns if c.term.kind == "play"}
+    predictive = {c.joint for c in selected.fitted.problem.columns if c.term.kind == "play"}
     number = {c.joint: i for i, c in enumerate(full.problem.columns) if c.term.kind == "play"}
     play = [
         _play(selection, full, number[joint], plays, joint in predictive)
@@ -88,15 +88,15 @@ def half_widths(selection: Selection, fitted: Fitted) -> tuple[np.ndarray, np.nd
     return selection.excess * two_sided, selection.excess * one_sided
 
 
-def _full_model(selection: Selection, kept: Step, candidates: Sequence[Term]) -> list[Term]:
+def _full_model(selection: Selection, selected: Step, candidates: Sequence[Term]) -> list[Term]:
     """Everything that may be a cause, play last."""
     poses = selection.base.poses
-    terms = [*kept.terms, *(term for term in candidates if term not in kept.terms)]
+    terms = [*selected.terms, *(term for term in candidates if term not in selected.terms)]
     plays = [term for term in terms if term.kind == "play"]
     named = {column.joint for term in plays for column in poses.columns(term)}
     unnamed = tuple(n for n in selection.joints if n not in named and poses.loaded(n))
-    others = [term for term in terms if term.kind != "play"]
-    return [*others, *plays, *([Term("play", unnamed)] if unnamed else [])]
+    loaded = [term for term in terms if term.kind != "play"]
+    return [*loaded, *plays, *([Term("play", unnamed)] if unnamed else [])]
 
 
 def _refined(selection: Selection, full: Fitted, chosen: Mapping[int, int]) -> Fitted:
@@ -236,7 +236,7 @@ def _why_not(fitted: Fitted, i: int) -> str:
     return fitted.why_not(len(fitted.problem.frame) + i)
 
 
-def notes(selection: Selection, kept: Step) -> list[str]:
+def notes(selection: Selection, selected: Step) -> list[str]:
     """What must be said of the model that was kept."""
     lines = []
     if selection.excess > 1.0 + MINOR:
@@ -245,8 +245,8 @@ def notes(selection: Selection, kept: Step) -> list[str]:
             "predict: these causes do not explain all of it; intervals and bounds are enlarged "
             "accordingly"
         )
-    for i, choice in kept.chosen.items():
-        column = kept.fitted.problem.columns[i]
+    for i, choice in selected.chosen.items():
+        column = selected.fitted.problem.columns[i]
         numbers = column.choices[choice]
         text = f"jump at {numbers[0]:.3g} rad"
         if column.term.kind == "play":

@@ -17,6 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.base.errors import JointplayError, require_known
+from jointplay.base.schema import known_keywords
 from jointplay.base.tables import counted
 from jointplay.estimate.parts import SPRINGS, WOUND, Elements, Springs, bearing_parts
 from jointplay.estimate.static_poses import StaticPoses, rotations_of
@@ -47,6 +48,7 @@ _TURN_WIDTH = 2.5
 [rad/m]."""
 
 
+@known_keywords
 @dataclass(frozen=True)
 class Term:
     """A possible cause of errors, in some joints.
@@ -176,9 +178,9 @@ class Poses:
         self._translation = np.array([model.jointPlacements[i].translation for i in ids])
         motions = []
         for i in ids:
-            one = model.joints[i].createData()
-            model.joints[i].calc(one, np.zeros(1), np.zeros(1))
-            motions.append(np.ravel(one.S))
+            state = model.joints[i].createData()
+            model.joints[i].calc(state, np.zeros(1), np.zeros(1))
+            motions.append(np.ravel(state.S))
         space = np.array(motions)
         self.turns = np.linalg.norm(space[:, 3:], axis=1) > 0.5
         self.axis = np.where(self.turns[:, None], space[:, 3:], space[:, :3])
@@ -187,8 +189,8 @@ class Poses:
             ideal.coordinate(name)  # says which there are
         self.known = tuple(name for name in self.names if name in poses.joints)
         if not self.known:
-            given, these = ", ".join(poses.joints), ", ".join(self.names)
-            raise JointplayError(f"none of {given} moves the tool {ideal.tool!r}; {these} do")
+            measured, movable = ", ".join(poses.joints), ", ".join(self.names)
+            raise JointplayError(f"none of {measured} moves the tool {ideal.tool!r}; {movable} do")
         full = np.tile(ideal.configuration({}), (len(poses), 1))
         for column, name in enumerate(poses.joints):
             full[:, ideal.coordinate(name)] = poses.motor[:, column]
@@ -197,12 +199,12 @@ class Poses:
         self.mechanism = mechanism
         self.approach, self.link = np.zeros(self.q.shape), np.full(self.q.shape, np.nan)
         at = [poses.joints.index(name) for name in self.known]
-        here = [self.names.index(name) for name in self.known]
-        self.approach[:, here] = poses.approach()[:, at]
+        numbers = [self.names.index(name) for name in self.known]
+        self.approach[:, numbers] = poses.approach()[:, at]
         if poses.link is not None:
-            self.link[:, here] = poses.link[:, at]
+            self.link[:, numbers] = poses.link[:, at]
         if poses.load is not None:
-            self.load[:, here] = poses.load[:, at]
+            self.load[:, numbers] = poses.load[:, at]
 
     def forward(
         self, q: np.ndarray, shift: np.ndarray | None
@@ -241,15 +243,15 @@ class Poses:
         return len(self.q)
 
     def columns(self, term: Term) -> list[Column]:
-        kind, made = TERM_KINDS[term.kind], []
-        every = self.known if term.kind not in ("placement", "suspension") else self.names
-        for joint in term.joints or every:
+        kind, columns = TERM_KINDS[term.kind], []
+        joints = self.known if term.kind not in ("placement", "suspension") else self.names
+        for joint in term.joints or joints:
             require_known("joint that moves the tool", joint, self.names)
-            j, asked = self.names.index(joint), bool(term.joints)
-            idle = kind.by_load and not self.loaded(joint) and not asked
-            features = [] if idle else kind.features(self, term, j, asked)
-            if not features and asked and kind.absent:
-                raise JointplayError(f"{joint} {kind.absent}{self._having(term, every)}")
+            j, required = self.names.index(joint), bool(term.joints)
+            idle = kind.by_load and not self.loaded(joint) and not required
+            features = [] if idle else kind.features(self, term, j, required)
+            if not features and required and kind.absent:
+                raise JointplayError(f"{joint} {kind.absent}{self._having(term, joints)}")
             stated = term.width.get(joint) if isinstance(term.width, Mapping) else term.width
             size = kind.width if stated is None else float(stated)
             unit_of_joint = "rad" if self.turns[j] else "m"
@@ -268,13 +270,13 @@ class Poses:
                 if choices:
                     zero = np.zeros(len(self))
                     column = replace(column, feature=zero, choices=choices, options=feature)
-                made.append(column)
-        if not made and kind.part:
+                columns.append(column)
+        if not columns and kind.part:
             raise JointplayError(
                 f"no joint that moves the tool has {kind.part} in the scenario, which "
                 f"{term.kind!r} needs; joints: {', '.join(self.names)}"
             )
-        return made
+        return columns
 
     def _having(self, term: Term, joints: Sequence[str]) -> str:
         """Which joints have the part that a term needs, in words."""
@@ -288,11 +290,11 @@ class Poses:
 
     def rows(self, keep: np.ndarray) -> Poses:
         """Some of the poses, approached as they were."""
-        some = copy(self)
-        some.measured = self.measured.rows(keep)
+        subset = copy(self)
+        subset.measured = self.measured.rows(keep)
         for name in ("q", "load", "wrench", "approach", "link"):
-            setattr(some, name, getattr(self, name)[keep])
-        return some
+            setattr(subset, name, getattr(self, name)[keep])
+        return subset
 
     def loaded(self, joint: str) -> bool:
         """Whether anything loads a joint in any pose."""
@@ -318,7 +320,7 @@ class Feature(NamedTuple):
 
     values: np.ndarray
     """Shape (n,), or (n, k) for k choices."""
-    what: str = ""
+    coefficient: str = ""
     """Which of the term's coefficients it is."""
     unit: str = "own"
     """SI; ``own``: of the joint, ``soft``: of its compliance."""
@@ -350,7 +352,7 @@ class TermKind:
 
 
 def _waves(turns: float) -> Callable[[Poses, Term, int, bool], list[Feature]]:
-    def features(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
+    def features(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
         angle = turns * poses.q[:, j]
         waves = [Feature(np.sin(angle), "sin"), Feature(np.cos(angle), "cos")]
         return waves if poses.turns[j] else []
@@ -358,7 +360,7 @@ def _waves(turns: float) -> Callable[[Poses, Term, int, bool], list[Feature]]:
     return features
 
 
-def _sawtooth(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
+def _sawtooth(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
     q = poses.q[:, j]
     order = np.sort(q)
     places = [(float(place),) for place in (0.5 * (order[1:] + order[:-1]))[1:-1]]
@@ -367,7 +369,7 @@ def _sawtooth(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
     return [gain, Feature(behind, "jump", choices=places)] if poses.turns[j] else []
 
 
-def _leaning(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
+def _leaning(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
     largest = float(np.abs(poses.load[:, j]).max())
     frictions = [f * largest for f in FRICTIONS] if poses.measured.ordered else [0.0]
     frictions = frictions if term.friction is None else [term.friction]
@@ -378,12 +380,12 @@ def _leaning(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
     return [Feature(lean, choices=pairs) if len(pairs) > 1 else Feature(lean[:, 0])]
 
 
-def _difference(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
+def _difference(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
     off = poses.link[:, j] - poses.q[:, j]
     return [] if np.isnan(off).any() or not off.any() else [Feature(off, unit="")]
 
 
-def _rail(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
+def _rail(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
     joints = poses.measured.joints
     require_known("joint", term.by, joints)
     place = poses.measured.motor[:, joints.index(term.by)]
@@ -392,7 +394,7 @@ def _rail(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
     return [Feature(off, f"about {axis}", unit, 3 + k) for k, axis in enumerate("xyz")]
 
 
-def _suspension(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
+def _suspension(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
     moments = zip("xyz", poses.wrench[:, j, 3:].T, strict=True)
     return [Feature(m, f"about {a}", "rad/(N*m)", 3 + k) for k, (a, m) in enumerate(moments)]
 
@@ -403,7 +405,7 @@ def _loaded(poses: Poses, j: int) -> tuple[np.ndarray, np.ndarray]:
     return poses.wrench[:, j] @ turn, turn
 
 
-def _gear(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
+def _gear(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
     """Twist of a gear whose stiffness rises with the torque, by the compliance of each piece."""
     gear, load = poses.mechanism.gears.get(poses.names[j]), poses.load[:, j]
     if gear is None:
@@ -419,7 +421,7 @@ def _gear(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
     return features
 
 
-def _bearing(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
+def _bearing(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
     """Displacement of a rolling bearing: by its clearance, and as far as its elements give way."""
     bearing = poses.mechanism.clearance.get(poses.names[j])
     if not isinstance(bearing, RollingBearing):
@@ -432,17 +434,17 @@ def _bearing(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
     def at(values: Mapping[str, float]) -> np.ndarray:
         return np.asarray(side * elements.holding(values).rests(side * loads, cage)[0] @ turn.T)
 
-    one, features = np.ones(len(poses)), []
+    ones, features = np.ones(len(poses)), []
     none = {} if getattr(bearing, "preload", None) is not None else {"radial_clearance": 0.0}
     tight = at(none)
     if none:
         size = max(bearing.bought_clearance, _LOOSE_M)
         moves = (at({"radial_clearance": size}) - tight) / size
-        features.append(Feature(one, "clearance", "m", expected=_LOOSE_M, moves=moves))
-    return [*features, Feature(one, "deflection", "", moves=tight)]
+        features.append(Feature(ones, "clearance", "m", expected=_LOOSE_M, moves=moves))
+    return [*features, Feature(ones, "deflection", "", moves=tight)]
 
 
-def _seat(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
+def _seat(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
     """How springs, or the seat of a bearing, give way in proportion to their load."""
     name, loads_turn = poses.names[j], _loaded(poses, j)
     bearing = poses.mechanism.clearance.get(name)
@@ -454,34 +456,34 @@ def _seat(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
             size = part.compliances[way]
             unit = "rad/(N*m)" if way in ("tilt", "torsional") else "m/N"
             moves = moved @ loads_turn[1].T / size
-            one = np.ones(len(poses))
-            features.append(Feature(one, f"{way} compliance", unit, expected=size, moves=moves))
+            ones = np.ones(len(poses))
+            features.append(Feature(ones, f"{way} compliance", unit, expected=size, moves=moves))
     return features
 
 
-def _placement(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
+def _placement(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
     """Errors of a joint's place; of the first joint they are the base's."""
-    if j == 0 and not asked:
+    if j == 0 and not required:
         return []
     letters, size = term.axes or PLACEMENT, np.abs(poses.axis[j])
     if not term.axes and np.isclose(size.max(), 1.0):  # what the joint's own offset does
         letters = letters.replace(("abc" if poses.turns[j] else "xyz")[int(size.argmax())], "")
     labels = [f"along {axis}" for axis in "xyz"] + [f"about {axis}" for axis in "xyz"]
-    numbers, one = map(PLACEMENT.index, letters), np.ones(len(poses))
-    return [Feature(one, labels[k], "m" if k < 3 else "rad", k) for k in numbers]
+    numbers, ones = map(PLACEMENT.index, letters), np.ones(len(poses))
+    return [Feature(ones, labels[k], "m" if k < 3 else "rad", k) for k in numbers]
 
 
 TERM_KINDS: Mapping[str, TermKind] = {
     "offset": TermKind(
         "zero of the joint's encoder", 0.1,
-        lambda poses, term, j, asked: [Feature(np.ones(len(poses)))],
+        lambda poses, term, j, required: [Feature(np.ones(len(poses)))],
     ),
     "placement": TermKind(
         "errors of the joint's place in its link (lengths, angles)", 2e-3, _placement
     ),
     "compliance": TermKind(
         "joint gives way in proportion to its load", 1e-3,
-        lambda poses, term, j, asked: [Feature(poses.load[:, j], unit="soft")],
+        lambda poses, term, j, required: [Feature(poses.load[:, j], unit="soft")],
         by_load=True,
     ),
     "play": TermKind(
@@ -502,11 +504,11 @@ TERM_KINDS: Mapping[str, TermKind] = {
     ),
     "ratio": TermKind(
         "joint moves by a constant part more than its encoder says", 0.1,
-        lambda poses, term, j, asked: [Feature(poses.q[:, j], "error", "")],
+        lambda poses, term, j, required: [Feature(poses.q[:, j], "error", "")],
     ),
     "hysteresis": TermKind(
         "joint stays where it came from", 5e-3,
-        lambda poses, term, j, asked: [Feature(poses.approach[:, j])],
+        lambda poses, term, j, required: [Feature(poses.approach[:, j])],
     ),
     "link-encoder": TermKind(
         "share of the link encoder's reading in what is true", 1.0, _difference,

@@ -65,8 +65,8 @@ _ERROR_ROUNDS = 2
 
 def basis(columns: np.ndarray) -> np.ndarray:
     """Orthonormal basis of the span of columns (m, k), shape (m, rank)."""
-    left, sizes, _ = np.linalg.svd(columns, full_matrices=False)
-    return left[:, sizes > ROUNDING * sizes.max(initial=TINY)]
+    vectors, sizes, _ = np.linalg.svd(columns, full_matrices=False)
+    return vectors[:, sizes > ROUNDING * sizes.max(initial=TINY)]
 
 
 @dataclass(frozen=True)
@@ -157,33 +157,33 @@ class LeastSquares:
         Behind them are rows for what was known of the nuisances.
         """
         span = self.projected
-        more = [(0, len(span) - len(values))] + [(0, 0)] * (values.ndim - 1)
-        padded = np.pad(values, more)
+        padding = [(0, len(span) - len(values))] + [(0, 0)] * (values.ndim - 1)
+        padded = np.pad(values, padding)
         return np.asarray(padded - span @ (span.T @ padded))
 
     def rows(self, values: np.ndarray) -> np.ndarray:
         """Values of the numbers [SI], (m,) or (m, k), in standard errors, with rows of zeros."""
         scaled = values / (self.error if values.ndim == 1 else self.error[:, None])
-        more = [(0, len(self.stated))] + [(0, 0)] * (values.ndim - 1)
-        return np.pad(scaled, more)
+        padding = [(0, len(self.stated))] + [(0, 0)] * (values.ndim - 1)
+        return np.pad(scaled, padding)
 
     def without(self, labels: Collection[str]) -> LeastSquares:
         """The problem without these nuisances: of a machine that is rigid in these ways."""
-        gone = np.concatenate([np.zeros(0, int), *(self.elastic[label] for label in labels)])
-        if self.nuisance is None or not len(gone):
+        removed = np.concatenate([np.zeros(0, int), *(self.elastic[label] for label in labels)])
+        if self.nuisance is None or not len(removed):
             return self
         return replace(
             self,
-            nuisance=np.delete(self.nuisance, gone, axis=1),
+            nuisance=np.delete(self.nuisance, removed, axis=1),
             labels=tuple(name for name in self.labels if name not in set(labels)),
-            spread=None if self.spread is None else np.delete(self.spread, gone),
+            spread=None if self.spread is None else np.delete(self.spread, removed),
         )
 
     def off(self, theta: np.ndarray) -> np.ndarray:
         """What the model is off by, nuisances left in, in standard errors, shape (r,)."""
         value, spread = self._before
-        here = (self.predict(theta) - self.measured) / self.error
-        return np.concatenate([here, (theta[self.stated] - value) / spread])
+        residual = (self.predict(theta) - self.measured) / self.error
+        return np.concatenate([residual, (theta[self.stated] - value) / spread])
 
     def residual(self, theta: np.ndarray) -> np.ndarray:
         """Residual in standard errors, nuisances projected out."""
@@ -225,7 +225,7 @@ class LeastSquares:
             place = len(self.measured) + np.arange(len(self.stated))
             effect[place, self.stated] = self.scale[self.stated] / self._before[1]
             return effect
-        here, columns = self.off(theta), []
+        residual, columns = self.off(theta), []
         for i, unknown in enumerate(self.unknowns):
             step = _STEP * unknown.scale if steps is None else steps[i]
             changes: list[np.ndarray] = []
@@ -234,11 +234,11 @@ class LeastSquares:
                 moved[i] = min(max(goal, unknown.least), unknown.most)
                 size = moved[i] - theta[i]
                 if abs(size) >= 0.2 * step and len(changes) < sides:  # else a limit is too near
-                    changes.append((self.off(moved) - here) * unknown.scale / size)
+                    changes.append((self.off(moved) - residual) * unknown.scale / size)
             if steps is None:
                 columns.append(np.mean(changes, axis=0))
             else:
-                columns.append(min(changes, key=np.linalg.norm, default=np.zeros(len(here))))
+                columns.append(min(changes, key=np.linalg.norm, default=np.zeros(len(residual))))
         return np.stack(columns, axis=1)
 
 
@@ -288,14 +288,14 @@ class Fit:
         So a prior that says nothing takes as much as none, one that says all takes nothing.
         """
         m = len(self.least.measured)
-        taken = float(np.sum(self.least.projected[:m] ** 2))
-        return m - taken - float(np.sum((self.effect[:m] @ self.covariance) * self.effect[:m]))
+        absorbed = float(np.sum(self.least.projected[:m] ** 2))
+        return m - absorbed - float(np.sum((self.effect[:m] @ self.covariance) * self.effect[:m]))
 
     @cached_property
     def misfit(self) -> float:
         """RMS of the residuals, in standard errors: one if the model and the errors are right."""
-        left, assured = self.residual[: len(self.least.measured)], self.least.assured
-        return float(np.sqrt((left @ left + assured) / max(self.freedom + assured, 1.0)))
+        residual, assured = self.residual[: len(self.least.measured)], self.least.assured
+        return float(np.sqrt((residual @ residual + assured) / max(self.freedom + assured, 1.0)))
 
     @property
     def stretch(self) -> float:
@@ -353,8 +353,8 @@ class Fit:
 
     def shows(self, i: int) -> bool:
         """Whether the i-th unknown does anything to what was measured."""
-        own = self.effect[: len(self.least.measured), i]
-        return bool(np.linalg.norm(own) >= FAINT)
+        column = self.effect[: len(self.least.measured), i]
+        return bool(np.linalg.norm(column) >= FAINT)
 
     def known(self, i: int) -> bool:
         """Whether the i-th unknown is known: its interval is narrow (`narrow`).
@@ -372,8 +372,8 @@ class Fit:
             return ""
         if not self.shows(i):
             return "not observable: nothing that was measured depends on it"
-        if others := partners(self.null[i], i):
-            names = ", ".join(self.least.unknowns[k].label for k in others)
+        if confounded := partners(self.null[i], i):
+            names = ", ".join(self.least.unknowns[k].label for k in confounded)
             return f"it acts only together with {names}"
         if self.least.weights:
             _, together, partner = self.informed(i)
@@ -403,8 +403,8 @@ def partners(row: np.ndarray, i: int) -> list[int]:
     None where the i-th lies outside of it.
     """
     row = np.abs(row)
-    others = [int(k) for k in np.argsort(-row) if k != i and row[k] > MINOR * row[i]]
-    return others if row[i] > NULL else []
+    numbers = [int(k) for k in np.argsort(-row) if k != i and row[k] > MINOR * row[i]]
+    return numbers if row[i] > NULL else []
 
 
 def minimum(problem: LeastSquares, start: np.ndarray, most_steps: int = 40) -> np.ndarray:
@@ -438,7 +438,7 @@ def fit(problem: LeastSquares, start: np.ndarray, most_steps: int) -> Fit:
 
 
 def sandwich(
-    covariance: np.ndarray, effect: np.ndarray, left: np.ndarray, group: np.ndarray
+    covariance: np.ndarray, effect: np.ndarray, residual: np.ndarray, group: np.ndarray
 ) -> tuple[np.ndarray, int]:
     """Variances (p,) of estimates where the residuals of a group are wrong together, and how many
     groups there are; without a factor for few.
@@ -448,7 +448,7 @@ def sandwich(
     """
     _, numbers = np.unique(group, return_inverse=True)
     scores = np.zeros((numbers.max(initial=-1) + 1, effect.shape[1]))
-    np.add.at(scores, numbers, left[:, None] * effect)
+    np.add.at(scores, numbers, residual[:, None] * effect)
     return np.asarray(np.sum((scores @ covariance) ** 2, axis=0)), len(scores)
 
 
@@ -458,11 +458,11 @@ def information(effect: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
     By the effect (m, p) of the unknowns by their scales, in standard errors.
     """
     _, sizes, right = np.linalg.svd(effect, full_matrices=len(effect) < effect.shape[1])
-    every = np.zeros(effect.shape[1])
-    every[: len(sizes)] = sizes
+    padded = np.zeros(effect.shape[1])
+    padded[: len(sizes)] = sizes
     # An effect of a whole scale that is a thousandth of the noise identifies nothing either.
-    clear = every > max(ROUNDING * every.max(initial=0.0), FAINT)
-    axes = right[clear].T / every[clear]
+    clear = padded > max(ROUNDING * padded.max(initial=0.0), FAINT)
+    axes = right[clear].T / padded[clear]
     return axes @ axes.T, right[~clear].T @ right[~clear], int(clear.sum())
 
 
@@ -492,25 +492,25 @@ def _search(problem: LeastSquares, starts: Sequence[np.ndarray], bar: ProgressBa
     measured = problem.error
     kinds = np.zeros(len(measured), int) if problem.kinds is None else problem.kinds
     for _ in bar.passed(range(_ERROR_ROUNDS)):
-        left = best.residual[: len(measured)] * problem.error
+        residual = best.residual[: len(measured)] * problem.error
         rough = _MODEL_ERROR * np.abs(problem.predict(best.theta))
         share = max(best.freedom, 1.0) / len(measured)
-        more = np.zeros(len(measured))
+        excess = np.zeros(len(measured))
         for kind in np.unique(kinds):
             alike = kinds == kind
             error = np.hypot(measured, rough)[alike]
-            more[alike] = _excess(left[alike], error, share * alike.sum())
-        problem = replace(problem, error=np.sqrt(measured**2 + more**2 + rough**2))
+            excess[alike] = _excess(residual[alike], error, share * alike.sum())
+        problem = replace(problem, error=np.sqrt(measured**2 + excess**2 + rough**2))
         best = fit(problem, best.theta, _LATER_STEPS)
     far = np.minimum(best.half_width, problem.scale)  # another minimum, not within the intervals
-    others = [
+    candidates = [
         fit(problem, candidate.theta, _LATER_STEPS).theta
         for candidate in bar.passed(tried)
         if (np.abs(candidate.theta - best.theta) > far).any()
     ]
-    others += _with_other_walls(problem, best.theta)
+    candidates += _with_other_walls(problem, best.theta)
     limit = _AS_GOOD * problem.cost(best.theta)
-    away = [np.abs(theta - best.theta) for theta in others if problem.cost(theta) <= limit]
+    away = [np.abs(theta - best.theta) for theta in candidates if problem.cost(theta) <= limit]
     plays = [unknown.name.endswith("clearance") for unknown in problem.unknowns]
     for joint in bar.passed(problem.softening):
         if (soft := problem.softened(joint)) is None:
@@ -559,7 +559,8 @@ def _with_other_walls(problem: LeastSquares, theta: np.ndarray) -> list[np.ndarr
     """The best with each axial clearance much larger or smaller than found.
 
     At the edge at which an end wall begins to limit the lean the model is steep on one side, and an
-    interval by slopes would not see how little is lost far away on the other.
+    interval by slopes would not see how little is lost far away on the other. A factor of 4 changes
+    no interval of 24 machines of benchmarks/truth/identify.py.
     """
     return [
         _fitted_beside(
@@ -573,22 +574,22 @@ def _with_other_walls(problem: LeastSquares, theta: np.ndarray) -> list[np.ndarr
 
 def _fitted_beside(problem: LeastSquares, theta: np.ndarray, i: int, value: float) -> np.ndarray:
     """The best values of all others, from `theta` on, where the i-th has a given one."""
-    kept = np.arange(len(theta)) != i
+    free = np.arange(len(theta)) != i
 
-    def whole(x: np.ndarray) -> np.ndarray:
+    def embedded(x: np.ndarray) -> np.ndarray:
         return np.insert(x, i, value)
 
-    if not kept.any():
-        return whole(theta[kept])
-    others = tuple(unknown for k, unknown in enumerate(problem.unknowns) if kept[k])
+    if not free.any():
+        return embedded(theta[free])
+    unknowns = tuple(unknown for k, unknown in enumerate(problem.unknowns) if free[k])
     slopes = problem.jacobian
     part = replace(
         problem,
-        unknowns=others,
-        predict=lambda x: problem.predict(whole(x)),
-        jacobian=None if slopes is None else lambda x: np.delete(slopes(whole(x)), i, axis=1),
+        unknowns=unknowns,
+        predict=lambda x: problem.predict(embedded(x)),
+        jacobian=None if slopes is None else lambda x: np.delete(slopes(embedded(x)), i, axis=1),
     )
-    return whole(fit(part, theta[kept], _LATER_STEPS).theta)
+    return embedded(fit(part, theta[free], _LATER_STEPS).theta)
 
 
 def _starts(problem: LeastSquares, start: np.ndarray) -> list[np.ndarray]:
@@ -609,13 +610,13 @@ def _starts(problem: LeastSquares, start: np.ndarray) -> list[np.ndarray]:
     return [*starts, min(options, key=problem.cost)]
 
 
-def _excess(left: np.ndarray, error: np.ndarray, freedom: float) -> float:
+def _excess(residual: np.ndarray, error: np.ndarray, freedom: float) -> float:
     """Standard deviation that, added to errors, explains residuals."""
 
-    def beyond(more: float) -> float:
-        return float(np.square(left / np.hypot(error, more)).sum()) - freedom
+    def beyond(excess: float) -> float:
+        return float(np.square(residual / np.hypot(error, excess)).sum()) - freedom
 
-    high = float(np.sqrt(np.square(left).sum() / max(freedom, TINY)))
+    high = float(np.sqrt(np.square(residual).sum() / max(freedom, TINY)))
     return float(brentq(beyond, 0.0, 2.0 * high)) if beyond(0.0) > 0.0 else 0.0
 
 

@@ -29,6 +29,7 @@ from scipy.stats import t as student
 from jointplay.accuracy.poses import moving
 from jointplay.base import files
 from jointplay.base.errors import JointplayError, MissingName
+from jointplay.base.schema import known_keywords
 from jointplay.base.tables import counted, few
 from jointplay.base.units import readable
 from jointplay.estimate import columns
@@ -78,6 +79,7 @@ _COLUMNS = (
 )
 
 
+@known_keywords
 @dataclass(frozen=True)
 class Stairs:
     """Places to which joints were sent, and what a dial read there; SI units."""
@@ -125,6 +127,8 @@ class Stairs:
         motor, reading, arm = (numbers.get((name, ""), nothing) for name in _NUMBERS)
         if (bad := np.flatnonzero(~np.isfinite(motor))).size:
             raise JointplayError(f"{path}: move {bad[0] + 1} has no motor position")
+        if not np.isfinite(reading).any():
+            raise JointplayError(f"{path}: no reading is filled in")
         if not slide and not angular:
             if (bad := np.flatnonzero(np.isfinite(reading) & ~(arm > 0.0))).size:
                 raise JointplayError(
@@ -230,6 +234,7 @@ class LostMotion(Answer):
         return preset_found(self.mechanism, self.estimates, self.stairs.source, robot)
 
 
+@known_keywords
 def identify_lost_motion(
     mechanism: Mechanism,
     stairs: Stairs | str | Path,
@@ -326,12 +331,12 @@ class _Profile:
 
     @classmethod
     def of(
-        cls, stairs: Stairs, joint: str, mine: np.ndarray, slides: bool, scatter: float | None
+        cls, stairs: Stairs, joint: str, of_joint: np.ndarray, slides: bool, scatter: float | None
     ) -> _Profile:
         names = np.array(stairs.setup)
         setups = []
-        for name in dict.fromkeys(names[mine]):
-            rows = np.flatnonzero(mine & (names == name))
+        for name in dict.fromkeys(names[of_joint]):
+            rows = np.flatnonzero(of_joint & (names == name))
             motor, reading = stairs.motor[rows], stairs.reading[rows]
             read = np.isfinite(reading)
             ways = np.sign(np.diff(motor, prepend=motor[0]))[read]
@@ -341,6 +346,10 @@ class _Profile:
                 )
             setups.append((motor, reading))
         span = max(float(np.ptp(reading[np.isfinite(reading)])) for _, reading in setups)
+        if span == 0.0:
+            raise JointplayError(
+                f"{stairs.source}: {joint}: all readings are the same: the dial does not follow it"
+            )
         floor = max(UNIFORM * stairs.step, ROUNDING * span)
         return cls(joint, slides, setups, floor if scatter is None else scatter, stairs.step)
 
@@ -360,8 +369,8 @@ class _Profile:
                 x, y = link[..., read], reading[read]
                 x, y = x - x @ span @ span.T, y - span @ (span.T @ y)
                 scale = (x @ y + weight) / (np.square(x).sum(axis=-1) + weight)
-                left = np.square(y - scale[..., None] * x).sum(axis=-1)
-                tried.append((scale, left + weight * np.square(scale - 1.0)))
+                misfit = np.square(y - scale[..., None] * x).sum(axis=-1)
+                tried.append((scale, misfit + weight * np.square(scale - 1.0)))
             scales, squares = (np.array(sums) for sums in zip(*tried, strict=True))
             total += np.min(squares, axis=(0, 2))
             candidates.append((link, scales, squares))
@@ -534,7 +543,7 @@ class LostMotionPlan:
     def __str__(self) -> str:
         rows = [
             f"{number}. {joint}: {_PLACES} places from both sides, twice, "
-            f"{_told(stride, slides)} apart from {_told(begin, slides)} on"
+            f"{_shown(stride, slides)} apart from {_shown(begin, slides)} on"
             for number, (joint, (slides, begin, stride)) in enumerate(self.joints.items(), 1)
         ]
         how = (
@@ -543,11 +552,12 @@ class LostMotionPlan:
         return "\n".join([*self.notes, *rows, how])
 
 
-def _told(value: float, slides: bool) -> str:
+def _shown(value: float, slides: bool) -> str:
     """A place in the unit of the table."""
     return f"{1e3 * value:.3g} mm" if slides else f"{math.degrees(value):.3g} deg"
 
 
+@known_keywords
 def plan_lost_motion(mechanism: Mechanism, joints: Sequence[str] = ()) -> LostMotionPlan:
     """Moves that tell the lost motion of joints; none named: of all that move.
 

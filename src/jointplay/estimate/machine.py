@@ -88,8 +88,8 @@ class Machine:
 
     def rigid(self, label: str) -> bool:
         """Whether it is known that there is no compliance."""
-        one = self.compliance(label)
-        return one.nominal == one.spread == 0.0
+        prior = self.compliance(label)
+        return prior.nominal == prior.spread == 0.0
 
     @cached_property
     def wound(self) -> tuple[str, ...]:
@@ -146,13 +146,13 @@ class Machine:
             if not any(word in either for either in labels):
                 choices = ", ".join(unknown.label for unknown in unknowns)
                 raise JointplayError(f"no unknown {word!r}; there are: {choices}")
-        left = tuple(
+        remaining = tuple(
             unknown for unknown, either in zip(unknowns, labels, strict=True)
             if not either & set(known)
         )  # fmt: skip
-        if not any(unknown.sought for unknown in left):
+        if not any(unknown.sought for unknown in remaining):
             raise JointplayError("everything is given as known: nothing is left to identify")
-        return left
+        return remaining
 
     def _require_play(self) -> None:
         mechanism = self.mechanism
@@ -185,11 +185,11 @@ class Machine:
         """
         for joint, gear in self.mechanism.gears.items():
             teeth = parts.Teeth(joint, gear)
-            others = list(teeth.unknowns(also))
-            plays = [unknown for unknown in others if unknown.name == "gear_play"]
+            of_teeth = list(teeth.unknowns(also))
+            plays = [unknown for unknown in of_teeth if unknown.name == "gear_play"]
             give = self._compliance(joint, "torsional", "gear_compliance", 1.0 / teeth.stiffness[0])
             rough = parts.LOAD_ERROR if joint in links else BENDS
-            for unknown in (*plays, *give, *(x for x in others if x not in plays)):
+            for unknown in (*plays, *give, *(x for x in of_teeth if x not in plays)):
                 bends = teeth.curved and unknown.name in parts.WOUND
                 yield replace(unknown, model_error=rough) if bends else unknown
 
@@ -233,12 +233,12 @@ def labels(mechanism: Mechanism) -> list[str]:
     return [f"{name} {way}" for name in joints for way in WAYS] + [*joints, TOOL, ALL]
 
 
-def compliances(mechanism: Mechanism, given: Given) -> dict[str, Unknown]:
+def compliances(mechanism: Mechanism, stated: Given) -> dict[str, Unknown]:
     """What stiffnesses that are given say of compliances, by label.
 
     Args:
         mechanism: whose.
-        given: an infinite one is rigid. That of a joint without a way is its torsional one (of the
+        stated: an infinite one is rigid. That of a joint without a way is its torsional one (of the
             gear, where it has one); where it is infinite, the joint is rigid in all ways. ``all``
             can be infinite only: everything is rigid of which nothing else is said, but gears,
             springs and seats.
@@ -258,8 +258,8 @@ def compliances(mechanism: Mechanism, given: Given) -> dict[str, Unknown]:
     bushes = [f"{name} bush" for name in mechanism.clearance]
     # Passes under one load do not tell it from friction: without a bound no friction could be told.
     known |= {label: compliance(label, spread=SOFT["m/N"]) for label in bushes}
-    for label in sorted(given, key=lambda one: (one != ALL, " " in one)):
-        entry = given[label]
+    for label in sorted(stated, key=lambda label: (label != ALL, " " in label)):
+        entry = stated[label]
         stiffness, part = entry if isinstance(entry, tuple) else (entry, 0.0)
         require_known("stiffness", label, labels(mechanism))
         if not stiffness > 0.0 or not 0.0 <= part < math.inf:
@@ -289,11 +289,11 @@ def apply(mechanism: Mechanism, estimates: Sequence[Estimate]) -> Mechanism:
     for estimate in estimates:
         if not estimate.reason and estimate.joint:
             values.setdefault(estimate.joint, {})[estimate.unknown.name] = estimate.value
-    for joint, mine in values.items():
+    for joint, identified in values.items():
         if joint in joints:
-            joints[joint] = parts.with_values(joint, joints[joint], mine)
+            joints[joint] = parts.with_values(joint, joints[joint], identified)
         if joint in gears:
-            gears[joint] = parts.Teeth(joint, gears[joint]).holding(mine)
+            gears[joint] = parts.Teeth(joint, gears[joint]).holding(identified)
     return mechanism.with_clearance(joints, gears)
 
 
@@ -308,24 +308,27 @@ def preset_found(
 
     Args:
         mechanism: as the scenario has it.
-        found: of its unknowns.
+        estimates: of its unknowns.
         source: which measurement told it.
         robot: name or path; None: the file of its URDF.
         tables: see `Preset.of_mechanism`.
     """
     from jointplay.scenario.presets import Preset
 
-    origins = [one for one in (_origin(one, source) for one in estimates) if one.value]
+    traced = (_origin(estimate, source) for estimate in estimates)
+    origins = [origin for origin in traced if origin.value]
     place = str(robot or mechanism.description.path)
     title = f"{Path(place).stem} as measured by {source}"
-    gears = {name: dict(one) for name, one in tables.get("gear", {}).items()}
-    for one in estimates:
-        name, nonzero = one.unknown.name, not one.reason and one.value > 0.0
-        if nonzero and one.joint not in mechanism.gears:
+    gears = {name: dict(entry) for name, entry in tables.get("gear", {}).items()}
+    for estimate in estimates:
+        name, nonzero = estimate.unknown.name, not estimate.reason and estimate.value > 0.0
+        if nonzero and estimate.joint not in mechanism.gears:
             if name == "gear_play":
-                gears.setdefault(one.joint, {})["play"] = one.upper if one.bounded else one.value
+                gears.setdefault(estimate.joint, {})["play"] = (
+                    estimate.upper if estimate.bounded else estimate.value
+                )
             elif name == "gear_compliance":
-                gears.setdefault(one.joint, {"play": 0.0})["stiffness"] = 1.0 / one.value
+                gears.setdefault(estimate.joint, {"play": 0.0})["stiffness"] = 1.0 / estimate.value
     tables = dict(tables) | {"gear": gears}
     geared = dict.fromkeys([*mechanism.gears, *gears], _BY_MOTOR)
     tables = dict(tables) | {"drive": geared | dict(tables.get("drive", {}))}

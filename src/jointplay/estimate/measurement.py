@@ -15,6 +15,7 @@ from scipy.stats import median_abs_deviation, norm
 
 from jointplay.accuracy.poses import middle, moving
 from jointplay.base.errors import JointplayError, MissingName, require_positive
+from jointplay.base.schema import known_keywords
 from jointplay.base.tables import Column, Table, counted, few
 from jointplay.estimate import columns
 from jointplay.estimate.columns import Key
@@ -50,6 +51,7 @@ SHOWN = {"tool": "m", "link": "rad", "torque": "N*m"}
 _TIME: Key = ("time", "")
 
 
+@known_keywords
 @dataclass(frozen=True, repr=False)
 class Measurement:
     """Signals over time, SI units.
@@ -101,7 +103,7 @@ class Measurement:
 
     def has(self, kind: str) -> list[str]:
         """Axes or joints of which there is a signal of this kind."""
-        return [name for one, name in self.signals if one == kind]
+        return [name for present, name in self.signals if present == kind]
 
     @classmethod
     def from_csv(
@@ -240,8 +242,17 @@ as many unknowns of machines 3 to 5 of benchmarks/truth/identify.py are told, an
 PUSH_STEPS = 4.0
 """Parts of the strongest force by which forces on the tool are told apart: less may be friction's
 and inertia's. Judged."""
+_STOP_CELL = 0.2
+"""Part of a cell within which stops are at the same place (judged: with 0.5, of 18 machines whose
+stops lie apart by up to 0.6 cells one interval more misses the truth)."""
+_TRAVEL = 0.5
+"""Part of a cell that a joint must move in a visit (judged: with 0.3 nothing changes in 115
+machines of benchmarks/truth/identify.py)."""
 STOP_S = 0.15
 """Shortest stop that is looked at [s] (judged)."""
+SETTLING = 0.4
+"""Part of a stop that is left out at its beginning, while the machine calms down (judged: with 0.5,
+of 115 machines three told values miss the truth, else one, and as many are told)."""
 LARGEST_LAG_S = 0.03
 """For which readings whose lag is unknown leave records out, at both ends of a visit [s] (judged:
 with a quarter of each visit the intervals of a late tracker are a fifth wider)."""
@@ -483,9 +494,9 @@ def _pieces(
             long = time[last - 1] - time[first]
             if long < STOP_S:
                 continue
-            calm = int(np.searchsorted(time, time[first] + 0.5 * long))  # as it calms down before
+            calm = int(np.searchsorted(time, time[first] + SETTLING * long))
             first = max(first, min(calm, last - FEWEST_IN_VISIT))
-        elif not (np.ptp(q[first:last], axis=0) > 0.5 * size).any():
+        elif not (np.ptp(q[first:last], axis=0) > _TRAVEL * size).any():
             continue  # a drive that gives way to a push: the journals hardly turn
         if last - first >= FEWEST_IN_VISIT:
             pieces.append(slice(int(first), int(last)))
@@ -494,11 +505,11 @@ def _pieces(
 
 def _rates(time: np.ndarray, q: np.ndarray, directions: np.ndarray, piece: slice) -> np.ndarray:
     """Mean speed and acceleration, (2, j): of a parabola through the piece and its neighbours."""
-    more = (piece.stop - piece.start) // 2
+    margin = (piece.stop - piece.start) // 2
     first, last, way = piece.start, piece.stop, directions[piece.start]
-    while first > max(piece.start - more, 0) and (directions[first - 1] == way).all():
+    while first > max(piece.start - margin, 0) and (directions[first - 1] == way).all():
         first -= 1
-    end = min(piece.stop + more, len(time))
+    end = min(piece.stop + margin, len(time))
     while last < end and (directions[last] == way).all():
         last += 1
     t = time[first:last] - 0.5 * (time[piece.start] + time[piece.stop - 1])
@@ -586,13 +597,14 @@ def _standing(time: np.ndarray, q: np.ndarray, limit: np.ndarray) -> np.ndarray:
 def places(middles: np.ndarray, stopped: np.ndarray, size: np.ndarray) -> np.ndarray:
     """Number of the place of each visit: those within half a cell of its first visitor; (n,).
 
-    Stops have places of their own.
+    Stops have places of their own, and a smaller reach.
     """
     numbers = np.zeros(len(middles), int)
     firsts: list[int] = []
     for i, row in enumerate(middles):
+        reach = (_STOP_CELL if stopped[i] else 0.5) * size
         for number, first in enumerate(firsts):
-            near = (np.abs(row - middles[first]) <= 0.5 * size).all()
+            near = (np.abs(row - middles[first]) <= reach).all()
             if stopped[first] == stopped[i] and near:
                 numbers[i] = number
                 break
@@ -605,7 +617,7 @@ def places(middles: np.ndarray, stopped: np.ndarray, size: np.ndarray) -> np.nda
 def _observe(
     mechanism: Mechanism,
     measured: Measurement,
-    made: Visits,
+    visits: Visits,
     q: np.ndarray,
     pieces: Sequence[slice],
 ) -> Observed:
@@ -619,7 +631,7 @@ def _observe(
     mean = np.full((len(pieces), len(keys)), np.nan)
     error, rate, noise = mean.copy(), np.zeros(mean.shape), []
     inner = [_inner(measured, piece) for piece in pieces]
-    off = departures(mechanism, made.joints, q, signals)
+    off = departures(mechanism, visits.joints, q, signals)
     for column, (key, records) in enumerate(signals.items()):
         values, kind = off[key], key[0]
         spread = measured.noise.get(kind) or scatter(values)
@@ -628,10 +640,10 @@ def _observe(
         for i, piece in enumerate(inner if kind in READINGS else pieces):
             good = ~np.isnan(values[piece])
             known = values[piece][good]
-            if len(known) >= FEWEST_IN_VISIT and not (kind == "torque" and made.stopped[i]):
+            if len(known) >= FEWEST_IN_VISIT and not (kind == "torque" and visits.stopped[i]):
                 mean[i, column] = known.mean()
                 error[i, column] = np.hypot(noise[-1] / np.sqrt(len(known)), floor)
-                if not made.stopped[i]:
+                if not visits.stopped[i]:
                     at = measured.time[piece][good]
                     slope, _ = np.polyfit(at - at.mean(), records[piece][good], 1)
                     rate[i, column] = slope

@@ -39,16 +39,16 @@ def nuisances(
     First that readings are late, then offsets, drift, what friction holds anywhere, and last the
     compliances, by their labels.
     """
-    made, keys = model.visits, model.keys
-    tool = tool_positions(model.mechanism, made.joints, made.position)
+    visits, keys = model.visits, model.keys
+    tool = tool_positions(model.mechanism, visits.joints, visits.position)
     parts = [
-        lags(observed) if late else stacked([], len(made), keys),
-        offsets(keys, made.cell, made.position, tool, reference),
-        drifts(keys, made.time.mean(axis=1), drift),
+        lags(observed) if late else stacked([], len(visits), keys),
+        offsets(keys, visits.cell, visits.position, tool, reference),
+        drifts(keys, visits.time.mean(axis=1), drift),
         model.loose(),
-        *(one.effect for one in model.elastic),
+        *(soft.effect for soft in model.elastic),
     ]
-    labels = [one.label for one in model.elastic for _ in range(one.effect.shape[2])]
+    labels = [soft.label for soft in model.elastic for _ in range(soft.effect.shape[2])]
     return np.concatenate(parts, axis=2), labels
 
 
@@ -109,5 +109,7 @@ def lags(observed: Observed) -> np.ndarray:
     the readings, not the ideal mechanism's: errors of its geometry would count as play.
     """
     kinds = np.array([kind for kind, _ in observed.keys])
-    columns = [np.where(kinds == one, -observed.rate, 0.0) for one in READINGS if one in kinds]
+    columns = [
+        np.where(kinds == reading, -observed.rate, 0.0) for reading in READINGS if reading in kinds
+    ]
     return stacked(columns, len(observed.rate), observed.keys)

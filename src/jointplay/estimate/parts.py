@@ -58,7 +58,7 @@ class Part(ABC):
     """A part of a joint."""
 
     joint: str
-    own: Any
+    component: Any
 
     @abstractmethod
     def unknowns(self, also: Collection[str]) -> Iterator[Unknown]:
@@ -72,25 +72,27 @@ class Part(ABC):
 class Journal(Part):
     """Surfaces that slide in each other."""
 
-    own: Clearance
+    component: Clearance
 
     def unknowns(self, also: Collection[str]) -> Iterator[Unknown]:
-        for name, value in self.own.clearances.items():
+        for name, value in self.component.clearances.items():
             most = max(_LARGEST_CLEARANCE_M, 10.0 * value)
             yield Unknown(self.joint, name, "m", value, value, most)
-        if coefficient := friction_of(self.own):
+        if coefficient := friction_of(self.component):
             yield Unknown(
                 self.joint, "friction", "", coefficient, coefficient, 2.0, model_error=ROUGH
             )
 
     def holding(self, values: Mapping[str, float]) -> Clearance:
-        sizes = {name: max(values[name], NONE) for name in self.own.clearances if name in values}
-        changed = self.own.with_clearances(sizes)
-        if friction_of(self.own) is not None and "friction" in values:
-            law, asked = self.own.friction, values["friction"]
+        sizes = {
+            name: max(values[name], NONE) for name in self.component.clearances if name in values
+        }
+        changed = self.component.with_clearances(sizes)
+        if friction_of(self.component) is not None and "friction" in values:
+            law, coefficient = self.component.friction, values["friction"]
             known = law.coefficients
-            scaled = law.scaled(asked / known["mu_d"]) if known["mu_d"] > 0.0 else None
-            rough: dict[str, float] = dict.fromkeys(known, asked)
+            scaled = law.scaled(coefficient / known["mu_d"]) if known["mu_d"] > 0.0 else None
+            rough: dict[str, float] = dict.fromkeys(known, coefficient)
             changed = changed.with_friction(scaled or replace(law, **rough))
         return changed
 
@@ -99,10 +101,10 @@ class Elements(Part):
     """Balls or rollers: their internal clearance, negative where they are preloaded, or the preload
     of a pair; and their stiffness over that of their geometry."""
 
-    own: RollingBearing
+    component: RollingBearing
 
     def unknowns(self, also: Collection[str]) -> Iterator[Unknown]:
-        bearing, preload = self.own, getattr(self.own, "preload", None)
+        bearing, preload = self.component, getattr(self.component, "preload", None)
         if preload is not None:
             static = bearing.ratings()[1]
             scale = preload or 1e-3 * static
@@ -125,20 +127,20 @@ class Elements(Part):
             self.joint, "cage_angle", "rad", bearing.cage_angle, 0.25 * self.period,
             bearing.cage_angle + turn, False, least=bearing.cage_angle - turn, model_error=0.0,
         )  # fmt: skip
-        asked = "stiffness" in also
-        spread = math.inf if asked else FACTOR
+        sought = "stiffness" in also
+        spread = math.inf if sought else FACTOR
         yield Unknown(
-            self.joint, "stiffness_factor", "", 1.0, 1.0, SOFTEST, asked, spread,
+            self.joint, "stiffness_factor", "", 1.0, 1.0, SOFTEST, sought, spread,
             least=1.0 / SOFTEST,
         )  # fmt: skip
 
     @property
     def period(self) -> float:
         """Turn of the cage after which all is as before: rollers alternate [rad]."""
-        return 2.0 * math.pi / self.own.count * (1.0 + self.own.roller_elements)
+        return 2.0 * math.pi / self.component.count * (1.0 + self.component.roller_elements)
 
     def holding(self, values: Mapping[str, float]) -> RollingBearing:
-        bearing, changes = self.own, dict[str, float]()
+        bearing, changes = self.component, dict[str, float]()
         for name in ("radial_clearance", "preload"):
             if name in values:
                 changes[name] = values[name]
@@ -155,17 +157,17 @@ def _changed(bearing: RollingBearing, changes: tuple[tuple[str, float], ...]) ->
 class Springs(Part):
     """What holds a joint without play, or the seat of a bearing: how it gives way."""
 
-    own: Clearance
+    component: Clearance
 
     @property
     def elasticity(self) -> Elasticity:
-        return cast(Elasticity, self.own.springs or cast(Any, self.own).seat)
+        return cast(Elasticity, self.component.springs or cast(Any, self.component).seat)
 
     @cached_property
     def compliances(self) -> dict[str, float]:
         """By way, of `SPRINGS`: of the first stiffness [m/N, rad/(N m)]."""
         diagonal = np.diag(self.elasticity.stiffness)
-        rows = {RELATIVE.index(freedom) for freedom in self.own.freedoms} & set(
+        rows = {RELATIVE.index(freedom) for freedom in self.component.freedoms} & set(
             self.elasticity.held
         )
         rows_of = {way: [k for k in at if k in rows] for way, at in SPRINGS.items()}
@@ -178,14 +180,14 @@ class Springs(Part):
 
     def sunk(self, loads: np.ndarray) -> dict[str, np.ndarray]:
         """Displacements under loads (n, 6), by way, with all others zero, (n, 6) [m, rad]."""
-        free = ABOUT_AXIS if self.own.springs is None else cast(Any, self.own).free
-        whole = self.elasticity.sunk(loads, free)
-        held = [RELATIVE.index(freedom) for freedom in self.own.freedoms]
+        free = ABOUT_AXIS if self.component.springs is None else cast(Any, self.component).free
+        total = self.elasticity.sunk(loads, free)
+        held = [RELATIVE.index(freedom) for freedom in self.component.freedoms]
         displacements = {}
         for way in self.compliances:
             at = [k for k in SPRINGS[way] if k in held]
-            displacements[way] = np.zeros_like(whole)
-            displacements[way][:, at] = whole[:, at]
+            displacements[way] = np.zeros_like(total)
+            displacements[way][:, at] = total[:, at]
         return displacements
 
     def holding(self, values: Mapping[str, float]) -> Clearance:
@@ -195,7 +197,7 @@ class Springs(Part):
             if f"{way}_compliance" in values
         }
         if not softer:
-            return self.own
+            return self.component
         old, changes = self.elasticity, dict[str, Any]()
         for way, factor in softer.items():
             name = "torsion" if way == "torsional" else way
@@ -208,20 +210,20 @@ class Springs(Part):
             for way, factor in softer.items():
                 root[list(SPRINGS[way])] = factor**-0.5
             changes["matrix"] = (np.array(old.matrix) * np.outer(root, root)).tolist()
-        field = "seat" if self.own.springs is None else "elasticity"
+        field = "seat" if self.component.springs is None else "elasticity"
         new: dict[str, Any] = {field: replace(old, **changes)}
-        return replace(self.own, **new)
+        return replace(self.component, **new)
 
 
 class Teeth(Part):
     """A gear: its play, its stiffness, or that of each piece of its curve, and its hysteresis."""
 
-    own: Gearing
+    component: Gearing
 
     @cached_property
     def stiffness(self) -> tuple[float, ...]:
         """Of the pieces of its curve [N m/rad]: K1, K2 and K3 of strain-wave gears."""
-        gear = self.own
+        gear = self.component
         if isinstance(gear, StrainWaveGear):
             pieces = [gear.stiffness_1]
             for piece in (gear.stiffness_2, gear.stiffness_3):
@@ -233,11 +235,11 @@ class Teeth(Part):
     @property
     def curved(self) -> bool:
         """Whether it may have more than play and one stiffness."""
-        return isinstance(self.own, StrainWaveGear | CycloidalGear)
+        return isinstance(self.component, StrainWaveGear | CycloidalGear)
 
     def unknowns(self, also: Collection[str]) -> Iterator[Unknown]:
         """All but its compliance, of which `Machine` knows what is given."""
-        gear, joint = self.own, self.joint
+        gear, joint = self.component, self.joint
         if gear.play or isinstance(gear, Gear):
             yield Unknown(joint, "gear_play", "rad", gear.play, gear.play or 1e-3, 1.0)
         if "stiffness" in also:
@@ -260,7 +262,7 @@ class Teeth(Part):
         return _geared(self, tuple((name, values[name]) for name in names if name in values))
 
     def _held(self, values: Mapping[str, float]) -> Gearing:
-        gear, changes = cast(Any, self.own), dict[str, Any]()
+        gear, changes = cast(Any, self.component), dict[str, Any]()
         if "gear_play" in values:
             if isinstance(gear, GearTrain):
                 gear = gear.with_play(values["gear_play"])

@@ -71,10 +71,10 @@ class Problem(ABC):
             [np.repeat(np.arange(len(rows)), len(axes)) for _, axes in self.kinds.values()]
         )
 
-    def grouped(self, rows: np.ndarray, others: int = 0) -> np.ndarray:
+    def grouped(self, rows: np.ndarray, single: int = 0) -> np.ndarray:
         """Numbers of a unit of poses have the same number; so many others, each its own, (m,)."""
         units = self.poses.measured.units[rows][self.owner(rows)]
-        return np.concatenate([units, -1 - np.arange(others)])
+        return np.concatenate([units, -1 - np.arange(single)])
 
     def having(self, columns: Iterable[Column]) -> Self:
         return replace(self, columns=tuple(columns))
@@ -151,7 +151,7 @@ class Fitted(Fit):
         """
         problem, rows = self.problem, self.rows
         poses, owner, first = problem.poses, problem.owner(rows), len(problem.frame)
-        left = -self.residual[: len(owner)]
+        residual = -self.residual[: len(owner)]
         of_row = (owner[:, None] == np.arange(len(rows))).T  # (n, numbers)
         turns = self.coefficients * problem.features
         for i, play in enumerate(problem.columns):
@@ -173,5 +173,5 @@ class Fitted(Fit):
                 unit,
                 np.sign(poses.approach[rows, play.index]).astype(int),
                 of_row * effect,
-                of_row * left,
+                of_row * residual,
             )

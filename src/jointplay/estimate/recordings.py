@@ -23,6 +23,7 @@ from jointplay.base import files
 from jointplay.base.errors import JointplayError, MissingName, require_a, require_known
 from jointplay.base.imports import extra
 from jointplay.base.progress import ProgressBar
+from jointplay.base.schema import known_keywords
 from jointplay.simulation.motion import rosbag
 
 if TYPE_CHECKING:
@@ -90,6 +91,7 @@ _Series = tuple[np.ndarray, dict[str, np.ndarray]]
 """Times of n records, integers (n,) [ns]; values by the recorded name, (n,), nan for none."""
 
 
+@known_keywords
 @dataclass(frozen=True)
 class Recording:
     """A ROS 2 bag or a LeRobot dataset, and which signals are taken from it.
@@ -138,17 +140,17 @@ class Recording:
         return files.is_file(Path(self.path) / "meta/info.json")
 
     def _sources(self) -> list[_Source]:
-        found = []
+        sources = []
         for signal, text in self.sources.items():
             joint, _, kind = signal.strip().rpartition(" ")
             if kind not in _EXAMPLES:
                 raise MissingName("signal", signal, _EXAMPLES)
-            name, bracket, rest = text.strip().partition("[")
-            name, unit = name.strip(), rest.rstrip("]").strip()
+            name, bracket, tail = text.strip().partition("[")
+            name, unit = name.strip(), tail.rstrip("]").strip()
             wrong = ""
             if kind in _VECTORS and joint:
                 wrong = f"{kind} is of the tool, not of a joint, got {signal!r}"
-            elif not name or (bracket and not (unit and rest.endswith("]"))):
+            elif not name or (bracket and not (unit and tail.endswith("]"))):
                 wrong = f"the source of {signal!r} must read TOPIC or 'FEATURE [unit]', got "
                 wrong += repr(text)
             elif self.is_dataset and not unit:
@@ -161,8 +163,8 @@ class Recording:
                 wrong += "from the measured position is the error of the drive, not play"
             if wrong:
                 raise JointplayError(wrong)
-            found.append(_Source(kind, joint, name, unit))
-        return found
+            sources.append(_Source(kind, joint, name, unit))
+        return sources
 
     def _maps(self) -> dict[str, _Map]:
         maps = {}
@@ -205,8 +207,8 @@ class Recording:
             if target not in (*joints, *"xyz"):
                 raise MissingName("joint or axis", target, [*joints, "x", "y", "z"])
         recorded = dict.fromkeys(name for _, values in series.values() for name in values)
-        for one in maps.values():
-            require_known("recorded name", one.name, recorded)
+        for mapping in maps.values():
+            require_known("recorded name", mapping.name, recorded)
         signals: dict[Key, tuple[np.ndarray, np.ndarray]] = {}
         """Times of each signal's records, integers [ns], and values [SI]."""
         for source in sources:
@@ -267,8 +269,8 @@ class Recording:
                         if source.name == channel.topic:
                             rows[source].append((nano, record.log_time, get(message)))
                     bar.update()
-        for source, found in rows.items():
-            if not found:
+        for source, messages in rows.items():
+            if not messages:
                 raise JointplayError(f"{path}: {source.name} has no message")
             foreign = sorted(frames[source.name] - {"", "world", *self.world})
             if foreign and source.kind in _VECTORS:
@@ -276,19 +278,19 @@ class Recording:
                     f"{self.path}: {source.name} is in the frame {foreign[0]!r}; {source.kind} is "
                     f"needed in world axes: transform it, or say --world {foreign[0]} if they are"
                 )
-        logged = any(not any(row[0] for row in found) for found in rows.values())
+        logged = any(not any(row[0] for row in messages) for messages in rows.values())
         if logged:
             notes.append("note: messages without a time stamp: times are those of their recording")
         series = {}
-        for source, found in rows.items():
-            times = np.array([row[int(logged)] for row in found], np.int64)
+        for source, messages in rows.items():
+            times = np.array([row[int(logged)] for row in messages], np.int64)
             time, first = np.unique(times, return_index=True)
-            if len(time) < len(found):
+            if len(time) < len(messages):
                 notes.append(
-                    f"note: {len(found) - len(time)} of {len(found)} messages of {source.name} "
-                    "have the time of another: left out"
+                    f"note: {len(messages) - len(time)} of {len(messages)} messages of "
+                    f"{source.name} have the time of another: left out"
                 )
-            records = [found[i][2] for i in first]
+            records = [messages[i][2] for i in first]
             names = dict.fromkeys(name for row in records for name in row)
             columns = {n: np.array([row.get(n, np.nan) for row in records]) for n in names}
             series[source] = time, columns
@@ -361,9 +363,9 @@ class Recording:
             )
         episode = 0 if self.episode is None and total == 1 else self.episode
         if episode is None or not 0 <= episode < total:
-            asked = "" if episode is None else f", got {episode}"
+            request = "" if episode is None else f", got {episode}"
             raise JointplayError(
-                f"{root} has {total} episodes: name one by --episode, 0 to {total - 1}{asked}"
+                f"{root} has {total} episodes: name one by --episode, 0 to {total - 1}{request}"
             )
         if major == 2:
             place = {"episode_chunk": episode // int(info["chunks_size"]), "episode_index": episode}
@@ -419,11 +421,11 @@ class Recording:
                 offset = _si(mapped.offset, goal, f"offset of {target!r}") if mapped.offset else 0.0
                 signals[kind, target] = mapped.factor * values + offset
         if not signals:
-            wanted, named = "axis", "x=NAME"
+            item, named = "axis", "x=NAME"
             if kind in _JOINT_FIELDS:
-                wanted, named = "joint of the robot", f"{next(iter(targets), 'JOINT')}=NAME"
+                item, named = "joint of the robot", f"{next(iter(targets), 'JOINT')}=NAME"
             raise JointplayError(
-                f"{self.path}, {name}: none of its names is a {wanted}: {', '.join(recorded)}; "
+                f"{self.path}, {name}: none of its names is a {item}: {', '.join(recorded)}; "
                 f"available: {', '.join(targets)}; --map {named} says which is which"
             )
         return signals
@@ -439,7 +441,7 @@ class Recording:
         """What is recorded of a joint or axis; None for nothing."""
         if target in maps and maps[target].name in recorded:
             return maps[target]
-        named = {one.name for one in maps.values()}
+        named = {mapping.name for mapping in maps.values()}
         free = [name for name in recorded if name not in named]
         if target in free:
             fit = [target]
@@ -486,7 +488,7 @@ def _getter(kind: str, message: str) -> Callable[[Any], dict[str, float]]:
     """From a message of a kind to values by the recorded name."""
     if kind not in _JOINT_FIELDS:
         vector = attrgetter(_VECTORS[kind][message])
-        return lambda one: {axis: getattr(vector(one), axis) for axis in "xyz"}
+        return lambda record: {axis: getattr(vector(record), axis) for axis in "xyz"}
     part = _JOINT_FIELDS[kind]
 
     def values(state: Any) -> dict[str, float]:
@@ -542,8 +544,8 @@ def _together(
     spans = {key: time[~np.isnan(values)][[0, -1]] for key, (time, values) in records.items()}
     inputs = [span for key, span in spans.items() if key[0] in _INPUTS] or list(spans.values())
     begin, end = max(first for first, _ in inputs), min(last for _, last in inputs)
-    others = [span for key, span in spans.items() if key[0] not in _INPUTS] or inputs
-    if begin >= end or not any(first <= end and last >= begin for first, last in others):
+    windows = [span for key, span in spans.items() if key[0] not in _INPUTS] or inputs
+    if begin >= end or not any(first <= end and last >= begin for first, last in windows):
         start = min(first for first, _ in spans.values())
         ranges = dict.fromkeys(
             f"{' '.join(key)} {(first - start) / _NANO:.6g} to {(last - start) / _NANO:.6g} s"
@@ -552,9 +554,9 @@ def _together(
         raise JointplayError(
             f"{path}: the signals do not overlap in time (different clocks?): {', '.join(ranges)}"
         )
-    every = np.unique(np.concatenate([time for time, _ in records.values()]))
-    kept = every[(every >= begin) & (every <= end)]
-    lost = (every[-1] - every[0] - (kept[-1] - kept[0])) / _NANO
+    times = np.unique(np.concatenate([time for time, _ in records.values()]))
+    common = times[(times >= begin) & (times <= end)]
+    lost = (times[-1] - times[0] - (common[-1] - common[0])) / _NANO
     if (shown := f"{lost:.1f}") != "0.0":
         notes.append(
             f"note: {shown} s at the ends are left out, in which not all encoders and forces "
@@ -562,7 +564,7 @@ def _together(
         )
     signals = {}
     for key, (time, values) in records.items():
-        signals[key] = np.full(len(kept), np.nan)
+        signals[key] = np.full(len(common), np.nan)
         inside = (time >= begin) & (time <= end)
-        signals[key][np.searchsorted(kept, time[inside])] = values[inside]
-    return (kept - kept[0]) / _NANO, signals
+        signals[key][np.searchsorted(common, time[inside])] = values[inside]
+    return (common - common[0]) / _NANO, signals

@@ -213,17 +213,17 @@ class Selection:
         owner, options = self.base.owner(rows), column.options
         assert options is not None
         theta = np.where(np.arange(len(theta)) == k, 0.0, theta)
-        slope, left = least.effects(theta), least.residual(theta)
-        others = least.project(np.delete(slope, k, axis=1))
-        span = basis(others)
+        slope, residual = least.effects(theta), least.residual(theta)
+        remaining = least.project(np.delete(slope, k, axis=1))
+        span = basis(remaining)
         features = np.ones((len(slope), options.shape[1]))  # also of what was known before
         features[: len(owner)] = options[rows][owner]
         features[len(owner) : len(least.measured)] = 0.0
         effect = least.project(slope[:, k, None] * features)
         apart = effect - span @ (span.T @ effect)
-        along, square = -(left @ apart), np.maximum(np.sum(apart**2, axis=0), TINY)
+        along, square = -(residual @ apart), np.maximum(np.sum(apart**2, axis=0), TINY)
         size = along / square
-        moved = -np.linalg.lstsq(others, left[:, None] + effect * size, rcond=None)[0]
+        moved = -np.linalg.lstsq(remaining, residual[:, None] + effect * size, rcond=None)[0]
         moved = np.insert(moved, k, size, axis=0)
         return (
             along**2 / square,
@@ -255,7 +255,7 @@ class Selection:
         name: str,
         always: Sequence[Term],
         candidates: Sequence[Sequence[Term]],
-        fits: Callable[[Sequence[Term], Sequence[Term]], bool] = lambda now, more: True,
+        fits: Callable[[Sequence[Term], Sequence[Term]], bool] = lambda now, further: True,
     ) -> Step:
         """The model with those candidates that predict better than chance, and no needless ones.
 
@@ -272,11 +272,11 @@ class Selection:
             tried: list[Step] = []
             better: list[Step] = []
             for terms in candidates:
-                more = [term for term in terms if term not in now.terms]
-                if not more or not fits(now.terms, more):
+                further = [term for term in terms if term not in now.terms]
+                if not further or not fits(now.terms, further):
                     continue
-                added = f"+ {' + '.join(term.short for term in more)}"
-                step = self.tried([*now.terms, *more])
+                added = f"+ {' + '.join(term.short for term in further)}"
+                step = self.tried([*now.terms, *further])
                 gain = improves(now.loss, step.loss, self.units)
                 step = replace(step, added=added, kept=False, gain=gain.mean, margin=gain.margin)
                 tried.append(step)
@@ -307,7 +307,7 @@ class Selection:
         while len(now.terms) > always:
             needless = []
             for term in now.terms[always:]:
-                without = self.tried([other for other in now.terms if other is not term])
+                without = self.tried([member for member in now.terms if member is not term])
                 gain = improves(without.loss, now.loss, self.units)
                 if not gain.counts:
                     name = f"- {term.short}"

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from jointplay.base.errors import JointplayError, MissingName, require_known
+from jointplay.base.schema import known_keywords
 from jointplay.estimate import columns
 from jointplay.estimate.unknowns import MINOR
 from jointplay.simulation.result.result import AXES
@@ -32,6 +33,7 @@ _MOST_LABELS = 6
 """Markers whose labels can be checked: all permutations are tried."""
 
 
+@known_keywords
 @dataclass(frozen=True)
 class StaticPoses:
     """Joint positions and what was measured there: n rows in the order of approach, j joints.
@@ -81,8 +83,8 @@ class StaticPoses:
                 raise self._wrong(f"{name} must have the shape {shape}, got {values.shape}")
             bad = np.argwhere(np.isinf(values) if name == "link" else ~np.isfinite(values))
             if bad.size:
-                row, *rest = bad[0]
-                label = self.joints[rest[0]] if shape == (n, j) else str(rest)
+                row, *indices = bad[0]
+                label = self.joints[indices[0]] if shape == (n, j) else str(indices)
                 raise self._wrong(
                     f"{name} {label} in row {row + 1} must be finite, got {values[tuple(bad[0])]}"
                 )
@@ -127,8 +129,8 @@ class StaticPoses:
             if (values := getattr(self, name)) is not None:
                 chosen = np.asarray(values)[keep]
                 changed[name] = tuple(chosen) if isinstance(values, tuple) else chosen
-        left = set(changed.get("point", ()))
-        distances = {pair: d for pair, d in self.distances.items() if set(pair) <= left}
+        names = set(changed.get("point", ()))
+        distances = {pair: d for pair, d in self.distances.items() if set(pair) <= names}
         return replace(self, **changed, distances=distances, exchanged=())
 
     def read_by_link(self, *joints: str) -> StaticPoses:
@@ -167,7 +169,7 @@ class StaticPoses:
         markers: np.ndarray,
         *,
         tool: int = -1,
-        **more: Any,
+        **further: Any,
     ) -> StaticPoses:
         """Poses of a rigid body of m markers (`rigid_body`), whose labels are checked first.
 
@@ -175,13 +177,13 @@ class StaticPoses:
             joints, motor: see the class.
             markers: positions, shape (n, m, 3) [m], m of at least 3.
             tool: the marker that is the tool's point.
-            more: further fields of the class.
+            further: further fields of the class.
         """
         markers, exchanged = same_labels(markers)
         shape, rotations, origins, _ = rigid_body(markers)
         position = origins + rotations @ shape[tool]
         measured = {"position": position, "orientation": rotations, "exchanged": exchanged}
-        return cls(tuple(joints), motor, **measured, **more)
+        return cls(tuple(joints), motor, **measured, **further)
 
     @classmethod
     def from_csv(cls, path: str | Path, joints: Mapping[str, bool]) -> StaticPoses:
@@ -225,21 +227,21 @@ class StaticPoses:
             if kind in ("link", "load") and name not in names:
                 raise JointplayError(f"{path}: {name} has a {kind}, but no motor position")
         motor = block("motor", names)
-        more: dict[str, Any] = {"source": str(path), **texts}
+        blocks: dict[str, Any] = {"source": str(path), **texts}
         for kind, missing in (("link", np.nan), ("load", 0.0)):
             if any((kind, name) in numbers for name in names):
-                more[kind] = block(kind, names, missing)
+                blocks[kind] = block(kind, names, missing)
         markers = list(dict.fromkeys(name[:-2] for kind, name in numbers if kind == "marker"))
         if markers and any(kind == "tool" for kind, _ in numbers):
             raise JointplayError(f"{path}: give the tool or markers, not both")
         if markers:
             places = [block("marker", [f"{name} {a}" for a in AXES]) for name in markers]
-            return cls.from_markers(names, motor, np.stack(places, axis=1), **more)
+            return cls.from_markers(names, motor, np.stack(places, axis=1), **blocks)
         if ("tool", "x") in numbers:
-            more["position"] = block("tool", AXES)
+            blocks["position"] = block("tool", AXES)
         if ("tool", "rx") in numbers:
-            more["orientation"] = rotations_of(block("tool", ("rx", "ry", "rz")))
-        return cls(names, motor, **more)
+            blocks["orientation"] = rotations_of(block("tool", ("rx", "ry", "rz")))
+        return cls(names, motor, **blocks)
 
 
 # Rotations and rigid bodies of markers.

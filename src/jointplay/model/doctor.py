@@ -28,7 +28,7 @@ from jointplay.base.tables import few
 from jointplay.base.units import readable
 from jointplay.model import meshes, urdf
 from jointplay.model.elements import moments, origin_of, place_of, put, written
-from jointplay.model.formats import urdf_text
+from jointplay.model.formats import says_more, urdf_text
 from jointplay.model.inertias import impossible_inertias, inertia_faults, tensor_of
 from jointplay.model.robots import source_of
 from jointplay.model.visuals import collected_folders, find_mesh, folders_of, surface_of
@@ -289,7 +289,7 @@ class _Patient:
                     yield Finding(line, where, fault, "a unit vector", _shown(axis), True)
             none = [key for key in ("effort", "velocity")
                     if limit is not None and limit.get(key) in ("0", "0.0", "0.")]  # fmt: skip
-            if none:
+            if none and not says_more(self.path):  # an MJCF has none that could be 0
                 fault = (
                     f"limit {' and '.join(none)} 0: taken as unknown here, elsewhere it cannot move"
                 )

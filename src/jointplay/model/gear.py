@@ -317,9 +317,9 @@ class Gearing(Described, ABC):
         by_origin: dict[str, list[str]] = {}
         for name, source in self.origins().items():
             by_origin.setdefault(source.partition(":")[0], []).append(name)
-        words = {"memory": "from memory, to be checked"}
+        explained = {"memory": "from memory, to be checked"}
         return "; ".join(
-            f"{words.get(origin, origin)}: {', '.join(names)}"
+            f"{explained.get(origin, origin)}: {', '.join(names)}"
             for origin, names in by_origin.items()
         )
 

@@ -11,7 +11,6 @@ import hashlib
 import io
 import os
 import re
-import sys
 import warnings
 from collections.abc import Mapping
 from contextlib import suppress
@@ -73,13 +72,6 @@ def write_meshes(folder: Path, meshes: Mapping[str, bytes]) -> None:
         files.write(folder / FOLDER / name, content, overwrite=True)
 
 
-def cache_folder() -> Path:
-    """Where surfaces are kept: ``JOINTPLAY_CACHE``, else the user's cache."""
-    default = "~/Library/Caches" if sys.platform == "darwin" else "~/.cache"
-    user = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser(default)
-    return Path(os.environ.get("JOINTPLAY_CACHE") or Path(user) / "jointplay") / "meshes"
-
-
 def parts_of(path: Path) -> Parts:
     """All surfaces of a mesh file.
 
@@ -119,7 +111,7 @@ def _key(path: Path, data: bytes) -> str:
 
 @lru_cache(maxsize=256)
 def _parts(path: Path, key: str) -> Parts:
-    stored = cache_folder() / f"{key}.npz"
+    stored = files.cache_folder() / FOLDER / f"{key}.npz"
     with suppress(OSError, ValueError, LookupError):  # a damaged file is no file
         return _unpacked(stored)
     parts = _read(path)

@@ -16,11 +16,10 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-from jointplay.base.errors import JointplayError, MissingName
+from jointplay.base.errors import JointplayError, MissingName, require_a, require_known
 from jointplay.base.files import is_file
 from jointplay.base.imports import how_to_install
 from jointplay.model import robot_descriptions
-from jointplay.model.urdf import shipped
 
 PACKAGE = "example-robot-data"
 SHIPPED = "jointplay:"
@@ -37,7 +36,22 @@ SUFFIXES = (".urdf", ".xml", ".xacro")
 OWN = {"ar4": "ar4.urdf", "scara": "scara.urdf", "so101": "so101.urdf"}
 """Robots whose URDF ships with this package, by name; they hide others of that name."""
 
+_INSTALLED = Path(__file__).parents[1] / "shipped"
+_CHECKOUT = Path(__file__).parents[3] / "urdf"
 _FOLDER_SUFFIXES = ("_description", "_data", "_simple")
+
+
+def shipped(name: str) -> Path:
+    """Path of a file that ships with the package, such as ``scara.urdf`` or ``scara_motion.csv``.
+
+    Raises:
+        MissingName: no such file; the message lists those that exist.
+    """
+    require_a("name", name, "str")
+    folder = _INSTALLED if _INSTALLED.is_dir() else _CHECKOUT
+    names = sorted(file.name for file in folder.glob("*") if file.is_file())
+    require_known("shipped file", name, names)
+    return folder / name
 
 
 def share() -> Path:

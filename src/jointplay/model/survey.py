@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +12,7 @@ import pinocchio as pin
 
 from jointplay.base.errors import JointplayError
 from jointplay.base.files import is_file
-from jointplay.base.tables import aligned
+from jointplay.base.tables import aligned, wrapped
 from jointplay.model.formats import urdf_text
 from jointplay.model.inertias import ALL, impossible_inertias
 from jointplay.model.massless import massless_links, massless_motions
@@ -155,13 +154,6 @@ def described(description: Description) -> dict[str, Any]:
         "joints": [{key: getattr(e, key) for key in keys} | {"unit": e.unit} for e in joints],
         "frames": list(description.links),
     }
-
-
-def wrapped(text: str) -> str:
-    """A paragraph below a heading."""
-    return textwrap.fill(
-        text, 100, initial_indent="    ", subsequent_indent="      ", break_on_hyphens=False
-    )
 
 
 def _joints(description: Description, names: Iterable[str]) -> list[tuple[str, ...]]:

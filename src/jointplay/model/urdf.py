@@ -15,7 +15,7 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from jointplay.base.errors import JointplayError, MissingName, closest, require_a, require_known
+from jointplay.base.errors import JointplayError, MissingName, closest, require_known
 from jointplay.base.tables import few
 from jointplay.model.inertias import (
     ALL,
@@ -119,11 +119,8 @@ class JointEntry:
         return self.kind == "prismatic"
 
 
-# Reading a URDF: what ships with the package, and whether a file describes a possible robot.
+# Reading a URDF: whether it describes a possible robot.
 
-
-_INSTALLED = Path(__file__).parents[1] / "shipped"
-_CHECKOUT = Path(__file__).parents[3] / "urdf"
 
 MOST_LINKS, MOST_MOVING = 5000, 250
 """Most links and moving joints of a robot: to set up its equations grows with their cube."""
@@ -155,19 +152,6 @@ STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 
 GRAVITY = {"balanced": (0.0, 0.0, 0.0), "loaded": STANDARD_GRAVITY}
 """Gravity by word [m/s^2]: none, as if the weight were balanced, or 9.81 m/s^2 along -z."""
-
-
-def shipped(name: str) -> Path:
-    """Path of a file that ships with the package, such as ``scara.urdf`` or ``scara_motion.csv``.
-
-    Raises:
-        MissingName: no such file; the message lists those that exist.
-    """
-    require_a("name", name, "str")
-    folder = _INSTALLED if _INSTALLED.is_dir() else _CHECKOUT
-    names = sorted(file.name for file in folder.glob("*") if file.is_file())
-    require_known("shipped file", name, names)
-    return folder / name
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from jointplay.base import signals
+from jointplay.model.robots import shipped
 from jointplay.model.urdf import GRAVITY as GRAVITY
-from jointplay.model.urdf import shipped
 from jointplay.paper.outputs import FILES as FILES
 from jointplay.paper.outputs import JOINT as JOINT
 from jointplay.physics.kernel import Status

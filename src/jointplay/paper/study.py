@@ -10,7 +10,7 @@ from pathlib import Path
 from jointplay.base import files, signals
 from jointplay.base.progress import overall, printing
 from jointplay.base.tables import Table
-from jointplay.base.units import told
+from jointplay.base.units import rounded
 from jointplay.paper.cases import (
     CASES,
     CONDITIONS,
@@ -64,7 +64,7 @@ def _beside(figure: CertifiedFigure, method: MethodFigures | None) -> str:
     if method is None or figure.name not in method.figures:
         return "not computed"
     value = method.figures[figure.name]
-    text = told(value, figure.unit, 5)
+    text = rounded(value, figure.unit, 5)
     if figure.value == 0.0:
         return text
     held = ", within the error" if abs(value - figure.value) <= figure.error < math.inf else ""

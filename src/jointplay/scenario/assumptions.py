@@ -105,10 +105,10 @@ def notes_at_poses(
             lines.append(f"note: {name} does not move {tool}, so it adds nothing to the error")
     if play and mechanism.clearance:
         sizes = _joints(mechanism, scenario.origins(case), moves=False)
-        lines += [f"play: {one}" for one in sizes]
+        lines += [f"play: {size}" for size in sizes]
     lines += by_rule(mechanism, "stiffness")
     if bodies := poses.machine.payloads:
-        mass = " and ".join(f"{one.mass:g} kg" for one in bodies)
+        mass = " and ".join(f"{body.mass:g} kg" for body in bodies)
         lines.append(f"payload: {mass}, in hand at all poses")
     effects: dict[str, list[str]] = {}
     for name, load in poses.machine.loads.items():

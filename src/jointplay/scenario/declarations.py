@@ -98,8 +98,8 @@ class MotionTable:
     """Reference motion: a file, joint positions, constant speeds, or positions of the tool."""
 
     file: str | None = None
-    """CSV with the header ``time_s,<joint>,...``, in rad and m, or ROS 2 bag (.mcap); the path is
-    given like that of the URDF."""
+    """CSV with the header ``time_s,<joint>,...``, in rad and m, or ``time [s],<joint> [deg],...``;
+    or ROS 2 bag (.mcap). The path is given like that of the URDF."""
     times: list[float] | None = quantity("s", default=None)
     """Times of the waypoints."""
     joints: dict[str, list[float]] | None = quantity(*ANGLE, default=None)
@@ -125,7 +125,7 @@ class MotionTable:
     that determine the others."""
 
     def given(self) -> dict[str, Any]:
-        values = {one.name: getattr(self, one.name) for one in fields(self)}
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
         return {name: value for name, value in values.items() if value is not None}
 
 

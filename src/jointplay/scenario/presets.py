@@ -87,7 +87,7 @@ class _Joints(_Joint):
 
 @dataclass(frozen=True, kw_only=True)
 class _Head:
-    words: str = ""
+    description: str = ""
     known: str = _UNSAID
     robots: tuple[str, ...] = ()
     robot: str | None = None
@@ -135,7 +135,7 @@ class Preset:
     """Joints of a robot, or of robots of a kind."""
 
     name: str
-    words: str
+    description: str
     """What it is."""
     known: str
     """What is publicly known of it."""
@@ -155,13 +155,13 @@ class Preset:
 
     @property
     def assumed(self) -> bool:
-        return all(one.origin == "assumed" for one in self.origins)
+        return all(origin.origin == "assumed" for origin in self.origins)
 
     @classmethod
     def of_mechanism(
         cls,
         mechanism: Mechanism,
-        words: str,
+        description: str,
         origins: Sequence[Origin],
         tables: Mapping[str, Mapping[str, Any]],
         robot: str | None = None,
@@ -170,7 +170,7 @@ class Preset:
 
         Args:
             mechanism: whose joints.
-            words: what it is.
+            description: what it is.
             origins: where its numbers come from.
             tables: more of them, such as of ``drive`` and ``friction``, by what a preset calls
                 them and by joint.
@@ -190,12 +190,21 @@ class Preset:
                 for joint, table in by_joint.items():
                     named.setdefault(joint, {})[part] = table
         known = "what was measured on this robot, and what stood in its scenario"
-        return cls(str(robot or words), words, known, (), robot, "", tuple(origins), named=named)
+        return cls(
+            str(robot or description),
+            description,
+            known,
+            (),
+            robot,
+            "",
+            tuple(origins),
+            named=named,
+        )
 
     @property
     def intervals(self) -> dict[tuple[str, str], tuple[float, float]]:
         """Of what was measured on this robot, by joint and quantity as measurements call it."""
-        found = {}
+        intervals = {}
         for origin in self.origins:
             if len(origin.interval) != 2:
                 continue
@@ -205,8 +214,8 @@ class Preset:
             name = QUANTITIES.get(f"{part}.{number}", number)
             if name.endswith("compliance") and name != number:
                 low, high = (1.0 / end if end else math.inf for end in (high, low))
-            found[joint, name] = low, high
-        return found
+            intervals[joint, name] = low, high
+        return intervals
 
     def _numbers(self) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
         """Each table: whose, part, what it holds; whose is empty where a table is for many."""
@@ -277,23 +286,23 @@ class Preset:
 
     def settings(self, description: Description) -> list[Setting]:
         parts = {table: part for part, table in _TABLES.items()}
-        found = []
+        settings = []
         for table, joints in self.tables(description).items():
             for joint, keys in joints.items():
                 for key, value in keys.items():
                     about = self._origin(joint, parts[table], key)
-                    found.append(
+                    settings.append(
                         Setting((table, joint, key), value, f"--preset {self.name}", *about)
                     )
-        return found
+        return settings
 
     def _origin(self, joint: str, part: str, key: str) -> tuple[str, str]:
         """Origin of a number of a joint, and where it was seen; of what has none, that it is so."""
         names = (f"{joint}.{part}.{key}", f"{joint}.{part}", f"{part}.{key}", part)
         for name in names:
-            for one in self.origins:
-                if name in (each.strip() for each in one.key.split(",")):
-                    return one.origin, one.source
+            for origin in self.origins:
+                if name in (each.strip() for each in origin.key.split(",")):
+                    return origin.origin, origin.source
         return ASSUMED, ""
 
     def mechanism(self, robot: str | Path | None = None, **options: Any) -> Mechanism:
@@ -324,13 +333,13 @@ class Preset:
 
     def __str__(self) -> str:
         whom = f" ({', '.join(self.robots)})" if self.robots else " (any arm)"
-        lines = [f"{self.name}{whom}: {self.words}", f"    publicly known: {self.known}"]
+        lines = [f"{self.name}{whom}: {self.description}", f"    publicly known: {self.known}"]
         return "\n".join([*lines, *(f"    {origin}" for origin in self.origins)])
 
     @property
     def text(self) -> str:
         """The file that `preset` reads, of one with tables by joint."""
-        head = {"words": self.words, "known": self.known, "robots": list(self.robots)}
+        head = {"description": self.description, "known": self.known, "robots": list(self.robots)}
         head |= {"robot": self.robot} if self.robot else {}
         head |= {"errors": self.errors} if self.errors else {}
         entries = [{k: v for k, v in vars(entry).items() if v != ()} for entry in self.origins]
@@ -391,7 +400,7 @@ def _read(path: Path, name: str) -> Preset:
     )
     return Preset(
         name,
-        head.words or path.name,
+        head.description or path.name,
         head.known,
         head.robots,
         head.robot,

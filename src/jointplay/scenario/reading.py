@@ -18,7 +18,7 @@ from jointplay.base.errors import JointplayError, MissingName, require_a
 from jointplay.base.files import is_file, read_text
 from jointplay.base.origins import ASSUMED, FILE, GIVEN
 from jointplay.base.pairs import divided
-from jointplay.base.schema import ask_scales, check, fields_of, make, unknown_key
+from jointplay.base.schema import ask_scales, check, fields_of, known_keywords, make, unknown_key
 from jointplay.base.tables import Overview, few
 from jointplay.base.units import not_lost, toml_text
 from jointplay.model.robots import SHIPPED, is_robot, resolve
@@ -359,14 +359,15 @@ BY_ERROR = f"steps: by their own error, tolerance {TOLERANCE:g} (--step makes th
 """How that is told."""
 _SELECTORS = ("kind", "law")
 _TABLES = {
-    **{one.name: "integration" for one in fields(IntegrationTable)},
-    **{one.name: "output" for one in fields(Output)},
+    **{field.name: "integration" for field in fields(IntegrationTable)},
+    **{field.name: "output" for field in fields(Output)},
 }
 """Tables of a scenario that have the inputs of a simulation, by input."""
 _WORDS = {"normal": "law", "friction": "law", "lubricant": "law", "drive": "kind"}
 """Keys whose bare word stands for a table with this one key."""
 
 
+@known_keywords
 class Scenario(Overview):
     """A TOML file that describes one or several cases to simulate.
 
@@ -646,14 +647,14 @@ class Scenario(Overview):
         data = merge(self._base, self._changes[case])
         if Path(str(data.get("robot", {}).get("urdf"))).name == self.path.name:
             data = {key: entry for key, entry in data.items() if key not in ("title", "robot")}
-        found = dict.fromkeys(_leaves(data), (FILE, self.path.name))
+        origins = dict.fromkeys(_leaves(data), (FILE, self.path.name))
         for entry in (*self._read.get(repr(self.data(case).get("robot")), ()), *self.settings):
             for key in _leaves(entry.value, entry.key):
-                found[key] = (
+                origins[key] = (
                     entry.origin,
                     f"{entry.source}: {entry.why}" if entry.why else entry.source,
                 )
-        return found
+        return origins
 
     def _table(self, value: Any, path: Key) -> Mapping[str, Any]:
         if not isinstance(value, Mapping):

@@ -156,7 +156,7 @@ class Request:
         if self.preset is not None:
             about, *origins = (
                 f"preset {self.preset.name}: {line}"
-                for line in (self.preset.words, *self.preset.origins)
+                for line in (self.preset.description, *self.preset.origins)
             )
             scenario.assumptions[:] = [about, *scenario.assumptions, *origins]
         return scenario

@@ -27,7 +27,7 @@ _TYPES = {bool: "boolean", int: "integer", str: "string"}
 
 
 def schema() -> dict[str, Any]:
-    """Keys, words and units of a scenario file, cases included.
+    """Keys, names and units of a scenario file, cases included.
 
     What is missing it does not say: any case can give what the file's own tables leave out, and
     only both together must be complete. `jointplay check` tells.
@@ -72,8 +72,8 @@ def explain(keys: Sequence[Sequence[str]]) -> tuple[str, str, str]:
     text = " ".join(text.split()).replace("`", "").rstrip(".")
     text = text if re.match(r"[A-Z](\w*'s|[A-Z])", text) else text[:1].lower() + text[1:]
     field = fields[0][0]
-    words = [word for each, _ in fields if each.choices for word in each.choices[1]]
-    choices = list(dict.fromkeys(words))
+    names = [word for each, _ in fields if each.choices for word in each.choices[1]]
+    choices = list(dict.fromkeys(names))
     if choices and len(choices) < MOST_CHOICES:
         text = f"{text}: {', '.join(choices)}" if text else ", ".join(choices)
     elif choices:
@@ -154,7 +154,7 @@ class SchemaTables:
         return array
 
     def family(self, family: Family) -> dict[str, Any]:
-        """Schema of what a word chooses: tables, and bare words for those that need no more."""
+        """Schema of what a word chooses: tables, and bare names for those that need no more."""
         tables, bare = [], []
         for word in family.members:
             preset = family.member(word)

@@ -25,6 +25,7 @@ from jointplay.base.errors import (
     require_whole,
 )
 from jointplay.base.progress import Simulated
+from jointplay.base.schema import known_keywords
 from jointplay.base.tables import counted, few
 from jointplay.model.impact import tooth_duration
 from jointplay.model.mechanism import Mechanism
@@ -124,6 +125,7 @@ def _refusing_overflow() -> Iterator[None]:
         ) from None
 
 
+@known_keywords
 class Run:
     """A simulation that one holds while it runs, with its journals where they begin.
 

@@ -20,7 +20,7 @@ from jointplay.base.errors import (
     require_non_negative,
     require_table,
 )
-from jointplay.base.schema import check_fields, read, unknown_key
+from jointplay.base.schema import check_fields, known_keywords, read, unknown_key
 from jointplay.base.tables import Overview, few
 from jointplay.base.units import readable
 from jointplay.model.mechanism import Mechanism
@@ -205,6 +205,7 @@ class Simulation(Overview, Inputs):
         return Run(self).steps(every)
 
     @staticmethod
+    @known_keywords
     def resume(path: str | Path) -> Run:
         """A run as `Run.checkpoint` left it, to be continued bit for bit.
 

@@ -183,8 +183,7 @@ def certify(
             sensitive[name] = [figure, *further]
         certified.append(CertifiedFigure(name, figure.value, float(error), figure.unit))
     if sensitive:
-        spans = {name: np.ptp(_values(runs)) for name, runs in sensitive.items()}
-        widest = max(spans, key=lambda name: spans[name] / headline[name].value)
+        widest = max(sensitive, key=lambda name: spread(sensitive[name]))
         factor, unit = displayed(headline[widest].unit)
         values = factor * np.array(_values(sensitive[widest]))
         notes.append(
@@ -248,6 +247,11 @@ def leave_open(figures: Mapping[str, Measured], further: Sequence[Mapping[str, M
         for name, figure in figures.items()
         if name.startswith(HEADLINE) and name not in COUNTS and all(name in run for run in further)
     )
+
+
+def spread(runs: Sequence[Measured]) -> float:
+    """By how much runs differ, in parts of the first; inf of nothing that is not always nothing."""
+    return float(np.ptp(_values(runs)) / runs[0].value) if runs[0].value else math.inf
 
 
 def _values(runs: Sequence[Measured]) -> list[float]:

@@ -195,14 +195,14 @@ class Judgement:
         text = (
             f"In simulation the corrected motion {verb} the RMS error of the tool {tool!r} from "
             f"{_mm(original.rms)} to {_mm(corrected.rms)} "
-            f"({original.rms / corrected.rms:.2g} times)"
+            f"({_times(original, corrected)} times)"
         )
         if len(self.corners) > 1:
             least_gain, worst = self.least_gain, self.most_left
-            ratio = least_gain.before.rms / least_gain.after.rms
             text += (
                 f", where it gains least ({least_gain.label}) from {_mm(least_gain.before.rms)} to "
-                f"{_mm(least_gain.after.rms)} ({ratio:.2g} times)"
+                f"{_mm(least_gain.after.rms)} "
+                f"({_times(least_gain.before, least_gain.after)} times)"
             )
             if worst is not least_gain:
                 text += f", where most is left ({worst.label}) to {_mm(worst.after.rms)}"
@@ -238,10 +238,11 @@ class Judgement:
         if self.firmware is not None:
             rule, original = self.firmware.rms, self.nominal.before.rms
             verdict = "better than nothing" if rule < original else "no better than nothing"
+            stops = self.firmware.at_stops  # not a number where the motion has none
+            at_stops = f", at stops {_mm(stops)}" if np.isfinite(stops) else ""
             lines.append(
                 f"the firmware's rule, half the play by the sign of the commanded speed, would "
-                f"leave {_mm(rule)} ({verdict}), at stops {_mm(self.firmware.at_stops)}"
-                f"{self._coasting}"
+                f"leave {_mm(rule)} ({verdict}){at_stops}{self._coasting}"
             )
         if self.left_out:
             lines.append(f"note: the machine has no {', '.join(self.left_out)}: not varied")
@@ -468,6 +469,11 @@ def _gear(gear: Gearing, play: float, stiffness: float) -> Gearing:
     numbers = {name: getattr(gear, name, None) for name in _STIFFNESSES}
     changes: dict[str, Any] = {n: stiffness * x for n, x in numbers.items() if x is not None}
     return replace(gear.with_play(play * gear.play), **changes)  # type: ignore[type-var]
+
+
+def _times(before: ToolErrors, after: ToolErrors) -> str:
+    """How many times the RMS error shrinks, to two digits."""
+    return readable(before.rms / after.rms, "", 2)
 
 
 def _mm(value: float) -> str:

@@ -16,7 +16,7 @@ import numpy as np
 
 from jointplay.base.errors import JointplayError, require_known, require_whole
 from jointplay.base.tables import Column, Table
-from jointplay.base.units import displayed, told
+from jointplay.base.units import displayed, rounded
 from jointplay.physics.contact import NORMAL_LAWS
 from jointplay.simulation.analysis.headline import headline_of
 from jointplay.simulation.analysis.tool_error import ideal_tool
@@ -64,7 +64,7 @@ class Convergence:
     sizes: tuple[float, ...]
     """Those that could be run, coarse to fine [s or 1]."""
     finest: float
-    own: float
+    chosen: float
     """That of the run itself."""
     units: Mapping[str, str]
     values: Mapping[str, np.ndarray]
@@ -103,7 +103,7 @@ class Convergence:
 
     def __str__(self) -> str:
         lines = []
-        row = self.sizes.index(self.own) if self.own in self.sizes else None
+        row = self.sizes.index(self.chosen) if self.chosen in self.sizes else None
         for name in self.values:
             if row is None:
                 break
@@ -113,8 +113,8 @@ class Convergence:
             order = self.order(name)
             order_text = "" if math.isnan(order) else f"; order {order:.2g}"
             lines.append(
-                f"{name}: {told(distance, self.units[name], 2)} from the finest run, {relation} "
-                f"the stated error {told(error, self.units[name], 2)}{order_text}"
+                f"{name}: {rounded(distance, self.units[name], 2)} from the finest run, {relation} "
+                f"the stated error {rounded(error, self.units[name], 2)}{order_text}"
             )
         return "\n".join([*lines, "", str(self.table), *self.refused])
 
@@ -199,7 +199,7 @@ class LawComparison:
         }
         low, high = (choose(forces, key=lambda law: forces[law]) for choose in (min, max))
         return (
-            f"peak joint force {told(forces[low], 'N')} ({low}) to {told(forces[high], 'N')} "
+            f"peak joint force {rounded(forces[low], 'N')} ({low}) to {rounded(forces[high], 'N')} "
             f"({high})\n\n{self.table}"
         )
 

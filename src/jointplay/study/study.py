@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 from jointplay.base.processes import Pool, Serial, number_of
 from jointplay.base.progress import ProgressBar
+from jointplay.base.schema import known_keywords
 
 if TYPE_CHECKING:
     from jointplay.simulation.result.result import Result
@@ -59,6 +60,7 @@ class Workers(Protocol[Input, Output]):
         """End them; what they were doing is given up."""
 
 
+@known_keywords
 class Study(Generic[Case, Value]):
     """Many runs.
 

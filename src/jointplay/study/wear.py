@@ -98,6 +98,11 @@ def _wear(simulation: Simulation, joint: str) -> Wear:
                 f"joint {joint!r} has no clearance, and wear is of bores, not of the teeth of "
                 f"gears: give --set joints.{joint}.radial_clearance=LENGTH and its wear_rate"
             )
+        if fitted is not None:
+            raise JointplayError(
+                f"joint {joint!r} has no wear rate: give --set "
+                f"'joints.{joint}.wear_rate=\"1e-5 mm^3/(N*m)\"' with that of its materials"
+            )
         raise MissingName("joint with a wear rate", joint, wearing)
     return wearing[joint]
 

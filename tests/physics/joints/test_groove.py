@@ -237,6 +237,11 @@ def test_follower_is_put_on_its_cam_and_starts_at_its_speed():
         ({"points": [(0, 0), (0.1, 0)], "closed": True}, "it needs 3 or more"),
         ({"points": [(0, 0), (0.1, 0), (0.1, 0), (0.2, 0)]}, "points 2 and 3 are in one place"),
         ({"points": [(0, 0), (1, 0), (1, 1), (0.5, -1)]}, "crosses itself at (622"),
+        (
+            {"points": [(0.1, 0.1), (-0.1, -0.1), (-0.1, 0.1), (0.1, -0.1)], "closed": True},
+            "crosses itself at (0 m, 0 m)",
+        ),
+        ({"points": [(0, 0), (0.1, np.nan), (1, 1)]}, "point 2 is not finite"),
         ({"points": [(0, 0), (0.01, 0), (0.01, 0.01)]}, "radius of 2.35702 mm at (10 mm, 0 m)"),
         ({"points": circle(0.0052), "closed": True, "pin_radius": 5.2e-3}, "bends with a radius"),
         ({"points": [*circle(0.1), (0.1, 0.0)], "closed": True}, "leave out the last point"),

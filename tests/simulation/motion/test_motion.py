@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from jointplay import JointplayError, Motion, shipped
+from jointplay import JointplayError, Mechanism, Motion, shipped
+from jointplay.simulation.loads import ComputedTorque
+from jointplay.simulation.loads.drive import assign
 from jointplay.simulation.motion.reference import INTERPOLATIONS
 
 
@@ -47,6 +49,8 @@ def test_joints_stand_still_outside_the_motion():
     ("text", "named"),
     [
         ("t,j\n0,0\n1,1\n", "line 1: the header"),
+        ("time [deg],j\n0,0\n1,1\n", "line 1, 'time [deg]': \"1 deg\" is not a time"),
+        ("time [s],j [kg]\n0,0\n1,1\n", "'j [kg]': \"1 kg\" is not an angle or a length"),
         ("# c\n\ntime_s,j\n0,0\n1,x\n", "line 5: j must be a number, got 'x'"),
         ("time_s,j\n0,0\n1\n", "line 3: 2 cells expected, got 1"),
         ("time_s,j\n0,0\n", "at least 2 waypoints"),
@@ -63,6 +67,22 @@ def test_bad_files_name_line_and_value(tmp_path, text, named):
     with pytest.raises(JointplayError) as caught:
         Motion.from_csv(path)
     assert named in str(caught.value)
+
+
+def test_units_of_a_file_are_read_and_must_be_those_of_its_joints(tmp_path):
+    """As measured tables have them; a joint that turns has no positions in mm."""
+    path = tmp_path / "m.csv"
+    path.write_text("time [ms],joint_a [deg],stroke (mm),joint_b\n0,0,0,0\n500,90,-20,0.1\n")
+    motion = Motion.from_csv(path)
+    assert motion.joints == ("joint_a", "stroke", "joint_b")
+    assert motion.times[-1] == 0.5
+    assert motion.positions[-1] == pytest.approx([np.pi / 2.0, -0.02, 0.1])
+    robot = Mechanism(shipped("scara.urdf"))
+    servo = {name: ComputedTorque() for name in motion.joints}
+    assert set(motion.joints) < set(assign(robot, motion, servo))
+    path.write_text(path.read_text().replace("(mm)", "[deg]"))
+    with pytest.raises(JointplayError, match=r"'stroke' has positions in m, .* in rad"):
+        assign(robot, Motion.from_csv(path), servo)
 
 
 def test_bad_arguments_are_named():

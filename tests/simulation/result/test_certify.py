@@ -38,6 +38,7 @@ from jointplay.study.certification import (
     number_of_runs,
     numerical_error,
     scatter,
+    spread,
 )
 
 JAMMED_TRUTH_N = 677.1
@@ -228,6 +229,12 @@ def test_motion_is_sensitive_if_finer_runs_differ_among_each_other():
     assert is_sensitive(figure(100.0), [figure(100.0), figure(103.0)])
     assert not is_sensitive(figure(110.0), [figure(100.0), figure(103.0)])  # the step does more
     assert not is_sensitive(figure(100.0), [figure(100.0), figure(100.3)])
+
+
+def test_spread_of_a_figure_that_is_zero_is_the_widest():
+    with np.errstate(all="raise"):
+        assert spread([figure(100.0), figure(98.0), figure(103.0)]) == pytest.approx(0.05)
+        assert spread([figure(0.0), figure(0.0), figure(3.0)]) == math.inf
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -99,8 +99,8 @@ def run(options: argparse.Namespace) -> int:
         fitted = any(joint.fitted for joint in bought)
         sizes = [name for name in _OF_CLEARANCES if name != "least" or not fitted]
         for name in typed(options, [*sizes, "weight"]):
-            words = "bearings have classes only (--price CLASS=X), fits grades (--price IT6=X)"
-            raise JointplayError(f"{name}: {words}")
+            message = "bearings have classes only (--price CLASS=X), fits grades (--price IT6=X)"
+            raise JointplayError(f"{name}: {message}")
     more: dict[str, Any] = {"offers": {}}
     if whole:
         more = {

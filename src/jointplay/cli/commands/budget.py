@@ -40,8 +40,8 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.scenario.posed import IN_MOTION
 
     if options.causes is not None and not whole:
-        words = f"--causes {','.join(options.causes)} selects causes of the whole error"
-        raise JointplayError(f"{words}: give --whole CLASS, too")
+        message = f"--causes {','.join(options.causes)} selects causes of the whole error"
+        raise JointplayError(f"{message}: give --whole CLASS, too")
     posed = inputs.posed_machine(options, inertia=False)
     mechanism, poses = posed.mechanism, posed.poses
     if options.ideal and not (whole or mechanism.clearance or mechanism.gears):

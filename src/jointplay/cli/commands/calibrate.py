@@ -36,8 +36,8 @@ def _folds(text: str) -> int | str:
     folds = number(text)
     if isinstance(folds, int) or folds in ("rows", "groups", "points"):
         return folds
-    words = f"must be a number, rows, groups or points, got {text!r}"
-    raise argparse.ArgumentTypeError(words)
+    message = f"must be a number, rows, groups or points, got {text!r}"
+    raise argparse.ArgumentTypeError(message)
 
 
 # fmt: off
@@ -78,8 +78,8 @@ def declare(parser: Parser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     if options.plan == (options.csv is not None):
-        words = "a table of poses (CSV), or --plan to ask where to measure"
-        raise JointplayError(f"give {words}{'; not both' if options.plan else ''}")
+        message = "a table of poses (CSV), or --plan to ask where to measure"
+        raise JointplayError(f"give {message}{'; not both' if options.plan else ''}")
     out = Outputs(options.out, ["plan.txt"] if options.plan else [*TABLES, ENCODERS, LOOPS])
     commands.check_measured(options, "measured poses")
     from jointplay.estimate.columns import is_readings
@@ -119,7 +119,7 @@ def run(options: argparse.Namespace) -> int:
     if poses.link is not None:
         asked = [*always, *terms] if options.term or options.always else None
         fits += encoder_differences(mechanism, poses, payloads, asked)
-        notes += ["encoders, link less motor:", *(f"{fit}\n" for fit in fits)]
+        notes = [*(f"link less motor, {fit}\n" for fit in fits), *notes]
         contents[ENCODERS] = data([row for fit in fits for row in fit.rows]).csv(6)
         poses = poses.read_by_link(*options.link)
     elif options.link:
@@ -151,8 +151,8 @@ def run(options: argparse.Namespace) -> int:
         fits.append(fit)
         _write_robot(fit, options)
     elif commands.typed(options, commands.MEASURED):
-        words = "--urdf, --mjcf and --write-preset need positions of the tool, or points"
-        raise JointplayError(words)
+        message = "--urdf, --mjcf and --write-preset need positions of the tool, or points"
+        raise JointplayError(message)
     if options.out:
         from jointplay.show.plots.design import reversal_loops
 

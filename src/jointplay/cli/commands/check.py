@@ -148,8 +148,8 @@ def _place(options: argparse.Namespace, scenario: Any) -> tuple[Path, bool]:
         if not replaced:
             files.check_picture(path)
     except JointplayError as error:
-        words = f"{error} (--picture PNG chooses another, --no-picture none)"
-        raise JointplayError(words) from None
+        message = f"{error} (--picture PNG chooses another, --no-picture none)"
+        raise JointplayError(message) from None
     return path, replaced
 
 

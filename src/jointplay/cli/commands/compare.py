@@ -68,7 +68,7 @@ def _beside(options: argparse.Namespace, out: Outputs) -> int:
     from jointplay.estimate.experiment import beside_experiment
     from jointplay.show.plots.names import load_one
 
-    result = load_one(Path(options.a))
+    result = load_one(options.a)
     shift = options.shift or "0 s"
     late = None if shift == "found" else quantity(shift, "s", "--shift")
     how = {"runs": options.ensemble, "jobs": options.jobs, "progress": not options.quiet}

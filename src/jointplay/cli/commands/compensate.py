@@ -76,8 +76,8 @@ def run(options: argparse.Namespace) -> int:
     print_answer(judged.sentence, body, notes, options, more=True)
     if judged.worse and not options.write_anyway:
         where = judged.worse[0].label
-        words = f"nothing written: it makes the error larger ({where}); see --write-anyway"
-        raise JointplayError(words)
+        message = f"nothing written: it makes the error larger ({where}); see --write-anyway"
+        raise JointplayError(message)
     if not options.out:
         return 0
     from jointplay.show.plots.design import before_and_after

@@ -120,9 +120,11 @@ def run(options: argparse.Namespace) -> int:
         _readings(options, True)
         return 0
     if (options.plan is None) == (options.data is None):
+        also = "; not both" if options.plan else ""
+        if (options.preset or "").endswith(".csv"):
+            also = f"; --preset took {options.preset!r}"
         raise JointplayError(
-            "give a measurement (CSV, bag or dataset), or --plan to ask what to measure"
-            + ("; not both" if options.plan else "")
+            f"give a measurement (CSV, bag or dataset), or --plan to ask what to measure{also}"
         )
     commands.check_measured(options, "a measurement")
     if options.against:
@@ -265,8 +267,8 @@ def _changes(options: argparse.Namespace) -> None:
     gauged = [is_readings(path) for path in paths]
     if len(set(gauged)) > 1:
         kinds = {True: "a table of a dial gauge", False: "a measurement in motion"}
-        words = [f"{path} is {kinds[kind]}" for path, kind in zip(paths, gauged, strict=True)]
-        raise JointplayError(", and ".join(words))
+        kinds_given = [f"{path} is {kinds[kind]}" for path, kind in zip(paths, gauged, strict=True)]
+        raise JointplayError(", and ".join(kinds_given))
     out = Outputs(options.out, ["changes.csv", "changes.json"])
     if gauged[0]:
         from jointplay.estimate.gauge import gauge_problems
@@ -282,7 +284,7 @@ def _changes(options: argparse.Namespace) -> None:
         machine, about = _of_motion(options, posed)
         out.claim()
         old, new = ([identify_problem(machine, data, **about)] for data in recordings)
-    changed = changes(old, new)
+    changed = changes(old, new, progress=not options.quiet)
     notes = [*changed.notes, *posed.notes]
     print_answer(
         changed.sentence, replace(changed, notes=()), notes, options, data=changed.describe

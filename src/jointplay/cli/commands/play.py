@@ -33,7 +33,7 @@ def _size(text: str) -> tuple[int, int]:
 # fmt: off
 def declare(parser: Parser) -> None:
     add = parser.add_argument
-    add("result", metavar="RESULT", nargs="+", help="result files (.nc)")
+    add("result", metavar="RESULT", nargs="+", help="result files (.nc), or folders of them")
     add = parser.add_mutually_exclusive_group().add_argument
     add("--html", metavar="FILE", help="write one self-contained page instead of serving it")
     add("--movie", metavar="FILE", help="write a picture (.png) or a film (.gif, .mp4, .webm, "
@@ -66,13 +66,13 @@ def declare(parser: Parser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     require_whole("the port", options.port, 0, 65535)
-    for name in options.result:  # before anything is loaded that takes time
-        if not files.is_file(Path(name)):
-            raise JointplayError(f"no result file {name!r}")
+    for path in map(Path, options.result):  # before anything is loaded that takes time
+        if not files.is_folder(path):
+            files.require_file(path, "result file")
     shot: Any = given(options, *FILM)
     if shot and options.movie is None:
-        words = ", ".join(f"--{FILM[name]}" for name in shot)
-        raise JointplayError(f"{words} needs --movie FILE")
+        options_given = ", ".join(f"--{FILM[name]}" for name in shot)
+        raise JointplayError(f"{options_given} needs --movie FILE")
     if options.html is not None:
         files.check_new(options.html)
     elif options.movie is not None:

@@ -16,6 +16,7 @@ import argparse
 
 from jointplay.base import streams
 from jointplay.base.errors import JointplayError
+from jointplay.base.tables import wrapped
 from jointplay.cli.options import FLAG, Parser
 
 
@@ -38,22 +39,21 @@ def run(options: argparse.Namespace) -> int:
         if options.name is None:
             print(*(f"{name}: no preset: {why}" for name, why in LEFT_OUT.items()), sep="\n")
         return 0
-    from jointplay.model import robot_descriptions, robots
-    from jointplay.model.survey import survey, wrapped
-    from jointplay.model.xacro import read_arguments
-
     if options.name is not None:
+        from jointplay.model.survey import survey
+        from jointplay.model.xacro import read_arguments
+
         print(survey(options.name, read_arguments(options.xacro)))
         return 0
+    from jointplay.model import robot_descriptions, robots
+    from jointplay.model.robot_list import listed
+
     try:
-        surveys = [survey(robots.with_package(name)) for name in robots.robots()]
+        names = robots.robots()
     except JointplayError as error:  # the package of most of them is not installed
-        surveys = [survey(robots.with_package(name)) for name in robots.OWN]
+        names = tuple(robots.OWN)
         streams.note(f"only the robots that ship are listed: {error}")
-    print("ARMS (revolute joints on one path)")
-    print(*(robot.brief for robot in surveys if robot.serial), sep="\n")
-    print("OTHERS (the base is held fast, unless it is run with --base free)")
-    print(*(robot.brief for robot in surveys if not robot.serial), sep="\n")
+    print(listed(names))
     print("OTHERS OF robot_descriptions, which clones them one by one")
     print(wrapped(", ".join(robot_descriptions.names()) or "not installed"))
     return 0

@@ -50,6 +50,8 @@ class Curve:
             raise JointplayError(
                 f"{form} curve through {len(places)} points: it needs {least} or more"
             )
+        if (bad := np.flatnonzero(~np.isfinite(places).all(axis=1))).size:
+            raise JointplayError(f"point {bad[0] + 1} is not finite")
         if closed and np.array_equal(places[0], places[-1]):
             raise JointplayError(
                 "a closed curve comes back by itself: leave out the last point, which repeats the "
@@ -180,8 +182,9 @@ class Curve:
 
 
 def place_words(point: np.ndarray) -> str:
-    """A place in words."""
-    return f"({readable(float(point[0]), 'm')}, {readable(float(point[1]), 'm')})"
+    """A place in words, to a nanometre: less is rounding."""
+    x, y = (readable(round(float(along), 9) + 0.0, "m") for along in point)
+    return f"({x}, {y})"
 
 
 @compiled

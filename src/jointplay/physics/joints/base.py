@@ -755,9 +755,9 @@ class RoundClearance(SlidingClearance):
 
     bearing_radius: Quantity = quantity("m", default=10e-3, above=0.0, label="bearing radius")
     """R_i [m]; 10 mm is usual in the literature on clearance."""
-    radial_clearance: OptionalQuantity = quantity("m", default=None, label="radial clearance")
-    """C_r, radial, not diametral [m]; 0: an ideal joint."""
-    journal_radius: OptionalQuantity = quantity("m", default=None, label="journal radius")
+    radial_clearance: Quantity = quantity("m", default=None, label="radial clearance")
+    """C_r, radial, not diametral [m]; 0: an ideal joint. One of it and R_j is given."""
+    journal_radius: Quantity = quantity("m", default=None, label="journal radius")
     """R_j [m]."""
 
     def __post_init__(self) -> None:
@@ -775,13 +775,11 @@ class RoundClearance(SlidingClearance):
     @property
     def rj(self) -> float:
         """R_j [m]."""
-        assert self.journal_radius is not None
         return self.journal_radius
 
     @property
     def cr(self) -> float:
         """C_r [m] (eq. 1)."""
-        assert self.radial_clearance is not None
         return self.radial_clearance
 
     @property

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple, NoReturn
 
 from jointplay.base.errors import JointplayError, closest
 from jointplay.base.files import shipped_table
+from jointplay.base.schema import known_keywords
 from jointplay.base.units import plain_number
 
 CLEARANCE, TRANSITION, INTERFERENCE = "clearance", "transition", "interference"
@@ -146,6 +147,7 @@ def is_fit(text: str) -> bool:
     return False
 
 
+@known_keywords
 @dataclass(frozen=True)
 class Fit:
     """A hole and a shaft of one nominal size: ``Fit("20H7/g6")``.

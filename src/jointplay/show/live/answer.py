@@ -142,13 +142,13 @@ class Machine:
         if status == Status.INTERRUPTED:
             done = run.workspace.steps / run.total_steps
             if done < WORTH:
-                yield self._message(run, max(round(moments * done), 2), quick)
+                yield from self._shown(run, max(round(moments * done), 2), quick)
             status = self._to_end(run)
         if status != Status.COMPLETED and quick:
             return  # its steps were too long for this machine
-        yield self._message(run, moments, quick)
+        yield from self._shown(run, moments, quick)
 
-    def _message(self, run: Run, moments: int, quick: bool) -> Message:
+    def _shown(self, run: Run, moments: int, quick: bool) -> Iterator[Message]:
         simulation, result = run.simulation, run.result()
         result.simulation = simulation  # made already
         origins = self.state.scenario.origins(self.state.case)
@@ -169,7 +169,7 @@ class Machine:
         if quick:
             macro = readable(float(simulation.macro_step or 0.0), "s")
             steps = f"tolerance {simulation.tolerance:g}, macro steps of {macro}"
-        return cycle_message(result, twin, moments, steps, reason)
+        yield from cycle_messages(result, twin, moments, steps, reason)
 
 
 def _safely(kind: str, compute: Callable[[], Message]) -> Message:
@@ -256,10 +256,10 @@ class Curves:
         }
 
 
-def cycle_message(
+def cycle_messages(
     result: Result, twin: Result | None, moments: int, steps: str = "", reason: str = ""
-) -> Message:
-    """A run as the page shows it: figures of all its records, curves of some, and the picture.
+) -> Iterator[Message]:
+    """A run as the page shows it: figures of all its records, curves of some; then its picture.
 
     `steps` say in words how long those of a quick run were, `reason` why there is no twin.
     """
@@ -314,10 +314,6 @@ def cycle_message(
     charts = {"error": error, "energy": energy, "joints": joints}
     lost = sum(float(result[term.variable].values[-1]) for term in TERMS if term.lost)
     figure("energy lost", lost, "J")
-    packed, picture = b"", None
-    if twin is not None and len(few.time) > 1:
-        moving = playback.motion("", few, twin, moments)
-        picture, packed = moving.contents, moving.block
     part = bool(steps) and result.status == Status.INTERRUPTED
     answer = ""
     if twin is not None and not steps and result.status == Status.COMPLETED and has_play(result):
@@ -339,10 +335,12 @@ def cycle_message(
         "drives": None if drives is None else float(drives[since].max(initial=0.0)),
         "figures": figures,
         "charts": charts,
-        "curves": len(curves.block),
-        "picture": picture,
+        "pictured": twin is not None and len(few.time) > 1,
     }
-    return head, bytes(curves.block) + packed
+    yield head, bytes(curves.block)
+    if twin is not None and head["pictured"]:
+        moving = playback.motion("", few, twin, moments)
+        yield {"kind": "picture", "picture": moving.contents}, moving.block
 
 
 def _given_way(result: Result, twin: Result) -> np.ndarray | None:

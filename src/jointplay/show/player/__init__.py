@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from jointplay.base import files
 from jointplay.base.errors import require_a
-from jointplay.base.schema import known_keywords
+from jointplay.base.schema import known_keywords, require_keywords
 from jointplay.show.player.server import HOST, PORT, serve
 
 if TYPE_CHECKING:
@@ -111,6 +111,9 @@ def play(
     Raises:
         JointplayError: see `Server` and `playback.build`.
     """
+    from jointplay.show.player.playback import build
+
     require_a("cases", cases, "Mapping")
+    require_keywords(build, options, "play")  # before the browser opens
     make = partial(page, cases, say=say, **options)
     serve(lambda: make()[0], "playing", host, port, browser=browser, say=say)

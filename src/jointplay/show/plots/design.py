@@ -377,7 +377,7 @@ def reversal_loops(loops: Sequence[Loop], estimates: Sequence[Estimate]) -> Figu
             dots: dict[str, Any] = {"line": "", "marker": "o", "size": 4.0, "hollow": not way}
             marks.append(Curve(loop.x[seen], loop.measured[seen], "", colour, opacity=0.7, **dots))
             marks.append(Curve(loop.x[fit], loop.fitted[fit], "", colour, order=3.0))
-        words = [estimate.words() for estimate in estimates if estimate.plays(loop.joint)]
+        words = [estimate.cells() for estimate in estimates if estimate.plays(loop.joint)]
         play = [interval if value == "-" else f"play {interval}" for value, interval in words]
         x, up = (
             Axis(loop.x_name, loop.x_unit, ticks=5),

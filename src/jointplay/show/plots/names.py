@@ -62,8 +62,9 @@ def file_names(paper: bool, rolling: bool = True, pdf: bool = False) -> list[str
     return [f"{name}.{kind}" for name in names for kind in kinds(pdf)]
 
 
-def load_one(path: Path) -> Result:
+def load_one(place: str | Path) -> Result:
     """The only result at a place."""
+    path = Path(place)
     results = load([path])
     if len(results) > 1:
         files = ", ".join(file.name for file in _files_in(path))

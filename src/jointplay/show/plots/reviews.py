@@ -55,7 +55,7 @@ def convergence(of: Convergence) -> Chart:
         if np.isfinite(stated) and stated > 0.0:
             marks.append(
                 Curve(
-                    [of.own],
+                    [of.chosen],
                     [stated],
                     "",
                     colour,
@@ -71,7 +71,9 @@ def convergence(of: Convergence) -> Chart:
     low, high = 10.0 ** np.floor(ends[0]), 10.0 ** np.ceil(ends[1])
     across = Axis(of.of, unit, log=True, low=float(low), high=float(high))
     up = Axis("relative distance from the finest run", log=True)
-    note = f"Dashes: the errors that the run with {of.of} {of.own:g} {unit}".rstrip() + " states."
+    note = (
+        f"Dashes: the errors that the run with {of.of} {of.chosen:g} {unit}".rstrip() + " states."
+    )
     return Chart([[Panel(across, up, marks)]], (_WIDTH, 4.2), note=note, key=2)
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from jointplay.base.errors import JointplayError, require_a
 from jointplay.base.schema import differences, known_keywords, short
 from jointplay.base.tables import Column, Table
-from jointplay.base.units import told
+from jointplay.base.units import rounded
 from jointplay.simulation.analysis.headline import figures
 from jointplay.simulation.analysis.tool_error import (
     compare_tools,
@@ -102,13 +102,13 @@ class Comparison:
                 sentence += ", no more than the numerical errors"
             answers.append(sentence)
         if self.apart is not None:
-            peak, rms = (told(distance, "m") for distance in self.apart)
+            peak, rms = (rounded(distance, "m") for distance in self.apart)
             answers.append(f"the two tools are up to {peak} apart, RMS {rms}")
         return "; ".join(answers) or "no figure and no tool that both have"
 
 
 def _shown(figure: CertifiedFigure) -> str:
-    return str(figure) if math.isfinite(figure.error) else told(figure.value, figure.unit)
+    return str(figure) if math.isfinite(figure.error) else rounded(figure.value, figure.unit)
 
 
 @known_keywords

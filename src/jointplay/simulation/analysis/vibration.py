@@ -11,7 +11,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from jointplay.base.errors import JointplayError, require_finite, require_known, require_whole
 from jointplay.base.tables import counted
-from jointplay.base.units import readable, told, typeset
+from jointplay.base.units import readable, rounded, typeset
 from jointplay.simulation.analysis.tool_error import COMPONENTS, deviation, has_tool_error
 from jointplay.simulation.result.result import Result
 
@@ -167,7 +167,7 @@ class Rattle:
         if self.turns and self.impacts:
             text += f", {_three(self.impacts / self.turns)} a turn,"
         if self.impacts:
-            text += f" of {told(self.energy, 'J', 3, fine=True)} each, {_three(self.power, 'W')}"
+            text += f" of {rounded(self.energy, 'J', 3, fine=True)} each, {_three(self.power, 'W')}"
         return text
 
     def __str__(self) -> str:

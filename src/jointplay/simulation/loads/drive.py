@@ -460,6 +460,12 @@ def assign(
         drives = {name: drive if name in names else Free() for name in joints}
     if unknown:
         raise MissingName("moving joint", unknown[0], joints)
+    for name, stated in ({} if motion is None else motion.units).items():
+        if stated != (unit := mechanism.description.joints[name].unit):
+            words = (
+                f"joint {name!r} has positions in {unit}, the motion's file has them in {stated}"
+            )
+            raise JointplayError(words, where=("motion",))
     for name, chosen in drives.items():
         if not isinstance(chosen, Drive):
             raise JointplayError(f"joint {name!r} needs a drive, got {chosen!r}")

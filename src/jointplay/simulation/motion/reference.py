@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from jointplay.base.errors import (
 )
 from jointplay.base.schema import Described, quantity
 from jointplay.base.tables import Column, Table, counted, few
-from jointplay.base.units import plain_number
+from jointplay.base.units import convert, plain_number, titled
 
 REFERENCE_NODE_S = 1e-4
 """Interval at which the reference is tabulated; between nodes it is linear [s].
@@ -151,6 +151,8 @@ class Motion(Described):
     given: np.ndarray | None
     """Times of the waypoints where the other points were computed, as on a line of the tool, from
     the first point to the last, increasing, shape (m,), m >= 2 [s]; None: all are waypoints."""
+    units: ClassVar[Mapping[str, str]] = {}
+    """SI units of the joints for which its file states one; no part of the motion."""
 
     def __init__(
         self,
@@ -315,7 +317,8 @@ class Motion(Described):
         """Read points from a CSV file whose header is ``time_s,<joint>,<joint>,...``.
 
         Lines beginning with # are comments; one before the header such as ``# interpolation:
-        spline`` holds if `interpolation` is None. Positions in rad, or m for prismatic joints.
+        spline`` holds if `interpolation` is None. Positions in rad, or m for prismatic joints, or
+        with their unit: ``time [s],elbow [deg]``.
 
         Raises:
             JointplayError: no such file, a wrong header, a cell that is not a number (with its line
@@ -324,11 +327,24 @@ class Motion(Described):
         path = Path(path)
         rows = files.csv_rows(path, "motion")
         header = [cell.strip() for cell in rows[0][1]]
-        if header[0] != "time_s" or len(header) < 2:
+        names, stated = zip(*map(titled, header), strict=True)
+        timed = header[0] == "time_s" or (names[0] == "time" and stated[0])
+        if not timed or len(header) < 2:
             raise JointplayError(
-                f"{path}, line {rows[0][0]}: the header must be time_s,<joint>,..., "
-                f"got {','.join(header)!r}"
+                f"{path}, line {rows[0][0]}: the header must be time_s,<joint>,..., or with units "
+                f"time [s],<joint> [deg],..., got {','.join(header)!r}"
             )
+        scales = np.ones(len(header))
+        units: dict[str, str] = {}
+        for column, unit in enumerate(stated):
+            if unit:
+                try:
+                    scale = convert(f"1 {unit}", *(("rad", "m") if column else ("s",)))
+                except ValueError as error:
+                    where = f"{path}, line {rows[0][0]}, {header[column]!r}"
+                    raise JointplayError(f"{where}: {error}") from None
+                scales[column] = scale
+                units |= {names[column]: scale.unit} if column else {}
         values = []
         for number, row in rows[1:]:
             cells = []
@@ -342,12 +358,14 @@ class Motion(Described):
             values.append(cells)
         if not values:
             raise JointplayError(f"the motion {str(path)!r} has no waypoints")
-        table = np.array(values)
+        table = scales * np.array(values)
         if interpolation is None:
             above = files.read_text(path, "motion").splitlines()[: rows[0][0] - 1]
             named = [match[1] for line in above if (match := _SAYS.fullmatch(line.strip()))]
             interpolation = named[0] if named else None
-        return cls(header[1:], table[:, 0], table[:, 1:], interpolation)
+        motion = cls(names[1:], table[:, 0], table[:, 1:], interpolation)
+        object.__setattr__(motion, "units", units)
+        return motion
 
     def csv(self) -> str:
         """As a file that `from_csv` reads; points that were computed are waypoints there."""

@@ -276,12 +276,12 @@ def add(path: Path, attributes: Mapping[str, Any], histories: Iterable[xr.Datase
 def _create(dataset: Any, name: str, variable: xr.DataArray) -> None:
     """Make room for a history in a file, compressed as `compression` has it."""
     sizes = [dataset.dimensions[str(dimension)].size for dimension in variable.dims]
-    made = dataset.create_variable(
+    variable_on_disk = dataset.create_variable(
         name, variable.dims, variable.dtype, fillvalue=np.nan,
         chunks=(min(CHUNK, sizes[0]), *sizes[1:]), compression="gzip", compression_opts=1,
         shuffle=True,
     )  # fmt: skip
-    made.attrs.update(variable.attrs)
+    variable_on_disk.attrs.update(variable.attrs)
 
 
 def _seal_file(file: BinaryIO) -> None:

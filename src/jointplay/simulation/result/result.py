@@ -15,6 +15,7 @@ from jointplay.base import files
 from jointplay.base.conveniences import provided
 from jointplay.base.errors import JointplayError, require_a, require_whole
 from jointplay.base.origins import Value, from_text, value_table
+from jointplay.base.schema import known_keywords
 from jointplay.physics.contact.functions import showing
 from jointplay.physics.kernel import Status
 from jointplay.simulation.result import netcdf
@@ -44,6 +45,7 @@ COMPARED = (
 """Histories of the ideal mechanism's tool, and of the tool's error against it."""
 
 
+@known_keywords
 class Result:
     """Time histories of a run and their meaning.
 

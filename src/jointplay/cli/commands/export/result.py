@@ -16,7 +16,7 @@ from jointplay.cli.options import Parser
 # fmt: off
 def declare(parser: Parser) -> None:
     add = parser.add_argument
-    add("result", metavar="RESULT", help="result file (.nc)")
+    add("result", metavar="RESULT", help="result file (.nc), or a folder with one")
     add("--to", metavar="KIND", help="table (.csv), parquet, mat (MATLAB), trajectory (.yaml, "
         ".yml, .csv) or mcap (default: by the extension of --out)")
     add("--out", metavar="FILE", required=True, help="file to write")
@@ -28,9 +28,9 @@ def declare(parser: Parser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     bridges.check(options.out, options.to)
-    from jointplay.simulation.result.result import Result
+    from jointplay.show.plots.names import load_one
 
-    result = Result.load(options.result)
+    result = load_one(options.result)
     path = bridges.export(
         result, options.out, options.to, every=options.every, progress=not options.quiet
     )

@@ -317,16 +317,14 @@ class Live {
     receive(number, head, block) {
         this.joined = this.joined.then(async () => {
             let tracks = null;
-            if (head.kind === "cycle") {
-                this.readCharts(head, block);
-                if (head.picture && this.view) tracks = await inflate(block.subarray(head.curves));
-            }
+            if (head.kind === "cycle") this.readCharts(head, block);
+            if (head.kind === "picture" && this.view) tracks = await inflate(block);
             if (number === this.number) this.show(head, tracks);
         }).catch(error => { console.error(error); this.say(`this answer cannot be shown: ${error.message}`, true); });
     }
 
     readCharts(head, block) {
-        const bytes = block.slice(0, head.curves), {error, energy, joints} = head.charts;
+        const bytes = block.slice(), {error, energy, joints} = head.charts;
         const read = place => new Float32Array(bytes.buffer, bytes.byteOffset + place.at, place.count);
         for (const chart of [error, energy, ...Object.values(joints).flatMap(Object.values)])
             for (const mark of chart?.marks || []) Object.assign(mark, {x: read(mark.x), y: read(mark.y)});
@@ -357,9 +355,12 @@ class Live {
             if (!("motionCpu" in timing)) timing.motionCpu = 1e3 * head.cpu_s;
             if (!head.part && !("cycleCpu" in timing)) timing.cycleCpu = 1e3 * head.cpu_s;
             if (!head.quick && !("cycle" in timing)) done("cycle");
-            // The picture takes longest where no graphics card draws it: not before the curves.
-            if (tracks) painted(() => { if (this.answer.cycle === head) this.showPicture(tracks); });
             this.say(head.part ? "the first part of a quick answer" : head.quick ? "quick answer; the exact one is being computed \u2026" : "");
+        } else if (head.kind === "picture") {
+            const {cycle} = answer;
+            cycle.picture = head.picture;
+            // It takes longest where no graphics card draws it: not before the curves.
+            if (tracks) painted(() => { if (this.answer.cycle === cycle) this.showPicture(tracks); });
         } else if (head.kind === "end") {
             painted(() => { timing.ended = true; });
             if (head.superseded) this.say("another page has asked since; change a value to ask again", true);
@@ -467,7 +468,7 @@ class Live {
         this.runIs.textContent = parts.join("; ").replace(".;", ".");
         this.showTable();
         this.drawCharts();
-        if (!cycle.picture || !this.view) this.cards.robot.classList.remove("coming");
+        if (!cycle.pictured || !this.view) this.cards.robot.classList.remove("coming");
     }
 
     showPicture(tracks) {

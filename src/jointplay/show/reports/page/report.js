@@ -108,7 +108,7 @@
     host.plots = entry.drawing.plots;
   }
 
-  // Drag to zoom, in time in all charts; double-click to go back.
+  // Drag to zoom, in time in all charts; with the shift key to move; double-click to go back.
   function zooming(host) {
     const entry = hosts.get(host), { svg } = entry.drawing, { time, stacked, same } = entry.chart;
     let from = null, frame = null;
@@ -127,7 +127,7 @@
       from.plot.inner.append(frame);
     });
     svg.addEventListener("pointermove", (event) => {
-      if (!from) return;
+      if (!from || event.shiftKey) return;
       const [x, y] = to(event), flat = time || Math.abs(y - from.y) < 12;
       const place = { x: Math.min(x, from.x), width: Math.abs(x - from.x), y: flat ? 0 : Math.min(y, from.y), height: flat ? from.plot.high : Math.abs(y - from.y) };
       for (const [name, value] of Object.entries(place)) frame.setAttribute(name, value);
@@ -138,10 +138,11 @@
       from = null;
       frame.remove();
       if (Math.hypot(x1 - x0, y1 - y0) < 5) return;
-      const range = (scale, a, b) => Math.abs(a - b) < 12 ? scale.range : [scale.value(Math.min(a, b)), scale.value(Math.max(a, b))];
-      const x = range(plot.across, x0, x1), y = range(plot.up, y0, y1);
+      const range = (scale, a, b, whole) => event.shiftKey ? [scale.value(a - b), scale.value(a - b + whole)] :
+        Math.abs(a - b) < 12 ? scale.range : [scale.value(Math.min(a, b)), scale.value(Math.max(a, b))];
+      const x = range(plot.across, x0, x1, plot.wide), y = range(plot.up, y0, y1, plot.high);
       if (time) { show(x); return; }
-      entry.zoom[same ? 0 : entry.drawing.plots.indexOf(plot)] = { x, y: [Math.min(...y), Math.max(...y)] };
+      entry.zoom[same ? 0 : entry.drawing.plots.indexOf(plot)] = { x, y: event.shiftKey ? y : [Math.min(...y), Math.max(...y)] };
       if (stacked) entry.zoom.x = x;
       draw(host);
     });

@@ -1,0 +1,61 @@
+"""Robots in a list: their joints, and what is not as it should be.
+
+Each is loaded to find out, which takes seconds for all: the list is kept in the user's cache until
+a robot's file, this package or Pinocchio is another.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+from contextlib import suppress
+from importlib.util import find_spec
+from pathlib import Path
+
+from jointplay.base import files
+from jointplay.base.errors import JointplayError
+from jointplay.model import robots
+
+_PACKAGE = Path(__file__).parents[1]
+
+
+def listed(names: Iterable[str]) -> str:
+    """Arms, then the others; see `Survey.brief`."""
+    places = [robots.with_package(name) for name in names]
+    kept = files.cache_folder() / "robots.txt"
+    state = _state([robots.source_of(place).path for place in places])
+    with suppress(OSError, ValueError):  # none, or not text
+        seal, _, text = files.read_plain(kept, files.MOST_TEXT).decode().partition("\n")
+        if seal == _seal(state, text):
+            return text
+    text = _found(places)
+    with suppress(OSError, RuntimeError, JointplayError):  # no place to keep it
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        files.write(kept, f"{_seal(state, text)}\n{text}", overwrite=True, announced=False)
+    return text
+
+
+def _found(places: Iterable[str]) -> str:
+    from jointplay.model.survey import survey  # takes long to import
+
+    surveys = [survey(place) for place in places]
+    return "\n".join([
+        "ARMS (revolute joints on one path)",
+        *(robot.brief for robot in surveys if robot.serial),
+        "OTHERS (the base is held fast, unless it is run with --base free)",
+        *(robot.brief for robot in surveys if not robot.serial),
+    ])  # fmt: skip
+
+
+def _state(paths: Iterable[Path]) -> str:
+    """Size and time of all that the list depends on."""
+    pinocchio = find_spec("pinocchio")
+    libraries = [Path(pinocchio.origin)] if pinocchio and pinocchio.origin else []
+    sources = [*paths, *sorted(_PACKAGE.rglob("*.py")), *libraries]
+    looked = [(str(path), path.stat()) for path in sources]
+    return repr([(path, status.st_size, status.st_mtime_ns) for path, status in looked])
+
+
+def _seal(state: str, text: str) -> str:
+    """Of a list that is whole and was found in this state."""
+    return hashlib.sha256(f"{state}\n{text}".encode()).hexdigest()
